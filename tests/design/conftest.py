@@ -1,7 +1,5 @@
 """Designs that several modules look at: each is made once in a session."""
 
-import dataclasses
-
 import pytest
 
 import tpd
@@ -38,22 +36,15 @@ SEVERAL = {
 
 
 @pytest.fixture(scope="session")
-def stages():
-    """Reports of progress of `one`."""
-    return []
-
-
-@pytest.fixture(scope="session")
 def searched(tmp_path_factory):
     """Checkpoint with the searches of `one`."""
     return tmp_path_factory.mktemp("one") / "unfinished.npz"
 
 
 @pytest.fixture(scope="session")
-def one(stages, searched):
+def one(searched):
     """Design for one condition, on smoothed signs."""
-    settings = ONE | {"checkpoint": searched}
-    return tpd.optimise(SCENE, LIGHT, progress=lambda *event: stages.append(event), **settings)
+    return tpd.optimise(SCENE, LIGHT, checkpoint=searched, **ONE)
 
 
 @pytest.fixture(scope="session")
@@ -78,19 +69,12 @@ def search():
 @pytest.fixture(scope="session")
 def real():
     """A design whose runs can be followed again: the bob of a chimney, judged by 64 runs."""
-    block = tpd.Block(
-        width=1.3, height=10.0, mass=16280.0, radius_of_gyration=2.92, restitution="housner", cavity_width=0.9
-    )
-    scene = Scene(block, Harmonic(amplitude=0.081, frequency=0.85))
+    sizes = {"width": 1.3, "height": 10.0, "mass": 16280.0, "radius_of_gyration": 2.92, "cavity_width": 0.9}
+    scene = Scene(tpd.Block(**sizes, restitution="housner"), Harmonic(amplitude=0.081, frequency=0.85))
     ratios = {"mass_ratio": 0.03, "length_ratio": 0.1, "damping_ratio": 0.6}
     hung, conditions = scene.pendulum(**ratios), Conditions.around(scene)
     ensemble = tpd.Ensemble(size=64, seed=2)
     verdict, gain = PairedRuns(scene, conditions, ensemble, tpd.limits.Worth(), None).of(hung)
     winner = designs.verified(**ratios, paired=verdict, benefit=gain)
-    return dataclasses.replace(
-        designs.around(worth=tpd.limits.Worth()),
-        scene=scene,
-        conditions=conditions,
-        pendulum=hung,
-        verified=(winner,),
-    )
+    known = {"scene": scene, "conditions": conditions, "pendulum": hung, "verified": (winner,)}
+    return designs.around(worth=tpd.limits.Worth(), **known)

@@ -40,14 +40,6 @@ def test_friction_holds_a_block_beyond_its_reach():
         turning_tilts(0.25, 0.24, 1.0, 0.025, 3)
 
 
-def test_turns_become_smaller_and_without_losses_do_not():
-    turns, times = turning_tilts(0.25, 0.2, 1.0, 0.01, 40)
-    assert np.all(np.diff(turns) <= 0.0)
-    assert np.isfinite(times).all()
-    lossless, _ = turning_tilts(0.25, 0.0, 1.0, 0.1, 10)
-    np.testing.assert_allclose(lossless, 0.1, rtol=1e-12)
-
-
 def test_the_pull_test_waits_for_half_of_the_tilt():
     """e = 0.9 takes 1 - 0.81^n of the energy, which for a tenth of nu is nearly in proportion to the tilt."""
     found = pull_test(free_block(restitution=0.9))

@@ -38,11 +38,10 @@ def test_a_bob_strikes_where_the_sum_of_both_angles_reaches_a_wall():
     assert strikes_of(found, HUNG, narrow, bob) == 0.75
     assert strikes_of(found, HUNG, block, Bob(shape="cylinder", density=1000.0, aspect=0.2)) > 0.5
 
-
-def test_runs_that_overturn_do_not_count_as_strikes():
+    # Runs that overturn do not count.
     far = [0.1] * 4, [3.0, 0.0, 0.0, 3.0]
-    assert strikes_of(peaks(*far, lost=[0]), HUNG, SCENE.block, Bob()) == pytest.approx(1 / 3)
-    assert strikes_of(peaks(*far, lost=range(4)), HUNG, SCENE.block, Bob()) == 0.0
+    assert strikes_of(peaks(*far, lost=[0]), HUNG, block, bob) == pytest.approx(1 / 3)
+    assert strikes_of(peaks(*far, lost=range(4)), HUNG, block, bob) == 0.0
 
 
 @pytest.mark.mends("a verdict hung on runs without an answer, which counted as overturned or as standing")
@@ -91,6 +90,7 @@ def judged(hung, bare, worth=None, condition=None, strikes=0.0):
         ([0.1] * 20, [0.3] * 20, {"strikes": 0.05}, "strikes", (0.05, 0.01, 0)),
         ([0.1] * 20, [0.3] * 20, {"strikes": 0.05, "worth": Worth(strikes=0.05)}, None, ()),
         ([0.1] * 20, [0.3] * 20, {"strikes": np.nan}, None, ()),
+        ([0.1, 0.6] * 4, [0.6, 0.1] * 3 + [0.9] * 2, {}, "too_little_benefit", None),
         ([0.01] * 10 + [0.1] * 10, [0.0] * 10 + [0.5] * 10, {}, "rests_less", (0.0, 10.0, 20)),
     ],
 )
@@ -98,7 +98,10 @@ def test_every_reason_and_its_numbers(hung, bare, more, kind, numbers):
     kinds, reasons = judged(hung, bare, **more)
     assert [k.name for k in kinds] == ([] if kind is None else [kind])
     for reason in reasons:
-        assert (reason.value, reason.reference, reason.total) == pytest.approx(numbers)
+        if numbers is None:
+            assert reason.low <= 0.0 < reason.reference < reason.value, "it may be luck"
+        else:
+            assert (reason.value, reason.reference, reason.total) == pytest.approx(numbers)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +109,6 @@ def test_every_reason_and_its_numbers(hung, bare, more, kind, numbers):
     [
         (None, 0.05, 0.05, "housner"),
         (0.9, 0.0, None, 0.9),
-        ("housner", 0.0, None, "housner"),
         ("housner", 0.03, 0.03, "housner"),
         (1.0, 0.0, 0.0, 1.0),
     ],
@@ -123,15 +125,6 @@ def test_models_of_the_losses_have_those_of_the_block_or_as_large_ones(e, k, fri
         "impacts": (0.0, impacts),
         "friction and impacts": (pytest.approx(friction, rel=1e-12), impacts),
     }
-
-
-def test_a_benefit_that_may_be_luck_is_too_little():
-    rng = np.random.default_rng(0)
-    bare = rng.uniform(0.1, 0.9, 8)
-    kinds, (reason,) = judged(rng.permutation(0.8 * bare), bare)
-    assert kinds == (ReasonKind.too_little_benefit,)
-    assert reason.value > 0.1
-    assert reason.low <= 0.0
 
 
 def test_a_worse_condition_is_named_and_the_others_are_counted():

@@ -1,7 +1,6 @@
 """Risk measures against brute force, limits against what they say and against differences, spaces, worth."""
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pytest
@@ -45,19 +44,13 @@ ONE_OF_EACH = (
 )
 
 
-@pytest.mark.parametrize(("share", "n"), list(itertools.product([0.07, 0.1, 0.37, 0.5, 0.99], [1, 2, 7, 12])))
-def test_a_conditional_value_at_risk_is_the_largest_mean_with_capped_weights(share, n):
-    values, risk = np.random.default_rng(n).normal(size=(3, n)), tpd.Risk.cvar(share)
-    for row, value in zip(values, risk.of(values), strict=True):
+@pytest.mark.parametrize("share", [0.07, 0.1, 0.37, 0.5, 0.99])
+def test_a_conditional_value_at_risk_is_the_largest_mean_with_capped_weights(share):
+    for n in (1, 2, 7, 12):
+        row = np.random.default_rng(n).normal(size=n)
         bounds = [(0.0, min(1.0, 1.0 / (share * n)))] * n
         answer = linprog(-row, A_eq=np.ones((1, n)), b_eq=[1.0], bounds=bounds)
-        assert value == pytest.approx(-answer.fun, rel=1e-9)
-
-
-def test_the_worst_is_the_maximum_and_the_expected_the_mean():
-    values = np.random.default_rng(3).normal(size=(5, 4, 9))
-    np.testing.assert_array_equal(tpd.Risk.worst().of(values), values.max(axis=-1))
-    np.testing.assert_allclose(tpd.Risk.expected().of(values), values.mean(axis=-1), rtol=1e-12)
+        assert tpd.Risk.cvar(share).of(row) == pytest.approx(-answer.fun, rel=1e-9)
 
 
 def test_an_infinite_value_counts_only_with_a_weight():
@@ -167,12 +160,10 @@ def test_a_worsening_is_relative_to_the_bare_block(geometry):
     e, worsening = evaluation(DESIGN), tpd.limits.Worsening(0.25)
     (size,) = worsening.sizes(e, geometry)
     np.testing.assert_allclose(size.value, e.tilt / (1.25 * np.array([0.4, 0.1])))
-    # A bare block that hardly rocks leaves a least tilt, one that is not known to settle any tilt.
     calm = dataclasses.replace(geometry, bare_tilt=np.array([0.0, np.nan]))
     (size,) = worsening.sizes(e, calm)
     assert size.value[0, 0] == pytest.approx(e.tilt[0, 0] / (1.25 * 0.02))
     assert size.value[0, 1] == 0.0
-    # Without a bare block nothing is worse.
     (size,) = worsening.sizes(e, geometry_of(SCENE, SCATTERED))
     np.testing.assert_array_equal(size.value, 0.0)
     np.testing.assert_array_equal(size.slope, 0.0)
@@ -200,7 +191,6 @@ def test_no_bob_takes_no_room_and_has_a_slope_that_is_a_number(geometry):
 def test_limits_are_listed_in_the_order_of_a_report_and_looked_up():
     assert check_limits(reversed(ONE_OF_EACH)) == ONE_OF_EACH
     assert [type(x) for x in ONE_OF_EACH] == list(KINDS)
-    assert check_limits(()) == ()
     assert limit_of(ONE_OF_EACH, tpd.limits.Tilt) == tpd.limits.Tilt(0.5)
     assert limit_of(DEFAULT_LIMITS, tpd.limits.Tilt) is None
     assert stroke_limit(DEFAULT_LIMITS) == 0.5
@@ -213,7 +203,7 @@ def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
     limits = check_limits((own, tpd.limits.Stroke(1.5)))
     assert limits == (tpd.limits.Stroke(1.5), own)
     assert words.limit(own) == "lighter kg = 1.0"
-    method = tpd.Sequential(searches=4, screening=32, steps=8)
+    method = tpd.Sequential(searches=2, screening=16, steps=8)
     found = Problem.of(SCENE, WIDE, conditions=tpd.Conditions.exactly(), limits=limits, method=method)
     search = Multistart(found.objective, method, 0, None)
     search.run(Checkpoint(None, "", {}))
@@ -221,18 +211,12 @@ def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
     assert 0.9 < heaviest <= 1.0
 
 
-@pytest.mark.parametrize(("damping", "names"), [(0.1, "mu lam"), ((0.05, 0.3), "mu lam zeta")])
-def test_shares_of_the_bounds_and_back(damping, names):
-    space = tpd.DesignSpace(damping_ratio=damping)
-    assert " ".join(space.names) == names
-    bounds = np.array([[0.01, 0.1, 0.05], [0.2, 1.5, 0.3]])
-    np.testing.assert_array_equal(space.bounds, bounds[:, : len(space.names)])
-    unit = np.random.default_rng(0).random((7, len(space.names)))
-    designs = space.unscaled(unit)
-    np.testing.assert_allclose(space.scaled(designs), unit, atol=1e-14)
-    np.testing.assert_allclose(space.unscaled(np.zeros(len(space.names)))[:2], [0.01, 0.1], rtol=1e-15)
-    np.testing.assert_allclose(space.unscaled(np.ones(len(space.names)))[:2], [0.2, 1.5], rtol=1e-15)
-    assert damping != 0.1 or set(designs[:, 2]) == {0.1}
+def test_a_fixed_damping_is_no_ratio_to_search_for():
+    assert tpd.DesignSpace(damping_ratio=(0.05, 0.3)).names == ("mu", "lam", "zeta")
+    space = tpd.DesignSpace(damping_ratio=0.1)
+    assert space.names == ("mu", "lam")
+    designs = space.unscaled(np.array([[0.0, 0.0], [1.0, 1.0]]))
+    np.testing.assert_allclose(designs, [[0.01, 0.1, 0.1], [0.2, 1.5, 0.1]], rtol=1e-15)
 
 
 def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all():
@@ -251,21 +235,13 @@ def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all(
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: tpd.Risk.cvar(0.0), "`share` must be between"),
         (lambda: tpd.Risk.cvar(1.1), "`share` must be between"),
-        (lambda: tpd.Risk.cvar(float("nan")), "`share` must be between"),
         (lambda: tpd.limits.Tilt(-1.0), "`tilt` must be positive"),
         (lambda: check_limits((Nameless(),)), "`limits` must hold dataclasses with a `name`, but"),
-        (lambda: tpd.limits.Stroke(0.0), "`stroke` must be positive"),
         (lambda: tpd.limits.Offset(float("nan")), "`offset` must be positive"),
-        (lambda: tpd.limits.Multiplier(1.5), r"`multiplier` must be between .* but is 1\.5"),
         (lambda: check_limits((tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))), "but has two of Tilt"),
         (lambda: tpd.DesignSpace(mass_ratio=(0.2, 0.1)), "`mass_ratio` must be an interval low < high"),
         (lambda: tpd.DesignSpace(length_ratio=(0.1, 0.1)), "`length_ratio` must be an interval"),
-        (lambda: tpd.DesignSpace(length_ratio=(0.1, 3.0)), "within 0.001 to 2"),
-        (lambda: tpd.DesignSpace(mass_ratio=(float("nan"), 0.1)), "`mass_ratio` must be an interval"),
-        (lambda: tpd.DesignSpace(damping_ratio=-0.1), "`damping_ratio` must be between 0 and 2"),
-        (lambda: Worth(runs=0), "`runs` must be a whole number, 1 or more, but is 0"),
     ],
 )
 def test_what_makes_no_sense_is_refused(make, message):

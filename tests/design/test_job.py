@@ -92,59 +92,33 @@ def test_jobs_that_differ_are_not_equal():
 
 def test_without_tables_the_job_is_that_of_the_papers_block():
     job = jobs.job_of({})
-    assert job.scene == tpd.paper_scene()
-    assert job.space == DesignSpace()
-    assert job.conditions is None
+    assert (job.scene, job.space, job.conditions) == (tpd.paper_scene(), DesignSpace(), None)
     assert len(conditions(job)) == 10
-    assert job.starts == Starts.any()
-    assert jobs.job_of(JOBS["starts"]).starts == Starts.rest()
-    assert job.risk == criteria.Risk.worst()
+    assert (job.starts, jobs.job_of(JOBS["starts"]).starts) == (Starts.any(), Starts.rest())
     assert job.limits == criteria.DEFAULT_LIMITS == jobs.job_of(BAND).limits
     assert isinstance(job.method, Descent)
     assert (job.method.searches, job.method.screening, job.method.steps) == (16, 512, 40)
-    assert job.ensemble == Ensemble()
-    assert job.worth == Worth()
+    assert (job.risk, job.ensemble, job.worth) == (criteria.Risk.worst(), Ensemble(), Worth())
     assert job.seed == 0
 
 
-def test_exactly_is_the_papers_setting_one_motion_and_a_point_bob():
-    job = jobs.job_of(EXACTLY)
-    assert len(conditions(job)) == 1
-    assert job.limits == (criteria.Stroke(), criteria.Reserve())
-
-
-def test_the_bob_is_a_body_in_the_cavity():
-    job = jobs.job_of(JOBS["bob"])
-    assert job.scene.block.room == 0.15
-    assert criteria.Room(Bob(shape="cylinder", density=11340.0, aspect=1.5)) in job.limits
+def test_tables_become_objects():
+    exactly = jobs.job_of(EXACTLY)
+    assert len(conditions(exactly)) == 1
+    assert exactly.limits == (criteria.Stroke(), criteria.Reserve())
+    bob = Bob(shape="cylinder", density=11340.0, aspect=1.5)
+    assert criteria.Room(bob) in jobs.job_of(JOBS["bob"]).limits
     without = jobs.job_of(JOBS["limits"]).limits
     assert not any(isinstance(limit, criteria.Room) for limit in without)
     assert criteria.Worsening(0.2) in without
-
-
-def test_conditions_are_each_frequency_with_each_amplitude_and_each_sample():
+    for name, model in (("smoothed", Smoothed), ("piecewise", Piecewise)):
+        assert isinstance(jobs.job_of({"search": {"model": name}}).method.model, model)
     job = jobs.job_of(JOBS["robust"])
     band = Conditions.band(tpd.paper_scene(), 2.0, 3.5, 20)
     scatter = Conditions.scatter(16, 3, friction=0.2, length=0.02)
     expected = band * Conditions.amplitudes(0.8, 1.0, 1.2) * scatter
     np.testing.assert_array_equal(job.conditions.factor_rows(), expected.factor_rows())
     assert job.risk == criteria.Risk.cvar(0.2)
-
-
-@pytest.mark.parametrize(
-    ("block", "friction", "restitution"),
-    [
-        ({}, 0.05, None),
-        ({"restitution": "housner"}, 0.0, "housner"),
-        ({"restitution": 0.9, "friction": 0.02}, 0.02, 0.9),
-        ({"friction": 0.1, "restitution": 1}, 0.1, 1.0),
-    ],
-)
-def test_where_impacts_lose_energy_friction_is_zero(block, friction, restitution):
-    job = jobs.job_of({"block": block, **EXACTLY})
-    assert (job.scene.block.friction, job.scene.block.restitution) == (friction, restitution)
-    for name, model in (("smoothed", Smoothed), ("piecewise", Piecewise)):
-        assert isinstance(jobs.job_of({"block": block, "search": {"model": name}}).method.model, model)
 
 
 def test_defaults_without_effect_and_whole_numbers_are_taken_where_any_number_is_meant():
@@ -158,11 +132,10 @@ def test_defaults_without_effect_and_whole_numbers_are_taken_where_any_number_is
 
 def test_keys_without_effect_are_not_written():
     tables = jobs.job_of(EXACTLY).tables
-    assert "scatter" not in tables
+    assert not {"scatter", "risk"} & set(tables)
     assert set(tables["conditions"]) == {"amplitudes", "exactly"}
     assert set(tables["bob"]) == {"shape", "density"}
     assert set(tables["starts"]) == {"kind"}
-    assert "risk" not in tables
     assert tables["motion"] == {"kind": "harmonic", "amplitude": 0.015, "frequency": 2.5}
     assert set(jobs.job_of(BAND).tables["risk"]) == {"measure"}
     assert tables["search"]["optimiser"] == "adam"
@@ -182,8 +155,8 @@ def test_keys_without_effect_are_not_written():
 def test_what_an_option_makes_pointless_in_a_file_is_dropped(given, over, dropped):
     table, key = dropped.split(".")
     merged = jobs.merged(given, over)
-    assert key not in merged[table]
     assert key in given[table]
+    assert key not in merged[table]
     jobs.job_of(merged)
     # What is pointless in the file itself stays an error.
     with pytest.raises(ValueError, match=r"^`risk.share` goes with `risk.measure` cvar, which this job does"):
@@ -201,14 +174,10 @@ def test_the_kind_of_motion_follows_from_its_keys():
     assert [m.name for m in job.motions] == [m.name for m in (el_centro(), loma_prieta())]
     assert (job.conditions.intensity, job.conditions.scales, job.held_out) == ("pga_star", (2.0, 3.0), 0.5)
     assert job.scene == tpd.Scene(tpd.paper_scene().block, job.motions[0])
-
-
-def test_under_records_defaults_are_those_of_the_search_on_records():
-    job = jobs.job_of({"motion": RECORDS})
     none = dict.fromkeys(("held_out", "risk", "limits", "method", "worth", "ensemble"))
     asked = ground_problem(job.block, job.conditions, None, seed=0, **none)
-    assert (job.space, job.risk, job.limits) == (asked.space, asked.risk, asked.limits)
-    assert (job.method, job.worth, job.ensemble) == (asked.method, asked.worth, asked.ensemble)
+    for name in ("space", "risk", "limits", "method", "worth", "ensemble"):
+        assert getattr(job, name) == getattr(asked, name), name
 
 
 def test_paths_are_relative_to_the_file_and_written_in_full(tmp_path, monkeypatch):
@@ -243,10 +212,8 @@ def test_an_option_that_chooses_records_drops_what_a_file_says_of_a_harmonic():
     job = jobs.job_of(merged)
     assert job.ensemble == Ensemble(length=0.03)
     # What is of neither kind is dropped as well, and a harmonic drops what is of records.
-    assert jobs.merged({"motion": RECORDS}, {"motion": {"amplitude": 0.02}})["motion"] == {
-        "amplitude": 0.02,
-        "kind": "harmonic",
-    }
+    harmonic = jobs.merged({"motion": RECORDS}, {"motion": {"amplitude": 0.02}})
+    assert harmonic["motion"] == {"amplitude": 0.02, "kind": "harmonic"}
 
 
 @pytest.mark.parametrize(
@@ -255,27 +222,15 @@ def test_an_option_that_chooses_records_drops_what_a_file_says_of_a_harmonic():
         ({"motion": {"scales": [2]}}, "`motion.scales` goes with a pulse or records, which this job"),
         (
             {"motion": {**RECORDS, "amplitude": 0.1}},
-            "[motion] has keys of records (`records`) and of a harmonic motion (`amplitude`)",
+            "keys of records (`records`) and of a harmonic motion (`am",
         ),
         ({"motion": {**RECORDS, "kind": "harmonic"}}, "`motion.records` goes with records, which this job"),
-        ({"motion": RECORDS, "conditions": {"exactly": True}}, "`conditions.exactly` goes with a harmonic"),
         ({"motion": RECORDS, "limits": {"reserve": 0.1}}, "`limits.reserve` goes with a harmonic motion"),
-        ({"motion": RECORDS, "worth": {"worse": 0.1}}, "`worth.worse` goes with a harmonic motion"),
-        ({"motion": RECORDS, "ensemble": {"size": 64}}, "`ensemble.size` goes with a harmonic motion"),
-        ({"motion": RECORDS, "search": {"searches": 3}}, "`search.searches` goes with a harmonic motion"),
-        ({"search": {"starts": 3}}, "`search.starts` goes with a pulse or records"),
         ({"motion": {"pulse": "ricker", "pulse_frequency": 1, "cycles": 3}}, "`motion.cycles` goes with the"),
         ({"motion": {"pulse": "rickr", "pulse_frequency": 1}}, "but is 'rickr'; did you mean `ricker`?"),
-        (
-            {"motion": {"pulse": "ricker"}},
-            "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_frequency` (--pu",
-        ),
+        ({"motion": {"pulse": "ricker"}}, "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_fr"),
         ({"motion": {"kind": "record"}}, "but is 'record'; did you mean `records`?"),
-        ({"motion": {"recrods": ["a"]}}, "unknown key `recrods` in [motion]; did you mean `records`?"),
-        ({"motoin": {}}, "unknown table [motoin]; did you mean `motion`?"),
         ({"limits": {"tilt": True}}, "[limits] `tilt` must be a number or false, but is true"),
-        ({"bob": {"aspect": 3.0}}, "`bob.aspect` goes with `bob.shape` cylinder"),
-        ({"conditions": {"exactly": True, "band": [2, 3]}}, "`conditions.exactly` goes with one motion: no"),
     ],
 )
 def test_what_has_no_effect_or_is_misspelt_is_refused_in_one_sentence(given, sentence):

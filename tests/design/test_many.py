@@ -1,31 +1,39 @@
 """Many searches: the front of mass against benefit, and many blocks."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import tpd
-from tests.design.conftest import LIGHT, ONE, SCENE
+from tests import designs
+from tests.design.conftest import SCENE
 from tests.design.ground.conftest import BLOCK, noise
 from tpd.design import many as module
 
 
-def test_every_point_is_the_answer_to_the_question_with_a_lighter_bob(one):
-    events, mass = [], SCENE.block.mass
-    lighter, last = tpd.front(one, (0.06,), progress=lambda *event: events.append(event))
+def test_every_point_is_the_answer_to_the_question_with_a_lighter_bob(monkeypatch):
+    design, refused, asked, events = designs.single(), designs.refused(), [], []
+
+    def answered(scene, space=None, **named):
+        asked.append((scene, named.pop("space", space), named))
+        return refused
+
+    monkeypatch.setattr(module, "optimise", answered)
+    lighter, last = tpd.front(design, (0.06,), progress=lambda *event: events.append(event))
     assert events == [("front", 0, 1)]
-    assert [lighter.most, last.most] == pytest.approx([0.06 * mass, 0.1 * mass])
-    assert (last.status, last.pendulum) == (one.status.name, one.pendulum)
-    assert last.saved[0] == one.winner.benefit.value
-    again = tpd.optimise(SCENE, tpd.DesignSpace(mass_ratio=(LIGHT.mass_ratio[0], 0.06)), **ONE)
-    assert lighter.pendulum == again.pendulum
-    assert (lighter.pendulum is None) == bool(np.isnan(lighter.saved[0]))
-    assert lighter.pendulum is None or lighter.pendulum.mass <= lighter.most * (1.0 + 1e-9)
-
-
-@pytest.mark.parametrize("most", [(0.06, 0.03), (0.2,), (0.01,)])
-def test_masses_increase_within_the_space(one, most):
-    with pytest.raises(ValueError, match=r"`most` must be increasing masses between 0\.01 and 0\.1"):
-        tpd.front(one, most)
+    assert [lighter.most, last.most] == pytest.approx([0.06 * 16.224, 0.2 * 16.224])
+    assert (last.status, last.pendulum) == (design.status.name, design.pendulum)
+    assert last.saved[0] == design.winner.benefit.value
+    assert (lighter.status, lighter.pendulum) == ("refused", None)
+    assert np.isnan(lighter.saved[0])
+    ((scene, space, named),) = asked
+    assert (scene, space) == (design.scene, dataclasses.replace(design.space, mass_ratio=(0.01, 0.06)))
+    for name in ("conditions", "starts", "risk", "limits", "method", "ensemble", "worth", "seed"):
+        assert named[name] is getattr(design, name), name
+    for most in ((0.06, 0.03), (0.3,), (0.01,)):
+        with pytest.raises(ValueError, match=r"`most` must be increasing masses between 0\.01 and 0\.2"):
+            tpd.front(design, most)
 
 
 def test_under_ground_motions_the_groups_stay(monkeypatch):

@@ -4,8 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
@@ -74,14 +72,6 @@ def test_constraints_have_names_and_are_tightened_for_a_search(objective):
     np.testing.assert_array_equal(objective.linearised(e).limit, value + BACK_OFF)
 
 
-def test_without_limits_there_are_no_constraints():
-    free = orbits(limits=())
-    at = free.at(UNIT)
-    assert at.limit.shape == (1, 0)
-    assert at.limit_slope.shape == (1, 0, 3)
-    assert free.constraint_names() == []
-
-
 def test_a_quantity_that_is_not_finite_breaks_its_limit(objective):
     e = objective.evaluate(GOOD)
     e = e._replace(stroke=np.full_like(e.stroke, np.inf), tilt=np.full_like(e.tilt, np.nan))
@@ -138,24 +128,3 @@ def test_the_torus_margin_vanishes_where_a_pair_of_multipliers_leaves_the_circle
     assert sides[0][0] < 0.0 < sides[2][0]
     assert sides[0][1] > 1.0 > sides[2][1]
     assert abs(sides[1][0]) < 1e-3
-
-
-@settings(max_examples=10, deadline=None)
-@given(
-    size=st.floats(0.2, 20.0),
-    rows=st.lists(st.tuples(*[st.floats(0.05, 0.95)] * 3), min_size=1, max_size=5),
-    data=st.data(),
-)
-def test_neither_the_size_of_the_block_nor_the_order_of_designs_changes_a_merit(objective, size, rows, data):
-    """Lengths grow by a factor, the mass by its cube, and the frequency falls by its root."""
-    block = SCENE.block
-    lengths = {name: size * getattr(block, name) for name in ("width", "height", "cavity_width")}
-    lengths["mass"] = size**3 * block.mass
-    motion = tpd.Harmonic(amplitude=0.015 * size, frequency=2.5 / np.sqrt(size))
-    larger = orbits(tpd.Scene(dataclasses.replace(block, **lengths), motion))
-    designs = WIDE.unscaled(np.array(rows))
-    here, there = objective.evaluate(designs), larger.evaluate(designs)
-    np.testing.assert_array_equal(there.kind, here.kind)
-    np.testing.assert_allclose(there.merit, here.merit, rtol=1e-7)
-    order = data.draw(st.permutations(range(len(designs))))
-    np.testing.assert_array_equal(objective.evaluate(designs[order]).merit, here.merit[order])

@@ -1,10 +1,8 @@
 """Designs and orbits side by side: what is followed, what is lost, and the validation of the ends."""
 
 import numpy as np
-import optax
 import pytest
 
-import tpd
 from tests.design.test_objective import orbits
 from tpd.design.ends import merit_of
 from tpd.design.methods import descend, named
@@ -70,10 +68,3 @@ def test_a_descent_is_validated_and_what_is_another_orbit_is_contradicted(object
     # An orbit a tenth larger is not the one that the exact solution knows.
     larger = found._replace(local=found.local._replace(value=1.1 * exact.value))
     assert walk.validated(larger).mismatch[:, 0] == pytest.approx(0.1)
-
-
-def test_any_optimiser_of_optax_descends_on_smoothed_orbits(objective):
-    method = tpd.Descent(optax.sgd(0.02), model=Smoothed(rtol=1e-7), steps=5)
-    ends = method.search(objective, objective.space.scaled(DESIGNS))
-    assert np.all(np.isfinite(ends.merit))
-    assert np.all(np.diff(ends.path_merit, axis=0) <= 0.0)

@@ -3,18 +3,15 @@
 import dataclasses
 
 import numpy as np
-import optax
 import pytest
 
 import tpd
-from tests.design.conftest import ANY_WORTH, LIGHT, ONE, SCENE, SEVERAL, WIDE
+from tests.design.conftest import ANY_WORTH, LIGHT, ONE, SCENE, WIDE
 from tpd.design import optimise
 from tpd.design.by_runs import PairedRuns
-from tpd.design.checkpoint import Checkpoint
 from tpd.design.optimise import solve
 from tpd.design.problem import Problem
 from tpd.design.result import DesignStatus
-from tpd.design.search import Multistart
 from tpd.design.survey import ON_THE_WAY
 from tpd.design.verified import ReasonKind, Step
 
@@ -28,8 +25,7 @@ EXACTLY = {"conditions": tpd.Conditions.exactly(), "worth": ANY_WORTH}
 def is_verified(design) -> bool:
     """Whether an offered design has gone through every step, and nothing speaks against it."""
     v = design.winner
-    runs = v.paired is not None and v.benefit is not None
-    through = v.rest is not None and runs
+    through = all(step is not None for step in (v.rest, v.paired, v.benefit))
     return through and v.reasons == () and v is design.verified[-1]
 
 
@@ -43,9 +39,6 @@ def same(a, b) -> bool:
         and np.array_equal(a.search.screened, b.search.screened)
         and [v.reasons for v in a.verified] == [v.reasons for v in b.verified]
     )
-
-
-# One condition
 
 
 def test_the_answer_is_exact_and_within_the_limits(one):
@@ -75,14 +68,6 @@ def test_designs_followed_from_rest_are_verified_until_one_stands(one):
     assert found.objections == ()
     assert found.top.amplitude / SCENE.block.slenderness == pytest.approx(tilt, rel=1e-5)
     assert found.top.stroke / 1.5 == pytest.approx(1.0 + winner.rest.excess["stroke"][0], rel=1e-5)
-    assert [len(x.bare) for x in one.surveys] == [1, 1]
-
-
-def test_progress_covers_every_stage(one, stages):
-    assert one is not None
-    expected = {"screening", "searching", "survey", "trial runs", "verifying", "paired runs"}
-    assert {name for name, _, _ in stages} == expected
-    assert all(0 < done <= total for _, done, total in stages)
 
 
 def test_one_condition_is_the_same_however_it_is_given_and_what_is_verified_outlasts_an_interruption(
@@ -100,11 +85,11 @@ def test_one_condition_is_the_same_however_it_is_given_and_what_is_verified_outl
     assert same(one, dataclasses.replace(cut, status=one.status))
 
 
-@pytest.mark.parametrize("stage", ["searching", "survey", "paired runs"])
+@pytest.mark.parametrize("stage", ["screening", "searching", "survey", "paired runs"])
 def test_an_interruption_never_offers_what_is_not_verified(one, searched, stage):
     assert one.status is DesignStatus.found
     # What comes after the searches need not search again.
-    place = None if stage == "searching" else searched
+    place = searched if stage in ("survey", "paired runs") else None
 
     def stop(now, done, _):
         if now == stage:
@@ -117,31 +102,20 @@ def test_an_interruption_never_offers_what_is_not_verified(one, searched, stage)
     assert cut.nearest is None
     assert not cut.status.is_sound
     assert "INTERRUPTED" in str(cut)
-    searched = stage != "searching"
     if stage == "survey":
         assert [v.source for v in cut.verified] == ["search"], "the best end is not lost"
-    assert len(cut.search.ends) == (3 if searched else 0)
-    assert (set(cut.search.statuses) == {DesignStatus.interrupted}) is not searched
-
-
-def test_an_optimiser_of_the_user_searches():
-    method = tpd.Descent(optax.sgd(0.05), searches=2, steps=4, screening=24)
-    design = tpd.optimise(SCENE, LIGHT, method=method, limits=(), ensemble=RUNS, seed=1, **EXACTLY)
-    assert design.settings["optimiser"] == "custom"
-    assert design.limits == ()
-    assert design.stroke_limit == np.inf
-    assert design.pendulum is None or is_verified(design)
-    assert np.isfinite(design.search.end_values).all(), "without limits none is broken"
-    assert all("limit" not in a.kind for v in design.verified for a in v.active)
+    assert len(cut.search.ends) == (0 if place is None else 3)
+    assert (set(cut.search.statuses) == {DesignStatus.interrupted}) is (place is None)
+    if place is not None:
+        with pytest.raises(ValueError, match="holds searches of another problem"):
+            tpd.optimise(SCENE, LIGHT, checkpoint=place, **(ONE | {"seed": 2}))
 
 
 def test_a_block_that_rests_needs_no_pendulum():
     for given in ({"method": FEW}, {"method": ONE["method"], **EXACTLY}):
         design = tpd.optimise(CALM, LIGHT, ensemble=RUNS, **given)
         assert design.status is DesignStatus.no_uplift
-        assert design.status.is_sound
-        assert design.pendulum is None
-        assert design.verified == ()
+        assert (design.pendulum, design.verified) == (None, ())
         assert design.amplitude == design.amplitude_without == 0.0
         assert str(design).startswith("NO PENDULUM IS NEEDED FROM REST")
 
@@ -154,9 +128,7 @@ def test_where_no_design_keeps_to_the_limits_the_nearest_is_told():
     assert not np.isfinite(design.search.end_values).any()
     assert {reason.kind for reason in design.nearest.broken} == {ReasonKind.breaks_limit}
     assert {reason.limit for reason in design.nearest.broken} <= {"stroke", "room", "thickness", ON_THE_WAY}
-    values = [reason.value for reason in design.nearest.broken]
-    assert values == sorted(values, reverse=True)
-    assert values[-1] > 1.0
+    assert min(reason.value for reason in design.nearest.broken) > 1.0
 
 
 def test_where_every_pendulum_rocks_more_none_is_offered():
@@ -168,10 +140,7 @@ def test_where_every_pendulum_rocks_more_none_is_offered():
     assert design.pendulum is None
 
 
-# Several conditions
-
-
-def test_the_answer_is_better_than_anything_screened_and_comes_from_the_survey(several, one):
+def test_the_answer_is_better_than_anything_screened_and_comes_from_the_survey(several):
     assert several.status is DesignStatus.found
     assert is_verified(several)
     winner, e = several.winner, several.winner.evaluation
@@ -184,10 +153,9 @@ def test_the_answer_is_better_than_anything_screened_and_comes_from_the_survey(s
     assert e.reserve.min() >= 0.05 * (1.0 - 1e-7)
     assert np.all(e.attracts)
     assert not winner.paired.harms
-    assert winner.benefit.value > 0.0
     assert winner.benefit.low > 0.0
     assert DesignStatus.at_bound in several.search.statuses
-    assert {v.source for v in (*several.verified, *one.verified)} == {"survey"}
+    assert {v.source for v in several.verified} == {"survey"}
     # Runs from many starts order those that help.
     first, last = several.surveys
     assert (first.equations, last.equations) == ("linear", "nonlinear")
@@ -213,64 +181,16 @@ def test_the_benefit_is_that_of_runs_that_no_choice_has_seen(several, one):
                 assert v.paired.hung.ensemble.seed == design.ensemble.seed + 2 * fresh
 
 
-def test_optax_comes_near_the_same_ends(several):
-    method = tpd.Descent("adam", searches=4, screening=64, steps=40)
-    found = Problem.of(SCENE, WIDE, **(SEVERAL | {"method": method}))
-    other = Multistart(found.objective, method, 0, None)
-    other.run(Checkpoint(None, "", {}))
-    best = several.search.end_values.min()
-    assert np.all(other.values >= best * (1.0 - 1e-6))
-    assert other.values.min() < 1.1 * best
-
-
-def test_an_interrupted_search_goes_on_and_comes_to_the_same(several, tmp_path):
-    place, events = tmp_path / "unfinished.npz", []
-
-    def stop(stage, done, total):
-        if stage == "searching" and done > total / 2:
-            raise KeyboardInterrupt
-
-    cut = tpd.optimise(SCENE, WIDE, checkpoint=place, progress=stop, **SEVERAL)
-    assert cut.status is DesignStatus.interrupted
-    assert cut.search.statuses.count(DesignStatus.interrupted) == 4
-    assert cut.pendulum is None, "a survey begins with the ends of all searches"
-    assert len(cut.search.ends) == 16
-    whole = tpd.optimise(SCENE, WIDE, checkpoint=place, progress=lambda *e: events.append(e[:2]), **SEVERAL)
-    assert ("searching", 1) not in events, "what had ended is not done again"
-    assert same(whole, several)
-    with pytest.raises(ValueError, match="holds searches of another problem"):
-        tpd.optimise(SCENE, WIDE, checkpoint=place, **(SEVERAL | {"seed": 1}))
-
-
-def test_an_interruption_before_anything_is_known():
-    def stop(*_):
-        raise KeyboardInterrupt
-
-    cut = tpd.optimise(SCENE, WIDE, progress=stop, **SEVERAL)
-    assert cut.status is DesignStatus.interrupted
-    assert cut.search.statuses == (DesignStatus.interrupted,) * 20
-    assert cut.pendulum is cut.nearest is cut.best is None
-    assert cut.verified == ()
-
-
 def test_of_many_conditions_a_sample_is_searched_under(monkeypatch, tmp_path):
     """The searches' ends are followed and verified under all of them."""
-    conditions = tpd.Conditions.scatter(10, friction=0.2, length=0.05, frequency=0.1)
-    method = tpd.Sequential(searches=4, screening=32, steps=8)
-    problem = Problem.of(
-        SCENE,
-        WIDE,
-        conditions=conditions,
-        limits=tpd.limits.POINT_BOB,
-        method=method,
-        worth=ANY_WORTH,
-        ensemble=RUNS,
-    )
-    monkeypatch.setattr(optimise, "SEARCHED", 5)
+    conditions = tpd.Conditions.scatter(6, friction=0.2, length=0.05, frequency=0.1)
+    asked = {"limits": tpd.limits.POINT_BOB, "method": FEW, "worth": ANY_WORTH, "ensemble": RUNS}
+    problem = Problem.of(SCENE, WIDE, conditions=conditions, **asked)
+    monkeypatch.setattr(optimise, "SEARCHED", 3)
     place, events = tmp_path / "unfinished.npz", []
     design = solve(problem, checkpoint=place)
-    assert design.search.description == "4 designs under 5 of the 10 conditions"
-    assert design.verified[-1].evaluation.merit.shape == (1, 10)
+    assert design.search.description == "3 designs under 3 of the 6 conditions"
+    assert design.verified[-1].evaluation.merit.shape == (1, 6)
     again = solve(problem, checkpoint=place, progress=lambda *e: events.append(e[0]))
     assert "searching" not in events, "what had ended is not done again"
     assert same(again, design)

@@ -9,7 +9,6 @@ import pytest
 import tpd
 from tpd.answers.attractors import StartKind
 from tpd.design.criteria import DEFAULT_LIMITS
-from tpd.design.objective import Orbits
 from tpd.design.problem import Problem
 
 SCENE = tpd.paper_scene()
@@ -22,21 +21,16 @@ def problem(scene=SCENE, **given) -> Problem:
     return Problem.of(scene, **given)
 
 
-@pytest.mark.parametrize("conditions", [ALONE, BAND], ids=["one", "several"])
-def test_smoothed_signs_are_descended_on_over_every_orbit(conditions):
-    made = problem(conditions=conditions)
+def test_smoothed_signs_are_descended_on_over_every_orbit():
+    made = problem(conditions=BAND)
     assert isinstance(made.method, tpd.Descent)
     assert isinstance(made.method.model, tpd.Smoothed)
-    assert isinstance(made.objective, Orbits)
     assert made.starts.kind is StartKind.any
     assert not made.objective.rest_counts
-    assert problem(conditions=conditions, starts=tpd.Starts.rest()).objective.rest_counts
+    assert problem(conditions=BAND, starts=tpd.Starts.rest()).objective.rest_counts
     assert made.objective.limits == DEFAULT_LIMITS
-    bob = tpd.limits.POINT_BOB
-    assert problem(conditions=conditions, limits=bob).objective.limits == bob
     assert made.objective.risk == tpd.Risk.worst()
     assert made.space == tpd.DesignSpace()
-    assert isinstance(problem(conditions=conditions, method=tpd.Sequential()).objective, Orbits)
 
 
 def test_without_conditions_the_search_is_over_a_neighbourhood():
@@ -75,8 +69,6 @@ def test_room_is_asked_for_in_a_cavity_that_is_stated():
     for limits in (None, [tpd.limits.Room()]):
         with pytest.raises(ValueError, match=said):
             problem(solid, limits=limits)
-        with pytest.raises(ValueError, match=r"`cavity_width`.*must be given, but is not"):
-            tpd.optimise(solid, limits=limits)
     record = tpd.Record(np.sin(np.arange(100.0)), 0.01)
     with pytest.raises(ValueError, match=r"`cavity_width`.*must be given, but is not"):
         tpd.optimise(solid.block, conditions=tpd.Conditions.records([record]))
@@ -102,19 +94,9 @@ def test_a_limit_on_the_mass_narrows_the_space():
     ("given", "message"),
     [
         ({"starts": tpd.Starts(size=6)}, r"`starts` of a design must be Starts.any\(\) or Starts.rest\(\)"),
-        ({"seed": -1}, "`seed` must be a whole number, 0 or more, but is -1"),
-        ({"limits": (tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))}, "two of Tilt"),
-        ({"scene": tpd.Scene(SCENE.block, tpd.Harmonic(amplitude=0, frequency=2.5))}, "nothing shakes"),
         (
             {"scene": LOSSY, "conditions": tpd.Conditions.scatter(4, friction=0.1)},
             "`friction` cannot scatter by a share of itself: it is 0",
-        ),
-        (
-            {
-                "space": tpd.DesignSpace(damping_ratio=0.0),
-                "conditions": tpd.Conditions.scatter(4, damping=0.1),
-            },
-            "`damping` cannot scatter by a share of itself: it is 0",
         ),
     ],
 )
@@ -131,20 +113,15 @@ def test_a_problem_is_identified_by_everything_that_the_searches_depend_on():
         {"conditions": tpd.Conditions.band(SCENE, 2.0, 3.5, 6)},
         {"space": tpd.DesignSpace(mass_ratio=(0.01, 0.1))},
         {"risk": tpd.Risk.cvar(0.5)},
-        {"limits": ()},
         {"limits": (tpd.limits.Stroke(0.4),)},
         {"starts": tpd.Starts.rest()},
         {"method": tpd.Sequential(steps=41)},
-        {"method": tpd.Sequential()},
         {"method": tpd.Descent("rmsprop")},
         {"method": tpd.Descent(optax.sgd(0.05))},
         {"method": tpd.Descent(optax.sgd(0.01))},
-        {"method": tpd.Descent(optax.sgd(0.05, momentum=0.5))},
     ]
     found = [here.identity, *(problem(**({"conditions": BAND} | given)).identity for given in others)]
     assert len(set(found)) == len(found)
-    assert problem(conditions=BAND).identity == here.identity
     motion = dataclasses.replace(SCENE.motion, amplitude=0.016)
     assert problem(dataclasses.replace(SCENE, motion=motion), conditions=BAND).identity != here.identity
-    twice = [problem(method=tpd.Descent(optax.sgd(0.05))).identity for _ in range(2)]
-    assert twice[0] == twice[1]
+    assert len({problem(method=tpd.Descent(optax.sgd(0.05))).identity for _ in range(2)}) == 1

@@ -73,8 +73,6 @@ def test_the_trend_of_noisy_runs_leads_to_the_optimum():
     assert tilt(best) < tilt(tried[: len(tried) - 40]).min() - 0.01
     assert counts[-1] == (len(run.designs), counts[0][1])
     assert len(found.designs) > 40 + 40
-    again = refined(Noisy())
-    np.testing.assert_array_equal(again.designs, found.designs)
 
 
 def test_designs_keep_clear_of_walls_that_single_designs_show_by_a_run_or_none():
@@ -113,14 +111,12 @@ def test_what_does_not_help_from_rest_comes_last_however_good_its_runs():
     assert SPACE.scaled(found.designs[:1])[0, 0] < 0.3
 
 
-def test_a_survey_of_which_nothing_helps_stays_as_it_is():
-    first, run = made(spread(5), np.zeros(5, bool)), Noisy()
-    assert refined(run, first) is first
-    assert run.designs == []
-
-
 def test_runs_without_an_answer_say_nothing():
     first = made(spread(40))
+    run = Noisy()
+    none = made(first.designs, np.zeros(40, bool))
+    assert refined(run, none) is none
+    assert run.designs == [], "none where nothing helps"
     found = refined(lambda design, i: Tried(np.nan, 0.0, np.zeros(0)), first)
     assert {tuple(x) for x in first.designs} == {tuple(x) for x in found.designs}
     half = Noisy()
@@ -151,8 +147,7 @@ def test_a_design_in_which_nothing_stands_has_no_reach():
     assert here.next(0, False).shape[1] == 3
 
 
-@pytest.mark.parametrize("damping", [(0.05, 0.55), 0.3], ids=["three ratios", "a fixed damping"])
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize(("damping", "count"), [((0.05, 0.55), 1), (0.3, 2)])
 def test_from_one_design_that_helps_the_search_still_goes_on(damping, count):
     space = tpd.DesignSpace(mass_ratio=(0.01, 0.21), length_ratio=(0.1, 1.1), damping_ratio=damping)
     first, run = made(space.unscaled(space.scaled(spread(count)))), Noisy()

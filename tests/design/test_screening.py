@@ -26,12 +26,6 @@ def test_starting_designs_are_seeded_and_inside_and_half_of_them_cannot_lift():
     assert np.mean(still) > 0.8, "the closed forms lead to designs that never lift"
 
 
-def test_damping_is_spread_only_when_it_is_searched():
-    p = as_arrays(SCENE.parameters())
-    points = starting_designs(p, tpd.DesignSpace(damping_ratio=(0.05, 0.3)), 0.5, 16, seed=0)
-    assert len(np.unique(points[:, 2])) > 8
-
-
 def test_a_quarter_of_the_screened_designs_has_the_largest_margins():
     objective = orbits()
     designs = screened_designs(objective, 40, seed=2)

@@ -7,7 +7,6 @@ import pytest
 
 import tpd
 from tests.design.conftest import FEW_STEPS as METHOD
-from tests.design.conftest import ORBIT_LIMITS as LIMITS
 from tests.design.conftest import WIDE
 from tests.design.test_objective import orbits
 from tpd.design.checkpoint import Checkpoint
@@ -53,15 +52,6 @@ def test_designs_on_the_paths_lie_apart_from_each_other_and_from_the_ends(search
     assert merits == sorted(merits)
 
 
-def test_the_history_is_that_of_the_search(search):
-    history = search.history
-    assert len(history.paths) == len(history.statuses) == 20
-    np.testing.assert_array_equal(history.ends, search.designs)
-    np.testing.assert_array_equal(history.paths[17][-1], search.designs[17])
-    assert history.evaluations == search.evaluations
-    assert history.description == "20 designs"
-
-
 def test_a_search_that_begins_fewer_times_than_asked_for_is_not_interrupted():
     """Where nothing lifts, moved designs stay where they were: screened designs coincide."""
     calm = orbits(conditions=tpd.Conditions.amplitudes(0.01, 0.02), limits=())
@@ -85,29 +75,12 @@ def test_a_search_that_begins_fewer_times_than_asked_for_is_not_interrupted():
     ],
 )
 def test_every_search_ends_with_a_status(search, changed, expected):
-    g = search.groups[1]
-    local = g.local._replace(
-        value=np.full_like(g.local.value, changed.get("value", 0.3)),
-        limit=np.full_like(g.local.limit, changed.get("limit", -0.5)),
-    )
-    ends = g._replace(
-        x=np.full_like(g.x, changed.get("x", 0.5)),
-        local=local,
-        open=np.full(4, changed.get("open", False)),
-        steps=np.full(4, changed.get("steps", 3)),
-    )
+    g, given = search.groups[1], {"value": 0.3, "limit": -0.5, "x": 0.5, "open": False, "steps": 3} | changed
+    parts = {name: np.full_like(getattr(g.local, name), given.pop(name)) for name in ("value", "limit")}
+    ends = {name: np.full_like(getattr(g, name), value) for name, value in given.items()}
     one = Multistart(search.objective, METHOD, 0, None)
-    one.groups, one.count = [ends], 4
+    one.groups, one.count = [g._replace(local=g.local._replace(**parts), **ends)], 4
     assert one.statuses() == (expected,) * 4
-
-
-def test_a_search_that_has_not_begun_has_nothing():
-    empty = Multistart(orbits(limits=LIMITS), METHOD, 0, None)
-    assert empty.units.shape == (0, 3)
-    assert len(empty.order()) == len(empty.values) == 0
-    assert empty.statuses() == (DesignStatus.interrupted,) * 20
-    assert empty.history.paths == ()
-    assert empty.on_the_way(8).shape == (0, 3)
 
 
 def test_an_end_that_the_exact_solution_contradicts_is_left_out_unless_all_are(search):
@@ -126,3 +99,20 @@ def test_an_end_that_the_exact_solution_contradicts_is_left_out_unless_all_are(s
     # Where all are, their exact values are still the best that is known.
     one.groups = [g._replace(mismatch=np.full((4, 2), 0.5))]
     np.testing.assert_array_equal(one.values, kept.values)
+
+
+def test_an_interrupted_search_goes_on_and_comes_to_the_same(search, tmp_path):
+    def stop(stage, done, total):
+        if stage == "searching" and done > total / 2:
+            raise KeyboardInterrupt
+
+    place, events = tmp_path / "unfinished.npz", []
+    cut = Multistart(search.objective, METHOD, 0, stop)
+    cut.run(Checkpoint.of(place, "a"))
+    assert cut.interrupted
+    assert len(cut.units) == GROUP
+    assert cut.statuses().count(DesignStatus.interrupted) == 4
+    whole = Multistart(search.objective, METHOD, 0, lambda *e: events.append(e[:2]))
+    whole.run(Checkpoint.of(place, "a"))
+    assert ("searching", 1) not in events, "what had ended is not done again"
+    np.testing.assert_array_equal(whole.units, search.units)

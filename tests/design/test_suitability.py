@@ -44,46 +44,27 @@ CHECK = Check(models=(MODEL,), limit=0.5, bare=0.08)
 
 
 def reason(kind, **more) -> Reason:
-    return Reason(step=Step.benefit, kind=kind, **more)
+    """A reason of a kind, or of a limit that is broken."""
+    known = kind in ReasonKind.__members__
+    more |= {"kind": ReasonKind[kind]} if known else {"kind": ReasonKind.breaks_limit, "limit": kind}
+    return Reason(step=Step.benefit, **more)
 
 
-@pytest.mark.parametrize(
-    ("reasons", "said"),
-    [
-        ((), ()),
-        *(
-            ((reason(getattr(ReasonKind, name)),), (said,))
-            for name, said in (
-                ("too_little_benefit", "does not help"),
-                ("worse_condition", "does not help"),
-                ("rests_less", "does not help"),
-                ("rocks_more", "does not help"),
-                ("strikes", "does not fit"),
-                ("overturns_more", "DO NOT USE"),
-                ("overturns", "DO NOT USE"),
-            )
-        ),
-        *(
-            ((reason(ReasonKind.breaks_limit, limit=name),), (said,))
-            for name, said in (
-                ("worsening", "does not help"),
-                ("room on the way", "does not fit"),
-                ("rod and bob within the height", "does not fit"),
-                ("mass", "does not fit"),
-                ("stroke", "DO NOT USE"),
-            )
-        ),
-        (
-            (reason(ReasonKind.overturns_more), reason(ReasonKind.strikes), reason(ReasonKind.rests_less)),
-            ("does not help", "does not fit", "DO NOT USE"),
-        ),
-        # Of several conditions that break a limit the first is told.
-        ((reason(ReasonKind.breaks_limit, limit="room", condition=c) for c in "ab"), ("does not fit",)),
-    ],
-)
-def test_a_reason_of_the_verification_is_a_refusal_and_the_gravest_is_the_last(reasons, said):
-    refusals = case(reasons=tuple(reasons)).refusals
-    assert tuple(x.split(":")[0] for x in refusals) == said
+HELP, FIT, USE = "does not help", "does not fit", "DO NOT USE"
+SAID = {
+    HELP: ("too_little_benefit", "worse_condition", "rests_less", "rocks_more", "worsening"),
+    FIT: ("strikes", "room on the way", "rod and bob within the height", "mass"),
+    USE: ("overturns_more", "overturns", "stroke"),
+}
+
+
+def test_a_reason_of_the_verification_is_a_refusal_and_the_gravest_is_the_last():
+    cases = [((reason(kind),), [said]) for said, kinds in SAID.items() for kind in kinds]
+    cases += [((), []), ([reason(kinds[0]) for kinds in reversed(SAID.values())], [HELP, FIT, USE])]
+    # Of several conditions that break a limit the first is told.
+    cases += [([reason("room", condition=c) for c in "ab"], [FIT])]
+    for reasons, said in cases:
+        assert [x.split(":")[0] for x in case(reasons=tuple(reasons)).refusals] == said
 
 
 def test_where_the_bare_block_rests_no_pendulum_helps():
@@ -140,14 +121,6 @@ def test_what_optimise_refuses_is_refused():
     assert found.verified.strikes == pytest.approx(127 / 478)
     assert "the bob strikes a wall in 127 of the 478 that stand (26.6%, and 1.0% is allowed)" in found.counted
     assert len(found.verified.rest.bare) == 10
-
-
-def test_what_is_refused_by_a_limit_has_its_runs_counted_all_the_same():
-    limits = (*JOB.limits, tpd.limits.Mass(500.0))
-    v, _ = module.judged(asked(limits=limits), OFFERED)
-    assert [reason.limit for reason in v.reasons] == ["mass"]
-    assert v.reasons[0].value == pytest.approx(540.0 / 500.0)
-    assert v.paired.hung.ensemble.seed == 0
 
 
 def test_what_nothing_speaks_against_is_judged_by_fresh_runs_also_outside_of_the_space():

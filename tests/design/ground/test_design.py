@@ -10,31 +10,15 @@ from tpd.design.ground.judgement import Judged, Pairs, Role
 
 def test_the_verdict_follows_from_intervals_and_the_least_benefit():
     def group(role, shift, low, high):
-        interval = Interval(shift, low, high)
-        n, clusters = 12, np.repeat(np.arange(6), 2)
-        spread = np.tile([0.01, -0.01], 6)
-        pair = np.stack([np.full(n, 0.5), 0.5 + shift + spread])
-        runs = Pairs(pair, pair, clusters)
-        none = Lognormal(1.0, 0.3, np.zeros((2, 2)), False)
-        return Judged(
-            name="",
-            role=role,
-            motions=6,
-            events=6,
-            stripes=np.array([1.0, 2.0]),
-            counts=(np.zeros(2), np.zeros(2)),
-            unknown=(np.zeros(2), np.zeros(2)),
-            overturned=(0.5, 0.5 + shift),
-            difference=interval,
-            linear=interval,
-            tilt=interval,
-            strikes=0.0,
-            linear_strikes=0.0,
-            changed=0.0,
-            undecided=0,
-            fits=(none, none),
-            runs=runs,
-        )
+        pair = np.stack([np.full(12, 0.5), 0.5 + shift + np.tile([0.01, -0.01], 6)])
+        runs = Pairs(pair, pair, np.repeat(np.arange(6), 2))
+        none = (Lognormal(1.0, 0.3, np.zeros((2, 2)), False),) * 2
+        counts = dict.fromkeys(("counts", "unknown"), (np.zeros(2), np.zeros(2)))
+        intervals = dict.fromkeys(("difference", "linear", "tilt"), Interval(shift, low, high))
+        shares = dict.fromkeys(("strikes", "linear_strikes", "changed"), 0.0)
+        sizes = {"motions": 6, "events": 6, "undecided": 0, "stripes": np.array([1.0, 2.0])}
+        of = {"name": "", "role": role, "overturned": (0.5, 0.5 + shift), "fits": none, "runs": runs}
+        return Judged(**of, **counts, **intervals, **shares, **sizes)
 
     tuned, held = Role.tuned, Role.held_out
     good, harm = group(held, -0.2, -0.3, -0.1), group(held, 0.2, 0.1, 0.3)

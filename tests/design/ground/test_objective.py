@@ -4,19 +4,12 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.design.ground.conftest import BLOCK
+from tests.design.ground.conftest import BLOCK, LIMITS
 from tpd.design.ground import objective as module
-from tpd.design.ground.objective import GroundObjective, Runs, check_ground_limits
+from tpd.design.ground.objective import GroundObjective, Runs
 from tpd.records.intensity import intensity_of
 
-LIMITS = (tpd.limits.Stroke(), tpd.limits.Room())
 DESIGN = np.array([[0.12, 0.4, 0.5]])
-
-
-@pytest.fixture(scope="module")
-def objective(records) -> GroundObjective:
-    conditions = tpd.Conditions.records(records[:4], (1.3, 2.0, 5.0))
-    return GroundObjective(BLOCK, conditions, LIMITS, 0.1)
 
 
 def test_runs_are_single_motions(objective):
@@ -79,9 +72,3 @@ def test_an_overturning_counts_as_one_and_what_is_not_known_as_nothing():
     np.testing.assert_array_equal(
         Runs(tilt, tilt, tilt, np.isinf(tilt), np.isnan(tilt)).severity, [[0.4, 1.0, 1.0, np.nan]]
     )
-
-
-def test_limits_of_settled_motions_are_refused():
-    assert len(check_ground_limits((tpd.limits.Room(), tpd.limits.Stroke()))) == 2
-    with pytest.raises(ValueError, match="limits"):
-        check_ground_limits((tpd.limits.Reserve(),))

@@ -11,7 +11,6 @@ import pytest
 import tpd
 from tests.design.ground.conftest import BLOCK
 from tpd.answers.statistics import Interval
-from tpd.cli import main
 from tpd.design.ground import design, objective
 from tpd.design.ground.judgement import Role
 from tpd.design.many import FrontPoint
@@ -26,7 +25,7 @@ from tpd.report.json import as_json
 from tpd.report.notes import notes
 from tpd.report.render import text
 
-SHORT = tpd.GroundSearch(starts=8, steps=6)
+SHORT = tpd.GroundSearch(starts=6, steps=3)
 SPACE = tpd.DesignSpace(damping_ratio=(0.05, 1.0))
 
 
@@ -63,7 +62,7 @@ def test_a_design_is_judged_on_earthquakes_that_it_never_saw(found):
 
 def test_the_best_design_is_within_its_limits_and_of_least_trend(found):
     searched = found.searched
-    assert len(searched.value) == 14
+    assert len(searched.value) == 9
     i = int(np.flatnonzero(np.all(searched.designs == found.best, axis=1))[0])
     assert searched.spares[i]
     trend, _ = found.surface.at(SPACE.scaled(searched.designs))
@@ -72,10 +71,9 @@ def test_the_best_design_is_within_its_limits_and_of_least_trend(found):
 
 def test_the_same_seed_gives_the_same_answer_and_a_stored_search_goes_on(records, found, tmp_path):
     path = tmp_path / "unfinished.npz"
-    stop_after = 5
 
     def interrupt(stage, done, total):
-        if stage == "search" and done == stop_after:
+        if stage == "search" and done == 5:
             raise KeyboardInterrupt
 
     cut = ask(records, seed=0, checkpoint=path, progress=interrupt)
@@ -87,13 +85,6 @@ def test_the_same_seed_gives_the_same_answer_and_a_stored_search_goes_on(records
     assert again.judged[1].difference == found.judged[1].difference
     with pytest.raises(ValueError, match="another problem"):
         ask(records, seed=4, checkpoint=path)
-
-
-def test_without_other_earthquakes_nothing_is_claimed(records):
-    alone = ask(records[:4], held_out=0.0, seed=1)
-    assert alone.status in (DesignStatus.tuned_only, DesignStatus.refused)
-    assert alone.benefit is None
-    assert not alone.status.is_sound
 
 
 def ricker(frequency: float) -> tpd.Record:
@@ -122,14 +113,9 @@ def test_a_broken_allowance_refuses(records, found, stored, monkeypatch):
 def test_too_few_earthquakes_are_no_judgement():
     """The benefit is significant on both others: the tilt falls by 0.57 (0.38 to 0.76)."""
     one, *others = map(ricker, (0.5, 0.51, 0.52))
-    answer = tpd.optimise(
-        BLOCK,
-        SPACE,
-        conditions=tpd.Conditions.records([one], (1.5, 2.0)),
-        held_out={"others": others},
-        limits=(tpd.limits.Stroke(1.5),),
-        method=tpd.GroundSearch(starts=6, steps=2),
-    )
+    asked = {"held_out": {"others": others}, "limits": (tpd.limits.Stroke(1.5),), "method": SHORT}
+    conditions = tpd.Conditions.records([one], (1.5, 2.0))
+    answer = tpd.optimise(BLOCK, SPACE, conditions=conditions, **asked)
     assert answer.benefit.tilt.is_below
     assert not answer.status.is_sound
     assert answer.pendulum is None
@@ -187,8 +173,7 @@ def test_a_verdict_that_hangs_on_runs_without_an_answer_is_refused(records, monk
     for g, stored in zip(answer.judged, data["groups"], strict=True):
         bare, hung = g.unknown
         assert np.all(g.counts[0] + bare <= g.motions)
-        assert bare.sum() + hung.sum() > 0
-        assert stored["undecided"] == g.undecided >= bare.sum() + hung.sum()
+        assert stored["undecided"] == g.undecided >= bare.sum() + hung.sum() > 0
         assert f"{g.undecided} of {4 * 10 * 3}" in report
     figure = plot_groups(answer)[0].figure
     assert "runs without an answer" in figure.axes[0].get_title()
@@ -217,8 +202,7 @@ def test_a_block_that_stands_needs_no_pendulum_and_walls_too_close_for_any_bob_a
     assert "NO PENDULUM IS NEEDED" in text(content(answer, Study()))
     narrow = dataclasses.replace(BLOCK, cavity_width=0.2)
     conditions = tpd.Conditions.records(records[:4], (2.0,))
-    few = tpd.GroundSearch(starts=6, steps=0)
-    answer = tpd.optimise(narrow, SPACE, conditions=conditions, method=few, held_out=0.0)
+    answer = tpd.optimise(narrow, SPACE, conditions=conditions, method=SHORT, held_out=0.0)
     assert answer.status is DesignStatus.none_feasible
     assert answer.best is None
 
@@ -231,11 +215,9 @@ def test_a_block_that_stands_needs_no_pendulum_and_walls_too_close_for_any_bob_a
         (BLOCK, {"starts": tpd.Starts.rest()}, "`starts` is for harmonics"),
         (BLOCK, {"limits": (tpd.limits.Reserve(),)}, "`limits` of ground motions"),
         (BLOCK, {"held_out": 1.5}, "`held_out`"),
-        (BLOCK, {"seed": -1}, "`seed`"),
         (BLOCK, {"method": tpd.Sequential()}, "`method` must be a GroundSearch"),
         (tpd.paper_scene(), {"conditions": None, "held_out": 0.5}, "`held_out` is for ground motions"),
         (BLOCK, {"conditions": None}, "go with ground motions"),
-        (tpd.paper_scene(), {"conditions": None, "method": SHORT}, "go with ground motions"),
     ],
 )
 def test_bad_input_is_one_sentence(records, scene, settings, message):
@@ -244,12 +226,11 @@ def test_bad_input_is_one_sentence(records, scene, settings, message):
 
 
 def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
-    point = FrontPoint(800.0, "refused", None, (np.nan,) * 3)
-    shown = study(found, front=(point,))
+    shown = study(found, front=(FrontPoint(800.0, "refused", None, (np.nan,) * 3),))
     job = {"block": {"width": 0.9}}
     names = {path.name for path in write(tmp_path, found, shown, job, "[block]\nwidth = 0.9\n")}
     pages = "report.txt report.html design.json scene.toml designs.csv groups.csv"
-    assert names == {*pages.split(), *["groups.svg", "drawing.svg", "front.svg", "search.png"]}
+    assert names == {*pages.split(), "groups.svg", "drawing.svg", "front.svg", "search.png"}
     report = (tmp_path / "report.txt").read_text(encoding="utf-8")
     assert report.startswith(verdict(found).text[:60])
     told = found.comparison
@@ -261,7 +242,7 @@ def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
     data = json.loads((tmp_path / "design.json").read_text(encoding="utf-8"))
     assert data["status"] == found.status.name
     assert data["details"]["groups"][1]["role"] == "held_out"
-    assert len(data["details"]["searched"]["value"]) == 14
+    assert len(data["details"]["searched"]["value"]) == 9
     schema = json.loads(resources.files("tpd.report").joinpath("design.schema.json").read_text())
     jsonschema.validate(data, schema, cls=jsonschema.Draft202012Validator)
 
@@ -272,21 +253,3 @@ def test_what_the_benefit_hangs_on_is_asked_of_the_motions_that_were_held_out(fo
     held = next(g for g in found.judged if g.role is Role.held_out)
     assert found.comparison.changes[-1].without == pytest.approx(held.overturned[0])
     assert {m.name for m in moved_of(found)} >= {"restitution", "slenderness", "mass"}
-
-
-def test_the_command_designs_on_records_and_refuses_what_has_no_effect(tmp_path, capsys):
-    out = tmp_path / "design"
-    sizes = {"width": 0.9, "height": 5.4, "mass": 8000, "restitution": 0.93, "cavity": 0.9}
-    block = [word for name, x in sizes.items() for word in (f"--{name}", str(x))]
-    records = ["--records", "el-centro", "loma-prieta", "--scales", "2", "4", "--starts", "4", "--pareto"]
-    # Two earthquakes are too few for a verdict.
-    assert main(["optimise", *block, *records, "--out", str(out)]) == 3
-    printed = capsys.readouterr().out
-    assert "TOO FEW EARTHQUAKES TO JUDGE" in printed
-    assert (out / "report.html").exists()
-    assert tpd.Design.read(out).status is DesignStatus.too_few
-    assert not (out / "unfinished.npz").exists()
-    assert main(["optimise", *block, *records, "--exactly", "--out", str(tmp_path / "other")]) == 2
-    assert "`conditions.exactly`" in capsys.readouterr().err
-    assert main(["optimise", *block, "--scales", "2", "--out", str(tmp_path / "other")]) == 2
-    assert "`motion.scales`" in capsys.readouterr().err

@@ -4,20 +4,11 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.design.ground.conftest import BLOCK
 from tpd.design.ground import objective as module
 from tpd.design.ground import search
-from tpd.design.ground.objective import GroundObjective
 from tpd.design.ground.search import GroundSearch, Searcher
 
-LIMITS = (tpd.limits.Stroke(), tpd.limits.Room())
 DESIGN = np.array([[0.12, 0.4, 0.5]])
-
-
-@pytest.fixture(scope="module")
-def objective(records) -> GroundObjective:
-    conditions = tpd.Conditions.records(records[:4], (1.3, 2.0, 5.0))
-    return GroundObjective(BLOCK, conditions, LIMITS, 0.1)
 
 
 def test_a_search_leaves_runs_without_an_answer_out(objective, monkeypatch):
