@@ -198,8 +198,11 @@ def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_
     tilt_slope = chosen(slopes["amplitude"] / nu[:, None], 0.0)
     multiplier = np.max(np.abs(o["multipliers"]), axis=-1)
     turn = np.stack([sizes["amplitude"], o["bob"], sizes["phase"], o["bob_rate"]], axis=-1)
+    # What does not attract is above any orbit that does, whose tilt is below one: a search must leave such
+    # designs, and the uplift margin says which way leads to rest.
+    nothing = np.where(kind == UNSTABLE, 1.0 + tilt, 2.0 - margin)
     out = Evaluation(
-        merit=_merit(kind, tilt, margin),
+        merit=np.where(kind <= NEAR, tilt, np.where(kind == REST, -margin, nothing)),
         merit_slope=np.where(moves[:, None], tilt_slope, -_finite(margin_slope)),
         tilt=tilt,
         tilt_slope=tilt_slope,
@@ -238,14 +241,6 @@ def _uplift(q: Parameters, along: np.ndarray) -> tuple[Uplift, np.ndarray, np.nd
         slopes.append([np.imag(x) / _STEP for x in lift])
     margin, stroke = np.moveaxis(np.array(slopes), 0, -1)
     return uplift(q), margin, stroke
-
-
-def _merit(kind: np.ndarray, tilt: np.ndarray, margin: np.ndarray) -> np.ndarray:
-    """Merit of an orbit, of rest, or of nothing that attracts: the worse, the larger."""
-    # Above any attracting orbit, whose tilt is below one: a search must leave such designs, and the uplift
-    # margin says which way leads to rest.
-    nothing = np.where(kind == UNSTABLE, 1.0 + tilt, 2.0 - margin)
-    return np.where(kind <= NEAR, tilt, np.where(kind == REST, -margin, nothing))
 
 
 def _finite(x: np.ndarray) -> np.ndarray:

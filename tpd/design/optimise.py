@@ -131,7 +131,10 @@ def solve(
     # If the bare block lifts under no condition there may be nothing to search.
     p = problem.orbits.p
     if not np.all(margins(problem.orbits, np.array([[0.0, float(p.lam), float(p.zeta)]])) > 0.0):
-        _prepare(problem)
+        # Compiled while the bare block is followed; not at once, since only one thread at a time can trace.
+        if isinstance(problem.method, Descent) and isinstance(problem.method.model, Smoothed):
+            OneShot(problem.orbits, problem.method.model).prepare()
+        aside(load_compiled)
     objective, verification = problem.objective, Verification(problem, progress)
     few = objective.over(objective.conditions.subset(SEARCHED, problem.seed))
     search = Multistart(few, problem.method, problem.seed, progress)
@@ -150,15 +153,6 @@ def solve(
         if found.search.groups and not found.verification.verified:
             found.status = found.verification.best_of(found.search)
     return _design(problem, found)
-
-
-def _prepare(problem: Problem) -> None:
-    """Begin to compile what the search and the verification need."""
-    o, method = problem.orbits, problem.method
-    if isinstance(method, Descent) and isinstance(method.model, Smoothed):
-        OneShot(o, method.model).prepare()
-    # Not at once: only one thread at a time can trace.
-    aside(load_compiled)
 
 
 def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tpd.answers.compare_models import Check, check
 from tpd.core.progress import Progress
-from tpd.design.criteria import DesignSpace, Limit, Mass, Offset, Worsening, Worth, limit_of, stroke_limit
+from tpd.design.criteria import DesignSpace, Mass, Offset, Worsening, Worth, limit_of, stroke_limit
 from tpd.design.problem import Problem
 from tpd.design.survey import ROOM
 from tpd.design.verified import Reason, ReasonKind, Step, Verified, one_of_a_kind
@@ -97,7 +97,11 @@ def judged(
     design = np.array([float(x) for x in ratios])
     # A space that holds the design: it may lie outside of that of the search.
     verification = Verification(replace(asked, space=_holding(asked.space, design)), progress)
-    v, heavy = verification.at_once(design), _too_heavy(asked.limits, pendulum)
+    v, heavy, most = verification.at_once(design), [], limit_of(asked.limits, Mass)
+    # A mass that was made of its ratio may differ by rounding.
+    if isinstance(most, Mass) and pendulum.mass > most.kg * (1.0 + 1e-9):
+        over = float(pendulum.mass) / most.kg
+        heavy = [Reason(step=Step.exact, kind=ReasonKind.breaks_limit, limit=Mass.name, value=over)]
     if not v.reasons and not heavy:
         v = verification.by_fresh_runs(v)
     if v.rest is None:
@@ -123,16 +127,6 @@ def _holding(space: DesignSpace, design: np.ndarray) -> DesignSpace:
         length_ratio=with_it(space.length_ratio, lam),  # type: ignore[arg-type]
         damping_ratio=with_it(space.damping_ratio, zeta),
     )
-
-
-def _too_heavy(limits: tuple[Limit, ...], pendulum: Pendulum) -> list[Reason]:
-    """The limit on the mass, by which a search narrows its space, if a bob breaks it."""
-    limit = limit_of(limits, Mass)
-    # A mass that was made of its ratio may differ by rounding.
-    if not isinstance(limit, Mass) or pendulum.mass <= limit.kg * (1.0 + 1e-9):
-        return []
-    value = float(pendulum.mass) / limit.kg
-    return [Reason(step=Step.exact, kind=ReasonKind.breaks_limit, limit=Mass.name, value=value)]
 
 
 def suitability(

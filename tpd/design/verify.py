@@ -141,9 +141,7 @@ class Verification:
         # A bob without mass: the same program answers for the bare block, and nothing else is compiled.
         evaluation = objective.evaluate(self.none[None])
         self.bare = Bare(
-            value=float(objective.value(evaluation)[0]),
-            evaluation=evaluation,
-            exact=self.motions(self.none),
+            value=float(objective.value(evaluation)[0]), evaluation=evaluation, exact=self.motions(self.none)
         )
         self.verified: list[Verified] = []
 

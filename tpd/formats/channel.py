@@ -191,12 +191,9 @@ def plain(text: str) -> str:
     unit = re.sub(r"[\s·]+", "", unit)
     unit = re.sub(r"seconds?|secs?", "s", unit).replace("/s/s", "/s2").replace("s-2", "/s2")
     unit = re.sub(r"\.(?=/)", "", unit.replace("//", "/").replace("(s2)", "s2"))
-    unit = re.sub(r"^(?:inch(?:es)?|feet|foot|met(?:er|re)s?|centimet(?:er|re)s?)(?=/)", _short, unit)
+    length = r"^(?:inch(?:es)?|feet|foot|met(?:er|re)s?|centimet(?:er|re)s?)(?=/)"
+    unit = re.sub(length, lambda word: {"i": "in", "f": "ft", "m": "m", "c": "cm"}[word[0][0]], unit)
     return {"gals": "gal", "g's": "g", "gs": "g", "milli-g": "mg", "cm/ss": "cm/s2"}.get(unit, unit)
-
-
-def _short(word: re.Match[str]) -> str:
-    return {"i": "in", "f": "ft", "m": "m", "c": "cm"}[word[0][0]]
 
 
 def looks_like(text: str) -> bool:

@@ -62,7 +62,11 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | None:
         return None
     dt = _step(reals, len(values))
     _agree(values, dt, reals, text, own)
-    component, name = _words(text.lines)
+    # "Sta Chan 1: 90 deg (" and "Sta Cha: 1: 340 deg (".
+    found = re.search(r"^Sta\s+Cha(?:\w*\s+\S+:|\w*:\s*\S+\s)\s*(.*?)\s*\(", text.lines[8], re.IGNORECASE)
+    component = found[1] if found else ""
+    station = re.search(r"Code:\s*(\S.*?)\s*$", text.lines[4], re.IGNORECASE)
+    name = " ".join(station[1].split()) if station else ""
     notes = () if first[1].lower() == "corrected" else ("uncorrected: an offset and a drift are left in it",)
     event = re.sub(r"^r(?:ecord|crd) of\s+", "", " ".join(text.lines[1].split()), flags=re.IGNORECASE)
     factor = FACTORS[chosen(unit_of(own, cursor.at), unit)]
@@ -127,12 +131,3 @@ def _agree(values: np.ndarray, dt: float, reals: np.ndarray, text: Header, unit:
         agree(peak.value, float(reals[_PEAK_VALUE]), "the peak", 1.01 * peak.unit)
     if _known(reals[_PEAK_TIME]):
         agree(time.value, float(reals[_PEAK_TIME]), "the time of the peak", 1.01 * time.unit)
-
-
-def _words(text: Sequence[str]) -> tuple[str, str]:
-    """Component and station."""
-    # "Sta Chan 1: 90 deg (" and "Sta Cha: 1: 340 deg (".
-    component = re.search(r"^Sta\s+Cha\w*\s+\S+:\s*(.*?)\s*\(", text[8], flags=re.IGNORECASE)
-    component = component or re.search(r"^Sta\s+Cha\w*:\s*\S+\s+(.*?)\s*\(", text[8], flags=re.IGNORECASE)
-    station = re.search(r"Code:\s*(\S.*?)\s*$", text[4], flags=re.IGNORECASE)
-    return component[1] if component else "", " ".join(station[1].split()) if station else ""

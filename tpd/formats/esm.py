@@ -49,14 +49,10 @@ def read_esm(cursor: Cursor, unit: str | None) -> list[Channel]:
     _agree(values, step.value, head, stated)
     component, event = _text(head, "STREAM"), _text(head, *_EVENT)
     name = f"{_text(head, 'NETWORK')}.{_text(head, 'STATION_CODE')}/{component}"
-    factor = FACTORS[chosen(stated, unit)]
-    return [Channel(values * factor, step.value, component, name, event, _notes(head))]
-
-
-def _notes(head: dict[str, tuple[int, str]]) -> tuple[str, ...]:
-    baseline = _text(head, "BASELINE_CORRECTION").upper()
+    factor, baseline = FACTORS[chosen(stated, unit)], _text(head, "BASELINE_CORRECTION").upper()
     removed = "REMOVED" in baseline and "NOT" not in baseline
-    return () if removed else ("uncorrected: the baseline is not removed",)
+    notes = () if removed else ("uncorrected: the baseline is not removed",)
+    return [Channel(values * factor, step.value, component, name, event, notes)]
 
 
 def _head(cursor: Cursor) -> dict[str, tuple[int, str]]:

@@ -55,9 +55,14 @@ def _block(cursor: Cursor, unit: str | None) -> Channel:
     reals = cursor.fixed(60, _COLUMNS, _WIDTH, "reals of the header")
     values = _samples(cursor, integers, corrected)
     dt = _step(text, len(values), reals)
-    own = _agree(text, values, dt, -float(reals[_PADDING]))
+    peak = text.match(14, rf"peak\s+({NUMBER})\s+(\S+)\s+at\s+({NUMBER})\s+s", "the peak and its time")
+    size, time, own = Decimal.of(peak[1]), Decimal.of(peak[3]), unit_of(peak[2], text.start + 14)
+    agree_on_peak(values, size, text.where(14), digit=size.unit)
+    # Times count from the first sample recorded, before which zeros may be padded.
+    agree_on_peak_time(values, dt, time, text.where(14), start=-float(reals[_PADDING]))
     if not corrected:
-        _agree_on_raw_unit(text, own)
+        raw = text.match(11, rf"in units of\s+({NUMBER})\s+(\S+)\s+at", "the unit of the samples")
+        agree(float(raw[1]) * FACTORS[unit_of(raw[2], text.start + 11)], FACTORS[own], "the unit in m/s^2")
     notes = () if corrected else ("uncorrected: an offset and a drift are left in it",)
     name, event = " ".join(text.lines[1].split()[1:2]), " ".join(text.lines[7].split())
     factor = FACTORS[chosen(own, unit)]
@@ -76,23 +81,6 @@ def _step(text: Header, count: int, reals: np.ndarray) -> float:
     # Of n samples some files give the time from the first to the last, others n steps.
     agree(count * dt, length.value, "the length in s", 1.01 * dt + length.unit)
     return dt
-
-
-def _agree(text: Header, values: np.ndarray, dt: float, start: float) -> str:
-    """Check the samples against the peak stated; return the unit."""
-    peak = text.match(14, rf"peak\s+({NUMBER})\s+(\S+)\s+at\s+({NUMBER})\s+s", "the peak and its time")
-    size = Decimal.of(peak[1])
-    agree_on_peak(values, size, text.where(14), digit=size.unit)
-    # Times count from the first sample recorded, before which zeros may be padded.
-    agree_on_peak_time(values, dt, Decimal.of(peak[3]), text.where(14), start=start)
-    return unit_of(peak[2], text.start + 14)
-
-
-def _agree_on_raw_unit(text: Header, own: str) -> None:
-    """Check the unit of uncorrected samples, which is stated with a factor."""
-    raw = text.match(11, rf"in units of\s+({NUMBER})\s+(\S+)\s+at", "the unit of the samples")
-    stated = float(raw[1]) * FACTORS[unit_of(raw[2], text.start + 11)]
-    agree(stated, FACTORS[own], "the unit in m/s^2")
 
 
 def _samples(cursor: Cursor, integers: np.ndarray, corrected: bool) -> np.ndarray:

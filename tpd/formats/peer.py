@@ -43,19 +43,14 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
     values = cursor.free("the samples")
     agree_on_count(count, len(values), f"line {len(head)}")
     # Programs write numbers of one width: a last line that ends as the others do was not cut.
-    cursor.require_end(whole=_full(cursor))
+    tokens = [re.sub(r"^[+-]", "", token) for line in cursor.lines[-2:] for token in line.split()]
+    cursor.require_end(whole=len(tokens) > 1 and len(tokens[-1]) == len(tokens[-2]))
     event, name = _words(head, line)
     # The direction is the last word of the title; a name such as UP may be followed by remarks in brackets.
     component = re.sub(r"\(.*?\)", "", name.rpartition(",")[2]).strip() if "," in name else ""
     if orientation(component) is None:
         component = ""
     return [Channel(values * FACTORS[chosen(stated, unit)], dt, component, name, event)]
-
-
-def _full(cursor: Cursor) -> bool:
-    """Whether the last number has as many characters as the one before it."""
-    tokens = [re.sub(r"^[+-]", "", token) for line in cursor.lines[-2:] for token in line.split()]
-    return len(tokens) > 1 and len(tokens[-1]) == len(tokens[-2])
 
 
 def _unit(head: Sequence[str]) -> tuple[int, str]:

@@ -68,7 +68,13 @@ def channels(
     path: str | os.PathLike[str], *, dt: float | None, baseline: str | None, unit: str | None
 ) -> list[Channel]:
     """Return all channels of a file, checked. Arguments and errors are those of `tpd.Record.read`."""
-    _check_arguments(dt, baseline, unit)
+    if unit is not None:
+        given(unit)
+    if baseline is not None and baseline not in BASELINES:
+        raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)} or None, but is {baseline!r}")
+    number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
+    if dt is not None and not (number and 0.0 < dt < float("inf")):
+        raise ValueError(f"`dt` must be positive and finite, in s, but is {dt!r}")
     if not isinstance(path, (str, os.PathLike)):
         raise ValueError(f"`path` must name a file, but is {path!r}")
     file = Path(path)
@@ -106,16 +112,6 @@ def one_channel(
         wrong = "choose one by `channel`" if channel is None else f"`channel` is {channel}"
         raise UnreadableRecord(f"{Path(path).name}: the file has the channels {listed}; {wrong}")
     return found[channel]
-
-
-def _check_arguments(dt: float | None, baseline: str | None, unit: str | None) -> None:
-    if unit is not None:
-        given(unit)
-    if baseline is not None and baseline not in BASELINES:
-        raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)} or None, but is {baseline!r}")
-    number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
-    if dt is not None and not (number and 0.0 < dt < float("inf")):
-        raise ValueError(f"`dt` must be positive and finite, in s, but is {dt!r}")
 
 
 def _content(file: Path) -> bytes:

@@ -283,7 +283,8 @@ def _times(
     rows: Sequence[_Row], names: Sequence[str], stated: float | None, dt: float | None
 ) -> tuple[int, float]:
     """Number of the first column of accelerations, and the step in s of the times or of the samples."""
-    numbered = len(rows) > 1 and _is_numbered(rows)
+    first = np.array([float(row.cells[0].lower().replace("d", "e")) for row in rows])
+    numbered = len(rows) > 1 and np.all(first == np.round(first)) and np.all(np.diff(first) == 1.0)
     if numbered and not re.search(
         r"[(\[]\s*(?:s|secs?|seconds?)\s*[)\]]|^secs?$|^seconds?$|^s$", _of(names), re.I
     ):
@@ -305,11 +306,6 @@ def _of(names: Sequence[str]) -> str:
     return names[0] if names else ""
 
 
-def _is_numbered(rows: Sequence[_Row]) -> bool:
-    first = np.array([float(row.cells[0].lower().replace("d", "e")) for row in rows])
-    return bool(np.all(first == np.round(first)) and np.all(np.diff(first) == 1.0))
-
-
 def _unit(head: Sequence[str]) -> str | None:
     """The unit of acceleration that the header states, or None.
 
@@ -324,7 +320,7 @@ def _unit(head: Sequence[str]) -> str | None:
                 found.add(word)
             elif word in _OTHER_TIMES:
                 raise UnreadableRecord(f"the times must be in s, but the header states {shown(text)}")
-            elif looks_like(text) or (named and _is_unit(word)):
+            elif looks_like(text) or (named and word not in _SECONDS and re.search(r"[a-zµ]", word)):
                 raise UnreadableRecord(
                     f"the unit of acceleration must be one of {', '.join(FACTORS)}, but the header states "
                     f"{shown(text)}"
@@ -365,11 +361,6 @@ def _check_hints(head: Sequence[str], unit: str | None) -> None:
             )
 
 
-def _is_unit(word: str) -> bool:
-    """Whether a word after "unit" or in brackets can be nothing but a unit that is not known."""
-    return not (word in _SECONDS or not re.search(r"[a-zµ]", word))
-
-
 def _candidates(line: str) -> list[tuple[str, bool]]:
     """Pieces of a line of the header that can be units, and whether they are said to be one."""
     bare = line.strip().lstrip("".join(_MARKS)).strip()
@@ -384,16 +375,13 @@ def _candidates(line: str) -> list[tuple[str, bool]]:
     alone = words if all(plain(w) in FACTORS or w.lower() in _SECONDS for w in words) else []
     formed = [word for word in words if looks_like(word)]
     # "a [furlong/min2]" states a unit, "a (NS)" and "acc (corrected)" do not.
-    squared = [text for text in bracketed if re.search(r"/|\^|\d$", text) and _orientationless(text)]
+    squared = [text for text in bracketed if re.search(r"/|\^|\d$", text)]
+    squared = [text for text in squared if orientation(text) is None and " " not in text.strip()]
     volts = [text for text in bracketed if plain(text) in ("counts", "count", "v", "mv", "volt", "volts")]
     said = [word for word in named if word.lower() not in ("of", "in", "are", "is", "acceleration", "time")]
     return [(x, True) for x in [*said, *squared, *volts] if plain(x) not in _OTHER_MOTIONS] + [
         (x, False) for x in [*bracketed, *cells, *alone, *formed]
     ]
-
-
-def _orientationless(text: str) -> bool:
-    return orientation(text) is None and " " not in text.strip()
 
 
 def _step(head: Sequence[str]) -> float | None:

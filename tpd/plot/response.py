@@ -195,7 +195,9 @@ def plot_motions(
         upright = np.cumprod(np.nan_to_num(np.abs(tilt), nan=np.inf) < 2.0 * slenderness).astype(bool)
         tilts.plot(time, np.where(upright, tilt, np.nan), **style)
         if not upright.all() and upright.any():
-            _mark_fall(tilts, time[upright][-1], tilt[upright][-1], style["color"])
+            at = time[upright][-1], tilt[upright][-1]
+            tilts.plot(*at, "X", color=style["color"], mec=INK, ms=8)
+            tilts.annotate("overturns", at, (6, -4), textcoords="offset points", fontsize=8)
         if swing is not None:
             axes[first + 1].plot(time, np.where(upright, swing, np.nan), **style | {"label": None})
     largest = max(float(np.nanmax(np.abs(line.get_ydata()), initial=0.0)) for line in tilts.lines)
@@ -244,9 +246,3 @@ def _of_ground(above: Any, below: Any, histories: list[ShakingHistory]) -> None:
         ratio = np.abs(history.horizontal) / np.maximum(history.vertical, 1e-300)
         below.plot(history.times, np.minimum(ratio, 5.0), **style)
     below.set(ylabel="friction needed\n|H|/V (-)", ylim=(0.0, None))
-
-
-def _mark_fall(ax: Any, time: float, tilt: float, color: str) -> None:
-    """Say where a line ends because the block falls."""
-    ax.plot(time, tilt, "X", color=color, mec=INK, ms=8)
-    ax.annotate("overturns", (time, tilt), (6, -4), textcoords="offset points", fontsize=8)

@@ -96,12 +96,9 @@ def _rows(table: Any) -> list[dict[str, Any]]:
         else:
             names = re.findall(r"V(\w+)\n", bytes(table.attrs[f"{field}_kind"]).decode())
         for row, values in zip(rows, column, strict=True):
-            row.update((n, _plain(v)) for n, v in zip(names, values, strict=True))
+            plain = (v.decode() if isinstance(v, bytes) else v.item() for v in values)
+            row.update(zip(names, plain, strict=True))
     return rows
-
-
-def _plain(value: Any) -> Any:
-    return value.decode() if isinstance(value, bytes) else value.item()
 
 
 def _record(row: dict[str, Any], station: dict[str, Any], series: Any, normalised: bool) -> Record:

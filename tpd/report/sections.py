@@ -19,7 +19,7 @@ from tpd.design.objective import KINDS
 from tpd.design.result import DesignStatus, HarmonicDesign
 from tpd.design.study import Study
 from tpd.design.survey import ON_THE_WAY, Survey
-from tpd.design.verified import Bare, Reason, ReasonKind, Step, Verified
+from tpd.design.verified import Bare, ReasonKind, Step, Verified
 from tpd.report import words
 from tpd.report.blocks import Block, Cell, Table, Text
 from tpd.report.notes import unknown
@@ -210,16 +210,14 @@ def _refusals(design: HarmonicDesign) -> Block:
             + (f" ({'; '.join(said)})." if said else ".")
         )
     # A design may be refused for several reasons, and each of them is counted.
-    kinds = Counter(what for v in design.verified for what in {_kind(reason) for reason in v.reasons})
+    by = {True: " by the nonlinear equations", False: ""}
+    whys = ({_WHY[r.kind] + by[r.step is Step.nonlinear] for r in v.reasons} for v in design.verified)
+    kinds = Counter(why for of_one in whys for why in of_one)
     if kinds:
         told = ", ".join(f"{n} because {what}" for what, n in kinds.most_common())
         refused = sum(bool(v.reasons) for v in design.verified)
         parts.append(f"Of {len(design.verified)} verified, {refused} were refused: {told}.")
     return Text(" ".join(parts))
-
-
-def _kind(reason: Reason) -> str:
-    return _WHY[reason.kind] + ("" if reason.step is not Step.nonlinear else " by the nonlinear equations")
 
 
 def settled(design: HarmonicDesign, study: Study, figure: Sequence[Block]) -> list[Block]:

@@ -62,7 +62,8 @@ def _known_verdict(judged: tuple[Judged, ...], worth: Worth) -> GroundVerdict:
     harms, strikes, others, benefit = [], [], [], benefit_of(judged)
     # Harm on any group counts, also on motions that the design is tuned to.
     for g in judged:
-        on = _where(g)
+        on = "on motions held out" if g.name == g.role.value else f"on {g.name} (held out)"
+        on = "on the motions that it is tuned to" if g.role is Role.tuned else on
         for change, by in ((g.difference, ""), (g.linear, " by the linear equations")):
             if change.is_above:
                 harms.append(
@@ -85,7 +86,10 @@ def _known_verdict(judged: tuple[Judged, ...], worth: Worth) -> GroundVerdict:
             harms.append(
                 f"over all motions held out the mean tilt rises by {benefit.tilt.words(share=False)}"
             )
-    status, tuned, held = DesignStatus.found, *_earthquakes(judged)
+    # Earthquakes that the design is tuned to, and those that it is judged on.
+    events = ([g.runs.clusters for g in judged if g.role is role] for role in (Role.tuned, Role.held_out))
+    tuned, held = (len(np.unique(np.concatenate([*found, []]))) for found in events)
+    status = DesignStatus.found
     if benefit is None:
         status = DesignStatus.tuned_only
     elif min(tuned, held) < LEAST_EARTHQUAKES:
@@ -111,19 +115,6 @@ def _known_verdict(judged: tuple[Judged, ...], worth: Worth) -> GroundVerdict:
     if harms or strikes:
         status = DesignStatus.refused
     return GroundVerdict(status, (*harms, *strikes, *others))
-
-
-def _where(group: Judged) -> str:
-    """Words for where a group's runs are."""
-    if group.role is Role.tuned:
-        return "on the motions that it is tuned to"
-    return "on motions held out" if group.name == group.role.value else f"on {group.name} (held out)"
-
-
-def _earthquakes(judged: tuple[Judged, ...]) -> tuple[int, int]:
-    """Number of earthquakes that a design is tuned to, and of those that it is judged on."""
-    tuned, held = ([g.runs.clusters for g in judged if g.role is r] for r in (Role.tuned, Role.held_out))
-    return len(np.unique(np.concatenate(tuned))), len(np.unique(np.concatenate([*held, []])))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -103,7 +103,12 @@ def ground_problem(
     groups = grouped(conditions.motions, HELD_OUT if held_out is None else held_out, seed)
     inside = _restricted(conditions, groups[0])
     worth, ensemble = Worth() if worth is None else worth, Ensemble() if ensemble is None else ensemble
-    _check_used(worth, ensemble)
+    # A setting without effect would let somebody believe in it.
+    for given, usual, used in ((worth, Worth(), ("at_least", "strikes")), (ensemble, Ensemble(), SCATTERED)):
+        for f in fields(given):
+            if f.name not in used and getattr(given, f.name) != getattr(usual, f.name):
+                name = type(given).__name__.lower()
+                raise ValueError(f"`{name}.{f.name}` is for harmonics, but the conditions are ground motions")
     scene = Scene(block, inside.motions[0], gravity)
     if ensemble.restitution:
         check_restitution(scene)
@@ -119,16 +124,6 @@ def ground_problem(
         seed=seed,
         groups=groups,
     )
-
-
-def _check_used(worth: Worth, ensemble: Ensemble) -> None:
-    """Raise `ValueError` for a setting that has no effect on ground motions."""
-    # A setting without effect would let somebody believe in it.
-    for given, usual, used in ((worth, Worth(), ("at_least", "strikes")), (ensemble, Ensemble(), SCATTERED)):
-        for f in fields(given):
-            if f.name not in used and getattr(given, f.name) != getattr(usual, f.name):
-                name = type(given).__name__.lower()
-                raise ValueError(f"`{name}.{f.name}` is for harmonics, but the conditions are ground motions")
 
 
 def _restricted(conditions: Conditions, group: Group) -> Conditions:
