@@ -135,7 +135,15 @@ def reasons_by_runs(
     if gain.rests_less:
         rest, bare = (float(np.sum(o.status == "rest")) for o in (found.hung, found.bare))
         out.append(Reason(step=step, kind=ReasonKind.rests_less, value=rest, reference=bare, total=gain.runs))
-    out += _worse_condition(gain, conditions, step)
+    if gain.worse_conditions:
+        # Of the conditions that the design makes worse the one that it makes worse by most.
+        with_it, without = gain.by_condition
+        worst = max(gain.worse_conditions, key=lambda i: with_it[i] - without[i])
+        kind, sizes = ReasonKind.worse_condition, (float(with_it[worst]), float(without[worst]))
+        at, total = conditions.label(worst), len(gain.worse_conditions)
+        out.append(
+            Reason(step=step, kind=kind, condition=at, value=sizes[0], reference=sizes[1], total=total)
+        )
     # Where no run has an answer there is no benefit either. In few runs the interval of a ratio of means may
     # lie above zero where that of their difference does not.
     if not (gain.value >= worth.at_least and gain.low > 0.0 and gain.changes[0].high < 0.0):
@@ -163,21 +171,3 @@ def _hanging(
         return ()
     count, total = v.benefit.undecided, v.benefit.undecided + v.benefit.runs
     return (Reason(step=step, kind=ReasonKind.undecided, value=float(count), total=total),)
-
-
-def _worse_condition(gain: Benefit, conditions: Conditions, step: Step) -> list[Reason]:
-    """The condition that the design makes worse by most, of those that it makes worse."""
-    if not gain.worse_conditions:
-        return []
-    with_it, without = gain.by_condition
-    worst = max(gain.worse_conditions, key=lambda i: with_it[i] - without[i])
-    return [
-        Reason(
-            step=step,
-            kind=ReasonKind.worse_condition,
-            condition=conditions.label(worst),
-            value=float(with_it[worst]),
-            reference=float(without[worst]),
-            total=len(gain.worse_conditions),
-        )
-    ]

@@ -361,12 +361,8 @@ class Descent(Method):
 
 def describe(method: Method) -> dict[str, object]:
     """Settings of a method as plain values, enough to repeat it."""
-    settings: dict[str, object] = {
-        "method": method.name,
-        "searches": method.searches,
-        "screening": method.screening,
-        "steps": method.steps,
-    }
+    settings: dict[str, object] = {"method": method.name}
+    settings |= {name: getattr(method, name) for name in ("searches", "screening", "steps")}
     if isinstance(method, Descent):
         settings |= {"optimiser": method.optimiser_name, "tolerance": method.tolerance}
         settings |= {"model": repr(method.model)}

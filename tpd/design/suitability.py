@@ -67,19 +67,11 @@ _SORTS = ("does not help", "does not fit", "DO NOT USE")
 
 def _sort(reason: Reason) -> str:
     """Kind of a refusal that a reason belongs to."""
-    match reason.kind:
-        case ReasonKind.strikes:
-            return "does not fit"
-        case ReasonKind.breaks_limit if reason.limit in (*ROOM, HEIGHT, Mass.name, Offset.name):
-            return "does not fit"
-        case ReasonKind.breaks_limit if reason.limit == Worsening.name:
-            return "does not help"
-        case ReasonKind.rocks_more | ReasonKind.too_little_benefit:
-            return "does not help"
-        case ReasonKind.rests_less | ReasonKind.worse_condition:
-            return "does not help"
-        case _:
-            return "DO NOT USE"
+    kinds = ReasonKind.rocks_more, ReasonKind.too_little_benefit, ReasonKind.rests_less
+    if reason.kind is ReasonKind.strikes or reason.limit in (*ROOM, HEIGHT, Mass.name, Offset.name):
+        return "does not fit"
+    helps_less = reason.kind in (*kinds, ReasonKind.worse_condition) or reason.limit == Worsening.name
+    return "does not help" if helps_less else "DO NOT USE"
 
 
 def rests(asked: Problem) -> bool:

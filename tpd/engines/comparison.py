@@ -150,29 +150,22 @@ class EngineVerdict(Printed):
         return "\n".join([*([self.warning] if self.warning else []), head, self.losses, "", self.table()])
 
     def _rows(self, few: int) -> list[list[str]]:
-        groups = (
-            self.with_engine,
-            tuple(runs.first(few) for runs in self.with_engine),
-            self.finer,
-            self.with_equations,
-        )
-        rows = []
-        words = ("with the pendulum", "without") if self.pendulum is not None else ("", "")
-        for i, who in enumerate(words if self.pendulum is not None else words[:1]):
+        first = tuple(runs.first(few) for runs in self.with_engine)
+        groups, rows = (self.with_engine, first, self.finer, self.with_equations), []
+        sizes = [("tilt", "median", "peak", 0.5), ("tilt", "90 %", "peak", 0.9)]
+        if isinstance(self.scene.motion, Harmonic):
+            sizes.append(("settled", "median", "settled", 0.5))
+        for i, who in enumerate((" with the pendulum", " without") if self.pendulum is not None else ("",)):
             of = [group[i] for group in groups]
-            rows.append([f"overturned {who}".strip(), *(f"{Share.of(r.overturned).value:.1%}" for r in of)])
-            rows.append([f"tilt {who}: median, rad".replace(" :", ":"), *(_size(r.peak, 0.5) for r in of)])
-            rows.append([f"tilt {who}: 90 %, rad".replace(" :", ":"), *(_size(r.peak, 0.9) for r in of)])
-            if isinstance(self.scene.motion, Harmonic):
-                rows.append(
-                    [f"settled {who}: median, rad".replace(" :", ":"), *(_size(r.settled, 0.5) for r in of)]
-                )
+            rows.append([f"overturned{who}", *(f"{Share.of(r.overturned).value:.1%}" for r in of)])
+            for what, share, name, at in sizes:
+                rows.append([f"{what}{who}: {share}, rad", *(_size(getattr(r, name), at) for r in of)])
         # The equations know neither slip nor flight.
-        bodies = [group[0] for group in groups]
+        bodies = [group[0] for group in groups[:3]]
         if self.pendulum is not None:
-            rows.append(["rod to block: 90 %, rad", *(_size(r.relative, 0.9) for r in bodies[:3]), "–"])
-        rows.append(["slid: 90 %, mm", *(_size(1e3 * r.slid, 0.9) for r in bodies[:3]), "–"])
-        rows.append(["left the floor", *(f"{np.mean(r.bounced):.1%}" for r in bodies[:3]), "–"])
+            rows.append(["rod to block: 90 %, rad", *(_size(r.relative, 0.9) for r in bodies), "–"])
+        rows.append(["slid: 90 %, mm", *(_size(1e3 * r.slid, 0.9) for r in bodies), "–"])
+        rows.append(["left the floor", *(f"{np.mean(r.bounced):.1%}" for r in bodies), "–"])
         return rows
 
     def _benefit(self, pair: tuple[EngineRuns, ...]) -> float:
@@ -208,7 +201,8 @@ def mujoco(
         ValueError: bad input, MuJoCo is not installed, or its impacts are not Housner's.
         RuntimeError: JAX is in 32-bit mode.
     """
-    ensemble = _ensemble(runs, seed, periods)
+    # Impacts of an engine are Housner's, whatever e scatters to.
+    ensemble = Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
     return _verdict(MUJOCO, scene, pendulum, ensemble, FINE, sliding, workers, progress)
 
 
@@ -230,13 +224,8 @@ def drake(
     """
     from tpd.engines.drake_runs import DRAKE
 
-    ensemble = _ensemble(runs, seed, periods)
+    ensemble = Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
     return _verdict(DRAKE, scene, pendulum, ensemble, _DRAKE_FINE, sliding, workers, progress)
-
-
-def _ensemble(runs: int, seed: int, periods: int) -> Ensemble:
-    """Runs of an engine, whose impacts are Housner's, whatever e scatters to."""
-    return Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
 
 
 def _verdict(

@@ -51,10 +51,15 @@ def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
     _agree(values, dt, reals, printed)
     # The line of the station names the component too: "component= UP".
     named = re.search(r"component\s*=\s*(\S.*?)\s*$", text[5], flags=re.IGNORECASE)
-    component, event = _component(integers) or (named[1] if named else ""), " ".join(text[3].split())
+    azimuth = integers[_AZIMUTH]
+    level = "" if azimuth == _UNKNOWN_INTEGER else f"{azimuth:.0f} DEG"
+    component = {0.0: "UP", 180.0: "DOWN"}.get(float(integers[_VERTICAL_ANGLE]), level)
+    component, event = component or (named[1] if named else ""), " ".join(text[3].split())
+    found = re.search(r"station\s*=\s*(.*?)\s*(?:component\s*=.*)?$", text[5], flags=re.IGNORECASE)
+    station = " ".join(found[1].split()) if found else ""
     notes = () if not kind[2] else ("uncorrected: an offset and a drift are left in it",)
     factor = FACTORS[chosen("cm/s2", unit)]
-    return [Channel(values * factor, dt, component, f"{_station(text[5])}/{component}", event, notes)]
+    return [Channel(values * factor, dt, component, f"{station}/{component}", event, notes)]
 
 
 def _step(rate: float) -> float:
@@ -103,16 +108,3 @@ def _agree(values: np.ndarray, dt: float, reals: list[float], printed: list[str]
         agree_on_peak(sign * half, stated, where, digit=float(digit))
         if abs(reals[time]) < _UNKNOWN_REAL:
             agree_on_peak_time(half, dt, Decimal.of(printed[time]), where)
-
-
-def _component(integers: np.ndarray) -> str:
-    vertical, azimuth = integers[_VERTICAL_ANGLE], integers[_AZIMUTH]
-    if vertical in (0, 180):
-        return "UP" if vertical == 0 else "DOWN"
-    return "" if azimuth == _UNKNOWN_INTEGER else f"{azimuth:.0f} DEG"
-
-
-def _station(line: str) -> str:
-    """Name of the station from the line "station = ... component= ..."."""
-    found = re.search(r"station\s*=\s*(.*?)\s*(?:component\s*=.*)?$", line, flags=re.IGNORECASE)
-    return " ".join(found[1].split()) if found else ""

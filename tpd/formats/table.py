@@ -286,12 +286,12 @@ def _times(
     first = np.array([float(row.cells[0].lower().replace("d", "e")) for row in rows])
     numbered = len(rows) > 1 and np.all(first == np.round(first)) and np.all(np.diff(first) == 1.0)
     if numbered and not re.search(
-        r"[(\[]\s*(?:s|secs?|seconds?)\s*[)\]]|^secs?$|^seconds?$|^s$", _of(names), re.I
+        r"[(\[]\s*(?:s|secs?|seconds?)\s*[)\]]|^secs?$|^seconds?$|^s$", "".join(names[:1]), re.I
     ):
         # 1, 2, 3 ... are no times in s, unless the header says so: of two columns the other holds samples.
         second = [Decimal.of(row.cells[1]) for row in rows]
         if len(rows[0].cells) > 2 and re.match(
-            r"\W*(?:t|time|zeit|temps|tempo|tiempo)\b", _of(names[1:]), re.I
+            r"\W*(?:t|time|zeit|temps|tempo|tiempo)\b", "".join(names[1:2]), re.I
         ):
             return 2, _equal(second, rows, stated)
         if stated is None and dt is None:
@@ -300,10 +300,6 @@ def _times(
             )
         return 1, _given(stated, dt)
     return 1, _equal([Decimal.of(row.cells[0]) for row in rows], rows, stated)
-
-
-def _of(names: Sequence[str]) -> str:
-    return names[0] if names else ""
 
 
 def _unit(head: Sequence[str]) -> str | None:

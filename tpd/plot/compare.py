@@ -13,8 +13,8 @@ from tpd.answers.fragility import Fragility
 from tpd.answers.paired import Benefit
 from tpd.answers.statistics import Lognormal
 from tpd.core import checks
+from tpd.design.build import FrontPoint
 from tpd.design.ground.design import GroundDesign
-from tpd.design.many import FrontPoint
 from tpd.design.result import HarmonicDesign
 from tpd.design.verified import Bare, Verified
 from tpd.plot.style import BLUE, CASES, GREY, INK, LABELS, ORANGE, in_degrees, legend, new_axes

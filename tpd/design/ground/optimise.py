@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -101,7 +101,16 @@ def ground_problem(
     listed = check_ground_limits(DEFAULT_LIMITS if limits is None else tuple(limits))
     check_cavity(block, listed)
     groups = grouped(conditions.motions, HELD_OUT if held_out is None else held_out, seed)
-    inside = _restricted(conditions, groups[0])
+    # By identity: two records may be equal, and belong to both sides.
+    kept = [i for i, m in enumerate(conditions.motions) if any(m is own for own in groups[0].motions)]
+    which = np.asarray(conditions.which)
+    rows = np.isin(which, kept)
+    inside = replace(
+        conditions,
+        factors={name: factor[rows] for name, factor in conditions.factors.items()},
+        motions=tuple(conditions.motions[i] for i in kept),
+        which=np.searchsorted(kept, which[rows]),
+    )
     worth, ensemble = Worth() if worth is None else worth, Ensemble() if ensemble is None else ensemble
     # A setting without effect would let somebody believe in it.
     for given, usual, used in ((worth, Worth(), ("at_least", "strikes")), (ensemble, Ensemble(), SCATTERED)):
@@ -123,24 +132,6 @@ def ground_problem(
         worth=worth,
         seed=seed,
         groups=groups,
-    )
-
-
-def _restricted(conditions: Conditions, group: Group) -> Conditions:
-    """The conditions with the motions of one group."""
-    # By identity: two records may be equal, and belong to both sides.
-    kept = [i for i, m in enumerate(conditions.motions) if any(m is other for other in group.motions)]
-    rows = np.isin(np.asarray(conditions.which), kept)
-    which = np.searchsorted(kept, np.asarray(conditions.which)[rows])
-    factors = {k: v[rows] for k, v in conditions.factors.items()}
-    return Conditions(
-        factors,
-        conditions.description,
-        conditions.units,
-        tuple(conditions.motions[i] for i in kept),
-        which,
-        conditions.intensity,
-        conditions.scales,
     )
 
 

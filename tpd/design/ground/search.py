@@ -72,10 +72,6 @@ class Evaluated(NamedTuple):
         """Some of the designs."""
         return Evaluated(*(x[rows] for x in self))
 
-    def with_one(self, other: Evaluated) -> Evaluated:
-        """These and further ones."""
-        return Evaluated(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
-
 
 _BLANK = Evaluated(*[np.zeros(0)] * len(Evaluated._fields))
 
@@ -132,7 +128,9 @@ class Searcher:
             one = self.evaluate(self.space.unscaled(np.asarray(unit)[None]))
             if self.store is not None:
                 self.store.put(i, one)
-        self.found = one if self.found is None else self.found.with_one(one)
+        if self.found is not None:
+            one = Evaluated(*map(np.concatenate, zip(self.found, one, strict=True)))
+        self.found = one
 
     def evaluate(self, designs: np.ndarray) -> Evaluated:
         """Follow designs through all motions."""
