@@ -195,19 +195,6 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
         UnreadableRecord: ObsPy is missing or knows no such format, gaps, or counts of the instrument: nothing
             in such a file says what acceleration a count is.
     """
-    stream = _opened(data)
-    if len(stream) == 0:
-        raise UnreadableRecord("the file holds no trace")
-    identities = [trace.id for trace in stream]
-    if len(set(identities)) < len(identities):
-        raise UnreadableRecord(
-            f"samples are missing: a channel has several pieces ({', '.join(identities[:9])})"
-        )
-    return [_channel(trace, unit) for trace in stream]
-
-
-def _opened(data: bytes) -> Any:
-    """The stream of ObsPy."""
     try:
         # ObsPy warns of its own dependencies on import.
         with warnings.catch_warnings():
@@ -221,10 +208,18 @@ def _opened(data: bytes) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            return obspy.read(io.BytesIO(data))
+            stream = obspy.read(io.BytesIO(data))
     except Exception:
         # Each of ObsPy's formats fails in its own way on a damaged file.
         raise UnreadableRecord("the file is no text, and ObsPy cannot read it") from None
+    if len(stream) == 0:
+        raise UnreadableRecord("the file holds no trace")
+    identities = [trace.id for trace in stream]
+    if len(set(identities)) < len(identities):
+        raise UnreadableRecord(
+            f"samples are missing: a channel has several pieces ({', '.join(identities[:9])})"
+        )
+    return [_channel(trace, unit) for trace in stream]
 
 
 def _channel(trace: Any, unit: str | None) -> Channel:

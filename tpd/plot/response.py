@@ -107,7 +107,13 @@ def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
         for ax, quantity in zip(axes, ("amplitude", "stroke"), strict=False):
             if quantity == "amplitude" or case.hung:
                 _lines(ax, case, quantity, style)
-                _marks(ax, case, quantity, style["color"])
+                for b in case.bifurcations:
+                    marker, _ = _MARKERS[b.kind]
+                    size = b.amplitude if quantity == "amplitude" else _stroke(case, b)
+                    marks: dict[str, Any] = {"ms": 5.5, "mfc": "white", "mew": 1.3, "zorder": 5}
+                    if b.kind is Kind.unresolved:
+                        size, marks = 0.0, {"ms": 6, "transform": ax.get_xaxis_transform(), "clip_on": False}
+                    ax.plot(b.value, size, marker, mec=style["color"], **marks)
         axes[0].plot([], [], label=label, **style)
     axes[0].set(ylabel=r"largest tilt $|\varphi|$ (rad)")
     if hung:
@@ -139,16 +145,6 @@ def _lines(ax: Any, case: Branches, quantity: str, style: dict[str, Any]) -> Non
             ax.plot(value[part], size[part], ls="-" if stable[begin] else _UNSTABLE, **style)
     size = np.zeros_like(s.value) if quantity == "amplitude" else case.rest_stroke
     ax.plot(s.value, np.where(case.margin > 0.0, size, np.nan), **style)
-
-
-def _marks(ax: Any, case: Branches, quantity: str, color: str) -> None:
-    for b in case.bifurcations:
-        marker, _ = _MARKERS[b.kind]
-        size = b.amplitude if quantity == "amplitude" else _stroke(case, b)
-        if b.kind is Kind.unresolved:
-            ax.plot(b.value, 0.0, marker, ms=6, mec=color, transform=ax.get_xaxis_transform(), clip_on=False)
-        else:
-            ax.plot(b.value, size, marker, ms=5.5, mfc="white", mec=color, mew=1.3, zorder=5)
 
 
 def _stroke(case: Branches, b: Bifurcation) -> float:
@@ -183,7 +179,12 @@ def plot_motions(
         The axes, an array.
     """
     shaken = [h for h in histories if isinstance(h, ShakingHistory)]
-    rows = [_columns(h) for h in histories]
+    rows = [
+        (h.times, h.tilt, h.swing)
+        if isinstance(h, ShakingHistory)
+        else (h.time, h.tilt, h.bob if h.with_pendulum else None)
+        for h in histories
+    ]
     hung = any(swing is not None for _, _, swing in rows)
     count = 1 + hung + 2 * bool(shaken)
     if axes is None:
@@ -213,7 +214,13 @@ def plot_motions(
                 axes[first + 1].axhline(side * stroke_limit, color=ORANGE, lw=1.2, ls=":", label=label)
             legend(axes[first + 1], loc="upper right")
     if shaken:
-        _of_ground(axes[0], axes[-1], shaken)
+        axes[0].plot(shaken[0].times, shaken[0].base, color=INK, lw=0.7)
+        axes[0].set_ylabel("base acceleration\n(m/s²)")
+        for history, style in zip(shaken, LINES, strict=False):
+            # Where the block all but leaves the ground, no friction is enough: the picture stops at 5.
+            ratio = np.abs(history.horizontal) / np.maximum(history.vertical, 1e-300)
+            axes[-1].plot(history.times, np.minimum(ratio, 5.0), **style)
+        axes[-1].set(ylabel="friction needed\n|H|/V (-)", ylim=(0.0, None))
     for ax in axes[first : first + 1 + hung]:
         ax.axhline(0.0, color=INK, lw=0.4)
         in_degrees(ax)
@@ -228,21 +235,3 @@ def plot_start(design: HarmonicDesign, axes: Any = None) -> Any:
     histories = time_histories(design.scene, design.pendulum)
     nu, limit = float(design.scene.block.slenderness), design.stroke_limit
     return plot_motions(histories, nu, stroke_limit=limit, axes=axes)
-
-
-def _columns(h: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Time (s), tilt, and angle of the rod with a pendulum (rad)."""
-    if isinstance(h, ShakingHistory):
-        return h.times, h.tilt, h.swing
-    return h.time, h.tilt, h.bob if h.with_pendulum else None
-
-
-def _of_ground(above: Any, below: Any, histories: list[ShakingHistory]) -> None:
-    """Draw the base's acceleration, and the friction that keeps the block from sliding."""
-    above.plot(histories[0].times, histories[0].base, color=INK, lw=0.7)
-    above.set_ylabel("base acceleration\n(m/s²)")
-    for history, style in zip(histories, LINES, strict=False):
-        # Where the block all but leaves the ground, no friction is enough: the picture stops at 5.
-        ratio = np.abs(history.horizontal) / np.maximum(history.vertical, 1e-300)
-        below.plot(history.times, np.minimum(ratio, 5.0), **style)
-    below.set(ylabel="friction needed\n|H|/V (-)", ylim=(0.0, None))
