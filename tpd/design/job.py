@@ -193,7 +193,14 @@ class Job:
         neighbourhood of a harmonic."""
         asked, out = self.full["conditions"], Conditions()
         if self.kind != "harmonic":
-            return self._shaken()
+            shaken = self.full["motion"]
+            if shaken["scales"] is None:
+                raise ValueError(
+                    "a design on records needs `motion.scales` (--scales), the sizes that every record is "
+                    "scaled to; `tpd fragility` and `tpd shake` follow a design through records as they are"
+                )
+            with naming("motion"):
+                return Conditions.records(self.motions, shaken["scales"], intensity=shaken["intensity"])
         if is_around(self.full):
             return None
         if size_of(self.full) > _MOST_CONDITIONS:
@@ -211,16 +218,6 @@ class Job:
             if widths := widths_of(self.full):
                 out = out * Conditions.scatter(asked["samples"], self.seed, **widths)
         return out
-
-    def _shaken(self) -> Conditions:
-        asked = self.full["motion"]
-        if asked["scales"] is None:
-            raise ValueError(
-                "a design on records needs `motion.scales` (--scales), the sizes that every record is scaled "
-                "to; `tpd fragility` and `tpd shake` follow a design through records as they are"
-            )
-        with naming("motion"):
-            return Conditions.records(self.motions, asked["scales"], intensity=asked["intensity"])
 
     @cached_property
     def space(self) -> DesignSpace:

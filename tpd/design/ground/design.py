@@ -13,8 +13,9 @@ from tpd.answers.statistics import Interval, fall
 from tpd.answers.statistics import change as difference_of
 from tpd.design.criteria import Worth
 from tpd.design.ground.judgement import Benefit, Group, Judged, Role, benefit_of, pairs_of, scatter_of
-from tpd.design.ground.objective import GroundObjective, objective_of
+from tpd.design.ground.objective import GroundObjective
 from tpd.design.ground.search import Evaluated
+from tpd.design.problem import Question
 from tpd.design.result import Comparison, Design, DesignStatus
 from tpd.design.surface import Surface
 from tpd.scene.conditions import Conditions
@@ -23,6 +24,12 @@ from tpd.scene.scene import Scene
 LEAST_EARTHQUAKES = 5
 """Earthquakes that a design must be tuned to, and as many that it must be judged on, for a verdict: of fewer
 the spread between earthquakes is hardly known."""
+
+
+def objective_of(asked: Question) -> GroundObjective:
+    """Objective of a question about ground motions."""
+    scene, worth = asked.scene, asked.worth
+    return GroundObjective(scene.block, asked.conditions, asked.limits, worth.broken, float(scene.gravity))
 
 
 class GroundVerdict(NamedTuple):

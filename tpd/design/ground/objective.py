@@ -13,7 +13,6 @@ from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.design.criteria import KINDS, THICKNESS, Geometry, Limit, Size, check_limits
 from tpd.design.objective import blank, geometry_under
-from tpd.design.problem import Question
 from tpd.records.intensity import intensity_of
 from tpd.scene.conditions import Conditions, under_all
 from tpd.scene.parameters import Parameters
@@ -184,12 +183,6 @@ class GroundObjective:
             for x in (found.tilt, found.swing, found.relative)
         )
         return Runs(tilt / nu, swing, relative, fell, undecided)
-
-
-def objective_of(question: Question) -> GroundObjective:
-    """Objective of a question about ground motions."""
-    q = question
-    return GroundObjective(q.scene.block, q.conditions, q.limits, q.worth.broken, float(q.scene.gravity))
 
 
 def check_ground_limits(limits: tuple[Limit, ...]) -> tuple[Limit, ...]:

@@ -15,9 +15,9 @@ from tpd.core.fingerprints import fingerprint, of_sources
 from tpd.core.progress import Progress
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Room, Stroke, Worth
-from tpd.design.ground.design import GroundDesign, GroundVerdict, verdict_of
+from tpd.design.ground.design import GroundDesign, GroundVerdict, objective_of, verdict_of
 from tpd.design.ground.judgement import HELD_OUT, SCATTERED, Group, Judged, grouped, judge, scatter_of
-from tpd.design.ground.objective import GroundObjective, check_ground_limits, objective_of
+from tpd.design.ground.objective import GroundObjective, check_ground_limits
 from tpd.design.ground.search import DEFAULT_SPACE, Evaluated, GroundSearch, Searcher, risk_of_known
 from tpd.design.problem import Question, check_cavity, check_given, within_mass
 from tpd.design.result import DesignStatus
