@@ -169,7 +169,15 @@ class Verification:
 
     def by_events(self, v: Verified) -> Verified:
         """Exact solution under every condition, and limits that a motion from rest says nothing about."""
-        reasons = self._broken_in_closed_form(v.evaluation) + self._too_long(v.design)
+        reasons = self._broken_in_closed_form(v.evaluation)
+        room, g = limit_of(self.objective.limits, Room), self.objective.geometry
+        if isinstance(room, Room):
+            # The rod and half of the bob must not be longer than the block is high.
+            radius = np.asarray(room.bob.radius(g.mass(v.design[None])))
+            high = float(np.max(g.rod(v.design[None]) + room.bob.slimness * radius)) / (2.0 * g.half_height)
+            if high > 1.0 + _ROUNDING:
+                kind = ReasonKind.breaks_limit
+                reasons.append(Reason(step=Step.exact, kind=kind, limit=HEIGHT, value=high))
         harms, worse, better = self.harm(v.exact)
         if harms:
             kind, value, other = ReasonKind.overturns_more, float(worse), float(better)
@@ -235,16 +243,6 @@ class Verification:
             for name, value in sizes
             if value.max() > 1.0 + _ROUNDING
         ]
-
-    def _too_long(self, design: np.ndarray) -> list[Reason]:
-        """The rod and half of the bob must not be longer than the block is high, where room is asked for."""
-        room, g = limit_of(self.objective.limits, Room), self.objective.geometry
-        if not isinstance(room, Room):
-            return []
-        radius = np.asarray(room.bob.radius(g.mass(design[None])))
-        value = float(np.max(g.rod(design[None]) + room.bob.slimness * radius)) / (2.0 * g.half_height)
-        broken = Reason(step=Step.exact, kind=ReasonKind.breaks_limit, limit=HEIGHT, value=value)
-        return [broken] if value > 1.0 + _ROUNDING else []
 
     def harm(self, exact: Motions) -> tuple[bool, int, int]:
         """Whether significantly more conditions overturn the block from rest with a design than without

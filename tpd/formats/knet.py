@@ -63,7 +63,19 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     if rate == 0 or float(scale[3]) == 0.0 or length > 1e6:
         raise UnreadableRecord("sampling frequency, duration and scale factor must be those of a record")
     # No number of samples is stated, but the duration is one of whole seconds.
-    counts = _counts(cursor)
+    numbers: list[float] = []
+    while not cursor.only_blank_lines_follow():
+        line = cursor.next("the samples").rstrip()
+        row = [line[i : i + _COLUMN] for i in range(0, len(line), _COLUMN)]
+        # A number that was cut ends too early; the blank at the end of a line may be stripped.
+        short = len(line) % _COLUMN not in (0, _COLUMN - 1)
+        if short or any(not re.fullmatch(r"\s*-?\d+\s?", cell) for cell in row):
+            raise UnreadableRecord(
+                f"line {cursor.at} must hold whole numbers of {_COLUMN} characters, but is {shown(line)}"
+            )
+        numbers += [number(cell, cursor.at) for cell in row]
+    cursor.require_end()
+    counts = np.array(numbers)
     agree_on_count(round(length * rate), len(counts), "the header (frequency and duration)")
     values = counts * (float(scale[1]) / float(scale[3]))
     stated = unit_of(scale[2], _KEYS.index("Scale Factor") + 1)
@@ -95,23 +107,6 @@ def _stated(head: dict[str, str], key: str, pattern: str) -> re.Match[str]:
     if found is None:
         raise UnreadableRecord(f"line {_KEYS.index(key) + 1} must state {key!r}, but has {shown(head[key])}")
     return found
-
-
-def _counts(cursor: Cursor) -> np.ndarray:
-    """Whole numbers in columns: a number that was cut ends too early."""
-    counts: list[float] = []
-    while not cursor.only_blank_lines_follow():
-        line = cursor.next("the samples").rstrip()
-        row = [line[i : i + _COLUMN] for i in range(0, len(line), _COLUMN)]
-        # The blank at the end of a line may be stripped.
-        short = len(line) % _COLUMN not in (0, _COLUMN - 1)
-        if short or any(not re.fullmatch(r"\s*-?\d+\s?", field) for field in row):
-            raise UnreadableRecord(
-                f"line {cursor.at} must hold whole numbers of {_COLUMN} characters, but is {shown(line)}"
-            )
-        counts += [number(field, cursor.at) for field in row]
-    cursor.require_end()
-    return np.array(counts)
 
 
 _COLUMNS = re.compile(r"^#\s*Time\s*,\s*RelativeTime", re.IGNORECASE)

@@ -13,7 +13,7 @@ from tpd.answers.ensemble import Outcomes
 from tpd.core.formatting import number
 from tpd.design.criteria import LABELS
 from tpd.design.ground.design import GroundDesign
-from tpd.design.ground.judgement import Judged, Role
+from tpd.design.ground.judgement import Role
 from tpd.design.ground.search import SPARE
 from tpd.design.objective import KINDS
 from tpd.design.result import DesignStatus, HarmonicDesign
@@ -313,15 +313,14 @@ def _judged(design: GroundDesign, figure: Sequence[Block]) -> list[Block]:
         "by the linear equations. No answer: runs that met too many events, of both sets of "
         "equations, bare and hung; all shares and means leave them out."
     )
-    return [*figure, Table((*head, *more, *strikes), tuple(map(_group, design.judged)), caption)]
-
-
-def _group(g: Judged) -> tuple[Cell, ...]:
-    role = g.name if g.role is Role.tuned or g.name == g.role.value else f"{g.name} (held out)"
-    before, after = (f"{x:.1%}" for x in g.overturned)
-    sizes = g.difference.words(), g.tilt.words(share=False), g.linear.words(), f"{g.changed:.1%}"
-    strikes = f"{g.strikes:.1%} ({g.linear_strikes:.1%})", unknown(g)
-    return role, str(g.motions), str(g.events), before, after, *sizes, *strikes
+    rows: list[tuple[Cell, ...]] = []
+    for g in design.judged:
+        role = g.name if g.role is Role.tuned or g.name == g.role.value else f"{g.name} (held out)"
+        shares = [f"{x:.1%}" for x in g.overturned]
+        sizes = g.difference.words(), g.tilt.words(share=False), g.linear.words(), f"{g.changed:.1%}"
+        broken = f"{g.strikes:.1%} ({g.linear_strikes:.1%})"
+        rows.append((role, str(g.motions), str(g.events), *shares, *sizes, broken, unknown(g)))
+    return [*figure, Table((*head, *more, *strikes), tuple(rows), caption)]
 
 
 def _surface(design: GroundDesign, figure: Sequence[Block]) -> list[Block]:

@@ -128,7 +128,10 @@ class GroundObjective:
         """Names of the limited quantities, and these over their limits, shape (m, sizes): each is exceeded in
         the allowed share of the runs in which the block stands."""
         found = list(self._sizes(runs, designs))
-        columns = [[_quantile(v[np.isfinite(v)], self.allowed) for v in size.value] for size in found]
+        # What the allowed share of the runs exceed; 0 where the block stands in no run.
+        stand = [[row[np.isfinite(row)] for row in size.value] for size in found]
+        how: Any = {"q": 1.0 - self.allowed, "method": "higher"}
+        columns = [[np.quantile(x, **how) if x.size else 0.0 for x in rows] for rows in stand]
         shape = len(found), len(designs)
         return tuple(size.name for size in found), np.array(columns, dtype=float).reshape(shape).T
 
@@ -197,8 +200,3 @@ def check_ground_limits(limits: tuple[Limit, ...]) -> tuple[Limit, ...]:
             names = ", ".join(kind.__name__ for kind in KINDS if kind.of_motion)
             raise ValueError(f"`limits` of ground motions must be of {names}, but has {checks.shown(limit)}")
     return listed
-
-
-def _quantile(values: np.ndarray, allowed: float) -> float:
-    """Value that the allowed share of the runs exceed; 0 where the block stands in no run."""
-    return float(np.quantile(values, 1.0 - allowed, method="higher")) if len(values) else 0.0

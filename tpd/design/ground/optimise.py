@@ -160,9 +160,13 @@ def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) ->
     if best is None:
         return _answer(problem, search, without, _none_feasible(found, search.names), None)
     if not found.value[best] < without - _SLIGHT:
-        again = objective.evaluate(found.designs[best][None])
-        hangs = _hangs(risk, again.severity[0], bare.severity[0])
-        verdict = _unknown(hangs) if hangs else _no_improvement(found, search.names, best, without)
+        again = objective.evaluate(found.designs[best][None]).severity[0]
+        count = int(np.isnan(again).sum() + np.isnan(bare.severity[0]).sum())
+        # At best its runs without an answer end at rest, and those of the bare block overturn.
+        ends = (again, 0.0), (bare.severity[0], 1.0)
+        least, most = (float(risk.of(np.nan_to_num(x, nan=end))) for x, end in ends)
+        hangs = count > 0 and least < most - _SLIGHT
+        verdict = _unknown(count) if hangs else _no_improvement(found, search.names, best, without)
         return _answer(problem, search, without, verdict, best)
     groups = tuple(_judged(problem, found.designs[best], group, report) for group in problem.groups)
     return _answer(problem, search, without, verdict_of(groups, problem.worth), best, groups)
@@ -207,14 +211,6 @@ def _left_out(found: Evaluated) -> str:
     """Words for the runs without an answer, if there are any."""
     count = int(found.undecided.sum())
     return f"; {count} runs without an answer are left out" if count else ""
-
-
-def _hangs(risk: Risk, with_it: np.ndarray, bare: np.ndarray) -> int:
-    """Runs without an answer on which it hangs that a design is no better than none; 0 if it does not."""
-    unknown = int(np.isnan(with_it).sum() + np.isnan(bare).sum())
-    # At best its runs end at rest, and those of the bare block overturn.
-    least = float(risk.of(np.nan_to_num(with_it, nan=0.0)))
-    return unknown if least < float(risk.of(np.nan_to_num(bare, nan=1.0))) - _SLIGHT else 0
 
 
 def _unknown(count: int) -> GroundVerdict:
