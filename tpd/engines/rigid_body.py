@@ -35,7 +35,7 @@ RADIUS = 1e-4
 _FREE = 20.0
 """Free motion after a pulse or a record, s."""
 _STEP_OPENSEES = 0.2
-"""The same of an OpenSees model."""
+"""Time step of an OpenSees model over the time constant of the contact."""
 
 
 @dataclass(frozen=True)
