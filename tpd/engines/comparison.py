@@ -336,7 +336,8 @@ class _Case:
         runs, n = self.plan(pendulum), self.ensemble.size
         if isinstance(self.scene.motion, GroundMotion):
             # The time scale of a ground motion is its own: the scatter of a frequency is for harmonics.
-            q, h = runs.p, np.full(n, float(self.scene.motion.piece) * float(self.scene.rate))
+            q: Any = runs.p
+            h = np.full(n, float(self.scene.motion.piece) * float(self.scene.rate))
             columns = np.broadcast_arrays(q.nu, q.mu, q.lam, q.zeta, q.k, q.f, h, q.rho, q.e)
             x = np.array(columns, dtype=float).T.copy()
             pieces = [np.asarray(self.scene.motion.pieces(), dtype=float)]
