@@ -34,7 +34,6 @@ from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import with_design
 from tpd.scene.scene import Scene
 from tpd.theory import uplift
-from tpd.theory.no_uplift import Uplift
 
 Count = Callable[[int, int], None]
 """Called with (units done, of how many)."""
@@ -179,7 +178,11 @@ def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_
     slope = compiled_orbits.slopes_all(x, one, along, (0, SIZES["torus"] + 1))[:, 0]
     o = one[:, 0]
     sizes, slopes = ({name: of[..., at] for name, at in SIZES.items()} for of in (o["sizes"], slope))
-    lift, margin_slope, still_slope = _uplift(q, along)
+    lift, design, still = uplift(q), np.stack([q.mu, q.lam, q.zeta]), []
+    for i in range(3):
+        stepped = uplift(with_design(q, design + 1j * _STEP * along[:, i, 1:4].T))
+        still.append([np.imag(x) / _STEP for x in stepped])
+    margin_slope, still_slope = np.moveaxis(np.array(still), 0, -1)
     margin = np.asarray(lift.margin)
     kind = kinds[np.arange(m * n), best]
     kind = np.where((margin > 0.0) & ((kind > REST) | rest_counts), REST, kind)
@@ -231,16 +234,6 @@ def _directions(p: Parameters, q: Parameters, conditions: Conditions, m: int) ->
         moved = housner(np.asarray(q.nu), np.asarray(q.rho), np.asarray(q.mu) + 1j * _STEP)
         along[:, 0, 8] = moved.imag / _STEP * along[:, 0, 1]
     return along
-
-
-def _uplift(q: Parameters, along: np.ndarray) -> tuple[Uplift, np.ndarray, np.ndarray]:
-    """Margin and stroke of a block at rest, with their derivatives."""
-    design, slopes = np.stack([q.mu, q.lam, q.zeta]), []
-    for i in range(3):
-        lift = uplift(with_design(q, design + 1j * _STEP * along[:, i, 1:4].T))
-        slopes.append([np.imag(x) / _STEP for x in lift])
-    margin, stroke = np.moveaxis(np.array(slopes), 0, -1)
-    return uplift(q), margin, stroke
 
 
 def _finite(x: np.ndarray) -> np.ndarray:

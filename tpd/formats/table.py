@@ -56,7 +56,7 @@ def read_table(cursor: Cursor, dt: float | None, unit: str | None) -> list[Chann
     """
     cursor = _with_points(cursor)
     head = _head(cursor)
-    rows = _rows(cursor, head)
+    rows = _rows(cursor)
     stated = _step(head)
     rows, count, counted = _counted(rows)
     if stated is not None and counted is not None and abs(stated - counted) > 1e-6 * stated:
@@ -181,7 +181,7 @@ def _is_row(head: Sequence[str], columns: int) -> bool:
     return _unit([line]) is None and (len(head) > 1 or not name)
 
 
-def _rows(cursor: Cursor, head: Sequence[str]) -> list[_Row]:
+def _rows(cursor: Cursor) -> list[_Row]:
     """All rows of numbers; blank lines are passed over."""
     rows: list[_Row] = []
     while not cursor.only_blank_lines_follow():

@@ -49,7 +49,17 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
     # Marks of overturning stand above all amplitudes.
     top = 1.35 * float(settled.max(initial=0.0)) or 1.0
     for i, r in enumerate(responses):
-        _amplitudes(axes[0], r, i, top)
+        style, known, lost = CASES[i], np.isin(r.status, SETTLED), r.status == "overturned"
+        # The axis begins at zero, and a block at rest has its mark there: it must not be cut in half.
+        axes[0].plot(r.frequency, np.where(known, r.amplitude, np.nan), **style, clip_on=False)
+        if lost.any():
+            marks = {"ls": "", "mec": style["mec"], "zorder": 4, **_LOST[i]}
+            axes[0].plot(r.frequency[lost], np.full(lost.sum(), top * (1.0 - 0.05 * i)), **marks)
+        other = ~known & ~lost
+        if other.any():
+            marks = {"ls": "", "marker": "DP"[i], "mfc": "none", "ms": 5, "color": style["color"]}
+            marks["label"] = f"{style['label']}: not settled"
+            axes[0].plot(r.frequency[other], np.minimum(r.amplitude[other], 0.85 * top), **marks)
         if r.overturning is not None and len(axes) > 1:
             value, low, high = r.overturning
             axes[1].fill_between(r.frequency, low, high, color=CASES[i]["color"], alpha=0.2, lw=0)
@@ -70,22 +80,6 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
     axes[-1].set_xlabel(LABELS[responses[0].name if responses else "frequency"])
     legend(axes[0])
     return axes
-
-
-def _amplitudes(ax: Any, r: Response, case: int, top: float) -> None:
-    """Settled amplitudes, and near the top marks where the block overturns or does not settle."""
-    style, known, lost = CASES[case], np.isin(r.status, SETTLED), r.status == "overturned"
-    # The axis begins at zero, and a block at rest has its mark there: it must not be cut in half.
-    ax.plot(r.frequency, np.where(known, r.amplitude, np.nan), **style, clip_on=False)
-    if lost.any():
-        height = top * (1.0 - 0.05 * case)
-        marks = {"ls": "", "mec": style["mec"], **_LOST[case]}
-        ax.plot(r.frequency[lost], np.full(lost.sum(), height), zorder=4, **marks)
-    other = ~known & ~lost
-    if other.any():
-        marks = {"ls": "", "marker": "DP"[case], "mfc": "none", "ms": 5, "color": style["color"]}
-        label = f"{style['label']}: not settled"
-        ax.plot(r.frequency[other], np.minimum(r.amplitude[other], 0.85 * top), label=label, **marks)
 
 
 def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
