@@ -42,12 +42,10 @@ def _run(read: argparse.Namespace) -> int:
     out = getattr(read, "out", None)
     existed = interrupts.exists(out)
     try:
-        with interrupts.importing():
-            # JAX is set up before any module imports it; a template needs none.
-            if read.command != "new":
-                process.use_64_bits()
-            command = import_module(f"tpd.cli.{read.command}")
-        status = command.run(read)
+        # JAX is set up before any module imports it; a template needs none.
+        if read.command != "new":
+            process.use_64_bits()
+        status = import_module(f"tpd.cli.{read.command}").run(read)
     except (Exception, KeyboardInterrupt) as error:
         status = _refused(error)
     if status == interrupts.INTERRUPTED and (hint := interrupts.leave(out, existed)):

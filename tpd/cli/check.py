@@ -47,9 +47,19 @@ def run(options: argparse.Namespace) -> int:
         if pendulum is None:
             said, is_sound = _bare(job, models, bar)
         elif job.kind == "harmonic":
-            said, is_sound = _settled(job, pendulum, models, bar)
+            # What `tpd optimise` asks of its designs.
+            found = suitability(job.scene, pendulum, asked=_asked(job), models=models, progress=bar)
+            last = [f"{refusal}." for refusal in found.refusals] or [_WORTH]
+            said = [found.check.table(), "", *_around(found, job), found.counted, "", *last]
+            is_sound = not found.refusals
         else:
-            said, is_sound = _on_motions(job, pendulum, bar)
+            # As `tpd optimise` judges its best design.
+            groups, verdict = judged(ground_problem(job.scene, **_settings(job)), pendulum, bar)
+            said = [*map(words.group, groups), "", *answer.judgement(verdict.status, verdict.reasons)]
+            most, is_sound = limit_of(job.limits, Mass), verdict.status.is_sound
+            if isinstance(most, Mass) and pendulum.mass > most.kg:
+                said.append(f"does not fit: the bob exceeds the limit on mass, {most.kg:g} kg.")
+                is_sound = False
     print("\n".join(["", *said]))
     return SOUND if is_sound else UNSOUND
 
@@ -84,16 +94,6 @@ def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace,
     return SOUND if sound else UNSOUND
 
 
-def _on_motions(job: Job, hung: Pendulum, bar: Bar) -> tuple[list[str], bool]:
-    """Judge a pendulum under pulses and records as `tpd optimise` judges its best design."""
-    groups, verdict = judged(ground_problem(job.scene, **_settings(job)), hung, bar)
-    said = [*map(words.group, groups), "", *answer.judgement(verdict.status, verdict.reasons)]
-    most = limit_of(job.limits, Mass)
-    if isinstance(most, Mass) and hung.mass > most.kg:
-        return [*said, f"does not fit: the bob exceeds the limit on mass, {most.kg:g} kg."], False
-    return said, verdict.status.is_sound
-
-
 def _bare(job: Job, models: tuple[str, ...], bar: Bar) -> tuple[list[str], bool]:
     """Models of the bare block, which a report without a pendulum is about."""
     said: list[str] = []
@@ -103,13 +103,6 @@ def _bare(job: Job, models: tuple[str, ...], bar: Bar) -> tuple[list[str], bool]
         if rests(_asked(job)):
             return [*said, _RESTS], True
     return [*said, "does not help: the report offers no pendulum."], False
-
-
-def _settled(job: Job, hung: Pendulum, models: tuple[str, ...], bar: Bar) -> tuple[list[str], bool]:
-    """Ask of a pendulum under harmonic motion what `tpd optimise` asks of its designs."""
-    found = suitability(job.scene, hung, asked=_asked(job), models=models, progress=bar)
-    last = [f"{refusal}." for refusal in found.refusals] or [_WORTH]
-    return [found.check.table(), "", *_around(found, job), found.counted, "", *last], not found.refusals
 
 
 def _around(found: Suitability, job: Job) -> list[str]:

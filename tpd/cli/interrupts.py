@@ -25,7 +25,8 @@ SOUND, BAD_INPUT, UNSOUND, INTERRUPTED = 0, 2, 3, 130
 """Exit statuses; the last one is that after Ctrl-C."""
 UNFINISHED = "unfinished.npz"
 """Name of the file in which an interrupted search leaves what had ended."""
-_RECEIVED, _IMPORTING = threading.Event(), threading.Event()
+_RECEIVED, _RAISED = threading.Event(), threading.Event()
+"""Whether Ctrl-C came, and whether it has become an exception."""
 _SOON = 0.2
 """Seconds after which a command says what it does; bad input is refused earlier where JAX is imported."""
 _SHOW = warnings.showwarning
@@ -135,25 +136,19 @@ def _end_with(pipe: int) -> None:
     os._exit(INTERRUPTED)
 
 
-def _interrupt(*_: Any) -> None:
-    """Note the signal before it becomes an exception: an import or a compiler turns that into another one."""
-    if not _RECEIVED.is_set():
-        _RECEIVED.set()
-        if not _IMPORTING.is_set():
-            raise KeyboardInterrupt
-
-
-@contextlib.contextmanager
-def importing() -> Iterator[None]:
-    """Let Ctrl-C wait for the end of imports: compiled modules print a traceback of theirs and go on. Who
-    waits for this process ends it `_PATIENCE` seconds later in any case."""
-    _IMPORTING.set()
-    try:
-        yield
-    finally:
-        _IMPORTING.clear()
-    if _RECEIVED.is_set():
-        raise KeyboardInterrupt
+def _interrupt(_: Any, frame: Any) -> None:
+    """Note the signal before it becomes an exception: a compiler turns that into another one. Within an
+    import it becomes one later, since extensions print what is raised while they load."""
+    _RECEIVED.set()
+    if _RAISED.is_set():
+        return
+    while frame is not None and "importlib" not in frame.f_code.co_filename:
+        frame = frame.f_back
+    if frame is not None:
+        _later()
+        return
+    _RAISED.set()
+    raise KeyboardInterrupt
 
 
 def received() -> bool:
@@ -165,11 +160,17 @@ def _again(lost: Any) -> None:
     """Raise the exception again that Python dropped in a destructor."""
     if lost.exc_type is KeyboardInterrupt:
         # A moment later: raised in here it would be dropped once more, with a traceback.
-        later = threading.Timer(0.01, _thread.interrupt_main)
-        later.daemon = True
-        later.start()
+        _RAISED.clear()
+        _later()
     else:
         sys.__unraisablehook__(lost)
+
+
+def _later() -> None:
+    """Interrupt the main thread in a moment."""
+    later = threading.Timer(0.01, _thread.interrupt_main)
+    later.daemon = True
+    later.start()
 
 
 def warned(message: Warning | str, category: type[Warning], *where: Any, **how: Any) -> None:

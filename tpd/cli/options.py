@@ -94,7 +94,10 @@ class Option:
         key = keys()[self.table][self.key]
         # The default is read from the schema, so that a help text cannot drift from the code.
         default = key.get("default") if self.metavar is not None else None
-        text = _clause(key["description"]) + ("" if default is None else f" (default {_shown(default)})")
+        text = _clause(key["description"])
+        if default is not None:
+            values = default if isinstance(default, list) else [default]
+            text += f" (default {' '.join(v if isinstance(v, str) else f'{v:g}' for v in values)})"
         counts = {_count(part) for part in _parts(key)}
         count = 0 if self.metavar is None else None
         if self.metavar is not None and counts != {1} and not self.one:
@@ -179,9 +182,3 @@ def _clause(text: str) -> str:
     """First sentence of a description, without a capital and its full stop."""
     first = re.split(r"(?<=[a-z0-9)])\. ", text)[0].removesuffix(".")
     return first if first[1:2].isupper() else first[:1].lower() + first[1:]
-
-
-def _shown(default: Any) -> str:
-    """A default as it would be written after the option."""
-    values = default if isinstance(default, list) else [default]
-    return " ".join(v if isinstance(v, str) else f"{v:g}" for v in values)

@@ -56,7 +56,14 @@ def run(options: argparse.Namespace) -> int:
     strong = STRONG * float(scene.block.slenderness) * float(scene.rate)
     for name, pair in found.items():
         print("\n".join(_table(name, pair, histories[name], strong)))
-    results = {name: _results(*pair, histories[name], strong) for name, pair in found.items()}
+    results: dict[str, Any] = {}
+    for name, (counts, linear) in found.items():
+        more = {
+            "impacts": histories[name].impacts_above(strong),
+            "impacts_faster_than_rad_s": strong,
+            "needed_friction": histories[name].needed_friction,
+        }
+        results[name] = {**_numbers(counts), "equations": "nonlinear", "linear": _numbers(linear) | more}
     content = files.as_json({**common.inputs(scene, hung), "results": results})
     # The film is about the largest tilt, or about the fall, of the bare block by the linear equations.
     first = found[common.BARE][-1]
@@ -117,16 +124,6 @@ def _files(
     yield "histories.png", style.png(axes[0].figure)
     # Six seconds before it and four after it.
     yield "animation.gif", animate(scene, hung, list(films.values()), start=max(0.0, middle - 6.0))
-
-
-def _results(counts: Transient, linear: Transient, history: ShakingHistory, strong: float) -> dict[str, Any]:
-    """Numbers of one case by both sets of equations, for JSON."""
-    more = {
-        "impacts": history.impacts_above(strong),
-        "impacts_faster_than_rad_s": strong,
-        "needed_friction": history.needed_friction,
-    }
-    return {**_numbers(counts), "equations": "nonlinear", "linear": _numbers(linear) | more}
 
 
 def _numbers(answer: Transient) -> dict[str, Any]:

@@ -135,49 +135,30 @@ def reasons_by_runs(
     if gain.rests_less:
         rest, bare = (float(np.sum(o.status == "rest")) for o in (found.hung, found.bare))
         out.append(Reason(step=step, kind=ReasonKind.rests_less, value=rest, reference=bare, total=gain.runs))
-    out += _worse_condition(gain, conditions, step)
+    if gain.worse_conditions:
+        # Of the conditions that the design makes worse the one that it makes worse by most.
+        with_it, without = gain.by_condition
+        worst = max(gain.worse_conditions, key=lambda i: with_it[i] - without[i])
+        kind, sizes = ReasonKind.worse_condition, (float(with_it[worst]), float(without[worst]))
+        at, total = conditions.label(worst), len(gain.worse_conditions)
+        out.append(
+            Reason(step=step, kind=kind, condition=at, value=sizes[0], reference=sizes[1], total=total)
+        )
     # Where no run has an answer there is no benefit either. In few runs the interval of a ratio of means may
     # lie above zero where that of their difference does not.
     if not (gain.value >= worth.at_least and gain.low > 0.0 and gain.changes[0].high < 0.0):
         kind = ReasonKind.too_little_benefit
         out.append(Reason(step=step, kind=kind, value=gain.value, low=gain.low, reference=worth.at_least))
-    return (*out, *_hanging(v, worth, conditions, step, refused=bool(out)))
-
-
-def _hanging(
-    v: Verified, worth: Worth, conditions: Conditions, step: Step, *, refused: bool
-) -> tuple[Reason, ...]:
-    """Reason where the verdict hangs on runs without an answer: it is another one if they end otherwise."""
-    assert v.paired is not None
-    assert v.benefit is not None
-    if not v.benefit.ends:
-        return ()
-    hung, verdicts = v.paired.hung, {refused}
-    stands, unknown = np.sum(~(hung.lost | hung.undecided)), np.sum(hung.undecided)
-    # A run that stands may strike, which is against the pendulum as well.
-    strikes = (v.strikes * stands + np.array([unknown, 0])) / max(stands + unknown, 1)
-    for found, gain, struck in zip(v.paired.ends, v.benefit.ends, strikes, strict=True):
-        end = replace(v, paired=found, benefit=gain, strikes=float(struck))
-        verdicts.add(bool(reasons_by_runs(end, worth, conditions)))
-    if len(verdicts) == 1:
-        return ()
-    count, total = v.benefit.undecided, v.benefit.undecided + v.benefit.runs
-    return (Reason(step=step, kind=ReasonKind.undecided, value=float(count), total=total),)
-
-
-def _worse_condition(gain: Benefit, conditions: Conditions, step: Step) -> list[Reason]:
-    """The condition that the design makes worse by most, of those that it makes worse."""
-    if not gain.worse_conditions:
-        return []
-    with_it, without = gain.by_condition
-    worst = max(gain.worse_conditions, key=lambda i: with_it[i] - without[i])
-    return [
-        Reason(
-            step=step,
-            kind=ReasonKind.worse_condition,
-            condition=conditions.label(worst),
-            value=float(with_it[worst]),
-            reference=float(without[worst]),
-            total=len(gain.worse_conditions),
-        )
-    ]
+    if gain.ends:
+        # The verdict hangs on runs without an answer where it is another one if they end otherwise.
+        hung, verdicts = found.hung, {bool(out)}
+        stands, unknown = np.sum(~(hung.lost | hung.undecided)), np.sum(hung.undecided)
+        # A run that stands may strike, which is against the pendulum as well.
+        strikes = (v.strikes * stands + np.array([unknown, 0])) / max(stands + unknown, 1)
+        for paired, benefit, struck in zip(found.ends, gain.ends, strikes, strict=True):
+            end = replace(v, paired=paired, benefit=benefit, strikes=float(struck))
+            verdicts.add(bool(reasons_by_runs(end, worth, conditions)))
+        if len(verdicts) > 1:
+            kind, total = ReasonKind.undecided, gain.undecided + gain.runs
+            out.append(Reason(step=step, kind=kind, value=float(gain.undecided), total=total))
+    return tuple(out)

@@ -385,8 +385,15 @@ class Offset(Limit):
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The offset l sin(angle) over the limit."""
-        reach, slope = _reach(e, g)
-        yield Size(self.name, reach / self.distance, slope / self.distance)
+        angle, angle_slope = _relative(e, g)
+        rod = g.rod(e.design)
+        # Beyond a right angle the bob comes back towards the axis, but it has been a rod's length away.
+        inside = angle < 0.5 * np.pi
+        sine = np.sin(np.minimum(angle, 0.5 * np.pi))
+        across = np.where(inside, rod * np.cos(np.where(inside, angle, 0.0)), 0.0)
+        slope = across[..., None] * angle_slope
+        slope[..., 1] += rod / e.design[:, 1, None] * sine
+        yield Size(self.name, rod * sine / self.distance, slope / self.distance)
 
 
 @dataclass(frozen=True)
@@ -543,16 +550,3 @@ def _relative(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
         return e.relative, np.zeros((*e.relative.shape, 3))
     nu = g.slenderness[None, :]
     return e.stroke + e.tilt * nu, e.stroke_slope + e.tilt_slope * nu[..., None]
-
-
-def _reach(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
-    """Largest distance of the bob's centre from the block's axis, m, and its derivatives."""
-    angle, angle_slope = _relative(e, g)
-    rod = g.rod(e.design)
-    # Beyond a right angle the bob comes back towards the axis, but it has been a rod's length away.
-    inside = angle < 0.5 * np.pi
-    sine = np.sin(np.minimum(angle, 0.5 * np.pi))
-    across = np.where(inside, rod * np.cos(np.where(inside, angle, 0.0)), 0.0)
-    slope = across[..., None] * angle_slope
-    slope[..., 1] += rod / e.design[:, 1, None] * sine
-    return rod * sine, slope

@@ -126,30 +126,22 @@ class Job:
     def _read(self) -> tuple[tuple[GroundMotion, ...], tuple[str, ...]]:
         asked = self.full["motion"]
         if self.kind == "pulse":
-            return (self._pulse(),), ()
+            if asked["pulse"] is None or asked["pulse_frequency"] is None:
+                raise ValueError(
+                    "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_frequency` "
+                    "(--pulse-frequency HZ)"
+                )
+            shape = {name: asked[name] for name in ("cycles", "phase")}
+            shape |= {"kind": asked["pulse"], "frequency": asked["pulse_frequency"]}
+            with naming("motion", kind="pulse", frequency="pulse_frequency", pga_g="pga"):
+                pulse = Pulse(acceleration=STANDARD_GRAVITY, **shape)
+                # Of 1 g where its size is not given.
+                return (pulse.scaled_to(pga_g=1.0 if asked["pga"] is None else asked["pga"]),), ()
         found, notes = self._records(asked["records"], asked["event"])
         if asked["pga"] is not None:
             with naming("motion", pga_g="pga"):
                 found = [motion.scaled_to(pga_g=asked["pga"]) for motion in found]
         return tuple(found), tuple(notes)
-
-    def _pulse(self) -> Pulse:
-        """The pulse, of 1 g where its size is not given."""
-        asked = self.full["motion"]
-        if asked["pulse"] is None or asked["pulse_frequency"] is None:
-            raise ValueError(
-                "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_frequency` (--pulse-frequency "
-                "HZ)"
-            )
-        shape = {name: asked[name] for name in ("cycles", "phase")}
-        with naming("motion", kind="pulse", frequency="pulse_frequency", pga_g="pga"):
-            found = Pulse(
-                kind=asked["pulse"],
-                acceleration=STANDARD_GRAVITY,
-                frequency=asked["pulse_frequency"],
-                **shape,
-            )
-            return found.scaled_to(pga_g=1.0 if asked["pga"] is None else asked["pga"])
 
     def _records(self, names: Sequence[str], events: Sequence[str] | None) -> Any:
         how = {name: self.full["motion"][name] for name in ("channel", "dt", "unit", "baseline")}
@@ -193,7 +185,14 @@ class Job:
         neighbourhood of a harmonic."""
         asked, out = self.full["conditions"], Conditions()
         if self.kind != "harmonic":
-            return self._shaken()
+            shaken = self.full["motion"]
+            if shaken["scales"] is None:
+                raise ValueError(
+                    "a design on records needs `motion.scales` (--scales), the sizes that every record is "
+                    "scaled to; `tpd fragility` and `tpd shake` follow a design through records as they are"
+                )
+            with naming("motion"):
+                return Conditions.records(self.motions, shaken["scales"], intensity=shaken["intensity"])
         if is_around(self.full):
             return None
         if size_of(self.full) > _MOST_CONDITIONS:
@@ -211,16 +210,6 @@ class Job:
             if widths := widths_of(self.full):
                 out = out * Conditions.scatter(asked["samples"], self.seed, **widths)
         return out
-
-    def _shaken(self) -> Conditions:
-        asked = self.full["motion"]
-        if asked["scales"] is None:
-            raise ValueError(
-                "a design on records needs `motion.scales` (--scales), the sizes that every record is scaled "
-                "to; `tpd fragility` and `tpd shake` follow a design through records as they are"
-            )
-        with naming("motion"):
-            return Conditions.records(self.motions, asked["scales"], intensity=asked["intensity"])
 
     @cached_property
     def space(self) -> DesignSpace:

@@ -29,7 +29,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Array, Float
+from jaxtyping import Array
 from scipy.optimize import Bounds, minimize
 
 from tpd.core import checks
@@ -105,7 +105,14 @@ def smoothed_merit(at: Linearisation, cap: float, width: float) -> tuple[np.ndar
     """The smoothed merit (m,) and its slopes (m, d); of a design with an infinite value not finite."""
     known = np.all(np.isfinite(at.value), axis=1)
     at = at._replace(value=np.where(known[:, None], at.value, 0.0))
-    level = _level(at.value, cap, width)
+    # The s of the smoothed measure, where the weights sum to one, by bisection.
+    low = at.value.min(axis=1) - 40.0 * width
+    high = at.value.max(axis=1) + width * np.log(at.value.shape[1] + 1.0)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        over = cap * np.sum(_sigmoid((at.value - middle[:, None]) / width), axis=1) < 1.0
+        low, high = np.where(over, low, middle), np.where(over, middle, high)
+    level = 0.5 * (low + high)
     above = (at.value - level[:, None]) / width
     value = level + cap * width * np.sum(np.logaddexp(0.0, above), axis=1)
     over = at.limit / (_SHARPER * width)
@@ -113,18 +120,6 @@ def smoothed_merit(at: Linearisation, cap: float, width: float) -> tuple[np.ndar
     slope = cap * np.einsum("mn,mnd->md", _sigmoid(above), at.slope)
     slope = slope + PENALTY * np.einsum("ml,mld->md", _sigmoid(over), at.limit_slope)
     return np.where(known, value, np.inf), np.where(known[:, None], slope, 0.0)
-
-
-def _level(value: np.ndarray, cap: float, width: float) -> Float[np.ndarray, "m"]:
-    """The s of the smoothed measure: where the weights sum to one, by bisection."""
-    n = value.shape[1]
-    low = value.min(axis=1) - 40.0 * width
-    high = value.max(axis=1) + width * np.log(n + 1.0)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        over = cap * np.sum(_sigmoid((value - middle[:, None]) / width), axis=1) < 1.0
-        low, high = np.where(over, low, middle), np.where(over, middle, high)
-    return 0.5 * (low + high)
 
 
 def _sigmoid(x: np.ndarray) -> np.ndarray:
@@ -361,12 +356,8 @@ class Descent(Method):
 
 def describe(method: Method) -> dict[str, object]:
     """Settings of a method as plain values, enough to repeat it."""
-    settings: dict[str, object] = {
-        "method": method.name,
-        "searches": method.searches,
-        "screening": method.screening,
-        "steps": method.steps,
-    }
+    settings: dict[str, object] = {"method": method.name}
+    settings |= {name: getattr(method, name) for name in ("searches", "screening", "steps")}
     if isinstance(method, Descent):
         settings |= {"optimiser": method.optimiser_name, "tolerance": method.tolerance}
         settings |= {"model": repr(method.model)}

@@ -34,7 +34,6 @@ from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import with_design
 from tpd.scene.scene import Scene
 from tpd.theory import uplift
-from tpd.theory.no_uplift import Uplift
 
 Count = Callable[[int, int], None]
 """Called with (units done, of how many)."""
@@ -179,7 +178,11 @@ def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_
     slope = compiled_orbits.slopes_all(x, one, along, (0, SIZES["torus"] + 1))[:, 0]
     o = one[:, 0]
     sizes, slopes = ({name: of[..., at] for name, at in SIZES.items()} for of in (o["sizes"], slope))
-    lift, margin_slope, still_slope = _uplift(q, along)
+    lift, design, still = uplift(q), np.stack([q.mu, q.lam, q.zeta]), []
+    for i in range(3):
+        stepped = uplift(with_design(q, design + 1j * _STEP * along[:, i, 1:4].T))
+        still.append([np.imag(x) / _STEP for x in stepped])
+    margin_slope, still_slope = np.moveaxis(np.array(still), 0, -1)
     margin = np.asarray(lift.margin)
     kind = kinds[np.arange(m * n), best]
     kind = np.where((margin > 0.0) & ((kind > REST) | rest_counts), REST, kind)
@@ -198,8 +201,11 @@ def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_
     tilt_slope = chosen(slopes["amplitude"] / nu[:, None], 0.0)
     multiplier = np.max(np.abs(o["multipliers"]), axis=-1)
     turn = np.stack([sizes["amplitude"], o["bob"], sizes["phase"], o["bob_rate"]], axis=-1)
+    # What does not attract is above any orbit that does, whose tilt is below one: a search must leave such
+    # designs, and the uplift margin says which way leads to rest.
+    nothing = np.where(kind == UNSTABLE, 1.0 + tilt, 2.0 - margin)
     out = Evaluation(
-        merit=_merit(kind, tilt, margin),
+        merit=np.where(kind <= NEAR, tilt, np.where(kind == REST, -margin, nothing)),
         merit_slope=np.where(moves[:, None], tilt_slope, -_finite(margin_slope)),
         tilt=tilt,
         tilt_slope=tilt_slope,
@@ -228,24 +234,6 @@ def _directions(p: Parameters, q: Parameters, conditions: Conditions, m: int) ->
         moved = housner(np.asarray(q.nu), np.asarray(q.rho), np.asarray(q.mu) + 1j * _STEP)
         along[:, 0, 8] = moved.imag / _STEP * along[:, 0, 1]
     return along
-
-
-def _uplift(q: Parameters, along: np.ndarray) -> tuple[Uplift, np.ndarray, np.ndarray]:
-    """Margin and stroke of a block at rest, with their derivatives."""
-    design, slopes = np.stack([q.mu, q.lam, q.zeta]), []
-    for i in range(3):
-        lift = uplift(with_design(q, design + 1j * _STEP * along[:, i, 1:4].T))
-        slopes.append([np.imag(x) / _STEP for x in lift])
-    margin, stroke = np.moveaxis(np.array(slopes), 0, -1)
-    return uplift(q), margin, stroke
-
-
-def _merit(kind: np.ndarray, tilt: np.ndarray, margin: np.ndarray) -> np.ndarray:
-    """Merit of an orbit, of rest, or of nothing that attracts: the worse, the larger."""
-    # Above any attracting orbit, whose tilt is below one: a search must leave such designs, and the uplift
-    # margin says which way leads to rest.
-    nothing = np.where(kind == UNSTABLE, 1.0 + tilt, 2.0 - margin)
-    return np.where(kind <= NEAR, tilt, np.where(kind == REST, -margin, nothing))
 
 
 def _finite(x: np.ndarray) -> np.ndarray:

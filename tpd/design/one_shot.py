@@ -122,15 +122,9 @@ class OneShot:
         turned = (np.abs(own.tilt_slope - exact.tilt_slope) / steep).max(axis=2)
         turned = np.where(self.follows, turned, 0.0)
         ends = Book(o.at, o.risk.of, found.x, o.linearised(exact)).ends(cap)
-        return found._replace(
-            local=ends.local,
-            merit=ends.merit,
-            stationarity=ends.stationarity,
-            weights=ends.weights,
-            open=ends.open,
-            mismatch=np.stack([apart.max(axis=1), turned.max(axis=1)], axis=1),
-            lost=lost,
-        )
+        known = {name: getattr(ends, name) for name in ("local", "merit", "stationarity", "weights", "open")}
+        mismatch = np.stack([apart.max(axis=1), turned.max(axis=1)], axis=1)
+        return found._replace(**known, mismatch=mismatch, lost=lost)
 
     def prepare(self) -> None:
         """Begin to compile the step; `evaluate` waits for it."""

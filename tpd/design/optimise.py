@@ -131,7 +131,10 @@ def solve(
     # If the bare block lifts under no condition there may be nothing to search.
     p = problem.orbits.p
     if not np.all(margins(problem.orbits, np.array([[0.0, float(p.lam), float(p.zeta)]])) > 0.0):
-        _prepare(problem)
+        # Compiled while the bare block is followed; not at once, since only one thread at a time can trace.
+        if isinstance(problem.method, Descent) and isinstance(problem.method.model, Smoothed):
+            OneShot(problem.orbits, problem.method.model).prepare()
+        aside(load_compiled)
     objective, verification = problem.objective, Verification(problem, progress)
     few = objective.over(objective.conditions.subset(SEARCHED, problem.seed))
     search = Multistart(few, problem.method, problem.seed, progress)
@@ -149,16 +152,25 @@ def solve(
         # Whoever interrupts a survey has waited for the searches before it.
         if found.search.groups and not found.verification.verified:
             found.status = found.verification.best_of(found.search)
-    return _design(problem, found)
-
-
-def _prepare(problem: Problem) -> None:
-    """Begin to compile what the search and the verification need."""
-    o, method = problem.orbits, problem.method
-    if isinstance(method, Descent) and isinstance(method.model, Smoothed):
-        OneShot(o, method.model).prepare()
-    # Not at once: only one thread at a time can trace.
-    aside(load_compiled)
+    verified = tuple(verification.verified)
+    offered = verified[-1] if found.status is DesignStatus.found else None
+    alike = None
+    if offered is not None and verification.refinement is not None:
+        alike = verification.refinement.alike(offered.design)
+    none = not search.interrupted and found.status is DesignStatus.none_feasible
+    return HarmonicDesign(
+        **problem.inputs,
+        status=DesignStatus.interrupted if search.interrupted else found.status,
+        pendulum=None if offered is None else pendulum_of(problem.scene, offered),
+        verified=verified,
+        bare=verification.bare,
+        nearest=nearest_of(found.surveys[-1]) if none else None,
+        search=search.history,
+        surveys=found.surveys,
+        losses=found.losses,
+        alike=alike,
+        settings=describe(problem.method),
+    )
 
 
 def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
@@ -186,27 +198,3 @@ def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
     if found.status is DesignStatus.found:
         winner = verification.verified[-1]
         found.losses = verification.fresh.under_other_losses(pendulum_of(problem.scene, winner))
-
-
-def _design(problem: Problem, found: Found) -> HarmonicDesign:
-    """The answer, from what was searched and verified."""
-    search, verification = found.search, found.verification
-    verified = tuple(verification.verified)
-    offered = verified[-1] if found.status is DesignStatus.found else None
-    alike = None
-    if offered is not None and verification.refinement is not None:
-        alike = verification.refinement.alike(offered.design)
-    none = not search.interrupted and found.status is DesignStatus.none_feasible
-    return HarmonicDesign(
-        **problem.inputs,
-        status=DesignStatus.interrupted if search.interrupted else found.status,
-        pendulum=None if offered is None else pendulum_of(problem.scene, offered),
-        verified=verified,
-        bare=verification.bare,
-        nearest=nearest_of(found.surveys[-1]) if none else None,
-        search=search.history,
-        surveys=found.surveys,
-        losses=found.losses,
-        alike=alike,
-        settings=describe(problem.method),
-    )

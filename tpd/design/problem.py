@@ -28,7 +28,7 @@ from tpd.design.methods import SMOOTHED, Descent, Method, describe
 from tpd.design.objective import Orbits, geometry_of
 from tpd.models.piecewise import Piecewise
 from tpd.scene.conditions import Conditions, check_restitution, under_all
-from tpd.scene.parameters import Parameters, as_arrays
+from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Block, Harmonic, Scene, check_shaking
 
 _KINDS = {
@@ -178,9 +178,15 @@ class Problem(Question):
         check_moves(scene, conditions, space)
         # Housner's restitution is least with the heaviest bob.
         heaviest = under_all(as_arrays(scene.parameters()), space.full(space.bounds[1])[None], conditions)
-        method = _with_model(Descent() if method is None else method, heaviest)
-        if isinstance(method, Descent) and method.model is not None:
-            method.model.check(heaviest)
+        method = Descent() if method is None else method
+        if isinstance(method, Descent):
+            model = method.model
+            if model is None:
+                # Where impacts take much, the bias of smoothed ones comes near to the tolerance of the ends.
+                smooth = bool(np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH))
+                model = SMOOTHED if smooth else Piecewise()
+            model.check(heaviest)
+            method = replace(method, model=model)
         limits = check_limits(DEFAULT_LIMITS if limits is None else limits)
         check_cavity(scene.block, limits)
         starts = Starts.any() if starts is None else starts
@@ -227,12 +233,3 @@ class Problem(Question):
         return fingerprint(
             of_sources(), self.scene, self.conditions, self.space, *criteria, self.starts, *settings
         )
-
-
-def _with_model(method: Method, p: Parameters) -> Method:
-    """The method with the model that `Descent` takes by default: smoothed signs, or the exact orbits where
-    impacts take so much that the bias of smoothed ones comes near to the tolerance of the ends."""
-    if not isinstance(method, Descent) or method.model is not None:
-        return method
-    smooth = bool(np.all(np.asarray(p.velocity_ratio) >= _SMOOTH))
-    return replace(method, model=SMOOTHED if smooth else Piecewise())

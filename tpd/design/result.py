@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -26,7 +27,37 @@ from tpd.scene.scene import Pendulum, Scene
 
 if TYPE_CHECKING:
     from tpd.design.build import Study
-    from tpd.design.reading import StoredDesign
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class StoredDesign(Printed):
+    """A design as its report holds it."""
+
+    path: Path
+    status: DesignStatus
+    pendulum: Pendulum | None
+    """None where no design is offered."""
+    tables: dict[str, Any]
+    """Tables of the job file that repeats the run."""
+    versions: dict[str, str]
+    """Versions of the packages that made the design, by name."""
+    content: dict[str, Any]
+    """The whole file."""
+
+    @cached_property
+    def job(self) -> Any:
+        """The question, a `Job`: scene, space, limits, and what else `tpd.optimise` takes. Records are read
+        again."""
+        return above("design.job:job_of")(self.tables)
+
+    def __str__(self) -> str:
+        # The sentence of the report has the reasons for its verdict.
+        sentence = str(self.content.get("verdict", self.status.value))
+        lines = [f"Stored design: {self.status.name}", sentence]
+        if (hung := self.pendulum) is not None:
+            size = f"{hung.mass:.4g} kg on {hung.length:.4g} m, ζ = {hung.damping_ratio:.4g}"
+            lines.append(f"  pendulum    {size}")
+        return "\n".join(lines)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,9 +106,7 @@ class Design(Question, Printed):
                 is not allowed.
         """
         # Who designs does not wait for readers of records and jobs.
-        from tpd.design.reading import read_design
-
-        return read_design(path)
+        return above("design.reading:read_design")(path)
 
     def plot(self, what: str = "landscape", *, ax: Any = None) -> Any:
         """Draw the design, and return the axes, an array where there are several.

@@ -137,6 +137,11 @@ def build_of(design: Design, moved: tuple[Moved, ...] = ()) -> Build | None:
     up = body * (1.0 + rod_share) / mass if math.isfinite(body) else 1.0
     # Both limits of |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`.
     capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction or 0.0)
+    lifts = None
+    if isinstance(scene.motion, Harmonic):
+        both = scene.parameters(hung), scene.parameters()
+        with_it, without = (float(p.f / (1.0 - uplift(p).margin)) for p in both)
+        lifts = with_it, without
     return Build(
         bob=bob,
         mass=body,
@@ -155,26 +160,24 @@ def build_of(design: Design, moved: tuple[Moved, ...] = ()) -> Build | None:
         rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,
         weight=body * (1.0 + rod_share) * g,
         loads=None if loads is None else loads._replace(tension=loads.tension * up, hinge=loads.hinge * up),
-        lifts=_lifts(scene, hung) if isinstance(scene.motion, Harmonic) else None,
+        lifts=lifts,
         lifts_slow_fast=(capacity / (1.0 + 2.0 * mu), capacity),
         pull=pull_test(scene),
         moved=moved,
     )
 
 
-def _lifts(scene: Scene, hung: Pendulum) -> tuple[float, float]:
-    """See `Build.lifts`."""
-    with_it, without = (
-        float(p.f / (1.0 - uplift(p).margin)) for p in (scene.parameters(hung), scene.parameters())
-    )
-    return with_it, without
-
-
 def _strongest(design: Any) -> list[Any]:
     """Motions of a design's conditions, those in which the rod turns most if there are many."""
     c, motion = design.conditions, design.scene.motion
     if c.motions:
-        return _of_motions(design)
+        # Those in which the block stands by the linear equations.
+        objective = design.objective
+        turned = objective.evaluate(design.best[None]).relative[0]
+        order = np.argsort(-np.nan_to_num(turned, posinf=-1.0, nan=-1.0))
+        known = [i for i in order if np.isfinite(turned[i])][:_MOTIONS]
+        motions, factors = objective.conditions.motions, objective.factors
+        return [motions[int(objective.conditions.which[i])].scaled(float(factors[i])) for i in known]
     found = [
         Pulse.sine_train(
             acceleration=float(motion.amplitude * a * (motion.rate * w) ** 2),
@@ -187,16 +190,6 @@ def _strongest(design: Any) -> list[Any]:
     stroke = np.zeros(len(found)) if design.best is None else design.best.evaluation.stroke[0]
     order = np.argsort(-np.nan_to_num(stroke, posinf=-1.0, nan=-1.0), kind="stable")
     return [found[i] for i in order[:_MOTIONS]]
-
-
-def _of_motions(design: Any) -> list[Any]:
-    """Ground motions that a design is tuned to, as strong as its conditions say: those in which the block
-    stands by the linear equations and the rod turns most against it."""
-    objective = design.objective
-    turned = objective.evaluate(design.best[None]).relative[0]
-    order = [i for i in np.argsort(-np.nan_to_num(turned, posinf=-1.0, nan=-1.0)) if np.isfinite(turned[i])]
-    which, motions = np.asarray(objective.conditions.which), objective.conditions.motions
-    return [motions[int(which[i])].scaled(float(objective.factors[i])) for i in order[:_MOTIONS]]
 
 
 def moved_of(design: Design, progress: Progress | None = None) -> tuple[Moved, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tpd.answers.compare_models import Check, check
 from tpd.core.progress import Progress
-from tpd.design.criteria import DesignSpace, Limit, Mass, Offset, Worsening, Worth, limit_of, stroke_limit
+from tpd.design.criteria import DesignSpace, Mass, Offset, Worsening, Worth, limit_of, stroke_limit
 from tpd.design.problem import Problem
 from tpd.design.survey import ROOM
 from tpd.design.verified import Reason, ReasonKind, Step, Verified, one_of_a_kind
@@ -67,19 +67,11 @@ _SORTS = ("does not help", "does not fit", "DO NOT USE")
 
 def _sort(reason: Reason) -> str:
     """Kind of a refusal that a reason belongs to."""
-    match reason.kind:
-        case ReasonKind.strikes:
-            return "does not fit"
-        case ReasonKind.breaks_limit if reason.limit in (*ROOM, HEIGHT, Mass.name, Offset.name):
-            return "does not fit"
-        case ReasonKind.breaks_limit if reason.limit == Worsening.name:
-            return "does not help"
-        case ReasonKind.rocks_more | ReasonKind.too_little_benefit:
-            return "does not help"
-        case ReasonKind.rests_less | ReasonKind.worse_condition:
-            return "does not help"
-        case _:
-            return "DO NOT USE"
+    kinds = ReasonKind.rocks_more, ReasonKind.too_little_benefit, ReasonKind.rests_less
+    if reason.kind is ReasonKind.strikes or reason.limit in (*ROOM, HEIGHT, Mass.name, Offset.name):
+        return "does not fit"
+    helps_less = reason.kind in (*kinds, ReasonKind.worse_condition) or reason.limit == Worsening.name
+    return "does not help" if helps_less else "DO NOT USE"
 
 
 def rests(asked: Problem) -> bool:
@@ -97,7 +89,11 @@ def judged(
     design = np.array([float(x) for x in ratios])
     # A space that holds the design: it may lie outside of that of the search.
     verification = Verification(replace(asked, space=_holding(asked.space, design)), progress)
-    v, heavy = verification.at_once(design), _too_heavy(asked.limits, pendulum)
+    v, heavy, most = verification.at_once(design), [], limit_of(asked.limits, Mass)
+    # A mass that was made of its ratio may differ by rounding.
+    if isinstance(most, Mass) and pendulum.mass > most.kg * (1.0 + 1e-9):
+        over = float(pendulum.mass) / most.kg
+        heavy = [Reason(step=Step.exact, kind=ReasonKind.breaks_limit, limit=Mass.name, value=over)]
     if not v.reasons and not heavy:
         v = verification.by_fresh_runs(v)
     if v.rest is None:
@@ -123,16 +119,6 @@ def _holding(space: DesignSpace, design: np.ndarray) -> DesignSpace:
         length_ratio=with_it(space.length_ratio, lam),  # type: ignore[arg-type]
         damping_ratio=with_it(space.damping_ratio, zeta),
     )
-
-
-def _too_heavy(limits: tuple[Limit, ...], pendulum: Pendulum) -> list[Reason]:
-    """The limit on the mass, by which a search narrows its space, if a bob breaks it."""
-    limit = limit_of(limits, Mass)
-    # A mass that was made of its ratio may differ by rounding.
-    if not isinstance(limit, Mass) or pendulum.mass <= limit.kg * (1.0 + 1e-9):
-        return []
-    value = float(pendulum.mass) / limit.kg
-    return [Reason(step=Step.exact, kind=ReasonKind.breaks_limit, limit=Mass.name, value=value)]
 
 
 def suitability(

@@ -65,48 +65,29 @@ _LIGHT = 0.02
 def active(objective: Orbits, end: Ends, at_limit: float) -> tuple[Active, ...]:
     """Active conditions, limits and bounds at one end; a limit counts as met within a share `at_limit` of
     it."""
-    return (*_conditions(objective, end), *_limits(objective, end, at_limit), *_bounds(objective, end))
-
-
-def _conditions(objective: Orbits, end: Ends) -> list[Active]:
-    """Conditions by their weight in the gradient of the risk; none for the mean, where all weigh alike."""
-    if objective.risk.share >= 1.0:
-        return []
-    weights = end.weights[0][0]
-    label = objective.conditions.label
-    # Weights sum to one: what is left out weighs less than a fiftieth.
-    heavy = [int(j) for j in np.argsort(-weights)[:_MOST] if weights[j] > _LIGHT]
-    return [Active(kind="tilt", name="tilt", condition=label(j), weight=float(weights[j])) for j in heavy]
-
-
-def _limits(objective: Orbits, end: Ends, at_limit: float) -> list[Active]:
-    """Limits that are met, each under the condition that holds the design most."""
-    conditions = objective.conditions
-    names, n = objective.constraint_names(), len(conditions)
-    weights = end.weights[1][0].reshape(len(names), n)
+    label, names, n = objective.conditions.label, objective.constraint_names(), len(objective.conditions)
+    (of_conditions,), (of_limits,) = (weights[:1] for weights in end.weights)
+    out: list[Active] = []
+    # For the mean all conditions weigh alike.
+    if objective.risk.share < 1.0:
+        # Weights sum to one: what is left out weighs less than a fiftieth.
+        for j in (int(j) for j in np.argsort(-of_conditions)[:_MOST] if of_conditions[j] > _LIGHT):
+            out.append(Active(kind="tilt", name="tilt", condition=label(j), weight=float(of_conditions[j])))
+    weights = of_limits.reshape(len(names), n)
     excess = end.local.limit[0].reshape(len(names), n) - BACK_OFF
     # A limit that is met may carry no weight where another one beside it does.
-    met = (weights > 1e-4) | (excess > -at_limit)
-    best = [int(np.lexsort((-excess[k], -weights[k]))[0]) for k in range(len(names))]
-    order = sorted(range(len(names)), key=lambda k: (-weights[k].sum(), -excess[k].max()))
-    return [
-        Active(
-            kind="limit", name=names[k], condition=conditions.label(best[k]), weight=float(weights[k].sum())
-        )
-        for k in order
-        if met[k].any()
-    ]
-
-
-def _bounds(objective: Orbits, end: Ends) -> list[Active]:
-    low, high = objective.space.bounds
-    design, out = objective.space.unscaled(end.x)[0], []
-    for value, least, most, name in zip(design, low, high, ("mass", "length", "damping"), strict=False):
+    met = ((weights > 1e-4) | (excess > -at_limit)).any(axis=1)
+    for k in sorted(np.flatnonzero(met), key=lambda k: (-weights[k].sum(), -excess[k].max())):
+        # Under the condition that holds the design most.
+        at = label(int(np.lexsort((-excess[k], -weights[k]))[0]))
+        out.append(Active(kind="limit", name=names[k], condition=at, weight=float(weights[k].sum())))
+    design, bounds = objective.space.unscaled(end.x)[0], objective.space.bounds.T
+    for value, (least, most), name in zip(design, bounds, ("mass", "length", "damping"), strict=False):
         for kind, bound in (("lower bound", least), ("upper bound", most)):
             # A search that ends at a bound asks for another bound, not for another design.
             if abs(value - bound) < AT_BOUND * (most - least):
                 out.append(Active(kind=kind, name=name, condition="", weight=float(value)))
-    return out
+    return tuple(out)
 
 
 def nearest_of(found: Survey) -> Nearest:
@@ -141,9 +122,7 @@ class Verification:
         # A bob without mass: the same program answers for the bare block, and nothing else is compiled.
         evaluation = objective.evaluate(self.none[None])
         self.bare = Bare(
-            value=float(objective.value(evaluation)[0]),
-            evaluation=evaluation,
-            exact=self.motions(self.none),
+            value=float(objective.value(evaluation)[0]), evaluation=evaluation, exact=self.motions(self.none)
         )
         self.verified: list[Verified] = []
 
@@ -190,20 +169,20 @@ class Verification:
 
     def by_events(self, v: Verified) -> Verified:
         """Exact solution under every condition, and limits that a motion from rest says nothing about."""
-        reasons = []
+        reasons = self._broken_in_closed_form(v.evaluation)
+        room, g = limit_of(self.objective.limits, Room), self.objective.geometry
+        if isinstance(room, Room):
+            # The rod and half of the bob must not be longer than the block is high.
+            radius = np.asarray(room.bob.radius(g.mass(v.design[None])))
+            high = float(np.max(g.rod(v.design[None]) + room.bob.slimness * radius)) / (2.0 * g.half_height)
+            if high > 1.0 + _ROUNDING:
+                kind = ReasonKind.breaks_limit
+                reasons.append(Reason(step=Step.exact, kind=kind, limit=HEIGHT, value=high))
         harms, worse, better = self.harm(v.exact)
-        n = len(v.exact.status)
         if harms:
-            reasons.append(
-                Reason(
-                    step=Step.exact,
-                    kind=ReasonKind.overturns_more,
-                    value=float(worse),
-                    reference=float(better),
-                    total=n,
-                )
-            )
-        reasons += self._broken_in_closed_form(v.evaluation) + self._too_long(v.design)
+            kind, value, other = ReasonKind.overturns_more, float(worse), float(better)
+            total = len(v.exact.status)
+            reasons.insert(0, Reason(step=Step.exact, kind=kind, value=value, reference=other, total=total))
         return replace(v, reasons=tuple(reasons))
 
     def by_rest(self, v: Verified) -> Verified:
@@ -264,16 +243,6 @@ class Verification:
             for name, value in sizes
             if value.max() > 1.0 + _ROUNDING
         ]
-
-    def _too_long(self, design: np.ndarray) -> list[Reason]:
-        """The rod and half of the bob must not be longer than the block is high, where room is asked for."""
-        room, g = limit_of(self.objective.limits, Room), self.objective.geometry
-        if not isinstance(room, Room):
-            return []
-        radius = np.asarray(room.bob.radius(g.mass(design[None])))
-        value = float(np.max(g.rod(design[None]) + room.bob.slimness * radius)) / (2.0 * g.half_height)
-        broken = Reason(step=Step.exact, kind=ReasonKind.breaks_limit, limit=HEIGHT, value=value)
-        return [broken] if value > 1.0 + _ROUNDING else []
 
     def harm(self, exact: Motions) -> tuple[bool, int, int]:
         """Whether significantly more conditions overturn the block from rest with a design than without
@@ -391,19 +360,12 @@ def motions_from_rest(p: Parameters, design: np.ndarray, conditions: Conditions,
     q = under_all(p, design[None], conditions)
     settled = settle_all(q, np.zeros((len(conditions), 4)), model=Piecewise(max_periods=periods))
     names = names_of(settled.status)
-    sizes = settled.amplitude, settled.stroke, settled.peak, settled.peak_stroke
-    amplitude, stroke, peak, peak_stroke = (
-        np.where(names == "overturned", np.inf, np.asarray(x)) for x in sizes
-    )
-    return Motions(
-        status=names,
-        amplitude=amplitude,
-        stroke=stroke,
-        peak=peak,
-        peak_stroke=peak_stroke,
-        multiplier=np.full(len(names), np.nan),
-        periods=np.asarray(settled.periods),
-    )
+    sizes = {
+        name: np.where(names == "overturned", np.inf, np.asarray(getattr(settled, name)))
+        for name in ("amplitude", "stroke", "peak", "peak_stroke")
+    }
+    unknown = np.full(len(names), np.nan)
+    return Motions(status=names, multiplier=unknown, periods=np.asarray(settled.periods), **sizes)
 
 
 def polished(p: Parameters, design: np.ndarray, conditions: Conditions, motions: Motions) -> Motions:

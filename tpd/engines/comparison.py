@@ -150,42 +150,28 @@ class EngineVerdict(Printed):
         return "\n".join([*([self.warning] if self.warning else []), head, self.losses, "", self.table()])
 
     def _rows(self, few: int) -> list[list[str]]:
-        groups = (
-            self.with_engine,
-            tuple(runs.first(few) for runs in self.with_engine),
-            self.finer,
-            self.with_equations,
-        )
-        rows = []
-        words = ("with the pendulum", "without") if self.pendulum is not None else ("", "")
-        for i, who in enumerate(words if self.pendulum is not None else words[:1]):
+        first = tuple(runs.first(few) for runs in self.with_engine)
+        groups, rows = (self.with_engine, first, self.finer, self.with_equations), []
+        sizes = [("tilt", "median", "peak", 0.5), ("tilt", "90 %", "peak", 0.9)]
+        if isinstance(self.scene.motion, Harmonic):
+            sizes.append(("settled", "median", "settled", 0.5))
+        for i, who in enumerate((" with the pendulum", " without") if self.pendulum is not None else ("",)):
             of = [group[i] for group in groups]
-            rows.append([f"overturned {who}".strip(), *(f"{Share.of(r.overturned).value:.1%}" for r in of)])
-            rows.append([f"tilt {who}: median, rad".replace(" :", ":"), *(_size(r.peak, 0.5) for r in of)])
-            rows.append([f"tilt {who}: 90 %, rad".replace(" :", ":"), *(_size(r.peak, 0.9) for r in of)])
-            if self._harmonic:
-                rows.append(
-                    [f"settled {who}: median, rad".replace(" :", ":"), *(_size(r.settled, 0.5) for r in of)]
-                )
+            rows.append([f"overturned{who}", *(f"{Share.of(r.overturned).value:.1%}" for r in of)])
+            for what, share, name, at in sizes:
+                rows.append([f"{what}{who}: {share}, rad", *(_size(getattr(r, name), at) for r in of)])
         # The equations know neither slip nor flight.
-        bodies = [group[0] for group in groups]
+        bodies = [group[0] for group in groups[:3]]
         if self.pendulum is not None:
-            rows.append(["rod to block: 90 %, rad", *(_size(r.relative, 0.9) for r in bodies[:3]), "–"])
-        rows.append(["slid: 90 %, mm", *(_size(1e3 * r.slid, 0.9) for r in bodies[:3]), "–"])
-        rows.append(["left the floor", *(f"{np.mean(r.bounced):.1%}" for r in bodies[:3]), "–"])
+            rows.append(["rod to block: 90 %, rad", *(_size(r.relative, 0.9) for r in bodies), "–"])
+        rows.append(["slid: 90 %, mm", *(_size(1e3 * r.slid, 0.9) for r in bodies), "–"])
+        rows.append(["left the floor", *(f"{np.mean(r.bounced):.1%}" for r in bodies), "–"])
         return rows
 
-    @property
-    def _harmonic(self) -> bool:
-        return isinstance(self.scene.motion, Harmonic)
-
     def _benefit(self, pair: tuple[EngineRuns, ...]) -> float:
-        hung, bare = (np.minimum(runs.peak / self._topples, 1.0).mean() for runs in pair)
+        topples = math.atan(float(self.scene.block.slenderness))
+        hung, bare = (np.minimum(runs.peak / topples, 1.0).mean() for runs in pair)
         return float(bare - hung)
-
-    @property
-    def _topples(self) -> float:
-        return math.atan(float(self.scene.block.slenderness))
 
 
 def mujoco(
@@ -215,7 +201,8 @@ def mujoco(
         ValueError: bad input, MuJoCo is not installed, or its impacts are not Housner's.
         RuntimeError: JAX is in 32-bit mode.
     """
-    ensemble = _ensemble(runs, seed, periods)
+    # Impacts of an engine are Housner's, whatever e scatters to.
+    ensemble = Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
     return _verdict(MUJOCO, scene, pendulum, ensemble, FINE, sliding, workers, progress)
 
 
@@ -237,13 +224,8 @@ def drake(
     """
     from tpd.engines.drake_runs import DRAKE
 
-    ensemble = _ensemble(runs, seed, periods)
+    ensemble = Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
     return _verdict(DRAKE, scene, pendulum, ensemble, _DRAKE_FINE, sliding, workers, progress)
-
-
-def _ensemble(runs: int, seed: int, periods: int) -> Ensemble:
-    """Runs of an engine, whose impacts are Housner's, whatever e scatters to."""
-    return Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
 
 
 def _verdict(
@@ -325,8 +307,10 @@ class _Case:
 
     def bodies(self, pendulum: Pendulum | None, steps: int) -> list[RigidBody]:
         """Bodies of every run, as scattered."""
-        q = self.plan(pendulum).p
-        return [body_of(self.scene, _at(q, i), self.sliding, steps) for i in range(self.ensemble.size)]
+        q, n = vars(self.plan(pendulum).p), self.ensemble.size
+        columns = {name: np.broadcast_to(np.ravel(x), n) for name, x in q.items() if x is not None}
+        runs = ({name: float(x[i]) for name, x in columns.items()} for i in range(n))
+        return [body_of(self.scene, Parameters(**run), self.sliding, steps) for run in runs]
 
     def runs(self, pendulum: Pendulum | None, steps: int, few: int) -> EngineRuns:
         """The first runs in the engine."""
@@ -351,7 +335,11 @@ class _Case:
 
         runs, n = self.plan(pendulum), self.ensemble.size
         if isinstance(self.scene.motion, GroundMotion):
-            x = np.array(np.broadcast_arrays(*self._columns(runs.p)), dtype=float).T.copy()
+            # The time scale of a ground motion is its own: the scatter of a frequency is for harmonics.
+            q: Any = runs.p
+            h = np.full(n, float(self.scene.motion.piece) * float(self.scene.rate))
+            columns = np.broadcast_arrays(q.nu, q.mu, q.lam, q.zeta, q.k, q.f, h, q.rho, q.e)
+            x = np.array(columns, dtype=float).T.copy()
             pieces = [np.asarray(self.scene.motion.pieces(), dtype=float)]
             late = np.full(n, _FREE * float(self.scene.rate))
             found, _ = shake_nonlinear(x, pieces, np.zeros(n, dtype=int), late, y0=runs.y0)
@@ -363,12 +351,6 @@ class _Case:
         # What is not known must not look like standing.
         lost = np.isin(names_of(settled.status), (*LOST, *UNANSWERED))
         return _as_runs(np.asarray(settled.peak), np.asarray(settled.amplitude), lost)
-
-    def _columns(self, q: Parameters) -> tuple[Any, ...]:
-        """Parameters of the compiled code for ground motions."""
-        # The time scale of a ground motion is its own: the scatter of a frequency is for harmonics.
-        h = np.full(self.ensemble.size, float(self.scene.motion.piece) * float(self.scene.rate))
-        return q.nu, q.mu, q.lam, q.zeta, q.k, q.f, h, q.rho, q.e
 
     def _shaking(
         self, runs: Plan, few: int
@@ -395,12 +377,6 @@ class _Case:
         period = 2.0 * np.pi / w[:, 0]
         end = self.ensemble.periods * period
         return shaking, end, end - _LAST * period
-
-
-def _at(q: Parameters, i: int) -> Parameters:
-    """Parameters of one run."""
-    values = {name: np.ravel(np.asarray(v)) for name, v in vars(q).items() if v is not None}
-    return Parameters(**{name: float(v[i] if v.size > 1 else v[0]) for name, v in values.items()})
 
 
 def _as_runs(peak: np.ndarray, settled: np.ndarray, lost: np.ndarray) -> EngineRuns:

@@ -144,7 +144,20 @@ def _plant(d: Any, builder: Any, body: RigidBody) -> tuple[Any, float]:
     turn, zero = d.RotationMatrix.MakeXRotation(0.5 * math.pi), [0.0, 0.0, 0.0]
     above = _frame(d, plant, floor, d.RigidTransform(turn, [0.0, 0.0, body.half_height]))
     plant.AddJoint(d.PlanarJoint("plane", above, _frame(d, plant, block, d.RigidTransform(turn, zero))))
-    _touch(d, plant, floor, block, body)
+    contact = d.ProximityProperties()
+    d.AddContactMaterial(
+        properties=contact,
+        point_stiffness=_STIFFNESS * body.mass / body.contact_time**2,
+        friction=d.CoulombFriction(body.sliding, body.sliding),
+    )
+    contact.AddProperty("material", "relaxation_time", _RELAXATION * body.contact_time)
+    radius, b = RADIUS * body.half_height, body.half_height
+    # A box, because Drake warns of every half space that it cannot touch what is deformable.
+    slab = d.Box(200.0 * b, 200.0 * b, 2.0 * b), d.RigidTransform([0.0, 0.0, -radius - b])
+    plant.RegisterCollisionGeometry(floor, slab[1], slab[0], "floor", contact)
+    for name, x in (("left", -body.half_width), ("right", body.half_width)):
+        corner = d.RigidTransform([x, 0.0, -b])
+        plant.RegisterCollisionGeometry(block, corner, d.Sphere(radius), name, contact)
     if body.bob > 0.0:
         at, size = [0.0, 0.0, -body.rod], 1e-5 * body.rod
         inertia = d.UnitInertia.SolidSphere(size).ShiftFromCenterOfMass(at)
@@ -162,24 +175,6 @@ def _ball(d: Any, mass: float, radius: float) -> Any:
 
 def _frame(d: Any, plant: Any, of: Any, place: Any) -> Any:
     return plant.AddFrame(d.FixedOffsetFrame(f"{of.name()} {place.translation()}", of.body_frame(), place))
-
-
-def _touch(d: Any, plant: Any, floor: Any, block: Any, body: RigidBody) -> None:
-    """Floor and corners, and what happens between them."""
-    contact = d.ProximityProperties()
-    d.AddContactMaterial(
-        properties=contact,
-        point_stiffness=_STIFFNESS * body.mass / body.contact_time**2,
-        friction=d.CoulombFriction(body.sliding, body.sliding),
-    )
-    contact.AddProperty("material", "relaxation_time", _RELAXATION * body.contact_time)
-    radius, b = RADIUS * body.half_height, body.half_height
-    # A box, because Drake warns of every half space that it cannot touch what is deformable.
-    slab = d.Box(200.0 * b, 200.0 * b, 2.0 * b), d.RigidTransform([0.0, 0.0, -radius - b])
-    plant.RegisterCollisionGeometry(floor, slab[1], slab[0], "floor", contact)
-    for name, x in (("left", -body.half_width), ("right", body.half_width)):
-        corner = d.RigidTransform([x, 0.0, -body.half_height])
-        plant.RegisterCollisionGeometry(block, corner, d.Sphere(radius), name, contact)
 
 
 DRAKE = Engine("Drake", available, follow, free_rocking, rubs=False)

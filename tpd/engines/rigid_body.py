@@ -35,7 +35,7 @@ RADIUS = 1e-4
 _FREE = 20.0
 """Free motion after a pulse or a record, s."""
 _STEP_OPENSEES = 0.2
-"""Time step of an OpenSees model over the time constant of its contact."""
+"""Time step of an OpenSees model over the time constant of the contact."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,11 @@ class RigidBody:
             "  </worldbody>",
             "  <!-- control: acceleration of the base, m/s^2, the same for every actuator -->",
             "  <actuator>",
-            *(f"    {line}" for line in self._shaking()),
+            *(
+                f'    <motor site="{name}" refsite="ground" gear="{-mass!r} 0 0 0 0 0"/>'
+                for name, mass in (("block", self.mass), ("bob", self.bob))
+                if mass > 0.0
+            ),
             "  </actuator>",
             "</mujoco>",
         ]
@@ -124,14 +128,6 @@ class RigidBody:
             f'  <inertial {at} mass="{self.bob!r}" diaginertia="{least}"/>',
             f'  <site name="bob" {at}/>',
             "</body>",
-        ]
-
-    def _shaking(self) -> list[str]:
-        masses = {"block": self.mass, "bob": self.bob}
-        return [
-            f'<motor site="{name}" refsite="ground" gear="{-mass!r} 0 0 0 0 0"/>'
-            for name, mass in masses.items()
-            if mass > 0.0
         ]
 
 

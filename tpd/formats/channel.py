@@ -94,7 +94,19 @@ def checked(channel: Channel) -> Channel:
             f"the peak must be at most {GREATEST_PEAK:g} m/s^2, but is {channel.peak:g} m/s^2{where}: the "
             "unit or a number is wrong"
         )
-    return channel.noted(*_of_baseline(a, dt, channel.peak))
+    peak = channel.peak
+    if peak == 0.0:
+        return channel.noted("all samples are zero")
+    # An offset and a drift, in words that name the remedy.
+    notes, mean = [], float(np.mean(a))
+    if abs(mean) > OFFSET * peak:
+        notes.append(f"offset: the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.1%} of the peak (`baseline`)")
+    # Velocity from rest by trapezoids: what a block on the ground would follow.
+    velocity = np.cumsum(0.5 * (a[1:] + a[:-1])) * dt
+    end, greatest = float(velocity[-1]), float(np.max(np.abs(velocity)))
+    if abs(end) > DRIFT * greatest:
+        notes.append(f"drift: the velocity at the end is {end:.3g} m/s, with a peak of {greatest:.3g} m/s")
+    return channel.noted(*notes)
 
 
 def directed(channel: Channel, named: bool | None = None) -> Channel:
@@ -107,22 +119,6 @@ def directed(channel: Channel, named: bool | None = None) -> Channel:
     vertical = orientation(channel.component)
     vertical = named if vertical is None else vertical
     return channel.noted(UNKNOWN) if vertical is None else channel.noted(*([VERTICAL] if vertical else []))
-
-
-def _of_baseline(a: np.ndarray, dt: float, peak: float) -> tuple[str, ...]:
-    """Remarks on an offset and a drift, in words that name the remedy."""
-    if peak == 0.0:
-        return ("all samples are zero",)
-    notes = []
-    mean = float(np.mean(a))
-    if abs(mean) > OFFSET * peak:
-        notes.append(f"offset: the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.1%} of the peak (`baseline`)")
-    # Velocity from rest by trapezoids: what a block on the ground would follow.
-    velocity = np.cumsum(0.5 * (a[1:] + a[:-1])) * dt
-    end, greatest = float(velocity[-1]), float(np.max(np.abs(velocity)))
-    if abs(end) > DRIFT * greatest:
-        notes.append(f"drift: the velocity at the end is {end:.3g} m/s, with a peak of {greatest:.3g} m/s")
-    return tuple(notes)
 
 
 def without_baseline(channel: Channel, baseline: str) -> Channel:
@@ -191,12 +187,9 @@ def plain(text: str) -> str:
     unit = re.sub(r"[\s·]+", "", unit)
     unit = re.sub(r"seconds?|secs?", "s", unit).replace("/s/s", "/s2").replace("s-2", "/s2")
     unit = re.sub(r"\.(?=/)", "", unit.replace("//", "/").replace("(s2)", "s2"))
-    unit = re.sub(r"^(?:inch(?:es)?|feet|foot|met(?:er|re)s?|centimet(?:er|re)s?)(?=/)", _short, unit)
+    length = r"^(?:inch(?:es)?|feet|foot|met(?:er|re)s?|centimet(?:er|re)s?)(?=/)"
+    unit = re.sub(length, lambda word: {"i": "in", "f": "ft", "m": "m", "c": "cm"}[word[0][0]], unit)
     return {"gals": "gal", "g's": "g", "gs": "g", "milli-g": "mg", "cm/ss": "cm/s2"}.get(unit, unit)
-
-
-def _short(word: re.Match[str]) -> str:
-    return {"i": "in", "f": "ft", "m": "m", "c": "cm"}[word[0][0]]
 
 
 def looks_like(text: str) -> bool:

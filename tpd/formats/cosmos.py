@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tpd.formats.channel import FACTORS, Channel, agree, agree_on_peak, agree_on_peak_time, chosen, unit_of
-from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord, fortran, number
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, fortran, number
 
 _FIRST = r"^\s*(corrected|uncorrected|raw)\s+(\w+).*\(format v\S+ with (\d{1,3}) text lines\)"
 _DATA = (
@@ -60,9 +60,28 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | None:
     # Velocities and displacements are read all the same: a file damaged there is refused.
     if not quantity.lower().startswith("accel"):
         return None
-    dt = _step(reals, len(values))
-    _agree(values, dt, reals, text, own)
-    component, name = _words(text.lines)
+    if not _known(reals[_STEP]) or reals[_STEP] <= 0.0:
+        raise UnreadableRecord(f"real number {_STEP + 1} must be the step in ms, but is {reals[_STEP]:g}")
+    dt = float(reals[_STEP]) / 1000.0
+    # n or n - 1 steps, by agency.
+    if _known(reals[_LENGTH]):
+        agree(len(values) * dt, float(reals[_LENGTH]), "the length in s", tolerance=1.5 * dt)
+    stated = text.match(11, _PEAK, "the peak and its time")
+    if FACTORS[unit_of(stated[2], text.start + 11)] != FACTORS[unit_of(own, text.start + 11)]:
+        raise UnreadableRecord(f"{text.where(11)} and the line above the samples state different units")
+    peak, time = Decimal.of(stated[1]), Decimal.of(stated[3])
+    # Samples have more digits than the statement.
+    agree_on_peak(values, peak, text.where(11), digit=0.0)
+    agree_on_peak_time(values, dt, time, text.where(11))
+    if _known(reals[_PEAK_VALUE]):
+        agree(peak.value, float(reals[_PEAK_VALUE]), "the peak", 1.01 * peak.unit)
+    if _known(reals[_PEAK_TIME]):
+        agree(time.value, float(reals[_PEAK_TIME]), "the time of the peak", 1.01 * time.unit)
+    # "Sta Chan 1: 90 deg (" and "Sta Cha: 1: 340 deg (".
+    found = re.search(r"^Sta\s+Cha(?:\w*\s+\S+:|\w*:\s*\S+\s)\s*(.*?)\s*\(", text.lines[8], re.IGNORECASE)
+    component = found[1] if found else ""
+    station = re.search(r"Code:\s*(\S.*?)\s*$", text.lines[4], re.IGNORECASE)
+    name = " ".join(station[1].split()) if station else ""
     notes = () if first[1].lower() == "corrected" else ("uncorrected: an offset and a drift are left in it",)
     event = re.sub(r"^r(?:ecord|crd) of\s+", "", " ".join(text.lines[1].split()), flags=re.IGNORECASE)
     factor = FACTORS[chosen(unit_of(own, cursor.at), unit)]
@@ -101,38 +120,3 @@ def _header(cursor: Cursor, what: str) -> np.ndarray:
 
 def _known(value: float) -> bool:
     return round(value) != -999
-
-
-def _step(reals: np.ndarray, count: int) -> float:
-    """The step in s, which the header states in ms, checked against the length of the record."""
-    if not _known(reals[_STEP]) or reals[_STEP] <= 0.0:
-        raise UnreadableRecord(f"real number {_STEP + 1} must be the step in ms, but is {reals[_STEP]:g}")
-    dt = float(reals[_STEP]) / 1000.0
-    # n or n - 1 steps, by agency.
-    if _known(reals[_LENGTH]):
-        agree(count * dt, float(reals[_LENGTH]), "the length in s", tolerance=1.5 * dt)
-    return dt
-
-
-def _agree(values: np.ndarray, dt: float, reals: np.ndarray, text: Header, unit: str) -> None:
-    """Check the samples against the peak that the text and the header of reals state."""
-    found = text.match(11, _PEAK, "the peak and its time")
-    if FACTORS[unit_of(found[2], text.start + 11)] != FACTORS[unit_of(unit, text.start + 11)]:
-        raise UnreadableRecord(f"{text.where(11)} and the line above the samples state different units")
-    peak, time = Decimal.of(found[1]), Decimal.of(found[3])
-    # Samples have more digits than the statement.
-    agree_on_peak(values, peak, text.where(11), digit=0.0)
-    agree_on_peak_time(values, dt, time, text.where(11))
-    if _known(reals[_PEAK_VALUE]):
-        agree(peak.value, float(reals[_PEAK_VALUE]), "the peak", 1.01 * peak.unit)
-    if _known(reals[_PEAK_TIME]):
-        agree(time.value, float(reals[_PEAK_TIME]), "the time of the peak", 1.01 * time.unit)
-
-
-def _words(text: Sequence[str]) -> tuple[str, str]:
-    """Component and station."""
-    # "Sta Chan 1: 90 deg (" and "Sta Cha: 1: 340 deg (".
-    component = re.search(r"^Sta\s+Cha\w*\s+\S+:\s*(.*?)\s*\(", text[8], flags=re.IGNORECASE)
-    component = component or re.search(r"^Sta\s+Cha\w*:\s*\S+\s+(.*?)\s*\(", text[8], flags=re.IGNORECASE)
-    station = re.search(r"Code:\s*(\S.*?)\s*$", text[4], flags=re.IGNORECASE)
-    return component[1] if component else "", " ".join(station[1].split()) if station else ""

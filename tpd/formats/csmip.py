@@ -96,23 +96,18 @@ def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
     agree(count * dt, length.value, "the length in s", 0.51 * length.unit + 1.01 * dt)
     values = cursor.fixed(count, data.columns, data.width, "samples")
     own = unit_of(data.unit, data.line)
-    _agree_on_raw_peak(text, values, dt, data.digit, own)
-    cursor.match(_END, "the end of the channel")
-    notes = ("uncorrected: an offset, a drift and the instrument's own response are left in it",)
-    return Channel(values * FACTORS[chosen(own, unit)], dt, component, f"{name}/{component}", event, notes)
-
-
-def _agree_on_raw_peak(text: Header, values: np.ndarray, dt: float, digit: float, own: str) -> None:
-    """Check samples and unit of a Volume 1 against its line of units, peak and time."""
     peak = text.match(
         12,
         rf"units of.* (?:sec and|is)\s+(.+?)\s*\.?\s+max\s*=\s*({NUMBER})\s*(\S+?)\s*,?\s+at\s+({NUMBER})",
         "the unit, the peak and its time",
     )
-    for unit in (peak[1], peak[3]):
-        _agree_unit(unit_of(unit, text.start + 12), own)
-    agree_on_peak(values, Decimal.of(peak[2]), text.where(12), digit=digit)
+    for stated_unit in (peak[1], peak[3]):
+        _agree_unit(unit_of(stated_unit, text.start + 12), own)
+    agree_on_peak(values, Decimal.of(peak[2]), text.where(12), digit=data.digit)
     agree_on_peak_time(values, dt, Decimal.of(peak[4]), text.where(12))
+    cursor.match(_END, "the end of the channel")
+    notes = ("uncorrected: an offset, a drift and the instrument's own response are left in it",)
+    return Channel(values * FACTORS[chosen(own, unit)], dt, component, f"{name}/{component}", event, notes)
 
 
 def _described(cursor: Cursor) -> tuple[int, float, _Described]:

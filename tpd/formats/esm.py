@@ -44,19 +44,30 @@ def read_esm(cursor: Cursor, unit: str | None) -> list[Channel]:
     count, step = _number(head, "NDATA"), _number(head, "SAMPLING_INTERVAL_S")
     if count is None or step is None or count.unit != 1.0:
         raise UnreadableRecord("the header must state a whole NDATA, and SAMPLING_INTERVAL_S, but does not")
-    values = _samples(cursor)
+    first = cursor.at
+    # A line with two numbers is one of another file.
+    values = cursor.free("the samples")
+    if len(values) != sum(bool(line.strip()) for line in cursor.lines[first:]):
+        raise UnreadableRecord(f"the lines from {first + 1} on must hold one sample each")
+    cursor.require_end()
     agree_on_count(int(count.value), len(values), "NDATA")
-    _agree(values, step.value, head, stated)
+    dt = step.value
+    length, peak, time = (_number(head, key) for key in ("DURATION_S", "PGA_CM/S^2", "TIME_PGA_S"))
+    # Values of keys may be left out.
+    if length is not None:
+        agree(len(values) * dt, length.value, "the length in s", 1.01 * dt + length.unit)
+    if peak is not None and values.size:
+        in_cm = np.abs(values) * (FACTORS[stated] / FACTORS["cm/s2"])
+        # Some files state it with its sign, others without.
+        agree_on_peak(in_cm, Decimal(abs(peak.value), peak.unit), "PGA_CM/S^2", digit=peak.unit)
+    if time is not None and values.size:
+        agree_on_peak_time(values, dt, time, "TIME_PGA_S")
     component, event = _text(head, "STREAM"), _text(head, *_EVENT)
     name = f"{_text(head, 'NETWORK')}.{_text(head, 'STATION_CODE')}/{component}"
-    factor = FACTORS[chosen(stated, unit)]
-    return [Channel(values * factor, step.value, component, name, event, _notes(head))]
-
-
-def _notes(head: dict[str, tuple[int, str]]) -> tuple[str, ...]:
-    baseline = _text(head, "BASELINE_CORRECTION").upper()
+    factor, baseline = FACTORS[chosen(stated, unit)], _text(head, "BASELINE_CORRECTION").upper()
     removed = "REMOVED" in baseline and "NOT" not in baseline
-    return () if removed else ("uncorrected: the baseline is not removed",)
+    notes = () if removed else ("uncorrected: the baseline is not removed",)
+    return [Channel(values * factor, dt, component, name, event, notes)]
 
 
 def _head(cursor: Cursor) -> dict[str, tuple[int, str]]:
@@ -83,29 +94,3 @@ def _number(head: dict[str, tuple[int, str]], key: str) -> Decimal | None:
     if not re.fullmatch(NUMBER, text):
         raise UnreadableRecord(f"line {line} must state {key} as a number, but has {shown(text)}")
     return Decimal.of(text)
-
-
-def _samples(cursor: Cursor) -> np.ndarray:
-    """One sample a line."""
-    first = cursor.at
-    # A line with two numbers is one of another file.
-    values = cursor.free("the samples")
-    if len(values) != sum(bool(line.strip()) for line in cursor.lines[first:]):
-        raise UnreadableRecord(f"the lines from {first + 1} on must hold one sample each")
-    cursor.require_end()
-    return values
-
-
-def _agree(values: np.ndarray, dt: float, head: dict[str, tuple[int, str]], unit: str) -> None:
-    """Check length, peak and time of the peak, as far as the header states them."""
-    length, peak, time = (_number(head, key) for key in ("DURATION_S", "PGA_CM/S^2", "TIME_PGA_S"))
-    # Values of keys may be left out.
-    if length is not None:
-        agree(len(values) * dt, length.value, "the length in s", 1.01 * dt + length.unit)
-    if peak is not None and values.size:
-        in_cm = np.abs(values) * (FACTORS[unit] / FACTORS["cm/s2"])
-        # Some files state it with its sign, others without.
-        size = Decimal(abs(peak.value), peak.unit)
-        agree_on_peak(in_cm, size, "PGA_CM/S^2", digit=peak.unit)
-    if time is not None and values.size:
-        agree_on_peak_time(values, dt, time, "TIME_PGA_S")

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-import numpy as np
-
 from tpd.formats.channel import (
     FACTORS,
     Channel,
@@ -17,7 +15,7 @@ from tpd.formats.channel import (
     chosen,
     unit_of,
 )
-from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord
 
 _FIRST = re.compile(r"^\s*(un)?corrected accelerogram\b.*\b(GNS|GeoNet)\b", re.IGNORECASE)
 _TEXT, _COLUMNS, _WIDTH = 16, 10, 8
@@ -53,56 +51,31 @@ def _block(cursor: Cursor, unit: str | None) -> Channel:
     component = text.match(13, r"^component\s+(\S+)", "the component")[1]
     integers = cursor.fixed(40, _COLUMNS, _WIDTH, "integers of the header")
     reals = cursor.fixed(60, _COLUMNS, _WIDTH, "reals of the header")
-    values = _samples(cursor, integers, corrected)
-    dt = _step(text, len(values), reals)
-    own = _agree(text, values, dt, -float(reals[_PADDING]))
-    if not corrected:
-        _agree_on_raw_unit(text, own)
-    notes = () if corrected else ("uncorrected: an offset and a drift are left in it",)
-    name, event = " ".join(text.lines[1].split()[1:2]), " ".join(text.lines[7].split())
-    factor = FACTORS[chosen(own, unit)]
-    return Channel(values * factor, dt, component, f"{name}/{component}", event, notes)
-
-
-def _step(text: Header, count: int, reals: np.ndarray) -> float:
-    """The step in s, which the header states twice, checked against number of points and duration."""
-    number = text.match(
-        10, rf"number of points\s+({WHOLE})\s+duration\s+({NUMBER})\s*s", "points and duration"
-    )
-    agree_on_count(int(number[1]), count, text.where(10))
-    dt = float(text.match(11, rf"at\s+(?:intervals of\s+)?({NUMBER})\s+s(?:ec)?\b", "the step")[1])
-    agree(dt, float(reals[_STEP]), "the step in s")
-    length = Decimal.of(number[2])
-    # Of n samples some files give the time from the first to the last, others n steps.
-    agree(count * dt, length.value, "the length in s", 1.01 * dt + length.unit)
-    return dt
-
-
-def _agree(text: Header, values: np.ndarray, dt: float, start: float) -> str:
-    """Check the samples against the peak stated; return the unit."""
-    peak = text.match(14, rf"peak\s+({NUMBER})\s+(\S+)\s+at\s+({NUMBER})\s+s", "the peak and its time")
-    size = Decimal.of(peak[1])
-    agree_on_peak(values, size, text.where(14), digit=size.unit)
-    # Times count from the first sample recorded, before which zeros may be padded.
-    agree_on_peak_time(values, dt, Decimal.of(peak[3]), text.where(14), start=start)
-    return unit_of(peak[2], text.start + 14)
-
-
-def _agree_on_raw_unit(text: Header, own: str) -> None:
-    """Check the unit of uncorrected samples, which is stated with a factor."""
-    raw = text.match(11, rf"in units of\s+({NUMBER})\s+(\S+)\s+at", "the unit of the samples")
-    stated = float(raw[1]) * FACTORS[unit_of(raw[2], text.start + 11)]
-    agree(stated, FACTORS[own], "the unit in m/s^2")
-
-
-def _samples(cursor: Cursor, integers: np.ndarray, corrected: bool) -> np.ndarray:
-    """The accelerations; velocities and displacements, which follow, are passed over."""
-    places = (_COUNT if corrected else _COUNT_V1, _VELOCITIES, _DISPLACEMENTS)
-    blocks = []
+    # Velocities and displacements follow the accelerations, and are passed over.
+    places, blocks = (_COUNT if corrected else _COUNT_V1, _VELOCITIES, _DISPLACEMENTS), []
     for place, of in zip(places, ("samples", "velocities", "displacements"), strict=True):
         if integers[place] < 0:
             raise UnreadableRecord(
                 f"the header must state the number of {of}, but states {integers[place]:g}"
             )
         blocks.append(cursor.fixed(int(integers[place]), _COLUMNS, _WIDTH, of))
-    return blocks[0]
+    values, what = blocks[0], rf"number of points\s+({WHOLE})\s+duration\s+({NUMBER})\s*s"
+    number = text.match(10, what, "points and duration")
+    agree_on_count(int(number[1]), len(values), text.where(10))
+    dt = float(text.match(11, rf"at\s+(?:intervals of\s+)?({NUMBER})\s+s(?:ec)?\b", "the step")[1])
+    agree(dt, float(reals[_STEP]), "the step in s")
+    length = Decimal.of(number[2])
+    # Of n samples some files give the time from the first to the last, others n steps.
+    agree(len(values) * dt, length.value, "the length in s", 1.01 * dt + length.unit)
+    peak = text.match(14, rf"peak\s+({NUMBER})\s+(\S+)\s+at\s+({NUMBER})\s+s", "the peak and its time")
+    size, time, own = Decimal.of(peak[1]), Decimal.of(peak[3]), unit_of(peak[2], text.start + 14)
+    agree_on_peak(values, size, text.where(14), digit=size.unit)
+    # Times count from the first sample recorded, before which zeros may be padded.
+    agree_on_peak_time(values, dt, time, text.where(14), start=-float(reals[_PADDING]))
+    if not corrected:
+        raw = text.match(11, rf"in units of\s+({NUMBER})\s+(\S+)\s+at", "the unit of the samples")
+        agree(float(raw[1]) * FACTORS[unit_of(raw[2], text.start + 11)], FACTORS[own], "the unit in m/s^2")
+    notes = () if corrected else ("uncorrected: an offset and a drift are left in it",)
+    name, event = " ".join(text.lines[1].split()[1:2]), " ".join(text.lines[7].split())
+    factor = FACTORS[chosen(own, unit)]
+    return Channel(values * factor, dt, component, f"{name}/{component}", event, notes)

@@ -63,7 +63,19 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     if rate == 0 or float(scale[3]) == 0.0 or length > 1e6:
         raise UnreadableRecord("sampling frequency, duration and scale factor must be those of a record")
     # No number of samples is stated, but the duration is one of whole seconds.
-    counts = _counts(cursor)
+    numbers: list[float] = []
+    while not cursor.only_blank_lines_follow():
+        line = cursor.next("the samples").rstrip()
+        row = [line[i : i + _COLUMN] for i in range(0, len(line), _COLUMN)]
+        # A number that was cut ends too early; the blank at the end of a line may be stripped.
+        short = len(line) % _COLUMN not in (0, _COLUMN - 1)
+        if short or any(not re.fullmatch(r"\s*-?\d+\s?", cell) for cell in row):
+            raise UnreadableRecord(
+                f"line {cursor.at} must hold whole numbers of {_COLUMN} characters, but is {shown(line)}"
+            )
+        numbers += [number(cell, cursor.at) for cell in row]
+    cursor.require_end()
+    counts = np.array(numbers)
     agree_on_count(round(length * rate), len(counts), "the header (frequency and duration)")
     values = counts * (float(scale[1]) / float(scale[3]))
     stated = unit_of(scale[2], _KEYS.index("Scale Factor") + 1)
@@ -71,7 +83,10 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     gal = (values - values.mean()) * (FACTORS[stated] / FACTORS["gal"])
     peak = Decimal.of(_stated(head, "Max. Acc. (gal)", rf"({NUMBER})")[1])
     agree_on_peak(np.abs(gal), peak, "Max. Acc. (gal)", digit=peak.unit)
-    component, notes = _direction(head["Dir."])
+    notes = ("uncorrected: an offset of the instrument is left in it",)
+    if head["Dir."] in _BOREHOLE:
+        notes += ("instrument in a borehole, not at the surface",)
+    component = (_BOREHOLE | _SURFACE).get(head["Dir."], head["Dir."])
     name, event = f"{head['Station Code']}/{component}", f"{head['Origin Time']} M{head['Mag.']}"
     return [Channel(values * FACTORS[chosen(stated, unit)], 1.0 / rate, component, name, event, notes)]
 
@@ -92,31 +107,6 @@ def _stated(head: dict[str, str], key: str, pattern: str) -> re.Match[str]:
     if found is None:
         raise UnreadableRecord(f"line {_KEYS.index(key) + 1} must state {key!r}, but has {shown(head[key])}")
     return found
-
-
-def _counts(cursor: Cursor) -> np.ndarray:
-    """Whole numbers in columns: a number that was cut ends too early."""
-    counts: list[float] = []
-    while not cursor.only_blank_lines_follow():
-        line = cursor.next("the samples").rstrip()
-        row = [line[i : i + _COLUMN] for i in range(0, len(line), _COLUMN)]
-        # The blank at the end of a line may be stripped.
-        short = len(line) % _COLUMN not in (0, _COLUMN - 1)
-        if short or any(not re.fullmatch(r"\s*-?\d+\s?", field) for field in row):
-            raise UnreadableRecord(
-                f"line {cursor.at} must hold whole numbers of {_COLUMN} characters, but is {shown(line)}"
-            )
-        counts += [number(field, cursor.at) for field in row]
-    cursor.require_end()
-    return np.array(counts)
-
-
-def _direction(text: str) -> tuple[str, tuple[str, ...]]:
-    """Component, and the remarks on it."""
-    notes = ("uncorrected: an offset of the instrument is left in it",)
-    if text in _BOREHOLE:
-        return _BOREHOLE[text], (*notes, "instrument in a borehole, not at the surface")
-    return _SURFACE.get(text, text), notes
 
 
 _COLUMNS = re.compile(r"^#\s*Time\s*,\s*RelativeTime", re.IGNORECASE)
@@ -160,17 +150,13 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
     if wrong.size:
         raise UnreadableRecord(f"line {first + int(wrong[0]) + 1} must be {dt:g} s after the line before")
     agree((len(values) - 1) * dt, float(values[-1, 0] - values[0, 0]), "the length in s", 0.011)
-    return [_column(head, name, values[:, i + 1], dt, cursor.at, unit) for i, name in enumerate(names)]
-
-
-def _column(
-    head: Sequence[str], name: str, values: np.ndarray, dt: float, line: int, unit: str | None
-) -> Channel:
-    component, _, stated = name.rstrip(")").partition("(")
-    factor = FACTORS[chosen(unit_of(stated, line), unit)]
     event, station = _below(head, "OriginTime").split(","), _below(head, "Code").split(",")[0]
-    words = f"{event[0]} M{event[-1]}" if len(event) > 1 else ""
-    return Channel(values * factor, dt, component, f"{station}/{component}", words)
+    words, channels = f"{event[0]} M{event[-1]}" if len(event) > 1 else "", []
+    for name, column in zip(names, values.T[1:], strict=True):
+        component, _, own = name.rstrip(")").partition("(")
+        factor = FACTORS[chosen(unit_of(own, cursor.at), unit)]
+        channels.append(Channel(column * factor, dt, component, f"{station}/{component}", words))
+    return channels
 
 
 def _below(head: Sequence[str], key: str) -> str:

@@ -33,7 +33,11 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
     Raises:
         UnreadableRecord: the file is damaged, contradicts itself, or holds no acceleration.
     """
-    head = _head(cursor)
+    head: list[str] = []
+    while not head or "NPTS" not in head[-1].upper():
+        if len(head) == _HEAD:
+            raise UnreadableRecord(f"the first {_HEAD} lines must state NPTS and DT, but do not")
+        head.append(cursor.next("NPTS and DT"))
     line, stated = _unit(head)
     numbers = _COUNT_AND_STEP.search(head[-1])
     if numbers is None:
@@ -43,19 +47,18 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
     values = cursor.free("the samples")
     agree_on_count(count, len(values), f"line {len(head)}")
     # Programs write numbers of one width: a last line that ends as the others do was not cut.
-    cursor.require_end(whole=_full(cursor))
-    event, name = _words(head, line)
+    tokens = [re.sub(r"^[+-]", "", token) for line in cursor.lines[-2:] for token in line.split()]
+    cursor.require_end(whole=len(tokens) > 1 and len(tokens[-1]) == len(tokens[-2]))
+    # The line above that of the unit is "event[, date], station, component".
+    parts = [part.strip() for part in " ".join(head[line - 2].split() if line > 1 else []).split(",")]
+    # A date behind the name tells events of one name apart.
+    many = 2 if len(parts) > 2 and re.search(r"\d/\d", parts[1]) else 1
+    event, name = ", ".join(parts[:many]), ", ".join(parts[many:])
     # The direction is the last word of the title; a name such as UP may be followed by remarks in brackets.
     component = re.sub(r"\(.*?\)", "", name.rpartition(",")[2]).strip() if "," in name else ""
     if orientation(component) is None:
         component = ""
     return [Channel(values * FACTORS[chosen(stated, unit)], dt, component, name, event)]
-
-
-def _full(cursor: Cursor) -> bool:
-    """Whether the last number has as many characters as the one before it."""
-    tokens = [re.sub(r"^[+-]", "", token) for line in cursor.lines[-2:] for token in line.split()]
-    return len(tokens) > 1 and len(tokens[-1]) == len(tokens[-2])
 
 
 def _unit(head: Sequence[str]) -> tuple[int, str]:
@@ -69,22 +72,3 @@ def _unit(head: Sequence[str]) -> tuple[int, str]:
     if quantity[1].upper() != "ACCELERATION":
         raise UnreadableRecord(f"line {line} must state an ACCELERATION, but is {shown(head[line - 1])}")
     return line, unit_of(quantity[2] or "", line)
-
-
-def _head(cursor: Cursor) -> list[str]:
-    """The header, up to the line with the number of points."""
-    head = []
-    while len(head) < _HEAD:
-        head.append(cursor.next("NPTS and DT"))
-        if "NPTS" in head[-1].upper():
-            return head
-    raise UnreadableRecord(f"the first {_HEAD} lines must state NPTS and DT, but do not")
-
-
-def _words(head: Sequence[str], line: int) -> tuple[str, str]:
-    """Event and name: the line above that of the unit is "event[, date], station, component"."""
-    title = " ".join(head[line - 2].split()) if line > 1 else ""
-    parts = [part.strip() for part in title.split(",")]
-    # Names of events may be followed by a date, which tells events of one name apart.
-    dated = len(parts) > 2 and re.search(r"\d/\d", parts[1])
-    return (", ".join(parts[:2]), ", ".join(parts[2:])) if dated else (parts[0], ", ".join(parts[1:]))

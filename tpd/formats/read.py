@@ -68,7 +68,13 @@ def channels(
     path: str | os.PathLike[str], *, dt: float | None, baseline: str | None, unit: str | None
 ) -> list[Channel]:
     """Return all channels of a file, checked. Arguments and errors are those of `tpd.Record.read`."""
-    _check_arguments(dt, baseline, unit)
+    if unit is not None:
+        given(unit)
+    if baseline is not None and baseline not in BASELINES:
+        raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)} or None, but is {baseline!r}")
+    number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
+    if dt is not None and not (number and 0.0 < dt < float("inf")):
+        raise ValueError(f"`dt` must be positive and finite, in s, but is {dt!r}")
     if not isinstance(path, (str, os.PathLike)):
         raise ValueError(f"`path` must name a file, but is {path!r}")
     file = Path(path)
@@ -106,16 +112,6 @@ def one_channel(
         wrong = "choose one by `channel`" if channel is None else f"`channel` is {channel}"
         raise UnreadableRecord(f"{Path(path).name}: the file has the channels {listed}; {wrong}")
     return found[channel]
-
-
-def _check_arguments(dt: float | None, baseline: str | None, unit: str | None) -> None:
-    if unit is not None:
-        given(unit)
-    if baseline is not None and baseline not in BASELINES:
-        raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)} or None, but is {baseline!r}")
-    number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
-    if dt is not None and not (number and 0.0 < dt < float("inf")):
-        raise ValueError(f"`dt` must be positive and finite, in s, but is {dt!r}")
 
 
 def _content(file: Path) -> bytes:
@@ -199,19 +195,6 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
         UnreadableRecord: ObsPy is missing or knows no such format, gaps, or counts of the instrument: nothing
             in such a file says what acceleration a count is.
     """
-    stream = _opened(data)
-    if len(stream) == 0:
-        raise UnreadableRecord("the file holds no trace")
-    identities = [trace.id for trace in stream]
-    if len(set(identities)) < len(identities):
-        raise UnreadableRecord(
-            f"samples are missing: a channel has several pieces ({', '.join(identities[:9])})"
-        )
-    return [_channel(trace, unit) for trace in stream]
-
-
-def _opened(data: bytes) -> Any:
-    """The stream of ObsPy."""
     try:
         # ObsPy warns of its own dependencies on import.
         with warnings.catch_warnings():
@@ -225,10 +208,18 @@ def _opened(data: bytes) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            return obspy.read(io.BytesIO(data))
+            stream = obspy.read(io.BytesIO(data))
     except Exception:
         # Each of ObsPy's formats fails in its own way on a damaged file.
         raise UnreadableRecord("the file is no text, and ObsPy cannot read it") from None
+    if len(stream) == 0:
+        raise UnreadableRecord("the file holds no trace")
+    identities = [trace.id for trace in stream]
+    if len(set(identities)) < len(identities):
+        raise UnreadableRecord(
+            f"samples are missing: a channel has several pieces ({', '.join(identities[:9])})"
+        )
+    return [_channel(trace, unit) for trace in stream]
 
 
 def _channel(trace: Any, unit: str | None) -> Channel:

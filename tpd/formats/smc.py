@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tpd.formats.channel import FACTORS, Channel, agree_on_peak, agree_on_peak_time, chosen
-from tpd.formats.text import Cursor, Decimal, UnreadableRecord, number, shown
+from tpd.formats.text import Cursor, Decimal, UnreadableRecord, shown
 
 _KINDS = re.compile(r"^\s*(\d?)\s*(UN)?CORRECTED\s+ACCELEROGRAM", re.IGNORECASE)
 _OTHER = re.compile(r"^\s*\d\s+(VELOCITY|DISPLACEMENT|RESPONSE|FOURIER)", re.IGNORECASE)
@@ -42,44 +42,33 @@ def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
     if text[1].strip() != "*" or text[_TEXT - 1].strip() != "*":
         raise UnreadableRecord(f"lines 2 and {_TEXT} must be '*': the text header is damaged")
     integers = cursor.fixed(8 * _INTEGERS, 8, 10, "integers")
-    reals, printed = _reals(cursor)
+    start = cursor.at
+    reals = cursor.fixed(5 * _REALS, 5, 15, "numbers")
+    printed = [line[i : i + 15].strip() for line in cursor.lines[start : cursor.at] for i in range(0, 75, 15)]
     # The rate comes before the samples: those of a film are pairs of time and acceleration.
-    dt = _step(reals[_RATE])
-    cursor.comments(_whole(integers, _COMMENTS, "comment lines"))
-    values = cursor.fixed(_whole(integers, _COUNT, "samples"), 8, 10, "samples")
-    cursor.require_end()
-    _agree(values, dt, reals, printed)
-    # The line of the station names the component too: "component= UP".
-    named = re.search(r"component\s*=\s*(\S.*?)\s*$", text[5], flags=re.IGNORECASE)
-    component, event = _component(integers) or (named[1] if named else ""), " ".join(text[3].split())
-    notes = () if not kind[2] else ("uncorrected: an offset and a drift are left in it",)
-    factor = FACTORS[chosen("cm/s2", unit)]
-    return [Channel(values * factor, dt, component, f"{_station(text[5])}/{component}", event, notes)]
-
-
-def _step(rate: float) -> float:
-    """The step in s of samples at a rate in 1/s."""
+    rate = float(reals[_RATE])
     if rate > _UNKNOWN_REAL:
         raise UnreadableRecord(
             "the header states no rate: the samples are at unequal times, read from a film"
         )
     if not 1.0 <= rate <= 1e5:
         raise UnreadableRecord(f"the header must state a rate of 1 to 1e5 samples/s, but states {rate:g}")
-    return 1.0 / rate
-
-
-def _reals(cursor: Cursor) -> tuple[list[float], list[str]]:
-    """The header of reals, and as it is printed."""
-    printed: list[str] = []
-    for _ in range(_REALS):
-        line = cursor.next("the end of the real header").rstrip()
-        if len(line) != 75:
-            raise UnreadableRecord(
-                f"line {cursor.at} must hold 5 numbers of 15 characters, but is {shown(line)}"
-            )
-        printed += [line[i : i + 15].strip() for i in range(0, 75, 15)]
-    start = cursor.at - _REALS
-    return [number(text, start + 1 + i // 5) for i, text in enumerate(printed)], printed
+    dt = 1.0 / rate
+    cursor.comments(_whole(integers, _COMMENTS, "comment lines"))
+    values = cursor.fixed(_whole(integers, _COUNT, "samples"), 8, 10, "samples")
+    cursor.require_end()
+    _agree(values, dt, reals, printed)
+    # The line of the station names the component too: "component= UP".
+    named = re.search(r"component\s*=\s*(\S.*?)\s*$", text[5], flags=re.IGNORECASE)
+    azimuth = integers[_AZIMUTH]
+    level = "" if azimuth == _UNKNOWN_INTEGER else f"{azimuth:.0f} DEG"
+    component = {0.0: "UP", 180.0: "DOWN"}.get(float(integers[_VERTICAL_ANGLE]), level)
+    component, event = component or (named[1] if named else ""), " ".join(text[3].split())
+    found = re.search(r"station\s*=\s*(.*?)\s*(?:component\s*=.*)?$", text[5], flags=re.IGNORECASE)
+    station = " ".join(found[1].split()) if found else ""
+    notes = () if not kind[2] else ("uncorrected: an offset and a drift are left in it",)
+    factor = FACTORS[chosen("cm/s2", unit)]
+    return [Channel(values * factor, dt, component, f"{station}/{component}", event, notes)]
 
 
 def _whole(integers: np.ndarray, place: int, what: str) -> int:
@@ -89,7 +78,7 @@ def _whole(integers: np.ndarray, place: int, what: str) -> int:
     return int(value)
 
 
-def _agree(values: np.ndarray, dt: float, reals: list[float], printed: list[str]) -> None:
+def _agree(values: np.ndarray, dt: float, reals: np.ndarray, printed: list[str]) -> None:
     """Check the largest and the smallest sample against the header, where it states them."""
     for place, time, sign in ((_MAX, _TIME_OF_MAX, 1.0), (_MIN, _TIME_OF_MIN, -1.0)):
         if abs(reals[place]) >= _UNKNOWN_REAL or not values.size:
@@ -103,16 +92,3 @@ def _agree(values: np.ndarray, dt: float, reals: list[float], printed: list[str]
         agree_on_peak(sign * half, stated, where, digit=float(digit))
         if abs(reals[time]) < _UNKNOWN_REAL:
             agree_on_peak_time(half, dt, Decimal.of(printed[time]), where)
-
-
-def _component(integers: np.ndarray) -> str:
-    vertical, azimuth = integers[_VERTICAL_ANGLE], integers[_AZIMUTH]
-    if vertical in (0, 180):
-        return "UP" if vertical == 0 else "DOWN"
-    return "" if azimuth == _UNKNOWN_INTEGER else f"{azimuth:.0f} DEG"
-
-
-def _station(line: str) -> str:
-    """Name of the station from the line "station = ... component= ..."."""
-    found = re.search(r"station\s*=\s*(.*?)\s*(?:component\s*=.*)?$", line, flags=re.IGNORECASE)
-    return " ".join(found[1].split()) if found else ""

@@ -56,7 +56,7 @@ def read_table(cursor: Cursor, dt: float | None, unit: str | None) -> list[Chann
     """
     cursor = _with_points(cursor)
     head = _head(cursor)
-    rows = _rows(cursor, head)
+    rows = _rows(cursor)
     stated = _step(head)
     rows, count, counted = _counted(rows)
     if stated is not None and counted is not None and abs(stated - counted) > 1e-6 * stated:
@@ -181,7 +181,7 @@ def _is_row(head: Sequence[str], columns: int) -> bool:
     return _unit([line]) is None and (len(head) > 1 or not name)
 
 
-def _rows(cursor: Cursor, head: Sequence[str]) -> list[_Row]:
+def _rows(cursor: Cursor) -> list[_Row]:
     """All rows of numbers; blank lines are passed over."""
     rows: list[_Row] = []
     while not cursor.only_blank_lines_follow():
@@ -283,14 +283,15 @@ def _times(
     rows: Sequence[_Row], names: Sequence[str], stated: float | None, dt: float | None
 ) -> tuple[int, float]:
     """Number of the first column of accelerations, and the step in s of the times or of the samples."""
-    numbered = len(rows) > 1 and _is_numbered(rows)
+    first = np.array([float(row.cells[0].lower().replace("d", "e")) for row in rows])
+    numbered = len(rows) > 1 and np.all(first == np.round(first)) and np.all(np.diff(first) == 1.0)
     if numbered and not re.search(
-        r"[(\[]\s*(?:s|secs?|seconds?)\s*[)\]]|^secs?$|^seconds?$|^s$", _of(names), re.I
+        r"[(\[]\s*(?:s|secs?|seconds?)\s*[)\]]|^secs?$|^seconds?$|^s$", "".join(names[:1]), re.I
     ):
         # 1, 2, 3 ... are no times in s, unless the header says so: of two columns the other holds samples.
         second = [Decimal.of(row.cells[1]) for row in rows]
         if len(rows[0].cells) > 2 and re.match(
-            r"\W*(?:t|time|zeit|temps|tempo|tiempo)\b", _of(names[1:]), re.I
+            r"\W*(?:t|time|zeit|temps|tempo|tiempo)\b", "".join(names[1:2]), re.I
         ):
             return 2, _equal(second, rows, stated)
         if stated is None and dt is None:
@@ -299,15 +300,6 @@ def _times(
             )
         return 1, _given(stated, dt)
     return 1, _equal([Decimal.of(row.cells[0]) for row in rows], rows, stated)
-
-
-def _of(names: Sequence[str]) -> str:
-    return names[0] if names else ""
-
-
-def _is_numbered(rows: Sequence[_Row]) -> bool:
-    first = np.array([float(row.cells[0].lower().replace("d", "e")) for row in rows])
-    return bool(np.all(first == np.round(first)) and np.all(np.diff(first) == 1.0))
 
 
 def _unit(head: Sequence[str]) -> str | None:
@@ -324,7 +316,7 @@ def _unit(head: Sequence[str]) -> str | None:
                 found.add(word)
             elif word in _OTHER_TIMES:
                 raise UnreadableRecord(f"the times must be in s, but the header states {shown(text)}")
-            elif looks_like(text) or (named and _is_unit(word)):
+            elif looks_like(text) or (named and word not in _SECONDS and re.search(r"[a-zµ]", word)):
                 raise UnreadableRecord(
                     f"the unit of acceleration must be one of {', '.join(FACTORS)}, but the header states "
                     f"{shown(text)}"
@@ -365,11 +357,6 @@ def _check_hints(head: Sequence[str], unit: str | None) -> None:
             )
 
 
-def _is_unit(word: str) -> bool:
-    """Whether a word after "unit" or in brackets can be nothing but a unit that is not known."""
-    return not (word in _SECONDS or not re.search(r"[a-zµ]", word))
-
-
 def _candidates(line: str) -> list[tuple[str, bool]]:
     """Pieces of a line of the header that can be units, and whether they are said to be one."""
     bare = line.strip().lstrip("".join(_MARKS)).strip()
@@ -384,16 +371,13 @@ def _candidates(line: str) -> list[tuple[str, bool]]:
     alone = words if all(plain(w) in FACTORS or w.lower() in _SECONDS for w in words) else []
     formed = [word for word in words if looks_like(word)]
     # "a [furlong/min2]" states a unit, "a (NS)" and "acc (corrected)" do not.
-    squared = [text for text in bracketed if re.search(r"/|\^|\d$", text) and _orientationless(text)]
+    squared = [text for text in bracketed if re.search(r"/|\^|\d$", text)]
+    squared = [text for text in squared if orientation(text) is None and " " not in text.strip()]
     volts = [text for text in bracketed if plain(text) in ("counts", "count", "v", "mv", "volt", "volts")]
     said = [word for word in named if word.lower() not in ("of", "in", "are", "is", "acceleration", "time")]
     return [(x, True) for x in [*said, *squared, *volts] if plain(x) not in _OTHER_MOTIONS] + [
         (x, False) for x in [*bracketed, *cells, *alone, *formed]
     ]
-
-
-def _orientationless(text: str) -> bool:
-    return orientation(text) is None and " " not in text.strip()
 
 
 def _step(head: Sequence[str]) -> float | None:

@@ -13,8 +13,8 @@ from tpd.answers.fragility import Fragility
 from tpd.answers.paired import Benefit
 from tpd.answers.statistics import Lognormal
 from tpd.core import checks
+from tpd.design.build import FrontPoint
 from tpd.design.ground.design import GroundDesign
-from tpd.design.many import FrontPoint
 from tpd.design.result import HarmonicDesign
 from tpd.design.verified import Bare, Verified
 from tpd.plot.style import BLUE, CASES, GREY, INK, LABELS, ORANGE, in_degrees, legend, new_axes
@@ -105,7 +105,22 @@ def plot_conditions(design: HarmonicDesign, axes: Any = None) -> Any:
     # Values that scatter come in no order.
     order = np.argsort(design.conditions.column(name), kind="stable")
     x, xlabel = _values(design, name)
-    _tilts(axes[0], design, x, order)
+    nu = design.scene.block.slenderness * design.conditions.column("slenderness")
+    cases: list[Bare | Verified] = [design.bare, *([design.best] if design.best else [])]
+    tilts = [_known(of, "tilt") * nu for of in cases]
+    # The marks of overturning stand above all finite tilts, so the axis needs room there.
+    top = 1.3 * float(np.nanmax(tilts, initial=0.0)) or 1.0
+    for i, (of, tilt, style) in enumerate(zip(cases, tilts, CASES, strict=False)):
+        refused = i == 1 and design.winner is None
+        label = "best found, not offered" if refused else style["label"]
+        axes[0].plot(x[order], tilt[order], **style | {"label": label})
+        lost = x[of.exact.status == "overturned"]
+        if len(lost):
+            label = f"{style['label']}: overturns from rest"
+            marks = style | {"ls": "", "marker": "^X"[i], "ms": 6.0, "label": label}
+            axes[0].plot(lost, np.full(len(lost), top * (1.0 - 0.05 * i)), **marks)
+    # A comparison of amplitudes begins at zero; a little less, so that resting designs are seen.
+    axes[0].set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
     if design.best is not None:
         axes[1].plot(x[order], _known(design.best, "stroke")[order], **CASES[1] | {"label": "bob"})
     if np.isfinite(design.stroke_limit):
@@ -116,26 +131,6 @@ def plot_conditions(design: HarmonicDesign, axes: Any = None) -> Any:
         in_degrees(ax)
         legend(ax, loc="best")
     return axes
-
-
-def _tilts(ax: Any, design: HarmonicDesign, x: np.ndarray, order: np.ndarray) -> None:
-    """Draw the tilts with and without the pendulum, and mark where the block overturns from rest."""
-    nu = design.scene.block.slenderness * design.conditions.column("slenderness")
-    cases: list[Bare | Verified] = [design.bare, *([design.best] if design.best else [])]
-    tilts = [_known(of, "tilt") * nu for of in cases]
-    # The marks of overturning stand above all finite tilts, so the axis needs room there.
-    top = 1.3 * float(np.nanmax(tilts, initial=0.0)) or 1.0
-    for i, (of, tilt, style) in enumerate(zip(cases, tilts, CASES, strict=False)):
-        refused = i == 1 and design.winner is None
-        label = "best found, not offered" if refused else style["label"]
-        ax.plot(x[order], tilt[order], **style | {"label": label})
-        lost = x[of.exact.status == "overturned"]
-        if len(lost):
-            label = f"{style['label']}: overturns from rest"
-            marks = {"ls": "", "marker": "^X"[i], "ms": 6.0, "label": label}
-            ax.plot(lost, np.full(len(lost), top * (1.0 - 0.05 * i)), **style | marks)
-    # A comparison of amplitudes begins at zero; a little less, so that resting designs are seen.
-    ax.set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
 
 
 def _known(of: Bare | Verified, size: str) -> np.ndarray:

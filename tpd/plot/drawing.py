@@ -144,7 +144,12 @@ def plot_scene(
     FigureCanvasAgg(figure)
     ax = _view(figure, 0.0, left, (-wide - _LEFT / scale, -_BELOW / scale), scale)
     ax.add_patch(Polygon(corners(scene, 0.0), closed=True, fc=BODY, ec=INK, lw=1.4))
-    _hollow(ax, scene)
+    if scene.block.cavity_width is not None:
+        # Open at the top; a floor is drawn, so that the walls are seen to be those of a hollow block.
+        c, floor = 0.5 * scene.block.cavity_width, 0.05 * height
+        ax.add_patch(Polygon([(-c, floor), (c, floor), (c, height), (-c, height)], fc="white", ec="none"))
+        for wall in (-c, c):
+            ax.plot([wall, wall], [floor, height], color=INK, lw=0.9)
     inch = 1.0 / scale
     _dimension(ax, (-half, height), (half, height), 0.2 * inch, f"{number(scene.block.width)} m", scale)
     away = half - wide - 0.35 * inch
@@ -166,18 +171,6 @@ def _view(figure: Figure, left: float, right: float, low: tuple[float, float], s
     ax.set_aspect("equal")
     ax.set_axis_off()
     return ax
-
-
-def _hollow(ax: Axes, scene: Scene) -> None:
-    """Draw the cavity, if its width is given: open at the top, its depth is not known."""
-    wide, height = scene.block.cavity_width, scene.block.height
-    if wide is None:
-        return
-    # A floor is drawn, so that the walls are seen to be those of a hollow block and not two bars.
-    c, floor = 0.5 * wide, 0.05 * height
-    ax.add_patch(Polygon([(-c, floor), (c, floor), (c, height), (-c, height)], fc="white", ec="none"))
-    for side in (-c, c):
-        ax.plot([side, side], [floor, height], color=INK, lw=0.9)
 
 
 def _draw(ax: Axes, h: _Hung, top: float, *, detail: bool) -> None:
@@ -231,7 +224,15 @@ def _detail(ax: Axes, scene: Scene, h: _Hung, side: float, scale: float) -> None
         name, degrees = _STROKE[isinstance(scene.motion, Harmonic)], math.degrees(h.angle)
         said = f"{name} ±{h.angle:.3g} rad (±{degrees:.3g}°)"
         words.insert(2, (f"{said}\n{h.clear}" if hollow else said, (float(end[0]), float(end[1]))))
-    _labels(ax, words, side + 0.3 * inch, scale)
+    # Labels stand in a column, none over another, each with a line to its place.
+    heights = [(0.29 + 0.15 * said.count("\n")) / scale for said, _ in words]
+    top, left = 0.25 / scale, sum(heights) - (_TALL + 0.4) / scale
+    for (said, place), tall in zip(words, heights, strict=True):
+        # Labels further below need their room as well.
+        at = side + 0.3 * inch, max(min(place[1], top - 0.5 * tall), left - 0.5 * tall)
+        top, left = at[1] - 0.5 * tall, left - tall
+        line = {"arrowstyle": "-", "lw": 0.6, "color": INK, "shrinkB": 3, "relpos": (0.0, 0.5)}
+        ax.annotate(said, xy=place, xytext=at, fontsize=8, va="center", color=INK, arrowprops=line)
 
 
 def _body(bob: Bob, mass: float, rod: float, angle: float) -> np.ndarray:
@@ -244,18 +245,6 @@ def _body(bob: Bob, mass: float, rod: float, angle: float) -> np.ndarray:
     # Row vectors stand to the left of a matrix, so that this is the transpose of the usual one.
     c, s = math.cos(angle), math.sin(angle)
     return (shape - np.array([0.0, rod])) @ np.array([[c, s], [-s, c]])
-
-
-def _labels(ax: Axes, labels: list[Label], x: float, scale: float) -> None:
-    """Write labels in a column at `x`, none over another, each with a line to its place."""
-    heights = [(0.29 + 0.15 * words.count("\n")) / scale for words, _ in labels]
-    top, left = 0.25 / scale, sum(heights) - (_TALL + 0.4) / scale
-    for (words, place), high in zip(labels, heights, strict=True):
-        # Labels further below need their room as well.
-        y = max(min(place[1], top - 0.5 * high), left - 0.5 * high)
-        top, left = y - 0.5 * high, left - high
-        line = {"arrowstyle": "-", "lw": 0.6, "color": INK, "shrinkB": 3, "relpos": (0.0, 0.5)}
-        ax.annotate(words, xy=place, xytext=(x, y), fontsize=8, va="center", color=INK, arrowprops=line)
 
 
 def _dimension(

@@ -66,9 +66,21 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
         name: np.log(np.clip(np.nan_to_num(1.0 + x, nan=10.0), 0.1, 10.0)) for name, x in seen.excess.items()
     }
     edges = {name.replace("_", " "): smooth(x).reshape(_GRID, _GRID) for name, x in sizes.items()}
-    _edges(ax, mu, lam, edges)
+    worst = np.max([np.full((_GRID, _GRID), -1.0), *edges.values()], axis=0)
+    if (worst > 0.0).any():
+        beyond = ax.contourf(mu, lam, worst, levels=[0.0, np.inf], colors="none", hatches=["//"])
+        beyond.set_edgecolor(_HATCH)
+        beyond.set_linewidth(0.0)
+    crossed = {name: x for name, x in edges.items() if x.min() < 0.0 < x.max()}
+    for i, (name, x) in enumerate(crossed.items()):
+        edge(ax, mu, lam, x, name, (i + 1.0) / (len(crossed) + 1.0))
     if isinstance(design, HarmonicDesign):
-        _rest(ax, mu, lam, design, designs)
+        scene, conditions = design.scene, design.conditions
+        common = as_arrays(scene.parameters()), conditions, design.space, design.risk, design.limits
+        least = margins(Orbits(*common, geometry_of(scene, conditions)), designs).min(axis=1)
+        if least.min() < 0.0 < least.max():
+            least = least.reshape(_GRID, _GRID)
+            edge(ax, mu, lam, least, "stays at rest", 0.5, color=INK, style="--")
         for i, path in enumerate(design.search.paths):
             ax.plot(*path[:, :2].T, color=INK, lw=0.5, label=None if i else "ways of the descents")
         refused = np.array([v.design for v in design.verified if v.reasons]).reshape(-1, 3)
@@ -151,28 +163,6 @@ def _shade(ax: Axes, mu: np.ndarray, lam: np.ndarray, field: np.ndarray, seen: _
         text.set_path_effects(HALO)
     bar = cast(Any, ax.figure).colorbar(shades, ax=ax, label=f"{seen.words}, at ζ = {zeta:.2g} (-)")
     bar.ax.set_title(f"bare: {seen.bare:.2g}", fontsize=8)
-
-
-def _edges(ax: Axes, mu: np.ndarray, lam: np.ndarray, excess: dict[str, np.ndarray]) -> None:
-    """Edges of the limits with their names, and hatching where designs break one."""
-    worst = np.max([np.full((len(lam), len(mu)), -1.0), *excess.values()], axis=0)
-    if (worst > 0.0).any():
-        beyond = ax.contourf(mu, lam, worst, levels=[0.0, np.inf], colors="none", hatches=["//"])
-        beyond.set_edgecolor(_HATCH)
-        beyond.set_linewidth(0.0)
-    crossed = {name: x for name, x in excess.items() if x.min() < 0.0 < x.max()}
-    for i, (name, x) in enumerate(crossed.items()):
-        edge(ax, mu, lam, x, name, (i + 1.0) / (len(crossed) + 1.0))
-
-
-def _rest(ax: Axes, mu: np.ndarray, lam: np.ndarray, design: HarmonicDesign, designs: np.ndarray) -> None:
-    """Edge of the designs under which a block at rest stays at rest under all conditions."""
-    scene, conditions = design.scene, design.conditions
-    common = as_arrays(scene.parameters()), conditions, design.space, design.risk, design.limits
-    least = margins(Orbits(*common, geometry_of(scene, conditions)), designs).min(axis=1)
-    least = least.reshape(len(lam), len(mu))
-    if least.min() < 0.0 < least.max():
-        edge(ax, mu, lam, least, "stays at rest", 0.5, color=INK, style="--")
 
 
 def _points(ax: Axes, designs: np.ndarray, marker: str, size: float, label: str, mfc: str) -> None:

@@ -49,7 +49,11 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
     values = getattr(m, quantity)
     coloured = {"amplitude": _MOVING, "stroke": (*_MOVING, "rest"), "margin": tuple(m.counts)}[quantity]
     shown = np.isfinite(values) & np.isin(m.status, coloured)
-    low, high = _limits(values[shown], quantity)
+    low, high = 0.0, 1.0
+    if shown.any():
+        # A few designs next to a resonance would make all others alike.
+        low, high = (float(x) for x in np.quantile(values[shown], (0.02, 0.995)))
+        low, high = (low, float(values[shown].max())) if quantity == "margin" else (0.0, high)
     mesh = ax.pcolormesh(m.x, m.y, np.where(shown, values, np.nan), vmin=low, vmax=high, rasterized=True)
     beyond = bool((values[shown] < low).any()), bool((values[shown] > high).any())
     extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get(beyond, "neither")
@@ -63,14 +67,6 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
         place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 2}
         ax.legend(handles=handles, fontsize=8, frameon=False, **place)
     return ax
-
-
-def _limits(values: np.ndarray, quantity: str) -> tuple[float, float]:
-    """Limits of the colours. A few designs next to a resonance would make all others alike."""
-    if not values.size:
-        return 0.0, 1.0
-    high = float(np.quantile(values, 0.995))
-    return (float(np.quantile(values, 0.02)), float(values.max())) if quantity == "margin" else (0.0, high)
 
 
 def _hatched(ax: Axes, m: DesignMap, coloured: tuple[str, ...]) -> list[Any]:

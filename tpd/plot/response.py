@@ -49,7 +49,17 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
     # Marks of overturning stand above all amplitudes.
     top = 1.35 * float(settled.max(initial=0.0)) or 1.0
     for i, r in enumerate(responses):
-        _amplitudes(axes[0], r, i, top)
+        style, known, lost = CASES[i], np.isin(r.status, SETTLED), r.status == "overturned"
+        # The axis begins at zero, and a block at rest has its mark there: it must not be cut in half.
+        axes[0].plot(r.frequency, np.where(known, r.amplitude, np.nan), **style, clip_on=False)
+        if lost.any():
+            marks = {"ls": "", "mec": style["mec"], "zorder": 4, **_LOST[i]}
+            axes[0].plot(r.frequency[lost], np.full(lost.sum(), top * (1.0 - 0.05 * i)), **marks)
+        other = ~known & ~lost
+        if other.any():
+            marks = {"ls": "", "marker": "DP"[i], "mfc": "none", "ms": 5, "color": style["color"]}
+            marks["label"] = f"{style['label']}: not settled"
+            axes[0].plot(r.frequency[other], np.minimum(r.amplitude[other], 0.85 * top), **marks)
         if r.overturning is not None and len(axes) > 1:
             value, low, high = r.overturning
             axes[1].fill_between(r.frequency, low, high, color=CASES[i]["color"], alpha=0.2, lw=0)
@@ -72,22 +82,6 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
     return axes
 
 
-def _amplitudes(ax: Any, r: Response, case: int, top: float) -> None:
-    """Settled amplitudes, and near the top marks where the block overturns or does not settle."""
-    style, known, lost = CASES[case], np.isin(r.status, SETTLED), r.status == "overturned"
-    # The axis begins at zero, and a block at rest has its mark there: it must not be cut in half.
-    ax.plot(r.frequency, np.where(known, r.amplitude, np.nan), **style, clip_on=False)
-    if lost.any():
-        height = top * (1.0 - 0.05 * case)
-        marks = {"ls": "", "mec": style["mec"], **_LOST[case]}
-        ax.plot(r.frequency[lost], np.full(lost.sum(), height), zorder=4, **marks)
-    other = ~known & ~lost
-    if other.any():
-        marks = {"ls": "", "marker": "DP"[case], "mfc": "none", "ms": 5, "color": style["color"]}
-        label = f"{style['label']}: not settled"
-        ax.plot(r.frequency[other], np.minimum(r.amplitude[other], 0.85 * top), label=label, **marks)
-
-
 def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
     """Draw amplitude, and with a pendulum stroke, of all branches: stable solid, unstable dashed, with marks
     where they fold, lose their symmetry, stick or graze.
@@ -107,7 +101,13 @@ def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
         for ax, quantity in zip(axes, ("amplitude", "stroke"), strict=False):
             if quantity == "amplitude" or case.hung:
                 _lines(ax, case, quantity, style)
-                _marks(ax, case, quantity, style["color"])
+                for b in case.bifurcations:
+                    marker, _ = _MARKERS[b.kind]
+                    size = b.amplitude if quantity == "amplitude" else _stroke(case, b)
+                    marks: dict[str, Any] = {"ms": 5.5, "mfc": "white", "mew": 1.3, "zorder": 5}
+                    if b.kind is Kind.unresolved:
+                        size, marks = 0.0, {"ms": 6, "transform": ax.get_xaxis_transform(), "clip_on": False}
+                    ax.plot(b.value, size, marker, mec=style["color"], **marks)
         axes[0].plot([], [], label=label, **style)
     axes[0].set(ylabel=r"largest tilt $|\varphi|$ (rad)")
     if hung:
@@ -139,16 +139,6 @@ def _lines(ax: Any, case: Branches, quantity: str, style: dict[str, Any]) -> Non
             ax.plot(value[part], size[part], ls="-" if stable[begin] else _UNSTABLE, **style)
     size = np.zeros_like(s.value) if quantity == "amplitude" else case.rest_stroke
     ax.plot(s.value, np.where(case.margin > 0.0, size, np.nan), **style)
-
-
-def _marks(ax: Any, case: Branches, quantity: str, color: str) -> None:
-    for b in case.bifurcations:
-        marker, _ = _MARKERS[b.kind]
-        size = b.amplitude if quantity == "amplitude" else _stroke(case, b)
-        if b.kind is Kind.unresolved:
-            ax.plot(b.value, 0.0, marker, ms=6, mec=color, transform=ax.get_xaxis_transform(), clip_on=False)
-        else:
-            ax.plot(b.value, size, marker, ms=5.5, mfc="white", mec=color, mew=1.3, zorder=5)
 
 
 def _stroke(case: Branches, b: Bifurcation) -> float:
@@ -183,7 +173,12 @@ def plot_motions(
         The axes, an array.
     """
     shaken = [h for h in histories if isinstance(h, ShakingHistory)]
-    rows = [_columns(h) for h in histories]
+    rows = [
+        (h.times, h.tilt, h.swing)
+        if isinstance(h, ShakingHistory)
+        else (h.time, h.tilt, h.bob if h.with_pendulum else None)
+        for h in histories
+    ]
     hung = any(swing is not None for _, _, swing in rows)
     count = 1 + hung + 2 * bool(shaken)
     if axes is None:
@@ -195,7 +190,9 @@ def plot_motions(
         upright = np.cumprod(np.nan_to_num(np.abs(tilt), nan=np.inf) < 2.0 * slenderness).astype(bool)
         tilts.plot(time, np.where(upright, tilt, np.nan), **style)
         if not upright.all() and upright.any():
-            _mark_fall(tilts, time[upright][-1], tilt[upright][-1], style["color"])
+            at = time[upright][-1], tilt[upright][-1]
+            tilts.plot(*at, "X", color=style["color"], mec=INK, ms=8)
+            tilts.annotate("overturns", at, (6, -4), textcoords="offset points", fontsize=8)
         if swing is not None:
             axes[first + 1].plot(time, np.where(upright, swing, np.nan), **style | {"label": None})
     largest = max(float(np.nanmax(np.abs(line.get_ydata()), initial=0.0)) for line in tilts.lines)
@@ -211,7 +208,13 @@ def plot_motions(
                 axes[first + 1].axhline(side * stroke_limit, color=ORANGE, lw=1.2, ls=":", label=label)
             legend(axes[first + 1], loc="upper right")
     if shaken:
-        _of_ground(axes[0], axes[-1], shaken)
+        axes[0].plot(shaken[0].times, shaken[0].base, color=INK, lw=0.7)
+        axes[0].set_ylabel("base acceleration\n(m/s²)")
+        for history, style in zip(shaken, LINES, strict=False):
+            # Where the block all but leaves the ground, no friction is enough: the picture stops at 5.
+            ratio = np.abs(history.horizontal) / np.maximum(history.vertical, 1e-300)
+            axes[-1].plot(history.times, np.minimum(ratio, 5.0), **style)
+        axes[-1].set(ylabel="friction needed\n|H|/V (-)", ylim=(0.0, None))
     for ax in axes[first : first + 1 + hung]:
         ax.axhline(0.0, color=INK, lw=0.4)
         in_degrees(ax)
@@ -226,27 +229,3 @@ def plot_start(design: HarmonicDesign, axes: Any = None) -> Any:
     histories = time_histories(design.scene, design.pendulum)
     nu, limit = float(design.scene.block.slenderness), design.stroke_limit
     return plot_motions(histories, nu, stroke_limit=limit, axes=axes)
-
-
-def _columns(h: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Time (s), tilt, and angle of the rod with a pendulum (rad)."""
-    if isinstance(h, ShakingHistory):
-        return h.times, h.tilt, h.swing
-    return h.time, h.tilt, h.bob if h.with_pendulum else None
-
-
-def _of_ground(above: Any, below: Any, histories: list[ShakingHistory]) -> None:
-    """Draw the base's acceleration, and the friction that keeps the block from sliding."""
-    above.plot(histories[0].times, histories[0].base, color=INK, lw=0.7)
-    above.set_ylabel("base acceleration\n(m/s²)")
-    for history, style in zip(histories, LINES, strict=False):
-        # Where the block all but leaves the ground, no friction is enough: the picture stops at 5.
-        ratio = np.abs(history.horizontal) / np.maximum(history.vertical, 1e-300)
-        below.plot(history.times, np.minimum(ratio, 5.0), **style)
-    below.set(ylabel="friction needed\n|H|/V (-)", ylim=(0.0, None))
-
-
-def _mark_fall(ax: Any, time: float, tilt: float, color: str) -> None:
-    """Say where a line ends because the block falls."""
-    ax.plot(time, tilt, "X", color=color, mec=INK, ms=8)
-    ax.annotate("overturns", (time, tilt), (6, -4), textcoords="offset points", fontsize=8)

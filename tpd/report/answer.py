@@ -79,7 +79,15 @@ def verdict(design: Design) -> Note:
     more often, or the bob strikes."""
     told, status = design.comparison, design.status
     if status is DesignStatus.found and told is not None:
-        return note(f"{_worth(design)}: {saved(told)}. {_sign(design)}No verdict of safety.")
+        worth, sign, missing = "WORTH HANGING under the stated conditions", "", words.missing(design)
+        if missing:
+            worth = f"FOUND, BUT NOT TO BE HUNG AS IT IS, since the search {' and '.join(missing)}"
+        losses = design.losses if isinstance(design, HarmonicDesign) else ()
+        if against := [case for case in losses if not case.benefit.low > 0.0]:
+            cases = " and ".join(f"{case.name} ({case.benefit.value:.0%})" for case in against)
+            sign = "THE BENEFIT HANGS ON THE LOSSES: it is not shown where the block loses energy by "
+            sign += f"{cases}. "
+        return note(f"{worth}: {saved(told)}. {sign}No verdict of safety.")
     kind = danger if design.pendulum is None and design.harmful else note
     return kind(headline(status, design.refusals))
 
@@ -101,14 +109,6 @@ _REASONED = DesignStatus.refused, DesignStatus.too_few, DesignStatus.undecided
 """Statuses of which the first reason says more than their words."""
 
 
-def _worth(design: Design) -> str:
-    """Whether the design was asked all that an engineer asks."""
-    missing = words.missing(design)
-    if missing:
-        return f"FOUND, BUT NOT TO BE HUNG AS IT IS, since the search {' and '.join(missing)}"
-    return "WORTH HANGING under the stated conditions"
-
-
 def saved(told: Comparison) -> str:
     """Benefit with its interval."""
     size = told.saved
@@ -120,16 +120,6 @@ def saved(told: Comparison) -> str:
     low, high = (low, high) if mean >= 0.0 else (0.0 - high, 0.0 - low)
     around = f" (95 %: {low:.0%} to {high:.0%})" if math.isfinite(low) else ""
     return f"{abs(mean):.0%} {way} tilt{around}"
-
-
-def _sign(design: Design) -> str:
-    """Sentence that says that the benefit hangs on how the block loses energy, where it does."""
-    losses = design.losses if isinstance(design, HarmonicDesign) else ()
-    against = [case for case in losses if not case.benefit.low > 0.0]
-    if not against:
-        return ""
-    names = " and ".join(f"{case.name} ({case.benefit.value:.0%})" for case in against)
-    return f"THE BENEFIT HANGS ON THE LOSSES: it is not shown where the block loses energy by {names}. "
 
 
 def dangers(design: Design, study: Study) -> list[Note]:

@@ -73,13 +73,19 @@ class Table:
     @property
     def cells(self) -> list[list[str]]:
         """All cells as text: numbers to four digits, a dash where there is no value."""
-        return [[_text(cell) for cell in row] for row in self.rows]
+        return [
+            [NO_VALUE if c is None else number(c) if isinstance(c, float) else str(c) for c in row]
+            for row in self.rows
+        ]
 
     @property
     def numeric(self) -> list[bool]:
         """Whether a column holds numbers, which stand to the right."""
         columns = [[row[i] for row in self.rows if row[i] is not None] for i in range(len(self.head))]
-        return [bool(column) and all(map(_is_number, column)) for column in columns]
+        return [
+            bool(cells) and all(not isinstance(x, str) or _NUMBER.fullmatch(x) for x in cells)
+            for cells in columns
+        ]
 
 
 @dataclass(frozen=True)
@@ -148,11 +154,3 @@ class Report:
 def wrapped(text: str, first: str = "", rest: str = "  ") -> list[str]:
     """Lines of a text, with what stands before the first of them, and before the others."""
     return textwrap.wrap(text, _WIDTH, initial_indent=first, subsequent_indent=rest)
-
-
-def _text(cell: Cell) -> str:
-    return NO_VALUE if cell is None else number(cell) if isinstance(cell, float) else str(cell)
-
-
-def _is_number(cell: Cell) -> bool:
-    return _NUMBER.fullmatch(cell) is not None if isinstance(cell, str) else True

@@ -103,7 +103,9 @@ def content(
         date: of the report, for the title.
     """
     found = notes(design, study)
-    there = _figures(design, study)
+    drawn = names(design, study)
+    # By the stem of their names; empty lists where there is none.
+    there = {n.partition(".")[0]: [Figure(n, *said)] if n in drawn else [] for n, said in CAPTIONS.items()}
     parts: dict[str, list[Block]] = {
         "Notes": [n for n in found if n.severity is not Severity.danger],
         "Build it": construction.section(design, study.build),
@@ -149,15 +151,6 @@ def names(design: Design, study: Study) -> tuple[str, ...]:
     there |= {"front.svg": bool(study.front), "drawing.svg": whole}
     there |= {"animation.gif": whole and bool(study.histories)}
     return tuple(name for name, exists in there.items() if exists)
-
-
-def _figures(design: Design, study: Study) -> dict[str, list[Figure]]:
-    """The figure of every picture there is, by the stem of its name; an empty list where there is none."""
-    found = names(design, study)
-    return {
-        name.partition(".")[0]: [Figure(name, *said)] if name in found else []
-        for name, said in CAPTIONS.items()
-    }
 
 
 def _front(points: Sequence[FrontPoint]) -> Table:

@@ -87,9 +87,19 @@ def _words(
         yield "motion.csv", motion_csv(study.histories)
     if isinstance(design, GroundDesign):
         if design.searched is not None:
-            yield "designs.csv", designs_csv(design)
+            found = design.searched
+            head = ("mu", "lam", "zeta", "value", "overturned", "undecided", *design.names)
+            columns = found.designs, found.value, found.overturned, found.undecided, found.sizes
+            rows = ((*d, v, o, int(u), *s) for d, v, o, u, s in zip(*columns, strict=True))
+            yield "designs.csv", files.as_csv(head, rows)
         if design.judged:
-            yield "groups.csv", groups_csv(design)
+            head = ("group", "intensity", "motions", "overturned_bare", "overturned_hung")
+            rows = (
+                (g.name, stripe, g.motions, *(int(x[i]) for x in (*g.counts, *g.unknown)))
+                for g in design.judged
+                for i, stripe in enumerate(g.stripes)
+            )
+            yield "groups.csv", files.as_csv((*head, "undecided_bare", "undecided_hung"), rows)
 
 
 def draw(name: str, design: Design, study: Study) -> bytes:
@@ -164,27 +174,6 @@ def motion_csv(histories: Sequence[TimeHistory]) -> str:
     # An empty cell is read as missing by every program; a word such as "nan" is not.
     rows = zip(*(column.tolist() for column in columns), strict=True)
     return files.as_csv(header, ([x if math.isfinite(x) else "" for x in row] for row in rows))
-
-
-def designs_csv(design: GroundDesign) -> str:
-    """CSV with a row for every design that was followed."""
-    found = design.searched
-    assert found is not None
-    head = ("mu", "lam", "zeta", "value", "overturned", "undecided", *design.names)
-    columns = found.designs, found.value, found.overturned, found.undecided, found.sizes
-    rows = ((*d, v, o, int(u), *s) for d, v, o, u, s in zip(*columns, strict=True))
-    return files.as_csv(head, rows)
-
-
-def groups_csv(design: GroundDesign) -> str:
-    """CSV with a row for every group at every intensity."""
-    rows = (
-        (g.name, stripe, g.motions, *(int(x[i]) for x in (*g.counts, *g.unknown)))
-        for g in design.judged
-        for i, stripe in enumerate(g.stripes)
-    )
-    head = ("group", "intensity", "motions", "overturned_bare", "overturned_hung")
-    return files.as_csv((*head, "undecided_bare", "undecided_hung"), rows)
 
 
 def add_engine(directory: Path, verdict: Any) -> list[Path]:

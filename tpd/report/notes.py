@@ -31,9 +31,26 @@ SLOW = 0.95
 
 def notes(design: Design, study: Study) -> tuple[Note, ...]:
     """All notes on a design: dangers first, else in the order of the generators below."""
-    found = [*_interruptions(design, study), *_lossless(design)]
+    found: list[Note] = []
+    block = design.scene.block
+    if design.status is DesignStatus.interrupted:
+        found.append(note("The search was interrupted; nothing below is the best of the design space."))
+    for part in study.left_out:
+        found.append(note(f"This report goes without {part}: its computation was interrupted."))
+    if float(block.velocity_ratio) == 1.0 and not block.friction:
+        said = "The block loses no energy at all: no real block rocks like that. Give it a restitution."
+        found.append(note(said))
     if isinstance(design, GroundDesign):
-        found += [*_groups(design), *_unknown_in_search(design)]
+        found += _groups(design)
+        if (seen := design.searched) is not None and seen.undecided.any():
+            found.append(
+                note(
+                    f"In the search {int(seen.undecided.sum())} of "
+                    f"{len(seen.value) * len(design.conditions)} runs have no answer (too many events), with "
+                    f"{int((seen.undecided > 0).sum())} of {len(seen.value)} designs: their tilt is that of "
+                    "the other runs."
+                )
+            )
     elif isinstance(design, HarmonicDesign):
         found += _responses(study)
         if design.winner is not None and design.pendulum is not None:
@@ -45,13 +62,6 @@ def notes(design: Design, study: Study) -> tuple[Note, ...]:
             note(f"As a body the bob weighs {build.mass:.4g} kg, more than its limit of {mass.kg:g} kg.")
         )
     return tuple(sorted(found, key=lambda n: n.severity.value))
-
-
-def _interruptions(design: Design, study: Study) -> Iterator[Note]:
-    if design.status is DesignStatus.interrupted:
-        yield note("The search was interrupted; nothing below is the best of the design space.")
-    for part in study.left_out:
-        yield note(f"This report goes without {part}: its computation was interrupted.")
 
 
 def _from_rest(design: HarmonicDesign, winner: Verified) -> Iterator[Note]:
@@ -70,19 +80,14 @@ def _from_rest(design: HarmonicDesign, winner: Verified) -> Iterator[Note]:
         worse = np.sum(rest.severity >= 1.0) > np.sum(rest.bare >= 1.0)
         said = "A single run near overturning says little: the paired runs decide."
         yield (danger if worse else note)(f"{rest.told} {said}")
-    if not _overturns_less(lost, bare, winner):
+    pairs = [(harmed.size, saved)]
+    if winner.paired is not None:
+        pairs.append((winner.paired.worse, winner.paired.better))
+    if not any(b > w and chance_of(b, w) < SIGNIFICANT for w, b in pairs):
         yield note(
             "Nothing shows that the block overturns less with this pendulum: neither from rest nor in the "
             "paired runs are there significantly fewer cases. It lessens the tilt."
         )
-
-
-def _overturns_less(lost: np.ndarray, bare: np.ndarray, winner: Verified) -> bool:
-    """Whether significantly fewer conditions, or runs of the ensemble, overturn the block than without."""
-    pairs, runs = [(int(np.sum(lost & ~bare)), int(np.sum(bare & ~lost)))], winner.paired
-    if runs is not None:
-        pairs.append((runs.worse, runs.better))
-    return any(better > worse and chance_of(better, worse) < SIGNIFICANT for worse, better in pairs)
 
 
 def _strikes(design: HarmonicDesign, winner: Verified, pendulum: Pendulum) -> Iterator[Note]:
@@ -184,12 +189,6 @@ def overturns_more(bare: Response, hung: Response) -> np.ndarray:
     return value - other > _MANY * np.hypot(value - low, high - other)
 
 
-def _lossless(design: Design) -> Iterator[Note]:
-    block = design.scene.block
-    if float(block.velocity_ratio) == 1.0 and not block.friction:
-        yield note("The block loses no energy at all: no real block rocks like that. Give it a restitution.")
-
-
 def _groups(design: GroundDesign) -> Iterator[Note]:
     """Harm on single groups, and doubts about the groups."""
     benefit = design.benefit
@@ -228,13 +227,3 @@ def _groups(design: GroundDesign) -> Iterator[Note]:
 def unknown(g: Judged) -> str:
     """Number of runs without an answer, and of all: bare and hung by both sets of equations."""
     return f"{g.undecided} of {4 * g.motions * len(g.stripes)}"
-
-
-def _unknown_in_search(design: GroundDesign) -> Iterator[Note]:
-    found = design.searched
-    if found is not None and found.undecided.any():
-        yield note(
-            f"In the search {int(found.undecided.sum())} of {len(found.value) * len(design.conditions)} runs "
-            f"have no answer (too many events), with {int((found.undecided > 0).sum())} of "
-            f"{len(found.value)} designs: their tilt is that of the other runs."
-        )

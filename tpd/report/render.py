@@ -78,7 +78,13 @@ def html(report: Report, pictures: Mapping[str, bytes]) -> str:
     Raises:
         ValueError: a picture of another kind.
     """
-    return _template().render(report=report, pictures={name: _uri(x) for name, x in pictures.items()})
+    uris = {}
+    for name, image in pictures.items():
+        kind = next((mime for start, mime in _KINDS.items() if image.startswith(start)), None)
+        if kind is None:
+            raise ValueError("`pictures` must hold SVG, PNG or GIF files only")
+        uris[name] = f"data:{kind};base64,{base64.b64encode(image).decode()}"
+    return _template().render(report=report, pictures=uris)
 
 
 @lru_cache(maxsize=1)
@@ -90,10 +96,3 @@ def _template() -> jinja2.Template:
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
     return environment.from_string(source)
-
-
-def _uri(image: bytes) -> str:
-    kind = next((mime for start, mime in _KINDS.items() if image.startswith(start)), None)
-    if kind is None:
-        raise ValueError("`pictures` must hold SVG, PNG or GIF files only")
-    return f"data:{kind};base64,{base64.b64encode(image).decode()}"

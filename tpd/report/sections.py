@@ -13,13 +13,13 @@ from tpd.answers.ensemble import Outcomes
 from tpd.core.formatting import number
 from tpd.design.criteria import LABELS
 from tpd.design.ground.design import GroundDesign
-from tpd.design.ground.judgement import Judged, Role
+from tpd.design.ground.judgement import Role
 from tpd.design.ground.search import SPARE
 from tpd.design.objective import KINDS
 from tpd.design.result import DesignStatus, HarmonicDesign
 from tpd.design.study import Study
 from tpd.design.survey import ON_THE_WAY, Survey
-from tpd.design.verified import Bare, Reason, ReasonKind, Step, Verified
+from tpd.design.verified import Bare, ReasonKind, Step, Verified
 from tpd.report import words
 from tpd.report.blocks import Block, Cell, Table, Text
 from tpd.report.notes import unknown
@@ -210,16 +210,14 @@ def _refusals(design: HarmonicDesign) -> Block:
             + (f" ({'; '.join(said)})." if said else ".")
         )
     # A design may be refused for several reasons, and each of them is counted.
-    kinds = Counter(what for v in design.verified for what in {_kind(reason) for reason in v.reasons})
+    by = {True: " by the nonlinear equations", False: ""}
+    whys = ({_WHY[r.kind] + by[r.step is Step.nonlinear] for r in v.reasons} for v in design.verified)
+    kinds = Counter(why for of_one in whys for why in of_one)
     if kinds:
         told = ", ".join(f"{n} because {what}" for what, n in kinds.most_common())
         refused = sum(bool(v.reasons) for v in design.verified)
         parts.append(f"Of {len(design.verified)} verified, {refused} were refused: {told}.")
     return Text(" ".join(parts))
-
-
-def _kind(reason: Reason) -> str:
-    return _WHY[reason.kind] + ("" if reason.step is not Step.nonlinear else " by the nonlinear equations")
 
 
 def settled(design: HarmonicDesign, study: Study, figure: Sequence[Block]) -> list[Block]:
@@ -315,15 +313,14 @@ def _judged(design: GroundDesign, figure: Sequence[Block]) -> list[Block]:
         "by the linear equations. No answer: runs that met too many events, of both sets of "
         "equations, bare and hung; all shares and means leave them out."
     )
-    return [*figure, Table((*head, *more, *strikes), tuple(map(_group, design.judged)), caption)]
-
-
-def _group(g: Judged) -> tuple[Cell, ...]:
-    role = g.name if g.role is Role.tuned or g.name == g.role.value else f"{g.name} (held out)"
-    before, after = (f"{x:.1%}" for x in g.overturned)
-    sizes = g.difference.words(), g.tilt.words(share=False), g.linear.words(), f"{g.changed:.1%}"
-    strikes = f"{g.strikes:.1%} ({g.linear_strikes:.1%})", unknown(g)
-    return role, str(g.motions), str(g.events), before, after, *sizes, *strikes
+    rows: list[tuple[Cell, ...]] = []
+    for g in design.judged:
+        role = g.name if g.role is Role.tuned or g.name == g.role.value else f"{g.name} (held out)"
+        shares = [f"{x:.1%}" for x in g.overturned]
+        sizes = g.difference.words(), g.tilt.words(share=False), g.linear.words(), f"{g.changed:.1%}"
+        broken = f"{g.strikes:.1%} ({g.linear_strikes:.1%})"
+        rows.append((role, str(g.motions), str(g.events), *shares, *sizes, broken, unknown(g)))
+    return [*figure, Table((*head, *more, *strikes), tuple(rows), caption)]
 
 
 def _surface(design: GroundDesign, figure: Sequence[Block]) -> list[Block]:

@@ -13,8 +13,9 @@ from tpd.answers.statistics import Interval, fall
 from tpd.answers.statistics import change as difference_of
 from tpd.design.criteria import Worth
 from tpd.design.ground.judgement import Benefit, Group, Judged, Role, benefit_of, pairs_of, scatter_of
-from tpd.design.ground.objective import GroundObjective, objective_of
+from tpd.design.ground.objective import GroundObjective
 from tpd.design.ground.search import Evaluated
+from tpd.design.problem import Question
 from tpd.design.result import Comparison, Design, DesignStatus
 from tpd.design.surface import Surface
 from tpd.scene.conditions import Conditions
@@ -23,6 +24,12 @@ from tpd.scene.scene import Scene
 LEAST_EARTHQUAKES = 5
 """Earthquakes that a design must be tuned to, and as many that it must be judged on, for a verdict: of fewer
 the spread between earthquakes is hardly known."""
+
+
+def objective_of(asked: Question) -> GroundObjective:
+    """Objective of a question about ground motions."""
+    scene, worth = asked.scene, asked.worth
+    return GroundObjective(scene.block, asked.conditions, asked.limits, worth.broken, float(scene.gravity))
 
 
 class GroundVerdict(NamedTuple):
@@ -62,7 +69,8 @@ def _known_verdict(judged: tuple[Judged, ...], worth: Worth) -> GroundVerdict:
     harms, strikes, others, benefit = [], [], [], benefit_of(judged)
     # Harm on any group counts, also on motions that the design is tuned to.
     for g in judged:
-        on = _where(g)
+        on = "on motions held out" if g.name == g.role.value else f"on {g.name} (held out)"
+        on = "on the motions that it is tuned to" if g.role is Role.tuned else on
         for change, by in ((g.difference, ""), (g.linear, " by the linear equations")):
             if change.is_above:
                 harms.append(
@@ -85,7 +93,10 @@ def _known_verdict(judged: tuple[Judged, ...], worth: Worth) -> GroundVerdict:
             harms.append(
                 f"over all motions held out the mean tilt rises by {benefit.tilt.words(share=False)}"
             )
-    status, tuned, held = DesignStatus.found, *_earthquakes(judged)
+    # Earthquakes that the design is tuned to, and those that it is judged on.
+    events = ([g.runs.clusters for g in judged if g.role is role] for role in (Role.tuned, Role.held_out))
+    tuned, held = (len(np.unique(np.concatenate([*found, []]))) for found in events)
+    status = DesignStatus.found
     if benefit is None:
         status = DesignStatus.tuned_only
     elif min(tuned, held) < LEAST_EARTHQUAKES:
@@ -111,19 +122,6 @@ def _known_verdict(judged: tuple[Judged, ...], worth: Worth) -> GroundVerdict:
     if harms or strikes:
         status = DesignStatus.refused
     return GroundVerdict(status, (*harms, *strikes, *others))
-
-
-def _where(group: Judged) -> str:
-    """Words for where a group's runs are."""
-    if group.role is Role.tuned:
-        return "on the motions that it is tuned to"
-    return "on motions held out" if group.name == group.role.value else f"on {group.name} (held out)"
-
-
-def _earthquakes(judged: tuple[Judged, ...]) -> tuple[int, int]:
-    """Number of earthquakes that a design is tuned to, and of those that it is judged on."""
-    tuned, held = ([g.runs.clusters for g in judged if g.role is r] for r in (Role.tuned, Role.held_out))
-    return len(np.unique(np.concatenate(tuned))), len(np.unique(np.concatenate([*held, []])))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

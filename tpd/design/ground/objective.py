@@ -13,7 +13,6 @@ from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.design.criteria import KINDS, THICKNESS, Geometry, Limit, Size, check_limits
 from tpd.design.objective import blank, geometry_under
-from tpd.design.problem import Question
 from tpd.records.intensity import intensity_of
 from tpd.scene.conditions import Conditions, under_all
 from tpd.scene.parameters import Parameters
@@ -129,7 +128,10 @@ class GroundObjective:
         """Names of the limited quantities, and these over their limits, shape (m, sizes): each is exceeded in
         the allowed share of the runs in which the block stands."""
         found = list(self._sizes(runs, designs))
-        columns = [[_quantile(v[np.isfinite(v)], self.allowed) for v in size.value] for size in found]
+        # What the allowed share of the runs exceed; 0 where the block stands in no run.
+        stand = [[row[np.isfinite(row)] for row in size.value] for size in found]
+        how: Any = {"q": 1.0 - self.allowed, "method": "higher"}
+        columns = [[np.quantile(x, **how) if x.size else 0.0 for x in rows] for rows in stand]
         shape = len(found), len(designs)
         return tuple(size.name for size in found), np.array(columns, dtype=float).reshape(shape).T
 
@@ -186,12 +188,6 @@ class GroundObjective:
         return Runs(tilt / nu, swing, relative, fell, undecided)
 
 
-def objective_of(question: Question) -> GroundObjective:
-    """Objective of a question about ground motions."""
-    q = question
-    return GroundObjective(q.scene.block, q.conditions, q.limits, q.worth.broken, float(q.scene.gravity))
-
-
 def check_ground_limits(limits: tuple[Limit, ...]) -> tuple[Limit, ...]:
     """The limits in the order of a report.
 
@@ -204,8 +200,3 @@ def check_ground_limits(limits: tuple[Limit, ...]) -> tuple[Limit, ...]:
             names = ", ".join(kind.__name__ for kind in KINDS if kind.of_motion)
             raise ValueError(f"`limits` of ground motions must be of {names}, but has {checks.shown(limit)}")
     return listed
-
-
-def _quantile(values: np.ndarray, allowed: float) -> float:
-    """Value that the allowed share of the runs exceed; 0 where the block stands in no run."""
-    return float(np.quantile(values, 1.0 - allowed, method="higher")) if len(values) else 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -15,9 +15,9 @@ from tpd.core.fingerprints import fingerprint, of_sources
 from tpd.core.progress import Progress
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Room, Stroke, Worth
-from tpd.design.ground.design import GroundDesign, GroundVerdict, verdict_of
+from tpd.design.ground.design import GroundDesign, GroundVerdict, objective_of, verdict_of
 from tpd.design.ground.judgement import HELD_OUT, SCATTERED, Group, Judged, grouped, judge, scatter_of
-from tpd.design.ground.objective import GroundObjective, check_ground_limits, objective_of
+from tpd.design.ground.objective import GroundObjective, check_ground_limits
 from tpd.design.ground.search import DEFAULT_SPACE, Evaluated, GroundSearch, Searcher, risk_of_known
 from tpd.design.problem import Question, check_cavity, check_given, within_mass
 from tpd.design.result import DesignStatus
@@ -101,9 +101,23 @@ def ground_problem(
     listed = check_ground_limits(DEFAULT_LIMITS if limits is None else tuple(limits))
     check_cavity(block, listed)
     groups = grouped(conditions.motions, HELD_OUT if held_out is None else held_out, seed)
-    inside = _restricted(conditions, groups[0])
+    # By identity: two records may be equal, and belong to both sides.
+    kept = [i for i, m in enumerate(conditions.motions) if any(m is own for own in groups[0].motions)]
+    which = np.asarray(conditions.which)
+    rows = np.isin(which, kept)
+    inside = replace(
+        conditions,
+        factors={name: factor[rows] for name, factor in conditions.factors.items()},
+        motions=tuple(conditions.motions[i] for i in kept),
+        which=np.searchsorted(kept, which[rows]),
+    )
     worth, ensemble = Worth() if worth is None else worth, Ensemble() if ensemble is None else ensemble
-    _check_used(worth, ensemble)
+    # A setting without effect would let somebody believe in it.
+    for given, usual, used in ((worth, Worth(), ("at_least", "strikes")), (ensemble, Ensemble(), SCATTERED)):
+        for f in fields(given):
+            if f.name not in used and getattr(given, f.name) != getattr(usual, f.name):
+                name = type(given).__name__.lower()
+                raise ValueError(f"`{name}.{f.name}` is for harmonics, but the conditions are ground motions")
     scene = Scene(block, inside.motions[0], gravity)
     if ensemble.restitution:
         check_restitution(scene)
@@ -118,34 +132,6 @@ def ground_problem(
         worth=worth,
         seed=seed,
         groups=groups,
-    )
-
-
-def _check_used(worth: Worth, ensemble: Ensemble) -> None:
-    """Raise `ValueError` for a setting that has no effect on ground motions."""
-    # A setting without effect would let somebody believe in it.
-    for given, usual, used in ((worth, Worth(), ("at_least", "strikes")), (ensemble, Ensemble(), SCATTERED)):
-        for f in fields(given):
-            if f.name not in used and getattr(given, f.name) != getattr(usual, f.name):
-                name = type(given).__name__.lower()
-                raise ValueError(f"`{name}.{f.name}` is for harmonics, but the conditions are ground motions")
-
-
-def _restricted(conditions: Conditions, group: Group) -> Conditions:
-    """The conditions with the motions of one group."""
-    # By identity: two records may be equal, and belong to both sides.
-    kept = [i for i, m in enumerate(conditions.motions) if any(m is other for other in group.motions)]
-    rows = np.isin(np.asarray(conditions.which), kept)
-    which = np.searchsorted(kept, np.asarray(conditions.which)[rows])
-    factors = {k: v[rows] for k, v in conditions.factors.items()}
-    return Conditions(
-        factors,
-        conditions.description,
-        conditions.units,
-        tuple(conditions.motions[i] for i in kept),
-        which,
-        conditions.intensity,
-        conditions.scales,
     )
 
 
@@ -174,9 +160,13 @@ def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) ->
     if best is None:
         return _answer(problem, search, without, _none_feasible(found, search.names), None)
     if not found.value[best] < without - _SLIGHT:
-        again = objective.evaluate(found.designs[best][None])
-        hangs = _hangs(risk, again.severity[0], bare.severity[0])
-        verdict = _unknown(hangs) if hangs else _no_improvement(found, search.names, best, without)
+        again = objective.evaluate(found.designs[best][None]).severity[0]
+        count = int(np.isnan(again).sum() + np.isnan(bare.severity[0]).sum())
+        # At best its runs without an answer end at rest, and those of the bare block overturn.
+        ends = (again, 0.0), (bare.severity[0], 1.0)
+        least, most = (float(risk.of(np.nan_to_num(x, nan=end))) for x, end in ends)
+        hangs = count > 0 and least < most - _SLIGHT
+        verdict = _unknown(count) if hangs else _no_improvement(found, search.names, best, without)
         return _answer(problem, search, without, verdict, best)
     groups = tuple(_judged(problem, found.designs[best], group, report) for group in problem.groups)
     return _answer(problem, search, without, verdict_of(groups, problem.worth), best, groups)
@@ -221,14 +211,6 @@ def _left_out(found: Evaluated) -> str:
     """Words for the runs without an answer, if there are any."""
     count = int(found.undecided.sum())
     return f"; {count} runs without an answer are left out" if count else ""
-
-
-def _hangs(risk: Risk, with_it: np.ndarray, bare: np.ndarray) -> int:
-    """Runs without an answer on which it hangs that a design is no better than none; 0 if it does not."""
-    unknown = int(np.isnan(with_it).sum() + np.isnan(bare).sum())
-    # At best its runs end at rest, and those of the bare block overturn.
-    least = float(risk.of(np.nan_to_num(with_it, nan=0.0)))
-    return unknown if least < float(risk.of(np.nan_to_num(bare, nan=1.0))) - _SLIGHT else 0
 
 
 def _unknown(count: int) -> GroundVerdict:

@@ -72,10 +72,6 @@ class Evaluated(NamedTuple):
         """Some of the designs."""
         return Evaluated(*(x[rows] for x in self))
 
-    def with_one(self, other: Evaluated) -> Evaluated:
-        """These and further ones."""
-        return Evaluated(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
-
 
 _BLANK = Evaluated(*[np.zeros(0)] * len(Evaluated._fields))
 
@@ -107,7 +103,16 @@ class Searcher:
         spread = latin_hypercube(np.random.default_rng([self.seed, 7]), self.method.starts, d)
         try:
             for i in range(total):
-                self._follow(i, spread[i] if i < len(spread) else self._next(i, last=total - 4))
+                unit = spread[i] if i < len(spread) else self._next(i, last=total - 4)
+                one = None if self.store is None else self.store.get(i, _BLANK)
+                # Names of the limits come with the first design, even where it was stored.
+                if one is None or (i == 0 and not self.names):
+                    one = self.evaluate(self.space.unscaled(np.asarray(unit)[None]))
+                    if self.store is not None:
+                        self.store.put(i, one)
+                if self.found is not None:
+                    one = Evaluated(*map(np.concatenate, zip(self.found, one, strict=True)))
+                self.found = one
                 if self.progress is not None:
                     self.progress(i + 1, total)
         except KeyboardInterrupt:
@@ -123,16 +128,6 @@ class Searcher:
         trend, _ = self.surface.at(self.space.scaled(self.found.designs))
         allowed = self.found.spares if self.found.spares.any() else self.found.feasible
         return int(np.argmin(np.where(allowed, trend, np.inf)))
-
-    def _follow(self, i: int, unit: np.ndarray) -> None:
-        """Follow the i-th design, unless it was followed before."""
-        one = None if self.store is None else self.store.get(i, _BLANK)
-        # Names of the limits come with the first design, even where it was stored.
-        if one is None or (i == 0 and not self.names):
-            one = self.evaluate(self.space.unscaled(np.asarray(unit)[None]))
-            if self.store is not None:
-                self.store.put(i, one)
-        self.found = one if self.found is None else self.found.with_one(one)
 
     def evaluate(self, designs: np.ndarray) -> Evaluated:
         """Follow designs through all motions."""
