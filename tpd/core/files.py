@@ -22,6 +22,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import IO, Any
 
+import tpd
+
 try:
     import fcntl
 except ImportError:  # Windows
@@ -182,7 +184,7 @@ def as_table(columns: Mapping[str, Any]) -> str:
 
 def versions() -> dict[str, str]:
     """Versions of Python, of this package and of the packages that results depend on, by name."""
-    own = {"python": platform.python_version(), "tpd": _version("tpd")}
+    own = {"python": platform.python_version(), "tpd": tpd.__version__}
     return own | {name: _version(name) for name in PACKAGES}
 
 
