@@ -30,7 +30,7 @@ SMALL = {
     "tpd.design.survey": {"_SPREAD": 128, "_DRAWN": 2048, "_FINER": 16, "_CENTRES": 4, "_AROUND": 6},
     "tpd.design.refine": {"RUNS": 32, "_TRIED": 8, "_ROUNDS": 1},
     "tpd.design.by_runs": {"_LOSS_RUNS": 32},
-    "tpd.design.build": {"_RUNS": 32},
+    "tpd.design.study": {"_RUNS": 32},
 }
 """Sizes of a search that are no arguments, by module."""
 RUNS, RECORDS = 64, 2

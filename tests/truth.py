@@ -23,7 +23,6 @@ import functools
 import gzip
 import json
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain, pairwise, repeat
 from pathlib import Path
@@ -427,12 +426,9 @@ def el_centro() -> tuple[float, ...]:
 def system_of(x: Mapping[str, Any], mp: Any) -> System:
     """The coefficients of a scene in SI. `x`: width, height, friction, restitution, gravity and, with a
     pendulum, bob (kg), mass of the block (kg), length (m) and damping (ratio)."""
-    half, bare = mp.mpf(x["height"]) / 2, not x.get("bob")
-    bob = (
-        [0, 1, 0]
-        if bare
-        else [mp.mpf(x["bob"]) / mp.mpf(x["mass"]), mp.mpf(x["length"]) / half, x["damping"]]
-    )
+    half, bob, bare = mp.mpf(x["height"]) / 2, (0, 1, 0), not x.get("bob")
+    if not bare:
+        bob = mp.mpf(x["bob"]) / mp.mpf(x["mass"]), mp.mpf(x["length"]) / half, x["damping"]
     numbers = (mp.mpf(x["width"]) / mp.mpf(x["height"]), *bob, x["friction"], x["restitution"])
     system = System(numbers, mp, bare=bare, quiet=_GROUND_QUIET)
     system.omega = mp.sqrt(mp.mpf(x["gravity"]) * system.rho / half)
@@ -441,8 +437,7 @@ def system_of(x: Mapping[str, Any], mp: Any) -> System:
 
 def shaken(case: Mapping[str, Any], mp: Any, *, verdict: bool = False, **changed: Any) -> Run:
     """The motion of a case under a pulse or a record, with `changed` quantities; `stop` (tau) as in `Run`."""
-    stop = changed.pop("stop", None)
-    x = {**case["scene"], **changed}
+    stop, x = changed.pop("stop", None), {**case["scene"], **changed}
     system = system_of(x, mp)
     run = Run(system, case["y0"])
     run.stop = stop
@@ -608,11 +603,7 @@ def main() -> None:
     names = set(sys.argv[1:])
 
     def lines(rows: list[dict[str, Any]], evaluate: Callable[..., dict[str, Any]]) -> str:
-        out = []
-        for row in rows:
-            begun = time.perf_counter()
-            out.append(evaluate(row) if not names or row["name"] in names else row)
-            print(f"{row['name']}: {time.perf_counter() - begun:.1f} s", file=sys.stderr)
+        out = (evaluate(row) if not names or row["name"] in names else row for row in rows)
         return ",\n".join(json.dumps(row, sort_keys=True) for row in out)
 
     PATHS["harmonic"].write_text(f"[\n{lines(load('harmonic'), harmonic_row)}\n]\n")

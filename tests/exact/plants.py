@@ -1,9 +1,19 @@
-"""Plants of the compiled code, for vectors of parameters as in `tests.reference`."""
+"""Plants of the compiled code, for vectors of parameters as in `tests.reference`, and calls of that code."""
 
 import numba
 import numpy as np
 
 from tpd.exact.plant import COMPLEX_PLANT, PLANT, STEP, plant
+
+
+def entry(function):
+    """A compiled function for Python: those of the package can be called by compiled code only."""
+    return numba.njit(lambda *args: function(*args))
+
+
+def first_entry(function):
+    """The same of a function of a plant, for the first of an array of plants."""
+    return numba.njit(lambda plants, *args: function(plants[0], *args))
 
 
 @numba.njit

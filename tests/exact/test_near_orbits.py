@@ -1,19 +1,16 @@
 """Periods of a motion with their derivatives, and the elimination that Newton's method uses."""
 
 import jax
-import numba
 import numpy as np
 import pytest
 
+from tests.exact.plants import entry
 from tests.reference import BARE, HUNG, along, exact, parameters
 from tpd import Piecewise
 from tpd.exact import near_orbits
 from tpd.scene.parameters import as_arrays
 
-
-@numba.njit
-def eliminate(a, b):
-    return near_orbits.eliminate(a, b)
+eliminate = entry(near_orbits.eliminate)
 
 
 def test_elimination_solves_and_tells_a_singular_matrix():
@@ -24,9 +21,9 @@ def test_elimination_solves_and_tells_a_singular_matrix():
         x = b.copy()
         assert eliminate(a.copy(), x) > 0.0
         np.testing.assert_allclose(a @ x, b, rtol=0, atol=1e-11)
-    for entry in (0.0, np.nan):
+    for added in (0.0, np.nan):
         singular = np.ones((4, 4))
-        singular[3, 3] += entry
+        singular[3, 3] += added
         assert not eliminate(singular, np.ones((4, 1))) > 1e-12
 
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.models.test_rows import box
-from tests.reference import parameters
+from tests.reference import box, parameters
 from tpd import Parameters, Piecewise, steady_state
 from tpd.models import compiled_linear, compiled_shaken
 
