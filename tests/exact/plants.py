@@ -11,11 +11,6 @@ def entry(function):
     return numba.njit(lambda *args: function(*args))
 
 
-def first_entry(function):
-    """The same of a function of a plant, for the first of an array of plants."""
-    return numba.njit(lambda plants, *args: function(plants[0], *args))
-
-
 @numba.njit
 def _put(x, plants):
     for i in range(len(x)):

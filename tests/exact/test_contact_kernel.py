@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from tests.exact.plants import entry, first_entry, plants_of
+from tests.exact.plants import entry, plants_of
 from tests.reference import HUNG, parameters
 from tpd.exact import contact_kernel
 from tpd.exact.events import FIRST, SECOND
@@ -24,7 +24,8 @@ DECISIONS = [
 """Excess upward and downward under friction 0.05, signs of tilt and rate, and the mode."""
 
 
-mode_of, struck = entry(contact_kernel.mode_of), first_entry(contact_kernel.struck)
+mode_of = entry(contact_kernel.mode_of)
+struck = numba.njit(lambda plants, *args: contact_kernel.struck(plants[0], *args))
 
 
 @numba.njit

@@ -1,4 +1,4 @@
-"""Readings of the legs of a motion: derivatives, states at times, and impacts."""
+"""Readings of the legs of a motion: derivatives of everything that is read."""
 
 import numpy as np
 import pytest

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.exact.test_trajectory import SAMPLES, clock, states
-from tests.reference import REST, SLOW, STILL, box, exact, parameters
+from tests.reference import REST, SLOW, box, exact, parameters
 from tpd import Piecewise, Status, paper_scene
 from tpd.exact.terms import LANDING
 from tpd.models import compiled_linear
@@ -72,28 +72,6 @@ def test_a_slow_decay_is_taken_to_its_orbit():
     # The orbit repeats itself when it is followed from its own state.
     again = exact(SLOW, answer.steady.state)
     np.testing.assert_allclose(again.steady.amplitude, answer.steady.amplitude, rtol=1e-9)
-
-
-def test_an_undamped_bob_that_rings_on_is_not_settled_and_has_no_gradient():
-    # As the still case, but nothing damps the bob, which keeps rattling the block for ever.
-    answer = exact((0.2, 0.1, 0.4, 0.0, 0.03, 0.25, 4.0))
-    assert answer.status == "not_settled"
-    assert answer.steady.elapsed == Piecewise().max_periods
-    assert np.isfinite(answer.amplitude)
-    assert np.all(np.isnan(answer.slopes))
-
-
-def test_a_block_that_never_lifts_is_answered_without_a_simulation():
-    x = (*STILL.x[:5], 0.05, STILL.x[6])
-    answer = exact(x)
-    assert answer.status == "rest"
-    assert int(answer.steady.elapsed) == 0 < int(exact(STILL.x).steady.elapsed)
-    # lam rho psi'' + hinge psi' + psi = f sin(xi tau).
-    nu, _, lam, zeta, _, f, xi = x
-    inertia = lam * 0.75 / (1.0 + nu**2)
-    response = f / (1.0 - inertia * xi**2 + 2j * zeta * np.sqrt(inertia) * xi)
-    assert answer.stroke == pytest.approx(abs(response), rel=1e-12)
-    np.testing.assert_allclose(answer.steady.state, [0.0, response.imag, 0.0, xi * response.real], atol=1e-15)
 
 
 def hops(x, tilt, quiet):
