@@ -115,20 +115,18 @@ def test_widths_follow_the_orbit_that_is_expected():
     assert rocking_scale(bare) == pytest.approx(0.2 * (1 - 1 / np.cosh(np.pi / 2 / 4.0)), rel=0.05)
 
 
-def test_with_parametric_terms_and_housner_s_impacts_it_is_near_the_model_of_true_signs():
+@pytest.mark.parametrize("model", [Smoothed, Segmented])
+def test_with_parametric_terms_and_housner_s_impacts_smoothed_and_true_signs_agree(model):
     x = (0.2, 0.1, 0.5, 0.2, 0.02, 0.3, 4.0)
     p = as_arrays(Parameters(**dict(zip(NAMES, x, strict=False)), e=None))
-
-    def amplitude(model):
-        s = jax.jit(lambda p: steady_state(p, model=model(terms=Terms.parametric)))(p)
-        assert status_name(s.status) == "rocking"
-        return float(s.amplitude)
-
-    true = amplitude(Segmented)
-    assert amplitude(Smoothed) == pytest.approx(true, rel=5e-5)
+    s = jax.jit(lambda p: steady_state(p, model=model(terms=Terms.parametric)))(p)
+    assert status_name(s.status) == "rocking"
+    # Either model is the source for the other: 0.03365875 and 0.03365845.
+    known = 0.0336586
+    assert float(s.amplitude) == pytest.approx(known, rel=2e-5)
     # Without the parametric term it is another motion.
     e = float(housner(x[0], uniform_inertia_ratio(x[0]), x[1]))
-    assert abs(exact((*x, e)).amplitude / true - 1.0) > 1e-3
+    assert abs(exact((*x, e)).amplitude / known - 1.0) > 1e-3
 
 
 # Where impacts all but stop
