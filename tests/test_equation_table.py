@@ -7,6 +7,7 @@ import inspect
 import math
 import pkgutil
 import re
+from dataclasses import replace
 from importlib import import_module
 from operator import attrgetter
 
@@ -23,7 +24,7 @@ from tpd.theory.equations import Equations, Linear, Terms
 NU, MU, LAM, ZETA, K, F, XI, RHO = 0.23, 0.17, 0.6, 0.15, 0.04, 0.3, 2.3, 0.68
 HINGE = 2.0 * ZETA * math.sqrt(LAM * RHO)
 P = tpd.Parameters(nu=NU, mu=MU, lam=LAM, zeta=ZETA, k=K, f=F, xi=XI, rho=RHO)
-BARE = tpd.Parameters(nu=NU, mu=0.0, lam=LAM, zeta=ZETA, k=0.0, f=0.1, xi=XI, rho=RHO)
+BARE = replace(P, mu=0.0, k=0.0, f=0.1)
 # Tilt, angle of the bob and their rates; the block leans to the left and moves to the right.
 PHI, PSI, DPHI, DPSI = Y = np.array([-0.11, 0.3, 0.2, -0.5])
 S, SIGMA, SINE = -1.0, 1.0, 0.8
@@ -53,7 +54,7 @@ def terms_25(a, b):
 def equations():
     a, b = Equations(P, Terms.nonlinear).rates(Y, S, SIGMA, SINE)[2:]
     np.testing.assert_allclose(terms_4(MU, a, b), 0.0, atol=1e-14)
-    bare = tpd.Parameters(nu=NU, mu=0.0, lam=LAM, zeta=ZETA, k=K, f=F, xi=XI, rho=RHO)
+    bare = replace(P, mu=0.0)
     a = Equations(bare, Terms.nonlinear).rates(Y, S, SIGMA, SINE)[2]
     # (12) over M g b, with the friction of (14).
     forced = a + F * SINE * (S * NU * math.sin(PHI) + math.cos(PHI)) + S * NU * math.cos(PHI) - math.sin(PHI)
@@ -115,8 +116,7 @@ def orbit():
 
 
 def bare_balance():
-    p = tpd.Parameters(nu=NU, mu=0.0, lam=LAM, zeta=ZETA, k=K, f=0.1, xi=XI, rho=RHO)
-    for phi in map(float, parametric_branches(p).amplitude):
+    for phi in map(float, parametric_branches(replace(BARE, k=K)).amplitude):
         # (23).
         cosine = (4 * NU - math.pi * phi * (1 + XI**2)) / (0.1 * (math.pi + 8 / 3 * NU * phi))
         sine = 4 * K / (0.1 * (math.pi + 4 / 3 * NU * phi))
@@ -130,7 +130,7 @@ def linear():
 
 def balance():
     # (27) of the undamped pair without friction, for the two signs of the forcing.
-    p = tpd.Parameters(nu=NU, mu=MU, lam=LAM, zeta=0.0, k=0.0, f=0.1, xi=XI, rho=RHO)
+    p = replace(P, zeta=0.0, k=0.0, f=0.1)
     matrix = [
         [-(1 + MU * RHO * (4 + NU**2)) * XI**2 - (1 + 2 * MU), 2 * MU * RHO * LAM * XI**2],
         [2 * RHO * XI**2, 1 - LAM * RHO * XI**2],
@@ -163,7 +163,7 @@ def impact(e=0.8):
 
 
 def friction():
-    p = tpd.Parameters(nu=NU, mu=0.0, lam=LAM, zeta=ZETA, k=0.0, f=F, xi=XI, rho=RHO, e=0.9)
+    p = replace(BARE, f=F, e=0.9)
     # 4 k Phi = two impacts, each of (1 - e^2) (nu Phi - Phi^2/2).
     lost = 2 * (1 - 0.9**2) * (NU * 0.1 - 0.1**2 / 2)
     assert equivalent_friction(p, 0.1) == pytest.approx(lost / (4 * 0.1), rel=1e-13)

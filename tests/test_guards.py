@@ -4,7 +4,6 @@ import ast
 
 import pytest
 
-from tests.atlas import REGIMES
 from tests.benchmarks.guards import GUARDS, ROOT
 from tests.benchmarks.mutations import mutated, never, without_term
 
@@ -21,16 +20,6 @@ def test_every_guard_can_be_taken_out_and_has_tests(guard):
     for test in guard.tests:
         path, _, name = test.partition("::")
         assert name.partition("[")[0] in names_in(path)
-
-
-@pytest.mark.parametrize("regime", REGIMES)
-def test_every_regime_of_the_atlas_has_its_tests(regime):
-    for part in REGIMES[regime].split("; "):
-        module, _, words = part.partition(": ")
-        folder, _, name = module.rpartition("/")
-        names = names_in(f"tests/{folder}/test_{name}.py")
-        for word in words.split(", "):
-            assert any(word in name for name in names), (module, word)
 
 
 def test_a_guard_that_is_gone_is_an_error():

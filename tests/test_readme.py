@@ -132,13 +132,6 @@ def test_every_page_is_in_the_index_and_every_status_is_explained():
     assert all(f"`{name}`" in TEXT[GUIDE / "statuses.md"] for name in Status._name_to_item)  # type: ignore[attr-defined]
 
 
-def test_files_of_the_docstring_s_table_exist():
-    names = re.findall(r"\b((?:core|scene|theory|exact|models|answers)/\w+)\b", str(tpd.__doc__))
-    assert len(names) > 10
-    for name in names:
-        assert (ROOT / "tpd" / f"{name}.py").exists(), name
-
-
 def test_the_reference_is_current_and_has_every_public_name():
     assert sorted(" ".join(GROUPS.values()).split()) == tpd.__all__
     # Written by `python -m tests.api_reference`.

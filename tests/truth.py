@@ -6,7 +6,7 @@ motion of the base: no step error, no eigenvalues, nothing special at critical d
 The first zero of an event function in a window is isolated by bisection: a part of the window is done with as
 soon as the sum of the coefficients shows that there is no zero in it, or that the function is monotone there.
 
-`python -m tests.truth` evaluates the rows of both tables anew, each from the inputs that stand in it; with
+`python -m tests.truth` evaluates the motions of both tables anew, each from the inputs that stand in it; with
 names of rows, only those. Angles are in rad, times of harmonics in tau, those of other motions in s.
 
 - `truth.json`: harmonics. A transient is followed from `y0`; of what it settles into, `end` is the state at
@@ -14,7 +14,8 @@ names of rows, only those. Angles are in rad, times of harmonics in tau, those o
   42b9f9c): their states and amplitudes.
 - `ground_truth.json`: `cases` are motions under pulses and records. Samples times `scale` are in m/s²;
   `impacts` are those faster than 1e-6 nu. `boundaries` are peak accelerations over g nu of one sine of
-  frequency ratio W at which the verdict on a bare block changes, `critical` the same of a column.
+  frequency ratio W at which the verdict on a bare block changes, `critical` the same of a column: both by
+  bisection of such motions (commit dee8d11).
 """
 
 from __future__ import annotations
@@ -23,7 +24,6 @@ import functools
 import gzip
 import json
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain, pairwise, repeat
 from pathlib import Path
@@ -171,17 +171,6 @@ class System:
         y = [zero, psi, self.e * dphi, dpsi + bob * (self.e - 1) * dphi]
         return "impact", y, self.decided(y, eta)
 
-    def safe(self, y: Sequence[Number]) -> bool:
-        """Whether without motion a state is this side of the saddle, with less energy than there: losses
-        leave it no way across."""
-        phi, psi, dphi, dpsi = y
-        mu = self.share / self.lam
-        # With the impact's invariant 2 phi' - lam psi' the kinetic energy is a sum of squares.
-        gap = 2 * dphi - self.lam * dpsi
-        moving = (1 + mu * self.rho * self.nu**2) * dphi**2 + mu * self.rho * gap**2
-        lifted = 2 * self.weight * abs(phi) - self.tilt * phi**2 + self.share * psi**2
-        return moving + lifted < self.weight**2 / self.tilt and abs(phi) < self.weight / self.tilt
-
     def reach(self, y: Sequence[Number], eta: Number, mode: Mode) -> Number:
         """A window that is likely to hold the whole of a hop that begins here."""
         block, bob = self.forces(y, eta)
@@ -259,17 +248,15 @@ class Run:
         self.mode: Mode | None = None
         self.modes: set[str] = set()
         self.events = self.impacts = 0
-        self.overturned = self.safe = self.free = False
-        """Safe: the motion is over and what is left of the energy cannot overturn the block."""
+        self.overturned = False
         self.kind = ""
         self.stop: Number | None = None
         """Nothing is followed beyond the window in which this time lies."""
 
-    def through(self, plan: Sequence[Piece], verdict: bool = False) -> Run:
-        """Follows all the pieces; for a `verdict` no longer than until the block is overturned or safe."""
+    def through(self, plan: Sequence[Piece]) -> Run:
+        """Follows all the pieces, no longer than until the block is overturned."""
         start = self.tau
         for piece in plan:
-            self.free = verdict and piece is plan[-1]
             self._piece(piece, start)
             start = piece.end
             if self._done(start):
@@ -277,7 +264,7 @@ class Run:
         return self
 
     def _done(self, tau: Number) -> bool:
-        return self.overturned or self.safe or (self.stop is not None and tau > self.stop)
+        return self.overturned or (self.stop is not None and tau > self.stop)
 
     def _piece(self, piece: Piece, start: Number) -> None:
         system, length, s = self.system, piece.end - start, self.system.mp.mpf(0)
@@ -315,7 +302,6 @@ class Run:
         self.events += 1
         if self.kind in ("impact", "landing"):
             self.impacts += speed > _COUNTED
-            self.safe = self.free and self.system.safe(self.end)
         self._enter(mode, self.tau)
 
     def _enter(self, mode: Mode, tau: Number) -> None:
@@ -427,26 +413,22 @@ def el_centro() -> tuple[float, ...]:
 def system_of(x: Mapping[str, Any], mp: Any) -> System:
     """The coefficients of a scene in SI. `x`: width, height, friction, restitution, gravity and, with a
     pendulum, bob (kg), mass of the block (kg), length (m) and damping (ratio)."""
-    half, bare = mp.mpf(x["height"]) / 2, not x.get("bob")
-    bob = (
-        [0, 1, 0]
-        if bare
-        else [mp.mpf(x["bob"]) / mp.mpf(x["mass"]), mp.mpf(x["length"]) / half, x["damping"]]
-    )
+    half, bob, bare = mp.mpf(x["height"]) / 2, (0, 1, 0), not x.get("bob")
+    if not bare:
+        bob = mp.mpf(x["bob"]) / mp.mpf(x["mass"]), mp.mpf(x["length"]) / half, x["damping"]
     numbers = (mp.mpf(x["width"]) / mp.mpf(x["height"]), *bob, x["friction"], x["restitution"])
     system = System(numbers, mp, bare=bare, quiet=_GROUND_QUIET)
     system.omega = mp.sqrt(mp.mpf(x["gravity"]) * system.rho / half)
     return system
 
 
-def shaken(case: Mapping[str, Any], mp: Any, *, verdict: bool = False, **changed: Any) -> Run:
+def shaken(case: Mapping[str, Any], mp: Any, **changed: Any) -> Run:
     """The motion of a case under a pulse or a record, with `changed` quantities; `stop` (tau) as in `Run`."""
-    stop = changed.pop("stop", None)
-    x = {**case["scene"], **changed}
+    stop, x = changed.pop("stop", None), {**case["scene"], **changed}
     system = system_of(x, mp)
     run = Run(system, case["y0"])
     run.stop = stop
-    return run.through(pieces(case["motion"], system, x, case["free"]), verdict)
+    return run.through(pieces(case["motion"], system, x, case["free"]))
 
 
 def follow(x: Sequence[Any], y0: Sequence[Any], periods: int) -> Run:
@@ -553,49 +535,10 @@ def _derivatives(case: Mapping[str, Any], run: Run) -> dict[str, str]:
     return out
 
 
-def _crossing(scene: Mapping[str, Any], motion: Mapping[str, Any], near: Any) -> str:
-    """The scale near one at which the verdict on a motion changes, by bisection; its peak is g nu."""
-    mp = digits(40)
-    system = system_of(scene, mp)
-    if "frequency_ratio" in motion:
-        motion = {**motion, "frequency": motion["frequency_ratio"] * system.omega / (2 * mp.pi)}
-    motion = {**motion, "peak": mp.mpf(scene["gravity"]) * system.nu}
-    case = {"scene": scene, "motion": motion, "y0": (0.0, 0.0, 0.0, 0.0), "free": 100.0}
-
-    def verdict(scale: Any) -> bool:
-        run = shaken(case, mp, scale=scale, verdict=True)
-        if run.overturned == run.safe:
-            raise ArithmeticError(f"no verdict at {mp.nstr(scale, 20)}")
-        return run.overturned
-
-    lo, hi = mp.mpf(near) * (1 - mp.mpf(2e-6)), mp.mpf(near) * (1 + mp.mpf(2e-6))
-    below = verdict(lo)
-    if below == verdict(hi):
-        raise ArithmeticError(f"no change near {near}")
-    while hi - lo > 1e-14 * hi:
-        middle = (lo + hi) / 2
-        lo, hi = (middle, hi) if verdict(middle) == below else (lo, middle)
-    return mp.nstr((lo + hi) / 2, 15)
-
-
-def boundary_row(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Critical scales of a bare block under one sine; in tau they do not depend on the block."""
-    size = {"width": 1.0, "height": 4.0, "mass": 1.0, "gravity": GRAVITY, "scale": 1.0}
-    scene = {**size, "friction": 0.0, "restitution": row["restitution"]}
-    motion = {"kind": "one_sine", "frequency_ratio": row["frequency_ratio"]}
-    return {**row, "scales": [_crossing(scene, motion, near) for near in row["scales"]]}
-
-
-def critical_row(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Critical scale of a column under a pulse."""
-    return {**row, "scale": _crossing(row["scene"], row["motion"], row["scale"])}
-
-
 PATHS = {
     "harmonic": Path(__file__).with_name("truth.json"),
     "ground": Path(__file__).with_name("ground_truth.json"),
 }
-ROWS = {"cases": case_row, "boundaries": boundary_row, "critical": critical_row}
 
 
 def load(table: str) -> Any:
@@ -608,15 +551,14 @@ def main() -> None:
     names = set(sys.argv[1:])
 
     def lines(rows: list[dict[str, Any]], evaluate: Callable[..., dict[str, Any]]) -> str:
-        out = []
-        for row in rows:
-            begun = time.perf_counter()
-            out.append(evaluate(row) if not names or row["name"] in names else row)
-            print(f"{row['name']}: {time.perf_counter() - begun:.1f} s", file=sys.stderr)
+        out = (evaluate(row) if not names or row["name"] in names else row for row in rows)
         return ",\n".join(json.dumps(row, sort_keys=True) for row in out)
 
     PATHS["harmonic"].write_text(f"[\n{lines(load('harmonic'), harmonic_row)}\n]\n")
-    parts = [f'"{part}": [\n{lines(rows, ROWS[part])}\n]' for part, rows in load("ground").items()]
+    evaluators = {"cases": case_row}
+    parts = [
+        f'"{part}": [\n{lines(rows, evaluators.get(part, dict))}\n]' for part, rows in load("ground").items()
+    ]
     PATHS["ground"].write_text("{" + ",\n".join(parts) + "}\n")
 
 

@@ -1,4 +1,4 @@
-"""Takes the guards of the atlas away, one at a time, and sees the tests that cover them fail.
+"""Takes the guards away, one at a time, and sees the tests that cover them fail.
 
 A guard is named by its function and by what is taken from it (`tests.benchmarks.mutations`), so that a change
 of its line does not matter. A test that passes without its guard stands as "no" in the table. An hour.
@@ -13,7 +13,6 @@ from pathlib import Path
 from shutil import copyfile
 from typing import Any, NamedTuple
 
-from tests.atlas import test_ids
 from tests.benchmarks import stored
 from tests.benchmarks.mutations import (
     Mutation,
@@ -59,9 +58,15 @@ class Guard(NamedTuple):
         return mutated(source, self.place.partition(":")[2], self.mutation)
 
 
+def _tests(module: str, *names: str) -> tuple[str, ...]:
+    """Identifiers for pytest of tests of a module such as "exact/steady"."""
+    folder, _, name = module.rpartition("/")
+    return tuple(f"tests/{folder}/test_{name}.py::test_{test}" for test in names)
+
+
 def _lost(name: str) -> tuple[str, ...]:
     """Tests of the verdict on a motion that repeats, in `tests/exact/test_steady.py`."""
-    return test_ids("exact/steady", f"the_verdict_has_a_name_for_each_loss[{name}]")
+    return _tests("exact/steady", f"the_verdict_has_a_name_for_each_loss[{name}]")
 
 
 _LOST = "an_orbit_about_to_be_lost_has_a_name"
@@ -75,7 +80,7 @@ GUARDS = (
         "orbits: no derivative where a multiplier of the half map is within 1e-6 of 1",
         _ORBITS,
         constant("NEAR_FOLD", -1.0),
-        test_ids("exact/symmetric_orbit_kernel", _LOST + "[0.9999999-1.0-near_fold]"),
+        _tests("exact/symmetric_orbit_kernel", _LOST + "[0.9999999-1.0-near_fold]"),
     ),
     Guard(
         "fold",
@@ -96,14 +101,14 @@ GUARDS = (
         "steady_state: symmetric only if it leans to neither side",
         "exact/steady:steady_state",
         without_term("symmetric", "asymmetry"),
-        test_ids("exact/steady", "a_motion_that_leans_is_not_called_symmetric"),
+        _tests("exact/steady", "a_motion_that_leans_is_not_called_symmetric"),
     ),
     Guard(
         "grazing",
         "orbits: no derivative where the fall all but halts",
         _ORBITS,
         constant("GRAZING", -1.0),
-        test_ids("exact/symmetric_orbit_kernel", _LOST + "[0.5-1e-08-grazing]"),
+        _tests("exact/symmetric_orbit_kernel", _LOST + "[0.5-1e-08-grazing]"),
     ),
     Guard(
         "grazing",
@@ -117,14 +122,14 @@ GUARDS = (
         "statuses: sticking where the block was held",
         _SETTLED,
         never("sticking"),
-        test_ids("models/settling", "a_motion_that_ends_has_a_status[periods2-sticking-3]"),
+        _tests("models/settling", "a_motion_that_ends_has_a_status[periods2-sticking-3]"),
     ),
     Guard(
         "rattling to rest",
         "contact: an impact slower than the capture speed is rest",
         "exact/contact_kernel:meet",
         nothing_true("capture"),
-        test_ids(
+        _tests(
             "exact/settle",
             "the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed",
             "what_capture_leaves_out_is_below_the_square_of_its_speed",
@@ -135,7 +140,7 @@ GUARDS = (
         "steady_state: aperiodic where neighbours part",
         _STEADY,
         never("WANDERS"),
-        test_ids(
+        _tests(
             "exact/steady",
             "the_verdict_has_a_name_for_each_loss[what8-aperiodic]",
             "a_chaotic_motion_is_aperiodic_and_its_derivative_grows_at_the_reported_rate",
@@ -146,7 +151,7 @@ GUARDS = (
         "periodic_orbit: unstable where a multiplier exceeds 1",
         "answers/periodic_orbit:_verdict",
         never("unstable"),
-        test_ids("answers/periodic_orbit", "continuation_passes_where_the_orbit_repels"),
+        _tests("answers/periodic_orbit", "continuation_passes_where_the_orbit_repels"),
     ),
     Guard(
         "motion that does not repeat",
@@ -161,9 +166,9 @@ GUARDS = (
         _SETTLED,
         never("overturned"),
         (
-            *test_ids("models/settling", "a_motion_that_ends_has_a_status[periods7-overturned-1]"),
-            *test_ids("models/smoothed", _OVERTURNS),
-            *test_ids("models/segmented", _OVERTURNS),
+            *_tests("models/settling", "a_motion_that_ends_has_a_status[periods7-overturned-1]"),
+            *_tests("models/smoothed", _OVERTURNS),
+            *_tests("models/segmented", _OVERTURNS),
         ),
     ),
     Guard(
@@ -171,7 +176,7 @@ GUARDS = (
         "steady_state: unstable on the saddle between rocking and overturning",
         _STEADY,
         never("UNSTABLE"),
-        test_ids("models/piecewise", _SADDLE),
+        _tests("models/piecewise", _SADDLE),
     ),
     Guard(
         "no derivative without an orbit",
@@ -179,8 +184,8 @@ GUARDS = (
         "exact/steady:steady_state",
         without_term("isolated", "rocks"),
         (
-            *test_ids("models/piecewise", _SADDLE),
-            *test_ids("exact/steady", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"),
+            *_tests("models/piecewise", _SADDLE),
+            *_tests("exact/steady", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"),
         ),
     ),
     Guard(
@@ -188,49 +193,49 @@ GUARDS = (
         "every model: failed where a number is not finite",
         _SETTLED,
         never("failed"),
-        test_ids("models/settling", "a_motion_that_ends_has_a_status[periods8-failed-1]"),
+        _tests("models/settling", "a_motion_that_ends_has_a_status[periods8-failed-1]"),
     ),
     Guard(
         "slow shaking",
         "steady_state: event_bound where the period of a resting block was cut short",
         "exact/steady:steady_state",
         never("EVENT_BOUND"),
-        test_ids("models/piecewise", "a_period_too_long_to_be_followed_is_told"),
+        _tests("models/piecewise", "a_period_too_long_to_be_followed_is_told"),
     ),
     Guard(
         "smoothing too sharp",
         "Smoothed: sharpness within bounds",
         "models/smoothed:Smoothed.__check_init__",
         unchecked("sharpness"),
-        test_ids("models/smoothed", "settings_out_of_range_are_refused"),
+        _tests("models/smoothed", "settings_out_of_range_are_refused"),
     ),
     Guard(
         "smoothed impacts",
         "Smoothed: e < 1 is refused with nonlinear terms, and e = 0 with others",
         "models/smoothed:Smoothed.check",
         unchecked("e"),
-        test_ids("models/smoothed", "impacts_without_a_smoothed_counterpart_are_refused"),
+        _tests("models/smoothed", "impacts_without_a_smoothed_counterpart_are_refused"),
     ),
     Guard(
         "smoothed impacts",
         "smoothed_rates: no number with nonlinear terms and a traced e < 1",
         "theory/equations:smoothed_rates",
         without_nan("decay"),
-        test_ids("models/smoothed", "the_smoothed_equations_4_have_no_number_with_impacts"),
+        _tests("models/smoothed", "the_smoothed_equations_4_have_no_number_with_impacts"),
     ),
     Guard(
         "32-bit floats",
         "every entry: 64 bits are asked for",
         "core/checks:require_x64",
         unrefused("RuntimeError"),
-        test_ids("answers/steady_state", "in_32_bits_every_call_refuses_by_name"),
+        _tests("answers/steady_state", "in_32_bits_every_call_refuses_by_name"),
     ),
     Guard(
         "scales",
         "scene: omega0 from the half height",
         "scene/scene:_rate",
         constant("half_height", 0.2),
-        test_ids("models/piecewise", "neither_millimetres_nor_kilometres_change_a_dimensionless_answer"),
+        _tests("models/piecewise", "neither_millimetres_nor_kilometres_change_a_dimensionless_answer"),
     ),
 )
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from typing import Any, NamedTuple
+from collections import namedtuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,27 +20,12 @@ BATCH = 64
 """Of everything computed here, so that one compilation serves all tests."""
 ROWS = [row for row in load("harmonic") if row["what"] == "orbits"]
 """All orbits of scenes, by a scan and 50 digits."""
+_SIZES = "status amplitude stroke state phase crossing multipliers fold symmetry sticking grazing"
 
 
-class Answers(NamedTuple):
-    """NumPy arrays with leading axes (scenes, orbits)."""
-
-    status: np.ndarray
-    """Names."""
-    amplitude: np.ndarray
-    stroke: np.ndarray
-    state: np.ndarray
-    phase: np.ndarray
-    crossing: np.ndarray
-    multipliers: np.ndarray
-    fold: np.ndarray
-    symmetry: np.ndarray
-    sticking: np.ndarray
-    grazing: np.ndarray
-    slopes: np.ndarray
-    """d(amplitude, stroke, state, phase, crossing, fold, symmetry)/d(parameters), shape (scenes, orbits,
-    10, 8)."""
-    overflow: np.ndarray
+class Answers(namedtuple("Answers", f"{_SIZES} slopes overflow")):
+    """NumPy arrays with leading axes (scenes, orbits). Statuses are names; `slopes` are d(amplitude, stroke,
+    state, phase, crossing, fold, symmetry)/d(parameters), shape (scenes, orbits, 10, 8)."""
 
     @property
     def exists(self) -> np.ndarray:
@@ -52,10 +38,8 @@ def _solve(x: jax.Array) -> tuple:
         o = symmetric_orbits(parameters(x))
         m, many = o.margins, o.multipliers
         numbers = (o.amplitude, o.stroke, *o.state.T, o.phase, o.crossing, m.fold, m.symmetry)
-        return (
-            jnp.stack(numbers, axis=1),
-            jnp.stack([m.sticking, m.grazing, *many.real.T, *many.imag.T], axis=1),
-        ), o
+        unknown = (m.sticking, m.grazing, *many.real.T, *many.imag.T)
+        return (jnp.stack(numbers, axis=1), jnp.stack(unknown, axis=1)), o
 
     return jax.jacfwd(sizes, has_aux=True)(x)
 

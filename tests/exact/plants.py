@@ -1,9 +1,14 @@
-"""Plants of the compiled code, for vectors of parameters as in `tests.reference`."""
+"""Plants of the compiled code, for vectors of parameters as in `tests.reference`, and calls of that code."""
 
 import numba
 import numpy as np
 
 from tpd.exact.plant import COMPLEX_PLANT, PLANT, STEP, plant
+
+
+def entry(function):
+    """A compiled function for Python: those of the package can be called by compiled code only."""
+    return numba.njit(lambda *args: function(*args))
 
 
 @numba.njit

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.reference import along
+from tests.reference import along, parameters
+from tpd.models.compiled_orbits import row_of
 from tpd.models.multiple_shooting import polish, recorded, traverse
 
 SCENES = {
@@ -18,7 +19,7 @@ SCENES = {
 @pytest.fixture(params=SCENES.values(), ids=SCENES)
 def orbit(request):
     x, y0 = request.param
-    row = np.array([*x[:7], 0.75 / (1.0 + x[0] ** 2), x[7]])
+    row = row_of(parameters(x))
     cycle = recorded(row, np.array(y0), 1, 32, 2e-7)
     return x, row, polish(row, cycle, 1, np.ones(4))
 
@@ -38,9 +39,8 @@ def test_what_an_arc_meets_is_what_samples_show(orbit):
     assert np.all(found.met["inside"] == 1.0)
     for link, arc, met in zip(found.links, found.arcs, found.met, strict=True):
         begin = arc[4] / x[6]
-        ys = along(
-            x, np.where(np.abs(arc[:4]) < 1e-12, 0.0, arc[:4]), begin + np.linspace(0, 1, 361) * arc[5]
-        )[0]
+        start = np.where(np.abs(arc[:4]) < 1e-12, 0.0, arc[:4])
+        ys = along(x, start, begin + np.linspace(0, 1, 361) * arc[5])[0]
         largest = np.abs(ys[:, 1]).max()
         assert largest * (1.0 - 1e-12) <= met["reach"] <= largest * (1.0 + 1e-3)
         assert 0.0 <= met["at"] <= arc[5] * (1.0 + 1e-12)
@@ -55,11 +55,9 @@ def test_the_ends_have_the_derivatives_of_differences(orbit):
     _, by, _ = traverse(row + directions[:, 6:], found.links, found.arcs + directions[:, None, :6])
     for j in range(15):
         step = 1e-6 * np.eye(15)[j]
-        sides = [
-            traverse((row + s * step[6:])[None] + 0j, found.links, (found.arcs + s * step[:6])[None] + 0j)[0]
-            for s in (1.0, -1.0)
-        ]
-        expected = (sides[0] - sides[1]) / 2e-6
-        np.testing.assert_allclose(
-            by[:, :, j], expected, rtol=1e-6, atol=1e-7 * (1.0 + np.abs(expected).max())
+        up, down = (
+            traverse((row + d[6:])[None] + 0j, found.links, (found.arcs + d[:6])[None] + 0j)[0]
+            for d in (step, -step)
         )
+        reach = 1e-7 * (1.0 + np.abs(up - down).max() / 2e-6)
+        np.testing.assert_allclose(by[:, :, j], (up - down) / 2e-6, rtol=1e-6, atol=reach)

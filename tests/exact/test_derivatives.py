@@ -23,14 +23,10 @@ def stated(x):
     return with_slopes(x, jnp.asarray(7.0), jnp.array([5.0, jnp.nan]))
 
 
-def test_values_are_left_alone():
+@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.jacrev])
+def test_values_are_left_alone_and_a_refused_slope_is_nan_and_spoils_no_other(derivative):
     np.testing.assert_array_equal(half_refused(X), X**2)
     assert stated(X) == 7.0
-    np.testing.assert_array_equal(refused_in({"x": X}, X**2), X**2)
-
-
-@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.jacrev])
-def test_a_refused_slope_is_nan_and_spoils_no_other(derivative):
     slopes = np.asarray(derivative(half_refused)(X))
     np.testing.assert_array_equal(slopes[0], [4.0, 0.0])
     assert np.isnan(slopes[1, 1])
@@ -40,8 +36,7 @@ def test_a_refused_slope_is_nan_and_spoils_no_other(derivative):
     assert np.all(np.isnan(whole))
 
 
-def test_what_is_not_asked_for_or_does_not_move_spoils_nothing():
-    np.testing.assert_array_equal(jax.grad(lambda x: half_refused(x)[0])(X), [4.0, 0.0])
+def test_what_does_not_move_spoils_nothing():
     assert np.isnan(jax.grad(lambda x: jnp.sum(half_refused(x)))(X)[1])
     assert jax.jvp(stated, (X,), (jnp.array([1.0, 0.0]),))[1] == 5.0
 
@@ -56,10 +51,8 @@ def test_second_derivatives_are_nan_and_no_error(function, first, then):
 
 @pytest.mark.parametrize("traced", [False, True])
 def test_numbers_depend_on_scalars_with_slopes_of_their_own(traced):
-    numbers, slopes = (
-        (np.array([1.0, 2.0]), 3.0),
-        (np.array([[4.0, 5.0], [np.nan, 0.0]]), np.array([6.0, 7.0])),
-    )
+    numbers = (np.array([1.0, 2.0]), 3.0)
+    slopes = (np.array([[4.0, 5.0], [np.nan, 0.0]]), np.array([6.0, 7.0]))
     if traced:
         numbers, slopes = jax.tree.map(jnp.asarray, (numbers, slopes))
 

@@ -6,19 +6,7 @@ import numpy as np
 import pytest
 
 from tests.exact.test_trajectory import REACH, clock, scales, states
-from tests.reference import (
-    BARE,
-    HUNG,
-    LEANING,
-    MOVING,
-    SLOW,
-    STILL,
-    UNSTABLE,
-    along,
-    differences,
-    exact,
-    parameters,
-)
+from tests.reference import BARE, HUNG, MOVING, SLOW, UNSTABLE, along, differences, exact, parameters
 from tests.truth import load
 from tpd import Piecewise, simulate, status_name, steady_state
 from tpd.exact import repetition, steady
@@ -71,22 +59,7 @@ def test_the_verdict_has_a_name_for_each_loss(what, status):
     assert verdict(**what) == status
 
 
-@pytest.mark.parametrize(
-    ("x", "y0", "periods"),
-    [(HUNG[0].x, (0.0,) * 4, 1), (BARE[1].x, BARE[1].y0, 1), (PERIOD_THREE, (0.0,) * 4, 3)],
-    ids=["hung", "bare", "period three"],
-)
-def test_settled_state_returns_after_its_periods_and_not_before(x, y0, periods):
-    answer = exact(x, y0)
-    assert answer.steady.periods == periods
-    felt = [0, 2] if x[1] == 0 else [0, 1, 2, 3]
-    ys = states(x, answer.steady.state, clock(x, 4 * periods))[:, felt]
-    np.testing.assert_allclose(ys[::50], np.tile(ys[0], (5, 1)), rtol=0, atol=1e-11)
-    if periods > 1:
-        assert np.abs(states(x, answer.steady.state, clock(x, 1))[-1, felt] - ys[0]).max() > 1e-3
-
-
-@pytest.mark.parametrize("case", MOVING, ids=lambda case: case.name)
+@pytest.mark.parametrize("case", MOVING[::2], ids=lambda case: case.name)
 def test_the_multiplier_is_that_of_the_map_over_one_period(case):
     answer = exact(case.x, case.y0)
     slopes = along(case.x, answer.steady.state, clock(case.x, 1))[1][-1]
@@ -116,9 +89,9 @@ def test_a_bob_that_hangs_still_has_the_multiplier_of_its_decay():
     np.testing.assert_array_equal(answer.slopes[0], 0.0)
 
 
-@pytest.mark.parametrize("x", [HUNG[0].x, PERIOD_THREE], ids=["period one", "period three"])
-def test_the_settled_state_has_the_gradient_of_differences(x):
-    answer = exact(x)
+def test_the_settled_state_of_period_three_has_the_gradient_of_differences():
+    answer, x = exact(PERIOD_THREE), PERIOD_THREE
+    assert answer.steady.periods == 3
 
     def state(y):
         """On the same of the periods of an orbit or of its mirror image, whichever was met first."""
@@ -157,18 +130,6 @@ def test_a_motion_on_a_repelling_orbit_is_called_unstable_and_has_no_gradient():
     assert answer.amplitude == pytest.approx(amplitude, abs=5e-7)
     assert answer.steady.multiplier == pytest.approx(half**2, abs=2e-3)
     assert np.all(np.isnan(answer.slopes))
-
-
-def test_a_held_block_has_its_status():
-    answer = exact(*LEANING)
-    assert (answer.status, answer.amplitude) == ("held", LEANING[1][0])
-
-
-def test_a_resting_block_has_zero_amplitude_and_zero_gradient_in_all_parameters():
-    answer = exact(STILL.x)
-    assert (answer.status, answer.amplitude) == ("rest", 0.0)
-    np.testing.assert_array_equal(answer.slopes[0], 0.0)
-    assert np.all(answer.slopes[1, [2, 3, 5, 6]] != 0.0)
 
 
 def test_an_undamped_bob_under_a_resting_block_has_the_reach_of_its_two_swings():

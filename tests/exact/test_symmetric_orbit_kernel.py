@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.exact.orbits import BATCH, solve
-from tests.reference import NAMES, parameters
-from tpd import Parameters, simulate, symmetric_orbits
+from tests.reference import parameters
+from tpd import Parameters, simulate
 from tpd.exact.symmetric_orbit_kernel import _status
 from tpd.exact.terms import STATUSES
 from tpd.models import compiled_orbits
@@ -53,29 +53,10 @@ SWINGS = {
 }
 
 
-def test_the_stroke_is_the_largest_of_all_peaks():
-    o = solve(SWINGS.values())
-    assert np.all(o.exists[:, 0])
-    for i, x in enumerate(SWINGS.values()):
-        for j in np.flatnonzero(o.exists[i]):
-            times = np.linspace(0.0, 2.0 * np.pi / x[6], 4001)
-            bob = np.abs(np.asarray(simulate(parameters(x), o.state[i, j], times).ys)[:, 1])
-            assert bob.max() - 1e-9 <= o.stroke[i, j] <= bob.max() * (1.0 + 1e-3), list(SWINGS)[i]
-
-
-def test_the_stroke_under_a_given_inertia_is_that_of_the_motion():
-    named = dict(zip(NAMES, SWINGS["quick decay"], strict=True))
-    p = Parameters(**named, rho=0.75)
-    o = symmetric_orbits(p)
-    bob = np.abs(np.asarray(simulate(p, o.state[0], np.linspace(0.0, np.pi / p.xi, 4001)).ys)[:, 1])
-    assert float(o.stroke[0]) == pytest.approx(0.45528, abs=1e-5)
-    assert bob.max() * (1.0 - 1e-9) <= float(o.stroke[0]) <= bob.max() * (1.0 + 1e-5)
-
-
 @pytest.mark.mends("two extremes between two samples hid the largest swing of a strongly damped bob")
 def test_the_stroke_of_a_bob_that_is_quick_is_the_largest_swing():
-    """Designs under slow shaking whose bob follows an impact quickly, or swings without damping."""
-    rng, count = np.random.default_rng(1), 4 * BATCH
+    """Those above, and designs under slow shaking whose bob follows an impact quickly or is not damped."""
+    rng, count = np.random.default_rng(1), 2 * BATCH - len(SWINGS)
     nu = rng.uniform(0.05, 0.45, count)
     xs = np.stack(
         [
@@ -90,14 +71,16 @@ def test_the_stroke_of_a_bob_that_is_quick_is_the_largest_swing():
         ],
         axis=1,
     )
+    xs = np.vstack([list(SWINGS.values()), xs])
     o = solve(xs)
     found = np.argwhere(o.exists)
-    assert len(found) > 40
+    assert len(found) > 20
+    assert np.all(o.exists[: len(SWINGS), 0])
     for i, j in found:
         # Half a period: the other half mirrors it, and unstable orbits have less time to be left.
         times = np.linspace(0.0, np.pi / xs[i, 6], 2001)
         bob = np.abs(np.asarray(simulate(parameters(xs[i]), o.state[i, j], times).ys)[:, 1])
-        assert o.stroke[i, j] >= bob.max() * (1.0 - 1e-6), xs[i].tolist()
+        assert bob.max() * (1.0 - 1e-6) <= o.stroke[i, j] <= bob.max() * (1.0 + 1e-2), xs[i].tolist()
 
 
 def test_a_path_with_too_many_peaks_is_not_followed_and_the_answer_says_so():

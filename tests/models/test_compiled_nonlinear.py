@@ -13,7 +13,6 @@ import pytest
 import tpd
 from tpd.models.compiled_nonlinear import follow_nonlinear, settle_nonlinear, settle_one, shake_nonlinear
 from tpd.models.compiled_shaken import row_of
-from tpd.models.rows import settle_all
 from tpd.scene.status import names_of
 
 HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
@@ -22,46 +21,6 @@ SIZES = ("amplitude", "stroke", "peak", "peak_stroke")
 
 def status(*args, **options):
     return names_of(settle_nonlinear(*args, **options).status)[0]
-
-
-def energy(p, y):
-    """Energy over M g b from (4) for states (n, 4)."""
-    phi, psi, dphi, dpsi = np.asarray(y).T
-    s, rho = np.sign(phi), float(p.inertia_ratio)
-    arm = s * p.nu * np.sin(phi - psi) + 2.0 * np.cos(phi - psi)
-    kinetic = 0.5 * (1.0 + p.mu * rho * (4.0 + p.nu**2)) * dphi**2 - p.mu * rho * p.lam * arm * dphi * dpsi
-    kinetic = kinetic + 0.5 * p.mu * p.lam**2 * rho * dpsi**2
-    block = s * (1.0 + p.mu) * p.nu * np.sin(phi) + (1.0 + 2.0 * p.mu) * np.cos(phi)
-    return kinetic + block - p.mu * p.lam * np.cos(psi)
-
-
-def test_energy_stays_without_losses():
-    """Through crossings a bare block's; with a bob that of one arc, since a crossing changes it."""
-    free = dataclasses.replace(HUNG, k=0.0, zeta=0.0, f=0.0)
-    cases = [
-        (dataclasses.replace(free, mu=0.0, xi=1.0), [0.2, 0.0, 0.0, 0.0], 10),
-        (dataclasses.replace(free, xi=4.0), [0.24, 0.5, 0.0, -0.3], 1),
-    ]
-    for p, y0, periods in cases:
-        found = settle_nonlinear(p, [y0], periods=periods)
-        assert found.elapsed[0] == periods
-        felt = np.array([1, 0, 1, 0] if p.mu == 0.0 else 1)
-        end, start = found.y[0] * felt, np.array(y0) * felt
-        assert energy(p, [end])[0] == pytest.approx(energy(p, [start])[0], abs=1e-8)
-        assert np.abs(end - start).max() > 0.01
-
-
-def test_small_angles_give_the_linear_motion():
-    small = 1e-3
-    p = dataclasses.replace(HUNG, nu=0.25 * small, k=0.05 * small, f=0.5 * small)
-    y0 = small * np.array([[0.02, 0.0, 0.0, 0.0], [0.0, 0.1, 0.0, 0.0], [-0.1, 0.0, 0.1, 0.0]])
-    how = {"begin": np.array([0.0, 0.3, 0.9]) * 2.0 * np.pi / 3.5, "ramp": 1.25}
-    exact = settle_all(p, y0, model=tpd.Piecewise(max_periods=5), **how)
-    ours = settle_nonlinear(p, y0, periods=5, rtol=1e-10, **how)
-    for name in ("y", "peak", "peak_stroke"):
-        found, known = (np.asarray(getattr(s, name)) / small for s in (ours, exact))
-        np.testing.assert_allclose(found, known, rtol=0, atol=2e-5)
-    np.testing.assert_array_equal(ours.elapsed, exact.elapsed)
 
 
 def test_nothing_is_called_rest_while_the_shaking_grows_or_before_a_whole_period():

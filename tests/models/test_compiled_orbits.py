@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from tests.exact.orbits import ROWS
-from tests.reference import HUNG, parameters
+from tests.reference import parameters
 from tpd.exact.terms import SIZES
 from tpd.models import compiled_orbits
-from tpd.scene.parameters import as_arrays
 
 X = np.array([compiled_orbits.row_of(parameters(row["parameters"])) for row in ROWS[:40]])
 
@@ -46,10 +45,3 @@ def test_slopes_are_linear_in_the_direction_and_nan_where_not_asked_for():
 def test_no_batch_is_refused():
     with pytest.raises(ValueError, match=r"must have shape \(n,\), but the batch has shape \(\)"):
         compiled_orbits.solve_all(X[0])
-
-
-def test_a_row_is_numpy_s_where_all_is_known():
-    assert isinstance(compiled_orbits.row_of(parameters(HUNG[0].x)), np.ndarray)
-    p = as_arrays(parameters(HUNG[0].x))
-    traced = jax.jit(compiled_orbits.row_of)(p)
-    np.testing.assert_array_equal(traced, compiled_orbits.row_of(parameters(HUNG[0].x)))

@@ -3,7 +3,6 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 import tpd
 from tests.exact.shaken import Case, operands
@@ -28,17 +27,3 @@ def test_one_motion_is_that_of_a_batch_and_records_are_shared():
         np.testing.assert_array_equal(found[0], found[2])
         np.testing.assert_allclose(found[0], getattr(alone, name), rtol=1e-12, atol=1e-14)
     assert batch.tilt[1] != batch.tilt[0]
-
-
-def test_derivatives_of_a_batch_are_those_under_jax():
-    def tilt(length, y0):
-        hung = tpd.Pendulum(mass=450.0, length=length, damping_ratio=0.1)
-        return tpd.transient(SCENE, hung, y0=y0, free=2.0).tilt
-
-    start = jnp.array([0.001, 0.02, 0.0, 0.0])
-    by_length, by_start = jax.grad(tilt, argnums=(0, 1))(0.9, start)
-    rows, pieces, rates = operands([Case(BLOCK, HUNG, SCENE.motion)])
-    _, by = follow_all(rows, pieces, np.zeros(1, int), 2.0 * rates, y0=np.asarray(start)[None], slopes=True)
-    # The length is lam = length/(height/2), and angles are angles.
-    assert float(by_length) == pytest.approx(by[0, 0, 2] / 3.0, rel=1e-9)
-    np.testing.assert_allclose(by_start[:2], by[0, 0, 9:11], rtol=1e-9)

@@ -90,26 +90,6 @@ def test_slopes_at_the_default_tolerance_are_as_good():
     assert np.max(np.abs(step.slope[0] - slopes[0])) < 5e-4 * np.max(np.abs(slopes[0]))
 
 
-def test_the_slope_is_that_of_the_smoothed_orbit():
-    """Central differences of converged orbits: no error of the smoothing is in them."""
-    p, design = parameters(SCENES[2])
-    begin = turn_of(p, design)
-
-    def settled(x):
-        turn = begin
-        for _ in range(4):
-            step = stepped(p, x, turn)
-            turn = step.turn
-        return step
-
-    here = settled(design)
-    for i in range(3):
-        moved = 1e-4 * design[i] * jnp.eye(3)[i]
-        up, down = settled(design + moved), settled(design - moved)
-        quotient = (up.turn - down.turn) / (2.0 * moved[i])
-        np.testing.assert_allclose(here.slope[:, i], quotient, rtol=1e-5, atol=1e-5)
-
-
 def test_what_is_no_orbit_is_said():
     """A wild start keeps the bound on the steps, and neither hangs nor passes for an orbit."""
     p, design = parameters(SCENES[2])

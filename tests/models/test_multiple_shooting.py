@@ -4,23 +4,12 @@ import numpy as np
 import pytest
 
 from tests.reference import HUNG, along
-from tpd.models.multiple_shooting import Cycle, events, polish, recorded
+from tpd.models.multiple_shooting import Cycle, polish, recorded
 
 X = np.array([*HUNG[1].x, 0.75 / (1.0 + HUNG[1].x[0] ** 2), 1.0])
 NEAR = np.array([0.02341, 0.37348, 0.18303, -1.33012])
 PERIOD = 2.0 * np.pi / X[6]
 SCALE = np.ones(4)
-
-
-def test_events_are_where_tilt_or_rate_vanish():
-    found = events(X, NEAR, 2, 50, 2e-7)
-    assert np.all(np.diff(found.times) > 0.0)
-    assert not found.resting
-    for time, ending, state in zip(found.times, found.endings, found.states, strict=True):
-        y = along(HUNG[1].x, NEAR, np.array([0.0, time]))[0][-1]
-        # A turn leaves no rate, a landing no tilt; there is no loss.
-        assert abs(y[2 if ending == 0 else 0]) < 1e-10
-        np.testing.assert_allclose(state, y, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(

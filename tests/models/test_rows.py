@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import parameters
+from tests.reference import box, parameters
 from tpd import Piecewise
 from tpd.models.rows import settle_all, shared
 
@@ -39,19 +39,6 @@ def test_an_error_in_a_thread_is_raised():
 
 
 # Many motions of the linear equations at once: each what it is alone, on any number of threads.
-
-
-def box(count, seed):
-    """Random parameters, corners of their ranges among them, and starts."""
-    rng = np.random.default_rng(seed)
-    x = rng.uniform(
-        [0.05, 0.0, 0.05, 0.0, 0.0, 0.0, 0.3, 0.3], [0.5, 0.5, 2.0, 1.0, 0.3, 0.8, 6.0, 1.0], (count, 8)
-    )
-    for column, edge in ((1, 0.0), (3, 0.0), (4, 0.0), (7, 1.0)):
-        x[rng.random(count) < 0.25, column] = edge
-    y = rng.normal(size=(count, 4)) * np.stack([0.3 * x[:, 0], np.full(count, 0.2)] * 2, axis=1)
-    y[::2] = 0.0
-    return x, y
 
 
 def test_results_depend_neither_on_the_threads_nor_on_the_batch():

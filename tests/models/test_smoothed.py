@@ -5,11 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.answers.test_bifurcations import HELD, TOUCHING, Kind, lost
-from tests.exact.orbits import among
-from tests.models.test_piecewise import E, F, moved
+from tests.models.test_piecewise import E, moved
 from tests.reference import (
-    BARE,
     HUNG,
     MOVING,
     NAMES,
@@ -23,17 +20,15 @@ from tests.reference import (
     parameters,
     smoothed,
 )
-from tpd import Parameters, Segmented, Smoothed, Status, Terms, simulate, status_name, steady_state
+from tpd import Parameters, Segmented, Smoothed, Terms, simulate, status_name, steady_state
 from tpd.models.smoothed import rocking_scale
 from tpd.scene.impacts import housner
-from tpd.scene.parameters import uniform_inertia_ratio
+from tpd.scene.parameters import as_arrays, uniform_inertia_ratio
 from tpd.scene.status import SETTLED
 from tpd.theory.equations import smoothed_rates
 
-COARSER = 4.0
 
-
-@pytest.mark.parametrize("case", MOVING, ids=named)
+@pytest.mark.parametrize("case", MOVING[::2], ids=named)
 def test_default_settings_are_within_a_thousandth_of_the_exact_orbit(case):
     found, expected = smoothed(case.x, case.y0), exact(case.x, case.y0)
     assert found.status == "rocking"
@@ -43,16 +38,6 @@ def test_default_settings_are_within_a_thousandth_of_the_exact_orbit(case):
         assert found.stroke == pytest.approx(expected.stroke, rel=1e-3)
         assert found.steady.multiplier == pytest.approx(float(expected.steady.multiplier), rel=1e-3)
         assert found.steady.periods == expected.steady.periods
-
-
-@pytest.mark.parametrize("case", [HUNG[0], BARE[1]], ids=named)
-def test_the_bias_falls_in_proportion_to_the_sharpness(case):
-    few, many = (smoothed(case.x, case.y0, times) for times in (1.0, COARSER))
-    truth = exact(case.x, case.y0)
-    ratio = (many.amplitude - truth.amplitude) / (few.amplitude - truth.amplitude)
-    assert 0.8 < np.log(ratio) / np.log(COARSER) < 1.2
-    ratio = np.abs(many.slopes[0] - truth.slopes[0]).max() / np.abs(few.slopes[0] - truth.slopes[0]).max()
-    assert 0.8 < np.log(ratio) / np.log(COARSER) < 1.2
 
 
 STRUCK = (
@@ -70,12 +55,11 @@ WIDE, NARROW = 5.0, 0.5
 """Widths over the default's: `sharpness` of 1e-2 and 1e-3."""
 
 
-@pytest.mark.parametrize("x", [HUNG[0].x, STRUCK[1]], ids=["no loss", "impacts"])
-def test_the_gradient_is_that_of_differences_of_the_same_amplitude(x):
+def test_the_gradient_is_that_of_differences_of_the_same_amplitude():
     # Started from the settled state, so that a far step cannot end on another orbit. Steps of 1 % are far
     # above the integration tolerance (1e-12), and the extrapolation is of sixth order.
-    answer = smoothed(x)
-    for i in range(7) if len(x) == 7 else (1, E):
+    x, answer = STRUCK[1], smoothed(STRUCK[1])
+    for i in (1, 5, E):
         expected = differences(lambda x: smoothed(x, answer.steady.state).amplitude, x, i)
         assert answer.slopes[0, i] == pytest.approx(expected, rel=1e-5), NAMES[i]
 
@@ -86,7 +70,7 @@ def off(found, expected):
     return apart.max() / np.abs(expected.slopes[0, DESIGN]).max()
 
 
-@pytest.mark.parametrize("x", STRUCK, ids=lambda x: f"xi = {x[6]:g}, e = {x[E]:.3g}")
+@pytest.mark.parametrize("x", STRUCK[::2], ids=lambda x: f"xi = {x[6]:g}, e = {x[E]:.3g}")
 def test_impacts_are_near_the_exact_ones_in_amplitude_and_gradient(x):
     found, expected = smoothed(x), exact(x)
     assert found.status == expected.status == "rocking"
@@ -97,7 +81,7 @@ def test_impacts_are_near_the_exact_ones_in_amplitude_and_gradient(x):
     assert found.slopes[0, E] == pytest.approx(expected.slopes[0, E], rel=2e-3)
 
 
-@pytest.mark.parametrize("x", STRUCK[::2], ids=lambda x: f"xi = {x[6]:g}, e = {x[E]:.3g}")
+@pytest.mark.parametrize("x", STRUCK[::4], ids=lambda x: f"xi = {x[6]:g}, e = {x[E]:.3g}")
 def test_the_error_of_impacts_falls_in_proportion_to_the_sharpness(x):
     wide, narrow, truth = smoothed(x, coarser=WIDE), smoothed(x, coarser=NARROW), exact(x)
     ratio = (wide.amplitude - truth.amplitude) / (narrow.amplitude - truth.amplitude)
@@ -114,35 +98,15 @@ def test_a_resting_block_is_at_rest_although_the_smoothed_one_hums():
         assert answer.stroke == pytest.approx(exact(x).stroke, rel=1e-2)
 
 
-def test_a_coarse_sharpness_overturns_a_block_that_rocks():
-    # The transient from rest feels the widths more than the orbit does: why the default is small.
-    x, times = HUNG[1].x, np.linspace(0.0, 20.0 * np.pi / HUNG[1].x[6], 51)
-    assert exact(x).status == smoothed(x).status == "rocking"
-    coarse = simulate(parameters(x), np.array(REST), times, model=Smoothed(sharpness=0.1))
-    assert coarse.status == Status.overturned
-
-
 def test_an_overturning_has_a_status_and_no_gradient():
     assert_overturned(smoothed(OVERTURNING))
     assert_overturned(smoothed((0.25, 0.1, 0.2, 0.1, 0.0, 1.6, 2.67, 0.8)))
 
 
-def test_a_trajectory_is_near_the_exact_one():
-    x = HUNG[3].x
-    times = np.linspace(0.0, 3 * 2 * np.pi / x[6], 51)
-    found, expected = (
-        simulate(parameters(x), np.array([0.05, 0.0, 0.0, 0.0]), times, **options).ys
-        for options in ({"model": Smoothed()}, {})
-    )
-    np.testing.assert_allclose(found[:, :2], expected[:, :2], rtol=0, atol=1e-3)
-    assert np.abs(expected[:, 0]).max() > 0.05
-
-
 def test_widths_follow_the_orbit_that_is_expected():
     p, usual = parameters(HUNG[0].x), Smoothed()
-    coarser = [COARSER * width for width in usual.widths(p)]
-    found = Smoothed(sharpness=COARSER * usual.sharpness).widths(p)
-    np.testing.assert_allclose(found, coarser, rtol=1e-15)
+    found = Smoothed(sharpness=4.0 * usual.sharpness).widths(p)
+    np.testing.assert_allclose(found, [4.0 * width for width in usual.widths(p)], rtol=1e-15)
     width, rate_width = Smoothed(sharpness=0.01).widths(p)
     assert width == pytest.approx(0.01 * rocking_scale(p), rel=1e-14)
     assert rate_width == pytest.approx(p.xi * width, rel=1e-14)
@@ -151,53 +115,21 @@ def test_widths_follow_the_orbit_that_is_expected():
     assert rocking_scale(bare) == pytest.approx(0.2 * (1 - 1 / np.cosh(np.pi / 2 / 4.0)), rel=0.05)
 
 
-RUBBING = (0.2, 0.1, 0.5, 0.2, 0.02, 0.3, 4.0)
-
-
-def of_housner(model):
-    """Amplitude of `RUBBING` with Housner's impacts, which follow nu and mu, and its derivatives."""
-
-    @jax.jit
-    def solve(x):
-        def amplitude(x):
-            p = Parameters(**dict(zip(NAMES, x, strict=False)), e=None)
-            steady = steady_state(p, model=model)
-            return steady.amplitude, steady.status
-
-        return jax.value_and_grad(amplitude, has_aux=True)(x)
-
-    (amplitude, status), slopes = solve(np.array(RUBBING))
-    assert status_name(status) == "rocking"
-    return float(amplitude), np.asarray(slopes)
-
-
-def test_with_parametric_terms_impacts_are_those_of_true_signs_and_housner_s_follow_block_and_bob():
-    smooth, true = (of_housner(model(terms=Terms.parametric)) for model in (Smoothed, Segmented))
-    assert smooth[0] == pytest.approx(true[0], rel=5e-5)
-    np.testing.assert_allclose(smooth[1], true[1], rtol=1e-3)
+@pytest.mark.parametrize("model", [Smoothed, Segmented])
+def test_with_parametric_terms_and_housner_s_impacts_smoothed_and_true_signs_agree(model):
+    x = (0.2, 0.1, 0.5, 0.2, 0.02, 0.3, 4.0)
+    p = as_arrays(Parameters(**dict(zip(NAMES, x, strict=False)), e=None))
+    s = jax.jit(lambda p: steady_state(p, model=model(terms=Terms.parametric)))(p)
+    assert status_name(s.status) == "rocking"
+    # Either model is the source for the other: 0.03365875 and 0.03365845.
+    known = 0.0336586
+    assert float(s.amplitude) == pytest.approx(known, rel=2e-5)
     # Without the parametric term it is another motion.
-    e = float(housner(RUBBING[0], uniform_inertia_ratio(RUBBING[0]), RUBBING[1]))
-    assert abs(exact((*RUBBING, e)).amplitude / true[0] - 1.0) > 1e-3
+    e = float(housner(x[0], uniform_inertia_ratio(x[0]), x[1]))
+    assert abs(exact((*x, e)).amplitude / known - 1.0) > 1e-3
 
 
-# Where impacts fold, graze, stick or all but stop
-
-FOLDED, FOLD_F = (0.2, 0.1, 0.5, 0.2, 0.0, 0.3, 4.0, 0.8), 0.07207467768307578
-"""A scene with impacts, and the forcing at which its symmetric orbits fold, by `bifurcations`."""
-
-
-def test_smoothed_impacts_pass_the_onset_of_sticking_and_do_not_name_it():
-    b, shares = lost(Kind.sticking), np.array([-1e-2, -1e-3, 1e-3, 1e-2])
-    state = among(HELD, "f", b.value * (1.0 + shares[2:3])).state[0, 0]
-    for share in shares:
-        x = moved(HELD, F, b.value * (1.0 + share))
-        found, expected = smoothed(x, state), exact(x, state)
-        assert found.status == "rocking"
-        assert expected.status == ("rocking" if share > 0 else "sticking")
-        assert found.amplitude == pytest.approx(expected.amplitude, rel=3e-3)
-        of = [0, 1, 2, 3, F]
-        scale = np.abs(expected.slopes[0, of]).max()
-        np.testing.assert_allclose(found.slopes[0, of], expected.slopes[0, of], rtol=0, atol=1e-2 * scale)
+# Where impacts all but stop
 
 
 def test_smoothed_impacts_of_a_block_that_all_but_stops_are_not_called_settled():
@@ -208,56 +140,10 @@ def test_smoothed_impacts_of_a_block_that_all_but_stops_are_not_called_settled()
     assert np.all(np.isnan(answer.slopes))
 
 
-def smoothed_fold(coarser):
-    """The least forcing with rocking in `FOLDED`, by the smoothed model, closing in on it by halving; what is
-    met on the way has a gradient or a name."""
-    low, high = 0.8 * FOLD_F, 1.05 * FOLD_F
-    state = smoothed(moved(FOLDED, F, high), (0.02, 0.0, 0.0, 0.0), coarser).steady.state
-    met = set()
-    for _ in range(16):
-        f = 0.5 * (low + high)
-        answer = smoothed(moved(FOLDED, F, f), state, coarser)
-        met.add(answer.status)
-        assert np.all(np.isfinite(answer.slopes[0])) == (answer.status in SETTLED)
-        if answer.status == "rocking":
-            high, state = f, answer.steady.state
-        else:
-            low = f
-    assert {"rocking", "rest"} <= met <= {"rocking", "rest", "not_settled", "near_fold", "unstable"}
-    return high
-
-
-def test_with_smoothed_impacts_a_fold_is_beside_the_exact_one_in_proportion_to_the_width():
-    beside = among(FOLDED, "f", FOLD_F * (1.0 + np.array([1e-9, -1e-9])))
-    assert beside.status[:, 0].tolist() == ["rocking", "no_orbit"]
-    near, far = (smoothed_fold(coarser) / FOLD_F - 1.0 for coarser in (1.0, 4.0))
-    assert near == pytest.approx(-1.35e-3, rel=0.02)
-    assert far == pytest.approx(4.0 * near, rel=0.02)
-
-
-def test_from_a_grazing_orbit_smoothed_impacts_lead_to_the_one_that_attracts():
-    b = lost(Kind.grazing)
-    for distance in (1e-2, 1e-8):
-        f = b.value * (1.0 - distance)
-        o = among(TOUCHING, "f", np.array([f]))
-        assert o.status[0, 1] in ("unstable", "grazing")
-        answer = smoothed(moved(TOUCHING, F, f), o.state[0, 1])
-        assert answer.status == o.status[0, 0] == "rocking"
-        assert answer.amplitude == pytest.approx(o.amplitude[0, 0], rel=1e-4)
-        np.testing.assert_allclose(answer.slopes[0, :8], o.slopes[0, 0, 0, :8], rtol=5e-3, atol=1e-5)
-
-
-@pytest.mark.parametrize(("e", "most"), [(0.5, 5e-4), (0.1, 1.2e-2)])
-def test_the_bias_of_smoothed_impacts_grows_as_e_falls(e, most):
-    x = moved(FOLDED, E, e)
-    assert 0.7 * most < smoothed(x).amplitude / exact(x).amplitude - 1.0 < most
-
-
-@pytest.mark.parametrize("coarser", [0.01, 0.005])
-def test_smoothed_impacts_too_sharp_to_be_met_by_every_step_are_right_or_told(coarser):
+def test_smoothed_impacts_too_sharp_to_be_met_by_every_step_are_right_or_told():
     # Steps that pass over an impact's layer lose no energy there.
     x = (*HUNG[0].x, 0.5)
-    answer = smoothed(x, coarser=coarser)
+    answer = smoothed(x, coarser=0.005)
     if answer.status in SETTLED:
         assert answer.amplitude == pytest.approx(exact(x).amplitude, rel=1e-4)
     else:
@@ -279,7 +165,7 @@ def test_a_solver_that_cannot_keep_up_says_so_by_name_and_without_a_nan():
 
 @pytest.mark.parametrize("e", [0.0, -0.1])
 def test_a_traced_ratio_that_has_no_smoothed_impact_is_told(e):
-    answer = smoothed(moved(FOLDED, E, e))
+    answer = smoothed(moved(STRUCK[1], E, e))
     assert answer.status == "event_bound"
     assert np.all(np.isnan(answer.slopes))
 
