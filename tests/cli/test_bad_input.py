@@ -23,34 +23,22 @@ TABLE = r"""
 optimise OWN --width -1 | [block] `width` must be positive and finite, but is -1
 optimise --width wide | `block.width` must be a number, but is 'wide'
 optimise OWN --width 0.3 | [block] `width` must be at most 0.5 of `height` (the linear equations drop
-optimise --width | argument --width: expected one argument
-optimise OWN --height 0 | [block] `height` must be positive and finite, but is 0
-optimise --frequency 0 | [motion] `frequency` must be positive and finite, but is 0
 optimise --amplitude -0.1 | [motion] `amplitude` must be zero or positive, and finite, but is -0.1
-optimise --friction -0.1 | [block] `friction` must be zero or positive, and finite
-optimise --restitution 0 | [block] `restitution` must be positive and finite, but is 0
 optimise --restitution 1.5 | [block] `restitution` must be between 0 and 1, but is 1.5
 optimise --mass-ratio 0.2 | argument --mass-ratio: expected 2 arguments
 optimise --damping 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
 optimise --damping -1 | [space] `damping_ratio` must be between 0 and 2, but is -1
-optimise --stroke 0 | [limits] `stroke` must be positive and finite, but is 0
 optimise --bob cube | [bob] `shape` must be one of ball, cylinder, but is 'cube'
 optimise --cavity 0.2 | [block] `cavity_width` must be at most the outside width, 0.1 m, but is 0.2 m
 optimise --exactly --band 2 3 | `conditions.exactly` goes with one motion: no band, no amplitudes and no scatt
-optimise --searches 0 | [search] `searches` must be a whole number, 1 or more, but is 0
 optimise --starts 8 | `search.starts` goes with a pulse or records, which this job does not have
-optimise --method newton | `search.method` must be one of descent, sequential, but is 'newton'
-optimise --optimiser sgd | [search] `optimiser` must be one of adam, rmsprop, but is 'sgd'
-optimise --method sequential --optimiser rmsprop | `search.optimiser` goes with `search.method` descent
 optimise --measure median | `risk.measure` must be one of cvar, expected, worst, but is 'median'
-optimise --band 2 x | `conditions.band` must be a pair of numbers, but is [2, 'x']
 optimise --amplitudes inf | [conditions] `amplitudes` must be positive and finite, but is inf
 optimise --scatter friction | `--scatter` must be NAME=WIDTH, such as friction=0.2, but is 'friction'
 optimise --scatter friction=0.6 | [scatter] `friction` must be between 0 and 0.5, but is 0.6
 optimise --scatter colour=0.1 | unknown key `colour` in [scatter]; allowed are amplitude, frequency
 optimise --width 0.2 | a block of your own must be whole, with a motion of its own, but `height` and `mass` in
 optimise SIZE --amplitude 0.02 | but `frequency` in [motion] is missing beside `width`, `height` and
-optimise --height 0.4 --mass 16 --amplitude 0.015 --frequency 2.5 --friction 0.1 | but `width` in [block] is m
 optimise --resume | there is nothing to resume: tpd-design/unfinished.npz does not exist
 optimise --scene absent.toml | cannot read absent.toml: No such file or directory
 optimise --scene . | cannot read .: Is a directory
@@ -59,58 +47,35 @@ optimise --stroke 1.6 | [limits] `stroke` must be at most 1.5708, a right angle 
 optimise --friction 0.6 | [block] `friction` must be at most 0.25, width/height (a moment over M g b
 optimise --amplitude 0 | [motion] `amplitude` must be above 0 in a search, but is 0: nothing shakes the
 optimise --mass-ratio 0.1 1.5 | [space] `mass_ratio` must be an interval low < high within 0 to 1
-optimise --length-ratio 0.1 2.5 | [space] `length_ratio` must be an interval low < high within 0.001
 optimise --exactly --measure cvar | `risk.measure` goes with several conditions, [conditions] or [scatter], wh
 optimise --friction 0 --scatter friction=0.1 | [scatter] `friction` cannot scatter by a share of it
-optimise --damping 0 --scatter damping=0.1 | [scatter] `damping` cannot scatter by a share of itself
 optimise --scatter restitution=0.1 | [scatter] `restitution` can scatter where it is a number, but there
-optimise --restitution housner --scatter restitution=0.1 | [scatter] `restitution` can scatter where it is a n
 job block.widht = 1.0 | unknown key `widht` in [block]; did you mean `width`?
 job blok.width = 1.0 | unknown table [blok]; did you mean `block`?
 job block.width = 2020-01-01 | `block.width` must be a number, but is datetime.date
-job block.width = inf; REST | [block] `width` must be positive and finite, but is inf
 job block.restitution = true | `block.restitution` must be a number or a text, but is True
-job block.width = 0.1; block.height = 0.4; block.mass = 16 | but `amplitude` and `frequency` in [motion] are m
 job project.name = 3 | `project.name` must be a text in one line of at most 100 characters, but is 3
 job site.gravity = 0 | [site] `gravity` must be positive and finite, but is 0
-job space.mass_ratio = 0.1 | `space.mass_ratio` must be a pair of numbers, but is 0.1
 job space.mass_ratio = [0.1, true] | `space.mass_ratio` must be a pair of numbers, but is [0.1, True]
 job search.budget = 8 | unknown key `budget` in [search]; allowed are method, model, searches
 job ensemble.any_phase = 1 | `ensemble.any_phase` must be true or false, but is 1
 job search.method = 'sequential'; search.tolerance = 0.1 | `search.tolerance` goes with `search.method` descen
 job conditions.band = [2, 3]; conditions.frequencies = 1 | [conditions] `frequencies` must be a whole number,
 job conditions.band = [2, 3]; conditions.frequencies = 2000000 | a job must have at most 100000 conditions, bu
-job conditions.frequencies = 9 | `conditions.frequencies` goes with a band, `conditions.band`
-job conditions.samples = 9 | `conditions.samples` goes with a width in [scatter], which this job
-job conditions.amplitudes = 1.0 | `conditions.amplitudes` must be a list, each a number, but is 1.0
 job conditions.amplitudes = [] | [conditions] `amplitudes` must hold at least one number, but is empty
-job starts.kind = 'some' | `starts.kind` must be one of any, rest, but is 'some'
-job search.model = 'segmented' | `search.model` must be one of piecewise, smoothed, but is 'segm
-job search.method = 'sequential'; search.model = 'smoothed' | `search.model` goes with `search.method` des
 job risk.share = 0.2 | `risk.share` goes with `risk.measure` cvar, which this job does not have
 job risk.measure = 'cvar'; risk.share = 0 | [risk] `share` must be between 1e-09 and 1, but is 0
-job limits.multiplier = 1.5 | [limits] `multiplier` must be between 1e-06 and 1, but is 1.5
-job limits.room = 'yes' | `limits.room` must be true or false, but is 'yes'
 job bob.density = 10 | [bob] `density` must be between 100 and 25000 kg/m^3, but is 10
-job bob.aspect = 3.0 | `bob.aspect` goes with `bob.shape` cylinder, which this job does not have
-job worth.runs = 0 | [worth] `runs` must be a whole number, 1 or more, but is 0
-job ensemble.size = 0 | [ensemble] `size` must be a whole number, 1 or more, but is 0
 job ensemble.ramps = [-1.0] | [ensemble] `ramps` must be zero or positive, and finite, but is -1
-job block = 3 | `block` must be a table, but is 3
 job block.width = 0.1; block.radius_of_gyration = 0.3; REST | [block] `radius_of_gyration` must be at most 0.2
-job limits.relative_stroke = 2.0 | [limits] `relative_stroke` must be at most 1.5708, a right angle
 job limits.tilt = 1.5 | [limits] `tilt` must be at most 1, a block that stands on its corner
 job ensemble.restitution = 0.1 | [ensemble] `restitution` can scatter where it is a number
-job ensemble.swing = 2.0 | [ensemble] `swing` must be at most 1.5708, a right angle in rad
 response --pendulum-mass 1 | give --pendulum-length or --length-ratio as well
 response HUNG --pendulum-mass 1 | not allowed with argument
 response HUNG --pendulum-damping -1 | `damping_ratio` must be zero or positive
 response --pendulum-mass heavy | invalid float value: 'heavy'
 response --pendulum-mass 20 --length-ratio 0.5 | `--pendulum-mass` must be at most 16.224, the mass of the blo
-response --mass-ratio 1.5 --length-ratio 0.5 | `--mass-ratio` must be at most 1, a bob as heavy as the block,
 response --mass-ratio 0.1 --pendulum-length 0.5 | `--pendulum-length` must be at most 0.4, the height of the b
-response --mass-ratio 0.1 --length-ratio 2.5 | `--length-ratio` must be at most 2, a rod as long as the block,
-map HUNG X --y pendulum-length 0.1 0.5 | `pendulum_length` must be at most 0.4, the height of the block, but i
 response --from 0 | `--from` must be positive and finite, but is 0
 response --from 3 --to 2 | `--from` must be below `--to`, but they are 3 and 2
 response --points 3 | `--points` must be between 8 and 100000, but is 3
@@ -121,7 +86,6 @@ map X --y lam 1 0.1 | `--y` must go up, but goes from 1 to 0.1
 map HUNG X --y omega 1 2 | `y` must be one of width, height
 map HUNG X --y pendulum-mass 1 2 | must not both move mu
 map MAP --points 3000 | `--points` must be between 2 and 2000, but is 3000
-map MAP --points 1 | `--points` must be a whole number, 2 or more, but is 1
 check absent | cannot read absent: No such file or directory
 check | give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length
 check absent HUNG | absent has a scene and a pendulum: give it alone, or the options without it
@@ -134,20 +98,15 @@ shake SIZE --record el-centro --dt 0.5 | `motion.dt` goes with a file of a recor
 fragility --records el-centro loma-prieta --event a | `motion.event` goes with a fi
 spectrum --record el-centro --sizes-to 5 | --sizes-to is of the sizes of a pulse
 spectrum --pulse ricker --sizes-to nan | `--sizes-to` must be positive and finite
-spectrum --pulse ricker --to 0 | `--to` must be positive and finite, but is 0
 spectrum --pulse ricker --pga 0.3 | --pga has no effect here: pulses of every freq
-design | invalid choice: 'design'
- | the following arguments are required: COMMAND
 job block.size.width = 1.0 | unknown key `size` in [block]
 job x = = 3 | is not valid TOML: Invalid value (at line 1, column 5)
 job [block]; [block] | is not valid TOML: Cannot declare
 job [[block]]; width = 1 | `block` must be a table, but is [{'width': 1}]
 shake | give either --record FILE or --pulse KIND, or a job of one
-shake --pulse one-sine | a pulse needs `motion.pulse` (--pulse KIND)
 shake SIZE --record nothing.csv | nothing.csv
 shake SIZE PULSE --pga 0 | [motion] `pga` must be positive
 fragility | give --records FILE, or a job of records: a harmonic has no end
-new castle | invalid choice: 'castle'
 new | required: KIND
 new tower --out /proc/nowhere/tower.toml | cannot write /proc/nowhere/tower.toml
 new towr | did you mean `tower`?
@@ -157,7 +116,6 @@ optimise --optimiser adamm | but is 'adamm'; did you mean `adam`?
 optimise --scatter frcition=0.1 | unknown key `frcition` in [scatter]; did you mean `fri
 export --as csv --pulse ricker --amplitude 1 | has keys of a pulse (`pulse`) and of a harm
 export --as csv HUNG --scale 5 | `motion.scales` goes with a pulse or records
-export --as csv HUNG --dt 0.01 | records need `motion.records` (--records FILE)
 export --as csv HUNG --sliding 0.5 | --sliding is of a model of MuJoCo or OpenSees
 export --as csv HUNG --file . | --file must name a file, but . is a directory
 """
@@ -181,23 +139,12 @@ job limits.room = true; block.width = 0.1; REST | `cavity_width`, the width in m
 """Input in other units, or of a block without a cavity."""
 ROWS, ASKED = ([tuple(line.split(" | ")) for line in x.strip().splitlines()] for x in (TABLE, UNITS))
 ROWS += [
-    ("job ", "is empty: `tpd new` writes a job file to begin with"),
     (f"job block.mass = {'9' * 400}", "`block.mass` must be a number, but is 9999"),
     (f"job block.{'x' * 5000} = 1", "...` in [block]; allowed are width"),
     (f"job x = {'[' * 100_000}", "nests too deeply"),
     ("job project.name = 'a\tb'", "`project.name` must be a text in one line"),
     ("", "the following arguments are required: COMMAND"),
 ]
-DESIGNS = [
-    ("not json", "is not a design in JSON"),
-    ("\xff", "is not a design in JSON"),
-    ("[1]", "it has no `pendulum`"),
-    ('{"job": {}, "pendulum": null}', "must be of version 8, but is of 1: run the job again"),
-    ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 8, but is of 7"),
-    ('{"version": 8, "job": [], "pendulum": null}', "`job` must be a table, but is []"),
-    ('{"version": 8, "job": {}, "pendulum": null}', "it has no `status`"),
-]
-"""Content of design.json, and what is said of it; more in the tests of its reader."""
 
 
 @pytest.fixture(autouse=True)
@@ -257,11 +204,16 @@ def test_a_file_that_is_no_text_is_refused(capsys, tmp_path):
     assert "is not a text file in UTF-8" in refused(capsys, "optimise", "--scene", "job.toml")
 
 
-@pytest.mark.parametrize(("content", "message"), DESIGNS)
-def test_a_file_that_is_no_design_is_refused(capsys, tmp_path, content, message):
-    (tmp_path / "design.json").write_text(content, encoding="latin-1")
-    for command in (("check", "."), ("response", "design.json"), ("export", ".", "--as", "mjcf")):
-        assert message in refused(capsys, *command)
+def test_a_file_that_is_no_design_is_refused(capsys, tmp_path):
+    """More in the tests of its reader."""
+    for content, message in (
+        ("not json", "is not a design in JSON"),
+        ("\xff", "is not a design in JSON"),
+        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 8, but is of 7"),
+    ):
+        (tmp_path / "design.json").write_text(content, encoding="latin-1")
+        for command in (("check", "."), ("response", "design.json"), ("export", ".", "--as", "mjcf")):
+            assert message in refused(capsys, *command)
 
 
 def test_a_record_of_zeros_shakes_nothing(capsys, tmp_path):

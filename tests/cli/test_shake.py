@@ -14,13 +14,8 @@ BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=
 def test_shake_says_what_the_library_says(run):
     done = run("shake", COLUMN, HUNG, PULSE, "0.4", "--free", "5")
     assert done.status == 0
-    assert done.files.keys() == {
-        "histories.csv",
-        "histories.png",
-        "impacts.csv",
-        "animation.gif",
-        "shake.json",
-    }
+    names = {"histories.csv", "histories.png", "impacts.csv", "animation.gif", "shake.json"}
+    assert done.files.keys() == names
     results = done.json("shake.json")["results"]
     scene = tpd.Scene(BLOCK, tpd.Pulse.one_sine(acceleration=0.4 * 9.80665, frequency=1.2375))
     hung = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)

@@ -88,6 +88,14 @@ def written(form: Format) -> File:
     return File(form.name, *(form.write(form.size * shaking(100, seed), 0.01) for seed in (0, 1)))
 
 
+def check(folder: Path, *names: str) -> None:
+    """Both checks for each format, and that of damages for each file of an agency."""
+    for name in names:
+        if name in FORM:
+            check_what_is_written(FORM[name], folder)
+        check_damaged(written(FORM[name]) if name in FORM else real(name), folder)
+
+
 # A table states no number of rows: rows lost at its ends, or anywhere in a column, are not seen.
 TABLES = ("table", "column")
 
@@ -242,5 +250,5 @@ def check_damaged(file: File, folder: Path) -> None:
             assert len(said) < 300
             refused += 1
         else:
-            assert same(read, sound), (kind.__name__, seed)
-    assert refused >= 0.5 * DAMAGES, refused
+            assert same(read, sound), (file.name, kind.__name__, seed)
+    assert refused >= 0.5 * DAMAGES, (file.name, refused)
