@@ -1,6 +1,5 @@
 """`tpd shake`: numbers of both sets of equations, files, and exit status."""
 
-import numpy as np
 import pytest
 
 import tpd
@@ -66,14 +65,3 @@ def test_a_motion_without_an_answer_is_named(run, monkeypatch):
     assert done.status == 3
     assert "event_bound" in done.out
     assert "no answer" in done.out
-
-
-def test_a_file_shakes_as_well(run, tmp_path):
-    record = tmp_path / "record.csv"
-    lines = (f"{0.01 * i:.2f},{0.3 * np.sin(0.08 * i):.6f}\n" for i in range(300))
-    record.write_text("time (s),acceleration (g)\n" + "".join(lines))
-    done = run("shake", COLUMN, "--record", str(record), "--scale", "1.2", "--free", "1")
-    assert done.status == 0
-    known = tpd.transient(tpd.Scene(BLOCK, tpd.Record.read(record).scaled(1.2)), free=1.0)
-    linear = done.json("shake.json")["results"]["bare block"]["linear"]
-    assert linear["tilt"] == pytest.approx(float(known.tilt), rel=1e-12)

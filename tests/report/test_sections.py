@@ -35,8 +35,8 @@ def test_paired_runs_stand_with_their_intervals():
 def test_conditions_that_get_worse_are_marked():
     runs = designs.paired(lost=30, lost_bare=2, tilt=0.2)
     winner = dataclasses.replace(designs.around().winner, paired=runs, benefit=designs.benefit(runs, 10))
-    marks = [row[-1] for row in sections.over_runs(designs.around(verified=(winner,)))[-1].rows]
-    assert "worse" in marks
+    table = sections.over_runs(designs.around(verified=(winner,)))[-1]
+    assert "worse" in {row[-1] for row in table.rows}
 
 
 def test_without_paired_runs_and_for_one_condition_there_is_less_to_show():
@@ -66,13 +66,13 @@ def test_limits_that_keep_better_designs_out_are_named():
 
 def test_a_limit_without_which_the_best_design_is_the_same_has_no_row():
     design = designs.around()
-    wide = design.surveys[0]
+    wide, *others = design.surveys
     excess = wide.excess | {"stroke": np.array([-0.1, -0.1, 0.2, -0.1])}
-    surveys = (dataclasses.replace(wide, excess=excess), *design.surveys[1:])
+    surveys = (dataclasses.replace(wide, excess=excess), *others)
     table = sections.limiting(dataclasses.replace(design, surveys=surveys))[-1]
     assert "The best design is the same without the limit on stroke." in table.caption
-    rest = ["without the limit on room", "without any limit"]
-    assert [row[0] for row in table.rows] == ["limits kept from rest", *rest]
+    named = ["limits kept from rest", "without the limit on room", "without any limit"]
+    assert [row[0] for row in table.rows] == named
 
 
 @pytest.mark.mends("a design was counted by its first reason alone")
