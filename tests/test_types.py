@@ -39,7 +39,6 @@ if design.pendulum is not None:
 """
 WRONG = {
     "an option of optimise": ("seed=1,\n    progress", "sed=1,\n    progress"),
-    "another option of optimise": ("worth=limits", "worht=limits"),
     "a size of the block": ("width=0.5", "widht=0.5"),
     "a bound of the space": ("mass_ratio=", "mas_ratio="),
     "a limit": ("limits.Stroke", "limits.Strok"),
@@ -48,12 +47,9 @@ WRONG = {
     "a member of an enum": ("Terms.linear", "Terms.liner"),
     "a result": ("design.pendulum is", "design.pendulm is"),
     "a part of a result": ("design.status.is_sound", "design.status.sound"),
-    "a size of the pendulum": ("design.pendulum.mass", "design.pendulum.mas"),
     "a function": ("tpd.optimise", "tpd.optimize"),
-    "a class": ("tpd.Ensemble", "tpd.Ensembel"),
     "a function of a part": ("theory.uplift", "theory.uplft"),
     "records": ("records.el_centro", "records.el_zentro"),
-    "engines": ("engines.mjcf", "engines.mjfc"),
     "text for a number": ("height=2.0", 'height="2.0"'),
     "a number for an object": ("risk=tpd.Risk.cvar(0.2)", "risk=0.2"),
     "a limit that stands alone": ("limits=[limits.Stroke(0.4), ", "limits=limits.Stroke(0.4), method=["),

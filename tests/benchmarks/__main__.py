@@ -27,9 +27,8 @@ def listed() -> str:
     lines = []
     for name in stored.NAMES:
         found = stored.read(name)
-        if found is None:
-            said = "none"
-        else:
+        said = "none"
+        if found is not None:
             days = (datetime.date.today() - datetime.date.fromisoformat(found.about["date"])).days
             old = ", STALE" if stored.is_stale(name) else ""
             said = f"{found.about['version']} of {found.about['date']}, {days} days old{old}"
@@ -39,17 +38,16 @@ def listed() -> str:
 
 def main() -> int:
     """Do what was asked; 1 if a benchmark failed."""
+    known = ", ".join(stored.NAMES)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(stored.NAMES))
+    parser.add_argument("names", nargs="*", metavar="NAME", help=known)
     parser.add_argument("--stale", action="store_true")
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--draw", action="store_true")
     asked = parser.parse_args()
     names = list(asked.names)
     if unknown := set(names) - set(stored.NAMES):
-        parser.error(
-            f"there is no benchmark {', '.join(sorted(unknown))}; there are {', '.join(stored.NAMES)}"
-        )
+        parser.error(f"there is no benchmark {', '.join(sorted(unknown))}; there are {known}")
     if asked.stale:
         names += [n for n in stored.NAMES if stored.is_stale(n) and n not in (*stored.LONG, *names)]
     if len(names) == 1:

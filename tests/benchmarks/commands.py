@@ -27,22 +27,12 @@ def run(quick: bool) -> list[dict[str, Any]]:
     for name in list(COMMANDS)[3 if quick else 0 :]:
         with tempfile.TemporaryDirectory() as folder:
             home = Path(folder)
-            kept = {
-                "NUMBA_CACHE_DIR": home / "numba",
-                "JAX_COMPILATION_CACHE_DIR": home / "jax",
-                "HOME": home,
-            }
-            env = os.environ | {k: str(v) for k, v in kept.items()} | {"PYTHONPATH": str(ROOT)}
+            env = os.environ | {"HOME": folder, "PYTHONPATH": str(ROOT)}
+            env |= {"NUMBA_CACHE_DIR": f"{home}/numba", "JAX_COMPILATION_CACHE_DIR": f"{home}/jax"}
 
             def call(words: str, env: dict[str, str] = env, home: Path = home) -> float:
-                begun = time.perf_counter()
-                done = subprocess.run(
-                    [sys.executable, "-m", "tpd.cli", *words.split()],
-                    cwd=home,
-                    env=env,
-                    capture_output=True,
-                    text=True,
-                )
+                command, begun = [sys.executable, "-m", "tpd.cli", *words.split()], time.perf_counter()
+                done = subprocess.run(command, cwd=home, env=env, capture_output=True, text=True)
                 if done.returncode not in (0, 3):
                     raise RuntimeError(f"tpd {words}: {done.stderr[-500:]}")
                 return time.perf_counter() - begun

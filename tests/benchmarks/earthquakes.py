@@ -43,12 +43,8 @@ def run(quick: bool) -> list[dict[str, Any]]:
         begun = time.perf_counter()
         whole = height is None and not quick
         found = designed(block, quick, *(() if whole else (space, method)))
-        row = {
-            "height": height,
-            "nu": nu,
-            "status": found.status.name,
-            "seconds": time.perf_counter() - begun,
-        }
+        row = {"height": height, "nu": nu, "status": found.status.name}
+        row["seconds"] = time.perf_counter() - begun
         if len(found.judged) > 1:
             held = found.judged[1]
             row |= {"overturned": list(held.overturned), "design": list(found.best)}
@@ -76,10 +72,8 @@ def table(rows: list[dict[str, Any]]) -> str:
     between = "{{{0}[0]:+.3f}} ({{{0}[1]:+.3f}} to {{{0}[2]:+.3f}})"
     heads = {"block": "{block}", "status": "{status}"}
     heads |= {"overturned without, with": "{overturned[0]:.1%}, {overturned[1]:.1%}"}
-    heads |= {
-        "difference": between.format("difference"),
-        "change of the mean of tilt/ν": between.format("tilt"),
-    }
+    heads |= {"difference": between.format("difference")}
+    heads |= {"change of the mean of tilt/ν": between.format("tilt")}
     return columns([r | {"block": n} for r, n in zip(rows, names, strict=True)], **heads, s="{seconds:.0f}")
 
 
@@ -96,20 +90,16 @@ def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
         words = r["status"]
         if "tilt" in r:
             change[i, j] = 100.0 * r["tilt"][0]
-            words = f"{change[i, j]:+.0f}\n{r['overturned'][0]:.0%} → {r['overturned'][1]:.0%}".replace(
-                "-", "−"
-            )
-        ink, weight = (
-            ("white" if change[i, j] < -12 else INK),
-            ("bold" if r["status"] == "found" else "normal"),
-        )
+            shares = "{:.0%} → {:.0%}".format(*r["overturned"])
+            words = f"{change[i, j]:+.0f}\n{shares}".replace("-", "−")
+        ink = "white" if change[i, j] < -12 else INK
+        weight = "bold" if r["status"] == "found" else "normal"
         ax.text(j, i, words, ha="center", va="center", fontsize=8, weight=weight, color=ink)
     image = ax.imshow(change, origin="lower", aspect="auto", cmap="Blues_r", vmin=-24.0, vmax=4.0)
     ax.figure.colorbar(image, label="change of the mean tilt (% of ν)")
     ax.set_xticks(range(len(HEIGHTS)), [f"{h:g}" for h in HEIGHTS])
     ax.set_yticks(range(len(SLENDERNESS)), [f"{nu:g}" for nu in SLENDERNESS])
     ax.set(xlabel="height of the block (m)", ylabel="slenderness width/height (-)")
-    ax.set_title(
-        "above: change of the mean tilt (% of ν); below: overturned without → with; bold: offered", size=8
-    )
+    said = "above: change of the mean tilt (% of ν); below: overturned without → with; bold: offered"
+    ax.set_title(said, size=8)
     return {"worth_grid.png": ax.figure}

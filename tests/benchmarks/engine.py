@@ -13,16 +13,9 @@ QUESTION = "How many designs a second, with gradients, multipliers and statuses;
 SEED = 0
 PERIODS, SPREAD = 100, 0.1
 """Of a run; share by which mass, length and damping vary about the known scenes."""
-GRADIENTS, RUNS, BY_SCIPY = (
-    "symmetric orbits, gradients in 3",
-    "run until it repeats",
-    "SciPy DOP853, gradient in 3",
-)
-WHOLE, LOOP, BY_LOOP = (
-    "run of 100 periods",
-    "Numba loop, run of 100 periods",
-    "Numba loop, gradient in 3 (200 periods)",
-)
+GRADIENTS, RUNS = "symmetric orbits, gradients in 3", "run until it repeats"
+WHOLE, LOOP = "run of 100 periods", "Numba loop, run of 100 periods"
+BY_SCIPY, BY_LOOP = "SciPy DOP853, gradient in 3", "Numba loop, gradient in 3 (200 periods)"
 ENSEMBLE = "ensemble of the bare block, 100 periods"
 
 
@@ -89,8 +82,7 @@ def per_design(rows: list[dict[str, Any]], what: str) -> float:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Times and rates."""
-    rates = [
-        r | {"each": 1e6 * r["seconds"] / r["designs"], "rate": r["designs"] / r["seconds"]} for r in rows
-    ]
+    each = ((r, r["seconds"] / r["designs"]) for r in rows)
+    rates = [r | {"each": 1e6 * s, "rate": 1.0 / s} for r, s in each]
     heads = {"work on all cores, SciPy on one": "{what}", "designs": "{designs:,}", "s": "{seconds:.3g}"}
     return columns(rates, **heads, **{"µs a design": "{each:.3g}", "designs a second": "{rate:,.0f}"})

@@ -47,12 +47,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
         for (steady, _), (top, _) in zip(results[name], results["top"], strict=True):
             by_model[steady.model].append(held(steady, top))
         for model, ends in by_model.items():
-            row = {
-                "tolerance": name,
-                "model": model,
-                "scenes": len(ends),
-                "time": total / always,
-            }
+            row = {"tolerance": name, "model": model, "scenes": len(ends), "time": total / always}
             rows.append(row | {k: ends.count(k) for k in ("held", "broken", "other")})
     return rows
 

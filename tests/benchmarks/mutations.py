@@ -56,11 +56,7 @@ def _named(tree: ast.Module, function: str) -> ast.AST:
 
 
 def _mentions(node: ast.AST, name: str) -> bool:
-    inner = list(ast.walk(node))
-    return any(
-        (isinstance(n, ast.Name) and n.id == name) or (isinstance(n, ast.Attribute) and n.attr == name)
-        for n in inner
-    )
+    return any(name in (getattr(n, "id", ""), getattr(n, "attr", "")) for n in ast.walk(node))
 
 
 def _is_where(node: ast.AST) -> bool:
@@ -81,10 +77,10 @@ def _within_assignment(variable: str, mutation: Mutation) -> Mutation:
     """Mutation of what is assigned to a variable."""
 
     def change(node: ast.AST) -> ast.AST | None:
-        if isinstance(node, ast.Assign) and any(
-            isinstance(n, ast.Name) and n.id == variable for t in node.targets for n in ast.walk(t)
-        ):
-            return _Each(mutation).visit(node)
+        if isinstance(node, ast.Assign):
+            names = (n for t in node.targets for n in ast.walk(t) if isinstance(n, ast.Name))
+            if any(n.id == variable for n in names):
+                return _Each(mutation).visit(node)
         return node
 
     return change
@@ -126,11 +122,8 @@ def without_nan(variable: str) -> Mutation:
     """`where(condition, x, y)` assigned to a variable, with NaN in y, becomes x."""
 
     def change(node: ast.AST) -> ast.AST:
-        if isinstance(node, ast.Call) and _is_where(node):
-            _, value, other = node.args
-            if _mentions(other, "nan"):
-                return value
-        return node
+        found = isinstance(node, ast.Call) and _is_where(node) and _mentions(node.args[2], "nan")
+        return node.args[1] if found else node
 
     return _within_assignment(variable, change)
 
@@ -139,9 +132,8 @@ def nothing_true(name: str) -> Mutation:
     """Comparisons that mention a name are false."""
 
     def change(node: ast.AST) -> ast.AST:
-        if isinstance(node, ast.Compare) and _mentions(node, name):
-            return ast.BinOp(node, ast.BitAnd(), ast.Constant(False))
-        return node
+        found = isinstance(node, ast.Compare) and _mentions(node, name)
+        return ast.BinOp(node, ast.BitAnd(), ast.Constant(False)) if found else node
 
     return change
 
@@ -151,9 +143,7 @@ def unchecked(name: str) -> Mutation:
 
     def change(node: ast.AST) -> ast.AST | None:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Call) and node.value.args:
-            first = node.value.args[0]
-            if isinstance(first, ast.Constant) and first.value == name:
-                return None
+            return None if getattr(node.value.args[0], "value", None) == name else node
         return node
 
     return change

@@ -65,11 +65,9 @@ def _row(solve: Callable, case: Case, e: float, way: str, width: float) -> dict[
     begun = time.perf_counter()
     solve(x, case.y0, shares)
     row = {"what": "bias", "scene": case.name, "e": e, "way": way, "width": width}
-    both = half._replace(
-        amplitude=2.0 * half.amplitude - one.amplitude,
-        slopes=2.0 * half.slopes - one.slopes,
-        status="rocking" if one.status == half.status == "rocking" else "none",
-    )
+    status = "rocking" if one.status == half.status == "rocking" else "none"
+    twice = {name: 2.0 * getattr(half, name) - getattr(one, name) for name in ("amplitude", "slopes")}
+    both = half._replace(**twice, status=status)
     for name, found in (("", one), (", both", both)):
         row |= {q + name: v for q, v in zip(QUANTITIES, _errors(found, truth), strict=True)}
     return row | {"ms": 1e3 * (time.perf_counter() - begun)}
@@ -87,11 +85,8 @@ def stable_step(solver: diffrax.AbstractSolver, steps: int = 2000) -> tuple[floa
 
     @jax.jit
     def grows(h: Array) -> Array:
-        given = {
-            "adjoint": diffrax.ForwardMode(),
-            "saveat": diffrax.SaveAt(steps=True),
-            "max_steps": steps + 2,
-        }
+        given = {"adjoint": diffrax.ForwardMode(), "saveat": diffrax.SaveAt(steps=True)}
+        given |= {"max_steps": steps + 2}
         ys = diffrax.diffeqsolve(diffrax.ODETerm(field), solver, 0.0, steps * h, h, push, **given).ys
         size = jnp.hypot(pace * ys[:steps, 0], ys[:steps, 2])
         early, late = (jnp.max(part) for part in (size[steps // 4 : steps // 2], size[-steps // 4 :]))
@@ -172,21 +167,13 @@ def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
         for ax, quantity in zip(axes, QUANTITIES, strict=True):
             one, both = (errors(rows, e, "both signs", quantity + more) for more in ("", ", both"))
             ax.plot(widths, one, color=colour, lw=0.5, alpha=0.4)
-            ax.plot(
-                widths,
-                np.nanmedian(one, axis=1),
-                color=colour,
-                marker=marker,
-                ms=3.5,
-                lw=2.0,
-                label=f"e = {e:g}",
-            )
+            look = {"color": colour, "marker": marker, "ms": 3.5, "lw": 2.0, "label": f"e = {e:g}"}
+            ax.plot(widths, np.nanmedian(one, axis=1), **look)
             ax.plot(widths, np.nanmedian(both, axis=1), color=colour, lw=1.0, ls="--")
     for ax, quantity in zip(axes, QUANTITIES, strict=True):
         ax.axvline(Smoothed().sharpness, color=GREY, lw=1.0, zorder=0)
         ax.set(xscale="log", yscale="log", ylabel=f"relative error of the {quantity} (-)")
-    axes[0].legend(
-        title="velocity ratio of impacts (median of scenes;\ndashed: from a width and its half)", fontsize=8
-    )
+    said = "velocity ratio of impacts (median of scenes;\ndashed: from a width and its half)"
+    axes[0].legend(title=said, fontsize=8)
     axes[-1].set_xlabel("smoothing width, a share of the expected tilt (grey: the default) (-)")
     return {"bias.png": axes[0].figure}

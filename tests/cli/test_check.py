@@ -40,9 +40,7 @@ def test_a_pendulum_that_helps_and_fits_is_confirmed(offered):
     assert said[0] == "Scene: a block of your own."
     assert said[4].startswith("  bob     540 kg on a rod of 0.515 m; μ = 0.03317, λ = 0.103, ζ = 0.5981")
     assert [line.split()[0] for line in said[6:11]] == ["model", "uplift", "one", "exact", "nonlinear"]
-    assert said[-1].startswith(
-        "Worth hanging under the stated conditions, as `tpd optimise` asks it: it helps"
-    )
+    assert said[-1].startswith("Worth hanging under the stated conditions, as `tpd optimise` asks it: it ")
     assert said[-3].startswith("Over 64 fresh paired runs of the nonlinear equations (seed 2): ")
     assert any("of 10 conditions: " in line for line in said)
 
@@ -51,9 +49,7 @@ def test_a_pendulum_that_helps_and_fits_is_confirmed(offered):
 def test_the_last_line_says_why_not(check):
     status, said = check(STRIKING)
     assert status == 3
-    assert said[-1].startswith(
-        "does not fit: by the paired runs of the nonlinear equations the bob strikes a"
-    )
+    assert said[-1].startswith("does not fit: by the paired runs of the nonlinear equations the bob str")
     assert " strikes a wall in 17 of the 63 that stand " in " ".join(said)
     # Without walls there is no room to ask for.
     status, said = check(STRIKING, "--no-walls")
@@ -78,16 +74,11 @@ def test_a_design_s_directory_is_checked_as_the_options_are(offered, tmp_path):
 
 
 @pytest.mark.mends("a bare block that rests under the motion itself, and not beside it, needed no pendulum")
-@pytest.mark.parametrize(
-    ("amplitude", "status", "said"),
-    [
-        (0.001, 0, "The report offers no pendulum, and under all conditions the bare"),
-        # The block lifts at 0.3 g: the motion itself has 0.29 g, and its neighbourhood 10 % more.
-        (0.01153, 3, "does not help: "),
-    ],
-)
-def test_a_report_without_a_pendulum_is_confirmed_where_none_is_needed(tmp_path, amplitude, status, said):
-    (tmp_path / "design.json").write_text(design_json({"motion": {"amplitude": amplitude}}))
-    done = call("check", str(tmp_path), "--quick")
-    assert done.status == status
-    assert done.out.splitlines()[-1].startswith(said)
+def test_a_report_without_a_pendulum_is_confirmed_where_none_is_needed(tmp_path):
+    # The block lifts at 0.3 g: the second motion itself has 0.29 g, and its neighbourhood 10 % more.
+    needless = "The report offers no pendulum, and under all conditions the bare"
+    for amplitude, status, said in ((0.001, 0, needless), (0.01153, 3, "does not help: ")):
+        (tmp_path / "design.json").write_text(design_json({"motion": {"amplitude": amplitude}}))
+        done = call("check", str(tmp_path), "--quick")
+        assert done.status == status
+        assert done.out.splitlines()[-1].startswith(said)

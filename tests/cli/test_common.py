@@ -1,12 +1,16 @@
-"""What the commands share: the pendulum of the options, what is said of a job, and how programs are kept."""
+"""What the commands share: the pendulum of the options, what is said of a job, how programs are kept, and the
+refusal of bad input: one sentence on stderr, exit status 2, and nothing is written."""
 
+import os
+import re
+import shlex
 import subprocess
 import sys
 
 import pytest
 
 from tpd import Pendulum, paper_scene
-from tpd.cli import common, parser
+from tpd.cli import common, main, parser
 from tpd.design.job import job_of
 
 MAP = "--x mu 0.01 0.2 --y lam 0.1 1.5"
@@ -40,15 +44,240 @@ def test_compiled_programs_can_be_stored():
 from tpd.core import process
 process.use_64_bits()
 import equinox as eqx, jax
-from tpd import Segmented, Smoothed, Terms, paper_scene, steady_state
-from tpd.scene.parameters import as_arrays
-p = as_arrays(paper_scene().parameters())
-def amplitude(mu, model):
-    return steady_state(eqx.tree_at(lambda q: q.mu, p, mu), model=model).amplitude
-for model in (Smoothed(), Segmented(terms=Terms.nonlinear)):
-    text = jax.jit(lambda mu: amplitude(mu, model)).lower(0.1).as_text()
-    assert "while" in text
-    assert "callback" not in text, model
+text = jax.jit(lambda x: eqx.error_if(x, x < 0.0, "negative")).lower(0.1).as_text()
+assert "callback" not in text
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    env = {name: value for name, value in os.environ.items() if name != "EQX_ON_ERROR"}
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+WORDS = {
+    "OWN": "SIZE --amplitude 0.015 --frequency 2.5",
+    "SIZE": "--width 0.1 --height 0.4 --mass 16",
+    "HUNG": "--mass-ratio 0.1 --length-ratio 0.5",
+    "MAP": "X --y lam 0.1 1.5",
+    "X": "--x mu 0.01 0.2",
+    "PULSE": "--pulse one-sine --pulse-frequency 1.2375",
+    "LONG": "x" * 300,
+    "REST": "block.height = 0.4; block.mass = 16; motion.amplitude = 0.015; motion.frequency = 2.5",
+}
+"""Words in capitals of the table, and what they stand for."""
+CAPITALS = rf"\b({'|'.join(WORDS)})\b"
+TABLE = r"""
+optimise OWN --width -1 | [block] `width` must be positive and finite, but is -1
+optimise --width wide | `block.width` must be a number, but is 'wide'
+optimise OWN --width 0.3 | [block] `width` must be at most 0.5 of `height` (the linear equations drop
+optimise --amplitude -0.1 | [motion] `amplitude` must be zero or positive, and finite, but is -0.1
+optimise --restitution 1.5 | [block] `restitution` must be between 0 and 1, but is 1.5
+optimise --mass-ratio 0.2 | argument --mass-ratio: expected 2 arguments
+optimise --damping 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
+optimise --damping -1 | [space] `damping_ratio` must be between 0 and 2, but is -1
+optimise --bob cube | [bob] `shape` must be one of ball, cylinder, but is 'cube'
+optimise --cavity 0.2 | [block] `cavity_width` must be at most the outside width, 0.1 m, but is 0.2 m
+optimise --exactly --band 2 3 | `conditions.exactly` goes with one motion: no band, no amplitudes and no scatt
+optimise --starts 8 | `search.starts` goes with a pulse or records, which this job does not have
+optimise --measure median | `risk.measure` must be one of cvar, expected, worst, but is 'median'
+optimise --amplitudes inf | [conditions] `amplitudes` must be positive and finite, but is inf
+optimise --scatter friction | `--scatter` must be NAME=WIDTH, such as friction=0.2, but is 'friction'
+optimise --scatter friction=0.6 | [scatter] `friction` must be between 0 and 0.5, but is 0.6
+optimise --scatter colour=0.1 | unknown key `colour` in [scatter]; allowed are amplitude, frequency
+optimise --width 0.2 | a block of your own must be whole, with a motion of its own, but `height` and `mass` in
+optimise SIZE --amplitude 0.02 | but `frequency` in [motion] is missing beside `width`, `height` and
+optimise --resume | there is nothing to resume: tpd-design/unfinished.npz does not exist
+optimise --scene absent.toml | cannot read absent.toml: No such file or directory
+optimise --scene . | cannot read .: Is a directory
+optimise --scene /dev/null | /dev/null is empty: `tpd new` writes a job file to begin with
+optimise --stroke 1.6 | [limits] `stroke` must be at most 1.5708, a right angle in rad, but is 1.6
+optimise --friction 0.6 | [block] `friction` must be at most 0.25, width/height (a moment over M g b
+optimise --amplitude 0 | [motion] `amplitude` must be above 0 in a search, but is 0: nothing shakes the
+optimise --mass-ratio 0.1 1.5 | [space] `mass_ratio` must be an interval low < high within 0 to 1
+optimise --exactly --measure cvar | `risk.measure` goes with several conditions, [conditions] or [scatter], wh
+optimise --friction 0 --scatter friction=0.1 | [scatter] `friction` cannot scatter by a share of it
+optimise --scatter restitution=0.1 | [scatter] `restitution` can scatter where it is a number, but there
+job block.widht = 1.0 | unknown key `widht` in [block]; did you mean `width`?
+job blok.width = 1.0 | unknown table [blok]; did you mean `block`?
+job block.width = 2020-01-01 | `block.width` must be a number, but is datetime.date
+job block.restitution = true | `block.restitution` must be a number or a text, but is True
+job project.name = 3 | `project.name` must be a text in one line of at most 100 characters, but is 3
+job site.gravity = 0 | [site] `gravity` must be positive and finite, but is 0
+job space.mass_ratio = [0.1, true] | `space.mass_ratio` must be a pair of numbers, but is [0.1, True]
+job search.budget = 8 | unknown key `budget` in [search]; allowed are method, model, searches
+job ensemble.any_phase = 1 | `ensemble.any_phase` must be true or false, but is 1
+job search.method = 'sequential'; search.tolerance = 0.1 | `search.tolerance` goes with `search.method` descen
+job conditions.band = [2, 3]; conditions.frequencies = 1 | [conditions] `frequencies` must be a whole number,
+job conditions.band = [2, 3]; conditions.frequencies = 2000000 | a job must have at most 100000 conditions, bu
+job conditions.amplitudes = [] | [conditions] `amplitudes` must hold at least one number, but is empty
+job risk.share = 0.2 | `risk.share` goes with `risk.measure` cvar, which this job does not have
+job risk.measure = 'cvar'; risk.share = 0 | [risk] `share` must be between 1e-09 and 1, but is 0
+job bob.density = 10 | [bob] `density` must be between 100 and 25000 kg/m^3, but is 10
+job ensemble.ramps = [-1.0] | [ensemble] `ramps` must be zero or positive, and finite, but is -1
+job block.width = 0.1; block.radius_of_gyration = 0.3; REST | [block] `radius_of_gyration` must be at most 0.2
+job limits.tilt = 1.5 | [limits] `tilt` must be at most 1, a block that stands on its corner
+job ensemble.restitution = 0.1 | [ensemble] `restitution` can scatter where it is a number
+response --pendulum-mass 1 | give --pendulum-length or --length-ratio as well
+response HUNG --pendulum-mass 1 | not allowed with argument
+response HUNG --pendulum-damping -1 | `damping_ratio` must be zero or positive
+response --pendulum-mass heavy | invalid float value: 'heavy'
+response --pendulum-mass 20 --length-ratio 0.5 | `--pendulum-mass` must be at most 16.224, the mass of the blo
+response --mass-ratio 0.1 --pendulum-length 0.5 | `--pendulum-length` must be at most 0.4, the height of the b
+response --from 0 | `--from` must be positive and finite, but is 0
+response --from 3 --to 2 | `--from` must be below `--to`, but they are 3 and 2
+response --points 3 | `--points` must be between 8 and 100000, but is 3
+response --from-rest 1 | `--from-rest` must be a whole number, 2 or more, but is 1
+map X | the following arguments are required: --y
+map X --y lam a 1 | `--y` must be a name and two numbers, but is lam a 1
+map X --y lam 1 0.1 | `--y` must go up, but goes from 1 to 0.1
+map HUNG X --y omega 1 2 | `y` must be one of width, height
+map HUNG X --y pendulum-mass 1 2 | must not both move mu
+map MAP --points 3000 | `--points` must be between 2 and 2000, but is 3000
+check absent | cannot read absent: No such file or directory
+check | give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length
+check absent HUNG | absent has a scene and a pendulum: give it alone, or the options without it
+response --out LONG | cannot use xxx
+check HUNG --runs 0 | `--runs` must be a whole number, 1 or more, but is 0
+check HUNG --sliding 0.5 | --sliding is of --engine, which is not given
+map --x mu 0.1 50 --y lam 0.1 1.5 | `--x` must be at most 1, a bob as heavy as the block
+map X --y lam 0.1 3 | `--y` must be at most 2, a rod as long as the block
+shake SIZE --record el-centro --dt 0.5 | `motion.dt` goes with a file of a record
+fragility --records el-centro loma-prieta --event a | `motion.event` goes with a fi
+spectrum --record el-centro --sizes-to 5 | --sizes-to is of the sizes of a pulse
+spectrum --pulse ricker --sizes-to nan | `--sizes-to` must be positive and finite
+spectrum --pulse ricker --pga 0.3 | --pga has no effect here: pulses of every freq
+job block.size.width = 1.0 | unknown key `size` in [block]
+job x = = 3 | is not valid TOML: Invalid value (at line 1, column 5)
+job [block]; [block] | is not valid TOML: Cannot declare
+job [[block]]; width = 1 | `block` must be a table, but is [{'width': 1}]
+shake | give either --record FILE or --pulse KIND, or a job of one
+shake SIZE --record nothing.csv | nothing.csv
+shake SIZE PULSE --pga 0 | [motion] `pga` must be positive
+fragility | give --records FILE, or a job of records: a harmonic has no end
+new | required: KIND
+new tower --out /proc/nowhere/tower.toml | cannot write /proc/nowhere/tower.toml
+new towr | did you mean `tower`?
+optmise | did you mean `optimise`?
+optimise --recrods a | unrecognized arguments: --recrods a; did you mean `--records`?
+optimise --optimiser adamm | but is 'adamm'; did you mean `adam`?
+optimise --scatter frcition=0.1 | unknown key `frcition` in [scatter]; did you mean `fri
+export --as csv --pulse ricker --amplitude 1 | has keys of a pulse (`pulse`) and of a harm
+export --as csv HUNG --scale 5 | `motion.scales` goes with a pulse or records
+export --as csv HUNG --sliding 0.5 | --sliding is of a model of MuJoCo or OpenSees
+export --as csv HUNG --file . | --file must name a file, but . is a directory
+"""
+"""Commands, and what is said of each; `job` is `tpd optimise` of a file with these lines."""
+UNITS = r"""
+optimise --width 100 --height 400 --mass 16.2 --amplitude 15 --frequency 2.5 | [block] `mass` must make betwee
+optimise OWN --mass 0.016 | are the lengths in m and the mass in kg?
+optimise --amplitude 50 --frequency 1 | [motion] `amplitude` and `frequency` must make at most 10 g, but 50 m
+optimise --amplitudes 100 120 | [motion] `amplitude` and `frequency` must make at most 10 g, but 1.8 m
+optimise --band 2250 2750 | are they in m and Hz?
+optimise OWN | `cavity_width`, the width in m between the walls that the bob swings within, must be given, but
+response HUNG --pendulum-damping 5 | `--pendulum-damping` must be at most 2, twice crit
+response HUNG --amplitude 50 --frequency 1 | make 201 g: are they in m and Hz?
+map HUNG X --y amplitude 5 50 | must make at most 10 g
+spectrum --width 450 --height 1800 --mass 900 --pulse one-sine | kg/m^3
+check HUNG OWN | `cavity_width`, the width in m between the walls that the bob swings within, must be given
+job site.gravity = 1.0 | [site] `gravity` must be between 1.5 and 30 m/s^2 (the Earth's is 9.80665)
+job conditions.amplitudes = [100.0] | must make at most 10 g, but 1.5 m at 2.5 Hz make
+job limits.room = true; block.width = 0.1; REST | `cavity_width`, the width in m between the walls
+"""
+"""Input in other units, or of a block without a cavity."""
+ROWS, ASKED = ([tuple(line.split(" | ")) for line in x.strip().splitlines()] for x in (TABLE, UNITS))
+ROWS += [
+    (f"job block.mass = {'9' * 400}", "`block.mass` must be a number, but is 9999"),
+    (f"job block.{'x' * 5000} = 1", "...` in [block]; allowed are width"),
+    (f"job x = {'[' * 100_000}", "nests too deeply"),
+    ("job project.name = 'a\tb'", "`project.name` must be a text in one line"),
+    ("", "the following arguments are required: COMMAND"),
+]
+
+
+@pytest.fixture(autouse=True)
+def no_search(monkeypatch, tmp_path):
+    """Bad input that is not refused fails at once, not after a whole search, in an empty folder."""
+
+    def run(*_: object) -> None:
+        raise AssertionError("the input is not refused: a search has begun")
+
+    monkeypatch.setattr("tpd.design.search.Multistart.run", run)
+    monkeypatch.chdir(tmp_path)
+
+
+def refused(capsys, *command: str) -> str:
+    """The sentence that refuses a command."""
+    try:
+        status = main([*command])
+    except SystemExit as stop:
+        status = stop.code
+    out, err = capsys.readouterr()
+    assert (status, out, len(err.splitlines())) == (2, "", 1), err
+    assert err.startswith("tpd")
+    assert err.endswith("\n")
+    assert len(err) <= 400
+    return err
+
+
+def check(capsys, folder, words: str, message: str) -> None:
+    """One row of the table."""
+    while re.search(CAPITALS, words):
+        words = re.sub(CAPITALS, lambda found: WORDS[found[0]], words)
+    kind, _, content = words.partition(" ")
+    if kind != "job":
+        assert message in refused(capsys, *shlex.split(words))
+        assert list(folder.iterdir()) == []
+        return
+    (folder / "job.toml").write_text(content.replace("; ", "\n"))
+    # A bad block is refused by every command.
+    for command in ("optimise", *(["response"] if content.startswith("block") else [])):
+        assert message in refused(capsys, command, "--scene", "job.toml", "--out", "out")
+    assert [path.name for path in folder.iterdir()] == ["job.toml"]
+
+
+@pytest.mark.parametrize(("words", "message"), ROWS, ids=[f"{i} {w[:50]}" for i, (w, _) in enumerate(ROWS)])
+def test_bad_input_is_refused_in_one_sentence(capsys, tmp_path, words, message):
+    check(capsys, tmp_path, words, message)
+
+
+@pytest.mark.mends("implausible units, and a block without a cavity, were taken by every command")
+@pytest.mark.parametrize(("words", "message"), ASKED)
+def test_input_in_another_unit_is_asked_back(capsys, tmp_path, words, message):
+    check(capsys, tmp_path, words, message)
+
+
+def test_a_file_that_is_no_text_is_refused(capsys, tmp_path):
+    (tmp_path / "job.toml").write_bytes(b"\xff\xfe[block]")
+    assert "is not a text file in UTF-8" in refused(capsys, "optimise", "--scene", "job.toml")
+
+
+def test_a_file_that_is_no_design_is_refused(capsys, tmp_path):
+    """More in the tests of its reader."""
+    for content, message in (
+        ("not json", "is not a design in JSON"),
+        ("\xff", "is not a design in JSON"),
+        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 8, but is of 7"),
+    ):
+        (tmp_path / "design.json").write_text(content, encoding="latin-1")
+        for command in (("check", "."), ("response", "design.json"), ("export", ".", "--as", "mjcf")):
+            assert message in refused(capsys, *command)
+
+
+def test_a_record_of_zeros_shakes_nothing(capsys, tmp_path):
+    (tmp_path / "a.txt").write_text("".join(f"{0.01 * i:.2f} 0.0\n" for i in range(100)))
+    command = f"shake {WORDS['SIZE']} --record a.txt --unit g --out out"
+    assert "must have an acceleration, but is zero" in refused(capsys, *command.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_existing_reports_and_unwritable_places_are_left_alone(capsys, tmp_path):
+    (tmp_path / "taken").mkdir()
+    kept = [tmp_path / "taken" / name for name in ("mine.txt", "unfinished.npz")]
+    for path in kept:
+        path.write_text("keep me")
+    for command in (("optimise",), ("response",), ("map", *WORDS["MAP"].replace("X", WORDS["X"]).split())):
+        assert "already holds files" in refused(capsys, *command, "--out", "taken")
+        assert "is a file" in refused(capsys, *command, "--out", "taken/mine.txt")
+        assert "cannot write to" in refused(capsys, *command, "--out", "/proc/nowhere/out")
+    # Nor does bad input remove what an interrupted run left.
+    refused(capsys, "optimise", "--width", "-1", "--overwrite", "--out", "taken")
+    assert [path.read_text() for path in kept] == ["keep me"] * 2
+    assert len([*kept[0].parent.iterdir()]) == 2

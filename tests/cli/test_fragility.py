@@ -1,4 +1,6 @@
-"""`tpd fragility`: tables, fits, runs without an answer, and which files of a folder are motions."""
+"""`tpd fragility`: tables, fits, runs without an answer, and files that state no unit."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -6,7 +8,6 @@ import pytest
 from tests.cli.conftest import COLUMN, HUNG
 from tests.unanswered import unanswered
 from tpd.design.job import job_of
-from tpd.records.reading import read_motions
 
 TWO = "--records el-centro loma-prieta --scales 1 4 8"
 
@@ -48,78 +49,28 @@ def test_bad_stripes_are_refused(run, words, sentence):
     assert sentence in done.err
 
 
-def at2(path, direction: str) -> None:
-    values = 0.3 * np.sin(0.05 * np.arange(200) * len(direction))
-    head = f"PEER\nQuake, A, {direction}\nACCELERATION TIME SERIES IN UNITS OF G\nNPTS= 200, DT= .01 SEC\n"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(head + "".join(f" {a:.6E}\n" for a in values))
-
-
-@pytest.mark.mends("verticals counted as motions, and VT2 and DT2 beside AT2 stopped the command")
-def test_verticals_and_velocities_of_a_folder_are_left_out(run, tmp_path):
-    folder = tmp_path / "peer"
-    for name in ("UP", "090", "360"):
-        at2(folder / f"RSN1_AA{name}.AT2", name)
-        (folder / f"RSN1_AA{name}.VT2").write_text("VELOCITY TIME SERIES IN UNITS OF CM/S\n")
-    (folder / "_SearchResults.csv").write_text("a,b\n1,2\n")
-    done = run("fragility", COLUMN, "--scales", "1", "2", "--records", str(folder))
-    assert len(done.json("fragility.json")["motions"]) == 2
-    for said in ("RSN1_AAUP.AT2 (vertical component)", "RSN1_AA090.VT2 (velocity)", "_SearchResults.csv"):
-        assert said in done.out
+TIMELESS = "".join(f"{a:.5f}\n" for a in 0.3 * np.sin(0.1 * np.arange(200)))
 
 
 @pytest.mark.mends("`fragility` had no --unit and no --dt, and named arguments of Python")
-def test_unit_and_step_of_files_that_state_none(run, tmp_path):
-    path = tmp_path / "a.txt"
-    path.write_text("".join(f"{a:.5f}\n" for a in 0.3 * np.sin(0.1 * np.arange(200))))
-    words = ("fragility", COLUMN, "--scales", "1", "2", "--records", str(path))
+def test_unit_and_step_of_files_that_state_none_and_what_is_left_out_of_a_folder(run, tmp_path):
+    folder = tmp_path / "quakes"
+    folder.mkdir()
+    (folder / "a.txt").write_text(TIMELESS)
+    (folder / "a.VT2").write_text("VELOCITY TIME SERIES IN UNITS OF CM/S\n")
+    words = ("fragility", COLUMN, "--scales", "1", "2", "--records", str(folder))
     assert "give `motion.unit` (--unit), such as unit = 'g'" in run(*words).err
     assert "give `motion.dt` (--dt) in s, such as dt = 0.01" in run(*words, "--unit", "g").err
     done = run(*words, "--unit", "g", "--dt", "0.01")
     assert len(done.json("fragility.json")["motions"]) == 1
-
-
-@pytest.mark.mends("the channels of one file counted as earthquakes of their own")
-def test_channels_of_a_file_are_of_one_earthquake(tmp_path):
-    path = tmp_path / "station.csv"
-    rows = (f"{0.01 * i:.2f},{np.sin(0.1 * i):.4f},{np.cos(0.2 * i):.4f}\n" for i in range(50))
-    path.write_text("time (s),NS (g),EW (g)\n" + "".join(rows))
-    first, second = read_motions([str(path)])[0]
-    assert first.event == second.event != ""
+    assert "a.VT2 (velocity)" in done.out
 
 
 @pytest.mark.mends("of two folders of one name the first was lost")
 def test_held_out_folders_of_one_name_are_two_groups(tmp_path):
     words = [str(tmp_path / name / "q") for name in ("one", "other")]
-    for name in ("one", "other"):
-        at2(tmp_path / name / "q" / "RSN1_AA090.AT2", "090")
-    job = job_of({"motion": {"records": ["el-centro"], "held_out": words}})
+    for word in words:
+        Path(word).mkdir(parents=True)
+        Path(word, "a.txt").write_text(TIMELESS)
+    job = job_of({"motion": {"records": ["el-centro"], "held_out": words, "unit": "g", "dt": 0.01}})
     assert set(job.held_out) == set(words)
-
-
-@pytest.mark.mends("folders within a folder were passed over without a word")
-def test_a_folder_in_a_folder_is_named(tmp_path):
-    (tmp_path / "quakes" / "inner").mkdir(parents=True)
-    at2(tmp_path / "quakes" / "RSN1_AA090.AT2", "090")
-    found, said = read_motions([str(tmp_path / "quakes")])
-    assert len(found) == 1
-    assert said[0] == "left out: inner (a folder in a folder)"
-
-
-def test_records_of_a_folder_are_of_one_earthquake(tmp_path):
-    folder = tmp_path / "quake"
-    folder.mkdir()
-    for name in ("ns", "sew"):
-        rows = (f"{0.01 * i:.2f},{np.sin(0.1 * i * len(name) + len(name)):.4f}\n" for i in range(50))
-        (folder / f"{name}.csv").write_text("time (s),acc (g)\n" + "".join(rows))
-    files = [str(path) for path in sorted(folder.iterdir())]
-    found, said = read_motions([str(folder)])
-    assert [m.event for m in found] == ["quake", "quake"]
-    assert "2 records of the folder" in " ".join(said)
-    for given, events in ((["A", "B"], ["A", "B"]), (["A"], ["A", "A"])):
-        assert [m.event for m in read_motions(files, events=given)[0]] == events
-    found, said = read_motions(files)
-    assert [m.event for m in found] == ["", ""]
-    assert "2 name no earthquake" in " ".join(said)
-    with pytest.raises(ValueError, match="`event` must have one name"):
-        read_motions(files, events=["A", "B", "C"])

@@ -80,6 +80,8 @@ def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(optimise, "optimise", lambda *_, **__: designs.single())
     monkeypatch.setattr("tpd.report.files.draw", lambda *_: b"<svg/>")
     monkeypatch.setattr(optimise, "study", lambda *_, **__: designs.study(histories=None))
+    # Nor are bifurcations searched for: they are in the tests of `tpd response`.
+    monkeypatch.setattr("tpd.answers.response.bifurcations", lambda *_, **__: ())
     few = "[ensemble]\nsize = 16\nperiods = 20\n[search]\nscreening = 8\n"
     text = re.sub(r"\[search\]\nseed.*\n|\[search\] .*\nseed.*\n", "", template("tower"))
     (tmp_path / "tower.toml").write_text(text.replace("[search]", "") + few)

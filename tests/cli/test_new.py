@@ -94,21 +94,15 @@ def test_the_scatter_of_a_job_is_that_of_the_blocks_that_judge(asked, tmp_path):
 
 
 @pytest.mark.mends("what conflicts between a job and records was not said")
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (f"{RECORDS} --exactly", "`conditions.exactly` goes with a harmonic motion, which this job"),
-        (f"{RECORDS} --amplitude 0.1 --frequency 1", "[motion] has keys of a harmonic motion (`amplitude"),
-        (f"{RECORDS} --searches 3", "`search.searches` goes with a harmonic motion"),
-        ("--records el-centro", "tpd: a design on records needs `motion.scales` (--scales)"),
-    ],
-)
-def test_what_has_no_effect_on_records_is_named(options, sentence, asked, tmp_path):
+def test_what_has_no_effect_on_records_is_named(asked, tmp_path):
     (tmp_path / "mine.toml").write_text(new.template("tower"))
-    done = call("optimise --scene mine.toml", options)
-    assert (done.status, len(done.err.splitlines())) == (2, 1)
-    assert sentence in done.err
-    assert not asked
+    for options, sentence in (
+        (f"{RECORDS} --searches 3", "`search.searches` goes with a harmonic motion"),
+        ("--records el-centro", "a design on records needs `motion.scales` (--scales)"),
+    ):
+        done = call("optimise --scene mine.toml", options)
+        assert (done.status, len(done.err.splitlines()), asked) == (2, 1, {})
+        assert sentence in done.err
 
 
 def test_a_file_that_exists_is_left_alone(tmp_path):

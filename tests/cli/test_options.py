@@ -82,11 +82,9 @@ def test_options_override_a_file_of_other_values(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("content", "options", "expected"),
     [
-        ("", "", (0.05, None)),
         ("", "--restitution housner", (0.0, "housner")),
         ("restitution = 'housner'\n", "--friction 0.02", (0.02, "housner")),
         ("restitution = 'housner'\n", "--restitution 0.9", (0.0, 0.9)),
-        ("friction = 0.1\n", "--restitution 1", (0.1, 1.0)),
     ],
 )
 def test_losses_come_from_the_file_and_the_options(tmp_path, content, options, expected):
@@ -103,6 +101,5 @@ def test_every_declared_option_is_compared_with_a_file():
 
 
 def test_texts_become_numbers_where_they_are():
-    found = [plain(text) for text in ("3", "3.0", "1e3", "housner", "", "-1")]
-    assert found == [3, 3.0, 1000.0, "housner", "", -1]
-    assert [type(x) for x in found] == [int, float, float, str, str, int]
+    found = [repr(plain(text)) for text in ("3", "3.0", "1e3", "housner", "", "-1")]
+    assert found == ["3", "3.0", "1000.0", "'housner'", "''", "-1"]

@@ -88,12 +88,16 @@ def written(form: Format) -> File:
     return File(form.name, *(form.write(form.size * shaking(100, seed), 0.01) for seed in (0, 1)))
 
 
+def check(folder: Path, *names: str) -> None:
+    """Both checks for each format, and that of damages for each file of an agency."""
+    for name in names:
+        if name in FORM:
+            check_what_is_written(FORM[name], folder)
+        check_damaged(written(FORM[name]) if name in FORM else real(name), folder)
+
+
 # A table states no number of rows: rows lost at its ends, or anywhere in a column, are not seen.
 TABLES = ("table", "column")
-
-
-def lines_of(text: str) -> list[str]:
-    return text.splitlines(keepends=True)
 
 
 def cut(file: File, rng: np.random.Generator) -> str:
@@ -105,7 +109,7 @@ def cut(file: File, rng: np.random.Generator) -> str:
 
 
 def lose_lines(file: File, rng: np.random.Generator) -> str:
-    lines = lines_of(file.text)
+    lines = file.text.splitlines(keepends=True)
     low, high = 0, len(lines) - 3
     if file.name == "table":
         low = file.first + 1
@@ -118,7 +122,7 @@ def lose_lines(file: File, rng: np.random.Generator) -> str:
 
 def _replace(text: str, at: int, rng: np.random.Generator, new: str) -> str:
     """Replace a number of a line by something of the same width, if it fits."""
-    lines = lines_of(text)
+    lines = text.splitlines(keepends=True)
     found = list(re.finditer(NUMBER, lines[at]))
     if found:
         one = found[int(rng.integers(len(found)))]
@@ -127,7 +131,7 @@ def _replace(text: str, at: int, rng: np.random.Generator, new: str) -> str:
 
 
 def spoil_a_sample(file: File, rng: np.random.Generator) -> str:
-    last = len(lines_of(file.text)) - 2
+    last = len(file.text.splitlines(keepends=True)) - 2
     return _replace(file.text, int(rng.integers(file.first, last)), rng, str(rng.choice(RUBBISH)))
 
 
@@ -137,16 +141,20 @@ def spoil_the_header(file: File, rng: np.random.Generator) -> str:
 
 
 def change_the_count(file: File, rng: np.random.Generator) -> str:
-    head = "".join(lines_of(file.text)[: file.first])
-    n = {"loma_prieta_1989_0111a.smc": "6001", "knet": "1$"}.get(
-        file.name, "600" if "." in file.name else "100"
-    )
+    head = "".join(file.text.splitlines(keepends=True)[: file.first])
+    usual = "600" if "." in file.name else "100"
+    n = {"loma_prieta_1989_0111a.smc": "6001", "knet": "1$"}.get(file.name, usual)
     places = list(re.finditer(rf"(?<![\d.]){n}(?![\d.])", head, flags=re.MULTILINE))
     if not places:
         return file.text
     one = places[int(rng.integers(len(places)))]
     new = str(int(rng.choice([0, 1, 99, 101, 599, 608, 9999999])))
-    return file.text[: one.start()] + new.rjust(len(one[0])) + file.text[one.end() :]
+    return _instead(file.text, one, 0, new.rjust(len(one[0])))
+
+
+def _instead(text: str, one: re.Match[str], i: int, new: str) -> str:
+    """The text with a group of a match replaced."""
+    return text[: one.start(i)] + new + text[one.end(i) :]
 
 
 def remove_the_unit(file: File, rng: np.random.Generator) -> str:
@@ -154,14 +162,13 @@ def remove_the_unit(file: File, rng: np.random.Generator) -> str:
     places = list(re.finditer(units, file.text, flags=re.IGNORECASE))
     if not places:
         return file.text
-    one = places[int(rng.integers(len(places)))]
     new = str(rng.choice(["", "?", "furlong", "V", "counts"]))
-    return file.text[: one.start()] + new + file.text[one.end() :]
+    return _instead(file.text, places[int(rng.integers(len(places)))], 0, new)
 
 
 def change_the_step(file: File, rng: np.random.Generator) -> str:
     """Another step in one place; where a format states it once, only nonsense can be seen."""
-    head = "".join(lines_of(file.text)[: file.first])
+    head = "".join(file.text.splitlines(keepends=True)[: file.first])
     patterns = r"DT=\s*([\d.]+)|dt = ([\d.]+)|INTERVAL_S: ([\d.]+)|at ([\d.]+) sec inter|of\s+([\d.]+) +s"
     patterns += r"|(0\.2000000E\+03|1\.0000000E\+02)|at (\d+) pts|at (\d+) samples|(\d+)Hz|apart at +([\d.]+)"
     patterns += r"|   (\d\.0+) +[\d.]+ +-?\d+\.\d+ +\d\.\d+\r?$"
@@ -173,12 +180,12 @@ def change_the_step(file: File, rng: np.random.Generator) -> str:
     wrong = ["0", "-1", "nan", "1e9", "x"]
     if file.name not in ("peer", "column"):
         wrong += [f"{2 * float(one[i]):g}", f"{0.5 * float(one[i]):g}"]
-    return file.text[: one.start(i)] + str(rng.choice(wrong)).rjust(len(one[i])) + file.text[one.end(i) :]
+    return _instead(file.text, one, i, str(rng.choice(wrong)).rjust(len(one[i])))
 
 
 def mix_two(file: File, rng: np.random.Generator) -> str:
     """Lines of another file, or of another place of the same, among the samples."""
-    lines, others = lines_of(file.text), lines_of(file.other)
+    lines, others = file.text.splitlines(keepends=True), file.other.splitlines(keepends=True)
     low = file.first + 1
     start = int(rng.integers(low, len(lines) - 4))
     count = int(rng.integers(1, 9))
@@ -209,20 +216,16 @@ KINDS: tuple[Callable[[File, np.random.Generator], str], ...] = (
 )
 
 
-def numbers(records: list[Record]) -> list[tuple[float, np.ndarray]]:
-    return [(record.dt, record.acceleration) for record in records]
-
-
-def same(mine: list[tuple[float, np.ndarray]], other: list[tuple[float, np.ndarray]]) -> bool:
-    pairs = zip(mine, other, strict=False)
-    return len(mine) == len(other) and all(a == b and np.array_equal(x, y) for (a, x), (b, y) in pairs)
+def numbers(path: Path) -> list[tuple[float, list[float]]]:
+    """Steps and samples of all records of a file."""
+    return [(record.dt, record.acceleration.tolist()) for record in Record.read_all(path)]
 
 
 def check_damaged(file: File, folder: Path) -> None:
     """No damage of any kind is half read, and at least half of them are refused."""
     path = folder / "record.txt"
     path.write_text(file.text, newline="")
-    sound = numbers(Record.read_all(path))
+    sound = numbers(path)
     seed = damaged = refused = 0
     while damaged < DAMAGES:
         seed += 1
@@ -234,7 +237,7 @@ def check_damaged(file: File, folder: Path) -> None:
         damaged += 1
         path.write_text(text, newline="", encoding="utf-8")
         try:
-            read = numbers(Record.read_all(path))
+            read = numbers(path)
         except UnreadableRecord as error:
             said = str(error)
             assert said.startswith("record.txt: ")
@@ -242,5 +245,5 @@ def check_damaged(file: File, folder: Path) -> None:
             assert len(said) < 300
             refused += 1
         else:
-            assert same(read, sound), (kind.__name__, seed)
-    assert refused >= 0.5 * DAMAGES, refused
+            assert read == sound, (file.name, kind.__name__, seed)
+    assert refused >= 0.5 * DAMAGES, (file.name, refused)

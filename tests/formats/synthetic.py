@@ -26,73 +26,39 @@ def joined(lines: Sequence[str], end: str = "\n") -> str:
 
 def peer(values: Sequence[float], dt: float) -> str:
     """In g; synthetic, since files of the database may not be carried."""
-    head = [
-        "PEER NGA STRONG MOTION DATABASE RECORD",
-        "Nowhere, 1/2/1999, Made-up Station, 90",
-        "ACCELERATION TIME SERIES IN UNITS OF G",
-        f"NPTS=   {len(values)}, DT=   {dt:.4f} SEC,",
-    ]
+    head = ["PEER NGA STRONG MOTION DATABASE RECORD", "Nowhere, 1/2/1999, Made-up Station, 90"]
+    head += ["ACCELERATION TIME SERIES IN UNITS OF G", f"NPTS=   {len(values)}, DT=   {dt:.4f} SEC,"]
     return joined(head + rows([f"{v:15.7E}" for v in values], 5))
 
 
 def esm(values: Sequence[float], dt: float) -> str:
     """In cm/s^2."""
     top, i = peak(values)
-    head = {
-        "EVENT_NAME": "NOWHERE",
-        "EVENT_DATE_YYYYMMDD": "19990102",
-        "EVENT_TIME_HHMMSS": "030405",
-        "MAGNITUDE_W": "",
-        "NETWORK": "XX",
-        "STATION_CODE": "MADE",
-        "SAMPLING_INTERVAL_S": f"{dt:.6f}",
-        "NDATA": f"{len(values)}",
-        "DURATION_S": f"{len(values) * dt:.4f}",
-        "STREAM": "HNE",
-        "UNITS": "cm/s^2",
-        "PGA_CM/S^2": f"{top:.6f}",
-        "TIME_PGA_S": f"{i * dt:.6f}",
-        "BASELINE_CORRECTION": "BASELINE REMOVED",
-        "DATA_TYPE": "ACCELERATION",
-        "PROCESSING": "manual",
-        "USER5": "",
-    }
-    return joined([f"{key}: {value}" for key, value in head.items()] + [f"{v:.6f}" for v in values])
+    head = "EVENT_NAME: NOWHERE|EVENT_DATE_YYYYMMDD: 19990102|EVENT_TIME_HHMMSS: 030405|MAGNITUDE_W: |"
+    head += f"NETWORK: XX|STATION_CODE: MADE|SAMPLING_INTERVAL_S: {dt:.6f}|NDATA: {len(values)}|"
+    head += f"DURATION_S: {len(values) * dt:.4f}|STREAM: HNE|UNITS: cm/s^2|PGA_CM/S^2: {top:.6f}|"
+    head += f"TIME_PGA_S: {i * dt:.6f}|BASELINE_CORRECTION: BASELINE REMOVED|DATA_TYPE: ACCELERATION|"
+    return joined([*f"{head}PROCESSING: manual|USER5: ".split("|"), *(f"{v:.6f}" for v in values)])
 
 
 def knet(values: Sequence[float], dt: float) -> str:
     """Whole numbers; synthetic, since files of NIED may not be carried. They last whole seconds."""
     gal = np.array(values) * 3920.0 / 6182761.0
-    head = {
-        "Origin Time": "1999/01/02 03:04:00",
-        "Lat.": "41.0",
-        "Long.": "142.5",
-        "Depth. (km)": "30",
-        "Mag.": "6.2",
-        "Station Code": "XXX001",
-        "Station Lat.": "41.5",
-        "Station Long.": "140.9",
-        "Station Height(m)": "39",
-        "Record Time": "1999/01/02 03:04:43",
-        "Sampling Freq(Hz)": f"{1 / dt:.0f}Hz",
-        "Duration Time(s)": f"{len(values) * dt:.0f}",
-        "Dir.": "E-W",
-        "Scale Factor": "3920(gal)/6182761",
-        "Max. Acc. (gal)": f"{np.max(np.abs(gal - gal.mean())):.3f}",
-        "Last Correction": "1999/01/02 03:04:43",
-        "Memo.": "",
-    }
-    return joined(
-        [f"{key:18}{value}" for key, value in head.items()] + rows([f"{v:8.0f} " for v in values], 8)
+    head = "Origin Time=1999/01/02 03:04:00|Lat.=41.0|Long.=142.5|Depth. (km)=30|Mag.=6.2|"
+    head += "Station Code=XXX001|Station Lat.=41.5|Station Long.=140.9|Station Height(m)=39|"
+    head += f"Record Time=1999/01/02 03:04:43|Sampling Freq(Hz)={1 / dt:.0f}Hz|"
+    head += f"Duration Time(s)={len(values) * dt:.0f}|Dir.=E-W|Scale Factor=3920(gal)/6182761|"
+    head += (
+        f"Max. Acc. (gal)={np.max(np.abs(gal - gal.mean())):.3f}|Last Correction=1999/01/02 03:04:43|Memo.="
     )
+    pairs = (line.split("=") for line in head.split("|"))
+    return joined([*(f"{key:18}{value}" for key, value in pairs), *rows([f"{v:8.0f} " for v in values], 8)])
 
 
 def geonet(values: Sequence[float], dt: float, *, corrected: bool = True) -> str:
     """In mm/s^2, two components."""
-    blocks = [
-        _geonet(sign * np.array(values), dt, name, corrected) for sign, name in ((1, "N10E"), (-1, "Up"))
-    ]
-    return "".join(blocks)
+    a = np.array(values)
+    return "".join(_geonet(x, dt, name, corrected) for x, name in ((a, "N10E"), (-a, "Up")))
 
 
 def _geonet(values: np.ndarray, dt: float, component: str, corrected: bool) -> str:
@@ -100,33 +66,30 @@ def _geonet(values: np.ndarray, dt: float, component: str, corrected: bool) -> s
     kind, step = "Uncorrected", f"Raw readings in units of 1.00 mm/s/s  at intervals of {dt:.3f} s"
     if corrected:
         kind, step = "Corrected", f"Instrument corrected data at {dt:.3f} sec intervals"
-    head = [
-        f"{kind} accelerogram 19990102_030400_MADE_20 GNS Science",
-        "Site MADE      42 31 24S  172 49 50E     Basalt file:  19990102_030400_MADE",
-        "Made-up Centre",
-        "Instrument Basalt_1",
-        "Resolution: 24-bit   Instr Period: 0.0050 s   Damping: 0.700",
-        "Accelerogram 19990102_030400_MADE_20                 Processed 1999 January 03",
-        "5 km south-west of Nowhere",
-        "1999 January 02         03:04:00 UT",
-        "Epicentre  42 41 33S 173 01 19E  Bearing S40E  Dist   25km  Depth   15km Mw 7.00",
-        f"Number of points {n:5d}    Duration {(n - 1) * dt:.2f} sec",
-        step,
-        "Data is unfiltered",
-        f"Component {component}",
-        f"Acceleration:  peak {top:8.1f} mm/s/s at {i * dt:6.2f} sec     rms      2.2 mm/s/s",
-        "Velocity record unevaluated",
-        "Displacement record unevaluated",
-    ]
-    integers = [0] * 40
+    head = f"""{kind} accelerogram 19990102_030400_MADE_20 GNS Science
+Site MADE      42 31 24S  172 49 50E     Basalt file:  19990102_030400_MADE
+Made-up Centre
+Instrument Basalt_1
+Resolution: 24-bit   Instr Period: 0.0050 s   Damping: 0.700
+Accelerogram 19990102_030400_MADE_20                 Processed 1999 January 03
+5 km south-west of Nowhere
+1999 January 02         03:04:00 UT
+Epicentre  42 41 33S 173 01 19E  Bearing S40E  Dist   25km  Depth   15km Mw 7.00
+Number of points {n:5d}    Duration {(n - 1) * dt:.2f} sec
+{step}
+Data is unfiltered
+Component {component}
+Acceleration:  peak {top:8.1f} mm/s/s at {i * dt:6.2f} sec     rms      2.2 mm/s/s
+Velocity record unevaluated
+Displacement record unevaluated"""
+    integers, reals = [0] * 40, [0.0] * 60
     integers[30] = integers[33] = n
     integers[34] = integers[35] = n if corrected else 0
-    reals = [0.0] * 60
     reals[25] = dt
     numbers = rows([f"{v:8d}" for v in integers], 10) + rows([f"{v:8.4f}" for v in reals], 10)
     data = rows([f"{v:8.1f}" for v in values], 10)
     others = rows([f"{0.01 * v:8.2f}" for v in values], 10) * (2 if corrected else 0)
-    return joined(head + numbers + data + others)
+    return joined([head, *numbers, *data, *others])
 
 
 def smc(values: Sequence[float], dt: float) -> str:
@@ -137,16 +100,10 @@ def smc(values: Sequence[float], dt: float) -> str:
     reals[1] = 1.0 / dt
     if values[top] > 0.0 > values[bottom]:
         reals[28:32] = [top * dt, values[top], bottom * dt, values[bottom]]
-    text = [
-        "2 CORRECTED ACCELEROGRAM",
-        "*",
-        "XX0A",
-        "     1999   1   2    0304 Nowhere",
-        "Moment Mag=      7.0",
-    ]
-    text += ["station = Made-up Station component=    360", "", "inst type=SMA-1", "*", "*", "*"]
+    text = "2 CORRECTED ACCELEROGRAM|*|XX0A|     1999   1   2    0304 Nowhere|Moment Mag=      7.0|"
+    text += "station = Made-up Station component=    360||inst type=SMA-1|*|*|*"
     numbers = rows([f"{v:10d}" for v in integers], 8) + rows([f"{v:15.7E}" for v in reals], 5)
-    return joined([*text, *numbers, "| a comment", *rows([_smc(v) for v in values], 8)], "\r\n")
+    return joined([*text.split("|"), *numbers, "| a comment", *rows([_smc(v) for v in values], 8)], "\r\n")
 
 
 def _smc(value: float) -> str:
@@ -157,48 +114,35 @@ def _smc(value: float) -> str:
 
 def csmip_v1(values: Sequence[float], dt: float) -> str:
     """In g, two channels."""
-    n, rate = len(values), round(1.0 / dt)
-    blocks = []
+    n, rate, blocks = len(values), round(1.0 / dt), []
+    numbers = rows([f"{0:5d}"] * 100, 16) + rows([f"{0:10.3f}"] * 50, 8)
     for number, sign, name in ((1, 1.0, "90 Deg"), (2, -1.0, "Up")):
         a = sign * np.array(values)
         top, i = peak(a)
-        head = [
-            "Uncorrected Accelerogram Data             Processed: 01/03/99, CGS  made",
-            "",
-            "",
-            "",
-            "",
-            "Made-up",
-        ]
-        head += [f"Chan  {number}: {name}", "Record of Sat Jan 2, 1999", "", "Instr Period =  .0109 sec"]
-        head += [f"No. of Points =  {n:5d}  Record Length ={n * dt:7.3f} sec   at {rate} Samples/sec"]
-        head += [
-            f"Units of uncor data are sec and g .        Max  = {top:7.3f} g , at {i * dt:7.3f} sec.",
-            "RMS",
-        ]
-        numbers = rows([f"{0:5d}"] * 100, 16) + rows([f"{0:10.3f}"] * 50, 8)
+        head = "Uncorrected Accelerogram Data             Processed: 01/03/99, CGS  made|||||Made-up|"
+        head += f"Chan  {number}: {name}|Record of Sat Jan 2, 1999||Instr Period =  .0109 sec|"
+        head += f"No. of Points =  {n:5d}  Record Length ={n * dt:7.3f} sec   at {rate} Samples/sec|"
+        head += f"Units of uncor data are sec and g .        Max  = {top:7.3f} g , at {i * dt:7.3f} sec.|RMS"
         title = f"{n:6d} Accelerogram points at {rate} pts/sec in units of g .      Format: (8f9.6)"
         end = f"/&  ----------  End of Data for Channel  {number}  ----------"
-        blocks += [*head, *numbers, title, *rows([f"{v:9.6f}" for v in a], 8), end]
+        blocks += [*head.split("|"), *numbers, title, *rows([f"{v:9.6f}" for v in a], 8), end]
     return joined(blocks, "\r\n")
 
 
 def csmip_v2(values: Sequence[float], dt: float) -> str:
     """In cm/s^2, two channels."""
     n, blocks = len(values), []
+    numbers = rows([f"{0:5d}"] * 100, 16) + rows([f"{0:10.3f}"] * 100, 8)
     for number, sign, name in ((1, 1.0, "90 DEG"), (2, -1.0, "UP")):
         a = sign * np.array(values)
         top, i = peak(a)
-        head = [
-            f"CORRECTED ACCELEROGRAM   MADE       CHAN  {number}: {name}     FROM",
-            "UNCORRECTED ACCELEROGRAM DATA",
-        ]
-        head += ["NOWHERE EARTHQUAKE", "", "", "", "MADE-UP STATION", f"CHAN  {number}: {name}"]
-        head += ["NOWHERE EARTHQUAKE     JANUARY 2, 1999", "", "", "", "", "", ""]
-        head += [f"{n:6d} POINTS OF INSTRUMENT- AND BASELINE-CORRECTED ACCEL, VELOC AND DISPL DATA"]
-        head += [f"AT EQUALLY-SPACED INTERVALS OF   {dt:.3f}  SEC."]
-        head += [f"PEAK ACCELERATION = {top:9.3f}    CM/SEC/SEC  AT {i * dt:8.3f}   SEC.", *[""] * 7]
-        blocks += head + rows([f"{0:5d}"] * 100, 16) + rows([f"{0:10.3f}"] * 100, 8)
+        head = f"CORRECTED ACCELEROGRAM   MADE       CHAN  {number}: {name}     FROM|"
+        head += "UNCORRECTED ACCELEROGRAM DATA|NOWHERE EARTHQUAKE||||MADE-UP STATION|"
+        head += f"CHAN  {number}: {name}|NOWHERE EARTHQUAKE     JANUARY 2, 1999|||||||"
+        head += f"{n:6d} POINTS OF INSTRUMENT- AND BASELINE-CORRECTED ACCEL, VELOC AND DISPL DATA|"
+        head += f"AT EQUALLY-SPACED INTERVALS OF   {dt:.3f}  SEC.|"
+        head += f"PEAK ACCELERATION = {top:9.3f}    CM/SEC/SEC  AT {i * dt:8.3f}   SEC.|||||||"
+        blocks += [*head.split("|"), *numbers]
         for kind, unit in (("ACCEL", "CM/SEC/SEC"), ("VELOC", "CM/SEC"), ("DISPL", "CM")):
             blocks += [f"{n:5d} POINTS OF {kind} DATA EQUALLY SPACED AT  {dt:.3f} SEC.  (UNITS: {unit})"]
             blocks += rows([f"{v:10.3f}" for v in a], 8)
@@ -211,29 +155,16 @@ def cosmos(values: Sequence[float], dt: float) -> str:
     n, (top, i) = len(values), peak(values)
     integers, reals = [-999] * 100, [-999.0] * 100
     reals[61:65] = [1000.0 * dt, n * dt, top, i * dt]
-    text = [
-        "Corrected acceleration    (Format v01.20 with 13 text lines)",
-        "Record of Nowhere Earthquake",
-        "",
-        "",
-    ]
-    text += ["Statn No: 01-1  Code:XX-MADE", "", "", "", "Sta Chan   1: 90 Deg (Rcrdr Chan  ?)", ""]
-    text += [
-        f"Processed: never, Max = {top:9.5f} cm/sec2 at {i * dt:8.3f} sec",
-        "",
-        "Values used when unknown: -999",
-    ]
-    text += [
-        " 100 Integer-header values follow on  10 lines, Format= (10I8)",
-        *rows([f"{v:8d}" for v in integers], 10),
-    ]
-    text += [
-        " 100 Real-header values follow on  20 lines, Format= (5F15.6)",
-        *rows([f"{v:15.6f}" for v in reals], 5),
-    ]
-    text += ['   1 Comment line(s) follow, each starting with a "|":', "| made up"]
-    text += [f"{n:8d} acceleration pts, approx {n * dt:4.0f} secs, units=cm/sec2(04),Format=(8F10.5)"]
-    return joined([*text, *rows([f"{v:10.5f}" for v in values], 8), "End-of-data for Chan 1 acceleration"])
+    text = "Corrected acceleration    (Format v01.20 with 13 text lines)|Record of Nowhere Earthquake|||"
+    text += "Statn No: 01-1  Code:XX-MADE||||Sta Chan   1: 90 Deg (Rcrdr Chan  ?)||"
+    text += f"Processed: never, Max = {top:9.5f} cm/sec2 at {i * dt:8.3f} sec||Values used when unknown: -999"
+    blocks = [*text.split("|"), " 100 Integer-header values follow on  10 lines, Format= (10I8)"]
+    blocks += rows([f"{v:8d}" for v in integers], 10)
+    blocks += [" 100 Real-header values follow on  20 lines, Format= (5F15.6)"]
+    blocks += rows([f"{v:15.6f}" for v in reals], 5)
+    blocks += ['   1 Comment line(s) follow, each starting with a "|":', "| made up"]
+    blocks += [f"{n:8d} acceleration pts, approx {n * dt:4.0f} secs, units=cm/sec2(04),Format=(8F10.5)"]
+    return joined([*blocks, *rows([f"{v:10.5f}" for v in values], 8), "End-of-data for Chan 1 acceleration"])
 
 
 def table(values: Sequence[float], dt: float) -> str:

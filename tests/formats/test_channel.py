@@ -1,7 +1,5 @@
 """One channel: units, directions, baselines, and statements that must agree."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -15,16 +13,12 @@ from tpd.formats.channel import FACTORS, Channel, of_file, orientation, plain
 from tpd.formats.text import Decimal, UnreadableRecord
 
 
-@pytest.mark.parametrize(
-    ("unit", "factor"),
-    [
-        *(("m/s2", 1.0), ("M/S^2", 1.0), ("m/s²", 1.0), ("m s-2", 1.0), ("cm/sec/sec", 0.01), ("Gal", 0.01)),
-        *(("mm/s2", 0.001), ("g", G), ("%g", 0.01 * G), ("milli-g", 0.001 * G), ("inch/s/s", 0.0254)),
-    ],
-)
-def test_units(unit, factor):
-    assert FACTORS[plain(unit)] == pytest.approx(factor, rel=1e-15)
-    assert channel.chosen(None, unit) == channel.chosen(plain(unit), unit) == channel.unit_of(unit, 1)
+def test_units():
+    units = ["m/s2", "M/S^2", "m/s²", "m s-2", "cm/sec/sec", "Gal", "mm/s2", "g", "%g", "milli-g", "inch/s/s"]
+    factors = [1.0] * 4 + [0.01] * 2 + [0.001, G, 0.01 * G, 0.001 * G, 0.0254]
+    for unit, factor in zip(units, factors, strict=True):
+        assert FACTORS[plain(unit)] == pytest.approx(factor, rel=1e-15)
+        assert channel.chosen(None, unit) == channel.chosen(plain(unit), unit) == channel.unit_of(unit, 1)
 
 
 def test_a_unit_is_known_and_none_overrules_another():
@@ -40,37 +34,23 @@ def test_a_unit_is_known_and_none_overrules_another():
             ask()
 
 
-@pytest.mark.parametrize(
-    ("vertical", "words"),
-    [
-        (True, "UP|U-D|Vert|HNZ|AccZ|Down (corrected)|up-down|z"),
-        (False, "90 DEG|N-S|S16E|HNE|360|AccX|az 90|tran"),
-        (None, "column 3|accelerations|channel 12|"),
-    ],
-)
-def test_directions_by_words(vertical, words):
-    assert {word: orientation(word) for word in words.split("|")} == dict.fromkeys(words.split("|"), vertical)
-
-
-@pytest.mark.parametrize(
-    ("vertical", "names"),
-    [
-        (True, "RSN1_AA-UP.AT2|XXX.UD2|STATION.HNZ.csv|MYG004UD.AT2|a.ud.gz"),
-        (False, "XXX.NS1|RSN1_AA090.AT2|STATION.HNE.csv|x_N.txt"),
-        (None, "setup.txt|brand.csv|quake.AT2"),
-    ],
-)
-def test_directions_by_names_of_files(vertical, names):
-    assert {name: of_file(name) for name in names.split("|")} == dict.fromkeys(names.split("|"), vertical)
+def test_directions_by_words_and_by_names_of_files():
+    up = "UP|U-D|Vert|HNZ|AccZ|Down (corrected)|up-down|z"
+    for vertical, words, names in (
+        (True, up, "RSN1_AA-UP.AT2|XXX.UD2|STATION.HNZ.csv|MYG004UD.AT2|a.ud.gz"),
+        (False, "90 DEG|N-S|S16E|HNE|360|AccX|az 90|tran", "XXX.NS1|RSN1_AA090.AT2|S.HNE.csv|x_N.txt"),
+        (None, "column 3|accelerations|channel 12|", "setup.txt|brand.csv|quake.AT2"),
+    ):
+        assert [word for word in words.split("|") if orientation(word) is not vertical] == []
+        assert [name for name in names.split("|") if of_file(name) is not vertical] == []
 
 
 def test_baselines_are_removed_on_request():
     path = DATA / "ridgecrest_2019_cut.RAW"
-    as_read, mean, line = (Record.read(path, channel=1, baseline=b) for b in (None, "mean", "linear"))
-    assert abs(np.mean(as_read.acceleration)) > 0.04
-    np.testing.assert_allclose(
-        mean.acceleration, as_read.acceleration - np.mean(as_read.acceleration), atol=1e-15
-    )
+    given, mean, line = (Record.read(path, channel=1, baseline=b) for b in (None, "mean", "linear"))
+    assert abs(np.mean(given.acceleration)) > 0.04
+    expected = given.acceleration - np.mean(given.acceleration)
+    np.testing.assert_allclose(mean.acceleration, expected, atol=1e-15)
     assert np.abs(np.polyfit(np.arange(600) * 0.01, line.acceleration, 1)).max() < 1e-12
     assert any(note.startswith("baseline") for note in mean.notes)
 
@@ -102,10 +82,7 @@ def test_two_statements_must_agree_within_their_digits():
         (lambda: channel.agree_on_peak(values, Decimal.of("2.35"), "x", digit=0.001), "a peak of 2.35"),
         (lambda: channel.agree_on_peak(values, Decimal.of("1.234"), "x", digit=0.001), "a peak of 1.234"),
         (lambda: channel.agree_on_peak_time(values, 0.01, Decimal.of("0.04"), "x"), "the peak at 0.04 s"),
-        (
-            lambda: channel.agree(1.0, 1.2, "the step", 0.1),
-            "the step twice and differently, 1 and 1.2",
-        ),
+        (lambda: channel.agree(1.0, 1.2, "the step", 0.1), "the step twice and differently, 1 and 1.2"),
     ):
         with pytest.raises(UnreadableRecord, match=said):
             ask()

@@ -1,25 +1,15 @@
 """Files of COSMOS."""
 
-from __future__ import annotations
-
 import pytest
 
-from tests.formats.reader import DATA, FORM, check_damaged, check_what_is_written, real, written
+from tests.formats.reader import DATA, FORM, check
 from tests.formats.synthetic import shaking
 from tpd import Record
 from tpd.formats.text import UnreadableRecord
 
-FORMS = (FORM["cosmos"],)
 
-
-@pytest.mark.parametrize("form", FORMS, ids=str)
-def test_what_is_written_is_read(form, tmp_path):
-    check_what_is_written(form, tmp_path)
-
-
-@pytest.mark.parametrize("file", [*map(written, FORMS), *map(real, ["anchorage_2018_cut.V2c"])], ids=str)
-def test_a_damaged_file_is_never_half_read(file, tmp_path):
-    check_damaged(file, tmp_path)
+def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path):
+    check(tmp_path, "cosmos", "anchorage_2018_cut.V2c")
 
 
 def test_a_real_file_has_the_peak_of_its_header():

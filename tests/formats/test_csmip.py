@@ -1,26 +1,14 @@
 """Volumes 1 and 2 of the CSMIP."""
 
-from __future__ import annotations
-
 import pytest
 
-from tests.formats.reader import DATA, FORM, check_damaged, check_what_is_written, real, written
+from tests.formats.reader import DATA, check
 from tests.formats.synthetic import G
 from tpd import Record
 
-FORMS = (FORM["csmip_v1"], FORM["csmip_v2"])
 
-
-@pytest.mark.parametrize("form", FORMS, ids=str)
-def test_what_is_written_is_read(form, tmp_path):
-    check_what_is_written(form, tmp_path)
-
-
-@pytest.mark.parametrize(
-    "file", [*map(written, FORMS), real("coalinga_1983_cut.V2"), real("ridgecrest_2019_cut.RAW")], ids=str
-)
-def test_a_damaged_file_is_never_half_read(file, tmp_path):
-    check_damaged(file, tmp_path)
+def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path):
+    check(tmp_path, "csmip_v1", "csmip_v2", "coalinga_1983_cut.V2", "ridgecrest_2019_cut.RAW")
 
 
 REAL = {

@@ -1,26 +1,16 @@
 """Files of K-NET and KiK-net, in ASCII and in CSV."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from tests.formats.reader import FORM, check_damaged, check_what_is_written, read, written
+from tests.formats.reader import FORM, check, read, written
 from tests.formats.synthetic import shaking
 from tpd import Record
 from tpd.formats.text import UnreadableRecord
 
-FORMS = (FORM["knet"],)
 
-
-@pytest.mark.parametrize("form", FORMS, ids=str)
-def test_what_is_written_is_read(form, tmp_path):
-    check_what_is_written(form, tmp_path)
-
-
-@pytest.mark.parametrize("file", [*map(written, FORMS)], ids=str)
-def test_a_damaged_file_is_never_half_read(file, tmp_path):
-    check_damaged(file, tmp_path)
+def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path):
+    check(tmp_path, "knet")
 
 
 @pytest.mark.mends("K-NET's CSV was refused")
@@ -40,10 +30,7 @@ def test_csv(tmp_path):
     np.testing.assert_allclose(records[1].acceleration, -0.01 * values, rtol=1e-12)
     for wrong, said in (
         (head + "".join(rows[:-1]), "100 samples, but there are 99"),
-        (
-            head + "".join([*rows[:50], rows[51], rows[50], *rows[52:]]),
-            "must be 0.01 s after the line",
-        ),
+        (head + "".join([*rows[:50], rows[51], rows[50], *rows[52:]]), "must be 0.01 s after the line"),
         (head.replace("#100", "#0") + rows[0], "sampling frequency must be positive"),
         (head + rows[0].replace(",", ";", 1), "must have 5 cells"),
     ):

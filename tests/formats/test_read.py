@@ -24,65 +24,48 @@ def test_a_file_compressed_by_gzip_is_the_file(tmp_path):
         Record.read(path)
 
 
-def test_several_channels_are_listed():
-    with pytest.raises(
-        ValueError, match=r"channels 0: 90 DEG \(2.68 m/s\^2\), 1: UP .*choose one by `channel`"
-    ):
-        Record.read(DATA / "coalinga_1983_cut.V2")
-    with pytest.raises(ValueError, match=r"channels 0: .*`channel` is 3"):
-        Record.read(DATA / "coalinga_1983_cut.V2", channel=3)
-
-
-def test_what_the_header_says_is_not_overruled():
+def test_several_channels_are_listed_and_what_the_header_says_is_not_overruled():
     path = DATA / "coalinga_1983_cut.V2"
-    with pytest.raises(ValueError, match="states the unit cm/s2, but `unit` is 'g'"):
-        Record.read(path, channel=0, unit="g")
     assert Record.read(path, channel=0, unit="gal", dt=0.02) == Record.read(path, channel=0)
-    with pytest.raises(ValueError, match=r"`unit` must be one of g, .* but is 'furlong'"):
-        Record.read(path, unit="furlong")
-    with pytest.raises(ValueError, match="`baseline` must be one of mean, linear"):
-        Record.read(path, baseline="cubic")
-    with pytest.raises(ValueError, match="`dt` must be positive"):
-        Record.read(path, dt=-1.0)
-    with pytest.raises(ValueError, match="`channel` must be a whole number"):
-        Record.read(path, channel=True)
+    for how, said in (
+        ({}, r"channels 0: 90 DEG \(2.68 m/s\^2\), 1: UP .*choose one by `channel`"),
+        ({"channel": 3}, r"channels 0: .*`channel` is 3"),
+        ({"channel": 0, "unit": "g"}, "states the unit cm/s2, but `unit` is 'g'"),
+        ({"unit": "furlong"}, r"`unit` must be one of g, .* but is 'furlong'"),
+        ({"baseline": "cubic"}, "`baseline` must be one of mean, linear"),
+        ({"dt": -1.0}, "`dt` must be positive"),
+        ({"channel": True}, "`channel` must be a whole number"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            Record.read(path, **how)
 
 
-def test_no_file_and_a_directory(tmp_path):
+def test_no_file_a_directory_and_a_file_without_content(tmp_path):
     with pytest.raises(FileNotFoundError, match="no such file"):
         Record.read(tmp_path / "none.AT2")
     with pytest.raises(UnreadableRecord, match="a directory is no file"):
         Record.read(tmp_path)
-
-
-@pytest.mark.parametrize(("text", "said"), [("", "file is empty"), (" \n\n", "file is empty")])
-def test_files_without_content(text, said, tmp_path):
-    with pytest.raises(UnreadableRecord, match=f"^a.txt: the {said}"):
-        read(tmp_path, text)
-
-
-ROWS = "time (s),acc (g)\n0.00,0.1\n0.01,0.2\n0.02,0.3\n"
+    for text in ("", " \n\n"):
+        with pytest.raises(UnreadableRecord, match=r"^a.txt: the file is empty"):
+            read(tmp_path, text)
 
 
 @pytest.mark.mends("text of UTF-16 was called a binary file")
-@pytest.mark.parametrize(
-    ("code", "mark"), [("utf-16", b""), ("utf-16-le", b"\xff\xfe"), ("utf-16-be", b"\xfe\xff")]
-)
-def test_utf_16(code, mark, tmp_path):
-    assert read(tmp_path, mark + ROWS.encode(code)).acceleration.shape == (3,)
-    with pytest.raises(UnreadableRecord, match="UTF-16"):
-        read(tmp_path, ROWS.encode("utf-16-le"))
-    with pytest.raises(UnreadableRecord, match="UTF-16, but damaged or cut"):
-        read(tmp_path, b"\xff\xfe" + ROWS.encode("utf-16-le")[:-1])
+def test_utf_16(tmp_path):
+    text = "time (s),acc (g)\n0.00,0.1\n0.01,0.2\n0.02,0.3\n"
+    little, big = text.encode("utf-16-le"), text.encode("utf-16-be")
+    for sound in (text.encode("utf-16"), b"\xff\xfe" + little, b"\xfe\xff" + big):
+        assert read(tmp_path, sound).acceleration.shape == (3,)
+    for wrong, said in ((little, "UTF-16"), (b"\xff\xfe" + little[:-1], "UTF-16, but damaged or cut")):
+        with pytest.raises(UnreadableRecord, match=said):
+            read(tmp_path, wrong)
 
 
 @pytest.mark.mends("archives were called binary files of no known format")
-@pytest.mark.parametrize(
-    ("start", "kind"), [(b"PK\x03\x04", "zip"), (b"7z\xbc\xaf\x27\x1c", "7z"), (b"BZh9", "bzip2")]
-)
-def test_archives_are_refused_by_name(start, kind, tmp_path):
-    with pytest.raises(UnreadableRecord, match=rf"archive or compressed \({kind}\): unpack it"):
-        read(tmp_path, start + b"\x00 rest", "a.dat")
+def test_archives_are_refused_by_name(tmp_path):
+    for start, kind in ((b"PK\x03\x04", "zip"), (b"7z\xbc\xaf\x27\x1c", "7z"), (b"BZh9", "bzip2")):
+        with pytest.raises(UnreadableRecord, match=rf"archive or compressed \({kind}\): unpack it"):
+            read(tmp_path, start + b"\x00 rest", "a.dat")
     with pytest.raises(UnreadableRecord, match=r"archive \(tar\): unpack it"):
         read(tmp_path, bytes(257) + b"ustar" + bytes(100))
 
@@ -95,10 +78,15 @@ class Trace:
         self.stats = types.SimpleNamespace(delta=0.01, channel=identity[-3:], starttime="1999-01-02T03:04:05")
 
 
+def obspy(monkeypatch, reads) -> None:
+    """An ObsPy of this function alone."""
+    module = types.ModuleType("obspy")
+    monkeypatch.setattr(module, "read", reads, raising=False)
+    monkeypatch.setitem(sys.modules, "obspy", module)
+
+
 def read_as(monkeypatch, *traces: Trace, unit: str | None = "m/s2"):
-    obspy = types.ModuleType("obspy")
-    monkeypatch.setattr(obspy, "read", lambda stream: list(traces), raising=False)
-    monkeypatch.setitem(sys.modules, "obspy", obspy)
+    obspy(monkeypatch, lambda stream: list(traces))
     return read_waveforms(b"\x00", unit)
 
 
@@ -109,34 +97,27 @@ def test_a_waveform_in_a_unit(monkeypatch):
 
 
 def test_waveforms_that_are_refused(monkeypatch):
-    sound = np.array([0.0, 0.5])
-    with pytest.raises(UnreadableRecord, match="counts of the instrument"):
-        read_as(monkeypatch, Trace(np.array([0, 5])))
+    sound = Trace(np.array([0.0, 0.5]))
+    for traces, said in (
+        ([Trace(np.array([0, 5]))], "counts of the instrument"),
+        ([Trace(np.ma.masked_array([0.0, 0.5], [True, False]))], r"samples of .* are missing"),
+        ([sound, sound], "several pieces"),
+        ([], "no trace"),
+        ([Trace(np.array([0.0, np.nan]))], "not finite"),
+    ):
+        with pytest.raises(UnreadableRecord, match=said):
+            read_as(monkeypatch, *traces)
     with pytest.raises(UnreadableRecord, match="states no unit"):
-        read_as(monkeypatch, Trace(sound), unit=None)
-    with pytest.raises(UnreadableRecord, match=r"samples of .* are missing"):
-        read_as(monkeypatch, Trace(np.ma.masked_array(sound, [True, False])))
-    with pytest.raises(UnreadableRecord, match="several pieces"):
-        read_as(monkeypatch, Trace(sound), Trace(sound))
-    with pytest.raises(UnreadableRecord, match="no trace"):
-        read_as(monkeypatch)
-    with pytest.raises(UnreadableRecord, match="not finite"):
-        read_as(monkeypatch, Trace(np.array([0.0, np.nan])))
+        read_as(monkeypatch, sound, unit=None)
 
 
-def test_without_obspy_one_sentence_names_the_extra(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "obspy", None)
-    with pytest.raises(UnreadableRecord, match=r"^a.mseed: .* need the extra tpd\[obspy\]"):
-        read(tmp_path, b"000001D \x00\x01\x02", "a.mseed")
-
-
-def test_rubbish_is_refused(monkeypatch, tmp_path):
-    obspy = types.ModuleType("obspy")
-
+def test_without_obspy_one_sentence_names_the_extra_and_rubbish_is_refused(monkeypatch, tmp_path):
     def unknown(stream: object) -> None:
         raise TypeError("Unknown format")
 
-    monkeypatch.setattr(obspy, "read", unknown, raising=False)
-    monkeypatch.setitem(sys.modules, "obspy", obspy)
+    monkeypatch.setitem(sys.modules, "obspy", None)
+    with pytest.raises(UnreadableRecord, match=r"^a.mseed: .* need the extra tpd\[obspy\]"):
+        read(tmp_path, b"000001D \x00\x01\x02", "a.mseed")
+    obspy(monkeypatch, unknown)
     with pytest.raises(UnreadableRecord, match=r"^a.bin: .* ObsPy cannot read it"):
         read(tmp_path, np.random.default_rng(0).bytes(1000), "a.bin")

@@ -1,19 +1,7 @@
 """Files of SMC of the USGS."""
 
-from __future__ import annotations
-
-import pytest
-
-from tests.formats.reader import FORM, check_damaged, check_what_is_written, real, written
-
-FORMS = (FORM["smc"],)
+from tests.formats.reader import check
 
 
-@pytest.mark.parametrize("form", FORMS, ids=str)
-def test_what_is_written_is_read(form, tmp_path):
-    check_what_is_written(form, tmp_path)
-
-
-@pytest.mark.parametrize("file", [*map(written, FORMS), real("loma_prieta_1989_0111a.smc.gz")], ids=str)
-def test_a_damaged_file_is_never_half_read(file, tmp_path):
-    check_damaged(file, tmp_path)
+def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path):
+    check(tmp_path, "smc", "loma_prieta_1989_0111a.smc.gz")

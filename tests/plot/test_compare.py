@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests import designs
+from tests.plot.shown import legend, lines
 from tpd.answers.fragility import Curve, Fragility
 from tpd.answers.statistics import fit_lognormal
 from tpd.design.criteria import Reserve
@@ -13,14 +14,6 @@ from tpd.design.many import Front
 from tpd.plot.compare import plot_benefit, plot_conditions, plot_front
 from tpd.plot.style import new_axes
 from tpd.scene.conditions import Conditions
-
-
-def lines(ax) -> dict:
-    return {line.get_label(): line for line in ax.lines}
-
-
-def legend(ax) -> set[str]:
-    return {t.get_text() for t in ax.get_legend().get_texts()}
 
 
 def test_conditions_are_drawn_in_order_and_in_si_units():
@@ -42,11 +35,15 @@ def test_conditions_are_drawn_in_order_and_in_si_units():
     assert lines(plot_conditions(mixed)[0])["with the pendulum"].get_xdata() == pytest.approx(frequency)
 
 
-def test_a_refused_design_is_labelled_as_such():
-    design = designs.band()
-    ax, _ = plot_conditions(dataclasses.replace(design, pendulum=None, verified=design.verified[:1]))
+def test_a_refused_design_is_labelled_as_such_and_without_a_limit_there_is_no_line_for_it():
+    design = designs.band(limits=(Reserve(),))
+    ax, below = plot_conditions(dataclasses.replace(design, pendulum=None, verified=design.verified[:1]))
     assert "best found, not offered" in lines(ax)
     assert "with the pendulum" not in lines(ax)
+    assert "stroke limit" not in lines(below)
+    assert all(np.isfinite(line.get_ydata()).all() for line in below.lines)
+    _, empty = plot_conditions(dataclasses.replace(design, pendulum=None, verified=()))
+    assert empty.get_legend() is None
 
 
 def test_conditions_of_the_pendulum_are_in_si_units_where_there_is_one():
@@ -58,22 +55,11 @@ def test_conditions_of_the_pendulum_are_in_si_units_where_there_is_one():
         plot_conditions(designs.single())
 
 
-def test_without_a_stroke_limit_there_is_no_line_for_it():
-    _, below = plot_conditions(designs.band(limits=(Reserve(),)))
-    assert "stroke limit" not in lines(below)
-    assert all(np.isfinite(line.get_ydata()).all() for line in below.lines)
-    _, empty = plot_conditions(designs.band(limits=(Reserve(),), pendulum=None, verified=()))
-    assert empty.get_legend() is None
-
-
 def test_the_benefit_has_intervals_of_the_differences():
     ax = plot_benefit(designs.single())
-    changes = {change.name: change for change in designs.single().best.benefit.changes}
-    mean = changes["mean severity"]
-    _, around = ax.collections
-    assert around.get_segments()[0][:, 0] == pytest.approx(
-        [mean.without + mean.low, mean.without + mean.high]
-    )
+    (mean,) = (x for x in designs.single().best.benefit.changes if x.name == "mean severity")
+    around = ax.collections[1].get_segments()[0][:, 0]
+    assert around == pytest.approx([mean.without + mean.low, mean.without + mean.high])
     assert lines(ax)["bare block"].get_xdata()[0] == pytest.approx(mean.without)
     assert lines(ax)["with the pendulum"].get_xdata()[0] == pytest.approx(mean.with_it)
     with pytest.raises(ValueError, match="must have a design with paired runs"):
@@ -105,8 +91,7 @@ FRAGILITY = Fragility(
     "m/s^2",
     ("a", "b", "c", "d"),
     4,
-    {"overturned": curve([0, 2, 4])},
-    {"overturned": curve([0, 1, 3])},
+    *({"overturned": curve(counts)} for counts in ([0, 2, 4], [0, 1, 3])),
     None,
     (np.zeros((4, 3)), None),
     {},

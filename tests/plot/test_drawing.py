@@ -33,12 +33,16 @@ def test_the_drawing_is_to_scale_and_nothing_is_cut_off_or_covered(scene, pendul
     assert block.height / block.width == pytest.approx(scene.block.height / scene.block.width, rel=0.02)
     # An annotation's own extent would count the line that leads to it.
     words = [Text.get_window_extent(t) for view in figure.axes for t in view.texts if t.get_text()]
+    whole = figure.bbox
     for i, box in enumerate(words):
-        assert figure.bbox.x0 <= box.x0
-        assert box.x1 <= figure.bbox.x1
-        assert figure.bbox.y0 <= box.y0
-        assert box.y1 <= figure.bbox.y1
+        assert whole.x0 <= box.x0 <= box.x1 <= whole.x1
+        assert whole.y0 <= box.y0 <= box.y1 <= whole.y1
         assert not any(box.overlaps(other) for other in words[i + 1 :])
+
+
+def said(scene, pendulum, **how) -> str:
+    """All words of the detail."""
+    return " ".join(t.get_text() for t in plot_scene(scene, pendulum, **how).figure.axes[1].texts)
 
 
 CAVE = dataclasses.replace(designs.SCENE, block=dataclasses.replace(designs.SCENE.block, cavity_width=0.085))
@@ -58,38 +62,32 @@ def test_the_pendulum_is_drawn_as_it_is_built(bob):
     assert -left[:, 0].min() == pytest.approx(right[:, 0].max(), rel=2e-3)
     # The same body hangs in the block to its smaller scale.
     assert np.ptp(whole.patches[-1].get_xy()[:, 1]) == pytest.approx(2.0 * half, rel=2e-3)
-    said = " ".join(t.get_text() for t in detail.texts)
-    assert f"{number(rod)} m as built\n(0.12 m in the equations)" in said
-    assert "0.085 m" in said
-    assert f"bob, {number(mass)} kg: {bob.shape}" in said
+    text = " ".join(t.get_text() for t in detail.texts)
+    assert f"{number(rod)} m as built\n(0.12 m in the equations)" in text
+    assert "0.085 m" in text
+    assert f"bob, {number(mass)} kg: {bob.shape}" in text
     depth = rod + radius
     if bob.shape == "cylinder":
         # Its lower edge is lowest where it hangs below the hinge.
         angle = min(0.2, np.arctan2(radius, rod + half))
         depth = (rod + half) * np.cos(angle) + radius * np.sin(angle)
-    assert f"depth below the hinge: {number(depth, 3)} m" in said
+    assert f"depth below the hinge: {number(depth, 3)} m" in text
 
 
 def test_the_room_to_the_wall_is_stated_and_the_angle_at_which_it_ends():
     bob, wide = Bob(), dataclasses.replace(CAVE, block=dataclasses.replace(CAVE.block, cavity_width=0.095))
     mass, rod = bob.built(1.6224, 0.12, CAVE.gravity)
-    radius = float(bob.radius(mass))
-    said = " ".join(
-        t.get_text() for t in plot_scene(wide, designs.HUNG, stroke=0.05, bob=bob).figure.axes[1].texts
-    )
-    assert f"{number(0.0475 - radius - rod * np.sin(0.05), 3)} m clear to the wall" in said
-    assert f"meets at ±{np.arcsin((0.0475 - radius) / rod):.3g} rad" in said
-    said = " ".join(
-        t.get_text() for t in plot_scene(wide, designs.HUNG, stroke=0.3, bob=bob).figure.axes[1].texts
-    )
-    assert "the bob strikes the wall" in said
+    room = 0.0475 - float(bob.radius(mass))
+    text = said(wide, designs.HUNG, stroke=0.05, bob=bob)
+    assert f"{number(room - rod * np.sin(0.05), 3)} m clear to the wall" in text
+    assert f"meets at ±{np.arcsin(room / rod):.3g} rad" in text
+    assert "the bob strikes the wall" in said(wide, designs.HUNG, stroke=0.3, bob=bob)
 
 
 def test_a_body_that_swings_too_slowly_on_any_rod_is_not_called_built():
     slow = tpd.Pendulum(mass=400.0, length=0.12, damping_ratio=0.1)
     assert np.isnan(Bob().built(400.0, 0.12, CAVE.gravity)).all()
-    said = " ".join(t.get_text() for t in plot_scene(CHIMNEY, slow).figure.axes[1].texts)
-    assert "no body does it\n(0.12 m in the equations)" in said
+    assert "no body does it\n(0.12 m in the equations)" in said(CHIMNEY, slow)
 
 
 def test_a_design_draws_itself_with_its_own_body_and_swing():

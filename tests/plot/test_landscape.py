@@ -7,6 +7,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from tests import designs
+from tests.plot.shown import legend, lines, words
 from tpd.plot import landscape
 from tpd.plot.style import ORANGE
 from tpd.scene.conditions import Conditions
@@ -15,14 +16,12 @@ from tpd.scene.conditions import Conditions
 @pytest.mark.parametrize("case", [designs.single, designs.around, designs.refused])
 def test_one_landscape_serves_all_designs(case):
     design = case()
-    ax = design.plot()
-    said = {t.get_text() for t in ax.get_legend().get_texts()}
+    ax, offered = design.plot(), design.winner is not None
+    said = legend(ax)
     assert "ways of the descents" in said
-    assert ("answer" in said) is (design.winner is not None)
-    assert ("best found, not offered" in said) is (design.winner is None)
+    assert ("answer" in said, "best found, not offered" in said) == (offered, not offered)
     assert ("refused" in said) is any(v.reasons for v in design.verified)
-    label = "answer" if design.winner is not None else "best found, not offered"
-    (star,) = (line for line in ax.lines if line.get_label() == label)
+    star = lines(ax)["answer" if offered else "best found, not offered"]
     assert (star.get_xdata()[0], star.get_ydata()[0]) == (0.1, 0.6)
     assert ax.get_xlabel() == r"mass ratio $\mu$ = m/M (-)"
     assert ax.figure.axes[-1].get_ylabel().endswith("at ζ = 0.1 (-)")
@@ -50,7 +49,7 @@ def test_the_landscape_is_the_trend_of_what_was_followed_and_its_edges_are_those
     points = np.concatenate([path.vertices for path in edge.get_paths()])
     assert points[:, 1] == pytest.approx(0.8, abs=1e-3)
     assert np.ptp(points[:, 0]) == pytest.approx(np.ptp(design.space.mass_ratio), rel=0.01)
-    assert "stroke" in {t.get_text() for t in ax.texts}
+    assert "stroke" in words(ax.texts)
     unit = design.space.scaled(np.array([[0.05, 0.7, 0.1], [0.15, 1.2, 0.1]]))
     seen = landscape._seen(design)
     assert landscape._Smoother(seen.at, unit)(seen.tilt) == pytest.approx([0.2, 0.4], abs=1e-3)
@@ -72,6 +71,6 @@ def test_few_designs_and_a_field_without_slope_are_drawn(count):
 
 def test_the_landscape_shows_where_a_block_stays_at_rest():
     design = surveyed(lambda x: x[:, 0], lambda x: 0.0 * x[:, 1] - 0.5)
-    assert {t.get_text() for t in design.plot().texts} >= {"stays at rest"}
+    assert "stays at rest" in words(design.plot().texts)
     gentle = dataclasses.replace(design, conditions=Conditions.amplitudes(0.01))
-    assert "stays at rest" not in {t.get_text() for t in gentle.plot().texts}
+    assert "stays at rest" not in words(gentle.plot().texts)

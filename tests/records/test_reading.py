@@ -4,7 +4,6 @@ import re
 
 import pytest
 
-from tests.formats.reader import DATA
 from tests.formats.synthetic import esm, shaking
 from tpd.records import el_centro, reading
 from tpd.records.reading import read_motions
@@ -40,27 +39,33 @@ def test_built_in_records_and_sets_go_by_name(monkeypatch):
         read_motions(["fema-p695"])
 
 
+@pytest.mark.mends("verticals counted as motions, VT2 and DT2 beside AT2 stopped the command")
+@pytest.mark.mends("folders within a folder were passed over without a word")
 def test_of_a_folder_all_that_is_horizontal_is_read(tmp_path):
     folder = put(tmp_path / "quakes", ns=NS, up=NS.replace("HNE", "HNZ"))
     (tmp_path / "quakes" / "inner").mkdir()
-    for other in ("RSN1.VT2", "readme.pdf"):
+    for other in ("RSN1.VT2", "readme.pdf", "_SearchResults.csv"):
         (tmp_path / "quakes" / other).write_text("x")
     found, said = read_motions([folder])
     assert len(found) == 1
     left = said[0].removeprefix("left out: ").split("; ")
     assert "inner (a folder in a folder)" in left
     assert "up.asc (vertical component)" in left
-    assert any(word.startswith("RSN1.VT2") for word in left)
+    assert "RSN1.VT2 (velocity)" in left
+    assert any(word.startswith("_SearchResults.csv") for word in left)
     # A channel that is chosen is taken, vertical or not.
     both, said = read_motions([folder], channel=0)
     assert len(both) == 2
     assert any("up.asc is a vertical component, but shakes the block sideways" in word for word in said)
 
 
-def test_channels_of_a_file_are_of_one_earthquake():
-    found, _ = read_motions([str(DATA / "coalinga_1983_cut.V2")])
-    assert len(found) == 2
-    assert len({m.event for m in found}) == 1
+@pytest.mark.mends("the channels of one file counted as earthquakes of their own")
+def test_channels_of_a_file_that_names_no_earthquake_are_of_one(tmp_path):
+    path = tmp_path / "station.csv"
+    rows = (f"{0.01 * i:.2f},{a:.5f},{-a:.5f}\n" for i, a in enumerate(0.4 * shaking(100)))
+    path.write_text("time (s),NS (g),EW (g)\n" + "".join(rows))
+    first, second = read_motions([str(path)])[0]
+    assert first.event == second.event != ""
 
 
 def test_records_of_a_folder_that_name_no_earthquake_are_of_one(tmp_path):

@@ -7,24 +7,10 @@ import pytest
 from tpd.report.blocks import Figure, Severity, Table, danger, note, wrapped
 
 
-@pytest.mark.parametrize(
-    ("x", "said"),
-    [
-        (0.0, "0"),
-        (20e3, "20000"),
-        (123456.0, "123500"),
-        (0.0913456, "0.09135"),
-        (-0.25, "-0.25"),
-        (9.99996, "10"),
-        (1e-7, "1e-07"),
-        (math.inf, "infinite"),
-        (math.nan, "–"),
-        (None, "–"),
-        (3, "3"),
-    ],
-)
-def test_cells_have_four_digits_or_a_dash(x, said):
-    assert Table(("a",), ((x,),)).cells == [[said]]
+def test_cells_have_four_digits_or_a_dash():
+    values = (0.0, 20e3, 123456.0, 0.0913456, -0.25, 9.99996, 1e-7, math.inf, math.nan, None, 3)
+    said = "0 20000 123500 0.09135 -0.25 10 1e-07 infinite – – 3"
+    assert [Table(("a",), ((x,),)).cells[0][0] for x in values] == said.split()
 
 
 def test_columns_of_numbers_are_known():

@@ -78,12 +78,11 @@ def test_where_no_body_or_rod_acts_as_the_point_no_number_of_one_is_named():
 
 def test_the_scatter_of_a_restitution_is_said_of_the_loss():
     """e = 0.95 within 2 % is a loss of 0.05 within 38 %."""
-    design = designs.single()
+    design, holds = designs.single(), Interval(0.3, 0.2, 0.4)
     block = dataclasses.replace(design.scene.block, restitution=0.95, friction=0.0)
+    scene = dataclasses.replace(design.scene, block=block)
     ensemble = dataclasses.replace(design.ensemble, restitution=0.02)
-    design = dataclasses.replace(
-        design, scene=dataclasses.replace(design.scene, block=block), ensemble=ensemble
-    )
-    moved = (Moved("restitution", 0.5, Interval(0.3, 0.2, 0.4), Interval(0.3, 0.2, 0.4)),)
+    design = dataclasses.replace(design, scene=scene, ensemble=ensemble)
+    moved = (Moved("restitution", 0.5, holds, holds),)
     *_, table, _ = construction.section(design, build(moved=moved))
     assert rows(table)["loss at an impact, 1 - e"][0] == "±38%"

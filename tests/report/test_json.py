@@ -22,37 +22,26 @@ def written(design, study) -> dict:
 
 
 NEAREST = Nearest(design=np.array(designs.RATIOS), broken=(designs.REASON,))
+EMPTY = {"pendulum": None, "verified": ()}
 CASES = {
     "one condition": (designs.single(), designs.study()),
     "a neighbourhood": (designs.around(), designs.study()),
     "a band": (designs.band(), designs.study(responses=None, front=designs.front())),
     "refused": (designs.refused(), designs.study()),
-    "interrupted": (
-        designs.single(status=DesignStatus.interrupted, pendulum=None, verified=()),
-        Study(left_out=("the time histories",)),
-    ),
-    "none feasible": (
-        designs.single(status=DesignStatus.none_feasible, pendulum=None, verified=(), nearest=NEAREST),
-        designs.study(),
-    ),
+    "interrupted": (designs.single(status=DesignStatus.interrupted, **EMPTY), Study(left_out=("a picture",))),
+    "none": (designs.single(status=DesignStatus.none_feasible, nearest=NEAREST, **EMPTY), designs.study()),
 }
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_every_design_is_what_the_schema_says(case):
-    content = written(*CASES[case])
+def test_every_design_is_what_the_schema_says_and_other_content_is_refused():
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
-    jsonschema.validate(content, SCHEMA, cls=jsonschema.Draft202012Validator)
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [("version", 2), ("pendulum", {"mass": 1.0}), ("status", "good"), ("seed", "large"), ("more", 1)],
-)
-def test_the_schema_refuses_other_content(key, value):
-    content = written(*CASES["one condition"]) | {key: value}
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(content, SCHEMA)
+    validator = jsonschema.Draft202012Validator(SCHEMA)
+    for case in CASES.values():
+        validator.validate(written(*case))
+    sound = written(*CASES["one condition"])
+    wrong = {"version": 2, "pendulum": {"mass": 1.0}, "status": "good", "seed": "large", "more": 1}
+    for key, value in wrong.items():
+        assert not validator.is_valid(sound | {key: value}), key
 
 
 def test_the_content_is_sorted_complete_and_exact():
@@ -80,9 +69,10 @@ def test_infinities_and_reasons_are_words():
 
 def test_what_is_asked_of_the_benefit_and_what_paired_runs_say_stand_beside_each_other():
     content = written(*CASES["a neighbourhood"])
+    details = content["details"]
     assert content["worth"] == {"at_least": 0.1, "worse": 0.05, "strikes": 0.01, "runs": 40}
     assert content["limits"]["room"] == {"shape": "ball", "density": 7850.0, "aspect": 2.0}
-    (offered,) = content["details"]["verified"]
+    (offered,) = details["verified"]
     benefit = offered["benefit"]
     # 2 of 40 runs overturn and 38 tilt 0.05 rad of 0.25, in place of 20 and 20 at 0.1 rad.
     assert benefit["value"] == pytest.approx(1.0 - (2 + 38 * 0.2) / (20 + 20 * 0.4))
@@ -92,16 +82,13 @@ def test_what_is_asked_of_the_benefit_and_what_paired_runs_say_stand_beside_each
     assert [len(benefit["by_condition"][key]) for key in ("with", "without")] == [10, 10]
     assert (offered["paired"]["worse"], offered["paired"]["better"]) == (0, 18)
     assert offered["paired"]["with"]["equations"] == "nonlinear"
-    assert [case["name"] for case in content["details"]["losses"]] == ["friction", "impacts"]
-    assert content["details"]["losses"][1]["benefit"]["value"] == 0.0
-    assert content["details"]["losses"][1]["overturned"]["value"] == 0.5
-    assert content["details"]["search"]["mismatch"] == [[2e-6, 3e-5], ["infinite", 0.0]]
-    assert content["details"]["search"]["lost"] == [0, 4]
-
-
-def test_motions_from_rest_are_those_of_the_design_and_of_the_bare_block():
-    rest = written(*CASES["a neighbourhood"])["details"]["verified"][-1]["rest"]
-    assert (rest["severity"], rest["bare"]) == ([0.3] * 10, [0.4] * 10)
+    friction, impacts = details["losses"]
+    assert (friction["name"], impacts["name"]) == ("friction", "impacts")
+    assert (impacts["benefit"]["value"], impacts["overturned"]["value"]) == (0.0, 0.5)
+    assert details["search"]["mismatch"] == [[2e-6, 3e-5], ["infinite", 0.0]]
+    assert details["search"]["lost"] == [0, 4]
+    # Motions from rest, of the design and of the bare block.
+    assert (offered["rest"]["severity"], offered["rest"]["bare"]) == ([0.3] * 10, [0.4] * 10)
     assert written(*CASES["refused"])["details"]["verified"][-1]["rest"] is None
 
 

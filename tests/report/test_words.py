@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-import pytest
 
 import tpd
 from tests import designs
@@ -21,25 +20,16 @@ def changed(**block) -> tpd.Scene:
     return dataclasses.replace(PAPER, block=dataclasses.replace(PAPER.block, **block))
 
 
-@pytest.mark.parametrize(
-    ("scene", "said"),
-    [
+def test_changes_of_the_papers_scene_are_named_and_another_size_is_another_block():
+    for scene, said in (
         (PAPER, "with the paper's motion and losses"),
-        (changed(friction=0.1), "with other losses than the paper's"),
         (changed(restitution=0.9), "with other losses than the paper's"),
-        (tpd.Scene(PAPER.block, COLUMN.motion), "with other motion than the paper's"),
         (tpd.Scene(PAPER.block, PAPER.motion, 3.7), "with other gravity than the paper's"),
         (tpd.Scene(changed(friction=0.1).block, COLUMN.motion), "with other motion and losses than"),
-    ],
-)
-def test_changes_of_the_papers_scene_are_named(scene, said):
-    assert words.origin(scene).startswith("the paper's block (Collini et al. 2016) ")
-    assert said in words.origin(scene)
-
-
-@pytest.mark.parametrize("size", ["height", "mass", "radius_of_gyration"])
-def test_another_size_is_another_block(size):
-    assert words.origin(changed(**{size: 0.2})) == "a block of your own"
+    ):
+        assert words.origin(scene).startswith(f"the paper's block (Collini et al. 2016) {said}")
+    for size in ("height", "mass", "radius_of_gyration"):
+        assert words.origin(changed(**{size: 0.2})) == "a block of your own"
 
 
 def test_lines_have_block_motion_and_losses_in_si_units():
@@ -66,29 +56,23 @@ def test_the_threshold_of_uplift_is_that_of_the_closed_form():
         assert (": above 0.3 g, so the bare block at rest lifts" in said) is lifts
 
 
-@pytest.mark.parametrize(
-    ("losses", "said"),
-    [
+def test_a_report_names_the_energy_losses():
+    for losses, said in (
         ({}, "friction k = 0.05"),
         ({"restitution": "housner"}, "impact loss: Housner, e = 0.9118 for the bare block"),
         ({"restitution": 0.9, "friction": 0.02}, "impact loss: e = 0.9; friction k = 0.02"),
-    ],
-)
-def test_a_report_names_the_energy_losses(losses, said):
-    assert words.losses(tpd.Block(width=0.1, height=0.4, mass=16.0, **losses)) == said
+    ):
+        assert words.losses(tpd.Block(width=0.1, height=0.4, mass=16.0, **losses)) == said
 
 
-@pytest.mark.parametrize(
-    ("value", "changes", "said"),
-    [
+def test_a_value_of_the_risk_in_words():
+    for value, changes, said in (
         (0.3, {}, "0.07500 rad (30.0% of nu)"),
         (-0.1, {}, "none: at rest with 10.0% of the lifting moment in reserve"),
         (1.2, {}, "no settled motion under the worst condition: by events the block may overturn"),
         (-0.1, {"risk": Risk.expected()}, "-0.1000 times nu, rest counted as less its uplift margin"),
-    ],
-)
-def test_a_value_of_the_risk_in_words(value, changes, said):
-    assert words.risk(designs.band(**changes), value) == said
+    ):
+        assert words.risk(designs.band(**changes), value) == said
 
 
 def test_angles_that_are_infinite_or_unknown_are_told_apart():

@@ -46,13 +46,11 @@ def quickest(rows: list[Row], scene: str, kind: str, ours: bool, method: str = "
 def on_front(rows: list[Row], scene: str, kind: str) -> list[str]:
     """The methods of which no other setting or method is both quicker and as accurate."""
     there = _answers(rows, scene, kind)
-    return list(
-        dict.fromkeys(
-            r["method"]
-            for r in there
-            if not any(max(o["error"], EQUAL) <= max(r["error"], EQUAL) and o["ms"] < r["ms"] for o in there)
-        )
-    )
+
+    def beaten(r: Row) -> bool:
+        return any(max(o["error"], EQUAL) <= max(r["error"], EQUAL) and o["ms"] < r["ms"] for o in there)
+
+    return list(dict.fromkeys(r["method"] for r in there if not beaten(r)))
 
 
 def pairs(rows: list[Row], kind: str, peer: str = "") -> list[tuple[str, Row, Row]]:
@@ -121,12 +119,8 @@ def _figure(rows: list[Row], kind: str) -> Any:
     styles = {}
     for method, ours in dict.fromkeys((r["method"], r["ours"]) for r in rows):
         ink = "black" if ours else "0.5"
-        styles[method] = {
-            "color": ink,
-            "marker": next(looks if ours else theirs),
-            "ls": next(dashes),
-            "lw": 1.0,
-        }
+        marker = next(looks if ours else theirs)
+        styles[method] = {"color": ink, "marker": marker, "ls": next(dashes), "lw": 1.0}
         styles[method] |= {"ms": 10 if "default" in method else 6, "zorder": 3 if ours else 2}
     handles = {}
     for ax, scene in zip(axes.flat, SCENES, strict=True):

@@ -56,20 +56,18 @@ def _arguments(scene: Scene, setting: float) -> tuple[jax.Array, ...]:
     return jnp.asarray(scene.x), jnp.asarray(scene.y0), jnp.asarray(setting)
 
 
-def _value(kind: str) -> Callable:
+def _both(kind: str) -> tuple[Callable, Callable]:
+    """Value and gradient of a kind, of a scene and a setting."""
+
     def value(scene: Scene, setting: float) -> Callable[[], float]:
         run, given = _compiled(kind)[0], _arguments(scene, setting)
         return lambda: _number(run(*given))
 
-    return value
-
-
-def _gradient(kind: str) -> Callable:
     def gradient(scene: Scene, setting: float) -> Callable[[], np.ndarray]:
         run, given = _compiled(kind)[1], _arguments(scene, setting)
         return lambda: _slopes(run(*given), scene)
 
-    return gradient
+    return value, gradient
 
 
 def _from_python(scene: Scene, _: float) -> Callable[[], float]:
@@ -85,18 +83,16 @@ def _differences(scene: Scene, share: float) -> Callable[[], np.ndarray]:
         return _from_python(scene.moved(i, by), 0.0)()
 
     def work() -> np.ndarray:
-        steps = [share * scene.x[i] for i in scene.wrt]
-        return np.array(
-            [(side(i, h) - side(i, -h)) / (2.0 * h) for i, h in zip(scene.wrt, steps, strict=True)]
-        )
+        steps = [(i, share * scene.x[i]) for i in scene.wrt]
+        return np.array([(side(i, h) - side(i, -h)) / (2.0 * h) for i, h in steps])
 
     return work
 
 
 METHODS = (
     Method("steady_state of floats (default)", True, (0.0,), _from_python),
-    Method("steady_state in jit (default)", True, (0.0,), _value("events"), _gradient("events")),
-    Method("orbit equation in jit", True, (0.0,), _value("orbits"), _gradient("orbits")),
-    Method("smoothed, Tsit5", True, SHARPNESS, _value("smoothed"), _gradient("smoothed")),
+    Method("steady_state in jit (default)", True, (0.0,), *_both("events")),
+    Method("orbit equation in jit", True, (0.0,), *_both("orbits")),
+    Method("smoothed, Tsit5", True, SHARPNESS, *_both("smoothed")),
     Method("floats, differences", True, STEPS, None, _differences),
 )

@@ -72,13 +72,8 @@ def main() -> None:
         for i in scene.wrt:
             sides = [settled([*x[:i], x[i] + way * step, *x[i + 1 :]], orbit.end, 1) for way in (1, -1)]
             slopes.append((sides[0].amplitude - sides[1].amplitude) / (2 * step))
-        rows.append(
-            {
-                "name": scene.name,
-                "amplitude": mp.nstr(orbit.amplitude, DIGITS),
-                "gradient": [mp.nstr(v, DIGITS - 4) for v in slopes],
-            }
-        )
+        row = {"name": scene.name, "amplitude": mp.nstr(orbit.amplitude, DIGITS)}
+        rows.append(row | {"gradient": [mp.nstr(v, DIGITS - 4) for v in slopes]})
         print(f"{scene.name}: {mp.nstr(orbit.amplitude, 12)}", file=sys.stderr)
     TRUTH.write_text("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n")
 
