@@ -122,7 +122,7 @@ def transient(
     checks.within("free", free, 0.0, LONGEST_FREE, " s")
     checks.count("max_events", max_events)
     p, rate = scene.ground_parameters(pendulum), scene.rate
-    start = np.zeros(4) if y0 is None else _start(y0)
+    start = np.zeros(4) if y0 is None else checks.state(y0)
     bob = 0.0 if pendulum is None else 1.0
     xp = checks.namespace(*jax.tree.leaves((p, rate, free, start)))
     # Rates are per unit tau inside, and per second outside.
@@ -214,8 +214,3 @@ def _followed(model: Any, p: Parameters, *motion: Any, known: bool) -> Any:
     one = np.zeros(1, int), np.array([free], dtype=float)
     limits |= {"y0": np.array(start)[None], "max_events": most, "workers": 1}
     return jax.tree.map(lambda x: x[0], follow_all(row_of(p)[None], [pieces], *one, **limits)[0])
-
-
-def _start(y0: ArrayLike) -> Any:
-    checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
-    return checks.namespace(*jax.tree.leaves(y0)).asarray(y0, dtype=np.float64)
