@@ -24,6 +24,7 @@ from jaxtyping import Array, Float
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.exact.derivatives import refused
+from tpd.exact.terms import OVERTURNED, ROCKED, STOOD
 from tpd.models.compiled_linear import packed
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion, refuse_zeros
 from tpd.scene.parameters import Number, Parameters
@@ -153,7 +154,6 @@ def _scanned(
     x: np.ndarray, c: np.ndarray, late: float, ends: np.ndarray, scan: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """First crossing of a scan, all tongues, and the intervals without an answer."""
-    from tpd.exact.follow import STOOD
     from tpd.models.compiled_shaken import follow_all
 
     row = x.copy()
@@ -217,8 +217,6 @@ def _padded(intervals: np.ndarray) -> np.ndarray:
 
 def verdicts(status: np.ndarray) -> np.ndarray:
     """1 where a motion overturns the block, 0 where it does not, and NaN where there is no answer."""
-    from tpd.exact.follow import OVERTURNED, ROCKED, STOOD
-
     return np.select([status == OVERTURNED, (status == STOOD) | (status == ROCKED)], [1.0, 0.0], np.nan)
 
 

@@ -40,11 +40,9 @@ class Orbit(NamedTuple):
     by_state: Any
     """d(end, sizes)/dy at fixed parameters, shape (6, 4)."""
     transversality: Any
-    """See `Cycle`."""
     asymmetry: Any
-    """See `Cycle`."""
     closed: Any
-    """See `Cycle`."""
+    """The last three as in `Cycle`."""
 
     @property
     def error(self) -> Any:

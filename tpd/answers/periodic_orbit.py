@@ -142,7 +142,11 @@ def periodic_orbit(
     checks.positive("rest_rate", rest_rate)
     checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
     y = jnp.asarray(y0, dtype=jnp.float64)
-    return _answered(p, partial(_recorded, max_events), max_events, periods, y, rest_rate)
+
+    def start(x: np.ndarray, periods: int, y0: np.ndarray, rate: np.ndarray) -> Start:
+        return recorded(x, y0, periods, max_events, float(rate))
+
+    return _answered(p, start, max_events, periods, y, rest_rate)
 
 
 def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
@@ -161,11 +165,6 @@ def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
     modes = s.kinds, s.tilt_signs, s.rate_signs, s.endings
     numbers = s.states, s.durations, s.phases, s.count
     return _answered(p, _carried_over, s.kinds.size, orbit.periods, *modes, *numbers)
-
-
-def _recorded(max_events: int, x: np.ndarray, periods: int, y0: np.ndarray, rest_rate: np.ndarray) -> Start:
-    """The arcs of one period of the motion from `y0`."""
-    return recorded(x, y0, periods, max_events, float(rest_rate))
 
 
 def _carried_over(x: np.ndarray, periods: int, *sequence: np.ndarray) -> Start:
@@ -193,7 +192,7 @@ def _answered(
     values = values if isinstance(x, np.ndarray) else with_slopes(x, jnp.asarray(values), jnp.asarray(slopes))
     amplitude, stroke, *margins, status, symmetric, count = map(jnp.asarray, (*values[:5], *values[17:_ALL]))
     arcs = jnp.asarray(values[_ALL:]).reshape(size, 10)
-    kinds, endings = arcs[:, 6].astype(int), arcs[:, 9].astype(int)
+    kinds, signs, endings = arcs[:, 6].astype(int), (arcs[:, 7], arcs[:, 8]), arcs[:, 9].astype(int)
     return PeriodicOrbit(
         jax.tree.unflatten(jax.tree.structure(Status.rocking), [status.astype(jnp.int32)]),
         amplitude,
@@ -201,9 +200,7 @@ def _answered(
         jnp.asarray(values[5:9]),
         jnp.asarray(periods),
         symmetric != 0.0,
-        Sequence(
-            kinds, arcs[:, 7], arcs[:, 8], endings, arcs[:, 5], arcs[:, 4], arcs[:, :4], count.astype(int)
-        ),
+        Sequence(kinds, *signs, endings, arcs[:, 5], arcs[:, 4], arcs[:, :4], count.astype(int)),
         jnp.asarray(values[9:13] + 1j * values[13:17]),
         CycleMargins(*margins),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from tpd.answers.ground_batch import rows_of
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
-from tpd.exact.contact import SLIP
+from tpd.exact.terms import SHAKEN, SLIP
 from tpd.models.compiled_shaken import REST_RATE
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status
@@ -144,6 +144,6 @@ def shaking_history(
         (mass + m) * lifting,
         impacts,
         out[:, 7] == SLIP,
-        getattr(Status, entry.STATUSES[int(status[0])]),
+        getattr(Status, SHAKEN[int(status[0])]),
         None if pendulum is None else np.stack([across, m * lifting, *rates], axis=1),
     )

@@ -27,7 +27,7 @@ from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, ref
 from tpd.core import checks
 from tpd.core.formatting import counted_periods, number
 from tpd.exact.derivatives import joined, refused
-from tpd.exact.terms import GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC, is_neutral
+from tpd.exact.terms import GRAZING, NEAR_FOLD, RESIDUAL, STEADY_STATUSES, SYMMETRIC, is_neutral
 from tpd.models.base import AbstractChoice, AbstractModel, Settled
 from tpd.models.compiled_linear import fields, packed, packed_of, solve, unpacked
 from tpd.models.piecewise import Piecewise
@@ -307,10 +307,7 @@ def _answer(out: Any, xp: Any) -> _Answer:
 @lru_cache(maxsize=1)
 def _statuses() -> np.ndarray:
     """Numbers of statuses by those of the compiled code."""
-    # Loaded here: it loads Numba.
-    from tpd.exact.steady import STATUSES
-
-    return np.array([index_of(name) for name in STATUSES], dtype=np.int32)
+    return np.array([index_of(name) for name in STEADY_STATUSES], dtype=np.int32)
 
 
 def _solve(x: Float[Array, "9"], model: AbstractModel, y0: State) -> tuple[_Answer, Float[Array, "6 9"]]:

@@ -15,7 +15,7 @@ from jaxtyping import ArrayLike, Float, Int
 
 from tpd.core import checks
 from tpd.exact.derivatives import refused
-from tpd.exact.terms import GRAZING
+from tpd.exact.terms import GRAZING, ROCKED, SHAKEN, STOOD
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
@@ -134,13 +134,11 @@ def transient(
 
 def _answer(found: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
     """The motion in seconds; `bob` is 0 without a pendulum, and `xp` NumPy if all numbers are known."""
-    from tpd.exact.follow import ROCKED, STATUSES, STOOD
-
     code = xp.asarray(found.status).astype(int)
     # On one side of such a motion there is an event more: it has no derivative.
     touched = (code == ROCKED) & (found.transversality < GRAZING)
     sound = ((code == ROCKED) | (code == STOOD)) & ~touched
-    status = xp.where(touched, index_of("grazing"), xp.asarray([index_of(name) for name in STATUSES])[code])
+    status = xp.where(touched, index_of("grazing"), xp.asarray([index_of(name) for name in SHAKEN])[code])
     # The angles of a bare block's bob, which is too light to be felt, are nobody's.
     hung = xp.array([1.0, bob, bob])
     if xp is np:

@@ -110,8 +110,8 @@ def _fits(shape: tuple[int, ...], wanted: tuple[int, ...]) -> bool:
 
 
 def state(value: Any) -> Any:
-    """Return the start `y0` = (phi, psi, phi', psi') as floats, NumPy's where it is known; `ValueError` unless
-    it is four finite numbers."""
+    """Return a start `y0` = (phi, psi, phi', psi') as floats, NumPy's where it is known; raise `ValueError`
+    unless it is four finite numbers."""
     numbers("y0", value, (4,), "(phi, psi, phi', psi')")
     return namespace(*jax.tree.leaves(value)).asarray(value, dtype=float)
 

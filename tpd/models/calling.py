@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from tpd.core.batch import PIECE, shared
 from tpd.models import compiling
 
 Trial = Callable[[Any], tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]]
@@ -106,6 +107,23 @@ class Compiled:
         if rows:
             run(0, rows, *flat, *out)
         return tuple(x.reshape(*batch, *x.shape[1:]) for x in out)
+
+    def in_threads(
+        self,
+        n: int,
+        workers: int | None,
+        progress: Callable[[int, int], None] | None,
+        *buffers: np.ndarray,
+        piece: tuple[int, int] = PIECE,
+    ) -> None:
+        """Compute n rows of contiguous buffers, operands before results, on so many threads; see `shared`."""
+        entry = self.entry()
+
+        def run(first: int, last: int) -> int:
+            entry.run(first, last, *buffers)
+            return last - first
+
+        shared(run, n, workers, progress, piece=piece)
 
     def __call__(self, shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> Any:
         """Results of traced operands."""

@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 
 from tpd.exact.contact import Mode
 from tpd.exact.derivatives import once
+from tpd.exact.terms import ENDS
 from tpd.models.base import Cycle, Settled
 from tpd.models.calling import Compiled, numbers_in, parts, shape
 from tpd.scene.parameters import Number, Parameters, State
@@ -82,9 +83,7 @@ def _mode_of(of: Any) -> Mode:
 
 
 def _status_of(number: Array) -> Status:
-    from tpd.exact.repetition import STATUSES
-
-    every = [getattr(Status, name) for name in STATUSES]
+    every = [getattr(Status, name) for name in ENDS]
     return jax.tree.map(lambda *x: jnp.stack(x)[number.astype(int)], *every)
 
 

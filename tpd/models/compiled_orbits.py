@@ -16,7 +16,6 @@ from tpd.core import checks
 from tpd.exact.terms import STATUSES
 from tpd.models.calling import Compiled, shape
 from tpd.models.compiled_linear import fields
-from tpd.models.rows import shared
 from tpd.scene.parameters import Parameters
 
 _PIECE = 16, 256
@@ -54,14 +53,9 @@ def _settings(what: int, directions: int = 0, asked: tuple[int, int] = (0, 0)) -
 def _on_all_cores(
     settings: np.ndarray, workers: int | None, progress: Callable[[int, int], None] | None, *rows: np.ndarray
 ) -> None:
-    entry, n = load(), len(rows[0])
+    n = len(rows[0])
     settings = np.ascontiguousarray(np.broadcast_to(settings, (n, len(settings))))
-
-    def run(first: int, last: int) -> int:
-        entry.run(first, last, settings, *rows)
-        return last - first
-
-    shared(run, n, workers, progress, piece=_PIECE)
+    _CODE.in_threads(n, workers, progress, settings, *rows, piece=_PIECE)
 
 
 def solve_all(
