@@ -35,12 +35,14 @@ def numbers_in(record: np.dtype) -> int:
 
 
 def parts(numbers: Any, record: np.dtype) -> Any:
-    """Fields of a record of floats, or of a batch of them, by name. The record is an array's last axis."""
+    """Fields of a record of floats, or of a batch of them, by name. The record is an array's last axis.
+    Complex numbers have one more axis, of both parts."""
     found, fields = {}, cast("Any", record.fields)
     for name, (kind, begin) in fields.items():
         place = begin // 8
         size = kind.itemsize // 8
-        found[name] = numbers[..., place : place + size].reshape(*numbers.shape[:-1], *kind.shape)
+        own = (*kind.shape, 2) if kind.base.kind == "c" else kind.shape
+        found[name] = numbers[..., place : place + size].reshape(*numbers.shape[:-1], *own)
     return SimpleNamespace(**found)
 
 

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from tpd.core import checks
-from tpd.exact.contact import Mode
-from tpd.exact.terms import ENDS, XI
+from tpd.exact.terms import XI
 from tpd.models.base import Settled
 from tpd.models.calling import Compiled
-from tpd.models.compiled_linear import EXACT, fields
+from tpd.models.compiled_linear import EXACT, fields, settled_of
 from tpd.models.piecewise import Piecewise
 from tpd.scene.parameters import Parameters
-from tpd.scene.status import Status, index_of
 
 
 def _rows_of(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray, ...]:
@@ -41,14 +37,6 @@ def _rows_of(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray,
     return starts, np.array(np.transpose(columns), order="C"), begins, ramps
 
 
-@lru_cache(maxsize=1)
-def _structure() -> Any:
-    """Structure of the pytree of a `Settled`."""
-    none, count = jnp.zeros(()), jnp.zeros((), int)
-    about = count, none, none, Status.failed, count, none, none
-    return jax.tree.structure(Settled(jnp.zeros(4), Mode(count, none, none), *about))
-
-
 def settle_rows(
     compiled: Compiled,
     motions: tuple[Parameters, Any, Any, Any],
@@ -66,15 +54,8 @@ def settle_rows(
     found = np.empty(n, entry.SETTLED)
     row = tuple(entry.settings(task=entry.SETTLE, **limits))
     settings = np.full(n, np.array(row, entry.SETTINGS))
-
     compiled.in_threads(n, workers, progress, settings, rows, starts, times, found)
-    of = {name: found[name].copy() for name in entry.SETTLED.names}
-    kind, status, periods, elapsed = (of[n].astype(int) for n in ("kind", "status", "periods", "elapsed"))
-    status = np.array([index_of(name) for name in ENDS])[status]
-    memory, peaks = (kind, of["tilt"], of["way"]), (of["peak"], of["peak_stroke"])
-    # From its leaves, because fields are annotated with the shapes of a single motion.
-    leaves = [of["y"], *memory, periods, of["amplitude"], of["stroke"], status, elapsed, *peaks]
-    return jax.tree.unflatten(_structure(), leaves)
+    return settled_of(found.view(float).reshape(n, -1), entry.SETTLED)
 
 
 def settle_all(
