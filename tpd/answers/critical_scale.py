@@ -221,7 +221,7 @@ def verdicts(status: np.ndarray) -> np.ndarray:
 
 
 def bisected(
-    verdict: Any, lo: np.ndarray, hi: np.ndarray, low_falls: np.ndarray, rounds: int = 12
+    verdict: Any, lo: np.ndarray, hi: np.ndarray, low_falls: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Narrow the intervals that hold crossings, and say which are found.
 
@@ -230,14 +230,14 @@ def bisected(
         lo: factors, shape (crossings,).
         hi: factors, on the other side of each crossing.
         low_falls: whether `lo` is the side that overturns the block.
-        rounds: each divides the distance by 32; twelve reach the rounding of a double.
 
     Returns:
         Lower and upper ends, and whether runs without an answer left the interval as wide as it is.
     """
     lo, hi, found = lo.copy(), hi.copy(), np.ones(len(lo), dtype=bool)
     share, places = np.linspace(0.0, 1.0, _SECTIONS + 1), np.arange(_SECTIONS + 1)
-    for _ in range(rounds):
+    # Each round divides the distance by 32; twelve reach the rounding of a double.
+    for _ in range(12):
         rows = np.flatnonzero(found & (hi - lo > 4e-16 * hi))
         if not len(rows):
             break

@@ -74,9 +74,8 @@ class Transient(eqx.Module):
         lines = [f"{status_name(self.status)}: {Status[self.status]}"]
         hung = float(self.swing) != 0.0
         for name in ("tilt", "swing", "relative") if hung else ("tilt",):
-            lines.append(
-                f"  {name:9s} {getattr(self, name):.6g} rad at {getattr(self, name + '_time'):.4g} s"
-            )
+            at = f"at {getattr(self, name + '_time'):.4g} s"
+            lines.append(f"  {name:9s} {getattr(self, name):.6g} rad {at}")
         lines.append(f"  impacts   {int(self.impacts)}, all of a rattle included until it is called rest")
         if math.isfinite(self.uplift_time):
             lines.append(f"  uplift    at {self.uplift_time:.4g} s")

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
 from tpd.core import checks
@@ -28,22 +27,19 @@ def load() -> Any:
     return _CODE.entry()
 
 
-def _trial(entry: Any) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
-    """A way from turn to turn: of an orbit, places that mean nothing are left as they were."""
-    x = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 2.0, 0.7, 0.9])
-    return (shape(entry.SURVEYED),), (_settings(entry.SURVEY), x, np.array([0.7, 0.3, 0.0]))
-
-
-_CODE = Compiled("tpd.models.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _trial)
+_TRIED = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 2.0, 0.7, 0.9]), np.array([0.7, 0.3, 0.0])
+"""A way from turn to turn, to be tried: of an orbit, places that mean nothing are left as they were."""
+_CODE = Compiled(
+    *("tpd.models.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits"),
+    lambda entry: ((shape(entry.SURVEYED),), (_settings(entry.SURVEY), *_TRIED)),
+)
 
 
 def row_of(p: Parameters) -> Any:
     """Parameters as the compiled code takes them: the last axis of an array, of NumPy's where all are
     known."""
-    library = checks.namespace(*fields(p))
-    return library.stack(
-        library.broadcast_arrays(*(library.asarray(x, dtype=float) for x in fields(p))), axis=-1
-    )
+    xp = checks.namespace(*fields(p))
+    return xp.stack(xp.broadcast_arrays(*(xp.asarray(x, dtype=float) for x in fields(p))), axis=-1)
 
 
 def _settings(what: int, directions: int = 0, asked: tuple[int, int] = (0, 0)) -> np.ndarray:
