@@ -144,7 +144,7 @@ GUARDS = (
     Guard(
         "period three and chaos",
         "periodic_orbit: unstable where a multiplier exceeds 1",
-        "answers/periodic_orbit:_verdict",
+        "answers/periodic_orbit:_solved",
         never("unstable"),
         test_ids("answers/periodic_orbit", "continuation_passes_where_the_orbit_repels"),
     ),
