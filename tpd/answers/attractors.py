@@ -187,8 +187,8 @@ def _is_same(a: Attractor, b: Attractor, felt: bool) -> bool:
     """Whether both are one motion, or have one status whose motions are not divided."""
     if a.status != b.status or a.status not in _DIVIDED:
         return a.status == b.status
-    sizes = (np.array([m.steady.amplitude, m.steady.stroke]) for m in (a, b))
-    return a.periods == b.periods and _agree(*sizes, _SAME, felt)
+    x, y = (np.array([m.steady.amplitude, m.steady.stroke]) for m in (a, b))
+    return a.periods == b.periods and _agree(x, y, _SAME, felt)
 
 
 def _agree(a: np.ndarray, b: np.ndarray, share: float, felt: bool) -> bool:

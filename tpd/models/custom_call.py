@@ -152,7 +152,7 @@ def on_host(entrance: Any) -> Callable[..., None]:
     call: Callable[[int], int] = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(entrance.address)
     numbers: Any = ctypes.c_int64 * FRAME
 
-    def run(first: int, last: int, *buffers: np.ndarray) -> None:
+    def run(first: int, last: int, *buffers: Any) -> None:
         # NumPy's own attribute takes five times as long, but knows all arrays.
         places = (
             ctypes.addressof(ctypes.c_char.from_buffer(b)) if b.size and b.flags.writeable else b.ctypes.data
