@@ -9,7 +9,7 @@ from tests.exact.test_trajectory import REACH, clock, scales, states
 from tests.reference import BARE, HUNG, MOVING, SLOW, UNSTABLE, along, differences, exact, parameters
 from tests.truth import load
 from tpd import Piecewise, simulate, status_name, steady_state
-from tpd.exact import repetition, steady
+from tpd.exact import repetition, steady, terms
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import as_arrays
 
@@ -39,7 +39,7 @@ def verdict(transversality=1.0, residual=0.0, multiplier=0.5, to_fold=0.5, separ
     code = steady.verdict.py_func(
         repetition.ROCKING, residual, separation, multiplier, to_fold, transversality, False
     )
-    return steady.STATUSES[code]
+    return terms.STEADY_STATUSES[code]
 
 
 LOSSES = [

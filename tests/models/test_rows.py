@@ -7,7 +7,8 @@ import pytest
 
 from tests.reference import box, parameters
 from tpd import Piecewise
-from tpd.models.rows import settle_all, shared
+from tpd.core.batch import shared
+from tpd.models.rows import settle_all
 
 
 @pytest.mark.parametrize("workers", [None, 1, 3])

@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -168,46 +166,29 @@ def attractors(
         settled = settle_all(fixed, y0, model=model, progress=report)
     # The block does not feel a bob without mass (mu = 0), whose swing may still be decaying.
     felt = bool(np.isfinite(np.asarray(scale_of(fixed))[1]))
-    motions: list[_Motion] = []
+    motions: list[Attractor] = []
     for name, group in _groups(settled, felt):
         # Only the Lyapunov exponent of each motion separates chaos from slow decay, so that these starts
         # are solved one by one; of the others one start stands for its group.
         for starts_of in [[i] for i in group] if name == Outcome.not_settled else [group]:
-            steady = _solver(model)(fixed, jnp.asarray(y0[starts_of[0]]))
-            new = _Motion(status_name(steady.status), steady, list(starts_of))
-            known = next((motion for motion in motions if motion.same(new, felt)), None)
-            if known is None:
+            s = _solved(fixed, jnp.asarray(y0[starts_of[0]]), model)
+            kind = status_name(s.status), int(s.periods), bool(s.symmetric)
+            new = Attractor(*kind, len(starts_of) / len(y0), tuple(starts_of), s)
+            at = next((i for i, known in enumerate(motions) if _is_same(known, new, felt)), None)
+            if at is None:
                 motions.append(new)
             else:
-                known.starts += new.starts
-    return tuple(sorted((m.attractor(len(y0)) for m in motions), key=lambda a: -a.share))
+                all_ = tuple(sorted(motions[at].starts + new.starts))
+                motions[at] = replace(motions[at], starts=all_, share=len(all_) / len(y0))
+    return tuple(sorted(motions, key=lambda a: -a.share))
 
 
-@dataclass
-class _Motion:
-    """A motion and the starts that reach it."""
-
-    status: str
-    steady: Steady
-    starts: list[int]
-
-    def same(self, other: _Motion, felt: bool) -> bool:
-        """Whether both are one motion, or have one status whose motions are not divided."""
-        if self.status != other.status or self.status not in _DIVIDED:
-            return self.status == other.status
-        a, b = (np.array([m.steady.amplitude, m.steady.stroke]) for m in (self, other))
-        return int(self.steady.periods) == int(other.steady.periods) and _agree(a, b, _SAME, felt)
-
-    def attractor(self, size: int) -> Attractor:
-        """The motion as an answer, with its share of `size` starts."""
-        return Attractor(
-            status=self.status,
-            periods=int(self.steady.periods),
-            symmetric=bool(self.steady.symmetric),
-            share=len(self.starts) / size,
-            starts=tuple(sorted(self.starts)),
-            steady=self.steady,
-        )
+def _is_same(a: Attractor, b: Attractor, felt: bool) -> bool:
+    """Whether both are one motion, or have one status whose motions are not divided."""
+    if a.status != b.status or a.status not in _DIVIDED:
+        return a.status == b.status
+    x, y = (np.array([m.steady.amplitude, m.steady.stroke]) for m in (a, b))
+    return a.periods == b.periods and _agree(x, y, _SAME, felt)
 
 
 def _agree(a: np.ndarray, b: np.ndarray, share: float, felt: bool) -> bool:
@@ -235,6 +216,4 @@ def _groups(settled: Settled, felt: bool) -> list[tuple[str, list[int]]]:
     return groups
 
 
-@lru_cache(maxsize=8)
-def _solver(model: Piecewise) -> Callable[[Parameters, Any], Steady]:
-    return eqx.filter_jit(lambda p, y0: steady_state(p, model=model, y0=y0))
+_solved = eqx.filter_jit(lambda p, y0, model: steady_state(p, model=model, y0=y0))

@@ -119,19 +119,11 @@ def along(axis: Axis, grid: np.ndarray) -> Sweep:
     orbits, names = orbits_at(axis, grid)
     shares = orbits.crossing * axis.at(grid)[:, 6:7] / np.pi
     place = np.stack([shares, orbits.phase, np.log(orbits.amplitude)], axis=-1)
-    return Sweep(
-        name=axis.name,
-        value=grid,
-        status=names,
-        amplitude=np.asarray(orbits.amplitude),
-        stroke=np.asarray(orbits.stroke),
-        phase=np.asarray(orbits.phase),
-        crossing=np.asarray(orbits.crossing),
-        multipliers=np.asarray(orbits.multipliers),
-        margins=orbits.margins,
-        overflow=np.asarray(orbits.overflow),
-        branch=_joined(grid, place, np.sign(orbits.margins.fold)),
-    )
+    same = ("amplitude", "stroke", "phase", "crossing", "multipliers", "overflow")
+    arrays: Any = {n: np.asarray(getattr(orbits, n)) for n in same}
+    branch = _joined(grid, place, np.sign(orbits.margins.fold))
+    about = {"name": axis.name, "value": grid, "status": names, "branch": branch}
+    return Sweep(**about, **arrays, margins=orbits.margins)
 
 
 def _joined(grid: np.ndarray, place: np.ndarray, side: np.ndarray) -> np.ndarray:
@@ -342,24 +334,16 @@ def _explained(search: _Search, grid: np.ndarray, depth: int) -> list[Bifurcatio
         # A gap may be so narrow that its division gives equal numbers: then it cannot be resolved further.
         if depth and np.all(np.diff(finer) > 0):
             found += _explained(search, finer, depth - 1)
-        else:
-            found.append(_unexplained(search, gap))
+            continue
+        change = "is lost" if gap.lost else "changes the sign of its det(I + G)"
+        causes = " or ".join(kind.value.replace("_", " ") for kind in gap.causes)
+        between = f"between {gap.value:.15g} and {gap.other:.15g}"
+        middle, half = 0.5 * (gap.value + gap.other), 0.5 * abs(gap.value - gap.other)
+        where = {"name": search.axis.name, "value": middle, "error": half, "phase": gap.gamma}
+        reason = f"an orbit {change} {between}, but no {causes} was found"
+        unknown = {"kind": Kind.unresolved, "amplitude": math.nan, "crossing": gap.t, "reason": reason}
+        found.append(Bifurcation(**where, **unknown))
     return found
-
-
-def _unexplained(search: _Search, gap: _Gap) -> Bifurcation:
-    change = "is lost" if gap.lost else "changes the sign of its det(I + G)"
-    causes = " or ".join(kind.value.replace("_", " ") for kind in gap.causes)
-    return Bifurcation(
-        kind=Kind.unresolved,
-        name=search.axis.name,
-        value=0.5 * (gap.value + gap.other),
-        error=0.5 * abs(gap.value - gap.other),
-        amplitude=math.nan,
-        phase=gap.gamma,
-        crossing=gap.t,
-        reason=f"an orbit {change} between {gap.value:.15g} and {gap.other:.15g}, but no {causes} was found",
-    )
 
 
 def _located(search: _Search, gap: _Gap, kind: Kind) -> Bifurcation | None:
@@ -367,21 +351,16 @@ def _located(search: _Search, gap: _Gap, kind: Kind) -> Bifurcation | None:
     (x,) = search.axis.at(np.array([gap.value]))
     guesses = [np.array([gap.t, gap.gamma])]
     if kind is Kind.grazing:
-        guesses = [np.append(guesses[0], s) for s in _dents(x, guesses[0])]
+        # The two peaks of phi' between the turns that are closest to zero.
+        rates = survey(guesses[0], _row(x)).rates
+        peaks = np.nonzero((rates[1:-1] >= rates[:-2]) & (rates[1:-1] >= rates[2:]))[0] + 1
+        times = (np.arange(len(rates)) + 1.0) / (len(rates) + 1) * np.pi / x[6]
+        guesses = [np.append(guesses[0], times[i]) for i in sorted(peaks, key=lambda i: -rates[i])[:2]]
     for guess in guesses:
         point = _newton(search, kind, guess, gap)
         if point is not None:
             return _on_orbit(search, kind, point)
     return None
-
-
-def _dents(x: np.ndarray, u: np.ndarray) -> list[float]:
-    """Times of the two peaks of phi' between the turns that are closest to zero."""
-    rates = survey(u, _row(x)).rates
-    inner = rates[1:-1]
-    peaks = np.nonzero((inner >= rates[:-2]) & (inner >= rates[2:]))[0] + 1
-    nearest = sorted(peaks, key=lambda i: -rates[i])[:2]
-    return [float(i + 1) / (len(rates) + 1) * np.pi / x[6] for i in nearest]
 
 
 class _Point(NamedTuple):
@@ -400,12 +379,14 @@ class _Point(NamedTuple):
 
 def _newton(search: _Search, kind: Kind, guess: np.ndarray, gap: _Gap) -> _Point | None:
     """Solve for u and the value by Newton's method with limited steps; None if it does not end nearby."""
-    u, m, value, last = guess, len(guess), gap.value, math.inf
+    u, m, value, last, rows = guess, len(guess), gap.value, math.inf, _ROWS[kind]
     low, high = search.window(kind, gap)
     for _ in range(40):
         (x,) = search.axis.at(np.array([value]))
-        residual, by_u, by_axis = _linear(search.axis, kind, u, value)
-        system = np.column_stack([by_u, by_axis[:, 0]])
+        # The residual, and its derivatives in u, and in the varied number and the axis' others.
+        at = vanishing(np.append(u, [1.0] * (3 - m)), _row(x))
+        residual, by_axis = at.values[rows], _row(at.by_x[rows].T).T @ search.axis.jacobian(value)
+        system = np.column_stack([at.by_u[rows, :m], by_axis[:, 0]])
         if not np.all(np.isfinite(system)) or np.linalg.matrix_rank(system) <= m:
             return None
         # The columns beyond the first are the derivatives of the solution, by the implicit function theorem.
@@ -432,13 +413,6 @@ _ROWS = {
     Kind.grazing: [0, 1, 5, 6],
 }
 """Entries of `vanishing` that are zero at a bifurcation of each kind."""
-
-
-def _linear(axis: Axis, kind: Kind, u: np.ndarray, value: float) -> tuple[np.ndarray, ...]:
-    """The residual for a kind, and its derivatives in u, and in the varied number and the axis' others."""
-    m, rows, (x,) = len(u), _ROWS[kind], axis.at(np.array([value]))
-    found = vanishing(np.append(u, [1.0] * (3 - m)), _row(x))
-    return found.values[rows], found.by_u[rows, :m], _row(found.by_x[rows].T).T @ axis.jacobian(value)
 
 
 def _row(x: np.ndarray) -> np.ndarray:

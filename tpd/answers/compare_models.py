@@ -72,8 +72,17 @@ class Check(Printed):
 
     def table(self) -> str:
         """One line for each model."""
-        head = f"{'model':20}{'amplitude':>11}{'stroke':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
-        return "\n".join([head, *(_row(r) for r in self.models)])
+        lines = [
+            f"{'model':20}{'amplitude':>11}{'stroke':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
+        ]
+        for r in self.models:
+            sizes = (
+                f"{'-':>{w}}" if math.isnan(x) else f"{x:{w}.6f}"
+                for x, w in ((r.amplitude, 11), (r.stroke, 10))
+            )
+            times = f"{r.seconds * 1e3:7.2f} ms{r.first:7.1f} s"
+            lines.append(f"{r.name:20}{''.join(sizes)}  {r.status:13}{times}  {r.neglects}")
+        return "\n".join(lines)
 
     def __str__(self) -> str:
         verdict = [f"objection: {x}" for x in self.objections] or ["no objection by the nonlinear equations"]
@@ -146,7 +155,8 @@ def nonlinear(p: Parameters) -> tuple[float, float, str]:
 def _timed(name: str, p: Parameters) -> Answer:
     """The answer of one model, solved twice to separate the time to compile from the time to solve."""
     model = _MODELS[name]
-    solve = model.solve if model.impact_loss or float(p.velocity_ratio) == 1.0 else _no_impacts
+    knows = model.impact_loss or float(p.velocity_ratio) == 1.0
+    solve = model.solve if knows else lambda _: (math.nan, math.nan, "no impacts")
     begin = time.perf_counter()
     solve(p)
     middle = time.perf_counter()
@@ -159,15 +169,10 @@ def _timed(name: str, p: Parameters) -> Answer:
 _one_harmonic = eqx.filter_jit(one_harmonic)
 
 
-def _no_impacts(_: Parameters) -> _Sizes:
-    return math.nan, math.nan, "no impacts"
-
-
 def _at_rest(p: Parameters) -> _Sizes:
     lift = uplift(p)
-    return (
-        (0.0, float(lift.stroke), "rest") if lift.margin >= 0.0 else (math.nan, float(lift.stroke), "lifts")
-    )
+    amplitude, status = (0.0, "rest") if lift.margin >= 0.0 else (math.nan, "lifts")
+    return amplitude, float(lift.stroke), status
 
 
 def _balanced(p: Parameters) -> _Sizes:
@@ -222,13 +227,3 @@ MODELS = tuple(_MODELS)
 """Names of all models, the cheapest first."""
 QUICK = ("uplift", "one harmonic", "exact", TOP)
 """Names of the models that do not take long to compile."""
-
-
-def _row(r: Answer) -> str:
-    def number(x: float, width: int) -> str:
-        return f"{'-':>{width}}" if math.isnan(x) else f"{x:{width}.6f}"
-
-    return (
-        f"{r.name:20}{number(r.amplitude, 11)}{number(r.stroke, 10)}  {r.status:13}{r.seconds * 1e3:7.2f} ms"
-        f"{r.first:7.1f} s  {r.neglects}"
-    )

@@ -24,6 +24,7 @@ from jaxtyping import Array, Float
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.exact.derivatives import refused
+from tpd.exact.terms import OVERTURNED, ROCKED, STOOD
 from tpd.models.compiled_linear import packed
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion, refuse_zeros
 from tpd.scene.parameters import Number, Parameters
@@ -153,7 +154,6 @@ def _scanned(
     x: np.ndarray, c: np.ndarray, late: float, ends: np.ndarray, scan: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """First crossing of a scan, all tongues, and the intervals without an answer."""
-    from tpd.exact.follow import STOOD
     from tpd.models.compiled_shaken import follow_all
 
     row = x.copy()
@@ -217,13 +217,11 @@ def _padded(intervals: np.ndarray) -> np.ndarray:
 
 def verdicts(status: np.ndarray) -> np.ndarray:
     """1 where a motion overturns the block, 0 where it does not, and NaN where there is no answer."""
-    from tpd.exact.follow import OVERTURNED, ROCKED, STOOD
-
     return np.select([status == OVERTURNED, (status == STOOD) | (status == ROCKED)], [1.0, 0.0], np.nan)
 
 
 def bisected(
-    verdict: Any, lo: np.ndarray, hi: np.ndarray, low_falls: np.ndarray, rounds: int = 12
+    verdict: Any, lo: np.ndarray, hi: np.ndarray, low_falls: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Narrow the intervals that hold crossings, and say which are found.
 
@@ -232,14 +230,14 @@ def bisected(
         lo: factors, shape (crossings,).
         hi: factors, on the other side of each crossing.
         low_falls: whether `lo` is the side that overturns the block.
-        rounds: each divides the distance by 32; twelve reach the rounding of a double.
 
     Returns:
         Lower and upper ends, and whether runs without an answer left the interval as wide as it is.
     """
     lo, hi, found = lo.copy(), hi.copy(), np.ones(len(lo), dtype=bool)
     share, places = np.linspace(0.0, 1.0, _SECTIONS + 1), np.arange(_SECTIONS + 1)
-    for _ in range(rounds):
+    # Each round divides the distance by 32; twelve reach the rounding of a double.
+    for _ in range(12):
         rows = np.flatnonzero(found & (hi - lo > 4e-16 * hi))
         if not len(rows):
             break

@@ -140,15 +140,20 @@ def design_map(
     check_where(None, cluster)
     setup = Setup.of(subject, pendulum)
     (x_name, xs), (y_name, ys) = _line(setup, "x", x), _line(setup, "y", y)
-    designs = _designs(setup, {x_name: xs, y_name: ys})
-    y0 = None if start is None else _state(start)
+    _check_together(setup, {x_name: xs, y_name: ys})
+    # All designs on the grid, row by row, leaves of shape (ny nx,).
+    across, up = np.meshgrid(xs, ys)
+    vector = setup.vector({x_name: across.ravel(), y_name: up.ravel()})
+    designs = parameters([jnp.broadcast_to(jnp.asarray(v), across.size) for v in vector])
+    if start is not None:
+        checks.numbers("start", start, (4,), "four numbers (phi, psi, phi', psi')")
+    y0 = None if start is None else np.asarray(start, dtype=float)
     with shown_count(progress, "mapping") as report:
         if cluster is None:
             answer = _answers(designs, y0, None, report)
         else:
             chunk = _CHUNK_FOLLOWED if y0 is not None else _CHUNK
-            how = {"chunk": chunk, "progress": report}
-            answer = cluster.map("map", _answers, designs, (y0,), **how)
+            answer = cluster.map("map", _answers, designs, (y0,), chunk=chunk, progress=report)
     answer["status"] = names_by_code(answer["status"])
     shaped = {n: v.reshape(len(ys), len(xs)) for n, v in answer.items()}
     at = None if y0 is None else tuple(map(float, y0))
@@ -173,14 +178,6 @@ def _answers(
     return {**answer, **more, "status": codes_of(answer["status"])}
 
 
-def _designs(setup: Setup, lines: dict[str, np.ndarray]) -> Parameters:
-    """Parameters of all designs on the grid of two axes, row by row, leaves of shape (ny nx,)."""
-    _check_together(setup, lines)
-    grid = dict(zip(lines, (axis.ravel() for axis in np.meshgrid(*lines.values())), strict=True))
-    size = math.prod(map(len, lines.values()))
-    return parameters([jnp.broadcast_to(jnp.asarray(v), size) for v in setup.vector(grid)])
-
-
 def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.ndarray]:
     """The name and values of one axis, checked."""
     if not (isinstance(axis, (tuple, list)) and len(axis) == 2):
@@ -188,13 +185,12 @@ def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.n
     checks.numbers(f"values of {argument}", axis[1], (-1,), "two or more numbers that increase")
     name, values = axis[0], np.asarray(axis[1], dtype=float)
     if values.ndim != 1 or len(values) < 2 or not (np.isfinite(values).all() and np.all(np.diff(values) > 0)):
-        raise ValueError(
-            f"the values of `{argument}` must be two or more finite numbers that increase, but are not"
-        )
+        wanted = "two or more finite numbers that increase"
+        raise ValueError(f"the values of `{argument}` must be {wanted}, but are not")
     setup.check_name(argument, name)
     for value in (values[0], values[-1]):
         setup.check_sign(name, float(value))
-    setup.check_plausible(name, np.asarray(values, dtype=float))
+    setup.check_plausible(name, values)
     return name, values
 
 
@@ -210,12 +206,6 @@ def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
     # Each parameter with a range is monotonic in each quantity, so that the corners decide for the grid.
     for corner in ((i, j) for i in (0, -1) for j in (0, -1)):
         setup.at({x: float(xs[corner[0]]), y: float(ys[corner[1]])})
-
-
-def _state(start: Any) -> np.ndarray:
-    """The start as an array, checked."""
-    checks.numbers("start", start, (4,), "four numbers (phi, psi, phi', psi')")
-    return np.asarray(start, dtype=float)
 
 
 def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str, np.ndarray]:
@@ -235,11 +225,7 @@ def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str,
 
 
 def _followed(
-    p: Parameters,
-    orbits: Orbits,
-    reach: np.ndarray,
-    y0: np.ndarray,
-    how: dict[str, Any],
+    p: Parameters, orbits: Orbits, reach: np.ndarray, y0: np.ndarray, how: dict[str, Any]
 ) -> dict[str, np.ndarray]:
     """The answers from a start: sizes of the orbit that the motion is on, or those of the motion itself."""
     n = len(np.asarray(p.nu))

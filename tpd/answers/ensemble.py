@@ -251,8 +251,8 @@ class Outcomes(Printed):
             out.append((f"  {name}", f"{share.value:.1%}"))
         out.append(("at rest in the end", str(self.at_rest)))
         for name, of in _QUANTILES.items():
-            sizes = "  ".join(_size(v) for v in self.quantiles(of))
-            out.append((f"{name}: 50, 90, 99 %", sizes))
+            sizes = (f"{v:.4f}".replace("nan", "unknown").replace("inf", "lost") for v in self.quantiles(of))
+            out.append((f"{name}: 50, 90, 99 %", "  ".join(sizes)))
         return out
 
     def __str__(self) -> str:
@@ -263,10 +263,6 @@ class Outcomes(Printed):
         if self.undecided.any():
             lines.append(f"  {UNDECIDED_ROW:36}{self.undecided.sum():>26}")
         return "\n".join(lines)
-
-
-def _size(value: float) -> str:
-    return "unknown" if math.isnan(value) else f"{value:.4f}" if math.isfinite(value) else "lost"
 
 
 class Plan(NamedTuple):

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.ground_batch import Progress, Runs, follow_scaled
+from tpd.answers.ground_batch import Progress, follow_scaled
 from tpd.answers.statistics import Lognormal, fit_lognormal, mcnemar, median_words
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
@@ -96,15 +96,11 @@ class Fragility(Tabular):
         curves = [*self.bare.values(), *(self.hung or {}).values()]
         n = len(self.stripes)
         names = np.repeat(["bare", "hung"], len(self.bare) * n)[: len(curves) * n]
-        each = {
-            name: [getattr(c, name) for c in curves] for name in ("counts", "total", "undecided", "shares")
-        }
-        each |= {"fit": [c.fit.probability(self.stripes) for c in curves]}
-        rows = {
-            "stripe": np.tile(self.stripes, len(curves)),
-            "state": np.repeat([c.state for c in curves], n),
-        }
-        return {"case": names, **rows, **{name: np.concatenate(x) for name, x in each.items()}}
+        rows = {"case": names, "stripe": np.tile(self.stripes, len(curves))}
+        rows["state"] = np.repeat([c.state for c in curves], n)
+        for name in ("counts", "total", "undecided", "shares"):
+            rows[name] = np.concatenate([getattr(c, name) for c in curves])
+        return {**rows, "fit": np.concatenate([c.fit.probability(self.stripes) for c in curves])}
 
     def __str__(self) -> str:
         quakes = "one earthquake" if self.earthquakes == 1 else f"{self.earthquakes} earthquakes"
@@ -211,7 +207,10 @@ def fragility(
 
     exact = follow_scaled(block, cases, motions, factors, progress=shifted(0), **options)
     nu, quakes = float(block.slenderness), np.unique(events_of(motions), return_inverse=True)[1]
-    hits = {name: _reached(exact, level * nu) for name, level in states.items()}
+    # Whether every run reaches each of the damage states, as a number; NaN where nothing is known.
+    tilted = {n: np.where(exact.lifted, exact.tilt, -1.0) > x * nu for n, x in states.items()}
+    reached = {n: exact.overturned if math.isinf(states[n]) else hit for n, hit in tilted.items()}
+    hits = {n: np.where(exact.undecided, np.nan, hit) for n, hit in reached.items()}
     curves = [
         {name: _curve(name, hit[i], quakes, stripes) for name, hit in hits.items()} for i in range(len(cases))
     ]
@@ -225,6 +224,10 @@ def fragility(
         shares = [float(np.mean(x[np.isfinite(x)])) if np.isfinite(x).any() else math.nan for x in differs]
         changed = shares[0], shares[-1]
         unanswered = int(checked.undecided[0].sum()), int(checked.undecided[-1].sum())
+    p_values = {name: mcnemar(hit[0], hit[-1], quakes) for name, hit in hits.items()}
+    crossings = {
+        n: (_first_crossing(h[0], stripes), _first_crossing(h[-1], stripes)) for n, h in hits.items()
+    }
     return Fragility(
         intensity=measure.name,
         stripes=stripes,
@@ -233,23 +236,12 @@ def fragility(
         earthquakes=len(np.unique(quakes)),
         bare=curves[0],
         hung=curves[1] if pendulum is not None else None,
-        p_values={name: mcnemar(hit[0], hit[1], quakes) for name, hit in hits.items()}
-        if pendulum is not None
-        else None,
+        p_values=p_values if pendulum is not None else None,
         tilts=(tilts[0], tilts[1] if pendulum is not None else None),
-        first_crossings={
-            name: (_first_crossing(hit[0], stripes), _first_crossing(hit[-1], stripes))
-            for name, hit in hits.items()
-        },
+        first_crossings=crossings,
         changed=changed,
         unanswered=unanswered,
     )
-
-
-def _reached(found: Runs, tilt: float) -> np.ndarray:
-    """Whether every run reaches a damage state, as a number; NaN where nothing is known."""
-    hit = found.overturned if math.isinf(tilt) else found.lifted & (found.tilt > tilt)
-    return np.where(found.undecided, np.nan, hit)
 
 
 def _curve(name: str, hit: np.ndarray, quakes: np.ndarray, stripes: np.ndarray) -> Curve:

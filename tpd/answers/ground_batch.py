@@ -9,6 +9,7 @@ import numpy as np
 
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
+from tpd.exact.terms import FAILED, OVERTURNED
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
 from tpd.scene.scene import Block, Pendulum, Scene
 
@@ -79,9 +80,8 @@ def follow_scaled(
         checks.instance(f"motions[{i}]", motion, GroundMotion)
     factors = np.asarray(factors, dtype=float)
     if len(factors) != len(motions) or not len(motions):
-        raise ValueError(
-            f"`factors` must have a row for each of {len(motions)} motions, but has {factors.shape}"
-        )
+        wanted = f"a row for each of {len(motions)} motions"
+        raise ValueError(f"`factors` must have {wanted}, but has {factors.shape}")
     checks.not_negative("factors", factors)
     checks.within("free", free, 0.0, LONGEST_FREE, " s")
     # Rows of one record stand together, so that a thread finds its samples in the cache.
@@ -135,8 +135,6 @@ def _followed(
     progress: Progress | None = None,
 ) -> dict[str, np.ndarray]:
     """Fields of `Runs` of motions: rows of parameters, index of the record and free time of each."""
-    from tpd.exact.follow import FAILED, OVERTURNED
-
     if nonlinear:
         from tpd.models.compiled_nonlinear import shake_nonlinear as follow_all
     else:

@@ -61,10 +61,8 @@ class Verdict(Printed):
     @property
     def ends(self) -> tuple[Verdict, Verdict]:
         """The runs with each that has no answer ended against the pendulum, and with each ended for it."""
-        against, favour = (
-            Verdict(hung=self.hung.ended(falls), bare=self.bare.ended(not falls)) for falls in (True, False)
-        )
-        return against, favour
+        against = Verdict(hung=self.hung.ended(True), bare=self.bare.ended(False))
+        return against, Verdict(hung=self.hung.ended(False), bare=self.bare.ended(True))
 
     @property
     def chance(self) -> float:
@@ -258,11 +256,16 @@ def benefit_of(verdict: Verdict, slenderness: float, condition: np.ndarray, shar
     found = fall(hung, bare, least=LEAST)
     rest_with, rest_without = ((o.status == Outcome.rest).astype(float) for o in (pairs.hung, pairs.bare))
     fewer, more = (int(np.sum(x > 0.0)) for x in (rest_without - rest_with, rest_with - rest_without))
+    # A condition is worse where its pairs show, at 5 %, that the mean severity is higher by more than the
+    # share: one chaotic run decides nothing.
+    excess = hung - (1.0 + share) * bare - LEAST * share
+    rests_less = is_positive((1.0 - FEWER) * rest_without - rest_with)
+    # Of a single run nothing is known but the value.
+    low, high = (found.low, found.high) if np.isfinite(found.low) else (np.nan, np.nan)
     return Benefit(
         value=found.mean,
-        # Of a single run nothing is known but the value.
-        low=found.low if np.isfinite(found.low) else np.nan,
-        high=found.high if np.isfinite(found.low) else np.nan,
+        low=low,
+        high=high,
         changes=(
             _mean_change("mean severity", hung, bare),
             Change("median severity", _of(np.median, hung), _of(np.median, bare), np.nan, np.nan),
@@ -270,11 +273,10 @@ def benefit_of(verdict: Verdict, slenderness: float, condition: np.ndarray, shar
             _mean_change("overturned", pairs.hung.lost, pairs.bare.lost),
             _mean_change("at rest", rest_with, rest_without),
         ),
-        worse_conditions=_worse(hung, bare, condition, share),
+        worse_conditions=tuple(int(i) for i in np.unique(condition) if is_positive(excess[condition == i])),
         by_condition=(_by_condition(hung, condition, conditions), _by_condition(bare, condition, conditions)),
         share=share,
-        rests_less=is_positive((1.0 - FEWER) * rest_without - rest_with)
-        and chance_of(fewer, more) < SIGNIFICANT,
+        rests_less=rests_less and chance_of(fewer, more) < SIGNIFICANT,
         runs=len(hung),
         undecided=int(np.sum(~known)),
         ends=ends,
@@ -302,10 +304,3 @@ def _by_condition(values: np.ndarray, condition: np.ndarray, n: int) -> np.ndarr
     count = np.bincount(condition, minlength=n)
     with np.errstate(invalid="ignore"):
         return np.bincount(condition, weights=values, minlength=n) / np.where(count > 0, count, np.nan)
-
-
-def _worse(hung: np.ndarray, bare: np.ndarray, condition: np.ndarray, share: float) -> tuple[int, ...]:
-    """Conditions in which the pairs show, at 5 %, that the mean severity is higher by more than `share`."""
-    # One chaotic run decides nothing: the mean over the pairs of a condition must be clearly above.
-    excess = hung - (1.0 + share) * bare - LEAST * share
-    return tuple(int(i) for i in np.unique(condition) if is_positive(excess[condition == i]))

@@ -40,11 +40,9 @@ class Orbit(NamedTuple):
     by_state: Any
     """d(end, sizes)/dy at fixed parameters, shape (6, 4)."""
     transversality: Any
-    """See `Cycle`."""
     asymmetry: Any
-    """See `Cycle`."""
     closed: Any
-    """See `Cycle`."""
+    """The last three as in `Cycle`."""
 
     @property
     def error(self) -> Any:
@@ -91,15 +89,10 @@ def refine(p: Parameters, model: AbstractModel, begun: Settled, code: Any) -> Or
         better = orbit.error < w.best.error
         best = _where(better, orbit, w.best)
         newton = jnp.where(jnp.all(jnp.isfinite(move)), w.y + move, w.y)
-        # By rounding a map that is integrated may miss an event that undoes itself soon: half of a step that
-        # led away tries once more.
+        # Half of a step that led away tries once more, in the mode in which the last one began; any other
+        # step begins in the mode in which the last one ended. Both are explained in `tpd.exact.steady`.
         again = ~better & (w.best.error > RESIDUAL) & jnp.isfinite(w.best.error)
         newton = jnp.where(again, 0.5 * (w.y + w.best.y), newton)
-        # That one began in the mode in which the best one ended. An orbit that meets an event at tau = 0,
-        # such as every conservative one, comes out on either side of it by rounding. Begun before the event
-        # and ended after it, the run counts the event twice, the other way round not at all: both leave the
-        # state right and its derivative wrong. A run that begins in the mode in which the last one ended
-        # meets it once.
         memory = _where(again, w.memory, memory)
         return _Walk(newton, memory, best, jnp.where(better | again, w.steps + 1, _NEWTON_STEPS))
 
@@ -153,10 +146,7 @@ def multipliers(mu: Any, jacobian: Any) -> tuple[Any, Any]:
 def implicit(orbit: Orbit) -> tuple[Any, Any]:
     """(amplitude, stroke) after one more Newton step, and the derivatives of (amplitude, stroke, state)
     with the orbit following its parameters, shape (6, n)."""
-    # y*(p) = P(y*(p), p), hence dy*/dp = (I - DP)^-1 dP/dp, however long the transient was; amplitude and
-    # stroke are functions of (y*, p) along the period. The residual is one more right-hand side, so that the
-    # sizes gain the last Newton step for nothing. I - DP is singular at a fold: the caller refuses slopes
-    # there.
+    # By the implicit function theorem, see `tpd.exact.steady`; at a fold the caller refuses the slopes.
     right = jnp.concatenate([(orbit.end - orbit.y)[:, None], orbit.by_parameter[:4]], axis=1)
     follow = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], right)
     moves = orbit.by_state[4:] @ follow

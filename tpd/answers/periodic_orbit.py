@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections import namedtuple
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -142,7 +141,11 @@ def periodic_orbit(
     checks.positive("rest_rate", rest_rate)
     checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
     y = jnp.asarray(y0, dtype=jnp.float64)
-    return _answered(p, partial(_recorded, max_events), max_events, periods, y, rest_rate)
+
+    def start(x: np.ndarray, periods: int, y0: np.ndarray, rate: np.ndarray) -> Start:
+        return recorded(x, y0, periods, max_events, float(rate))
+
+    return _answered(p, start, max_events, periods, y, rest_rate)
 
 
 def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
@@ -161,11 +164,6 @@ def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
     modes = s.kinds, s.tilt_signs, s.rate_signs, s.endings
     numbers = s.states, s.durations, s.phases, s.count
     return _answered(p, _carried_over, s.kinds.size, orbit.periods, *modes, *numbers)
-
-
-def _recorded(max_events: int, x: np.ndarray, periods: int, y0: np.ndarray, rest_rate: np.ndarray) -> Start:
-    """The arcs of one period of the motion from `y0`."""
-    return recorded(x, y0, periods, max_events, float(rest_rate))
 
 
 def _carried_over(x: np.ndarray, periods: int, *sequence: np.ndarray) -> Start:
@@ -193,7 +191,7 @@ def _answered(
     values = values if isinstance(x, np.ndarray) else with_slopes(x, jnp.asarray(values), jnp.asarray(slopes))
     amplitude, stroke, *margins, status, symmetric, count = map(jnp.asarray, (*values[:5], *values[17:_ALL]))
     arcs = jnp.asarray(values[_ALL:]).reshape(size, 10)
-    kinds, endings = arcs[:, 6].astype(int), arcs[:, 9].astype(int)
+    kinds, signs, endings = arcs[:, 6].astype(int), (arcs[:, 7], arcs[:, 8]), arcs[:, 9].astype(int)
     return PeriodicOrbit(
         jax.tree.unflatten(jax.tree.structure(Status.rocking), [status.astype(jnp.int32)]),
         amplitude,
@@ -201,9 +199,7 @@ def _answered(
         jnp.asarray(values[5:9]),
         jnp.asarray(periods),
         symmetric != 0.0,
-        Sequence(
-            kinds, arcs[:, 7], arcs[:, 8], endings, arcs[:, 5], arcs[:, 4], arcs[:, :4], count.astype(int)
-        ),
+        Sequence(kinds, *signs, endings, arcs[:, 5], arcs[:, 4], arcs[:, :4], count.astype(int)),
         jnp.asarray(values[9:13] + 1j * values[13:17]),
         CycleMargins(*margins),
     )
@@ -235,8 +231,18 @@ def _solved(start: Callable[..., Start], size: int, *given: ArrayLike) -> tuple[
             matrix[1::2], matrix[:, 1::2] = 0.0, 0.0
         multipliers, fold = np.linalg.eigvals(matrix), np.linalg.det(np.eye(4) - matrix)
         grazing, sticking = np.min(orbit.met["dip"]), np.min(orbit.met["sticking"])
-        status = _verdict(p, bool(np.any(kinds != SLIP)), multipliers, grazing)
-        symmetric = periods % 2 == 1 and _mirrored(orbit.arcs, scale, span)
+        # Each line overrules those above it.
+        largest, status = np.max(np.abs(multipliers)), "sticking" if np.any(kinds != SLIP) else "rocking"
+        status = status if largest < 1.0 else "unstable"
+        status = "neutral" if is_neutral(p.k, p.e, p.mu, p.zeta, largest) else status
+        status = "grazing" if grazing < GRAZING else status
+        status = "near_fold" if np.min(np.abs(1.0 - multipliers)) < 2.0 * NEAR_FOLD else status
+        half = count // 2
+        if periods % 2 == 1 and count % 2 == 0:
+            # The second half of the arcs may be the mirror image of the first.
+            apart = np.abs(orbit.arcs[:half, :4] + orbit.arcs[half:, :4]) / scale
+            longer = np.abs(orbit.arcs[:half, 5] - orbit.arcs[half:, 5]) / span
+            symmetric = bool(max(np.max(apart), np.max(longer)) < _MIRRORED)
         sizes, by_sizes = _looked_up(x, orbit, span)
         values[:17] = *sizes[:2], fold, grazing, sticking, *sizes[2:], *multipliers.real, *multipliers.imag
         arcs[:count, :6], arcs[:count, 6:] = orbit.arcs, [[*link][:4] for link in orbit.links.tolist()]
@@ -245,16 +251,6 @@ def _solved(start: Callable[..., Start], size: int, *given: ArrayLike) -> tuple[
             by[:count, :6] = orbit.by
     values[17:_ALL] = jax.tree.leaves(getattr(Status, status))[0], symmetric, count
     return values, slopes
-
-
-def _verdict(p: Any, held: bool, multipliers: np.ndarray, grazing: float) -> str:
-    """Name of the status of an orbit, on which the block is `held` or not."""
-    largest = np.max(np.abs(multipliers))
-    status = "sticking" if held else "rocking"
-    status = status if largest < 1.0 else "unstable"
-    status = "neutral" if is_neutral(p.k, p.e, p.mu, p.zeta, largest) else status
-    status = "grazing" if grazing < GRAZING else status
-    return "near_fold" if np.min(np.abs(1.0 - multipliers)) < 2.0 * NEAR_FOLD else status
 
 
 def _looked_up(x: np.ndarray, orbit: Orbit, span: float) -> tuple[np.ndarray, np.ndarray]:
@@ -278,13 +274,3 @@ def _looked_up(x: np.ndarray, orbit: Orbit, span: float) -> tuple[np.ndarray, np
     sizes = np.abs([arcs[k, 0], ends[1, 1]])
     by_sizes = sides[:, None] * [by[k, 0], slopes[1, 1]]
     return np.append(sizes, ends[0, :4]), np.vstack([by_sizes, slopes[0, :4]])
-
-
-def _mirrored(arcs: np.ndarray, scale: np.ndarray, span: float) -> bool:
-    """Whether the second half of the arcs is the mirror image of the first."""
-    half = len(arcs) // 2
-    if len(arcs) % 2 == 1:
-        return False
-    apart = np.abs(arcs[:half, :4] + arcs[half:, :4]) / scale
-    longer = np.abs(arcs[:half, 5] - arcs[half:, 5]) / span
-    return bool(max(np.max(apart), np.max(longer)) < _MIRRORED)

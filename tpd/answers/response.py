@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -184,16 +183,10 @@ class Response(Printed, Tabular):
         return {self.name: self.frequency, "status": self.status, **sizes, **shares}
 
     def __str__(self) -> str:
-        unit = UNITS.get(self.name, "")
-        return "\n".join(
-            [
-                f"Response from rest over {self.name}: {len(self.frequency)} values, "
-                f"{span(self.frequency, unit)}",
-                f"  status      {counted(self.status)}",
-                f"  amplitude   {span(self.amplitude, 'rad')}",
-                f"  stroke      {span(self.stroke, 'rad')}",
-            ]
-        )
+        over = f"{len(self.frequency)} values, {span(self.frequency, UNITS.get(self.name, ''))}"
+        head = f"Response from rest over {self.name}: {over}\n  status      {counted(self.status)}"
+        sizes = f"  amplitude   {span(self.amplitude, 'rad')}\n  stroke      {span(self.stroke, 'rad')}"
+        return f"{head}\n{sizes}"
 
 
 def settled_response(
@@ -224,25 +217,20 @@ def settled_response(
     checks.numbers("values", np.atleast_1d(values), (-1,), "one or more numbers")
     line = np.atleast_1d(np.asarray(values, dtype=float))
     axis.check(*line)
+    found = []
     with shown(progress) as report:
-        return _settled(axis, line, report)
-
-
-def _settled(axis: Axis, line: np.ndarray, progress: Progress | None) -> Response:
-    amplitude, stroke, status = [], [], []
-    # One value after the other: in a batch all values would wait for the slowest transient.
-    for i, value in enumerate(line):
-        s = jax.block_until_ready(steady_state(as_arrays(axis.setup.at({axis.name: float(value)}))))
-        amplitude.append(float(s.amplitude))
-        stroke.append(float(s.stroke))
-        status.append(status_name(s.status))
-        if progress is not None:
-            progress("responding", i + 1, len(line))
+        # One value after the other: in a batch all values would wait for the slowest transient.
+        for i, value in enumerate(line):
+            steady = steady_state(as_arrays(axis.setup.at({axis.name: float(value)})))
+            found.append((float(steady.amplitude), float(steady.stroke), status_name(steady.status)))
+            if report is not None:
+                report("responding", i + 1, len(line))
+    amplitude, stroke, status = map(np.array, zip(*found, strict=True))
     return Response(
         frequency=line,
-        amplitude=np.array(amplitude),
-        stroke=np.array(stroke),
-        status=np.array(status, dtype=str),
+        amplitude=amplitude,
+        stroke=stroke,
+        status=status,
         name=axis.name,
         overturning=_overturning(axis, line) if len(line) >= _LEAST else None,
     )

@@ -9,7 +9,7 @@ import numpy as np
 from tpd.answers.ground_batch import rows_of
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
-from tpd.exact.contact import SLIP
+from tpd.exact.terms import SHAKEN, SLIP
 from tpd.models.compiled_shaken import REST_RATE
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status
@@ -122,36 +122,28 @@ def shaking_history(
     gone = ~(np.abs(out[:, 0]) < 0.5 * np.pi)
     out[np.cumsum(gone) > 0] = np.nan
     base = scene.motion.acceleration_at(clock)
+    # In SI: tau is time over 1/omega0.
+    up, swinging, rates = (
+        out[:, 4] * rate**2,
+        out[:, 5] * rate**2,
+        (out[:, 3] * rate, (out[:, 3] - out[:, 2]) * rate),
+    )
+    mass, height, width = (float(getattr(scene.block, name)) for name in ("mass", "height", "width"))
+    m, length = (0.0, 0.0) if pendulum is None else (float(pendulum.mass), float(pendulum.length))
+    # A positive tilt takes the top to the left, and a positive angle of the rod the bob to the right.
+    across, lifting = (
+        m * (base - height * up + length * swinging),
+        float(scene.gravity) + 0.5 * width * out[:, 8] * up,
+    )
     return ShakingHistory(
         clock,
         base,
         out[:, 0],
         None if pendulum is None else out[:, 1],
-        *_forces(scene, pendulum, base, out, rate),
+        mass * (base - 0.5 * height * up) + across,
+        (mass + m) * lifting,
         impacts,
         out[:, 7] == SLIP,
-        getattr(Status, entry.STATUSES[int(status[0])]),
-        None if pendulum is None else _on_bob(scene, pendulum, base, out, rate),
+        getattr(Status, SHAKEN[int(status[0])]),
+        None if pendulum is None else np.stack([across, m * lifting, *rates], axis=1),
     )
-
-
-def _on_bob(scene: Scene, pendulum: Pendulum, base: np.ndarray, out: np.ndarray, rate: float) -> np.ndarray:
-    """Forces on the bob and rates; see `ShakingHistory.bob`."""
-    m, up = float(pendulum.mass), out[:, 4] * rate**2
-    height, a = float(scene.block.height), 0.5 * float(scene.block.width)
-    across = m * (base - height * up + float(pendulum.length) * out[:, 5] * rate**2)
-    upwards = m * (float(scene.gravity) + a * out[:, 8] * up)
-    return np.stack([across, upwards, out[:, 3] * rate, (out[:, 3] - out[:, 2]) * rate], axis=1)
-
-
-def _forces(
-    scene: Scene, pendulum: Pendulum | None, base: np.ndarray, out: np.ndarray, rate: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Horizontal and vertical force of the ground; see `shaking_history`."""
-    # Accelerations in SI: tau is time over 1/omega0.
-    up, bob = out[:, 4] * rate**2, out[:, 5] * rate**2
-    m, length = (0.0, 0.0) if pendulum is None else (float(pendulum.mass), float(pendulum.length))
-    b, a = 0.5 * float(scene.block.height), 0.5 * float(scene.block.width)
-    # A positive tilt takes the top to the left, and a positive angle of the rod the bob to the right.
-    horizontal = float(scene.block.mass) * (base - b * up) + m * (base - 2.0 * b * up + length * bob)
-    return horizontal, (float(scene.block.mass) + m) * (float(scene.gravity) + a * out[:, 8] * up)

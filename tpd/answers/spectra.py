@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.ground_batch import Progress, Runs, follow_rows, follow_scaled, rows_of
+from tpd.answers.ground_batch import Progress, follow_rows, follow_scaled, rows_of
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
@@ -107,15 +107,9 @@ def overturning_spectrum(
     cases = (None,) if pendulum is None else (None, pendulum)
     how = {"cluster": cluster, "progress": progress}
     found = follow_scaled(block, cases, motions, factors, gravity=gravity, free=free, brief=True, **how)
-    cells = _classified(found).swapaxes(1, 2)
+    code = np.where(found.overturned, OVERTURNS + found.impacts, np.where(found.lifted, ROCKS, STANDS))
+    cells = np.where(found.undecided, UNDECIDED, code).swapaxes(1, 2)
     return OverturningSpectrum(pulse, w, a, cells[0], cells[1] if pendulum is not None else None)
-
-
-def _classified(found: Runs) -> np.ndarray:
-    """Outcome of every cell."""
-    code = np.where(found.lifted, ROCKS, STANDS)
-    code = np.where(found.overturned, OVERTURNS + found.impacts, code)
-    return np.where(found.undecided, UNDECIDED, code)
 
 
 @dataclass(frozen=True)

@@ -299,7 +299,11 @@ def fit_lognormal(stripes: np.ndarray, hits: np.ndarray, earthquakes: np.ndarray
     # The highest intensity without the state is no higher than the lowest with it.
     if x[counts < n].max(initial=-math.inf) <= x[counts > 0.0].min(initial=math.inf):
         independent = (added_up(known, earthquakes) > 0).sum(axis=0)[some]
-        return _separated(np.stack([stripes[some], counts / n * independent, independent]))
+        seen = np.stack([stripes[some], counts / n * independent, independent])
+        # The last stripe up to a half, and the first from a half on: the same one if it is just at a half.
+        below = seen[0][2.0 * seen[1] <= seen[2]].max(initial=0.0)
+        above = seen[0][2.0 * seen[1] >= seen[2]].min(initial=math.inf)
+        return Lognormal(math.sqrt(below * above) if x.size else math.nan, math.nan, unknown, True, seen=seen)
     middle = float(np.average(x, weights=n))
     scale = math.sqrt(float(np.average((x - middle) ** 2, weights=n)))
     # The most likely slope has the sign of the likelihood's derivative at the slope of zero.
@@ -314,16 +318,6 @@ def fit_lognormal(stripes: np.ndarray, hits: np.ndarray, earthquakes: np.ndarray
     covariance, groups = _sandwich((np.log(stripes) - middle) / scale, hits, beta, earthquakes)
     shift = np.array([[1.0, -middle / scale], [0.0, 1.0 / scale]])
     return Lognormal(median, dispersion, shift @ covariance @ shift.T, False, float(groups - 2))
-
-
-def _separated(seen: np.ndarray) -> Lognormal:
-    """Distribution where the outcomes are separated; see `Lognormal.seen`."""
-    stripes, counts, n = seen
-    # The last stripe up to a half, and the first from a half on: the same one if it is just at a half.
-    below = stripes[2.0 * counts <= n].max(initial=0.0)
-    above = stripes[2.0 * counts >= n].min(initial=math.inf)
-    median = math.sqrt(below * above) if stripes.size else math.nan
-    return Lognormal(median, math.nan, np.full((2, 2), math.nan), True, seen=seen)
 
 
 def _most_likely(x: np.ndarray, counts: np.ndarray, n: np.ndarray) -> np.ndarray:

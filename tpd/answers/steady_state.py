@@ -27,7 +27,7 @@ from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, ref
 from tpd.core import checks
 from tpd.core.formatting import counted_periods, number
 from tpd.exact.derivatives import joined, refused
-from tpd.exact.terms import GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC, is_neutral
+from tpd.exact.terms import GRAZING, NEAR_FOLD, RESIDUAL, STEADY_STATUSES, SYMMETRIC, is_neutral
 from tpd.models.base import AbstractChoice, AbstractModel, Settled
 from tpd.models.compiled_linear import fields, packed, packed_of, solve, unpacked
 from tpd.models.piecewise import Piecewise
@@ -126,7 +126,7 @@ def steady_state(
     check_parameters(p)
     checks.instance("model", model, (AbstractModel, AbstractChoice))
     checks.flag("throw", throw)
-    start: Any = np.zeros(4) if y0 is None else _state(y0)
+    start: Any = np.zeros(4) if y0 is None else checks.state(y0)
     if isinstance(model, AbstractChoice):
         steady = model.steady(p, start)
     else:
@@ -166,18 +166,13 @@ def simulate(
         known = np.asarray(clock)
         if not (np.all(np.isfinite(known)) and np.all(np.diff(known) > 0)):
             raise ValueError("`times` must increase and be finite, but do not")
-    ys, status = _trajectory(as_arrays(p), model, _state(y0), clock)
+    ys, status = _trajectory(as_arrays(p), model, checks.state(y0), clock)
     return Trajectory(clock, ys, status)
 
 
 def sampled(p: Parameters, periods: int = 24, per_period: int = 60) -> Float[Array, "times"]:
     """Times tau over the first forcing periods, fine enough to draw."""
     return jnp.asarray(np.linspace(0.0, 1.0, per_period * periods + 1) * periods) * p.period
-
-
-def _state(y0: ArrayLike) -> State:
-    checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
-    return checks.namespace(*jax.tree.leaves(y0)).asarray(y0, dtype=float)
 
 
 @eqx.filter_jit
@@ -206,15 +201,15 @@ def _followed_jvp(primals: tuple, tangents: tuple, *, model: AbstractModel) -> t
         return jax.jvp(run, (x,), (direction,), has_aux=True)
 
     ys, slopes, status = jax.vmap(push, out_axes=(None, -1, None))(jnp.eye(x.size))
-    moved = jax.tree.map(_or_zero, tangents[:2], (p, y0), is_leaf=lambda leaf: leaf is None)
+    moved = jax.tree.map(
+        lambda tangent, x: jax.tree.map(jnp.zeros_like, x) if tangent is None else tangent,
+        *(tangents[:2], (p, y0)),
+        is_leaf=lambda leaf: leaf is None,
+    )
     out = slopes @ ravel_pytree(moved)[0]
     if tangents[2] is not None:
         out = out + jax.jvp(lambda t: model.trajectory(p, y0, t)[0], (times,), (tangents[2],))[1]
     return (ys, status), (out, jax.tree.map(lambda _: None, status))
-
-
-def _or_zero(tangent: Array | None, primal: Any) -> Any:
-    return jax.tree.map(jnp.zeros_like, primal) if tangent is None else tangent
 
 
 def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
@@ -230,7 +225,14 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     known, *still = all(map(checks.is_concrete, (*values, y0))), *map(_still, values)
     start = _still(y0)
     if type(model) is Piecewise:
-        answer, slopes = _by_engine(still, model, start)
+        # By compiled code; of numbers without any program of JAX.
+        sure = all(map(checks.is_concrete, (*still, start)))
+        out = solve(
+            np.array(still, dtype=float) if sure else packed_of(still),
+            np.ascontiguousarray(start, float) if sure else jnp.asarray(start, float),
+            model.limits,
+        )
+        answer, slopes = _answer(out, np if sure else jnp), out[-54:].reshape(6, 9)
     else:
         x: Any = np.array(still, dtype=float) if all(map(checks.is_concrete, still)) else packed_of(still)
         # `eqx.filter_jit` sorts the leaves in Python at every call. A model without numbers needs none of it.
@@ -292,15 +294,6 @@ def _joined(values: tuple, answer: _Answer, slopes: Any) -> _Answer:
     return answer._replace(**dict(zip(_DEPENDING, found, strict=True)))
 
 
-def _by_engine(x: list[Any], model: Piecewise, y0: Any) -> tuple[_Answer, Any]:
-    """`_solve` of exact motions by compiled code; of numbers without any program of JAX."""
-    known = all(map(checks.is_concrete, (*x, y0)))
-    wide = np.array(x, dtype=float) if known else packed_of(x)
-    start = np.ascontiguousarray(y0, dtype=float) if known else jnp.asarray(y0, dtype=jnp.float64)
-    out = solve(wide, start, model.limits)
-    return _answer(out, np if known else jnp), out[-54:].reshape(6, 9)
-
-
 def _answer(out: Any, xp: Any) -> _Answer:
     """The answer in what the engine has found, an array of the library `xp`."""
     amplitude, stroke, *_, multiplier, lyapunov, code, periods, symmetric, elapsed = out[:12]
@@ -314,10 +307,7 @@ def _answer(out: Any, xp: Any) -> _Answer:
 @lru_cache(maxsize=1)
 def _statuses() -> np.ndarray:
     """Numbers of statuses by those of the compiled code."""
-    # Loaded here: it loads Numba.
-    from tpd.exact.steady import STATUSES
-
-    return np.array([index_of(name) for name in STATUSES], dtype=np.int32)
+    return np.array([index_of(name) for name in STEADY_STATUSES], dtype=np.int32)
 
 
 def _solve(x: Float[Array, "9"], model: AbstractModel, y0: State) -> tuple[_Answer, Float[Array, "6 9"]]:
@@ -347,8 +337,7 @@ def _judged(p: Parameters, model: AbstractModel, begun: Settled) -> tuple[_Answe
     multiplier, to_fold = multipliers(p.mu, orbit.by_state[:4])
     neutral = is_neutral(p.k, p.velocity_ratio, p.mu, p.zeta, multiplier)
     # By its class, as the check.
-    smallest = model.__class__.resolution(model, p)
-    status = _verdict(code, orbit, multiplier, neutral, to_fold, smallest)
+    status = _verdict(code, orbit, multiplier, neutral, to_fold, model.__class__.resolution(model, p))
     # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
     # unless it has more steps than that may take.
     endless = jnp.logical_not(jnp.isfinite(orbit.residual))
@@ -391,9 +380,8 @@ def _answers(p: Any, begun: Settled, orbit: Orbit, status: Any, multiplier: Any)
     # A block at rest has no amplitude, whatever moves. The stroke of a bob that hangs still is at the corner
     # of |psi|.
     none = jnp.where(rests, jnp.zeros(9), slopes[0])
-    slopes = jnp.concatenate(
-        [jnp.stack([none, jnp.where(still, jnp.full(9, jnp.nan), slopes[1])]), slopes[2:]]
-    )
+    reach = jnp.where(still, jnp.full(9, jnp.nan), slopes[1])
+    slopes = jnp.concatenate([jnp.stack([none, reach]), slopes[2:]])
     return jnp.stack([jnp.where(rests, 0.0, sizes[0]), sizes[1]]), slopes
 
 
@@ -407,14 +395,7 @@ def _is_singular(status: Any) -> Any:
     return (status == index_of("near_fold")) | (status == index_of("grazing"))
 
 
-def _verdict(
-    begun: Any,
-    orbit: Orbit,
-    multiplier: Any,
-    neutral: Any,
-    to_fold: Any,
-    resolution: Any,
-) -> Any:
+def _verdict(begun: Any, orbit: Orbit, multiplier: Any, neutral: Any, to_fold: Any, resolution: Any) -> Any:
     """The number of the status of a motion, from that with which following it has ended, and from what
     Newton's method on its period map has found."""
     # From the weakest statement to the strongest: each line overrules those above it. Stability comes first,

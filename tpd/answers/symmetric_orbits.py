@@ -21,6 +21,7 @@ from tpd.core import checks
 from tpd.exact.derivatives import moved, once
 from tpd.exact.terms import ASKED, SIZES, STATUSES
 from tpd.models import compiled_orbits
+from tpd.models.calling import parts
 from tpd.scene.parameters import Number, Parameters, check_parameters
 from tpd.scene.status import Status, index_of
 
@@ -124,18 +125,14 @@ _UNKNOWN = ("multipliers", "sticking", "grazing")
 
 def _leaves(numbers: Any) -> dict[str, Any]:
     """Fields of `Orbits` and `Margins` by name, of orbits as numbers (..., 3, numbers of an orbit)."""
-    entry = compiled_orbits.load()
-    names = entry.ORBIT.names
-    start = {name: entry.ORBIT.fields[name][1] // 8 for name in names}
-    multipliers = numbers[..., start["multipliers"] : start["multipliers"] + 8]
-    index = np.array([index_of(name) for name in STATUSES])
-    codes = numbers[..., start["status"]].astype(int)
-    return {name: numbers[..., place] for name, place in SIZES.items()} | {
-        "multipliers": multipliers[..., 0::2] + 1j * multipliers[..., 1::2],
-        "sticking": numbers[..., start["sticking"]],
-        "grazing": numbers[..., start["grazing"]],
+    of = parts(numbers, compiled_orbits.load().ORBIT)
+    index, codes = np.array([index_of(name) for name in STATUSES]), of.status.astype(int)
+    return {name: of.sizes[..., place] for name, place in SIZES.items()} | {
+        "multipliers": of.multipliers[..., 0] + 1j * of.multipliers[..., 1],
+        "sticking": of.sticking,
+        "grazing": of.grazing,
         "status": index[codes] if isinstance(codes, np.ndarray) else jnp.asarray(index)[codes],
-        "overflow": numbers[..., 0, start["overflow"]] > 0.0,
+        "overflow": of.overflow[..., 0] > 0.0,
     }
 
 

@@ -15,7 +15,7 @@ from jaxtyping import ArrayLike, Float, Int
 
 from tpd.core import checks
 from tpd.exact.derivatives import refused
-from tpd.exact.terms import GRAZING
+from tpd.exact.terms import GRAZING, ROCKED, SHAKEN, STOOD
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
@@ -74,9 +74,8 @@ class Transient(eqx.Module):
         lines = [f"{status_name(self.status)}: {Status[self.status]}"]
         hung = float(self.swing) != 0.0
         for name in ("tilt", "swing", "relative") if hung else ("tilt",):
-            lines.append(
-                f"  {name:9s} {getattr(self, name):.6g} rad at {getattr(self, name + '_time'):.4g} s"
-            )
+            at = f"at {getattr(self, name + '_time'):.4g} s"
+            lines.append(f"  {name:9s} {getattr(self, name):.6g} rad {at}")
         lines.append(f"  impacts   {int(self.impacts)}, all of a rattle included until it is called rest")
         if math.isfinite(self.uplift_time):
             lines.append(f"  uplift    at {self.uplift_time:.4g} s")
@@ -122,7 +121,7 @@ def transient(
     checks.within("free", free, 0.0, LONGEST_FREE, " s")
     checks.count("max_events", max_events)
     p, rate = scene.ground_parameters(pendulum), scene.rate
-    start = np.zeros(4) if y0 is None else _start(y0)
+    start = np.zeros(4) if y0 is None else checks.state(y0)
     bob = 0.0 if pendulum is None else 1.0
     xp = checks.namespace(*jax.tree.leaves((p, rate, free, start)))
     # Rates are per unit tau inside, and per second outside.
@@ -134,13 +133,11 @@ def transient(
 
 def _answer(found: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
     """The motion in seconds; `bob` is 0 without a pendulum, and `xp` NumPy if all numbers are known."""
-    from tpd.exact.follow import ROCKED, STATUSES, STOOD
-
     code = xp.asarray(found.status).astype(int)
     # On one side of such a motion there is an event more: it has no derivative.
     touched = (code == ROCKED) & (found.transversality < GRAZING)
     sound = ((code == ROCKED) | (code == STOOD)) & ~touched
-    status = xp.where(touched, index_of("grazing"), xp.asarray([index_of(name) for name in STATUSES])[code])
+    status = xp.where(touched, index_of("grazing"), xp.asarray([index_of(name) for name in SHAKEN])[code])
     # The angles of a bare block's bob, which is too light to be felt, are nobody's.
     hung = xp.array([1.0, bob, bob])
     if xp is np:
@@ -214,8 +211,3 @@ def _followed(model: Any, p: Parameters, *motion: Any, known: bool) -> Any:
     one = np.zeros(1, int), np.array([free], dtype=float)
     limits |= {"y0": np.array(start)[None], "max_events": most, "workers": 1}
     return jax.tree.map(lambda x: x[0], follow_all(row_of(p)[None], [pieces], *one, **limits)[0])
-
-
-def _start(y0: ArrayLike) -> Any:
-    checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
-    return checks.namespace(*jax.tree.leaves(y0)).asarray(y0, dtype=np.float64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from functools import lru_cache
 from threading import Lock, Thread
 from typing import Any
@@ -24,6 +24,8 @@ UNEVEN = 4
 """Designs computed at once where each takes as many steps as it needs and waits for the slowest of them."""
 OPTIONS = (("xla_backend_optimization_level", 1), ("xla_cpu_use_fusion_emitters", False))
 """Options of the compiler for processors: it takes half of its time with them, for code that is as fast."""
+PIECE = 1, 16
+"""Elements of one piece of work in `shared`, at least and at most."""
 _LOOPS = ("while", "ffi_call")
 """Primitives that take as long as an element needs; a custom call of compiled code is a loop as well."""
 
@@ -195,3 +197,36 @@ def _x64_initializer() -> Callable[[], None]:
             jax.enable_x64(wide).__enter__()
 
     return begin
+
+
+def shared(
+    run: Callable[[int, int], int],
+    n: int,
+    workers: int | None,
+    progress: Callable[[int, int], None] | None,
+    *,
+    piece: tuple[int, int] = PIECE,
+) -> None:
+    """Do all pieces of work on so many threads, by default on all cores; `piece` bounds their size.
+
+    Raises:
+        ValueError: workers below one.
+    """
+    if workers is not None:
+        checks.count("workers", workers)
+    cores = (os.cpu_count() or 1) if workers is None else workers
+    # Small pieces, because some motions take a hundred times as long as others. Each writes rows of its
+    # own, so that the order in which they end is no matter.
+    size = max(piece[0], min(piece[1], -(-n // (4 * cores))))
+    if size >= n:
+        run(0, n)
+        if progress is not None:
+            progress(n, n)
+        return
+    done = 0
+    with ThreadPoolExecutor(min(cores, n)) as crew:
+        parts = [crew.submit(run, i, min(i + size, n)) for i in range(0, n, size)]
+        for part in as_completed(parts):
+            done += part.result()
+            if progress is not None:
+                progress(done, n)

@@ -100,7 +100,7 @@ def numbers(name: str, value: object, shape: tuple[int, ...], of: str) -> None:
             sound = _fits(array.shape, shape) and real and bool(np.isfinite(array).all())
         except (TypeError, ValueError, jax.errors.JAXTypeError):
             # A list that holds traced values has no NumPy array; JAX checks its shape when it is stacked.
-            sound = _is_traced(value)
+            sound = any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(value))
     if not sound:
         raise ValueError(f"`{name}` must be {of}, all finite, but is {shown(value)}")
 
@@ -109,8 +109,11 @@ def _fits(shape: tuple[int, ...], wanted: tuple[int, ...]) -> bool:
     return len(shape) == len(wanted) and all(n == m or m < 0 < n for n, m in zip(shape, wanted, strict=True))
 
 
-def _is_traced(value: object) -> bool:
-    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(value))
+def state(value: Any) -> Any:
+    """Return a start `y0` = (phi, psi, phi', psi') as floats, NumPy's where it is known; raise `ValueError`
+    unless it is four finite numbers."""
+    numbers("y0", value, (4,), "(phi, psi, phi', psi')")
+    return namespace(*jax.tree.leaves(value)).asarray(value, dtype=float)
 
 
 def _check(name: str, value: object, allowed: str, holds: Callable[[Any], Any]) -> None:
@@ -142,12 +145,9 @@ def single(name: str, value: object) -> None:
 def count(name: str, value: object, least: int = 1, most: int = _MOST) -> None:
     """Raise `ValueError` unless `value` is a whole number, `least` or above, and `most` or below."""
     too_many = is_concrete(value) and bool(np.any(np.asarray(value) > most))
-    _check(
-        name,
-        value,
-        f"a whole number, {least} to {most}" if too_many else f"a whole number, {least} or more",
-        lambda x: (x >= least) & (x <= most) & np.issubdtype(np.asarray(x).dtype, np.integer),
-    )
+    allowed = f"a whole number, {least} to {most}" if too_many else f"a whole number, {least} or more"
+    whole = lambda x: (x >= least) & (x <= most) & np.issubdtype(np.asarray(x).dtype, np.integer)  # noqa: E731
+    _check(name, value, allowed, whole)
 
 
 def seed(name: str, value: object) -> None:
@@ -162,12 +162,7 @@ def not_negative(name: str, value: object) -> None:
 
 def within(name: str, value: object, low: float, high: float, unit: str = "") -> None:
     """Raise `ValueError` unless `value` lies in the closed interval from `low` to `high`."""
-    _check(
-        name,
-        value,
-        f"between {low:g} and {high:g}{unit}",
-        lambda x: (x >= low) & (x <= high),
-    )
+    _check(name, value, f"between {low:g} and {high:g}{unit}", lambda x: (x >= low) & (x <= high))
 
 
 def at_most(name: str, value: object, most: object, of: str) -> None:
@@ -194,7 +189,11 @@ def interval(name: str, value: object, low: float, high: float) -> tuple[float, 
     """Return a pair (lo, hi) with `low` <= lo < hi <= `high`, or raise `ValueError`."""
     try:
         # By number: a set has no order.
-        lo, hi = (_plain(value[i]) for i in range(len(value)))  # type: ignore
+        pair = [value[i] for i in range(len(value))]  # type: ignore
+        # Python takes a text and a truth value for a number as well.
+        if any(isinstance(x, (str, bytes, bool, np.bool_)) for x in pair):
+            raise TypeError
+        lo, hi = (float(as_float(x)) for x in pair)
     except (TypeError, ValueError, KeyError):
         raise ValueError(f"`{name}` must be a pair of numbers (low, high), but is {shown(value)}") from None
     if not (math.isfinite(lo) and math.isfinite(hi) and low <= lo < hi <= high):
@@ -202,13 +201,6 @@ def interval(name: str, value: object, low: float, high: float) -> tuple[float, 
             f"`{name}` must be an interval low < high within {low:g} to {high:g}, but is {lo:g} to {hi:g}"
         )
     return lo, hi
-
-
-def _plain(value: object) -> float:
-    """A number as a float; Python takes a text and a truth value for one as well."""
-    if isinstance(value, (str, bytes, bool, np.bool_)):
-        raise TypeError
-    return float(as_float(value))
 
 
 def require_x64() -> None:

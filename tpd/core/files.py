@@ -44,7 +44,11 @@ def claim(directory: Path, *, overwrite: bool) -> None:
     """
     if directory.exists() and not directory.is_dir():
         raise ValueError(f"cannot write the report: {directory} is a file, not a directory")
-    if directory.exists() and not overwrite and any(not _is_part(path) for path in directory.iterdir()):
+    if (
+        directory.exists()
+        and not overwrite
+        and any(not p.name.startswith(_PART) for p in directory.iterdir())
+    ):
         raise ValueError(
             f"{directory} already holds files: choose another directory with --out, or pass --overwrite"
         )
@@ -72,10 +76,6 @@ def place(path: Path, content: str | bytes) -> Path:
         Path(name).unlink(missing_ok=True)
         raise
     return path
-
-
-def _is_part(path: Path) -> bool:
-    return path.name.startswith(_PART)
 
 
 def sealed(data: bytes, of: str = "") -> bytes:

@@ -63,10 +63,7 @@ def _replacements() -> list[tuple[type, str, Callable[..., Any]]]:
     try:
         library, generator = codegen.CPUCodeLibrary, codegen.JITCPUCodegen
         compile_plainly = compiler.CompilerBase.__dict__["compile_extra"]
-        optimise, finish = (
-            library.__dict__["_optimize_final_module"],
-            library.__dict__["_finalize_final_module"],
-        )
+        optimise, finish = (library.__dict__[f"_{n}_final_module"] for n in ("optimize", "finalize"))
         set_plainly, passes_of = generator.__dict__["set_env"], compiler.Compiler.__dict__["define_pipelines"]
     except (AttributeError, KeyError):
         return []
@@ -149,15 +146,12 @@ def _place(function: Callable[..., Any]) -> tuple[Path, str]:
     """Folder in which Numba stores a function, and how the names of its files begin."""
     beside = caching.InTreeCacheLocator.from_function(function, function.__code__.co_filename)
     chosen = config.CACHE_DIR  # type: ignore[attr-defined]
-    if not chosen and beside is None and not _has_home():
+    home = "XDG_CACHE_HOME" in os.environ or not os.path.expanduser("~").startswith("~")
+    if not (chosen or beside or home):
         # Numba would make a folder with the name ~ where the command is given.
         raise RuntimeError("there is no home; name a folder by NUMBA_CACHE_DIR")
     cache = caching.FunctionCache(function)
     return Path(cache.cache_path), cache._impl.filename_base
-
-
-def _has_home() -> bool:
-    return "XDG_CACHE_HOME" in os.environ or not os.path.expanduser("~").startswith("~")
 
 
 def _stored(folder: Path, stem: str, *ends: str) -> list[Path]:

@@ -91,11 +91,9 @@ class Bar:
                     self._bar.refresh()
                     _last[0] = time.monotonic()
                 elif is_silent(self._every):
-                    say(f"tpd: {self._line()}", self._out)
-
-    def _line(self) -> str:
-        count = f" {self._done} of {self._total}" if self._total else ""
-        return f"{self._name()}{count}, {time.monotonic() - self._begin:.0f} s"
+                    count = f" {self._done} of {self._total}" if self._total else ""
+                    elapsed = f"{time.monotonic() - self._begin:.0f} s"
+                    say(f"tpd: {self._name()}{count}, {elapsed}", self._out)
 
     def _name(self) -> str:
         is_begun = self._done > 0 or self._stage == COMPILING

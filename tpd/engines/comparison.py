@@ -330,7 +330,7 @@ class _Case:
 
     def equations(self, pendulum: Pendulum | None) -> EngineRuns:
         """All runs by the nonlinear equations."""
-        from tpd.exact.follow import EVENT_BOUND, FAILED, OVERTURNED
+        from tpd.exact.terms import EVENT_BOUND, FAILED, OVERTURNED
         from tpd.models.compiled_nonlinear import settle_nonlinear, shake_nonlinear
 
         runs, n = self.plan(pendulum), self.ensemble.size

@@ -109,16 +109,6 @@ def _beginning(answer, e):
 
 
 @compiled
-def _held(q, e):
-    """Value and slope at the start of an arc of the bob's particular solution under a held block."""
-    # From the highest power down.
-    p3 = q.f * e.e3
-    p2 = q.f * e.e2 - 3.0 * q.c2 * p3
-    p1 = q.f * e.e1 - 2.0 * q.c2 * p2 - 6.0 * q.m22 * p3
-    return q.f * e.e0 - q.c2 * p1 - 2.0 * q.m22 * p2, p1
-
-
-@compiled
 def _onward(q, e, j, a1, b1, a2, b2):
     """Coefficients of tilt and bob at one power of time, from those at the two powers above; the static
     answer to eta is eta for both."""
@@ -126,17 +116,6 @@ def _onward(q, e, j, a1, b1, a2, b2):
     turn = (j + 1.0) * (a1 - b1)
     tilt = r + (q.c1 * turn + m * (q.m11 * a2 + q.m12 * b2)) / q.up
     return tilt, r + q.c2 * turn - m * (q.m21 * a2 + q.m22 * b2)
-
-
-@compiled
-def _answer_to_cubic(q, e):
-    """Values and slopes (phi, phi', psi, psi') of the particular solution at the start of an arc."""
-    zero = 0.0 * (q.f + e.e0)
-    a3, b3 = _onward(q, e.e3, 3.0, zero, zero, zero, zero)
-    a2, b2 = _onward(q, e.e2, 2.0, a3, b3, zero, zero)
-    a1, b1 = _onward(q, e.e1, 1.0, a2, b2, a3, b3)
-    a0, b0 = _onward(q, e.e0, 0.0, a1, b1, a2, b2)
-    return a0, a1, b0, b1
 
 
 @compiled
@@ -176,12 +155,19 @@ def launch(q, kind, tilt, way, y0, y1, y2, y3, e):
         t0, t1, t2, t3, t4 = y0 + zero, y2 + zero, up / 2.0 + zero, zero, faster / 6.0 + zero
         b0, b1, b2, b3, b4 = y1 + zero, y3 + zero, swing / 2.0 + zero, zero, swinging / 6.0 + zero
         if kind == SLIP:
-            tilt_now, tilt_rate, bob_now, bob_rate = _answer_to_cubic(q, e)
-            tilt_now, tilt_rate = balance + tilt_now + zero, tilt_rate + zero
-            bob_now, bob_rate = bob_now + zero, bob_rate + zero
+            # The particular solution: both cubics from the highest power down.
+            a3, c3 = _onward(q, e.e3, 3.0, zero, zero, zero, zero)
+            a2, c2 = _onward(q, e.e2, 2.0, a3, c3, zero, zero)
+            a1, c1 = _onward(q, e.e1, 1.0, a2, c2, a3, c3)
+            a0, c0 = _onward(q, e.e0, 0.0, a1, c1, a2, c2)
+            tilt_now, tilt_rate, bob_now, bob_rate = balance + a0, a1, c0, c1
         else:
-            bob_now, bob_rate = _held(q, e)
-            tilt_now, tilt_rate, bob_now, bob_rate = zero, zero, bob_now + zero, bob_rate + zero
+            # The bob's particular solution, from the highest power down.
+            p3 = q.f * e.e3
+            p2 = q.f * e.e2 - 3.0 * q.c2 * p3
+            p1 = q.f * e.e1 - 2.0 * q.c2 * p2 - 6.0 * q.m22 * p3
+            tilt_now, tilt_rate, bob_rate = zero, zero, p1 + zero
+            bob_now = q.f * e.e0 - q.c2 * p1 - 2.0 * q.m22 * p2 + zero
     # Free motion is what is left of the state.
     f0, f1, f2, f3 = y0 - tilt_now, y1 - bob_now, y2 - tilt_rate, y3 - bob_rate
     if kind != SLIP:
@@ -331,8 +317,11 @@ def value_of(x, now, t):
 def state_at(arc, now, t):
     """(phi, psi, phi', psi', phi'', psi'') at an instant."""
     tilt, bob = rate_of(arc, arc.tilt), rate_of(arc, arc.bob)
-    angles, rates = (
-        (value_of(arc.tilt, now, t), value_of(arc.bob, now, t)),
-        (value_of(tilt, now, t), value_of(bob, now, t)),
+    angles = value_of(arc.tilt, now, t), value_of(arc.bob, now, t)
+    return (
+        *angles,
+        value_of(tilt, now, t),
+        value_of(bob, now, t),
+        value_of(rate_of(arc, tilt), now, t),
+        value_of(rate_of(arc, bob), now, t),
     )
-    return *angles, *rates, value_of(rate_of(arc, tilt), now, t), value_of(rate_of(arc, bob), now, t)

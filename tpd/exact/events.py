@@ -146,9 +146,8 @@ def watch_block(q, arc, mode, forcing, w):
 def _look(w, i, now, t, j):
     """Value (j = 0), slope (1) or curvature (2) of a watched signal."""
     x = w.signals
-    free = (
-        x[i, j, _ON_S1] * now.e1 + x[i, j, _ON_S2] * now.e2 + x[i, j, _ON_U] * now.u + x[i, j, _ON_V] * now.v
-    )
+    modes = x[i, j, _ON_S1] * now.e1 + x[i, j, _ON_S2] * now.e2
+    free = modes + x[i, j, _ON_U] * now.u + x[i, j, _ON_V] * now.v
     along, across = x[i, j, _ALONG] + x[i, j, _GAIN_ALONG] * t, x[i, j, _ACROSS] + x[i, j, _GAIN_ACROSS] * t
     return x[i, j, _CONSTANT] + free + along * now.sine + across * now.cosine
 

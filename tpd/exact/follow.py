@@ -46,9 +46,14 @@ from tpd.exact.motion import FIRST_PIECE, clear, finite, larger, largest, note, 
 from tpd.exact.plant import compiled, plant
 from tpd.exact.terms import (
     APART,
+    EVENT_BOUND,
+    FAILED,
+    OVERTURNED,
     REST,
+    ROCKED,
     SLIP,
     STICK,
+    STOOD,
     SWING,
     SWING_PULL,
     SWING_RATE,
@@ -60,17 +65,12 @@ from tpd.exact.whole_pieces import put_maps, whole_pieces
 
 ARRIVED, LOST, EXHAUSTED = range(3)
 """Ends of a part of a motion."""
-STATUSES = ("stood", "rocked", "overturned", "event_bound", "failed")
-"""Names of the statuses of a motion through all pieces, in the order of their numbers."""
-STOOD, ROCKED, OVERTURNED, EVENT_BOUND, FAILED = range(5)
+_COUNTED = "growing", "status", "impacts", "lifted", "fell", "crossing", "legs"
 FOLLOWED = np.dtype(
     [
         *((name, np.float64, (3,)) for name in ("sizes", "times")),
         ("state", np.float64, (6,)),
-        *(
-            (name, np.float64)
-            for name in ("growing", "status", "impacts", "lifted", "fell", "crossing", "legs")
-        ),
+        *((name, np.float64) for name in _COUNTED),
     ]
 )
 """A motion through all pieces: largest |phi|, |psi| and |psi - phi|, and their times; the state at the end
@@ -124,14 +124,6 @@ def begin(q, f, m, i, s):
 
 
 @compiled
-def _difference(a, b):
-    """Difference of two signals."""
-    free = a.constant - b.constant, a.on_s1 - b.on_s1, a.on_s2 - b.on_s2, a.on_u - b.on_u, a.on_v - b.on_v
-    forced = a.along - b.along, a.across - b.across
-    return Signal(*free, *forced, a.gain_along - b.gain_along, a.gain_across - b.gain_across)
-
-
-@compiled
 def _watch(q, m, room, arc, e, rules):
     """Prepare all signals of an arc for the room."""
     room.second, room.count = watch_block(q, arc, m, forcing_signal(e), room), BOB
@@ -142,7 +134,11 @@ def _watch(q, m, room, arc, e, rules):
         room.count = RELATIVE
         # Under a held block both angles of the bob turn at once.
         if rules.relative and m.kind == SLIP:
-            relative = _difference(arc.bob, arc.tilt)
+            a, b = arc.bob, arc.tilt
+            free = a.on_s1 - b.on_s1, a.on_s2 - b.on_s2, a.on_u - b.on_u, a.on_v - b.on_v
+            forced = a.along - b.along, a.across - b.across
+            gains = a.gain_along - b.gain_along, a.gain_across - b.gain_across
+            relative = Signal(a.constant - b.constant, *free, *forced, *gains)
             watch_turns(room, RELATIVE, side_of(rate_of(arc, relative)), relative, arc)
             room.count = RELATIVE + 1
 
@@ -156,9 +152,8 @@ def _settles(q, m):
     of block and bob never grows without a forcing."""
     y, share = m.y, q.mu * q.lam
     tilting, swinging = y[TILT_RATE], y[SWING_RATE]
-    moving = (
-        q.m11 * tilting * tilting + 2.0 * q.m12 * tilting * swinging + share * q.m22 * swinging * swinging
-    )
+    moving = q.m11 * tilting * tilting + 2.0 * q.m12 * tilting * swinging
+    moving += share * q.m22 * swinging * swinging
     level = q.weight - q.up * abs(y[TILT])
     # Distance from the energy of the unstable equilibrium, times 2 up; the weight cancels where phi is small.
     left = level * level - q.up * (moving + share * y[SWING] * y[SWING])

@@ -47,10 +47,8 @@ def put_half_map(q, m, t, way, g):
     # Crossing: the rates jump by these shares of phi', and so do the rates of a neighbour.
     (lost, thrown), fall = jump(q, ratio(q)), before[TILT_RATE]
     by0, by1 = (after[TILT_RATE] - fall) / fall, (after[SWING_RATE] - before[SWING_RATE]) / fall
-    by2, by3 = (
-        (after[TILT_PULL] - (1.0 + lost) * before[TILT_PULL]) / fall,
-        (after[SWING_PULL] - before[SWING_PULL] - thrown * before[TILT_PULL]) / fall,
-    )
+    by2 = (after[TILT_PULL] - (1.0 + lost) * before[TILT_PULL]) / fall
+    by3 = (after[SWING_PULL] - before[SWING_PULL] - thrown * before[TILT_PULL]) / fall
     # Turning: friction, 2 k in the first column of M^-1, changes its sign.
     pushed = 2.0 * q.k / ((q.m11 * q.m22 - q.m12 * q.m21) * end[TILT_PULL])
     # A bob without mass cannot be felt: what is left are the multipliers of the block, and two zeros.

@@ -118,11 +118,8 @@ def conditions(m, f, g, sine, cosine):
     """The conditions, with f = exp(A t), g = exp(A (h - t)), and sine and cosine of xi t."""
     xi, s0, u0 = m.xi, m.tilt_sin, m.tilt_cos
     s1, u1 = s0 * cosine - u0 * sine, s0 * sine + u0 * cosine
-    v = Phased(
-        m.per_fall * (m.slack * of(m.rate, f) - m.step * m.rate_whole),
-        -m.per_fall * xi * u1,
-        m.per_fall * xi * s1,
-    )
+    falling = m.per_fall * (m.slack * of(m.rate, f) - m.step * m.rate_whole)
+    v = Phased(falling, -m.per_fall * xi * u1, m.per_fall * xi * s1)
     still_rate, still_tilt = m.rate.s1 + m.rate.s2 + m.rate.u, m.tilt.s1 + m.tilt.s2 + m.tilt.u
     thrown, kick = of(m.thrown, g), of(m.kick, g)
     turning = m.slack * still_rate - m.step * of(m.rate, g)
@@ -172,10 +169,8 @@ def _signal(q, unit, kick, still, moved, h, constant, along, across):
     """Component (functionals `unit` of e1 and `kick` of d) of what stays and what is carried on by `h`, each
     as factors of e1 and d, with its constant and its harmonic."""
     (c, d), (a, b), zero = still, moved, 0.0 * along
-    x = Part(
-        a * unit.s1 + b * kick.s1, a * unit.s2 + b * kick.s2, a * unit.u + b * kick.u, a * unit.v + b * kick.v
-    )
-    x = _after(q, x, h)
+    real = a * unit.s1 + b * kick.s1, a * unit.s2 + b * kick.s2
+    x = _after(q, Part(*real, a * unit.u + b * kick.u, a * unit.v + b * kick.v), h)
     s1, s2 = x.s1 + c * unit.s1 + d * kick.s1, x.s2 + c * unit.s2 + d * kick.s2
     u, v = x.u + c * unit.u + d * kick.u, x.v + c * unit.v + d * kick.v
     return Signal(constant, s1, s2, u, v, along, across, zero, zero)

@@ -16,9 +16,8 @@ from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
 
 LONGEST = 8
 """Longest motion recognised as periodic, in forcing periods."""
-STATUSES = ("rocking", "sticking", "rest", "held", "overturned", "not_settled", "event_bound", "failed")
-"""Names of statuses in the order of their numbers."""
 ROCKING, STICKING, AT_REST, HELD, OVERTURNED, NOT_SETTLED, EVENT_BOUND, FAILED = range(8)
+"""Numbers of statuses, see `tpd.exact.terms.ENDS`."""
 PERIOD = np.dtype([("y", np.float64, (4,)), *((name, np.float64) for name in ("tilt", "swing", "held"))])
 """A forcing period: the state at its end, the largest |phi| and |psi|, and how long the block was held."""
 _NAMES = ("amplitude", "stroke", "peak", "peak_stroke", "kind", "tilt", "way", "status", "periods", "elapsed")

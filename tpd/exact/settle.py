@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from tpd.exact import repetition
 from tpd.exact.arcs import span_of, steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.follow import ARRIVED, LOST, Rules, allow, begin, forcing_now, piece
@@ -17,22 +18,6 @@ from tpd.exact.legs import STATE
 from tpd.exact.motion import FIRST_PIECE, LEG, NO, YES, clear, finite, largest, put
 from tpd.exact.near_orbits import CONVERGED, NEARBY, Limits, Past, orbit_near
 from tpd.exact.plant import compiled, plant, plant_along
-from tpd.exact.repetition import (
-    AT_REST,
-    EVENT_BOUND,
-    FAILED,
-    LONGEST,
-    NOT_SETTLED,
-    OVERTURNED,
-    PERIOD,
-    ROCKING,
-    put_settled,
-    remember,
-    repeats_after,
-    scales_of,
-    shaking_in,
-    stayed,
-)
 from tpd.exact.terms import REST, STICK, SWING, SWING_RATE, TILT, TILT_RATE
 
 _WORTH = 24
@@ -113,7 +98,7 @@ def _slow_repetition(q, past, known, tolerance, before, of):
     """Forcing periods after which a motion all but repeats itself, if it would take longer to repeat itself
     than its orbit takes to find, 0 if not; the distance at which it does so, and after how many periods.
     These two were `before` and `of` a period ago."""
-    step, closest, periods, scales = (1 if q.mu > 0.0 else 2), NEARBY, 0, scales_of(q)
+    step, closest, periods, scales = (1 if q.mu > 0.0 else 2), NEARBY, 0, repetition.scales_of(q)
     for n in range(1, known // 2):
         error = 0.0
         for i in range(0, 4, step):
@@ -151,24 +136,14 @@ def settle(x, q, m, room, r, s, since, ramp, out):
     the settings `s` have elapsed. The shaking grows over `ramp` periods. Put what the motion settles to into
     `out`."""
     plant(x, q)
-    y, period, tolerance, capture, events = (
-        m.y,
-        2.0 * math.pi / q.xi,
-        s.tolerance,
-        s.rest_rate * q.nu,
-        int(s.events),
-    )
-    limits, scales, cubics, legs = (
-        Limits(capture, events, 1),
-        scales_of(q),
-        np.empty((0, 4)),
-        np.empty(0, LEG),
-    )
-    past, before, of = Past(np.zeros(LONGEST, PERIOD), np.zeros(2)), 0.0, 0
+    y, period, tolerance, capture = m.y, 2.0 * math.pi / q.xi, s.tolerance, s.rest_rate * q.nu
+    events, scales, cubics, legs = int(s.events), repetition.scales_of(q), np.empty((0, 4)), np.empty(0, LEG)
+    limits = Limits(capture, events, 1)
+    past, before, of = Past(np.zeros(repetition.LONGEST, repetition.PERIOD), np.zeros(2)), 0.0, 0
     last, peaks = past.periods, past.peaks
     put(y, last[0].y)
     clear(m)
-    f, grown = shaking_in(ramp, period, 0.0, since, cubics)
+    f, grown = repetition.shaking_in(ramp, period, 0.0, since, cubics)
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
     peaks[TILT], peaks[SWING] = abs(y[TILT]), abs(y[SWING])
     rests = False
@@ -179,13 +154,13 @@ def settle(x, q, m, room, r, s, since, ramp, out):
             _come_to_rest(q, y)
     # A start within a period has another phase than the ends of periods, with which these are compared.
     known, repeats, elapsed, wait = (1 if since == 0.0 else 0), 0, 0, 0
-    status = AT_REST if rests else NOT_SETTLED
+    status = repetition.AT_REST if rests else repetition.NOT_SETTLED
     # Squares of the angles that are no numbers prove nothing about events.
     if not math.isfinite(q.tilt_sin * q.tilt_sin + q.bob_sin * q.bob_sin):
         y[TILT] = math.nan
-    while elapsed < s.periods and status == NOT_SETTLED and finite(y):
+    while elapsed < s.periods and status == repetition.NOT_SETTLED and finite(y):
         if elapsed > 0:
-            f, grown = shaking_in(ramp, period, float(elapsed), 0.0, cubics)
+            f, grown = repetition.shaking_in(ramp, period, float(elapsed), 0.0, cubics)
         ended = _one_period(q, f, m, legs, room, since if elapsed == 0 else 0.0, grown, limits)
         sound, elapsed = ended == ARRIVED and finite(y), elapsed + 1
         # Whether the shaking grew in this period, and whether it goes on growing in the next one.
@@ -199,31 +174,32 @@ def settle(x, q, m, room, r, s, since, ramp, out):
                 _come_to_rest(q, y)
                 peaks[SWING], stroke = max(peaks[SWING], reach), reach
         # Nothing that was met before the shaking became steady counts as a repetition.
-        repeats = repeats_after(q, y, last, known, scales, tolerance) if sound and not grew else 0
-        known = remember(last, 0 if grew else known, y, peak, stroke, m.held)
+        repeats = repetition.repeats_after(q, y, last, known, scales, tolerance) if sound and not grew else 0
+        known = repetition.remember(last, 0 if grew else known, y, peak, stroke, m.held)
         if not sound:
-            status = OVERTURNED if ended == LOST else EVENT_BOUND
+            status = repetition.OVERTURNED if ended == LOST else repetition.EVENT_BOUND
         elif rests:
-            status = AT_REST
-        elif repeats > 0 and not stayed(last, repeats):
-            status = ROCKING
+            status = repetition.AT_REST
+        elif repeats > 0 and not repetition.stayed(last, repeats):
+            status = repetition.ROCKING
         elif repeats > 0:
-            status = AT_REST if _repeats_at_rest(q, m, last, repeats, tolerance) else NOT_SETTLED
+            rests = _repeats_at_rest(q, m, last, repeats, tolerance)
+            status = repetition.AT_REST if rests else repetition.NOT_SETTLED
             # A damped bob under a block at rest repeats itself after one period, whatever came first.
-            repeats = 0 if q.zeta > 0.0 or status == NOT_SETTLED else repeats
+            repeats = 0 if q.zeta > 0.0 or status == repetition.NOT_SETTLED else repeats
         elif not grows and tolerance >= CONVERGED and elapsed >= wait:
             tried, before, of = _slow_repetition(q, last, known, tolerance, before, of)
             if tried > 0:
                 wait = 2 * elapsed
                 plant_along(x, STATE, r.plants[STATE])
                 if orbit_near(q, steady(cubics), m, room, r, past, known, Limits(capture, events, tried)):
-                    status, repeats = ROCKING, tried
+                    status, repeats = repetition.ROCKING, tried
                     # A block that leans and is held all the time does not rock.
                     rests, reach = _rests(q, m, last[0].tilt, 0.0, tolerance)
                     if rests:
                         _come_to_rest(q, y)
-                        status, repeats, last[0].swing = AT_REST, 0, reach
+                        status, repeats, last[0].swing = repetition.AT_REST, 0, reach
                         peaks[SWING] = max(reach, peaks[SWING])
-    if status != OVERTURNED and not finite(y):
-        status = FAILED
-    put_settled(status, repeats, elapsed, m, last, peaks, out)
+    if status != repetition.OVERTURNED and not finite(y):
+        status = repetition.FAILED
+    repetition.put_settled(status, repeats, elapsed, m, last, peaks, out)

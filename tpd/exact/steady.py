@@ -11,30 +11,17 @@ from collections import namedtuple
 
 import numpy as np
 
+from tpd.exact import repetition
 from tpd.exact.half_map_kernel import characteristic, is_neutral, put_roots
 from tpd.exact.legs import INPUTS, READER, STATE
 from tpd.exact.motion import LEG, LEGS, MOTION, ROOM, finite, put
 from tpd.exact.near_orbits import CYCLE, Limits, cycle, eliminate
 from tpd.exact.plant import PLANT, compiled, part, put_plants
-from tpd.exact.repetition import (
-    AT_REST,
-    EVENT_BOUND,
-    FAILED,
-    HELD,
-    NOT_SETTLED,
-    OVERTURNED,
-    ROCKING,
-    SETTLED,
-    STICKING,
-    scales_of,
-)
-from tpd.exact.repetition import STATUSES as ENDS
 from tpd.exact.settle import settle
 from tpd.exact.terms import APERIODIC, GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC
 
-STATUSES = (*ENDS, "aperiodic", "unstable", "neutral", "near_fold", "grazing")
-"""Names of statuses in the order of their numbers."""
 WANDERS, UNSTABLE, NEUTRAL, FOLD, GRAZED = range(8, 13)
+"""Numbers of statuses after those of `tpd.exact.repetition`, see `tpd.exact.terms.STEADY_STATUSES`."""
 STEADY = np.dtype(
     [
         *((name, np.float64) for name in ("amplitude", "stroke")),
@@ -50,7 +37,7 @@ parameters, NaN where there are none."""
 Own = namedtuple("Own", "plants motions rooms readers cycles settled legs")
 """Memory of records: a plant, a motion and its start, two rooms, a reader, two cycles, what a motion settles
 to, and the usual legs. A record does not keep its memory: it is alive as long as these arrays are."""
-_BEST, _SPARE = 0, 1
+_BEST, SPARE = 0, 1
 """Places of the best cycle so far and of the last one, and of the start of that."""
 _NEWTON_STEPS, _ROUND_OFF = 8, 1e-14
 """Bound on the steps of Newton's method, and residual of the map that counts as round-off."""
@@ -60,7 +47,7 @@ _NEWTON_STEPS, _ROUND_OFF = 8, 1e-14
 def memory():
     """New memory."""
     plants, motions, rooms = np.empty(1, PLANT), np.zeros(2, MOTION), np.zeros(2, ROOM)
-    cycles, settled, legs = np.empty(2, CYCLE), np.empty(1, SETTLED), np.empty(LEGS, LEG)
+    cycles, settled, legs = np.empty(2, CYCLE), np.empty(1, repetition.SETTLED), np.empty(LEGS, LEG)
     return Own(plants, motions, rooms, np.zeros(1, READER), cycles, settled, legs)
 
 
@@ -68,17 +55,6 @@ def memory():
 def first_of(own):
     """Plant, motion, room and reader."""
     return own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
-
-
-@compiled
-def _residual(q, y, end):
-    """Largest difference between the ends of a cycle, over the scales; no number if the motion was lost."""
-    scales, worst = scales_of(q), 0.0
-    for i in range(4):
-        # Of a bob that does nothing the swing decides nothing.
-        if i % 2 == 0 or q.mu > 0.0 or q.zeta > 0.0:
-            worst = max(worst, abs(end[i] - y[i]) / scales[i])
-    return worst if finite(end) else math.nan
 
 
 @compiled
@@ -95,15 +71,20 @@ def _solved(by, right):
 def _find_orbit(q, m, own, limits, y):
     """Newton's method from the state `y` with the mode of the motion `m`. Leave the start of the best orbit
     in `y` and its cycle in the first of two, and return its residual."""
-    (_, _, room, r), start, c = first_of(own), own.motions[_SPARE], own.cycles[_SPARE]
-    now, move = np.empty(4), np.empty((4, 1))
+    (_, _, room, r), start, c = first_of(own), own.motions[SPARE], own.cycles[SPARE]
+    now, move, scales = np.empty(4), np.empty((4, 1)), repetition.scales_of(q)
     error, residual, steps = math.inf, math.inf, 0
     put(y, now)
     while steps < _NEWTON_STEPS and error > _ROUND_OFF:
         kind, tilt, way = m.kind, m.tilt, m.way
         put(now, m.y)
         cycle(q, m, own.legs, room, r, limits, start, c)
-        found = _residual(q, now, c.end)
+        found = 0.0
+        for i in range(4):
+            # Of a bob that does nothing the swing decides nothing.
+            if i % 2 == 0 or q.mu > 0.0 or q.zeta > 0.0:
+                found = max(found, abs(c.end[i] - now[i]) / scales[i])
+        found = found if finite(c.end) else math.nan
         # Only a motion that ends in the mode in which it began is an orbit.
         raised = found + (0.0 if c.closed != 0.0 else 0.5 * RESIDUAL)
         steps += 1
@@ -136,8 +117,8 @@ def _separation(q, m, own, limits, periods, y):
     """Follow a motion that did not repeat from the state `y`: its largest Lyapunov exponent, no number if it
     ends at once. Leave the start of its last cycle in `y`, and that cycle in the first of two, with the
     largest sizes of all."""
-    (_, _, room, r), best, scales = first_of(own), own.cycles[_BEST], scales_of(q)
-    c, start = own.cycles[_SPARE], own.motions[_SPARE]
+    (_, _, room, r), best, scales = first_of(own), own.cycles[_BEST], repetition.scales_of(q)
+    c, start = own.cycles[SPARE], own.motions[SPARE]
     direction, onward, parted, steps = np.empty(4), np.empty(4), 0.0, 0
     for i in range(4):
         # Of a bob without mass nothing is felt.
@@ -186,12 +167,12 @@ def verdict(begun, residual, separation, multiplier, to_fold, crossing, neutral)
     method on its period map has found."""
     # From the weakest statement to the strongest: each line overrules those above it. Stability comes first,
     # because its numbers mean nothing if an event was grazed, next to a fold, or off an orbit.
-    moving = begun in (ROCKING, STICKING)
+    moving = begun in (repetition.ROCKING, repetition.STICKING)
     status = UNSTABLE if moving and multiplier > 1.0 else begun
     status = NEUTRAL if moving and neutral else status
     status = GRAZED if moving and crossing < GRAZING else status
     status = FOLD if moving and to_fold < 2.0 * NEAR_FOLD else status
-    status = NOT_SETTLED if moving and not residual < RESIDUAL else status
+    status = repetition.NOT_SETTLED if moving and not residual < RESIDUAL else status
     return WANDERS if separation > APERIODIC else status
 
 
@@ -226,7 +207,7 @@ def steady_state(x, y0, s, own, out):
     its steady state into the record `out`."""
     (q, m, room, r), c, found, y, total = first_of(own), own.cycles[_BEST], own.settled[0], out.y, 0.0
     out.amplitude = out.stroke = out.multiplier = out.lyapunov = math.nan
-    out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, FAILED
+    out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, repetition.FAILED
     for j in range(9):
         total += abs(x[j])
         for i in range(6):
@@ -245,12 +226,12 @@ def steady_state(x, y0, s, own, out):
     c.amplitude, c.stroke, c.crossing, c.asymmetry = found.amplitude, found.stroke, math.inf, math.inf
     limits = Limits(s.rest_rate * q.nu, int(s.events), periods)
     # There is nothing to be said of a motion that is lost.
-    if begun in (ROCKING, STICKING, AT_REST, NOT_SETTLED):
+    if begun in (repetition.ROCKING, repetition.STICKING, repetition.AT_REST, repetition.NOT_SETTLED):
         put_plants(x, r.plants)
         for i in range(6):
             for j in range(INPUTS):
                 c.by[i, j] = math.inf
-        if begun == NOT_SETTLED:
+        if begun == repetition.NOT_SETTLED:
             separation = _separation(q, m, own, limits, int(s.lyapunov), y)
         else:
             residual = _find_orbit(q, m, own, limits, y)
@@ -260,13 +241,13 @@ def steady_state(x, y0, s, own, out):
     # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
     # unless it has more steps than that may take.
     endless = q.zeta > 0.0 and not math.isfinite(residual)
-    status = EVENT_BOUND if begun == AT_REST and endless else status
+    status = repetition.EVENT_BOUND if begun == repetition.AT_REST and endless else status
     # Without a finite derivative of the period map nothing can be said about stability.
     unsaid = status == UNSTABLE and not math.isfinite(multiplier)
-    status = FAILED if unsaid or not (finite(y) or status == OVERTURNED) else status
+    status = repetition.FAILED if unsaid or not (finite(y) or status == repetition.OVERTURNED) else status
     # The tilt at which friction holds a block is a state next to which it is held as well.
-    multiplier = 1.0 if status == HELD else multiplier
-    rests, rocks = status == AT_REST, status in (ROCKING, STICKING)
+    multiplier = 1.0 if status == repetition.HELD else multiplier
+    rests, rocks = status == repetition.AT_REST, status in (repetition.ROCKING, repetition.STICKING)
     marginal, singular = status in (UNSTABLE, NEUTRAL), status in (FOLD, GRAZED)
     periodic, span = rocks or rests or marginal, periods * 2.0 * math.pi / q.xi
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
@@ -278,9 +259,9 @@ def steady_state(x, y0, s, own, out):
         # I - DP may be singular: the sizes are those of the orbit as it was found, or, of a motion that did
         # not repeat, the largest met.
         out.amplitude, out.stroke = c.amplitude, c.stroke
-    elif status == OVERTURNED:
+    elif status == repetition.OVERTURNED:
         out.amplitude = out.stroke = math.inf
-    elif status != FAILED:
+    elif status != repetition.FAILED:
         out.amplitude, out.stroke = found.amplitude, found.stroke
     if rests:
         # A block at rest has no amplitude, whatever moves. The stroke of a bob that hangs still is at the
@@ -293,6 +274,6 @@ def steady_state(x, y0, s, own, out):
         out.lyapunov = math.log(multiplier) / span if multiplier > 0.0 else -math.inf
     symmetric = periodic & (periods % 2 == 1) & (c.asymmetry < SYMMETRIC)
     out.symmetric = 1.0 if symmetric else 0.0
-    if periodic or status == HELD or singular:
+    if periodic or status == repetition.HELD or singular:
         out.multiplier = multiplier
     out.status, out.periods = status, periods

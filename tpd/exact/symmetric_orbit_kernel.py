@@ -57,14 +57,12 @@ MOVED = np.int64(12)
 """Numbers that these depend on: t, gamma, s and the parameters."""
 SAMPLES = np.int64(199)
 """Times between the turns at which `survey` looks."""
+_MORE = "status", "sticking", "grazing", "bob", "bob_rate", "peak", "overflow"
 ORBIT = np.dtype(
     [
         ("sizes", np.float64, (int(NUMBERS),)),
         ("multipliers", np.complex128, (4,)),
-        *(
-            (name, np.float64)
-            for name in ["status", "sticking", "grazing", "bob", "bob_rate", "peak", "overflow"]
-        ),
+        *((name, np.float64) for name in _MORE),
     ]
 )
 """An orbit: its sizes; the multipliers over a forcing period; its status; the margins without derivatives;
@@ -134,13 +132,8 @@ def _put_path(q, m, t, gamma, way, w, orbit):
         # The signals of a block that slips do not depend on the forcing: any does.
         w.second, w.count = watch_block(q, arc, mode, arc.tilt, w), _DENTS + 1
         # A bob that turns with the block has no rate but rounding there.
-        watch_turns(
-            w,
-            BOB,
-            1.0 if (now[SWING_RATE] if abs(now[SWING_RATE]) > 1e-12 else now[SWING_PULL]) > 0.0 else -1.0,
-            arc.bob,
-            arc,
-        )
+        goes = now[SWING_RATE] if abs(now[SWING_RATE]) > 1e-12 else now[SWING_PULL]
+        watch_turns(w, BOB, 1.0 if goes > 0.0 else -1.0, arc.bob, arc)
         slows = 1.0 if now[TILT_PULL] > 0.0 else -1.0
         watch_turns(w, _DENTS, slows, rate_of(arc, arc.tilt), arc)
         w.longest, w.least, w.limit = LONGEST / max(q.xi, max(q.s1, math.sqrt(q.q))), SMALL * m.span, math.inf

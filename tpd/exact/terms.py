@@ -22,6 +22,13 @@ PHASE, LASTS = 4, 5
 """Columns of an arc of a periodic orbit after its state: the forcing's phase at its start; its duration."""
 STATUSES = ("rocking", "unstable", "neutral", "near_fold", "grazing", "no_orbit")
 """Names of the statuses of symmetric orbits in compiled code, by their numbers there."""
+ENDS = ("rocking", "sticking", "rest", "held", "overturned", "not_settled", "event_bound", "failed")
+"""Names of the statuses with which following a motion under a harmonic ends, by their numbers there."""
+STEADY_STATUSES = (*ENDS, "aperiodic", "unstable", "neutral", "near_fold", "grazing")
+"""Names of the statuses of a steady state, by their numbers in compiled code."""
+SHAKEN = ("stood", "rocked", "overturned", "event_bound", "failed")
+"""Names of the statuses of a motion through a pulse or a record, by their numbers:"""
+STOOD, ROCKED, OVERTURNED, EVENT_BOUND, FAILED = range(5)
 SIZES = {
     **{"amplitude": 0, "phase": 1, "crossing": 2, "stroke": 3, "fold": 4, "symmetry": 5, "torus": 6},
     "state": slice(7, 11),

@@ -187,9 +187,8 @@ def _without_event(q, m, arc, e, a, b, growth, bounds, bob):
         if held:
             return _stays(q, m, e, h, a, b, abs(1.0 - q.up) * bob4 + abs(q.bias) * bob5)
     tilt, way = m.tilt, m.way
-    if not _positive(
-        way * a[TILT_RATE], way * a[TILT_PULL], way * b[TILT_RATE], way * b[TILT_PULL], h, tilt5
-    ):
+    v, u, w, x = way * a[TILT_RATE], way * a[TILT_PULL], way * b[TILT_RATE], way * b[TILT_PULL]
+    if not _positive(v, u, w, x, h, tilt5):
         return False
     # A block that tilts further lands nowhere before it turns.
     if tilt * way > 0.0:

@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from tpd.core.batch import PIECE, shared
 from tpd.models import compiling
 
 Trial = Callable[[Any], tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]]
@@ -34,12 +35,14 @@ def numbers_in(record: np.dtype) -> int:
 
 
 def parts(numbers: Any, record: np.dtype) -> Any:
-    """Fields of a record of floats, or of a batch of them, by name. The record is an array's last axis."""
+    """Fields of a record of floats, or of a batch of them, by name. The record is an array's last axis.
+    Complex numbers have one more axis, of both parts."""
     found, fields = {}, cast("Any", record.fields)
     for name, (kind, begin) in fields.items():
         place = begin // 8
         size = kind.itemsize // 8
-        found[name] = numbers[..., place : place + size].reshape(*numbers.shape[:-1], *kind.shape)
+        own = (*kind.shape, 2) if kind.base.kind == "c" else kind.shape
+        found[name] = numbers[..., place : place + size].reshape(*numbers.shape[:-1], *own)
     return SimpleNamespace(**found)
 
 
@@ -106,6 +109,23 @@ class Compiled:
         if rows:
             run(0, rows, *flat, *out)
         return tuple(x.reshape(*batch, *x.shape[1:]) for x in out)
+
+    def in_threads(
+        self,
+        n: int,
+        workers: int | None,
+        progress: Callable[[int, int], None] | None,
+        *buffers: np.ndarray,
+        piece: tuple[int, int] = PIECE,
+    ) -> None:
+        """Compute n rows of contiguous buffers, operands before results, on so many threads; see `shared`."""
+        entry = self.entry()
+
+        def run(first: int, last: int) -> int:
+            entry.run(first, last, *buffers)
+            return last - first
+
+        shared(run, n, workers, progress, piece=piece)
 
     def __call__(self, shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> Any:
         """Results of traced operands."""

@@ -18,10 +18,11 @@ from jaxtyping import Array, Float
 
 from tpd.exact.contact import Mode
 from tpd.exact.derivatives import once
+from tpd.exact.terms import ENDS
 from tpd.models.base import Cycle, Settled
 from tpd.models.calling import Compiled, numbers_in, parts, shape
 from tpd.scene.parameters import Number, Parameters, State
-from tpd.scene.status import Status
+from tpd.scene.status import Status, index_of
 
 Limits = tuple[int, int, float, float, int]
 """Limits as `tpd.models.piecewise.Piecewise` has them."""
@@ -82,9 +83,7 @@ def _mode_of(of: Any) -> Mode:
 
 
 def _status_of(number: Array) -> Status:
-    from tpd.exact.repetition import STATUSES
-
-    every = [getattr(Status, name) for name in STATUSES]
+    every = [getattr(Status, name) for name in ENDS]
     return jax.tree.map(lambda *x: jnp.stack(x)[number.astype(int)], *every)
 
 
@@ -97,10 +96,26 @@ def settle(
     s = settings_of("SETTLE", **limits)
     x, y = jax.lax.stop_gradient(packed(p)), jax.lax.stop_gradient(y0)
     (out,) = EXACT((shape(numbers_in(entry.SETTLED)),), s, x, y, jnp.zeros(2))
-    of = parts(out, entry.SETTLED)
-    own, elapsed, status = of.periods.astype(int), of.elapsed.astype(int), _status_of(of.status)
+    return settled_of(out, entry.SETTLED)
+
+
+def settled_of(numbers: Any, record: np.dtype) -> Settled:
+    """What motions have settled to, from the records of compiled code as floats."""
+    of, index = parts(numbers, record), np.array([index_of(name) for name in ENDS], dtype=np.int32)
+    kind, code, periods, elapsed = (x.astype(int) for x in (of.kind, of.status, of.periods, of.elapsed))
+    status = index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code]
+    # From its leaves, because fields are annotated with the shapes of a single motion.
     sizes, peaks = (of.amplitude, of.stroke), (of.peak, of.peak_stroke)
-    return Settled(of.y, _mode_of(of), own, *sizes, status, elapsed, *peaks)
+    leaves = [of.y, kind, of.tilt, of.way, periods, *sizes, status, elapsed, *peaks]
+    return jax.tree.unflatten(_structure(), leaves)
+
+
+@lru_cache(maxsize=1)
+def _structure() -> Any:
+    """Structure of the pytree of a `Settled`."""
+    none, count = jnp.zeros(()), jnp.zeros((), int)
+    about = count, none, none, Status.failed, count, none, none
+    return jax.tree.structure(Settled(jnp.zeros(4), Mode(count, none, none), *about))
 
 
 def solve(x: Any, y0: Any, limits: Limits) -> Any:

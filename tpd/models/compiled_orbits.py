@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
 from tpd.core import checks
 from tpd.exact.terms import STATUSES
 from tpd.models.calling import Compiled, shape
 from tpd.models.compiled_linear import fields
-from tpd.models.rows import shared
 from tpd.scene.parameters import Parameters
 
 _PIECE = 16, 256
@@ -29,22 +27,19 @@ def load() -> Any:
     return _CODE.entry()
 
 
-def _trial(entry: Any) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
-    """A way from turn to turn: of an orbit, places that mean nothing are left as they were."""
-    x = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 2.0, 0.7, 0.9])
-    return (shape(entry.SURVEYED),), (_settings(entry.SURVEY), x, np.array([0.7, 0.3, 0.0]))
-
-
-_CODE = Compiled("tpd.models.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _trial)
+_TRIED = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 2.0, 0.7, 0.9]), np.array([0.7, 0.3, 0.0])
+"""A way from turn to turn, to be tried: of an orbit, places that mean nothing are left as they were."""
+_CODE = Compiled(
+    *("tpd.models.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits"),
+    lambda entry: ((shape(entry.SURVEYED),), (_settings(entry.SURVEY), *_TRIED)),
+)
 
 
 def row_of(p: Parameters) -> Any:
     """Parameters as the compiled code takes them: the last axis of an array, of NumPy's where all are
     known."""
-    library = checks.namespace(*fields(p))
-    return library.stack(
-        library.broadcast_arrays(*(library.asarray(x, dtype=float) for x in fields(p))), axis=-1
-    )
+    xp = checks.namespace(*fields(p))
+    return xp.stack(xp.broadcast_arrays(*(xp.asarray(x, dtype=float) for x in fields(p))), axis=-1)
 
 
 def _settings(what: int, directions: int = 0, asked: tuple[int, int] = (0, 0)) -> np.ndarray:
@@ -54,14 +49,9 @@ def _settings(what: int, directions: int = 0, asked: tuple[int, int] = (0, 0)) -
 def _on_all_cores(
     settings: np.ndarray, workers: int | None, progress: Callable[[int, int], None] | None, *rows: np.ndarray
 ) -> None:
-    entry, n = load(), len(rows[0])
+    n = len(rows[0])
     settings = np.ascontiguousarray(np.broadcast_to(settings, (n, len(settings))))
-
-    def run(first: int, last: int) -> int:
-        entry.run(first, last, settings, *rows)
-        return last - first
-
-    shared(run, n, workers, progress, piece=_PIECE)
+    _CODE.in_threads(n, workers, progress, settings, *rows, piece=_PIECE)
 
 
 def solve_all(

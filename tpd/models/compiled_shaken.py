@@ -20,7 +20,6 @@ from tpd.exact.derivatives import moved, once
 from tpd.exact.terms import TILT_PULL, TILT_RATE, XI
 from tpd.models.calling import Compiled, numbers_in, parts, shape
 from tpd.models.compiled_linear import EXACT, changed, fields, packed, settings_of
-from tpd.models.rows import shared
 from tpd.scene.parameters import Number, Parameters, State
 
 _AT_END = 1e-12
@@ -51,7 +50,7 @@ class Followed(NamedTuple):
     growing: Any
     """Growing coordinate of the last arc at its start: 0 between overturning and falling back."""
     status: Any
-    """Index among `tpd.exact.follow.STATUSES`."""
+    """Index among `tpd.exact.terms.SHAKEN`."""
     impacts: Any
     lifted: Any
     """Time of the first uplift; infinite without one."""
@@ -61,13 +60,10 @@ class Followed(NamedTuple):
     """Least rate at which the motion met an event, over the usual rate."""
 
 
-def _shapes(entry: Any, inputs: float) -> tuple[jax.ShapeDtypeStruct, ...]:
-    """Shapes of the results, and of their derivatives if there are inputs for these."""
-    return shape(numbers_in(entry.FOLLOWED)), shape(*((entry.SHAKEN, entry.INPUTS) if inputs else (1, 1)))
-
-
 def _followed_from(inputs: float, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
-    return EXACT(_shapes(EXACT.entry(), inputs), settings, x, y, pieces)
+    entry = EXACT.entry()
+    shapes = shape(numbers_in(entry.FOLLOWED)), shape(*((entry.SHAKEN, entry.INPUTS) if inputs else (1, 1)))
+    return EXACT(shapes, settings, x, y, pieces)
 
 
 _followed_with_slopes = once(partial(_followed_from, 1.0))
@@ -99,7 +95,9 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
     out, by_angles = _followed_with_slopes(changed(asked, "angles", 1.0), x, y, pieces)
     _, by_end = _followed_with_slopes(asked, x, y, pieces)
     of = parts(out, EXACT.entry().FOLLOWED)
-    xs, ys, samples, times = (_zeros_of(t) for t in tangents)
+    xs, ys, samples, times = (
+        jnp.zeros(t.shape, jnp.float64) if isinstance(t, SymbolicZero) else t for t in tangents
+    )
     direction = jnp.concatenate([xs, ys])
     angles, end = by_angles[ANGLES] @ direction, by_end[END] @ direction
     # Some times have no derivative, that of the overturning never: NaN meets only what asks for it.
@@ -127,10 +125,6 @@ def _followed_jvp(primals: tuple, tangents: tuple) -> tuple:
 _followed.defjvp(_followed_jvp, symbolic_zeros=True)
 
 
-def _zeros_of(tangent: Any) -> Any:
-    return jnp.zeros(tangent.shape, jnp.float64) if isinstance(tangent, SymbolicZero) else tangent
-
-
 def follow(p: Parameters, pieces: Array, free: Number, y0: State, max_events: int) -> Followed:
     """Follow a motion from `y0` through `pieces`, shape (n, 4), and freely for `free` (tau).
 
@@ -141,9 +135,10 @@ def follow(p: Parameters, pieces: Array, free: Number, y0: State, max_events: in
     limits = {"free": free, "rest_rate": REST_RATE, "events": max_events}
     angles, end, times, out = _followed(*operands(EXACT, p, pieces, y0, **limits))
     *at, lifted, fell = times
-    return results(angles, end, jax.lax.stop_gradient(out))._replace(
-        times=jnp.stack(at), lifted=lifted, fell=fell
-    )
+    tilt, swing, relative = angles
+    sizes = {"tilt": tilt, "swing": swing, "relative": relative, "times": jnp.stack(at)}
+    state = {"state": end[:TILT_PULL], "growing": end[TILT_PULL], "lifted": lifted, "fell": fell}
+    return known(jax.lax.stop_gradient(out))._replace(**sizes, **state)
 
 
 def operands(of: Compiled, p: Parameters, pieces: Any, y0: State, **limits: Any) -> tuple[Array, ...]:
@@ -152,13 +147,6 @@ def operands(of: Compiled, p: Parameters, pieces: Any, y0: State, **limits: Any)
     x = packed(p).at[XI].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
     settings = settings_of("SHAKE", of, pieces=pieces.shape[-2], record=-1.0, **limits)
     return x, jnp.asarray(y0), -jnp.asarray(pieces), settings
-
-
-def results(angles: Any, end: Any, still: Any) -> Followed:
-    """Motions from what `_followed` gives; `still` are all results."""
-    found = known(still)
-    names = dict(zip(("tilt", "swing", "relative"), jnp.moveaxis(angles, -1, 0), strict=True))
-    return found._replace(**names, state=end[..., :TILT_PULL], growing=end[..., TILT_PULL])
 
 
 def known(out: Any) -> Followed:
@@ -237,10 +225,5 @@ def follow_rows(
     starts = np.zeros((n, 4)) if y0 is None else np.ascontiguousarray(y0, dtype=float)
     out = np.zeros((n, numbers_in(entry.FOLLOWED)))
     by = np.zeros((n, entry.SHAKEN, entry.INPUTS) if slopes else 1)
-
-    def run(first: int, last: int) -> int:
-        entry.run(first, last, settings, x, starts, pieces, out, by)
-        return last - first
-
-    shared(run, n, workers, progress)
+    compiled.in_threads(n, workers, progress, settings, x, starts, pieces, out, by)
     return known(out), by if slopes else None

@@ -40,13 +40,10 @@ def sources(*kinds: str) -> list[Path]:
     """Files that are compiled, or call what is: the engine, and of `models` those whose names begin with one
     of `kinds`."""
     package = Path(__file__).parent.parent
-    models = sorted((package / "models").glob("*.py"))
-    chosen = [f for f in models if f.name.startswith((*kinds, "custom_call"))]
-    return [
-        *sorted((package / "exact").glob("*.py")),
-        package / "scene" / "impacts.py",
-        *chosen,
-    ]
+    chosen = (
+        f for f in sorted((package / "models").glob("*.py")) if f.name.startswith((*kinds, "custom_call"))
+    )
+    return [*sorted((package / "exact").glob("*.py")), package / "scene" / "impacts.py", *chosen]
 
 
 @lru_cache(maxsize=8)

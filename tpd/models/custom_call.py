@@ -27,6 +27,13 @@ from tpd.exact.plant import compiled, part
 carray: Any = _carray
 FRAME = 16
 """Numbers of 8 bytes in a frame of XLA's."""
+_SIZE, _EXTENSION, _STAGE, _OPERANDS, _GIVEN, _RESULTS, _FOUND = 0, 1, 4, 7, 9, 12, 14
+"""Columns of such a frame: its size, an extension, the stage, how many operands there are and the list of
+them, and the same of results."""
+_FIRST, _DATA, _RANK, _SHAPE, _EXECUTE = 0, 3, 4, 5, 3
+"""The first of a list; columns of a buffer: data, number of axes, their lengths; the stage to compute."""
+_FROM, _TO, _BUFFERS = 1, 2, 3
+"""Columns of a frame of the host's, whose size is 0: the first and the last row, and the first buffer."""
 FIELDS = (
     *("task", "periods", "events", "rest_rate", "tolerance", "rtol", "lyapunov", "impacts", "slopes"),
     *("pieces", "record", "free", "brief", "angles"),
@@ -52,26 +59,24 @@ def settings(**values: Any) -> list[Any]:
     return row
 
 
-def _declared_version() -> tuple[int, int]:
-    """Version of the interface that the installed XLA declares."""
+def api_version() -> int:
+    """The version of the interface that the installed XLA declares, as one number."""
     header = Path(str(jaxlib.__file__)).parent / "include" / "xla" / "ffi" / "api" / "c_api.h"
     text = header.read_text()
     major, minor = (re.search(rf"#define XLA_FFI_API_{name} (\d+)", text) for name in ("MAJOR", "MINOR"))
     if major is None or minor is None:
         raise ValueError(f"{header} does not declare the version of the interface")
-    return int(major[1]), int(minor[1])
+    return int(major[1]) | (int(minor[1]) << 32)
 
 
-def _cast(context: Any, address: Any) -> Any:
-    """A number as a pointer to floats."""
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.inttoptr(args[0], cgutils.voidptr_t)
-
+@intrinsic
+def _pointer(context: Any, address: Any) -> Any:
+    """A number as a pointer."""
+    generate = lambda context, builder, signature, args: builder.inttoptr(args[0], cgutils.voidptr_t)  # noqa: E731
     return types.voidptr(types.int64), generate
 
 
-pointer: Any = intrinsic(_cast)
+pointer: Any = _pointer
 
 
 @compiled
@@ -81,27 +86,22 @@ def wholes(address):
 
 
 @compiled
-def table(address, rows, columns):
-    """A table of floats at an address."""
-    return carray(pointer(address), (rows, columns), np.float64)
+def at(address, shape, dtype):
+    """The array at an address."""
+    return carray(pointer(address), shape, dtype)
 
 
 @compiled
-def cube(address, rows, columns, depth):
-    """Tables of floats at an address."""
-    return carray(pointer(address), (rows, columns, depth), np.float64)
-
-
-@compiled
-def settings_at(address, rows):
-    """Rows of settings at an address."""
-    return carray(pointer(address), (rows,), SETTINGS)
+def places_in(a):
+    """Addresses of all buffers."""
+    return a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7]
 
 
 @part
 def usual(a, rows):
     """The first three operands of motions: settings, parameters and starts."""
-    return settings_at(a[0], rows), table(a[1], rows, 9), table(a[2], rows, 4)
+    settings, x, start, _, _, _, _, _ = places_in(a)
+    return at(settings, (rows,), SETTINGS), at(x, (rows, 9), np.float64), at(start, (rows, 4), np.float64)
 
 
 @compiled
@@ -110,20 +110,21 @@ def pieces(address, s, n):
     count, begin = int(s.pieces), int(s.record)
     # XLA gives every motion a copy of its record, the host one place for all.
     begin = n * count if begin < 0 else begin
-    return Forcing(NO, 0.0, 0.0, count, table(address, begin + count, 4)[begin:])
+    return Forcing(NO, 0.0, 0.0, count, at(address, (begin + count, 4), np.float64)[begin:])
 
 
 @compiled
 def _buffers(frame, a):
     """Put the addresses of a frame's buffers into `a`, and return how many rows they have."""
-    operands, results, rows = frame[7], frame[12], 1
+    operands, results, rows = frame[_OPERANDS], frame[_RESULTS], 1
+    given, found = wholes(frame[_GIVEN]), wholes(frame[_FOUND])
     for i in range(operands):
-        a[i] = wholes(wholes(frame[9])[i])[3]
+        a[i] = wholes(given[i])[_DATA]
     for i in range(results):
-        a[operands + i] = wholes(wholes(frame[14])[i])[3]
-    settings = wholes(wholes(frame[9])[0])
-    shape = wholes(settings[5])
-    for i in range(settings[4] - 1):
+        a[operands + i] = wholes(found[i])[_DATA]
+    settings = wholes(given[_FIRST])
+    shape = wholes(settings[_SHAPE])
+    for i in range(settings[_RANK] - 1):
         rows *= shape[i]
     return rows
 
@@ -131,26 +132,19 @@ def _buffers(frame, a):
 @compiled
 def rows_of(address, a, api):
     """Put the addresses of a frame's buffers into `a`; return the first and last of the rows to compute, and
-    whether the host asks. XLA's frames have 16 numbers of 8 bytes: the second is an extension, the fifth a
-    stage, the tenth and the last but one the lists of buffers."""
+    whether the host asks."""
     frame = wholes(address)
-    if frame[0] == 0:
+    if frame[_SIZE] == 0:
         for i in range(8):
-            a[i] = frame[3 + i]
-        return frame[1], frame[2], True
-    if frame[1] != 0:
+            a[i] = frame[_BUFFERS + i]
+        return frame[_FROM], frame[_TO], True
+    if frame[_EXTENSION] != 0:
         # XLA asks for the version.
-        wholes(wholes(frame[1])[3])[3] = api
+        wholes(wholes(frame[_EXTENSION])[_DATA])[_DATA] = api
         return 0, 0, False
-    if (frame[4] & 0xFFFFFFFF) != 3:
+    if (frame[_STAGE] & 0xFFFFFFFF) != _EXECUTE:
         return 0, 0, False
     return 0, _buffers(frame, a), False
-
-
-def api_version() -> int:
-    """The version of the interface that the installed XLA declares, as one number."""
-    major, minor = _declared_version()
-    return major | (minor << 32)
 
 
 def on_host(entrance: Any) -> Callable[..., None]:
@@ -158,16 +152,13 @@ def on_host(entrance: Any) -> Callable[..., None]:
     call: Callable[[int], int] = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(entrance.address)
     numbers: Any = ctypes.c_int64 * FRAME
 
-    def run(first: int, last: int, *buffers: np.ndarray) -> None:
-        frame = numbers(0, first, last, *map(_address, buffers))
+    def run(first: int, last: int, *buffers: Any) -> None:
+        # NumPy's own attribute takes five times as long, but knows all arrays.
+        places = (
+            ctypes.addressof(ctypes.c_char.from_buffer(b)) if b.size and b.flags.writeable else b.ctypes.data
+            for b in buffers
+        )
+        frame = numbers(0, first, last, *places)
         call(ctypes.addressof(frame))
 
     return run
-
-
-def _address(buffer: Any) -> int:
-    """Where the numbers of a contiguous array begin."""
-    # NumPy's own attribute takes five times as long, but knows all arrays.
-    if buffer.size and buffer.flags.writeable:
-        return ctypes.addressof(ctypes.c_char.from_buffer(buffer))
-    return buffer.ctypes.data

@@ -11,7 +11,7 @@ import numpy as np
 from tpd.exact.arcs import Load, arc_from, beginning, state_at, steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.cycle_kernel import LINK, SURVEY, survey, traverse
-from tpd.exact.follow import FAILED, FOLLOWED, STATUSES, put_results, through
+from tpd.exact.follow import FOLLOWED, put_results, through
 from tpd.exact.legs import (
     ANGLES,
     GROWING,
@@ -29,8 +29,8 @@ from tpd.exact.near_orbits import CYCLE, Limits, cycle, follow_periods
 from tpd.exact.plant import compiled, part, plant, put_plants, stored
 from tpd.exact.repetition import SETTLED
 from tpd.exact.settle import settle
-from tpd.exact.steady import STEADY, first_of, memory, steady_state
-from tpd.exact.terms import SWING_PULL, TILT, TILT_PULL, TILT_RATE
+from tpd.exact.steady import SPARE, STEADY, first_of, memory, steady_state
+from tpd.exact.terms import FAILED, SWING_PULL, TILT, TILT_PULL, TILT_RATE
 from tpd.exact.trajectory import trajectory
 from tpd.models.compiling import checksum
 from tpd.models.custom_call import (
@@ -39,15 +39,12 @@ from tpd.models.custom_call import (
     RAMP,
     SETTINGS,
     api_version,
-    carray,
-    cube,
+    at,
     on_host,
     pieces,
-    pointer,
+    places_in,
     rows_of,
     settings,
-    settings_at,
-    table,
     usual,
 )
 
@@ -60,7 +57,6 @@ __all__ = [
     "SETTINGS",
     "SETTLED",
     "STATES",
-    "STATUSES",
     "STEADY",
     "settings",
 ]
@@ -72,6 +68,8 @@ _END, _GROWN, _AT, _LIFTED, SHAKEN = map(np.int64, (3, 7, 8, 11, 12))
 the growing coordinate, the three times, that of the uplift; and how many there are."""
 ENDED = np.dtype([("legs", np.float64), ("how", np.float64)])
 """Legs of a motion, for which there may not be room, and how it ended."""
+MODE = np.dtype([(name, np.float64) for name in ("kind", "tilt", "way")])
+"""Mode in which a cycle begins."""
 _USUAL = 20_000
 """Events for which there is room at first."""
 
@@ -85,8 +83,8 @@ def _keep(own):
 @part
 def _settle(a, first, last):
     """Rows of `settle`: settings, parameters, starts, beginnings and ramps; what the motions settle to."""
-    (s, x, y), t, own = usual(a, last), table(a[3], last, 2), memory()
-    out, (q, m, room, r) = carray(pointer(a[4]), (last,), SETTLED), first_of(own)
+    (s, x, y), own, (_, _, _, times, results, _, _, _) = usual(a, last), memory(), places_in(a)
+    t, out, (q, m, room, r) = at(times, (last, 2), np.float64), at(results, (last,), SETTLED), first_of(own)
     for n in range(first, last):
         put(y[n], m.y)
         settle(x[n], q, m, room, r, s[n], t[n, BEGIN], t[n, RAMP], out[n])
@@ -96,23 +94,23 @@ def _settle(a, first, last):
 @part
 def _cycle(a, first, last):
     """Rows of `cycle`: settings, parameters, starts and modes; cycles."""
-    (s, x, y), modes, own = usual(a, last), table(a[3], last, 3), memory()
-    out, (q, m, room, r) = carray(pointer(a[4]), (last,), CYCLE), first_of(own)
+    (s, x, y), own, (_, _, _, kinds, results, _, _, _) = usual(a, last), memory(), places_in(a)
+    modes, out, (q, m, room, r) = at(kinds, (last,), MODE), at(results, (last,), CYCLE), first_of(own)
     for n in range(first, last):
         plant(x[n], q)
         put_plants(x[n], r.plants)
         put(y[n], m.y)
-        m.kind, m.tilt, m.way = modes[n, 0], modes[n, 1], modes[n, 2]
+        m.kind, m.tilt, m.way = modes[n].kind, modes[n].tilt, modes[n].way
         limits = Limits(s[n].rest_rate * q.nu, int(s[n].events), int(s[n].periods))
-        cycle(q, m, own.legs, room, r, limits, own.motions[1], out[n])
+        cycle(q, m, own.legs, room, r, limits, own.motions[SPARE], out[n])
     _keep(own)
 
 
 @part
 def _steady(a, first, last):
     """Rows of `steady_state`: settings, parameters and starts; steady states."""
-    (s, x, y), own = usual(a, last), memory()
-    out = carray(pointer(a[3]), (last,), STEADY)
+    (s, x, y), own, (_, _, _, results, _, _, _, _) = usual(a, last), memory(), places_in(a)
+    out = at(results, (last,), STEADY)
     for n in range(first, last):
         steady_state(x[n], y[n], s[n], own, out[n])
     _keep(own)
@@ -122,22 +120,15 @@ def _steady(a, first, last):
 def _trajectory(a, first, last):
     """Rows of `trajectory`: settings, parameters, starts and times; states with their rates, statuses, and
     derivatives."""
-    (s, x, y), own = usual(a, last), memory()
-    count, (q, m, room, r) = int(s[0].periods), first_of(own)
-    times, out, statuses = table(a[3], last, count), cube(a[4], last, count, 8), table(a[5], last, 1)
+    (s, x, y), own, (_, _, _, clock, states, ends, slopes, _) = usual(a, last), memory(), places_in(a)
+    count, (q, m, room, r) = int(s[first].periods), first_of(own)
+    times, out = at(clock, (last, count), np.float64), at(states, (last, count, 8), np.float64)
+    statuses = at(ends, (last,), np.float64)
     for n in range(first, last):
-        by = carray(pointer(a[6]), (last, count if s[n].slopes != 0.0 else 1, 4, INPUTS + 1), np.float64)
+        by = at(slopes, (last, count if s[n].slopes != 0.0 else 1, 4, INPUTS + 1), np.float64)
         put(y[n], m.y)
-        statuses[n, 0] = trajectory(x[n], q, m, room, r, s[n], times[n], out[n], by[n])
+        statuses[n] = trajectory(x[n], q, m, room, r, s[n], times[n], out[n], by[n])
     _keep(own)
-
-
-@compiled
-def _put_accelerations(q, m, out):
-    """Put the accelerations at the end of a motion into its results."""
-    arc = arc_from(q, m, m.y, Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-    end = state_at(arc, beginning(arc), 0.0)
-    out.state[TILT_PULL], out.state[SWING_PULL] = end[TILT_PULL], end[SWING_PULL]
 
 
 @compiled
@@ -156,23 +147,19 @@ def _put_slopes(m, many, inputs, by):
             by[_GROWN, j], by[_LIFTED, j] = many[GROWING, j], many[UPLIFT, j]
 
 
-@compiled
-def _usual_legs(s):
-    """Legs to make room for at first: few motions have so many, and those are followed once more."""
-    return 2 * (int(s.pieces) + min(int(s.events), _USUAL)) + 64
-
-
 @part
 def _shake(a, first, last, history):
     """Rows of `through`: settings, parameters, starts and pieces. If it is a `history`, also times; states,
     impacts and statuses. If not, results and derivatives."""
-    (s, x, y), own = usual(a, last), memory()
+    (s, x, y), own, (_, _, _, forcing, results, by, arrivals, ends) = usual(a, last), memory(), places_in(a)
     none, many, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
     q, m, room, r = first_of(own)
     for n in range(first, last):
-        f, status = pieces(a[3], s[n], n), FAILED
-        # Of memory that nothing is written to the system gives none.
-        legs = np.empty(_usual_legs(s[n]), LEG) if slopes or history else none
+        f, status = pieces(forcing, s[n], n), FAILED
+        # Few motions have so many legs, and those are followed once more. Of memory that nothing is written
+        # to the system gives none.
+        usually = 2 * (int(s[n].pieces) + min(int(s[n].events), _USUAL)) + 64
+        legs = np.empty(usually, LEG) if slopes or history else none
         m.recorded = len(legs) + 1
         while m.recorded > len(legs):
             put(y[n], m.y)
@@ -184,15 +171,16 @@ def _shake(a, first, last, history):
                 m.recorded += 1
         if history:
             count, most = int(s[n].periods), int(s[n].impacts)
-            put_states(
-                q, f, legs, m.recorded, table(a[4], last, count)[n], cube(a[5], last, count, STATES)[n]
-            )
-            put_impacts(q, legs, m.recorded, cube(a[6], last, most, 2)[n])
-            table(a[7], last, 1)[n, 0] = status
+            times, states = at(results, (last, count), np.float64), at(by, (last, count, STATES), np.float64)
+            put_states(q, f, legs, m.recorded, times[n], states[n])
+            put_impacts(q, legs, m.recorded, at(arrivals, (last, most, 2), np.float64)[n])
+            at(ends, (last,), np.float64)[n] = status
             continue
-        out = carray(pointer(a[4]), (last,), FOLLOWED)[n]
+        out = at(results, (last,), FOLLOWED)[n]
         put_results(m, status, out)
-        _put_accelerations(q, m, out)
+        arc = arc_from(q, m, m.y, Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        end = state_at(arc, beginning(arc), 0.0)
+        out.state[TILT_PULL], out.state[SWING_PULL] = end[TILT_PULL], end[SWING_PULL]
         if slopes:
             inputs = int(s[n].slopes)
             for i in range(ROWS):
@@ -200,7 +188,7 @@ def _shake(a, first, last, history):
                     many[i, j] = math.nan
             put_plants(x[n], r.plants)
             out.growing = read(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, many)
-            _put_slopes(m, many, inputs, cube(a[5], last, SHAKEN, INPUTS)[n])
+            _put_slopes(m, many, inputs, at(by, (last, SHAKEN, INPUTS), np.float64)[n])
     _keep(own)
 
 
@@ -208,8 +196,8 @@ def _shake(a, first, last, history):
 def _legs(a, first, last):
     """Rows of `follow_periods` from states at tau = 0: settings, parameters and starts; legs, how many there
     are, for which there may not be room, and how the motion ended."""
-    (s, x, start), own = usual(a, last), memory()
-    legs, ends = carray(pointer(a[3]), (last, int(s[0].pieces)), LEG), carray(pointer(a[4]), (last,), ENDED)
+    (s, x, start), own, (_, _, _, results, arrivals, _, _, _) = usual(a, last), memory(), places_in(a)
+    legs, ends = at(results, (last, int(s[first].pieces)), LEG), at(arrivals, (last,), ENDED)
     (q, m, room, _), f = first_of(own), steady(np.empty((0, 4)))
     for n in range(first, last):
         plant(x[n], q)
@@ -224,12 +212,13 @@ def _legs(a, first, last):
 def _arcs(a, first, last):
     """Rows of `traverse` over so many arcs: settings, complex parameters, links, and complex arcs; ends, and
     if the settings ask for slopes, findings about the arcs of the first row."""
-    s, x, own = settings_at(a[0], 1), carray(pointer(a[1]), (last, 9), np.complex128), memory()
-    many = int(s[0].pieces)
-    links, z = carray(pointer(a[2]), (many,), LINK), carray(pointer(a[3]), (last, many, 6), np.complex128)
-    out, found = carray(pointer(a[4]), (last, many, 6), np.complex128), carray(pointer(a[5]), (many,), SURVEY)
+    settings, design, chain, begins, ends, findings, _, _ = places_in(a)
+    s, x, own = at(settings, (1,), SETTINGS), at(design, (last, 9), np.complex128), memory()
+    many, slopes = int(s[first].pieces), s[first].slopes != 0.0
+    links, z = at(chain, (many,), LINK), at(begins, (last, many, 6), np.complex128)
+    out, found = at(ends, (last, many, 6), np.complex128), at(findings, (many,), SURVEY)
     (q, _, room, r), numbers, arc = first_of(own), np.empty(9), np.empty(6)
-    other = r.plants[0]
+    other = r.plants[FIRST_PIECE]
     for n in range(first, last):
         plant(x[n], other)
         for i in range(many):
@@ -237,17 +226,18 @@ def _arcs(a, first, last):
     for j in range(9):
         numbers[j] = x[first, j].real
     plant(numbers, q)
-    for i in range(many if s[0].slopes != 0.0 else 0):
+    for i in range(many if slopes else 0):
         for j in range(6):
             arc[j] = z[first, i, j].real
-        survey(q, links[i], arc, room, own.rooms[1], found[i])
+        survey(q, links[i], arc, room, own.rooms[SPARE], found[i])
     _keep(own)
 
 
 @part
 def _run(a, first, last):
     """Rows of whatever the settings ask for."""
-    task = table(a[0], 1, 1)[0, 0]
+    settings, _, _, _, _, _, _, _ = places_in(a)
+    task = at(settings, (last,), SETTINGS)[first].task
     if task == SETTLE:
         _settle(a, first, last)
     elif task == PERIODS:

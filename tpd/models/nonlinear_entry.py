@@ -42,13 +42,12 @@ from tpd.models.custom_call import (
     RAMP,
     SETTINGS,
     api_version,
-    carray,
+    at,
     on_host,
     pieces,
-    pointer,
+    places_in,
     rows_of,
     settings,
-    table,
     usual,
 )
 
@@ -288,18 +287,18 @@ def _through(q, f, m, w, s):
 def _run(a, first, last):
     """Rows of settings, parameters and starts. To settle: also beginnings and ramps; what they settle to.
     Through a ground motion: also pieces; results, in which what is not computed is no number."""
-    s, x, start = usual(a, last)
+    (s, x, start), (_, _, _, given, results, _, _, _) = usual(a, last), places_in(a)
     plants, motions, works = np.empty(1, PLANT), np.zeros(1, MOTION), np.zeros(1, series.WORK)
     q, m, w = plants[0], motions[0], works[0]
     for n in range(first, last):
         series.prepare(x[n], s[n], q, w)
         put(start[n], m.y)
         if s[n].task == SETTLE:
-            t, settled = table(a[3], last, 2), carray(pointer(a[4]), (last,), SETTLED)
+            t, settled = at(given, (last, 2), np.float64), at(results, (last,), SETTLED)
             _settle(q, m, w, s[n], t[n, BEGIN], t[n, RAMP], settled[n])
         else:
-            out = carray(pointer(a[4]), (last,), FOLLOWED)[n]
-            put_results(m, _through(q, pieces(a[3], s[n], n), m, w, s[n]), out)
+            out = at(results, (last,), FOLLOWED)[n]
+            put_results(m, _through(q, pieces(given, s[n], n), m, w, s[n]), out)
             out.growing = out.crossing = math.nan
     # Records do not keep their memory, and Numba frees an array after its last use.
     return len(plants) + len(motions) + len(works)

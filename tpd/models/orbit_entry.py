@@ -7,6 +7,7 @@ from typing import Any
 import numba
 import numpy as np
 
+from tpd.exact.motion import FIRST_PIECE
 from tpd.exact.plant import part, stored
 from tpd.exact.symmetric_orbit_kernel import (
     MOVED,
@@ -22,7 +23,7 @@ from tpd.exact.symmetric_orbit_kernel import (
     vanishing,
 )
 from tpd.models.compiling import checksum
-from tpd.models.custom_call import api_version, carray, cube, on_host, pointer, rows_of, table
+from tpd.models.custom_call import api_version, at, on_host, places_in, rows_of
 
 SOLVE, DIFFERENTIATE, VANISH, SURVEY = range(4)
 """Tasks."""
@@ -37,26 +38,29 @@ def _run(a, first, last):
     """Rows of a task, each with its settings and parameters. The others are, operands first: orbits of
     `solve`; orbits, directions and slopes of `differentiate`; (t, gamma, s), numbers and derivatives of
     `vanishing`; the same and numbers of `survey`."""
-    s, x, work = carray(pointer(a[0]), (last,), SETTINGS), table(a[1], last, 9), np.empty(1, WORK)
-    what, count = s[0].what, int(s[0].directions)
-    # A record does not keep its array alive: it is taken anew in every turn.
+    settings, design, third, fourth, fifth, _, _, _ = places_in(a)
+    s, x, memory = at(settings, (last,), SETTINGS), at(design, (last, 9), np.float64), np.empty(1, WORK)
+    what, count, work = s[first].what, int(s[first].directions), memory[FIRST_PIECE]
     if what == SOLVE:
-        orbits = carray(pointer(a[2]), (last, ORBITS), ORBIT)
+        orbits = at(third, (last, ORBITS), ORBIT)
         for n in range(first, last):
-            solve(x[n], work[0], orbits[n])
+            solve(x[n], work, orbits[n])
     elif what == DIFFERENTIATE:
-        orbits, along = carray(pointer(a[2]), (last, ORBITS), ORBIT), cube(a[3], last, count, 9)
-        slopes = carray(pointer(a[4]), (last, ORBITS, count, NUMBERS), np.float64)
+        orbits, along = at(third, (last, ORBITS), ORBIT), at(fourth, (last, count, 9), np.float64)
+        slopes = at(fifth, (last, ORBITS, count, NUMBERS), np.float64)
         for n in range(first, last):
-            differentiate(x[n], orbits[n], along[n], int(s[n].begin), int(s[n].end), work[0], slopes[n])
+            differentiate(x[n], orbits[n], along[n], int(s[n].begin), int(s[n].end), work, slopes[n])
     elif what == VANISH:
-        u, out, by = table(a[2], last, 3), table(a[3], last, VANISHING), cube(a[4], last, VANISHING, MOVED)
+        u, out = at(third, (last, 3), np.float64), at(fourth, (last, VANISHING), np.float64)
+        by = at(fifth, (last, VANISHING, MOVED), np.float64)
         for n in range(first, last):
-            vanishing(x[n], u[n], work[0], out[n], by[n])
+            vanishing(x[n], u[n], work, out[n], by[n])
     else:
-        u, out = table(a[2], last, 3), table(a[3], last, SURVEYED)
+        u, out = at(third, (last, 3), np.float64), at(fourth, (last, SURVEYED), np.float64)
         for n in range(first, last):
-            survey(x[n], u[n], work[0], out[n])
+            survey(x[n], u[n], work, out[n])
+    # A record does not keep its memory, and Numba frees an array after its last use.
+    return len(memory)
 
 
 def _entrance(version: int, api: int) -> Any:

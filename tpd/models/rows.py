@@ -2,61 +2,19 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from functools import lru_cache
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from tpd.core import checks
-from tpd.exact.contact import Mode
 from tpd.exact.terms import XI
 from tpd.models.base import Settled
 from tpd.models.calling import Compiled
-from tpd.models.compiled_linear import EXACT, fields
+from tpd.models.compiled_linear import EXACT, fields, settled_of
 from tpd.models.piecewise import Piecewise
 from tpd.scene.parameters import Parameters
-from tpd.scene.status import Status, index_of
-
-_PIECE = 1, 16
-"""Motions of one piece of work, at least and at most."""
-
-
-def shared(
-    run: Callable[[int, int], int],
-    n: int,
-    workers: int | None,
-    progress: Callable[[int, int], None] | None,
-    *,
-    piece: tuple[int, int] = _PIECE,
-) -> None:
-    """Do all pieces of work on so many threads, by default on all cores; `piece` bounds their size.
-
-    Raises:
-        ValueError: workers below one.
-    """
-    if workers is not None:
-        checks.count("workers", workers)
-    cores = (os.cpu_count() or 1) if workers is None else workers
-    # Small pieces, because some motions take a hundred times as long as others. Each writes rows of its
-    # own, so that the order in which they end is no matter.
-    size = max(piece[0], min(piece[1], -(-n // (4 * cores))))
-    if size >= n:
-        run(0, n)
-        if progress is not None:
-            progress(n, n)
-        return
-    done = 0
-    with ThreadPoolExecutor(min(cores, n)) as crew:
-        parts = [crew.submit(run, i, min(i + size, n)) for i in range(0, n, size)]
-        for part in as_completed(parts):
-            done += part.result()
-            if progress is not None:
-                progress(done, n)
 
 
 def _rows_of(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray, ...]:
@@ -79,16 +37,6 @@ def _rows_of(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray,
     return starts, np.array(np.transpose(columns), order="C"), begins, ramps
 
 
-@lru_cache(maxsize=1)
-def _structure() -> Any:
-    """Structure of the pytree of a `Settled`."""
-    none, count = jnp.zeros(()), jnp.zeros((), int)
-    memory = Mode(count, none, none)
-    return jax.tree.structure(
-        Settled(jnp.zeros(4), memory, count, none, none, Status.failed, count, none, none)
-    )
-
-
 def settle_rows(
     compiled: Compiled,
     motions: tuple[Parameters, Any, Any, Any],
@@ -102,27 +50,12 @@ def settle_rows(
     starts, rows, begins, ramps = _rows_of(*motions)
     # Loaded here, and not with the package: it loads Numba.
     entry = compiled.entry()
-    from tpd.exact.repetition import STATUSES
-
     n, times = len(starts), np.stack([begins, ramps], axis=1)
     found = np.empty(n, entry.SETTLED)
     row = tuple(entry.settings(task=entry.SETTLE, **limits))
     settings = np.full(n, np.array(row, entry.SETTINGS))
-
-    def run(first: int, last: int) -> int:
-        entry.run(first, last, settings, rows, starts, times, found)
-        return last - first
-
-    shared(run, n, workers, progress)
-    of = {name: found[name].copy() for name in entry.SETTLED.names}
-    kind, status, periods, elapsed = (
-        of[name].astype(int) for name in ("kind", "status", "periods", "elapsed")
-    )
-    status = np.array([index_of(name) for name in STATUSES])[status]
-    memory, peaks = (kind, of["tilt"], of["way"]), (of["peak"], of["peak_stroke"])
-    # From its leaves, because fields are annotated with the shapes of a single motion.
-    leaves = [of["y"], *memory, periods, of["amplitude"], of["stroke"], status, elapsed, *peaks]
-    return jax.tree.unflatten(_structure(), leaves)
+    compiled.in_threads(n, workers, progress, settings, rows, starts, times, found)
+    return settled_of(found.view(float).reshape(n, -1), entry.SETTLED)
 
 
 def settle_all(

@@ -19,15 +19,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.core import checks
-from tpd.exact.contact import (
-    REST,
-    SLIP,
-    STICK,
-    Mode,
-    decide,
-    released,
-    transversality_of,
-)
+from tpd.exact.contact import REST, SLIP, STICK, Mode, decide, released, transversality_of
 from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
 from tpd.models.base import AbstractModel, Cycle, Settled
 from tpd.models.settling import Period, cycle_by_events, settle
@@ -190,10 +182,8 @@ class Segmented(AbstractModel):
             return r._replace(segments=jnp.where(failed, self.max_events, r.segments + 1), lost=lost)
 
         r = jax.lax.while_loop(going, step, run)
-        stroke = jnp.maximum(r.stroke, jnp.abs(r.y[SWING]))
-        return r._replace(
-            up=jnp.maximum(r.up, r.y[TILT]), down=jnp.maximum(r.down, -r.y[TILT]), stroke=stroke
-        )
+        up, down = jnp.maximum(r.up, r.y[TILT]), jnp.maximum(r.down, -r.y[TILT])
+        return r._replace(up=up, down=down, stroke=jnp.maximum(r.stroke, jnp.abs(r.y[SWING])))
 
     def _segment(
         self, equations: Equations, r: _Run, end: Number, precise: bool
@@ -257,9 +247,8 @@ def _begin(equations: Equations, y: State, mode: Mode, time: Number) -> _Run:
     xi = equations.p.xi
     # From rest the bob's first and second derivatives vanish: look a little ahead instead.
     ahead = equations.held_rates(y, jnp.sin(xi * time + 1e-3))[SWING_RATE]
-    way = jnp.where(
-        stop_gradient(jnp.where(jnp.abs(y[SWING_RATE]) > 1e-12, y[SWING_RATE], ahead)) < 0.0, -1.0, 1.0
-    )
+    rate = stop_gradient(jnp.where(jnp.abs(y[SWING_RATE]) > 1e-12, y[SWING_RATE], ahead))
+    way = jnp.where(rate < 0.0, -1.0, 1.0)
     none, zero = jnp.zeros((), bool), jnp.zeros_like(y[TILT])
     sizes = jnp.maximum(y[TILT], zero), jnp.maximum(-y[TILT], zero), jnp.abs(y[SWING])
     transversality = jnp.full_like(zero, jnp.inf)
@@ -305,14 +294,8 @@ def _struck(equations: Equations, side: Number, y: State, sine: Number, rest_rat
     rests = _held_on_base(equations, y, sine) & (ratio * jnp.abs(y[TILT_RATE]) <= rest_rate * p.nu)
     # All the impacts that are left: see `tpd.exact.contact_kernel.struck`.
     ratio = jnp.where(rests, 0.0, ratio)
-    return (
-        y.at[TILT]
-        .set(0.0)
-        .at[TILT_RATE]
-        .multiply(ratio)
-        .at[SWING_RATE]
-        .add(bob_change(ratio, *law) * y[TILT_RATE])
-    )
+    bob = y[SWING_RATE] + bob_change(ratio, *law) * y[TILT_RATE]
+    return jnp.stack([jnp.zeros_like(bob), y[SWING], ratio * y[TILT_RATE], bob])
 
 
 def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: float) -> _Run:
@@ -322,17 +305,15 @@ def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: floa
     landed, turned, bob = (slips & (which == i) for i in (_LANDING, _TURN, _BOB))
     bob = bob | (~slips & (which == _BOB))
     after = _struck(equations, r.mode.tilt_sign, y, sine, rest_rate)
-    y = jnp.where(
-        landed,
-        after,
-        jnp.where(turned, y.at[TILT_RATE].set(0.0), jnp.where(bob, y.at[SWING_RATE].set(0.0), y)),
-    )
+    y = jnp.where(turned, y.at[TILT_RATE].set(0.0), jnp.where(bob, y.at[SWING_RATE].set(0.0), y))
+    y = jnp.where(landed, after, y)
     tilt = jnp.where(landed | (r.mode.kind == REST), 0.0, r.mode.tilt_sign)
     onward = _decide(equations, y, tilt, jnp.where(landed, jnp.sign(y[TILT_RATE]), 0.0), sine)
     freed = released(r.mode, jnp.where(which == 0, 1.0, -1.0))
     mode = jax.tree.map(lambda a, b: jnp.where(slips, a, b), onward, freed)
     mode = jax.tree.map(lambda a, b: jnp.where(bob | (which == _LOST), a, b), r.mode, mode)
     flipped = bob | (landed & (y[SWING_RATE] * r.way < 0))
+    met = _transversality(equations, r, before, which, mode, sine)
     return r._replace(
         time=time,
         y=y,
@@ -343,9 +324,7 @@ def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: floa
         stroke=jnp.maximum(r.stroke, jnp.abs(y[SWING])),
         lost=r.lost | (which == _LOST),
         held=r.held | (mode.kind != SLIP),
-        transversality=jnp.minimum(
-            r.transversality, _transversality(equations, r, before, which, mode, sine)
-        ),
+        transversality=jnp.minimum(r.transversality, met),
     )
 
 
@@ -356,10 +335,8 @@ def _transversality(
     xi = equations.p.xi
     usual = xi * equations.linear.weight
     bend = equations.rates(y, r.mode.tilt_sign, r.mode.rate_sign, sine)[TILT_RATE]
-    turn, crossing = (
-        jnp.where(which == _TURN, bend, jnp.inf),
-        jnp.where(which == _LANDING, y[TILT_RATE], jnp.inf),
-    )
+    turn = jnp.where(which == _TURN, bend, jnp.inf)
+    crossing = jnp.where(which == _LANDING, y[TILT_RATE], jnp.inf)
     free = ~_held_on_base(equations, y, sine)
     return transversality_of(r.mode, after, turn, crossing, free, (xi * usual, usual))
 

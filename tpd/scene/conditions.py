@@ -76,10 +76,8 @@ class Conditions:
             raise ValueError("only one of two sets of conditions can have ground motions, but both have")
         names = {*self.factors, *other.factors}
         # Factors multiply where both sets have one, such as two uncertainties of the amplitude.
-        both = {
-            name: np.repeat(self.column(name), m) * np.tile(other.column(name), n)
-            for name in FACTORS
-            if name in names
+        factors = {
+            n_: np.repeat(self.column(n_), m) * np.tile(other.column(n_), n) for n_ in FACTORS if n_ in names
         }
         # As for the factors, the second set varies fastest.
         which = None
@@ -88,7 +86,7 @@ class Conditions:
         elif other.which is not None:
             which = np.tile(other.which, n)
         return Conditions(
-            both,
+            factors,
             (*self.description, *other.description),
             {**self.units, **other.units},
             self.motions or other.motions,
@@ -196,9 +194,8 @@ class Conditions:
         checks.interval("band", (low, high), 1e-6 * scene.motion.frequency, 1e6 * scene.motion.frequency)
         checks.count("count", count, least=2)
         phrase, own = f"{count} frequencies from {low:g} to {high:g} Hz", scene.motion.frequency
-        return Conditions(
-            {"frequency": np.geomspace(low, high, count) / own}, (phrase,), {"frequency": (own, "Hz")}
-        )
+        factors = {"frequency": np.geomspace(low, high, count) / own}
+        return Conditions(factors, (phrase,), {"frequency": (own, "Hz")})
 
     @staticmethod
     def amplitudes(*factors: float) -> Conditions:
@@ -241,7 +238,15 @@ class Conditions:
                 bad scatter.
         """
         checks.instance("motions", motions, Sequence)
-        listed = tuple(_followed(motion) for motion in motions)
+        # A motion ends: of a harmonic a train of sines.
+        listed = tuple(
+            Pulse.sine_train(
+                acceleration=m.amplitude * m.rate**2, frequency=m.frequency, cycles=HARMONIC_PERIODS
+            )
+            if isinstance(m, Harmonic)
+            else m
+            for m in motions
+        )
         if not listed:
             raise ValueError("`motions` must hold at least one ground motion, but is empty")
         for i, motion in enumerate(listed):
@@ -275,10 +280,7 @@ class Conditions:
         """
         checks.count("size", size)
         checks.seed("seed", seed)
-        unknown = [name for name in half_widths if name not in FACTORS] or (
-            [] if half_widths else ["nothing"]
-        )
-        if unknown:
+        if unknown := [name for name in half_widths or ("nothing",) if name not in FACTORS]:
             raise ValueError(f"what scatters must be of {', '.join(FACTORS)}, but has {', '.join(unknown)}")
         check_half_widths(half_widths)
         # Every name has its column, used or not, so that the draws of one name do not depend on the others.
@@ -294,14 +296,6 @@ def _check_scene(scene: object) -> None:
     """Raise `ValueError` for what has no frequency that conditions could vary."""
     checks.instance("scene", scene, Scene)
     checks.instance("motion", scene.motion, Harmonic, ": see `Conditions.records`")  # type: ignore[attr-defined]
-
-
-def _followed(motion: Any) -> Any:
-    """A motion that ends: of a harmonic a train of sines."""
-    if not isinstance(motion, Harmonic):
-        return motion
-    acceleration = motion.amplitude * motion.rate**2
-    return Pulse.sine_train(acceleration=acceleration, frequency=motion.frequency, cycles=HARMONIC_PERIODS)
 
 
 def check_restitution(scene: Scene) -> None:

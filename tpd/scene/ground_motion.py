@@ -195,17 +195,13 @@ class Pulse(GroundMotion):
         for name in ("cycles", "phase"):
             checks.within(name, getattr(self, name), -np.inf, np.inf)
         if PULSES[self.kind].is_train:
-            self._check_train()
+            # The number of periods shapes the arrays.
+            whole = checks.is_concrete(self.cycles) and float(self.cycles) == round(float(self.cycles))
+            if not (whole and 1.0 <= self.cycles <= _LONGEST_TRAIN):
+                wanted = f"a whole number from 1 to {_LONGEST_TRAIN}"
+                raise ValueError(f"`cycles` of a train must be {wanted}, but is {self.cycles}")
         elif checks.is_concrete(self.cycles) and not 1.0 <= self.cycles <= _MOST_CYCLES:
             raise ValueError(f"`cycles` must lie within 1 and 8, but is {self.cycles:g}")
-
-    def _check_train(self) -> None:
-        """Raise `ValueError` unless a train has whole periods, whose number shapes the arrays."""
-        whole = checks.is_concrete(self.cycles) and float(self.cycles) == round(float(self.cycles))
-        if not (whole and 1.0 <= self.cycles <= _LONGEST_TRAIN):
-            raise ValueError(
-                f"`cycles` of a train must be a whole number from 1 to {_LONGEST_TRAIN}, but is {self.cycles}"
-            )
 
     @classmethod
     def one_sine(cls, *, acceleration: Real, frequency: Real) -> Pulse:

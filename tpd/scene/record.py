@@ -61,7 +61,8 @@ class Record(GroundMotion):
             checks.instance(name, getattr(self, name), str)
         if not (isinstance(self.notes, tuple) and all(isinstance(note, str) for note in self.notes)):
             raise ValueError(f"`notes` must be a tuple of strings, but is {checks.shown(self.notes)}")
-        if _concrete(self) and float(self.pga) > GREATEST_PEAK:
+        known = checks.is_concrete(self.acceleration) and checks.is_concrete(self.scale)
+        if known and float(self.pga) > GREATEST_PEAK:
             raise ValueError(
                 f"`acceleration` must be at most {GREATEST_PEAK:g} m/s^2 at its peak, but is "
                 f"{float(self.pga):g} m/s^2: is it in cm/s^2?"
@@ -164,13 +165,8 @@ class Record(GroundMotion):
 
 def _of(channel: Channel) -> Record:
     """The record of a channel of a file."""
-    return Record(
-        channel.acceleration, channel.dt, name=channel.name, event=channel.event, notes=channel.notes
-    )
-
-
-def _concrete(record: Record) -> bool:
-    return checks.is_concrete(record.acceleration) and checks.is_concrete(record.scale)
+    words = {"name": channel.name, "event": channel.event, "notes": channel.notes}
+    return Record(channel.acceleration, channel.dt, **words)
 
 
 def _samples(value: Any) -> Any:

@@ -290,6 +290,11 @@ class Scene:
             Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3) if pendulum is None else pendulum
         )
         own = {} if block.radius_of_gyration is None else {"radius_of_gyration": block.radius_of_gyration}
+        shaking = (
+            {"amplitude": motion.amplitude, "frequency": motion.frequency}
+            if isinstance(motion, Harmonic)
+            else {"peak": motion.pga, "frequency": 1.0 / motion.piece}
+        )
         lost = {} if isinstance(block.restitution, str) else {"restitution": block.velocity_ratio}
         return {
             "width": block.width,
@@ -298,7 +303,7 @@ class Scene:
             "friction": block.friction,
             **lost,
             **own,
-            **_quantities_of(motion),
+            **shaking,
             "gravity": self.gravity,
             "pendulum_mass": hung.mass,
             "pendulum_length": hung.length,
@@ -395,12 +400,6 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
         "rho": None if radius is None else rho,
         "e": q.get("restitution"),
     }
-
-
-def _quantities_of(motion: Harmonic | GroundMotion) -> dict[str, Any]:
-    if isinstance(motion, Harmonic):
-        return {"amplitude": motion.amplitude, "frequency": motion.frequency}
-    return {"peak": motion.pga, "frequency": 1.0 / motion.piece}
 
 
 def _inertia_ratio(width: Any, height: Any, radius: Any) -> Any:

@@ -134,19 +134,13 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
     twice, tilt = 2.0 * linear.weight, linear.tilt
     # Beyond this the weight would have done negative work, and k would be negative.
     if all(map(checks.is_concrete, (amplitude, twice, tilt))):
-        _check_range(amplitude, np.asarray(twice) / np.asarray(tilt))
+        phi, most = np.broadcast_arrays(amplitude, np.asarray(twice) / np.asarray(tilt))
+        i = np.unravel_index(np.argmax(phi - most), phi.shape)
+        if phi[i] > most[i]:
+            why = "twice the tilt at which the block topples of itself"
+            raise ValueError(f"`amplitude` must be at most {most[i]:g}, {why}, but is {phi[i]:g}")
     lost = 1.0 - linear_ratio(p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio) ** 2
     return lost * (twice - tilt * checks.namespace(amplitude).asarray(amplitude)) / 4.0
-
-
-def _check_range(amplitude: Any, most: Any) -> None:
-    phi, most = np.broadcast_arrays(amplitude, most)
-    if np.any(phi > most):
-        i = np.unravel_index(np.argmax(phi - most), phi.shape)
-        raise ValueError(
-            f"`amplitude` must be at most {most[i]:g}, twice the tilt at which the block topples of itself, "
-            f"but is {phi[i]:g}"
-        )
 
 
 def turning_tilts(

@@ -172,7 +172,7 @@ class GroundObjective:
 
     def _followed(self, follow: Any, designs: np.ndarray, most: int, progress: Count | None) -> Runs:
         """Designs by one set of equations, each motion up to `most` events."""
-        from tpd.exact.follow import EVENT_BOUND, FAILED, OVERTURNED
+        from tpd.exact.terms import EVENT_BOUND, FAILED, OVERTURNED
 
         m, n = shape = len(designs), len(self.conditions)
         free = np.full(m * n, self.free * self.rate)
