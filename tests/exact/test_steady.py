@@ -181,3 +181,15 @@ def test_a_chaotic_motion_is_aperiodic_and_its_derivative_grows_at_the_reported_
         rates.append(np.log(sizes[-1] / sizes[0]) / times[100])
     assert np.std(rates) < 0.15 * np.mean(rates)
     assert np.mean(rates) == pytest.approx(float(answer.steady.lyapunov), abs=2.0 * np.std(rates))
+
+
+@pytest.mark.mends("an orbit that is come to from both sides in turn was said to have two periods")
+def test_an_orbit_has_the_fewest_periods_after_which_it_closes():
+    x = (0.34684076, 0.33654631, 0.95543206, 0.18860575, 0.12086973, 0.59603433, 1.37835798, 0.36302871)
+    early, late = (steady_state(parameters(x), model=m) for m in (Piecewise(), Piecewise(tolerance=1e-11)))
+    assert int(early.elapsed) < 40 < int(late.elapsed)
+    for found in (early, late):
+        assert int(found.periods) == 1
+        assert bool(found.symmetric)
+    assert float(early.multiplier) == pytest.approx(float(late.multiplier), rel=1e-9)
+    assert float(early.amplitude) == pytest.approx(float(late.amplitude), rel=1e-12)

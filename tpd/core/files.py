@@ -12,6 +12,7 @@ import math
 import os
 import platform
 import stat
+import sys
 import tempfile
 import time
 import warnings
@@ -21,8 +22,6 @@ from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import IO, Any
-
-import tpd
 
 try:
     import fcntl
@@ -184,7 +183,8 @@ def as_table(columns: Mapping[str, Any]) -> str:
 
 def versions() -> dict[str, str]:
     """Versions of Python, of this package and of the packages that results depend on, by name."""
-    own = {"python": platform.python_version(), "tpd": tpd.__version__}
+    # Its own number: the metadata of an installation can be of an earlier one. No module imports the package.
+    own = {"python": platform.python_version(), "tpd": sys.modules["tpd"].__version__}
     return own | {name: _version(name) for name in PACKAGES}
 
 

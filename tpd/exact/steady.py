@@ -68,23 +68,29 @@ def _solved(by, right):
 
 
 @compiled
+def _residual(q, y, end):
+    """Largest difference between the ends of a cycle, over the scales; no number if the motion was lost."""
+    scales, worst = repetition.scales_of(q), 0.0
+    for i in range(4):
+        # Of a bob that does nothing the swing decides nothing.
+        if i % 2 == 0 or q.mu > 0.0 or q.zeta > 0.0:
+            worst = max(worst, abs(end[i] - y[i]) / scales[i])
+    return worst if finite(end) else math.nan
+
+
+@compiled
 def _find_orbit(q, m, own, limits, y):
     """Newton's method from the state `y` with the mode of the motion `m`. Leave the start of the best orbit
     in `y` and its cycle in the first of two, and return its residual."""
     (_, _, room, r), start, c = first_of(own), own.motions[SPARE], own.cycles[SPARE]
-    now, move, scales = np.empty(4), np.empty((4, 1)), repetition.scales_of(q)
+    now, move = np.empty(4), np.empty((4, 1))
     error, residual, steps = math.inf, math.inf, 0
     put(y, now)
     while steps < _NEWTON_STEPS and error > _ROUND_OFF:
         kind, tilt, way = m.kind, m.tilt, m.way
         put(now, m.y)
         cycle(q, m, own.legs, room, r, limits, start, c)
-        found = 0.0
-        for i in range(4):
-            # Of a bob that does nothing the swing decides nothing.
-            if i % 2 == 0 or q.mu > 0.0 or q.zeta > 0.0:
-                found = max(found, abs(c.end[i] - now[i]) / scales[i])
-        found = found if finite(c.end) else math.nan
+        found = _residual(q, now, c.end)
         # Only a motion that ends in the mode in which it began is an orbit.
         raised = found + (0.0 if c.closed != 0.0 else 0.5 * RESIDUAL)
         steps += 1
@@ -235,6 +241,17 @@ def steady_state(x, y0, s, own, out):
             separation = _separation(q, m, own, limits, int(s.lyapunov), y)
         else:
             residual = _find_orbit(q, m, own, limits, y)
+            # A motion that comes to its orbit from both sides in turn repeats after two periods first: an
+            # orbit that closes after fewer is of that many.
+            for fewer in range(1, periods):
+                if periods % fewer == 0 and residual < RESIDUAL:
+                    bounds, other = Limits(limits.capture, limits.events, fewer), own.cycles[SPARE]
+                    put(y, m.y)
+                    cycle(q, m, own.legs, room, r, bounds, own.motions[SPARE], other)
+                    apart = _residual(q, y, other.end)
+                    if other.closed != 0.0 and apart < RESIDUAL:
+                        own.cycles[_BEST], residual, periods = other, apart, fewer
+                        break
         multiplier, to_fold = _multipliers(q, c.by)
     neutral = is_neutral(q.k, q.e, q.mu, q.zeta, multiplier)
     status = verdict(begun, residual, separation, multiplier, to_fold, c.crossing, neutral)

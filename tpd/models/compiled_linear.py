@@ -100,7 +100,7 @@ def settle(
 
 
 def settled_of(numbers: Any, record: np.dtype) -> Settled:
-    """What motions have settled to, from the records of compiled code as floats."""
+    """Motions as they have settled, from the records of compiled code as floats."""
     of, index = parts(numbers, record), np.array([index_of(name) for name in ENDS], dtype=np.int32)
     kind, code, periods, elapsed = (x.astype(int) for x in (of.kind, of.status, of.periods, of.elapsed))
     status = index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code]
