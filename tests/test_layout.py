@@ -39,15 +39,15 @@ LAYERS = (
 ELLIPTIC = re.compile(r"(What|Of|The same|That|Those|There)\b")
 """First words of a docstring that does not say what a thing is."""
 LAST = {
-    "lines": 34_300,
-    "modules": 178,
-    "modules that the main job may import": 132,
-    "lines of these": 28_200,
-    "floors, all imports counted": 29,
+    "lines": 33_440,
+    "modules": 176,
+    "modules that the main job may import": 130,
+    "lines of these": 27_419,
+    "floors, all imports counted": 23,
     "functions of ten or more arguments": 0,
-    "functions of eight lines or fewer, called once": 151,
-    "columns by number in compiled code": 362,
-    "lines of code to a comment": 23.5,
+    "functions of eight lines or fewer, called once": 58,
+    "columns by number in compiled code": 273,
+    "lines of code to a comment": 22.3,
 }
 """Measures of the last version. Lower them where they fall, and never raise one."""
 
