@@ -39,10 +39,10 @@ LAYERS = (
 ELLIPTIC = re.compile(r"(What|Of|The same|That|Those|There)\b")
 """First words of a docstring that does not say what a thing is."""
 LAST = {
-    "lines": 33_440,
+    "lines": 33_446,
     "modules": 176,
     "modules that the main job may import": 130,
-    "lines of these": 27_419,
+    "lines of these": 27_425,
     "floors, all imports counted": 23,
     "functions of ten or more arguments": 0,
     "functions of eight lines or fewer, called once": 58,

@@ -80,10 +80,13 @@ class Auto(AbstractChoice):
             return replace(steady, model="exact", estimate=estimate, reason=why)
         if not settles:
             why = f"the linear equations end {name}, which says nothing about their error"
-        elif close:
-            why = f"the linear equations end {name}, and the nonlinear ones reach another motion"
-        else:
+        elif close and reached is not None:
+            other = status_name(reached.status)
+            why = f"the linear equations end {name}, and the nonlinear ones another way: {other}"
+        elif off < np.inf:
             why = f"the linear equations may be off by {off:.2g}, beyond {limit}"
+        else:
+            why = "the error of the linear equations cannot be estimated here"
         top = _nonlinear(fixed, reached)
         sure = jnp.where(is_settled(top.status), INTEGRATED, jnp.nan)
         return replace(top, model="nonlinear", estimate=sure, reason=why)
@@ -102,11 +105,13 @@ def _still(p: Parameters, y0: State) -> tuple[Steady, Number, Number]:
     # The block stays down if both swings, at their largest, leave something of what holds it.
     pull = (linear.tilt - 1.0 + jnp.abs(linear.bias) / jnp.sqrt(linear.m22)) * own
     reserve = lift.margin - pull / (linear.weight + linear.friction)
+    answers = (y0[0] == 0.0) & (y0[2] == 0.0)
+    none, unknown, count = jnp.zeros(()), jnp.full((), jnp.nan), jnp.ones((), int)
     # An undamped bob keeps its own swing for ever.
-    answers = (y0[0] == 0.0) & (y0[2] == 0.0) & (p.zeta > 0.0)
-    none, unknown = jnp.zeros(()), jnp.full((), jnp.nan)
-    state, count = jnp.stack([none, c, none, p.xi * s]), jnp.ones((), int)
-    rest = none, lift.stroke, Status.rest, count, unknown, jnp.ones((), bool), unknown, state, 0 * count
+    decays = p.zeta > 0.0
+    state = jnp.where(decays, jnp.stack([none, c, none, p.xi * s]), y0)
+    stroke = jnp.where(decays, lift.stroke, lift.stroke + own)
+    rest = none, stroke, Status.rest, count, unknown, jnp.ones((), bool), unknown, state, 0 * count
     reach = (lift.stroke + own) * (p.mu > 0)
     return Steady(*rest), jnp.where(answers, reserve, -jnp.inf), _dropped_at_rest(p, reach)
 
@@ -133,7 +138,8 @@ def _same_motion(steady: Steady, reached: Settled) -> bool:
     if bool(steady.status == Status.rest) or not is_settled(reached.status):
         return bool(reached.status == steady.status)
     alike = abs(float(reached.amplitude) - float(steady.amplitude)) <= _ALIKE * float(steady.amplitude)
-    return alike and int(reached.periods) == int(steady.periods)
+    # A motion that was followed until it repeated may be told with a multiple of its periods.
+    return alike and int(reached.periods) % int(steady.periods) == 0
 
 
 def _dropped_at_rest(p: Parameters, reach: Number) -> Number:

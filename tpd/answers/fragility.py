@@ -184,7 +184,7 @@ def fragility(
     stripes = np.asarray(scales, dtype=float)
     checks.positive("scales", stripes)
     if stripes.ndim != 1 or np.any(np.diff(stripes) <= 0.0):
-        raise ValueError("`scales` must be a vector of increasing numbers, but are not")
+        raise ValueError(f"`scales` must be a vector of increasing numbers, but is {stripes.tolist()}")
     checks.instance("states", states, Mapping)
     named = all(isinstance(n, str) and isinstance(x, (int, float)) and x >= 0.0 for n, x in states.items())
     if not (states and named):

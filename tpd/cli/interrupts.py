@@ -6,7 +6,6 @@ Nothing here imports JAX: importing it takes a second, and the first line does n
 
 from __future__ import annotations
 
-import _thread
 import contextlib
 import os
 import signal
@@ -86,7 +85,8 @@ def watched(out: Path | None, does: str = "") -> Iterator[None]:
     child = os.fork()
     if child == 0:
         os.close(there)
-        signal.signal(signal.SIGINT, _interrupt)
+        for number in (signal.SIGINT, signal.SIGALRM):
+            signal.signal(number, _interrupt)
         sys.unraisablehook = _again
         threading.Thread(target=_end_with, args=(here,), daemon=True).start()
         yield
@@ -167,10 +167,8 @@ def _again(lost: Any) -> None:
 
 
 def _later() -> None:
-    """Interrupt the main thread in a moment."""
-    later = threading.Timer(0.01, _thread.interrupt_main)
-    later.daemon = True
-    later.start()
+    """Interrupt the main thread in a moment; no thread is begun within the handler of a signal."""
+    signal.setitimer(signal.ITIMER_REAL, 0.01)
 
 
 def warned(message: Warning | str, category: type[Warning], *where: Any, **how: Any) -> None:

@@ -138,10 +138,10 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             ) from None
         # Every submission is a new one: Dask would give back the failure of a former run. What all chunks
         # share is the result of one as well, so that Dask makes it again where its worker is lost.
-        with self._settings({"distributed.admin.large-graph-warning-threshold": "1 TiB"}):
-            common = client.submit(bytes, pickle.dumps((task, shared)), pure=False)
         queue, rest = self._distributed.as_completed(loop=client.loop), iter(parts.items())
         try:
+            with self._settings({"distributed.admin.large-graph-warning-threshold": "1 TiB"}):
+                common = client.submit(bytes, pickle.dumps((task, shared)), pure=False)
             while True:
                 # Workers may have joined since the last time.
                 workers = len(client.scheduler_info(n_workers=-1)["workers"])
@@ -187,6 +187,8 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
                 try:
                     self._client = self._distributed.Client(self._local or self.dask, set_as_default=False)
                 except (OSError, ValueError) as error:
+                    if self.dask is None:
+                        raise
                     raise ValueError(f"no Dask scheduler answers at {self.dask}: {error}") from None
         return self._client
 

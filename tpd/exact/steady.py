@@ -2,7 +2,7 @@
 multipliers say, and the derivatives of an isolated orbit.
 
 The rules are those of `tpd.answers.steady_state` and `tpd.answers.period_map`, which every other model
-goes by."""
+goes by; only here is an orbit told with the fewest periods after which it closes."""
 
 from __future__ import annotations
 
