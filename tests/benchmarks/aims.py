@@ -78,7 +78,7 @@ def _ensemble(rows: Rows) -> tuple[str, bool]:
 
 def _command(name: str, when: str, aim: float) -> Callable[[Rows], tuple[str, bool]]:
     def measured(rows: Rows) -> tuple[str, bool]:
-        found = max(r[when] for r in rows if (r["command"] == name) == (name == "tpd optimise"))
+        found = max(r[when] for r in rows if (r["command"] == "tpd optimise") == (name == "tpd optimise"))
         return f"{found:.1f} s", found <= aim
 
     return measured
