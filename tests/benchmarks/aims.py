@@ -154,7 +154,7 @@ AIMS = (
         "Limit: as measured: nonlinear runs, of which most take all of their 100 periods."),
     Aim("commands", "`check`, `response`, `map`, first call", "12 s", _command("", "first", 12.0), _COMPILED),
     Aim("commands", "`check`, `response`, `map`, later", "4 s", _command("", "later", 4.0),
-        "Limit: as measured, of `response`, which follows branches over many frequencies."),
+        "Limit: as measured, of `check`, which follows 512 paired runs by the nonlinear equations."),
     Aim("worth", "Default answer against the best of a grid, fresh runs", "2 points below at most", _grid,
         "Limit: 5 points: 512 runs tell the edges of a narrow strip badly. (No aim any more: the settled "
         "optimum of a linear grid, most of whose designs the nonlinear equations refuse.)"),
