@@ -109,8 +109,8 @@ def test_all_moments_by_one_factor_are_all_angles_by_it(x, factor):
 
     one, two = settled(1.0), settled(factor)
     assert status_name(two.status) == status_name(one.status)
-    if status_name(one.status) in SETTLED:
-        assert float(two.amplitude) == pytest.approx(factor * float(one.amplitude), rel=1e-8)
+    assume(status_name(one.status) in SETTLED)
+    assert float(two.amplitude) == pytest.approx(factor * float(one.amplitude), rel=1e-8)
 
 
 @bounded(40)
@@ -119,10 +119,10 @@ def test_rest_is_settled_on_only_where_the_closed_form_allows_it(x):
     margin = float(theory.uplift(parameters(x)).margin)
     assume(abs(margin) > 1e-6)
     found = solve(x)
+    assume(found.status in SETTLED)
+    assert (found.status == "rest") == (found.amplitude == 0.0)
     if found.status == "rest":
         assert margin > 0.0
-    if margin < 0.0 and found.status in SETTLED:
-        assert found.amplitude > 0.0
 
 
 @bounded(40)
@@ -131,9 +131,9 @@ def test_a_bob_without_mass_does_nothing_to_the_block(x, zeta, lam):
     nu, _, _, _, *others = x
     one = solve((nu, 0.0, 1.0, 0.1, *others))
     two = solve((nu, 0.0, lam, zeta, *others))
-    assert one.status == two.status or {one.status, two.status} & {"not_settled", "aperiodic"}
-    if one.status == two.status and one.status in SETTLED:
-        assert two.amplitude == pytest.approx(one.amplitude, rel=1e-9)
+    assert one.status == two.status
+    assume(one.status in SETTLED)
+    assert two.amplitude == pytest.approx(one.amplitude, rel=1e-9)
 
 
 @bounded(30)
@@ -143,20 +143,15 @@ def test_a_derivative_of_the_amplitude_is_a_difference_quotient_or_nan(x):
     assume(found.status in SETTLED and found.amplitude > 0.0)
     for i, size in enumerate(x):
         step = 1e-5 * size
-        sides = [
-            solve([*x[:i], min(size + sign * step, 1.0) if i == 7 else size + sign * step, *x[i + 1 :]])
-            for sign in (1.0, -1.0, 0.5, -0.5)
-        ]
-        if i == 7 and size + step > 1.0:
-            continue
-        if any(s.status != found.status for s in sides):
-            continue
+        assume(i != 7 or size + step <= 1.0)
+        sides = [solve([*x[:i], size + h * step, *x[i + 1 :]]) for h in (1.0, -1.0, 0.5, -0.5)]
+        assume(all(s.status == found.status for s in sides))
         up, down, half_up, half_down = (s.amplitude for s in sides)
         coarse, fine = (up - down) / (2.0 * step), (half_up - half_down) / step
+        scale = abs(fine) + found.amplitude / size
         # Where two steps disagree an event comes or goes, or another motion is reached, between them.
-        if abs(coarse - fine) < 1e-5 * (abs(fine) + found.amplitude / size):
-            scale = abs(fine) + found.amplitude / size
-            assert found.slopes[0, i] == pytest.approx(fine, abs=1e-4 * scale)
+        assume(abs(coarse - fine) < 1e-5 * scale)
+        assert found.slopes[0, i] == pytest.approx(fine, abs=1e-5 * scale)
 
 
 @pytest.mark.parametrize("equations", ["linear", "nonlinear"])

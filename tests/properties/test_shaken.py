@@ -1,6 +1,7 @@
 """What holds for a block with its pendulum under any record: laws of the equations, and of their data."""
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -79,9 +80,9 @@ def angles(motion):
 def assert_same(one, other, later=0.0, tolerance=1e-8):
     """Up to rounding: of motions that are told apart by it, only the status."""
     assert status_name(one.status) == status_name(other.status)
-    if status_name(one.status) in DECIDED:
-        np.testing.assert_allclose(angles(other), angles(one), rtol=tolerance, atol=1e-12)
-        assert other.tilt_time - one.tilt_time == pytest.approx(later, abs=1e-6) or one.tilt == 0.0
+    assume(status_name(one.status) in DECIDED)
+    np.testing.assert_allclose(angles(other), angles(one), rtol=tolerance, atol=1e-12)
+    assert other.tilt_time - one.tilt_time == pytest.approx(later, abs=1e-6) or one.tilt == 0.0
 
 
 @bounded(40)
@@ -109,8 +110,7 @@ def test_a_mirrored_record_moves_the_block_in_the_mirror(case):
     mirrored = replace(scene, motion=scene.motion.scaled(-1.0))
     one, other = transient(scene, pendulum, free=FREE), transient(mirrored, pendulum, free=FREE)
     assert_same(one, other, tolerance=1e-12)
-    if status_name(one.status) in DECIDED:
-        np.testing.assert_allclose(other.state, -one.state, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(other.state, -one.state, rtol=1e-9, atol=1e-12)
 
 
 @bounded(40)
@@ -153,9 +153,9 @@ def test_a_model_at_another_scale_and_gravity_has_the_same_angles(case, length, 
     hung = replace(pendulum, mass=pendulum.mass * length**3, length=pendulum.length * length)
     one, two = transient(scene, pendulum, free=FREE), transient(other, hung, free=FREE * time)
     assert status_name(one.status) == status_name(two.status)
-    if status_name(one.status) in DECIDED:
-        np.testing.assert_allclose(angles(two), angles(one), rtol=1e-7, atol=1e-12)
-        np.testing.assert_allclose(two.state[2:] * time, one.state[2:], rtol=1e-6, atol=1e-9)
+    assume(status_name(one.status) in DECIDED)
+    np.testing.assert_allclose(angles(two), angles(one), rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(two.state[2:] * time, one.state[2:], rtol=1e-6, atol=1e-9)
 
 
 @bounded(40)
@@ -198,34 +198,35 @@ def test_a_sampled_sine_tends_to_the_sine_with_the_square_of_the_step(share, mas
         record = Record(acceleration=sine.acceleration_at(times * 1.0), dt=times[1])
         sampled = transient(Scene(block, record), pendulum, free=2.0)
         apart.append(abs(sampled.tilt - exact.tilt))
-    assert apart[0] / apart[1] == pytest.approx(4.0, rel=0.15)
-    assert apart[1] / apart[2] == pytest.approx(4.0, rel=0.15)
+    assert apart[0] / apart[1] == pytest.approx(4.0, rel=0.03)
+    assert apart[1] / apart[2] == pytest.approx(4.0, rel=0.03)
 
 
 @jax.jit
-@jax.value_and_grad
+@partial(jax.value_and_grad, has_aux=True)
 def _tilt(factors, scene, pendulum):
     scale, width, length = factors
     block = replace(scene.block, width=scene.block.width * width)
     hung = replace(pendulum, length=pendulum.length * length)
     found = transient(Scene(block, scene.motion.scaled(scale)), hung, free=FREE)
-    return found.tilt
+    return found.tilt, found.status
 
 
 @bounded(25)
 @given(shaken)
-def test_a_derivative_of_the_tilt_is_a_difference_quotient_or_nan(case):
+def test_a_derivative_of_the_tilt_is_a_difference_quotient(case):
     scene, pendulum = made(case)
-    value, slope = map(np.asarray, _tilt(np.ones(3), scene, pendulum))
-    assume(np.isfinite(value) and value > 0.0)
-    assume(not np.any(np.isnan(slope)))
+    (value, status), slope = _tilt(np.ones(3), scene, pendulum)
+    assume(status_name(status) == "rocked")
+    assert np.all(np.isfinite(slope))
     for i in range(3):
         quotients = []
         for step in (2e-6, 1e-6):
             up, down = np.ones(3), np.ones(3)
             up[i], down[i] = 1.0 + step, 1.0 - step
-            sides = (float(_tilt(x, scene, pendulum)[0]) for x in (up, down))
+            sides = (float(_tilt(x, scene, pendulum)[0][0]) for x in (up, down))
             quotients.append(np.subtract(*sides) / (2.0 * step))
+        scale = abs(quotients[1]) + float(value)
         # Where two steps disagree an event comes or goes between them: there is no quotient to compare with.
-        if abs(quotients[0] - quotients[1]) < 1e-5 * (abs(quotients[1]) + value):
-            assert slope[i] == pytest.approx(quotients[1], rel=1e-4, abs=1e-4 * value)
+        assume(abs(quotients[0] - quotients[1]) < 1e-6 * scale)
+        assert float(slope[i]) == pytest.approx(quotients[1], abs=1e-5 * scale)
