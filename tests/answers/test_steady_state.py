@@ -226,7 +226,8 @@ def test_a_motion_on_a_neutral_orbit_is_called_neutral_and_has_no_gradient():
             for size in (0.0, 1e-17, 1e-16, 1e-14, 1e-12, 1e-10):
                 answer = exact(x, np.asarray(orbits.state[i]) + size * draws.standard_normal(4))
                 assert answer.status == "neutral"
-                assert answer.amplitude == pytest.approx(float(orbits.amplitude[i]), rel=1e-8)
+                near = 1e-9 if size < 1e-11 else 1e-8
+                assert answer.amplitude == pytest.approx(float(orbits.amplitude[i]), rel=near)
                 assert np.all(np.isnan(answer.slopes))
                 assert float(answer.steady.multiplier) == pytest.approx(1.0, abs=1e-9)
     assert seen >= 3

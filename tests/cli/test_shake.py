@@ -1,5 +1,6 @@
 """`tpd shake`: numbers of both sets of equations, files, and exit status."""
 
+import numpy as np
 import pytest
 
 import tpd
@@ -29,6 +30,16 @@ def test_shake_says_what_the_library_says(run):
     rows = [r for r in done.rows("histories.csv") if r["case"] == "with the pendulum"]
     assert max(abs(float(r["tilt_rad"])) for r in rows) == pytest.approx(float(known.tilt), rel=1e-4)
     assert "keeps the base from sliding" in done.out
+
+
+def test_a_record_is_read_and_scaled(run, tmp_path):
+    t = np.arange(300) * 0.01
+    lines = [f"{x:.2f},{0.3 * np.sin(8.0 * x):.6f}" for x in t]
+    (tmp_path / "record.csv").write_text("time (s),acceleration (g)\n" + "\n".join(lines) + "\n")
+    done = run("shake", COLUMN, f"--record {tmp_path / 'record.csv'} --scale 1.2 --free 1")
+    known = tpd.transient(tpd.Scene(BLOCK, tpd.Record.read(tmp_path / "record.csv").scaled(1.2)), free=1.0)
+    linear = done.json("shake.json")["results"]["bare block"]["linear"]
+    assert linear["tilt"] == pytest.approx(float(known.tilt), rel=1e-12)
 
 
 def test_a_fall_is_the_exit_status(run):

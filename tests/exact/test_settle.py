@@ -103,7 +103,7 @@ def after(x, y0, span, quiet):
 
 def test_what_capture_leaves_out_is_below_the_square_of_its_speed():
     x, y0 = np.array((0.2, 0.2, 0.5, 0.1, 0.02, 0.05, 2.0, 0.8)), np.array([0.02, 0.05, 0.0, 0.0])
-    speeds, span, ends = 0.2 * 10.0 ** -np.linspace(1.0, 4.0, 9), np.array(10.0), []
+    speeds, span, ends = 0.2 * 10.0 ** -np.linspace(1.0, 4.0, 25), np.array(10.0), []
     for quiet in (*speeds, 2e-8):
         ends.append(np.asarray(after(x, y0, span, np.array(quiet))[0]))
         assert ends[-1][0] == ends[-1][2] == 0.0
@@ -111,6 +111,8 @@ def test_what_capture_leaves_out_is_below_the_square_of_its_speed():
     assert np.all(apart < speeds**2)
     # Here even its third power: the bob follows the rod, which is back where it was after every hop.
     assert np.all(apart < 50.0 * speeds**3)
+    few = [0, 9, 17]
+    assert np.polyfit(np.log(speeds[few]), np.log(apart[few]), 1)[0] == pytest.approx(3.0, abs=0.2)
     # A threshold near rounding is met, or the bound on the steps ends the motion.
     y, exhausted = after(x, y0, span, np.array(1e-11))
     assert bool(exhausted) or y[0] == y[2] == 0.0

@@ -116,7 +116,7 @@ def test_tables_that_people_have(name, tmp_path):
 @pytest.mark.parametrize(("rate", "form"), [(128, "{:g}"), (300, "{:.5f}"), (300, "{:g}"), (75, "{:.3f}")])
 def test_times_of_few_digits(rate, form, tmp_path):
     lines = ["t,a (g)\n", *(f"{form.format(i / rate)},{i % 7}\n" for i in range(390))]
-    assert read(tmp_path, "".join(lines)).dt == pytest.approx(1.0 / rate, rel=1e-9)
+    assert read(tmp_path, "".join(lines)).dt == pytest.approx(1.0 / rate, rel=1e-12)
     with pytest.raises(UnreadableRecord, match="equal steps"):
         read(tmp_path, "".join(lines[:200] + lines[201:]))
 

@@ -180,6 +180,7 @@ def test_the_distance_to_the_linear_model_falls_as_the_square_of_the_angles():
         x = np.array([*x, housner(x[0], 0.75 / (1.0 + x[0] ** 2), x[1])])
         apart.append(abs(nonlinear(x).amplitude / linear(x).amplitude - 1.0))
     slopes = np.diff(np.log(apart)) / np.diff(np.log(scales))
+    assert np.polyfit(np.log(scales), np.log(apart), 1)[0] == pytest.approx(2.0, abs=0.1)
     assert np.all(np.abs(slopes - 2.0) < 0.2)
 
 
