@@ -40,6 +40,8 @@ READING = (
     Option("--dt", "motion", "dt", "S"),
     Option("--unit", "motion", "unit", "UNIT"),
     Option("--baseline", "motion", "baseline", "WORD"),
+    Option("--columns", "motion", "columns", "NAME=N"),
+    Option("--skip", "motion", "skip", "N"),
 )
 _FACTOR: dict[str, Any] = {"one": True, "also": {"intensity": "scale"}, "help": "factor on a pulse or record"}
 RECORD = (
@@ -53,6 +55,7 @@ RECORDS = (
     Option("--intensity", "motion", "intensity", "WORD"),
     Option("--event", "motion", "event", "NAME"),
     *READING,
+    Option("--scale", "motion", "scale", "X"),
 )
 HELD_OUT = Option("--held-out", "motion", "held_out", "X")
 NO_WALLS = Option("--no-walls", "limits", "room", value=False, help="do not ask for room between the walls")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -22,6 +23,7 @@ from tpd.design.job_keys import (
     METHODS,
     MODELS,
     PAPER,
+    READING,
     SHAPE,
     Tables,
     as_typed,
@@ -37,6 +39,8 @@ from tpd.design.job_keys import (
 )
 from tpd.design.methods import Descent, Method
 from tpd.design.problem import check_moves, check_scatter
+from tpd.formats.table import ROWS
+from tpd.formats.text import UnreadableRecord
 from tpd.records.intensity import intensity_of
 from tpd.records.reading import read_motions
 from tpd.scene.bob import Bob
@@ -144,12 +148,17 @@ class Job:
         return tuple(found), tuple(notes)
 
     def _records(self, names: Sequence[str], events: Sequence[str] | None) -> Any:
-        how = {name: self.full["motion"][name] for name in ("channel", "dt", "unit", "baseline")}
+        how = {name: x for name in READING if (x := self.full["motion"][name]) is not None}
+        if "columns" in how:
+            how["columns"] = _columns_of(how["columns"])
         try:
             return read_motions(names, events=events, **how)
+        except UnreadableRecord as error:
+            flags = (f"--{name} {_words(value)}" for name, value in error.options.items())
+            more = "; options that read the file: " + " ".join(flags) if error.options else ""
+            raise ValueError(_in_words_of_jobs(error.args[0]) + more) from None
         except ValueError as error:
-            said = re.sub(r", such as (\w+)=", r", such as \1 = ", str(error))
-            raise ValueError(re.sub(r"`(unit|dt|channel|baseline)`", r"`motion.\1` (--\1)", said)) from None
+            raise ValueError(_in_words_of_jobs(str(error))) from None
 
     @property
     def shaking(self) -> GroundMotion:
@@ -451,3 +460,36 @@ def _listed(names: Sequence[str]) -> str:
     """Names in a row: `a`, `b` and `c`."""
     quoted = [f"`{name}`" for name in names]
     return " and ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
+
+
+def _in_words_of_jobs(said: str) -> str:
+    """A message on options of `tpd.Record.read`, with the keys and options that set them."""
+    said = re.sub(r", such as (\w+)=", r", such as \1 = ", said)
+    return re.sub(rf"`({'|'.join(READING)})`", r"`motion.\1` (--\1)", said)
+
+
+def _words(value: Any) -> str:
+    """The value of an option as it is written on the command line."""
+    if isinstance(value, Mapping):
+        return " ".join(shlex.quote(f"{name}={at}") for name, at in value.items())
+    return shlex.quote(value if isinstance(value, str) else f"{value:g}")
+
+
+def _columns_of(pairs: Sequence[str]) -> dict[str, int] | str:
+    """The columns of a table that are written as NAME=NUMBER; or "rows".
+
+    Raises:
+        ValueError: something else.
+    """
+    if list(pairs) == [ROWS]:
+        return ROWS
+    columns: dict[str, int] = {}
+    for pair in pairs:
+        name, _, at = pair.rpartition("=")
+        if not name or not re.fullmatch(r"\d{1,6}", at) or name in columns:
+            raise ValueError(
+                f"`motion.columns` (--columns) must be {ROWS}, or names with numbers of columns, such as "
+                f"time=1 N=2, but has {pair!r}"
+            )
+        columns[name] = int(at)
+    return columns

@@ -151,6 +151,14 @@ TABLES: dict[str, dict[str, Key]] = {
         ),
         "channel": Key(_Whole, None, "channel of files with several, from 0 (default: all horizontal ones)"),
         "dt": Key(float, None, "sampling interval of files without times, s"),
+        "columns": Key(
+            tuple[str, ...],
+            None,
+            "columns of a table by their names, from 1, such as time=1 N=2 'E (gal)'=3; or rows: samples row "
+            "by row",
+        ),
+        "skip": Key(_Whole, None, "number of lines at the top of a table that are not read"),
+        "scale": Key(float, None, "factor on all samples of a file whose numbers have to be multiplied"),
         "unit": Key(str, None, "unit of files that do not say: g, m/s2, cm/s2"),
         "baseline": Key(str, None, "mean or linear: remove an offset, or a drift"),
     },
@@ -208,6 +216,8 @@ TABLES: dict[str, dict[str, Key]] = {
     "ensemble": keys_of(Ensemble),
 }
 """All keys by table and name."""
+READING = ("channel", "dt", "unit", "baseline", "columns", "skip", "scale")
+"""Keys of [motion] that say how files of records are read."""
 _SHAKEN = ("pulse", "records")
 _USUAL = {("space", "damping_ratio"): DEFAULT_SPACE.damping_ratio, ("risk", "measure"): "expected"}
 _DEFAULTS: dict[str, dict[tuple[str, str], Any]] = {
@@ -220,10 +230,7 @@ _KINDS: dict[tuple[str, str], tuple[str, ...]] = {
     **{("motion", name): ("harmonic",) for name in ("amplitude", "frequency")},
     **{("motion", name): ("pulse",) for name in ("pulse", "pulse_frequency", "cycles", "phase")},
     **{("motion", name): _SHAKEN for name in ("pga", "scales", "intensity")},
-    **{
-        ("motion", name): ("records",)
-        for name in ("records", "held_out", "event", "channel", "dt", "unit", "baseline")
-    },
+    **{("motion", name): ("records",) for name in ("records", "held_out", "event", *READING)},
     **{(table, name): ("harmonic",) for table in ("conditions", "starts") for name in TABLES[table]},
     **{("worth", name): ("harmonic",) for name in ("worse", "runs")},
     **{("limits", kind.name): ("harmonic",) for kind in KINDS if not kind.of_motion},
@@ -251,7 +258,7 @@ _ONLY_WITH: dict[tuple[str, str], tuple[str, Callable[[Tables], bool]]] = {
         f"the pulses {' and '.join(_CYCLIC)}",
         lambda full: full["motion"]["pulse"] in _CYCLIC,
     ),
-    **{("motion", name): _FILE for name in ("event", "channel", "dt", "unit", "baseline")},
+    **{("motion", name): _FILE for name in ("event", *READING)},
     ("motion", "phase"): (
         "the pulse mavroeidis-papageorgiou",
         lambda full: full["motion"]["pulse"] == "mavroeidis-papageorgiou",

@@ -31,9 +31,12 @@ VERTICAL = "vertical component"
 """Note of a channel that is vertical."""
 UNKNOWN = "orientation not stated: taken for a horizontal component"
 """Note of a channel whose file and name do not say its orientation."""
-_UPRIGHT = r"(?:up|down|dwn|dn|ud|du|vert|vertical|vertic|ver|vrt|updown|z|v)[12]?"
+_UPRIGHT = (
+    r"(?:up|down|dwn|dn|ud|du|ver|vrt|vert\w*|updown|upward\w*|arriba|haut|lotrecht|senkrecht|d[uü][sş]ey|"
+    r"pionow\w*|svisl\w*|zvisl\w*|вертик\w*|上下|鉛直|z|v)[12]?"
+)
 _LEVEL = (
-    r"(?:ns|sn|ew|we|north|south|east|west|nord|sud|ost|est|ouest|[nsew]|[xy]|[lt]|h[12]?|"
+    r"(?:ns|sn|ew|we|north|south|east|west|nord|s[uü]d|ost|est|ouest|norte|sur|sul|leste|oeste|[nsew]|[xy]|[lt]|h[12]?|"
     r"long|longitudinal|tran|trans|transverse|transversal|radial|horizontal|horiz|hor)[12]?|[ns]\d{1,2}[ew]"
 )
 _SEED = r"[a-z][hlgn]"
@@ -119,6 +122,15 @@ def directed(channel: Channel, named: bool | None = None) -> Channel:
     vertical = orientation(channel.component)
     vertical = named if vertical is None else vertical
     return channel.noted(UNKNOWN) if vertical is None else channel.noted(*([VERTICAL] if vertical else []))
+
+
+def scaled(channel: Channel, scale: float) -> Channel:
+    """Return a channel with all samples multiplied by a number."""
+    if scale == 1.0:
+        return channel
+    return replace(channel, acceleration=scale * channel.acceleration).noted(
+        f"scale: multiplied by {scale:g}"
+    )
 
 
 def without_baseline(channel: Channel, baseline: str) -> Channel:
@@ -251,6 +263,12 @@ def orientation(text: str) -> bool | None:
     if azimuth or any(re.fullmatch(rf"{_LEVEL}|{_SEED}[ne123]", word) for word in said):
         return False
     return None
+
+
+def is_component(word: str) -> bool:
+    """Return whether a word is the name of a component and nothing else."""
+    directions = rf"{_UPRIGHT}|{_LEVEL}|{_SEED}[zne123]|u-?d|n-?s|e-?w|\d{{1,3}}(?:deg|°)"
+    return re.fullmatch(directions, word.strip().lower()) is not None
 
 
 def of_file(name: str) -> bool | None:

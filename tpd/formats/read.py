@@ -11,7 +11,7 @@ import os
 import re
 import warnings
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -29,9 +29,10 @@ from tpd.formats.channel import (
     given,
     of_file,
     orientation,
+    scaled,
     without_baseline,
 )
-from tpd.formats.table import read_table
+from tpd.formats.table import ROWS, Options, read_table
 from tpd.formats.text import Cursor, UnreadableRecord
 
 _MOST = 200_000_000
@@ -65,11 +66,19 @@ _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
 
 
 def channels(
-    path: str | os.PathLike[str], *, dt: float | None, baseline: str | None, unit: str | None
+    path: str | os.PathLike[str],
+    *,
+    dt: float | None = None,
+    baseline: str | None = None,
+    unit: str | None = None,
+    columns: Mapping[str, int] | str | None = None,
+    skip: int = 0,
+    scale: float = 1.0,
 ) -> list[Channel]:
     """Return all channels of a file, checked. Arguments and errors are those of `tpd.Record.read`."""
     if unit is not None:
         given(unit)
+    _check_options(columns, skip, scale)
     if baseline is not None and baseline not in BASELINES:
         raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)} or None, but is {baseline!r}")
     number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
@@ -79,7 +88,8 @@ def channels(
         raise ValueError(f"`path` must name a file, but is {path!r}")
     file = Path(path)
     try:
-        read = [checked(channel) for channel in _of_bytes(_content(file), dt, unit)]
+        how = Options(dt, unit, columns, skip)
+        read = [checked(scaled(channel, scale)) for channel in _of_bytes(_content(file), how)]
         # The name of a file of several channels is that of none of them.
         named = of_file(file.name) if len(read) == 1 else None
         found = [directed(channel, named) for channel in read]
@@ -87,22 +97,43 @@ def channels(
             if dt is not None and abs(dt - channel.dt) > 1e-6 * channel.dt:
                 raise UnreadableRecord(f"the file states a step of {channel.dt:g} s, but `dt` is {dt:g} s")
     except UnreadableRecord as error:
-        raise UnreadableRecord(f"{file.name}: {error}") from None
+        raise UnreadableRecord(f"{file.name}: {error.args[0]}", **error.options) from None
     return found if baseline is None else [without_baseline(channel, baseline) for channel in found]
+
+
+def _check_options(columns: Any, skip: Any, scale: Any) -> None:
+    """Raise `ValueError` unless the options of a table have the right form."""
+
+    def is_whole(value: Any, least: int) -> bool:
+        return isinstance(value, int) and not isinstance(value, bool) and value >= least
+
+    if not is_whole(skip, 0):
+        raise ValueError(f"`skip` must be a number of lines, 0 or more, but is {skip!r}")
+    if not isinstance(scale, (int, float)) or isinstance(scale, bool) or not 0.0 < abs(scale) < float("inf"):
+        raise ValueError(f"`scale` must be a finite number other than 0, but is {scale!r}")
+    if columns is None or columns == ROWS:
+        return
+    pairs = list(columns.items()) if isinstance(columns, Mapping) else []
+    numbers = [at for _, at in pairs]
+    if not pairs or not all(isinstance(name, str) and is_whole(at, 1) for name, at in pairs):
+        raise ValueError(
+            f"`columns` must give names their numbers, from 1, such as {{'time': 1, 'N': 2}}, or be "
+            f"{ROWS!r}, but is {columns!r}"
+        )
+    if len(set(numbers)) < len(numbers):
+        raise ValueError(f"`columns` must name each column once, but is {columns!r}")
 
 
 def one_channel(
     path: str | os.PathLike[str],
     *,
     channel: int | None,
-    dt: float | None,
-    baseline: str | None,
-    unit: str | None,
+    **how: Any,
 ) -> Channel:
     """Return one channel of a file. Arguments and errors are those of `tpd.Record.read`."""
     if channel is not None and (not isinstance(channel, int) or isinstance(channel, bool)):
         raise ValueError(f"`channel` must be a whole number, but is {channel!r}")
-    found = channels(path, dt=dt, baseline=baseline, unit=unit)
+    found = channels(path, **how)
     if channel is None and len(found) == 1:
         return found[0]
     if channel is None or not 0 <= channel < len(found):
@@ -156,7 +187,7 @@ def _from_utf_16(data: bytes) -> bytes:
         raise UnreadableRecord("the text is UTF-16, but damaged or cut: save it as UTF-8") from None
 
 
-def _of_bytes(data: bytes, dt: float | None, unit: str | None) -> list[Channel]:
+def _of_bytes(data: bytes, how: Options) -> list[Channel]:
     # No format of text has control characters: damage of one byte is damage.
     for mark, kind in _ARCHIVES.items():
         if data.startswith(mark):
@@ -165,7 +196,7 @@ def _of_bytes(data: bytes, dt: float | None, unit: str | None) -> list[Channel]:
         raise UnreadableRecord("the file is an archive (tar): unpack it first")
     data = _from_utf_16(data)
     if _BINARY.search(data):
-        return read_waveforms(data, unit)
+        return read_waveforms(data, how.unit)
     text = data.rstrip(b"\x1a")
     try:
         decoded = text.decode("utf-8-sig")
@@ -184,8 +215,13 @@ def _of_bytes(data: bytes, dt: float | None, unit: str | None) -> list[Channel]:
     # A reader that recognises a file keeps it, sound or not: a damaged one must not pass for a table.
     for known, reader in _FORMATS:
         if known(cursor.lines):
-            return reader(cursor, unit)
-    return read_table(cursor, dt, unit)
+            if how.columns is not None or how.skip:
+                raise UnreadableRecord(
+                    f"`columns` and `skip` are for tables, but the file states itself to be of the format of "
+                    f"{reader.__module__.rpartition('.')[2].upper()}"
+                )
+            return reader(cursor, how.unit)
+    return read_table(cursor, how)
 
 
 def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:

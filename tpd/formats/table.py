@@ -1,453 +1,453 @@
-"""Tables of text: time in s and accelerations in columns, one column of accelerations, or rows of samples.
+"""Tables of text: times and accelerations in columns, or samples one after the other.
 
-Lines at the top that are no rows of numbers are the header. It states the unit in brackets, after the word
-"unit" or as a cell of its own, and may state the step of samples without times: "dt = 0.01 s". The first
-lines may also hold the number of samples and the step.
+A table is read without options only if its whole header follows a small grammar: lines that name the columns
+or their units, and statements of the unit, the step, the number of samples or the source. The guide describes
+it (records.md). A file with any other word is refused, and the message names the options that read it.
 """
 
 from __future__ import annotations
 
+import csv
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from tpd.formats.channel import FACTORS, STEPS, Channel, chosen, looks_like, orientation, plain
+from tpd.formats.channel import (
+    FACTORS,
+    STEPS,
+    Channel,
+    agree,
+    agree_on_count,
+    chosen,
+    is_component,
+    plain,
+)
 from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, number, shown
 
-_SEPARATOR = re.compile(r"\s*[,;]\s*|\s+")
-_LONGEST_HEADER = 40
-_FINE = 0.25
-"""Greatest last digit of rounded times, in steps: coarser ones cannot show that steps are equal."""
-_MARKS = ("#", "%", "!", "/", "*")
-"""Beginnings of comments."""
-_STATED_STEP = (
-    r"(?:\b(?:dt|delta ?t|time ?step|sampling (?:interval|step|period))(?:\s*[=:]\s*|\s+(?=\.?\d))|"
-    r"\b(?:equal spacing of|equally spaced at|(?:time )?intervals? of|step(?: of)?)\s+(?=[\d.]))(\S+)\s*(\w*)"
-)
-_STATED_RATE = r"\b(?:fs|sampl\w* (?:rate|frequency))\s*[=:]?\s*(\d+(?:\.\d*)?)\s*(?:hz|sps)\b"
-_SECONDS = ("s", "sec", "secs", "second", "seconds")
-_OTHER_TIMES = ("ms", "msec", "min", "minutes", "milliseconds", "us")
-_OTHER_MOTIONS = ("m/s", "cm/s", "mm/s", "in/s", "ft/s", "m", "cm", "mm", "in", "ft", "inch", "inches")
-"""Units of velocities and displacements."""
-_OTHER_UNITS = (*_OTHER_MOTIONS, "counts", "count", "v", "mv", "volt", "volts")
+ROWS = "rows"
+"""In place of names of columns: the samples follow one another, row by row."""
+_LONGEST_STEP = 0.1
+"""Longest step (s) that is taken for one in s where no unit is stated: a longer one may be in ms."""
+_MARK = re.compile(r"^(?:[#%!*]+|/+)(?!\s*[,;])\s*")
+_RULE = re.compile(r"[\s\-=_+|~.*#]*")
+_CLOCK = re.compile(r"\D?\d{1,2}:\d{2}|\D?\d{4}[-/]\d{1,2}[-/]\d{1,2}")
+_COMMA = re.compile(r"[+-]?\d*,\d+(?:[EeDd][+-]?\d{1,3})?")
+_TWO_WORDS = re.compile(r"(?<=[a-z])(?=[A-Z](?:[^a-z]|$))|(?<=^a)(?=[xyz]$)")
+_BRACKET = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
+_TIMES = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0}
+_TIMES |= {"ms": 1e-3, "msec": 1e-3, "msecs": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3}
+"""Seconds of a unit of time."""
+_QUANTITIES = dict.fromkeys(_TIMES, "time") | dict.fromkeys(FACTORS, "acceleration")
+for _length in ("m", "cm", "mm", "in", "ft"):
+    _QUANTITIES |= {_length: "displacement", f"{_length}/s": "velocity"}
+"""What a unit measures."""
+_NAMES = {
+    "time": r"t|times?|elapsed|zeit|temps|tempo|tiempo|tijd|tid|czas",
+    "number": r"no|nr|num|number|index|i|n|id|samples?|points?|#",
+    "acceleration": r"a|acc(?:el)?\d?|acceler\w+|beschleunigung|aceleraci[oó]n|ch(?:annel)?\d{0,3}|ground",
+    "velocity": r"vel|velocit\w+|velocidad|vitesse|geschwindigkeit",
+    "displacement": r"d|dis|displ?|displacements?|d[ée]placement|desplazamiento|spostamento|verschiebung",
+    "spectrum": r"periods?|periode|periodo|p?s[adv]|spectr\w+|freq|frequency|hz",
+}
+"""Words that name the quantity of a column."""
+_PROCESSING = r"raw|(?:un)?(?:corrected|processed|filtered)|v[123]"
+_PER_SECOND = r"(?:sps|samples\s*(?:/|per)\s*s(?:ec(?:ond)?)?)"
+_STATEMENTS = {
+    "rate": rf"(?:fs|sampl\w* (?:rate|freq\w*))\s*[:=]?\s*({NUMBER})\s*(?:hz|{_PER_SECOND})"
+    rf"|({NUMBER})\s*{_PER_SECOND}",
+    "count": r"(?:(?:number|no\.?) of )?(?:samples|points|pts|data|npts|n)\s*[:=]?\s*(\d{1,9})"
+    r"|(\d{1,9})\s*(?:samples|points|pts|data)",
+    "step": r"(?:dt|delta ?t|time ?step|time interval|sampl\w* (?:interval|step|period)|step|equally spaced"
+    r"|(?:equal )?(?:spacing|intervals?)(?: of)?)\s*(?:[(\[]\s*(\w+)\s*[)\]])?\s*[:=]?\s*"
+    rf"({NUMBER})\s*([a-z]*)",
+    "unit": r"(?:acc\w*\s+)?units?(?:\s+of\s+acc\w*)?\s*(?:[:=]|\b(?:in|is|are|of)\b)?\s*(.+)"
+    r"|acc\w* in (.+)|(.+)",
+    "source": r"(?:station|site|event|earthquake|record|date|network|location|file)\b\s*[:=]?((?:\s*"
+    r"(?:\d{1,4}[-/]\d{1,2}[-/]\d{1,4}|[^\W_][\w.\-]*))*)",
+}
+"""Forms of statements; the value is in the first group that matches."""
+_OPPOSITE = str.maketrans("swovd", "neezz")
+_FACTOR = re.compile(rf"10\s*(?:\^|\*\*)\s*([+-]?\d+)|(?:x|\*|×)\s*({NUMBER})(?![\w.])")
 
 
 @dataclass(frozen=True)
-class _Row:
-    """A row of numbers."""
+class Options:
+    """What the user states of a table."""
 
-    cells: list[str]
-    line: int
+    dt: float | None = None
+    unit: str | None = None
+    columns: Mapping[str, int] | str | None = None
+    """Numbers of columns, from 1, by their names; or `ROWS`."""
+    skip: int = 0
+    """Number of lines at the top that are not read."""
 
 
-def read_table(cursor: Cursor, dt: float | None, unit: str | None) -> list[Channel]:
-    """Return the channels of a table.
+@dataclass(frozen=True)
+class _Column:
+    """What the name of a column says."""
 
-    Args:
-        cursor: at the beginning of the file.
-        dt: step in s of a table without times whose header states none.
-        unit: of a table whose header states none.
+    quantity: str
+    component: str
+    unit: str | None
+
+
+@dataclass
+class _Header:
+    """What the lines above the samples state."""
+
+    cells: list[str] = field(default_factory=list)
+    """Names of the columns with their units."""
+    stated: dict[str, list[Any]] = field(default_factory=lambda: defaultdict(list))
+    """Values of statements by their kind: unit, step (s), count, source."""
+
+
+_Row = tuple[int, list[str]]
+"""Number of a line in the file, and its cells."""
+
+
+class _Unknown(Exception):
+    """A piece of a header that the grammar does not explain."""
+
+
+def read_table(cursor: Cursor, how: Options) -> list[Channel]:
+    """Return the channels of a table; columns of velocities and displacements are left out.
 
     Raises:
-        UnreadableRecord: a table of another kind, a cell that is no number, a unit that is not known, or
-            times at unequal steps.
+        UnreadableRecord: a piece of the header that the grammar does not explain, a contradiction, a cell
+            that is no number, or times at unequal steps.
     """
-    cursor = _with_points(cursor)
-    head = _head(cursor)
-    rows = _rows(cursor)
-    stated = _step(head)
-    rows, count, counted = _counted(rows)
-    if stated is not None and counted is not None and abs(stated - counted) > 1e-6 * stated:
-        raise UnreadableRecord(f"the file states a step of {stated:g} s and one of {counted:g} s")
-    stated = counted if stated is None else stated
-    if head and rows and _is_row(head, len(rows[0].cells)):
+    split = _splitter(cursor.lines[how.skip :])
+    used = [i - 1 for i in how.columns.values()] if isinstance(how.columns, Mapping) else []
+    lines = [(i, line.strip()) for i, line in enumerate(cursor.lines, 1) if i > how.skip and line.strip()]
+    first = next((k for k, (_, line) in enumerate(lines) if _is_row(split(line), used)), len(lines))
+    head = lines[:first]
+    if first == len(lines):
+        clock = next((f": line {i} has a time of day, {shown(x)}" for i, x in lines if _CLOCK.match(x)), "")
+        raise UnreadableRecord(f"no known format, and no row of numbers after line {how.skip}{clock}")
+    header, rows = _counted(_rows(cursor, lines[first][0], split), used)
+    for i, line in head:
+        try:
+            _understand(header, line, len(rows[0][1]))
+        except _Unknown as error:
+            said = f"line {i} has {shown(str(error))}, which is not understood"
+            raise UnreadableRecord(said, **_remedy(head, rows, how, i, str(error))) from None
+    # A stated number of samples that is not that of the rows is that of all their cells.
+    size = sum(len(cells) for _, cells in rows)
+    in_rows = size == len(rows) or size in header.stated["count"]
+    if not (in_rows or header.cells or how.columns):
+        said = f"line {rows[0][0]} has {len(rows[0][1])} numbers, but no line above names the columns"
+        raise UnreadableRecord(said, **_remedy(head, rows, how, rows[0][0] - 1, ""))
+    return _channels(header, rows, how)
+
+
+def _splitter(lines: Sequence[str]) -> Callable[[str], list[str]]:
+    """How the lines of a file are split into cells, with points in place of decimal commas."""
+    last = [line for line in lines if line.strip()][-50:]
+    words = [word for line in last for word in line.split()]
+    separator = re.compile(r"\s*[,;]\s*|\s+")
+    if any(";" in line or "\t" in line for line in last):
+        separator = re.compile(r"\s*;\s*|\s+")
+    elif len(words) > len(last) and all(_COMMA.fullmatch(w) or re.fullmatch(NUMBER, w) for w in words):
+        # In "0,01  0,035" blanks separate the numbers; in "0,01,0,035" nothing tells.
+        separator = re.compile(r"\s+")
+
+    def split(line: str) -> list[str]:
+        # Spreadsheets end rows with a separator and put cells between quotation marks.
+        bare = line.strip().rstrip(", ;\t")
+        if '"' in bare:
+            mark = ";" if ";" in bare else "\t" if "\t" in bare else ","
+            cells = [x.strip() for x in next(csv.reader([bare], delimiter=mark, skipinitialspace=True))]
+        else:
+            cells = separator.split(bare) if bare else []
+        return [x.replace(",", ".") if "," in x and _COMMA.fullmatch(x) else x for x in cells]
+
+    return split
+
+
+def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
+    """Whether all cells of a line, or those that are used, are numbers."""
+    wanted = [cells[i] for i in used if i < len(cells)] if used else cells
+    return len(wanted) >= max(1, len(used)) and all(re.fullmatch(NUMBER, cell) for cell in wanted)
+
+
+def _rows(cursor: Cursor, first: int, split: Callable[[str], list[str]]) -> list[_Row]:
+    """The rows from line `first` to the end of the file."""
+    lines = [(i, split(line)) for i, line in enumerate(cursor.lines[first - 1 :], first)]
+    while not lines[-1][1]:
+        lines.pop()
+    # Decimals of one width, in a table of several columns, show that the last number was not cut.
+    ends = [cells[-1].partition(".")[2] for _, cells in lines if len(cells) > 1]
+    even = len(ends) > 2 and len({len(end) for end in ends}) == 1 and len(lines[-1][1]) == len(lines[-2][1])
+    if not (cursor.ended or (even and ends[0])):
         raise UnreadableRecord(
-            f"line {rows[0].line - 1} must be a row of numbers or a header, but is {shown(head[-1])}"
+            f"the last line, {len(cursor.lines)}, must end with a line break: it may be cut"
         )
-    columns = len(rows[0].cells) if rows else 1
-    names = _names(head, columns)
-    if columns == 1:
-        _require_columns(rows, columns)
-    if columns == 1 or _in_rows(rows, names, count):
-        values = np.array([number(cell, row.line) for row in rows for cell in row.cells])
-        known = _unit(head)
-        if known is None:
-            _check_hints(head, unit)
-        return [Channel(values * FACTORS[chosen(known, unit)], _given(stated, dt))]
-    _require_columns(rows, columns)
-    first, step = _times(rows, names, stated, dt)
-    # The unit comes first: what a column holds decides whether it is read.
-    return _columns(rows, names, head, first, step, unit)
+    # In a single column a blank line may stand for a sample.
+    return [(i, cells or [""]) for i, cells in lines if cells or len(lines[0][1]) == 1]
 
 
-def _columns(
-    rows: Sequence[_Row], names: Sequence[str], head: Sequence[str], first: int, step: float, unit: str | None
-) -> list[Channel]:
-    """Channels of the columns from `first` on that hold accelerations."""
-    columns = len(rows[0].cells)
-    others = [bool(names) and columns > 2 and _other_motion(name) for name in names or [""] * columns]
-    units = [
-        _unit([n]) if n and not o else None for n, o in zip(names or [""] * columns, others, strict=True)
-    ]
-    # The unit of the whole table counts where a column has none of its own.
-    own = all(units[i] or others[i] for i in range(first, columns)) and any(units)
-    general = None if own else _unit(head)
-    if general is None and not own:
-        _check_hints(head, unit)
-    found, left = [], []
-    for i in range(first, columns):
-        name = names[i] if names else ""
-        if others[i]:
-            left.append(name)
-            continue
-        values = np.array([number(row.cells[i], row.line) for row in rows])
-        component = re.sub(r"\s*[(\[].*?[)\]]", "", name).strip()
-        if columns - first > 1:
-            component = component or f"column {i + 1}"
-        elif orientation(component) is None:
-            component = ""
-        factor = FACTORS[chosen(units[i] or general, unit)]
-        found.append(Channel(values * factor, step, component, component))
-    if not found:
-        raise UnreadableRecord(f"the table holds no acceleration, but {', '.join(shown(x) for x in left)}")
-    return found
-
-
-def _other_motion(name: str) -> bool:
-    """Whether a column is named as a velocity or a displacement."""
-    words = [plain(x) for x in re.findall(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]", name)]
-    return any(word in _OTHER_MOTIONS for word in words) or bool(re.match(r"\W*(?:vel|dis)", name, re.I))
-
-
-def _with_points(cursor: Cursor) -> Cursor:
-    """The table with points for decimal commas, where all its rows have such: 0,01;0,035."""
-    lines = list(cursor.lines)
-    comma = re.compile(r"[+-]?\d*,\d+(?:[EeDd][+-]?\d{1,3})?|[+-]?\d+(?:[EeDd][+-]?\d{1,3})?")
-    rows = []
-    for i, line in enumerate(lines):
-        cells = [cell for cell in re.split(r"\s*;\s*|\s+", line.strip()) if cell]
-        if len(cells) > 1 and all(comma.fullmatch(cell) for cell in cells):
-            rows.append(i)
-        elif rows and line.strip():
-            return cursor
-    if not rows or not any("," in lines[i] for i in rows):
-        return cursor
-    for i in rows:
-        lines[i] = lines[i].replace(",", ".")
-    return Cursor(lines, cursor.ended, cursor.at)
-
-
-def _cells(line: str) -> list[str]:
-    # Spreadsheets end rows with a separator.
-    return _SEPARATOR.split(re.sub(r"[\s,;]+$", "", line.strip()))
-
-
-def _head(cursor: Cursor) -> list[str]:
-    """The header: all lines above the first row of numbers, less the blank ones."""
-    head = []
-    while not re.match(rf"\s*{NUMBER}(?=[\s,;]|$)", cursor.peek()) or _is_prose(cursor.peek()):
-        line = cursor.next("the first number")
-        if line.strip():
-            head.append(line)
-        if len(head) > _LONGEST_HEADER:
-            raise UnreadableRecord(
-                f"no known format: the first {_LONGEST_HEADER} lines hold no number, and are no header of a "
-                "file of ground motion"
-            )
-    return head
-
-
-def _is_prose(line: str) -> bool:
-    """Whether a line that begins with a number is a sentence, such as "400 points at 0.01 sec"."""
-    words = [word for word in re.findall(r"[^\W\d_]{2,}", line) if word.lower() not in ("nan", "inf")]
-    return len(words) >= 2 or bool(
-        words and re.search(r"\b(?:points|pts|npts|samples|data|dt)\b", line, re.I)
-    )
-
-
-def _is_row(head: Sequence[str], columns: int) -> bool:
-    """Whether the last line of the header is a row with damage: taken for a header, the first sample would be
-    lost."""
-    line = head[-1].strip()
-    cells = _cells(line)
-    if line.startswith(_MARKS) or len(cells) != columns:
-        return False
-    if columns >= 2:
-        return any(re.fullmatch(NUMBER, cell) for cell in cells)
-    # One cell: the name or the unit of the column, or what is left of a number.
-    name = re.fullmatch(r"[^\W\d]\w*", line) and line.lower() not in ("nan", "inf", "infinity")
-    return _unit([line]) is None and (len(head) > 1 or not name)
-
-
-def _rows(cursor: Cursor) -> list[_Row]:
-    """All rows of numbers; blank lines are passed over."""
-    rows: list[_Row] = []
-    while not cursor.only_blank_lines_follow():
-        line = cursor.next("a row").strip()
-        # In rows of times a blank line loses nothing; in a column it may stand for a sample.
-        if not line and (not rows or len(rows[-1].cells) > 1):
-            continue
-        cells = _cells(line)
-        # Checked here, since the columns are taken apart only later.
-        for cell in cells:
-            number(cell, cursor.at)
-        rows.append(_Row(cells, cursor.at))
-    # Decimals of one width, in a table of times, show that the last number is whole.
-    cursor.require_end(whole=_is_full(rows))
-    return rows
-
-
-def _is_full(rows: Sequence[_Row]) -> bool:
-    """Whether all rows are as wide and have as many decimals in their last cell: the last one was not cut."""
-    # A column of samples shows nothing else of a cut.
-    if len(rows) < 3 or len({len(row.cells) for row in rows[-3:]}) > 1 or len(rows[0].cells) == 1:
-        return False
-    decimals = [row.cells[-1].partition(".")[2] for row in rows]
-    return bool(decimals[0]) and len({len(x) for x in decimals}) == 1
-
-
-def _counted(rows: list[_Row]) -> tuple[list[_Row], int | None, float | None]:
-    """Rows less those on top that state the number of samples and the step; both statements."""
-    for top in (1, 2):
-        if len(rows) < top + 2 or (top == 2 and any(len(row.cells) > 1 for row in rows[:2])):
-            continue
-        values = [float(cell.lower().replace("d", "e")) for row in rows[:top] for cell in row.cells]
-        rest = rows[top:]
-        total = sum(len(row.cells) for row in rest)
-        if any(value in (total, len(rest)) for value in values):
-            count = int(next(value for value in values if value in (total, len(rest))))
-            left = [value for value in values if value != count]
-            step = next((x for x in left if STEPS[0] <= x < STEPS[1]), None)
-            if top == 2 and (step is None or abs(1.0 / step - round(1.0 / step)) > 1e-6 / step):
-                raise UnreadableRecord(
-                    f"line {rows[0].line} states {count} samples, but {total + 1} follow, or the step in "
-                    f"line {rows[1].line} is {shown(rows[1].cells[0])}, which is no whole rate in Hz"
-                )
-            return rest, count, step
-    if len(rows) > 2 and len(rows[0].cells) != len(rows[1].cells) == len(rows[2].cells):
-        total = sum(len(row.cells) for row in rows[1:])
+def _counted(rows: list[_Row], used: Sequence[int]) -> tuple[_Header, list[_Row]]:
+    """The number of samples and the step that the first row states in their place, and the other rows."""
+    (line, cells), rest = rows[0], rows[1:]
+    if used or len(rest) < 2:
+        return _Header(), rows
+    values, total = [number(cell, line) for cell in cells], sum(len(row) for _, row in rest)
+    wide = len(cells) != len(rest[0][1]) == len(rest[1][1])
+    is_step = len(cells) == 1 or (len(cells) == 2 and STEPS[0] <= values[1] <= STEPS[1])
+    if values[0] in (len(rest), total) and is_step:
+        return _Header(stated=defaultdict(list, count=values[:1], step=values[1:])), rest
+    # A whole number above decimals is no sample.
+    decimals = sum("." in row[0] for _, row in rest)
+    odd = len(cells) == 1 and values[0] and "." not in cells[0] and 2 * decimals > len(rest)
+    if wide or odd:
         raise UnreadableRecord(
-            f"line {rows[0].line} must be a row of {len(rows[1].cells)} numbers, or state the number of "
-            f"samples, {total}, but has {len(rows[0].cells)}: {shown(' '.join(rows[0].cells))}"
+            f"line {line} has {shown(' '.join(cells))}, which is neither a row like the others nor states "
+            f"their number ({total} samples in {len(rest)} rows) and the step in s",
+            skip=line,
         )
-    return rows, None, None
+    return _Header(), rows
 
 
-def _require_columns(rows: Sequence[_Row], columns: int) -> None:
-    for row in rows:
-        if len(row.cells) != columns:
-            raise UnreadableRecord(
-                f"line {row.line} must have {columns} as the first row, but has {len(row.cells)}: "
-                f"{shown(' '.join(row.cells))}"
-            )
+def _understand(header: _Header, line: str, width: int) -> None:
+    """Add what a line states to a header, or raise `_Unknown`."""
+    text = re.sub(r"[\s,;]+$", "", _MARK.sub("", line, count=1))
+    if _RULE.fullmatch(text):
+        return
+    parts = [part.strip() for part in re.split(r"[,;\t]|\b(?:at|with)\b", text) if part.strip()]
+    statements = [_statement(part) for part in parts]
+    if left := [part for part, found in zip(parts, statements, strict=True) if found is None]:
+        columns = _cells(text, width, header)
+        header.cells = columns or _cells("  ".join(left), width, header)
+        if not header.cells:
+            # The smallest piece that is not understood says most.
+            raise _Unknown(next(filter(None, map(_unknown_word, left)), left[0]))
+        if columns:
+            return
+    for what, value in filter(None, statements):
+        header.stated[what].append(value)
 
 
-def _names(head: Sequence[str], columns: int) -> list[str]:
-    """Names of the columns from the last line of the header, where it has as many; else none."""
-    if not head or columns < 2:
-        return []
-    line = re.sub(r"[\s,;]+$", "", head[-1].strip().lstrip("".join(_MARKS)).strip())
-    # "Time (s)  Acc (g)": blanks set names apart as well as a bracket from its name.
-    joined = re.sub(r"\s+(?=[(\[])", "", line)
-    for cells in (re.split(r"\s*[,;\t]\s*", line), re.split(r"\s{2,}|\t", line), joined.split()):
-        if len(cells) == columns:
-            return [cell.strip(" \"'") for cell in cells]
+def _cells(text: str, width: int, header: _Header) -> list[str]:
+    """The cells of a line of columns, with the units of a line of units below it; empty if it is none."""
+    for cells in _split_names(text):
+        if len(cells) != width or any(map(_unknown_word, cells)):
+            continue
+        if not header.cells:
+            return cells
+        if all(_column(cell, first=True).unit for cell in cells):
+            merged = [f"{x} ({unit.strip('()[] ')})" for x, unit in zip(header.cells, cells, strict=True)]
+            return [] if any(map(_unknown_word, merged)) else merged
     return []
 
 
-def _in_rows(rows: Sequence[_Row], names: Sequence[str], count: int | None) -> bool:
-    """Whether a table holds samples one after the other, several in a line, and no columns."""
-    columns = len(rows[0].cells)
-    if any(len(row.cells) != columns for row in rows[:-1]):
-        return False
-    if count is not None and count != len(rows):
-        return True
-    if names or columns < 3:
-        return False
-    first = np.array([float(row.cells[0].lower().replace("d", "e")) for row in rows])
-    steps = np.diff(first)
-    # Times and numbers of samples grow; of samples in rows the first ones go up and down.
-    return len(rows) > 2 and not bool(np.all(steps > 0.0))
+def _split_names(text: str) -> list[list[str]]:
+    """Ways to split a line of columns into cells."""
+    bare = re.sub(r"[\s,;]+$", "", _MARK.sub("", text.strip(), count=1))
+    # A bracket belongs to the name before it, however many blanks are between them.
+    joined = re.sub(r"(?<=[^\s)\]])\s+(?=[(\[])", "", bare)
+    ways = re.split(r"\s*[,;\t]\s*", bare), re.split(r"\s{2,}|\t", bare), joined.split()
+    return [[cell.strip(" \"'") for cell in cells] for cells in ways]
 
 
-def _given(stated: float | None, dt: float | None) -> float:
-    """The step in s that the file states or, where it states none, the user."""
-    if stated is None and dt is None:
-        raise UnreadableRecord("a table without times states no step: give `dt` in s, such as dt=0.01")
-    return float(dt if stated is None else stated)  # type: ignore[arg-type]
+def _unknown_word(cell: str) -> str:
+    """The piece of a cell that the grammar does not explain, or an empty text."""
+    try:
+        _column(cell, first=True)
+    except _Unknown as error:
+        return str(error)
+    return ""
 
 
-def _times(
-    rows: Sequence[_Row], names: Sequence[str], stated: float | None, dt: float | None
-) -> tuple[int, float]:
-    """Number of the first column of accelerations, and the step in s of the times or of the samples."""
-    first = np.array([float(row.cells[0].lower().replace("d", "e")) for row in rows])
-    numbered = len(rows) > 1 and np.all(first == np.round(first)) and np.all(np.diff(first) == 1.0)
-    if numbered and not re.search(
-        r"[(\[]\s*(?:s|secs?|seconds?)\s*[)\]]|^secs?$|^seconds?$|^s$", "".join(names[:1]), re.I
-    ):
-        # 1, 2, 3 ... are no times in s, unless the header says so: of two columns the other holds samples.
-        second = [Decimal.of(row.cells[1]) for row in rows]
-        if len(rows[0].cells) > 2 and re.match(
-            r"\W*(?:t|time|zeit|temps|tempo|tiempo)\b", "".join(names[1:2]), re.I
-        ):
-            return 2, _equal(second, rows, stated)
-        if stated is None and dt is None:
-            raise UnreadableRecord(
-                "the first column numbers the samples and states no times: give `dt` in s, such as dt=0.01"
-            )
-        return 1, _given(stated, dt)
-    return 1, _equal([Decimal.of(row.cells[0]) for row in rows], rows, stated)
-
-
-def _unit(head: Sequence[str]) -> str | None:
-    """The unit of acceleration that the header states, or None.
-
-    Raises:
-        UnreadableRecord: several, one that is not known, or times that are not in s.
-    """
-    found = set()
-    for at, line in enumerate(head):
-        for text, named in _candidates(line):
-            word = plain(text)
-            if word in FACTORS:
-                found.add(word)
-            elif word in _OTHER_TIMES:
-                raise UnreadableRecord(f"the times must be in s, but the header states {shown(text)}")
-            elif looks_like(text) or (named and word not in _SECONDS and re.search(r"[a-zµ]", word)):
-                raise UnreadableRecord(
-                    f"the unit of acceleration must be one of {', '.join(FACTORS)}, but the header states "
-                    f"{shown(text)}"
-                )
-            elif at == len(head) - 1 and len(head[-1].split()) < 3 and word in _OTHER_UNITS:
-                raise UnreadableRecord(f"an acceleration is needed, but the header states {shown(text)}")
-    if len({FACTORS[word] for word in found}) > 1:
-        raise UnreadableRecord(f"the header states several units of acceleration: {', '.join(sorted(found))}")
-    return min(found, default=None)
-
-
-_HINTS = re.compile(
-    r"(?<![a-z])((?:m|micro|milli)?gals?(?![a-z])|"
-    r"(?:cm|mm|km|m|in|inch(?:es)?|ft|feet|foot|(?:centi|milli)?met(?:er|re)s?)\s*(?:/|_|per|p|·)?\s*\(?"
-    r"s(?:ec(?:ond)?s?)?\s*(?:[\^_*]{0,2}-?2|\*\s*s|/\s*s|²|⁻²|squared)|"
-    r"km\s*/\s*h\s*/\s*s|per\s+s(?:ec(?:ond)?)?\w*\s+(?:squared|per)|"
-    r"[(\[]\s*(?:[mµu]g|(?:micro|milli)-?g|[\d.]+\s*g|g\s*/\s*\d+|(?:raw\s+)?counts?|lsb)\s*[)\]])",
-    re.IGNORECASE,
-)
-"""Units of acceleration in spellings that are not read."""
-
-
-def _check_hints(head: Sequence[str], unit: str | None) -> None:
-    """Refuse a unit given by the user where the header seems to state another one in words not read.
-
-    Raises:
-        UnreadableRecord: another unit, or one that is not known.
-    """
-    for line in head:
-        if (found := _HINTS.search(line)) is None or unit is None:
+def _statement(part: str) -> tuple[str, Any] | None:
+    """What a part of a line states, and the value; None if it is no statement."""
+    for what, form in _STATEMENTS.items():
+        if (found := re.fullmatch(form, part, re.I)) is None:
             continue
-        seems = plain(found[1].strip("()[] ").replace("_", "/").replace("squared", "2"))
-        seems = re.sub(r"/?(?:per)?/?s/?2$", "/s2", seems)
-        if seems not in FACTORS or FACTORS[seems] != FACTORS[plain(unit)]:
-            raise UnreadableRecord(
-                f"the header seems to state the unit {shown(found[1])}, but `unit` is {unit!r}: write a unit "
-                f"that is read ({', '.join(FACTORS)}) into the header, or remove it"
+        value = next((group for group in found.groups() if group), "").strip("()[] ")
+        if what == "unit" and plain(value) in FACTORS:
+            return what, plain(value)
+        if what in ("count", "rate") and (size := Decimal.of(value).value) > 0.0:
+            return (what, size) if what == "count" else ("step", 1.0 / size)
+        if what == "step":
+            units, step = {word.lower() for word in (found[1], found[3]) if word}, Decimal.of(found[2]).value
+            known = units <= {*_TIMES} and len(units) == 1 if units else step <= _LONGEST_STEP
+            return (what, step * _TIMES[units.pop() if units else "s"]) if known and step > 0.0 else None
+        if what == "source" and not any(plain(w) in FACTORS or w in (*_TIMES, "x") for w in value.split()):
+            return what, value
+    return None
+
+
+def _column(cell: str, *, first: bool) -> _Column:
+    """What the name of a column says, or `_Unknown`. In the first column T is a time, not a component."""
+    # AccZ and acc-NS are two words; N-S is one.
+    bare = _TWO_WORDS.sub(" ", _BRACKET.sub(" ", cell).strip(" :\"'"))
+    words = [w for x in re.findall(r"[^\s_]+", bare) for w in ([x] if is_component(x) else x.split("-"))]
+    quantities, units, names = set(), [], []
+    pieces = [*words, *_BRACKET.findall(cell)]
+    for i, word in enumerate(pieces):
+        low, unit, bracketed = word.strip(" .").lower(), plain(word), i >= len(words)
+        named = next((quantity for quantity, form in _NAMES.items() if re.fullmatch(form, low)), "")
+        if low in _TIMES and (bracketed or first or "time" in quantities):
+            units.append(low)
+        elif unit in FACTORS or (unit in _QUANTITIES and unit not in _TIMES and (bracketed or "/" in unit)):
+            units.append(unit)
+        elif re.fullmatch(_PROCESSING, low) and "acceleration" in quantities:
+            continue
+        elif named and not bracketed and (not is_component(word) or (first and word in ("t", "T", "n"))):
+            quantities.add(named)
+        elif is_component(word) or (len(words) == 1 and re.fullmatch(r"(?!100)[0-3]\d\d", word)):
+            names.append(word.strip())
+        elif low != "in" or plain("".join(pieces[i + 1 : i + 2])) not in FACTORS:
+            raise _Unknown(f"({word})" if bracketed else next(w for w in cell.split() if word in w))
+    if "spectrum" in quantities:
+        raise UnreadableRecord(f"the column {shown(cell)} is of a response spectrum, not of a ground motion")
+    # V beside accelerations is the vertical, but v in m/s is the velocity.
+    quantities |= {_QUANTITIES[unit] for unit in units}
+    quantity = next(iter(quantities), "acceleration")
+    if len(units) > 1 or len(quantities) > 1 or (names and quantity in ("time", "number")):
+        raise _Unknown(cell)
+    return _Column(quantity, " ".join(names), units[0] if units else None)
+
+
+def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Channel]:
+    """The accelerations of a table whose header is understood."""
+    for first, second in pairwise(header.stated["step"]):
+        agree(first, second, "the step in s", 1e-6 * first)
+    total = sum(len(row) for _, row in rows)
+    for count in header.stated["count"]:
+        agree_on_count(int(count), len(rows) if count == len(rows) else total, "the header")
+    step, columns = next(iter(header.stated["step"]), how.dt), {0: _Column("acceleration", "", None)}
+    if isinstance(how.columns, Mapping):
+        columns = _chosen_columns(header, how.columns)
+    elif header.cells and how.columns is None:
+        columns = {i: _column(cell, first=i == 0) for i, cell in enumerate(header.cells)}
+    in_rows = how.columns == ROWS or (how.columns is None and not header.cells)
+    width = max(columns) + 1
+    for line, cells in () if in_rows else rows:
+        if len(cells) < width or (how.columns is None and len(cells) > width):
+            raise UnreadableRecord(f"line {line} must have {width} numbers, but has {shown(' '.join(cells))}")
+    times = [i for i, column in columns.items() if column.quantity == "time"]
+    for i in times[:1]:
+        step = _step([(line, cells[i]) for line, cells in rows], columns[i].unit, step)
+    if step is None:
+        raise UnreadableRecord("the table states no times and no step: give `dt` in s, such as dt=0.01")
+    accelerations = {i: column for i, column in columns.items() if column.quantity == "acceleration"}
+    if not accelerations or len(times) > 1:
+        held = ", ".join(column.quantity for column in columns.values())
+        raise UnreadableRecord(f"the table must hold one time and some accelerations, but holds {held}")
+    others = [cell for i, cell in enumerate(header.cells) if i in {*columns} - {*accelerations, *times}]
+    left = (f"left out of the table: {', '.join(others)}",) if others else ()
+    found = []
+    for i, column in accelerations.items():
+        units = [unit for unit in (column.unit, *header.stated["unit"]) if unit]
+        if len({FACTORS[unit] for unit in units}) > 1:
+            raise UnreadableRecord(f"the header states several units of acceleration: {', '.join(units)}")
+        read = ((line, cells if in_rows else cells[i : i + 1]) for line, cells in rows)
+        values = np.array([number(cell, line) for line, some in read for cell in some])
+        name = column.component or ("" if len(accelerations) == 1 else f"column {i + 1}")
+        factor = FACTORS[chosen(next(iter(units), None), how.unit)]
+        found.append(Channel(values * factor, step, name, name, notes=left))
+    return found
+
+
+def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Column]:
+    """The columns that the user names, which must agree with what the header says of them."""
+    columns: dict[int, _Column] = {}
+    for name, at in wanted.items():
+        if piece := _unknown_word(name):
+            raise ValueError(
+                f"`columns` must name times, accelerations or components, such as 'time (ms)', N and E, but "
+                f"has {shown(name)}, of which {shown(piece)} is not understood"
             )
+        column = _column(name, first=at == 1)
+        says = _column(header.cells[at - 1], first=at == 1) if at <= len(header.cells) else column
+        units = {FACTORS.get(u) or _TIMES.get(u, u) for u in (column.unit, says.unit) if u}
+        # North and south are one axis, and so are east and west.
+        axes = {c.component.lower()[0].translate(_OPPOSITE) for c in (column, says) if c.component}
+        if column.quantity != says.quantity or len(units) > 1 or len(axes) > 1:
+            raise UnreadableRecord(
+                f"the header names column {at} {shown(header.cells[at - 1])}, but `columns` names it {name!r}"
+            )
+        columns[at - 1] = replace(column, unit=column.unit or says.unit)
+    return columns
 
 
-def _candidates(line: str) -> list[tuple[str, bool]]:
-    """Pieces of a line of the header that can be units, and whether they are said to be one."""
-    bare = line.strip().lstrip("".join(_MARKS)).strip()
-    bracketed = re.findall(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]", bare)
-    named = re.findall(
-        r"\bunits?\b\s*(?:are\b|is\b|of\b|in\b|:|=)?\s*[(\[]?([^\s,;()\[\]]+)", bare, flags=re.I
-    )
-    # Columns are named in cells of their own, such as "time, m/s2".
-    cells = re.split(r"\s*[,;\t]\s*|\s{2,}", bare)
-    words = re.split(r"[\s,;()\[\]=:]+", bare)
-    # "s g" and "s m/s2": nothing but units.
-    alone = words if all(plain(w) in FACTORS or w.lower() in _SECONDS for w in words) else []
-    formed = [word for word in words if looks_like(word)]
-    # "a [furlong/min2]" states a unit, "a (NS)" and "acc (corrected)" do not.
-    squared = [text for text in bracketed if re.search(r"/|\^|\d$", text)]
-    squared = [text for text in squared if orientation(text) is None and " " not in text.strip()]
-    volts = [text for text in bracketed if plain(text) in ("counts", "count", "v", "mv", "volt", "volts")]
-    said = [word for word in named if word.lower() not in ("of", "in", "are", "is", "acceleration", "time")]
-    return [(x, True) for x in [*said, *squared, *volts] if plain(x) not in _OTHER_MOTIONS] + [
-        (x, False) for x in [*bracketed, *cells, *alone, *formed]
-    ]
+def _step(times: Sequence[tuple[int, str]], unit: str | None, stated: float | None) -> float:
+    """The step (s) of times that are equally spaced, each rounded to the digits printed.
 
-
-def _step(head: Sequence[str]) -> float | None:
-    """The step in s that the header states, or None."""
-    found = [m for line in head if (m := re.search(_STATED_STEP, line, re.I))]
-    rates = [m for line in head if (m := re.search(_STATED_RATE, line, re.I))]
-    if not found:
-        return 1.0 / float(rates[0][1]) if rates and float(rates[0][1]) > 0.0 else None
-    value, word = found[0][1].rstrip(",;"), found[0][2].lower()
-    attached = re.fullmatch(rf"({NUMBER})([a-z]*)", value, flags=re.IGNORECASE)
-    if attached is None or (attached[2] or word or "s").lower() not in _SECONDS:
-        raise UnreadableRecord(f"the header must state the step in s, but has {shown(found[0][0])}")
-    return float(attached[1])
-
-
-def _equal(times: Sequence[Decimal], rows: Sequence[_Row], stated: float | None) -> float:
-    """The step of times that are equally spaced, each rounded to the digits printed."""
-    t = np.array([time.value for time in times])
+    `unit` and `stated`, a step in s, are None where neither the header nor the user gives them.
+    """
+    t = _TIMES[unit or "s"] * np.array([number(cell, line) for line, cell in times])
+    i = np.arange(1, len(t))
     if len(t) < 2:
         return 1.0 if stated is None else stated
     # Twelve digits: 31.18/1559 is then 0.02, as it was meant.
-    dt = float(f"{(t[-1] - t[0]) / (len(t) - 1):.12g}")
-    # Times computed in single precision are off by two units of 24 binary digits, however many are printed.
-    digits = np.maximum(_digits(times), 2.4e-7 * np.abs(t))
-    steps, noise = np.diff(t), 1e-9 * float(np.max(np.abs(t)))
-    off = np.abs(steps - dt) > noise
-    if dt > 0.0 and off.any() and digits.max() <= _FINE * dt:
-        # Times such as 0.00333 and 0.00667 are rounded: they lie on a line within a digit.
-        dt = _roundest(t, digits + noise, dt)
-        off = np.abs(steps - dt) > 1.01 * digits[1:] + noise
-        off |= np.abs(t[1:] - t[0] - dt * np.arange(1, len(t))) > 1.01 * digits[1:] + noise
-    off |= steps <= 0.0
-    if dt <= 0.0 or off.any():
-        i = int(np.argmax(off))
+    noise = 1e-9 * float(np.max(np.abs(t)))
+    step = low = high = float(f"{(t[-1] - t[0]) / i[-1]:.12g}")
+    if step <= 0.0 or (np.abs(t[1:] - t[0] - step * i) > noise).any():
+        # Programs print a number of decimals or, as with %g, of significant digits, and may leave out zeros
+        # at the end. Times of single precision are off by two units of 24 binary digits.
+        last = _TIMES[unit or "s"] * np.array([Decimal.of(cell).unit for _, cell in times])
+        ahead = np.floor(np.log10(np.maximum(np.abs(t), last.min())) + 1e-12)
+        significant = np.max(ahead - np.round(np.log10(last)))
+        digits = np.maximum(np.maximum(10.0 ** (ahead - significant), last.min()), 2.4e-7 * np.abs(t))
+        margin = 0.51 * (digits[1:] + digits[0] * (t[0] != 0.0)) + noise
+        # All steps for which every time is rounded correctly.
+        low, high = float(np.max((t[1:] - t[0] - margin) / i)), float(np.min((t[1:] - t[0] + margin) / i))
+        if not 0.0 < low <= high:
+            usual = float(f"{np.median(np.diff(t)):.12g}")
+            k = int(np.argmax(np.abs(np.diff(t) - usual)))
+            said = (
+                f"that after line {times[k][0]} is {t[k + 1] - t[k]:.9g} s, and the usual one {usual:.9g} s"
+            )
+            raise UnreadableRecord(f"the times must have equal steps, but {said}")
+        # Of coarser times one may be missing, and several whole rates in Hz may fit.
+        if 2.1 * float(np.max(margin)) > high or (stated is None and high - low > low * high):
+            raise UnreadableRecord(
+                "the times have too few digits to show equal steps: leave them out of `columns` and give `dt`"
+            )
+        # Probably meant is a whole rate in Hz, or the step of fewest digits.
+        rounded = [1.0 / max(1, round(1.0 / step)), *(float(f"{step:.{n}g}") for n in range(1, 12))]
+        step = next((x for x in rounded if low <= x <= high), step)
+    if stated is not None and not low * (1.0 - 1e-6) <= stated <= high * (1.0 + 1e-6):
+        raise UnreadableRecord(f"a step of {stated:g} s is stated, but that of the times is {step:g} s")
+    if unit is None and step > _LONGEST_STEP:
         raise UnreadableRecord(
-            f"the times must have equal steps, but the one after line {rows[i].line} is {steps[i]:g} s, and "
-            f"the usual one {float(np.median(steps)):g} s"
+            f"times with steps of {step:g} need a unit: name them 'time (s)' or 'time (ms)'"
         )
-    if stated is not None and abs(stated - dt) > 1e-6 * dt:
-        raise UnreadableRecord(f"the header states a step of {stated:g} s, but that of the times is {dt:g} s")
-    return dt
+    return step if stated is None else stated
 
 
-def _digits(times: Sequence[Decimal]) -> np.ndarray:
-    """Size of the last digit of every time. Zeros at the end may be left out, and programs print either a
-    number of decimals or one of significant digits, six for most: later times then have fewer decimals."""
-    finest = min(time.unit for time in times)
-    size = np.array([max(abs(time.value), finest) for time in times])
-    ahead = np.floor(np.log10(size) + 1e-12)
-    # Significant digits that were ever needed; less than six are the decimals of short numbers.
-    most = max(a - np.round(np.log10(time.unit)) + 1.0 for a, time in zip(ahead, times, strict=True))
-    coarse = 10.0 ** (ahead + 1.0 - most)
-    # Later times with as many decimals as the first ones are of the first kind.
-    late = times[len(times) // 2 :]
-    decimal = min(time.unit for time in late) <= finest
-    return np.full(len(times), finest) if decimal or most < 5.0 else np.maximum(coarse, finest)
-
-
-def _roundest(t: np.ndarray, digits: np.ndarray, dt: float) -> float:
-    """The step that rounded times mean: a whole rate in Hz, or the step of fewest digits that fits all."""
-    i = np.arange(1, len(t))
-    margin = 0.51 * (digits[1:] + digits[0] * (t[0] != 0.0))
-    low, high = float(np.max((t[1:] - t[0] - margin) / i)), float(np.min((t[1:] - t[0] + margin) / i))
-    if not 0.0 < low <= high:
-        return dt
-    rate = round(1.0 / dt)
-    if rate > 0 and low <= 1.0 / rate <= high:
-        return 1.0 / rate
-    for places in range(1, 12):
-        short = float(f"{dt:.{places}g}")
-        if low <= short <= high:
-            return short
-    return dt
+def _remedy(
+    head: Sequence[tuple[int, str]], rows: Sequence[_Row], how: Options, line: int, piece: str
+) -> dict[str, Any]:
+    """The options that read a table of which a piece in a line is not understood."""
+    width, below, options = len(rows[0][1]), _Header(), dict[str, Any]()
+    words = [plain(w) for text in (piece, *(x for _, x in head)) for w in re.split(r"[\s,;()\[\]]+", text)]
+    found = _FACTOR.search(piece) if any(word in FACTORS for word in words) else None
+    if found or re.search(r"\d|factor|scale|multipl", dict(head).get(line, "")):
+        options["scale"] = "FACTOR" if not found else 10.0 ** int(found[1]) if found[1] else float(found[2])
+    try:
+        for _, text in (x for x in head if x[0] > line):
+            _understand(below, text, width)
+        # Where the lines below it say enough, passing over this one is all that is needed.
+        if (width == 1 or below.cells) and _channels(below, rows, how):
+            return {"skip": line} | options
+    except (_Unknown, UnreadableRecord):
+        pass
+    cells = (cells for _, text in head[::-1] for cells in _split_names(text) if len(cells) == width)
+    first = [float(row[0]) for _, row in rows[:3] if re.fullmatch(r"[\d.]+", row[0])]
+    names = ["time (UNIT)" if first == sorted({*first}) and width > 1 else "H1"]
+    names += ["acceleration"] if width == 2 else [f"H{k + 1}" for k in range(1, width)]
+    for k, name in enumerate(next(cells, ())):
+        names[k] = names[k] if _unknown_word(name) else name
+    words = [plain(w) for text in (piece, *(x for _, x in head)) for w in re.split(r"[\s,;()\[\]]+", text)]
+    options["unit"] = how.unit or next((word for word in words if word in FACTORS), "UNIT")
+    if not names[0].startswith("time (UNIT)") and _column(names[0], first=True).quantity != "time":
+        options["dt"] = how.dt or "STEP"
+    return {"skip": rows[0][0] - 1, "columns": {name: k + 1 for k, name in enumerate(names)}} | options

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,21 @@ _LONGEST = 50
 
 
 class UnreadableRecord(ValueError):
-    """A file of ground motion that is damaged, incomplete, contradicts itself, or of no known format."""
+    """A file of ground motion that is damaged, incomplete, contradicts itself, or of no known format.
+
+    Args:
+        message: what is wrong.
+        options: those of `tpd.Record.read` that read the file, by name; capitals stand for what only the user
+            knows.
+    """
+
+    def __init__(self, message: str, **options: Any) -> None:
+        super().__init__(message)
+        self.options = options
+
+    def __str__(self) -> str:
+        said = ", ".join(f"{name}={value!r}" for name, value in self.options.items())
+        return f"{self.args[0]}; options that read the file: {said}" if said else str(self.args[0])
 
 
 @dataclass(frozen=True)
@@ -47,6 +62,7 @@ def shown(text: str) -> str:
 
 def number(text: str, line: int) -> float:
     """Return a finite number. Python would take "nan", "1_000" and others as well."""
+    # Fortran writes exponents of double precision with a D.
     value = float(text.lower().replace("d", "e")) if _NUMBER.fullmatch(text.strip()) else math.nan
     if not math.isfinite(value):
         raise UnreadableRecord(f"line {line} must hold numbers, but has {shown(text)}")

@@ -7,6 +7,7 @@ come with the package in `tpd.records`.
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -126,18 +127,29 @@ class Record(GroundMotion):
         dt: float | None = None,
         baseline: str | None = None,
         unit: str | None = None,
+        columns: Mapping[str, int] | str | None = None,
+        skip: int = 0,
+        scale: float = 1.0,
     ) -> Record:
         """Return one channel of a file. The format is recognised by the content: PEER AT2, CSMIP V1 and V2,
         COSMOS, USGS SMC, ESM, K-NET and KiK-net, GeoNet V1A and V2A, a table of text, each as it is or
         compressed by gzip; others through ObsPy (`tpd[obspy]`).
 
+        A table is read as it is only if its whole header is understood: `tpd.formats.table` has the grammar.
+        `columns`, `skip`, `unit` and `dt` read any other table. An option that contradicts what the file
+        states is refused.
+
         Args:
             path: of the file.
             channel: number of the channel, from 0 in the order of the file. A file of one channel needs none.
-            dt: step in s of a table that has accelerations only. Of a file that states one, it must be that.
+            dt: step in s of a table that has accelerations only.
             baseline: "mean" removes the mean, "linear" the straight line of least squares, None nothing.
-            unit: of the acceleration, such as "g", "m/s2", "cm/s2" or "gal", of a file that states none. Of a
-                file that states one, it must be that.
+            unit: of the acceleration, such as "g", "m/s2", "cm/s2" or "gal", of a file that states none.
+            columns: numbers of the columns of a table, from 1, by their names, such as
+                `{"time (ms)": 1, "N": 2, "E (gal)": 3}`; columns without a name are left out. "rows" if the
+                samples follow one another, row by row.
+            skip: number of lines at the top of a table that are not read.
+            scale: factor on all samples, for a file whose numbers have to be multiplied.
 
         Raises:
             ValueError: a file that is damaged, incomplete, contradicts itself or is of no known format, or
@@ -146,7 +158,8 @@ class Record(GroundMotion):
         """
         from tpd.formats.read import one_channel
 
-        return _of(one_channel(path, channel=channel, dt=dt, baseline=baseline, unit=unit))
+        how = {"dt": dt, "baseline": baseline, "unit": unit, "columns": columns, "skip": skip, "scale": scale}
+        return _of(one_channel(path, channel=channel, **how))
 
     @staticmethod
     def read_all(
@@ -155,12 +168,16 @@ class Record(GroundMotion):
         dt: float | None = None,
         baseline: str | None = None,
         unit: str | None = None,
+        columns: Mapping[str, int] | str | None = None,
+        skip: int = 0,
+        scale: float = 1.0,
     ) -> list[Record]:
         """Return all channels of a file, in its order; vertical ones have a note. Arguments and errors are
         those of `read`."""
         from tpd.formats.read import channels
 
-        return [_of(c) for c in channels(path, dt=dt, baseline=baseline, unit=unit)]
+        how = {"dt": dt, "baseline": baseline, "unit": unit, "columns": columns, "skip": skip, "scale": scale}
+        return [_of(c) for c in channels(path, **how)]
 
 
 def _of(channel: Channel) -> Record:
