@@ -47,8 +47,9 @@ def test_directions_by_words_and_by_names_of_files():
 
 def test_baselines_are_removed_on_request():
     path = DATA / "ridgecrest_2019_cut.RAW"
-    given, mean, line = (Record.read(path, channel=1, baseline=b) for b in (None, "mean", "linear"))
+    given, mean, line = (Record.read(path, channel=1, baseline=b) for b in ("none", "mean", "linear"))
     assert abs(np.mean(given.acceleration)) > 0.04
+    assert not any(note.startswith("baseline") for note in given.notes)
     expected = given.acceleration - np.mean(given.acceleration)
     np.testing.assert_allclose(mean.acceleration, expected, atol=1e-15)
     assert np.abs(np.polyfit(np.arange(600) * 0.01, line.acceleration, 1)).max() < 1e-12
@@ -67,7 +68,7 @@ def test_what_is_no_ground_motion_is_refused_and_a_drift_is_noted():
             channel.checked(wrong)
     assert channel.checked(Channel(np.zeros(3), 0.01)).notes == ("all samples are zero",)
     offset, drift = channel.checked(Channel(wave + 0.1, 0.01)).notes
-    assert offset.startswith("offset: the mean is 0.1")
+    assert offset.startswith("offset: the mean, 0.1")
     assert drift.startswith("drift: the velocity at the end is 0.1")
 
 

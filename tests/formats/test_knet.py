@@ -24,7 +24,7 @@ def test_csv(tmp_path):
     rows = [f"2000/01/01 00:00:10,{0.01 * i:.2f},{a:.5f},{-a:.5f},{a:.5f}\n" for i, a in enumerate(values)]
     path = tmp_path / "a.csv"
     path.write_text(head + "".join(rows))
-    records = Record.read_all(path)
+    records = Record.read_all(path, baseline="none")
     assert [r.name for r in records] == ["XXX001/N-S", "XXX001/E-W", "XXX001/U-D"]
     assert ["vertical component" in r.notes for r in records] == [False, False, True]
     np.testing.assert_allclose(records[1].acceleration, -0.01 * values, rtol=1e-12)

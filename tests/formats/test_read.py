@@ -32,7 +32,7 @@ def test_several_channels_are_listed_and_what_the_header_says_is_not_overruled()
         ({"channel": 3}, r"channels 0: .*`channel` is 3"),
         ({"channel": 0, "unit": "g"}, "states the unit cm/s2, but `unit` is 'g'"),
         ({"unit": "furlong"}, r"`unit` must be one of g, .* but is 'furlong'"),
-        ({"baseline": "cubic"}, "`baseline` must be one of mean, linear"),
+        ({"baseline": "cubic"}, "`baseline` must be one of none, mean, linear"),
         ({"dt": -1.0}, "`dt` must be positive"),
         ({"channel": True}, "`channel` must be a whole number"),
     ):

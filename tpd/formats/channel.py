@@ -31,6 +31,14 @@ VERTICAL = "vertical component"
 """Note of a channel that is vertical."""
 UNKNOWN = "orientation not stated: taken for a horizontal component"
 """Note of a channel whose file and name do not say its orientation."""
+BOREHOLE = "instrument in a borehole, not at the surface"
+"""Note of a channel of KiK-net, which has a second instrument at the surface."""
+UNCORRECTED = "uncorrected: a drift and the response of the instrument may be left in it"
+"""Note of a channel whose file states that it is not corrected."""
+UNSTATED = "correction not stated: a drift and the response of the instrument may be left in it"
+"""Note of a channel of a format for data as recorded, whose file does not say whether it is corrected."""
+RAW = UNCORRECTED, UNSTATED
+"""Notes of the channels whose mean is removed unless the user asks for something else."""
 _UPRIGHT = r"(?:up|down|dwn|dn|ud|du|vert|vertical|vertic|ver|vrt|updown|z|v)[12]?"
 _LEVEL = (
     r"(?:ns|sn|ew|we|north|south|east|west|nord|sud|ost|est|ouest|[nsew]|[xy]|[lt]|h[12]?|"
@@ -45,7 +53,7 @@ OFFSET = 0.005
 """Share of the peak from which on a mean is noted."""
 DRIFT = 0.25
 """Share of the greatest velocity from which on the velocity at the end is noted."""
-BASELINES = ("mean", "linear")
+BASELINES = ("none", "mean", "linear")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +72,8 @@ class Channel:
     """The earthquake."""
     notes: tuple[str, ...] = ()
     """Remarks to the user."""
+    source: str = ""
+    """The file, and the number of the channel where the file has several."""
 
     @property
     def peak(self) -> float:
@@ -75,8 +85,13 @@ class Channel:
         return replace(self, notes=(*self.notes, *notes))
 
 
-def checked(channel: Channel) -> Channel:
+def checked(channel: Channel, baseline: str | None = "none") -> Channel:
     """Return a channel whose numbers are those of a ground motion, with remarks on its baseline.
+
+    Args:
+        channel: of a file.
+        baseline: what is removed, one of `BASELINES`; None removes the mean of a channel that has a note of
+            `RAW`.
 
     Raises:
         UnreadableRecord: fewer than two samples, a step or a peak beyond the bounds, or a number that is not
@@ -97,10 +112,16 @@ def checked(channel: Channel) -> Channel:
     peak = channel.peak
     if peak == 0.0:
         return channel.noted("all samples are zero")
-    # An offset and a drift, in words that name the remedy.
+    if baseline is None:
+        baseline = "mean" if any(note in RAW for note in channel.notes) else "none"
+    # An offset and a drift, in words that name the remedy. The share is that of the peak as read.
     notes, mean = [], float(np.mean(a))
-    if abs(mean) > OFFSET * peak:
-        notes.append(f"offset: the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.1%} of the peak (`baseline`)")
+    size = f"the mean, {mean:.3g} m/s^2, {abs(mean) / peak:.1%} of the peak"
+    if baseline != "none":
+        channel = _without_baseline(channel, baseline, size)
+        a = channel.acceleration
+    elif abs(mean) > OFFSET * peak:
+        notes.append(f"offset: {size}, is left in it (baseline 'mean' removes it)")
     # Velocity from rest by trapezoids: what a block on the ground would follow.
     velocity = np.cumsum(0.5 * (a[1:] + a[:-1])) * dt
     end, greatest = float(velocity[-1]), float(np.max(np.abs(velocity)))
@@ -121,16 +142,17 @@ def directed(channel: Channel, named: bool | None = None) -> Channel:
     return channel.noted(UNKNOWN) if vertical is None else channel.noted(*([VERTICAL] if vertical else []))
 
 
-def without_baseline(channel: Channel, baseline: str) -> Channel:
-    """Return the channel less its mean ("mean") or its straight line of least squares ("linear")."""
+def _without_baseline(channel: Channel, baseline: str, size: str) -> Channel:
+    """Return the channel less its mean ("mean", of a `size` in words) or its straight line of least squares
+    ("linear")."""
     a = channel.acceleration
     mean = float(np.mean(a))
     if baseline == "mean":
-        return replace(channel, acceleration=a - mean).noted(f"baseline: the mean, {mean:.3g} m/s^2, removed")
+        return replace(channel, acceleration=a - mean).noted(f"baseline: {size}, is removed")
     # Times from the middle: offset and slope are then independent of each other.
     t = (np.arange(a.size) - 0.5 * (a.size - 1)) * channel.dt
     slope = float(t @ a / (t @ t))
-    said = f"baseline: the mean, {mean:.3g} m/s^2, and a slope of {slope:.3g} m/s^3 removed"
+    said = f"baseline: {size}, and a slope of {slope:.3g} m/s^3 are removed"
     return replace(channel, acceleration=a - mean - slope * t).noted(said)
 
 

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -19,6 +20,15 @@ _LONGEST = 50
 
 class UnreadableRecord(ValueError):
     """A file of ground motion that is damaged, incomplete, contradicts itself, or of no known format."""
+
+
+class NoAcceleration(UnreadableRecord):
+    """A file of something else than acceleration, which agencies put beside the files of acceleration."""
+
+    def __init__(self, message: str, content: str) -> None:
+        super().__init__(message)
+        self.content = content
+        """What the file holds: velocity, displacement, response spectrum."""
 
 
 @dataclass(frozen=True)
@@ -115,9 +125,15 @@ class Cursor:
         """Return the next n lines."""
         return [self.next(what) for _ in range(n)]
 
+    @cached_property
+    def _end(self) -> int:
+        """Number of lines up to the last one that is not blank. It is found once, since readers ask at every
+        line whether blank lines follow."""
+        return max((i for i, line in enumerate(self.lines, 1) if line.strip()), default=0)
+
     def only_blank_lines_follow(self) -> bool:
         """Return whether nothing but blank lines is left."""
-        return not any(line.strip() for line in self.lines[self.at :])
+        return self.at >= self._end
 
     def require_end(self, *, whole: bool = False) -> None:
         """Raise `UnreadableRecord` unless the file ends here, with the end of a line: a number at the end of

@@ -19,7 +19,7 @@ from tpd.answers.statistics import Interval, Lognormal, change, fall, fit_lognor
 from tpd.core import checks
 from tpd.design.ground.objective import GroundObjective, Runs
 from tpd.scene.conditions import Conditions
-from tpd.scene.ground_motion import GroundMotion, are_copies, events_of
+from tpd.scene.ground_motion import GroundMotion, events_of
 from tpd.scene.scene import Block
 
 HELD_OUT = 0.5
@@ -96,17 +96,13 @@ def _others(
     motions: Sequence[GroundMotion], held_out: Mapping[str, Sequence[GroundMotion]]
 ) -> tuple[Group, ...]:
     # An earthquake that the search has seen is no test.
-    used = {getattr(m, "event", "") for m in motions} - {""}
     others = {}
     for name, listed in held_out.items():
         for i, motion in enumerate(listed):
             checks.instance(f"held_out[{name!r}][{i}]", motion, GroundMotion)
         # A motion without a name of its earthquake may be any: it stays.
-        left = tuple(
-            m
-            for m in listed
-            if getattr(m, "event", "") not in used and not any(are_copies(m, other) for other in motions)
-        )
+        events = events_of([*motions, *listed])
+        left = tuple(m for m, event in zip(listed, events[len(motions) :], strict=True) if event not in events[: len(motions)])
         if not left:
             raise ValueError(
                 "`held_out` must hold motions of other earthquakes than the design is tuned to, but "
