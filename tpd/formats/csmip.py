@@ -107,7 +107,9 @@ def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
     agree_on_peak(values, Decimal.of(peak[2]), text.where(12), digit=data.digit)
     agree_on_peak_time(values, dt, Decimal.of(peak[4]), text.where(12))
     cursor.match(_END, "the end of the channel")
-    return Channel(values * FACTORS[chosen(own, unit)], dt, component, f"{name}/{component}", event, (UNCORRECTED,))
+    return Channel(
+        values * FACTORS[chosen(own, unit)], dt, component, f"{name}/{component}", event, (UNCORRECTED,)
+    )
 
 
 def _described(cursor: Cursor) -> tuple[int, float, _Described]:

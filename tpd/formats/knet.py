@@ -169,7 +169,7 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
 
 
 def _is_deep(component: str, names: Sequence[str]) -> bool:
-    """Whether a column is one of the borehole: KiK-net numbers the instruments there by 1, those above by 2."""
+    """Whether a column is of the borehole: KiK-net numbers the instrument there by 1, and that above by 2."""
     return component.endswith("1") and any(name.startswith(f"{component[:-1]}2") for name in names)
 
 

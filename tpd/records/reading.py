@@ -93,7 +93,9 @@ def read_motions(
                         left.append(f"{record.source} ({VERTICAL})")
                         continue
                     if vertical:
-                        said.append(f"note: {record.source} is a {VERTICAL}, but shakes the block sideways here")
+                        said.append(
+                            f"note: {record.source} is a {VERTICAL}, but shakes the block sideways here"
+                        )
                     # The channels of one file are of one earthquake.
                     named = record.event or event or (str(file) if len(records) > 1 else "")
                     assumed = path.is_dir() and events is None and not record.event
@@ -154,7 +156,9 @@ def _better(record: Record, other: Record, place: _Place, its: _Place) -> str:
     if BOREHOLE in marks and place.station and place.station == its.station:
         return f"{BOREHOLE}, beside {other.source}"
     is_raw = bool(marks & {*RAW}) and not {*RAW} & {*other.notes}
-    is_one_channel = place.component == its.component and (place.station == its.station or place.file == its.file)
+    is_one_channel = place.component == its.component and (
+        place.station == its.station or place.file == its.file
+    )
     return f"uncorrected, beside the corrected {other.source}" if is_raw and is_one_channel else ""
 
 
@@ -162,9 +166,9 @@ def _grouped(found: Sequence[GroundMotion]) -> list[str]:
     """A sentence on the records whose earthquakes are written differently and are taken for one."""
     texts: dict[str, dict[str, None]] = {}
     for record, name in zip(found, events_of(found), strict=True):
-        texts.setdefault(name, {})[getattr(record, "event", "")] = None
-    one = ["; ".join(filter(None, events)) for events in texts.values() if len(events) > 1]
-    return [f"note: taken for one earthquake by their names and dates: {events}" for events in one]
+        texts.setdefault(name, {})[getattr(record, "event", "") or "an earthquake without a name"] = None
+    one = "; ".join(" = ".join(events) for events in texts.values() if len(events) > 1)
+    return [f"note: taken for one earthquake by dates, names or samples: {one}"] if one else []
 
 
 def facts(motion: Record) -> dict[str, Any]:
@@ -183,6 +187,11 @@ def facts(motion: Record) -> dict[str, Any]:
     }
 
 
+def summary(motions: Sequence[GroundMotion], notes: Sequence[str]) -> dict[str, Any]:
+    """What was read of all records, and the notes on them, for JSON."""
+    return {"records": [facts(m) for m in motions if isinstance(m, Record)], "notes": list(notes)}
+
+
 def described(motions: Sequence[GroundMotion]) -> list[str]:
     """Lines for a terminal on the records that were read: one for each of a few, or one for all."""
     read = [facts(motion) for motion in motions if isinstance(motion, Record)]
@@ -191,8 +200,9 @@ def described(motions: Sequence[GroundMotion]) -> list[str]:
         samples, step, duration, pga = sizes
         kinds = Counter(note.partition(":")[0] for f in read for note in f["notes"])
         notes = "; ".join(f"{kind} {count}" for kind, count in kinds.items())
+        quakes = len(set(events_of(motions)))
         return [
-            f"records: {len(read)} of {len(set(events_of(motions)))} earthquakes, {samples} samples of {step} s, "
+            f"records: {len(read)} of {quakes} earthquakes, {samples} samples of {step} s, "
             f"{duration} s long, PGA {pga} g" + (f"; noted: {notes}" if notes else "")
         ]
     return [

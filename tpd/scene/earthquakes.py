@@ -1,7 +1,7 @@
 """Earthquakes as files name them: whether two texts are about one earthquake.
 
-Agencies write one earthquake as "Imperial Valley-06, 10/15/1979", "IMPERIAL VALLEY 10/15/79 2316" or "1979/10/15
-23:16:00 M6.5". Dates and times are compared, and names only where the dates leave it open.
+Agencies write one earthquake as "Imperial Valley-06, 10/15/1979", "IMPERIAL VALLEY 10/15/79 2316" or
+"1979/10/15 23:16:00 M6.5". Dates and times are compared, and names only where the dates leave it open.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from functools import lru_cache
 
-_MONTHS = "jan feb mar apr may jun jul aug sep oct nov dec".split()
+_MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
 _WORD = rf"({'|'.join(_MONTHS)})[a-z]*\.?"
 _DAY = r"(\d{1,2})(?:st|nd|rd|th)?"
 _DATES = (
@@ -44,7 +44,7 @@ _ZONE_SPAN = timedelta(hours=14)
 
 @dataclass(frozen=True)
 class Earthquake:
-    """What a text says of an earthquake."""
+    """What a text says of an earthquake; None where it says nothing."""
 
     name: tuple[str, ...]
     """Words of the name in lower case, numbers included."""
@@ -82,7 +82,9 @@ def _dated(before: str, day: date, after: str) -> Earthquake:
         time = datetime(day.year, day.month, day.day, int(clock[1]), int(clock[2]))
         time -= timedelta(hours=_ZONES[zone] if zone else 0)
     # The magnitude of K-NET stands behind the time.
-    return Earthquake(_name(f"{before} {re.sub(r'm[lws]?[ =]*[0-9.]+', ' ', after)}", ()), day.year, day, time, zone)
+    return Earthquake(
+        _name(f"{before} {re.sub(r'm[lws]?[ =]*[0-9.]+', ' ', after)}", ()), day.year, day, time, zone
+    )
 
 
 def _date(year: str, month: str, day: str) -> date | None:
@@ -104,8 +106,8 @@ def _name(text: str, years: tuple[str, ...] | list[str]) -> tuple[str, ...]:
 
 
 def is_one(first: str, second: str) -> bool:
-    """Return whether two texts are about one earthquake, as far as they say it. Two earthquakes of one day are
-    taken for one unless their times differ: no earthquake may then be on both sides of a comparison.
+    """Return whether two texts are about one earthquake, as far as they say it. Two earthquakes of one
+    day are taken for one unless their times differ, so that none is on both sides of a comparison.
 
     >>> is_one("Nowhere Valley-06, 10/15/1979", "NOWHERE VALLEY 10/15/79 2316")
     True
@@ -113,32 +115,23 @@ def is_one(first: str, second: str) -> bool:
     False
     """
     a, b = parsed(first), parsed(second)
-    if a.time is not None and b.time is not None:
-        return _is_one_time(a, b)
-    if a.day is not None and b.day is not None:
+    if a.time and b.time:
+        apart = abs(a.time - b.time)
+        # A time zone that is not stated shifts a time by whole hours.
+        shift = timedelta() if a.zone and b.zone else timedelta(hours=round(apart / timedelta(hours=1)))
+        return shift <= _ZONE_SPAN and abs(apart - shift) <= _SAME
+    if a.day and b.day:
         # Local and universal dates can differ by a day.
-        apart = abs(a.day - b.day).days
-        return apart == 0 or (apart == 1 and _is_one_name(a, b, numbered=False))
-    if a.year is not None and b.year is not None:
-        return a.year == b.year and _is_one_name(a, b, numbered=a.day is None and b.day is None)
+        apart = abs(a.day - b.day)
+        return not apart or (apart == timedelta(days=1) and _is_one_name(a, b))
+    if a.year and b.year and (a.day or b.day):
+        return a.year == b.year and _is_one_name(a, b)
     # Without a date the numbers of a name are all that tells the earthquakes of one region apart.
-    return bool(a.name) and a.name == b.name
+    return bool(a.name) and a.name == b.name and (a.year == b.year or not (a.year and b.year))
 
 
-def _is_one_time(a: Earthquake, b: Earthquake) -> bool:
-    assert a.time is not None and b.time is not None
-    apart = abs(a.time - b.time)
-    if a.zone and b.zone:
-        return apart <= _SAME
-    # A time zone that is not stated shifts a time by whole hours.
-    minutes = apart.total_seconds() / 60.0 % 60.0
-    return apart <= _ZONE_SPAN and min(minutes, 60.0 - minutes) <= _SAME.total_seconds() / 60.0
-
-
-def _is_one_name(a: Earthquake, b: Earthquake, *, numbered: bool) -> bool:
-    """Whether one name is the beginning of the other: Chi-Chi, and Chi-Chi, Taiwan."""
-    names = [e.name if numbered else tuple(w for w in e.name if not w.isdigit()) for e in (a, b)]
-    if numbered:
-        return names[0] == names[1]
+def _is_one_name(a: Earthquake, b: Earthquake) -> bool:
+    """Whether one name, without its numbers, begins the other one: Chi-Chi-03, and Chi-Chi, Taiwan."""
+    names = [[word for word in e.name if not word.isdigit()] for e in (a, b)]
     n = min(map(len, names))
     return n > 0 and names[0][:n] == names[1][:n]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -11,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.core import checks
-from tpd.scene.earthquakes import is_one
 from tpd.formats.channel import STANDARD_GRAVITY
+from tpd.scene.earthquakes import is_one
 from tpd.scene.parameters import Real, pytree
 
 LONGEST_FREE = 1e5
@@ -84,7 +85,7 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     files write one earthquake differently, have the name of the first."""
     events = [getattr(m, "event", "") for m in motions]
     names = [event or f"motion {i + 1}" for i, event in enumerate(events)]
-    for i, j in ((i, j) for i in range(len(names)) for j in range(i)):
+    for j, i in itertools.combinations(range(len(events)), 2):
         named = bool(events[i] and events[j])
         if names[i] != names[j] and (
             (named and is_one(events[i], events[j])) or are_copies(motions[i], motions[j])

@@ -137,9 +137,9 @@ class Record(GroundMotion):
             path: of the file.
             channel: number of the channel, from 0 in the order of the file. A file of one channel needs none.
             dt: step in s of a table that has accelerations only. Of a file that states one, it must be that.
-            baseline: "mean" removes the mean, "linear" the straight line of least squares, "none" nothing. Default:
-                the mean, where the file or its format states that the record is not corrected. A table of
-                text states nothing, and is read as it is.
+            baseline: "mean" removes the mean, "linear" the straight line of least squares, "none" nothing.
+                Default: the mean, where the file states that the record is not corrected, or its format holds
+                records as they are recorded. A table of text is read as it is.
             unit: of the acceleration, such as "g", "m/s2", "cm/s2" or "gal", of a file that states none. Of a
                 file that states one, it must be that.
 

@@ -102,7 +102,11 @@ def _others(
             checks.instance(f"held_out[{name!r}][{i}]", motion, GroundMotion)
         # A motion without a name of its earthquake may be any: it stays.
         events = events_of([*motions, *listed])
-        left = tuple(m for m, event in zip(listed, events[len(motions) :], strict=True) if event not in events[: len(motions)])
+        left = tuple(
+            m
+            for m, event in zip(listed, events[len(motions) :], strict=True)
+            if event not in events[: len(motions)]
+        )
         if not left:
             raise ValueError(
                 "`held_out` must hold motions of other earthquakes than the design is tuned to, but "
