@@ -124,7 +124,7 @@ class Job:
 
     @property
     def told(self) -> tuple[str, ...]:
-        """What was read of the records, in lines for a terminal, and the notes."""
+        """Lines for a terminal on the records that were read, and the notes."""
         return (*described(self.motions), *self.notes)
 
     @cached_property

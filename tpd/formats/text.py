@@ -28,7 +28,7 @@ class NoAcceleration(UnreadableRecord):
     def __init__(self, message: str, content: str) -> None:
         super().__init__(message)
         self.content = content
-        """What the file holds: velocity, displacement, response spectrum."""
+        """The content of the file, such as velocity, displacement, response spectrum."""
 
 
 @dataclass(frozen=True)

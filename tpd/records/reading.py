@@ -172,7 +172,7 @@ def _grouped(found: Sequence[GroundMotion]) -> list[str]:
 
 
 def facts(motion: Record) -> dict[str, Any]:
-    """What was read of a record, for tables and JSON; its PGA is that of the file, without the scale."""
+    """Numbers and words of a record, for tables and JSON; its PGA is that of the file, without the scale."""
     a = np.asarray(motion.acceleration)
     return {
         "source": motion.source,
@@ -188,7 +188,7 @@ def facts(motion: Record) -> dict[str, Any]:
 
 
 def summary(motions: Sequence[GroundMotion], notes: Sequence[str]) -> dict[str, Any]:
-    """What was read of all records, and the notes on them, for JSON."""
+    """Facts of all records, and the notes on them, for JSON."""
     return {"records": [facts(m) for m in motions if isinstance(m, Record)], "notes": list(notes)}
 
 
@@ -196,8 +196,10 @@ def described(motions: Sequence[GroundMotion]) -> list[str]:
     """Lines for a terminal on the records that were read: one for each of a few, or one for all."""
     read = [facts(motion) for motion in motions if isinstance(motion, Record)]
     if len(read) > _FEW:
-        sizes = (_range([f[key] for f in read]) for key in ("samples", "step_s", "duration_s", "pga_g"))
-        samples, step, duration, pga = sizes
+        digits = {"samples": 9, "step_s": 3, "duration_s": 3, "pga_g": 3}
+        samples, step, duration, pga = (
+            _range([float(f[key]) for f in read], places) for key, places in digits.items()
+        )
         kinds = Counter(note.partition(":")[0] for f in read for note in f["notes"])
         notes = "; ".join(f"{kind} {count}" for kind, count in kinds.items())
         quakes = len(set(events_of(motions)))
@@ -217,8 +219,8 @@ def described(motions: Sequence[GroundMotion]) -> list[str]:
     ]
 
 
-def _range(values: Sequence[float]) -> str:
-    low, high = (number(float(x), 3) for x in (min(values), max(values)))
+def _range(values: Sequence[float], digits: int) -> str:
+    low, high = (number(x, digits) for x in (min(values), max(values)))
     return low if low == high else f"{low} to {high}"
 
 

@@ -305,7 +305,7 @@ def ground(
 
 
 def _records(design: GroundDesign, said: Sequence[str]) -> list[Block]:
-    """What was read of the records of each group, and the notes on their files."""
+    """Table of the records of each group, and the notes on their files."""
     rows: list[tuple[Cell, ...]] = []
     for group in design.groups:
         for f in (facts(m) for m in group.motions if isinstance(m, Record)):

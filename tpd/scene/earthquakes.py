@@ -44,7 +44,7 @@ _ZONE_SPAN = timedelta(hours=14)
 
 @dataclass(frozen=True)
 class Earthquake:
-    """What a text says of an earthquake; None where it says nothing."""
+    """Name and time of an earthquake, as far as a text states them; None where it does not."""
 
     name: tuple[str, ...]
     """Words of the name in lower case, numbers included."""
@@ -94,7 +94,7 @@ def _date(year: str, month: str, day: str) -> date | None:
     # 15/10/1979 can only be European.
     first, second = (int(day), number) if number > 12 else (number, int(day))
     try:
-        return date(whole, first, second)
+        return date(whole, first, second) if 1800 < whole < 2100 else None
     except ValueError:
         return None
 
@@ -121,9 +121,10 @@ def is_one(first: str, second: str) -> bool:
         shift = timedelta() if a.zone and b.zone else timedelta(hours=round(apart / timedelta(hours=1)))
         return shift <= _ZONE_SPAN and abs(apart - shift) <= _SAME
     if a.day and b.day:
-        # Local and universal dates can differ by a day.
-        apart = abs(a.day - b.day)
-        return not apart or (apart == timedelta(days=1) and _is_one_name(a, b))
+        # The local date and the universal one can differ by a day.
+        days = [{e.day, e.time.date() if e.time else e.day} for e in (a, b)]
+        near = abs(a.day - b.day) <= timedelta(days=1)
+        return bool(days[0] & days[1]) or (near and _is_one_name(a, b))
     if a.year and b.year and (a.day or b.day):
         return a.year == b.year and _is_one_name(a, b)
     # Without a date the numbers of a name are all that tells the earthquakes of one region apart.
