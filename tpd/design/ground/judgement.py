@@ -73,7 +73,7 @@ def grouped(
     checks.within("held_out", held_out, 0.0, 0.9)
     names = events_of(motions)
     events = np.random.default_rng([seed, 9]).permutation(np.unique(names))
-    # Whole earthquakes, one after the other, until there are enough; of several the last one is left to tune to.
+    # Whole earthquakes, one after the other, until there are enough; one of several remains.
     out: set[str] = set()
     for event in events[: max(1, len(events) - 1)]:
         if sum(name in out for name in names) >= held_out * len(names):
