@@ -30,7 +30,7 @@ _TIME = re.compile(r"[\s,t_-]*([01]?\d|2[0-3]):?([0-5]\d)(?::?[0-5]\d(?:\.\d*)?)
 _ZONES = {"utc": 0, "ut": 0, "gmt": 0, "jst": 9, "pst": -8, "pdt": -7}
 """Hours ahead of universal time."""
 _IDLE = (
-    *("earthquake", "eq", "quake", "event", "record", "rcrd", "of", "the"),
+    *("earthquake", "eq", "record", "rcrd", "of", "the"),
     *("mon", "tue", "wed", "thu", "fri", "sat", "sun"),
 )
 """Words that no earthquake is told apart by."""
