@@ -9,9 +9,13 @@ import sys
 
 import pytest
 
-from tpd import Pendulum, paper_scene
+from tests.cli.conftest import HUNG, call
+from tests.formats.synthetic import knet, shaking
+from tpd import Pendulum, Record, paper_scene
 from tpd.cli import common, main, parser
+from tpd.cli.new import template
 from tpd.design.job import job_of
+from tpd.records.reading import facts
 
 MAP = "--x mu 0.01 0.2 --y lam 0.1 1.5"
 
@@ -34,7 +38,9 @@ def test_a_pendulum_is_given_in_si_units_or_in_ratios():
 
 def test_ground_motions_are_said_with_their_sizes_and_a_harmonic_by_its_scene():
     two = {"motion": {"records": ["el-centro", "loma-prieta"], "scales": [2, 3]}}
-    assert common.motions(job_of(two))[0] == "2 records, each at pga_star 2, 3"
+    said, lines = common.motions(job_of(two))
+    assert said == "2 records, each at pga_star 2, 3"
+    assert [line.partition(",")[0] for line in lines] == ["record: el-centro", "record: loma-prieta"]
     assert common.motions(job_of({})) == ("", ())
 
 
@@ -281,3 +287,36 @@ def test_existing_reports_and_unwritable_places_are_left_alone(capsys, tmp_path)
     refused(capsys, "optimise", "--width", "-1", "--overwrite", "--out", "taken")
     assert [path.read_text() for path in kept] == ["keep me"] * 2
     assert len([*kept[0].parent.iterdir()]) == 2
+
+
+@pytest.mark.mends("no command said what was read of a record, nor the notes of the reader")
+@pytest.mark.parametrize("command", ["shake", "spectrum", "fragility", "export", "check"])
+def test_every_command_shows_what_was_read_of_a_record(run, tmp_path, command):
+    (tmp_path / "XXX001.EW").write_text(knet(1e5 * shaking(100) + 1e4, 0.01))
+    (tmp_path / "held.EW").write_text(knet(1e5 * shaking(100, 1) + 1e4, 0.01).replace("1999/", "1998/"))
+    block = template("column").partition("[motion]")[0]
+    motion = 'records = ["XXX001.EW"]\nscales = [1]\nheld_out = ["held.EW"]\n'
+    (tmp_path / "job.toml").write_text(f"{block}[motion]\n{motion}")
+    words = f"{command} --scene {tmp_path / 'job.toml'} {HUNG} "
+    words += {
+        "shake": "--free 0.1",
+        "spectrum": "--points 2",
+        "fragility": "--scales 1 2",
+        "export": f"--as csv --file {tmp_path / 'a.csv'}",
+        "check": "",
+    }[command]
+    done = call(words) if command in ("export", "check") else run(words)
+    first = next(line for line in done.out.splitlines() if "record: " in line)
+    motion = Record.read(tmp_path / "XXX001.EW")
+    pga = float(motion.pga) / 9.80665
+    assert first.startswith(
+        f"record: XXX001.EW, 100 samples of 0.01 s, 0.99 s long, PGA {pga:.4g} g; uncorrected: "
+    )
+    assert all(note in first for note in motion.notes)
+    assert "of the peak, is removed" in first
+    if command == "check":
+        assert "held out, held.EW: record: held.EW, 100 samples" in done.out
+    if done.files:
+        read = done.json(f"{command}.json")["reading"]
+        assert read["records"] == [facts(motion)]
+        assert read["notes"] == []

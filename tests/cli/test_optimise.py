@@ -11,10 +11,12 @@ import pytest
 import tpd
 from tests import designs
 from tests.cli.conftest import call
+from tests.formats.synthetic import peer, shaking
 from tpd.cli import optimise
 from tpd.cli.new import template
 from tpd.design import job as jobs
 from tpd.design.result import DesignStatus
+from tpd.records.reading import facts
 
 BAND = """
 [block]
@@ -185,3 +187,47 @@ def test_a_design_is_shaken_by_another_record(on_records, tmp_path):
     assert done.json("shake.json")["scene"]["block"]["height"] == 6.0
     done = call("response", first, out=tmp_path / "out")
     assert "`tpd response` is about harmonic motion, and the job has records" in done.err
+
+
+@pytest.mark.mends("the report said nothing of the files that were read")
+def test_the_report_says_what_was_read_of_every_record(on_records):
+    first = on_records[1]
+    quake, quakes = (tpd.Record.read(on_records[0] / "mine" / "quake.csv"), tpd.records.loma_prieta())
+    content = first.json("design.json")["details"]["reading"]
+    assert {r["source"] for r in content["records"]} == {"quake.csv", "loma-prieta"}
+    expected = {"quake.csv": facts(quake) | {"earthquake": "mine"}, "loma-prieta": facts(quakes)}
+    assert {r["source"]: r for r in content["records"]} == expected
+    assert any("1 state no orientation" in note for note in content["notes"])
+    text, page = (first.files[f"report.{kind}"].read_text(encoding="utf-8") for kind in ("txt", "html"))
+    for report in (text, page):
+        assert "quake.csv" in report
+        assert "offset: the mean, " in report
+        assert "1 state no orientation" in " ".join(report.split())
+
+
+def test_the_terminal_shows_many_records_in_one_line(answered, tmp_path):
+    (tmp_path / "quakes").mkdir()
+    for i in range(60):
+        text = peer(0.3 * shaking(100, i), 0.01).replace("1/2/1999", f"1/2/{1940 + i}")
+        (tmp_path / "quakes" / f"{i}.AT2").write_text(text)
+    (tmp_path / "quakes" / "a.AT2").write_text(text.replace("ACCELERATION", "VELOCITY"))
+    block = template("column").partition("[motion]")[0]
+    (tmp_path / "job.toml").write_text(block + '[motion]\nrecords = ["quakes"]\nscales = [1]\n')
+    done, _ = answered(designs.single(), "--scene job.toml")
+    assert done.status == 0
+    lines = done.out.splitlines()
+    assert len(lines) <= 30
+    assert lines[0].startswith("records: 60 of 60 earthquakes, 100 samples of 0.01 s, 0.99 s long, PGA ")
+    assert lines[1] == "left out: a.AT2 (velocity)"
+
+
+@pytest.mark.mends("what was read of the records that are held out was not said")
+def test_what_is_left_out_of_the_records_held_out_is_said(tmp_path):
+    texts = {"a.AT2": "1/2/1999", "b.AT2": "01/02/99", "c.AT2": "1/2/1990"}
+    for i, (name, day) in enumerate(texts.items()):
+        (tmp_path / name).write_text(peer(0.3 * shaking(100, i), 0.01).replace("1/2/1999", day))
+    names = [str(tmp_path / name) for name in texts]
+    job = jobs.job_of({"motion": {"records": names[:1], "held_out": names[1:], "scales": [1.0]}})
+    assert job.held_notes == (
+        "held out, b.AT2: left out, since the design is tuned to their earthquakes: b.AT2",
+    )

@@ -6,7 +6,19 @@ import numpy as np
 import pytest
 
 from tests.formats.reader import DATA
-from tests.formats.synthetic import G
+from tests.formats.synthetic import (
+    G,
+    cosmos,
+    csmip_v1,
+    csmip_v2,
+    esm,
+    geonet,
+    knet,
+    peer,
+    shaking,
+    smc,
+    table,
+)
 from tpd import Record
 from tpd.formats import channel
 from tpd.formats.channel import FACTORS, Channel, of_file, orientation, plain
@@ -47,8 +59,9 @@ def test_directions_by_words_and_by_names_of_files():
 
 def test_baselines_are_removed_on_request():
     path = DATA / "ridgecrest_2019_cut.RAW"
-    given, mean, line = (Record.read(path, channel=1, baseline=b) for b in (None, "mean", "linear"))
+    given, mean, line = (Record.read(path, channel=1, baseline=b) for b in ("none", "mean", "linear"))
     assert abs(np.mean(given.acceleration)) > 0.04
+    assert not any(note.startswith("baseline") for note in given.notes)
     expected = given.acceleration - np.mean(given.acceleration)
     np.testing.assert_allclose(mean.acceleration, expected, atol=1e-15)
     assert np.abs(np.polyfit(np.arange(600) * 0.01, line.acceleration, 1)).max() < 1e-12
@@ -67,7 +80,7 @@ def test_what_is_no_ground_motion_is_refused_and_a_drift_is_noted():
             channel.checked(wrong)
     assert channel.checked(Channel(np.zeros(3), 0.01)).notes == ("all samples are zero",)
     offset, drift = channel.checked(Channel(wave + 0.1, 0.01)).notes
-    assert offset.startswith("offset: the mean is 0.1")
+    assert offset.startswith("offset: the mean, 0.1")
     assert drift.startswith("drift: the velocity at the end is 0.1")
 
 
@@ -86,3 +99,44 @@ def test_two_statements_must_agree_within_their_digits():
     ):
         with pytest.raises(UnreadableRecord, match=said):
             ask()
+
+
+def raw_files():
+    """Files of records that are not corrected, with an offset of a tenth of the peak, by name."""
+    wave = shaking(100) + 0.1
+    raw_cosmos, raw_esm = (write(300.0 * wave, 0.01) for write in (cosmos, esm))
+    yield "knet", knet(4e5 * wave, 0.01)
+    yield "csmip", csmip_v1(0.3 * wave, 0.01)
+    yield "geonet", geonet(3000.0 * wave, 0.01, corrected=False)
+    for word in ("Uncorrected", "Raw"):
+        yield f"cosmos {word}", raw_cosmos.replace("Corrected", word)
+    yield "smc", smc(300.0 * wave, 0.01).replace("2 CORRECTED", "1 UNCORRECTED")
+    yield "esm", raw_esm.replace("BASELINE REMOVED", "BASELINE NOT REMOVED")
+    yield "esm without a word", raw_esm.replace(" BASELINE REMOVED", "")
+
+
+@pytest.mark.mends("an offset of the instrument stayed in uncorrected records and changed the verdict")
+@pytest.mark.parametrize(("name", "text"), list(raw_files()), ids=lambda x: x if len(x) < 20 else "")
+def test_the_mean_of_an_uncorrected_record_is_removed(tmp_path, name, text):
+    path = tmp_path / "record.txt"
+    path.write_text(text, newline="")
+    for default, kept in zip(Record.read_all(path), Record.read_all(path, baseline="none"), strict=True):
+        mean, peak = np.mean(kept.acceleration), np.max(np.abs(kept.acceleration))
+        assert abs(mean) > 0.07 * peak
+        np.testing.assert_array_equal(default.acceleration, kept.acceleration - mean)
+        said = f"baseline: the mean, {mean:.3g} m/s^2, {abs(mean) / peak:.1%} of the peak, is removed"
+        assert said in default.notes
+        assert {*channel.RAW} & {*default.notes} == {*channel.RAW} & {*kept.notes} != set()
+        assert not any(note.startswith("offset") for note in default.notes)
+        assert any(note.startswith("offset") for note in kept.notes)
+
+
+def test_a_corrected_record_and_a_table_are_read_as_they_are(tmp_path):
+    wave = shaking(100) + 0.1
+    path = tmp_path / "record.txt"
+    for write in (peer, csmip_v2, cosmos, smc, esm, geonet, table):
+        size = {peer: 0.3, table: 0.3, geonet: 3000.0}.get(write, 300.0)
+        path.write_text(write(size * wave, 0.01), newline="")
+        first = Record.read_all(path)[0]
+        assert first == Record.read_all(path, baseline="none")[0]
+        assert any(note.startswith("offset: the mean, ") for note in first.notes)

@@ -6,6 +6,7 @@ import pytest
 from tests.formats.reader import FORM, check, read, written
 from tests.formats.synthetic import shaking
 from tpd import Record
+from tpd.formats import channel
 from tpd.formats.text import UnreadableRecord
 
 
@@ -24,10 +25,17 @@ def test_csv(tmp_path):
     rows = [f"2000/01/01 00:00:10,{0.01 * i:.2f},{a:.5f},{-a:.5f},{a:.5f}\n" for i, a in enumerate(values)]
     path = tmp_path / "a.csv"
     path.write_text(head + "".join(rows))
-    records = Record.read_all(path)
+    records = Record.read_all(path, baseline="none")
     assert [r.name for r in records] == ["XXX001/N-S", "XXX001/E-W", "XXX001/U-D"]
     assert ["vertical component" in r.notes for r in records] == [False, False, True]
     np.testing.assert_allclose(records[1].acceleration, -0.01 * values, rtol=1e-12)
+    without = Record.read_all(path)
+    np.testing.assert_allclose(without[1].acceleration, -0.01 * (values - values.mean()), atol=1e-15)
+    # Of KiK-net the columns of the borehole are numbered by 1.
+    deep = head.replace("N-S(gal),E-W(gal),U-D(gal)", "NS1(gal),NS2(gal),UD2(gal)") + "".join(rows)
+    path.write_text(deep)
+    assert [channel.BOREHOLE in r.notes for r in Record.read_all(path)] == [True, False, False]
+    path.write_text(head + "".join(rows))
     for wrong, said in (
         (head + "".join(rows[:-1]), "100 samples, but there are 99"),
         (head + "".join([*rows[:50], rows[51], rows[50], *rows[52:]]), "must be 0.01 s after the line"),

@@ -1,5 +1,7 @@
 """AT2 files of PEER."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -55,3 +57,13 @@ def test_directions(tmp_path):
         text = AT2.format("ACCELERATION", "").replace("090", direction) + SAMPLES + "\n"
         notes = [note for note in read(tmp_path, text, name).notes if "component" in note]
         assert notes == ["vertical component"] * ((direction, name) in upward)
+
+
+@pytest.mark.mends("negative numbers that touch the one before them were unread")
+def test_negative_numbers_may_touch_the_one_before(tmp_path):
+    values = [0.1, -0.2, 0.3, -0.4, -0.25, 0.15]
+    for form in ("{:12.7E}", "{:9.6f}", "{:8.5f}"):
+        digits = "".join(form.format(x) for x in values)
+        assert re.search(r"\d-", digits.replace("E-", ""))
+        text = f"PEER\nX, A, 000\nACCELERATION TIME SERIES IN UNITS OF G\nNPTS= 6, DT= .01 SEC\n{digits}\n"
+        np.testing.assert_allclose(read(tmp_path, text).acceleration, G * np.array(values), rtol=1e-4)

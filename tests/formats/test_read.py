@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import gzip
+import io
+import pickle
+import re
 import sys
 import types
+import zipfile
 
 import numpy as np
 import pytest
+import scipy.io
 
 from tests.formats.reader import DATA, read
 from tpd import Record
+from tpd.formats.channel import checked
 from tpd.formats.read import read_waveforms
-from tpd.formats.text import UnreadableRecord
+from tpd.formats.text import NoAcceleration, UnreadableRecord
 
 
 def test_a_file_compressed_by_gzip_is_the_file(tmp_path):
@@ -32,7 +38,7 @@ def test_several_channels_are_listed_and_what_the_header_says_is_not_overruled()
         ({"channel": 3}, r"channels 0: .*`channel` is 3"),
         ({"channel": 0, "unit": "g"}, "states the unit cm/s2, but `unit` is 'g'"),
         ({"unit": "furlong"}, r"`unit` must be one of g, .* but is 'furlong'"),
-        ({"baseline": "cubic"}, "`baseline` must be one of mean, linear"),
+        ({"baseline": "cubic"}, "`baseline` must be one of none, mean, linear"),
         ({"dt": -1.0}, "`dt` must be positive"),
         ({"channel": True}, "`channel` must be a whole number"),
     ):
@@ -94,6 +100,9 @@ def test_a_waveform_in_a_unit(monkeypatch):
     channel = read_as(monkeypatch, Trace(np.array([0.0, 50.0])), unit="gal")[0]
     np.testing.assert_allclose(channel.acceleration, [0.0, 0.5])
     assert (channel.dt, channel.component, channel.name) == (0.01, "HNE", "XX.MADE..HNE")
+    # Nothing says whether a waveform is corrected.
+    assert checked(channel, None).acceleration.tolist() == [-0.25, 0.25]
+    assert checked(channel, "none").acceleration.tolist() == [0.0, 0.5]
 
 
 def test_waveforms_that_are_refused(monkeypatch):
@@ -121,3 +130,83 @@ def test_without_obspy_one_sentence_names_the_extra_and_rubbish_is_refused(monke
     obspy(monkeypatch, unknown)
     with pytest.raises(UnreadableRecord, match=r"^a.bin: .* ObsPy cannot read it"):
         read(tmp_path, np.random.default_rng(0).bytes(1000), "a.bin")
+
+
+def zipped(*names: str) -> bytes:
+    """An archive of empty files."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name in names:
+            archive.writestr(name, "")
+    return stream.getvalue()
+
+
+def saved(save, *words, **named) -> bytes:
+    """What a function writes into a file."""
+    stream = io.BytesIO()
+    save(stream, *words, **named)
+    return stream.getvalue()
+
+
+WAVE = np.linspace(0.0, 1.0, 20)
+SHEET, TABLE = "save the sheet as CSV", "save time in s and acceleration as a table of text"
+NO_TEXT = {
+    "a.xlsx": (zipped("[Content_Types].xml", "xl/workbook.xml"), "an Excel workbook (.xlsx)", SHEET),
+    "a.xlsb": (zipped("[Content_Types].xml", "xl/workbook.bin"), "an Excel workbook (.xlsx)", SHEET),
+    "a.ods": (
+        b"PK\x03\x04" + bytes(26) + b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet",
+        "a spreadsheet (.ods)",
+        SHEET,
+    ),
+    "a.xls": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(99), "an Excel workbook (.xls)", SHEET),
+    "a.docx": (zipped("[Content_Types].xml", "word/document.xml"), "an Office document", TABLE),
+    "a.npy": (saved(np.save, WAVE), "a NumPy array (.npy)", TABLE),
+    "a.npz": (saved(np.savez, x=WAVE), "a NumPy archive (.npz)", TABLE),
+    "packed.npz": (saved(np.savez_compressed, x=WAVE), "a NumPy archive (.npz)", TABLE),
+    "a.pkl": (pickle.dumps({"a": WAVE}), "a Python pickle", TABLE),
+    "v5.mat": (saved(scipy.io.savemat, {"acc": WAVE}), "a MATLAB file (.mat)", TABLE),
+    "v4.mat": (saved(scipy.io.savemat, {"acc": WAVE}, format="4"), "a MATLAB file (.mat)", TABLE),
+    "v7.3.mat": (
+        b"MATLAB 7.3 MAT-file, made up".ljust(512) + b"\x89HDF\r\n\x1a\n",
+        "a MATLAB file (.mat)",
+        TABLE,
+    ),
+    "a.h5": (b"\x89HDF\r\n\x1a\n" + bytes(99), "an HDF5 file", TABLE),
+    "a.nc": (b"CDF\x01" + bytes(99), "a NetCDF file", TABLE),
+    "a.parquet": (b"PAR1" + bytes(99) + b"PAR1", "a Parquet file", TABLE),
+    "a.feather": (b"ARROW1\x00\x00" + bytes(99), "an Arrow or Feather file", TABLE),
+    "a.db": (b"SQLite format 3\x00" + bytes(99), "an SQLite database", TABLE),
+    "a.rds": (gzip.compress(b"X\n\x00\x00\x00\x03" + bytes(99)), "an R data file", TABLE),
+    "a.pdf": (b"%PDF-1.7\n" + bytes(99), "a PDF document", TABLE),
+    "a.rtf": (rb"{\rtf1\ansi 0.0 0.1}", "a document in rich text", TABLE),
+    "a.png": (b"\x89PNG\r\n\x1a\n" + bytes(99), "a picture", TABLE),
+    "a.html": (b"\xef\xbb\xbf<!DOCTYPE html><html>0.0 0.1</html>", "a page of HTML or XML", TABLE),
+    "a.zip": (zipped("a.AT2", "b.AT2"), "an archive or compressed (zip)", "unpack it first"),
+}
+
+
+@pytest.mark.mends("a workbook was called an archive to be unpacked, and an array was said to need ObsPy")
+@pytest.mark.parametrize("name", NO_TEXT)
+def test_what_is_no_text_is_named_with_the_remedy(tmp_path, name):
+    data, kind, remedy = NO_TEXT[name]
+    with pytest.raises(
+        NoAcceleration, match=rf"^{name}: the file is {re.escape(kind)}.*: {remedy}"
+    ) as raised:
+        read(tmp_path, data, name)
+    assert raised.value.content.startswith(kind)
+    # A text that begins alike is a text.
+    assert len(str(raised.value)) < 150
+
+
+def test_a_text_that_begins_like_another_file_is_read(tmp_path):
+    rows = "".join(f"{0.01 * i:.2f},{a:.4f}\n" for i, a in enumerate(WAVE))
+    for first in ("PAR1 station", "MATLAB 5.0 export", "par1", "FEA1 model"):
+        for mark in ("# ", ""):
+            how = {"unit": "g", "skip": 1, "columns": {"time": 1, "acceleration": 2}}
+            assert read(tmp_path, f"{mark}{first}\n{rows}", **how).acceleration.shape == (20,)
+
+
+def test_a_record_says_which_file_and_channel_it_is_of():
+    path = DATA / "coalinga_1983_cut.V2"
+    assert [r.source for r in Record.read_all(path)] == [f"{path.name}, channel {i}" for i in range(3)]
+    assert Record.read(DATA / "anchorage_2018_cut.V2c").source == "anchorage_2018_cut.V2c"

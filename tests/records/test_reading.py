@@ -1,12 +1,17 @@
 """Ground motions by name: files, folders, built-in records, and what is said of them."""
 
+import gzip
 import re
 
+import numpy as np
 import pytest
 
-from tests.formats.synthetic import esm, shaking
+from tests.formats.synthetic import cosmos, csmip_v1, csmip_v2, esm, geonet, knet, peer, shaking, smc
+from tpd import Record
+from tpd.design.ground.judgement import Role, grouped
 from tpd.records import el_centro, reading
-from tpd.records.reading import read_motions
+from tpd.records.reading import described, facts, read_motions, summary
+from tpd.scene.ground_motion import events_of
 
 NS = esm(400.0 * shaking(100), 0.01)
 
@@ -89,3 +94,201 @@ def test_records_without_a_direction_are_said_and_none_is_an_error(tmp_path):
     folder = put(tmp_path / "up", up=NS.replace("HNE", "HNZ"))
     with pytest.raises(ValueError, match=r"no horizontal record in .*; `channel` takes one that is"):
         read_motions([folder])
+
+
+def agency(folder, **texts):
+    """A folder of files by name: the last underscore stands for the point before the ending."""
+    folder.mkdir(exist_ok=True)
+    for name, text in texts.items():
+        stem, _, ending = name.rpartition("_")
+        path = folder / f"{stem}.{ending}"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return str(folder)
+
+
+AGES = (
+    "Nowhere Valley-06, 10/15/1979, Station A, 140",
+    "NOWHERE VALLEY 10/15/79 2316, STATION B, 230",
+    "Elsewhere, 1/2/1999, St E, 000",
+    "ELSEWHERE 01/02/99, ST F, 090",
+    "Elsewhere, 01/02/1999, St G, 090",
+)
+"""Titles of PEER's files of three ages, of two earthquakes."""
+
+
+def of_ages(folder, titles=AGES):
+    texts = {}
+    for i, title in enumerate(titles):
+        text = peer(0.3 * shaking(100, i), 0.01)
+        texts[f"r{i}_AT2"] = text.replace("Nowhere, 1/2/1999, Made-up Station, 90", title)
+    return agency(folder, **texts)
+
+
+@pytest.mark.mends("PEER headers of three ages made five earthquakes of two, one on both sides of held-out")
+def test_one_earthquake_in_several_spellings_is_never_on_both_sides(tmp_path):
+    found, said = read_motions([of_ages(tmp_path / "ages")])
+    assert len(set(events_of(found))) == 2
+    for spelling in (re.split(", S[tT]", title)[0] for title in AGES):
+        assert sum(spelling in sentence for sentence in said) == 1
+    for seed in range(6):
+        groups = grouped(found, 0.5, seed)
+        assert [g.role for g in groups] == [Role.tuned, Role.held_out]
+        numbers = [set(g.events) for g in groups]
+        assert not numbers[0] & numbers[1]
+        assert {len(g.motions) for g in groups} == {2, 3}
+    # Nor where the other records are named.
+    tuned, held = grouped(found[:1], {"others": found[1:]}, 0)
+    assert len(held.motions) == 3
+    assert not set(tuned.events) & set(held.events)
+    with pytest.raises(ValueError, match="motions of other earthquakes"):
+        grouped(found[:1], {"others": found[1:2]}, 0)
+
+
+@pytest.mark.mends("one earthquake of several formats counted as one of each")
+def test_an_earthquake_is_one_in_all_formats(tmp_path):
+    waves = [shaking(100, i) for i in range(7)]
+    folder = agency(
+        tmp_path / "mixed",
+        a_AT2=peer(0.3 * waves[0], 0.01),
+        b_asc=esm(300.0 * waves[1], 0.01).replace("030405", "180405"),
+        c_EW=knet(4e5 * waves[2], 0.01).replace(
+            "Origin Time       1999/01/02 03:04", "Origin Time       1999/01/03 03:04"
+        ),
+        d_V2=csmip_v2(300.0 * waves[3], 0.01),
+        e_V2A=geonet(3000.0 * waves[4], 0.01).replace("03:04:00 UT", "18:04:00 UT"),
+        f_smc=smc(300.0 * waves[5], 0.01),
+        g_V2c=cosmos(300.0 * waves[6], 0.01).replace(
+            "Nowhere Earthquake", "Nowhere Earthquake of Sat Jan 2, 1999"
+        ),
+    )
+    found, _ = read_motions([folder])
+    assert len(found) == 7
+    assert len(set(events_of(found))) == 1
+
+
+KINDS = {"ACC": "ACCELERATION", "VEL": "VELOCITY", "DIS": "DISPLACEMENT"}
+
+
+@pytest.mark.mends("a folder of ESM stopped at its first file of displacements")
+def test_velocities_and_displacements_of_every_format_are_left_out_by_name(tmp_path):
+    texts = {
+        f"{stream}_{kind}": NS.replace("HNE", stream)
+        .replace("DATA_TYPE: ACC", f"DATA_TYPE: {name[:3]}")
+        .replace("ELERATION", "ELERATION" if kind == "ACC" else name[3:])
+        for stream in ("HNE", "HNN", "HNZ")
+        for kind, name in KINDS.items()
+    }
+    other = peer(0.3 * shaking(100), 0.01)
+    for kind in ("VELOCITY", "DISPLACEMENT"):
+        texts[f"peer{kind}_txt"] = other.replace("ACCELERATION TIME", f"{kind} TIME")
+        block = cosmos(300.0 * shaking(100), 0.01).replace("acceleration pts", f"{kind.lower()} pts")
+        texts[f"cosmos{kind}_V2c"] = block
+        texts[f"smc{kind}_smc"] = smc(300.0 * shaking(100), 0.01).replace(
+            "2 CORRECTED ACCELEROGRAM", f"3 {kind}"
+        )
+    texts["a_V3"] = "RESPONSE AND FOURIER AMPLITUDE SPECTRA\n" + csmip_v2(300.0 * shaking(100), 0.01)
+    texts["b_smc"] = smc(300.0 * shaking(100), 0.01).replace("2 CORRECTED ACCELEROGRAM", "4 RESPONSE SPECTRA")
+    texts |= {"sheet_xlsx": b"PK\x03\x04 xl/workbook.xml", "array_npy": b"\x93NUMPY\x01\x00"}
+    folder = agency(tmp_path / "all", **texts)
+    found, said = read_motions([folder])
+    assert [m.source for m in found] == ["HNE.ACC", "HNN.ACC"]
+    left = dict(re.findall(r"(\S+) \((.*?)\)(?:;|$)", said[0].removeprefix("left out: ")))
+    expected = {f"{s}.{k}": n.lower() for s in ("HNE", "HNN", "HNZ") for k, n in KINDS.items() if k != "ACC"}
+    for kind in ("VELOCITY", "DISPLACEMENT"):
+        names = (f"peer{kind}.txt", f"cosmos{kind}.V2c", f"smc{kind}.smc")
+        expected |= dict.fromkeys(names, kind.lower())
+    expected |= {"HNZ.ACC": "vertical component", "a.V3": "response spectrum", "b.smc": "response spectrum"}
+    assert left.items() >= expected.items()
+    assert "sheet.xlsx (an Excel workbook (.xlsx))" in said[0]
+    # A file that is named must be a motion, and a folder without one says what it holds.
+    for name in expected.keys() - {"HNZ.ACC"}:
+        with pytest.raises(ValueError, match=rf"^{re.escape(name)}: "):
+            read_motions([f"{folder}/{name}"])
+    only = agency(tmp_path / "only", HNE_VEL=texts["HNE_VEL"])
+    with pytest.raises(ValueError, match=r"no horizontal record in .* \(left out: HNE.VEL \(velocity\)\)"):
+        read_motions([only])
+
+
+@pytest.mark.mends("the uncorrected and the corrected file of one channel counted as two records")
+def test_one_channel_counts_once(tmp_path):
+    wave = shaking(100)
+    v1, v2 = csmip_v1(0.3 * wave, 0.01), csmip_v2(300.0 * wave, 0.01)
+    corrected = esm(300.0 * wave, 0.01)
+    raw_cosmos = cosmos(300.0 * wave, 0.01).replace("Corrected acc", "Uncorrected acc")
+    for texts, kept in (
+        ({"CE1_V1": v1, "CE1_V2": v2}, "CE1.V2, channel 0"),
+        (
+            {"X1_V1A": geonet(3000.0 * wave, 0.01, corrected=False), "X1_V2A": geonet(2900.0 * wave, 0.01)},
+            "X1.V2A, channel 0",
+        ),
+        (
+            {"C_asc": corrected.replace("BASELINE REMOVED", "BASELINE NOT REMOVED"), "M_asc": corrected},
+            "M.asc",
+        ),
+        ({"a_V1c": raw_cosmos, "a_V2c": cosmos(290.0 * wave, 0.01)}, "a.V2c"),
+    ):
+        folder = agency(tmp_path / kept.partition(".")[0], **texts)
+        found, said = read_motions([folder])
+        assert [m.source for m in found] == [kept]
+        assert f"(uncorrected, beside the corrected {kept})" in said[0]
+    # Of another station, direction or earthquake both count.
+    raw = corrected.replace("BASELINE REMOVED", "BASELINE NOT REMOVED")
+    others = {
+        "a_asc": raw.replace("STATION_CODE: MADE", "STATION_CODE: ELSE"),
+        "b_asc": raw.replace("HNE", "HNN"),
+        "c_asc": raw.replace("19990102", "20000102"),
+    }
+    assert len(read_motions([agency(tmp_path / "others", M_asc=corrected, **others)])[0]) == 4
+
+
+@pytest.mark.mends("a compressed copy beside its file counted as a second record")
+def test_copies_of_a_file_count_once(tmp_path):
+    folder = agency(tmp_path / "twice", a_AT2=peer(0.3 * shaking(100), 0.01))
+    data = (tmp_path / "twice" / "a.AT2").read_bytes()
+    (tmp_path / "twice" / "a.AT2.gz").write_bytes(gzip.compress(data))
+    (tmp_path / "twice" / "b.AT2").write_bytes(data)
+    found, said = read_motions([folder])
+    assert [m.source for m in found] == ["a.AT2"]
+    assert "a.AT2.gz (the same as a.AT2); b.AT2 (the same as a.AT2)" in said[0]
+
+
+@pytest.mark.mends("the instrument in the borehole counted beside the one at the surface")
+def test_the_borehole_does_not_count_beside_the_surface(tmp_path):
+    texts = {}
+    for i, name in enumerate(("NS1", "EW1", "UD1", "NS2", "EW2", "UD2"), 1):
+        text = knet(4e5 * shaking(100, i), 0.01).replace("E-W", str(i))
+        texts[f"XXX001_{name}"] = text
+    found, said = read_motions([agency(tmp_path / "both", **texts)])
+    assert [m.source for m in found] == ["XXX001.EW2", "XXX001.NS2"]
+    assert "XXX001.NS1 (instrument in a borehole, not at the surface, beside XXX001.EW2)" in said[0]
+    alone, _ = read_motions([agency(tmp_path / "deep", XXX001_NS1=texts["XXX001_NS1"])])
+    assert alone[0].notes[-1].startswith("baseline: the mean")
+
+
+@pytest.mark.mends("no command said what was read of a record, nor the notes of the reader")
+def test_what_was_read_is_described(tmp_path):
+    counts = 4e5 * shaking(100) + 4e4
+    folder = agency(tmp_path / "one", XXX001_EW=knet(counts, 0.01))
+    (motion,), notes = read_motions([folder])
+    (line,) = described([motion])
+    pga = np.max(np.abs(motion.acceleration)) / 9.80665
+    assert line.startswith(
+        f"record: XXX001.EW, 100 samples of 0.01 s, 0.99 s long, PGA {pga:.4g} g; uncorrected"
+    )
+    assert re.search(r"baseline: the mean, 0.2\d+ m/s\^2, \d+.\d% of the peak, is removed", line)
+    known = facts(motion.scaled(2.0))
+    assert (known["source"], known["samples"], known["scale"]) == ("XXX001.EW", 100, 2.0)
+    assert known["pga_g"] == pytest.approx(pga)
+    assert known["notes"] == list(motion.notes)
+    assert summary([motion], notes) == {"records": [facts(motion)], "notes": notes}
+    # Many are described by one line.
+    waves = [[0.0, 1.0, -0.1 * i] for i in range(5)]
+    many = [
+        Record(wave, 0.01 * (1 + i % 2), event=f"E{i % 3}", notes=("drift: x",))
+        for i, wave in enumerate(waves)
+    ]
+    assert described(many) == [
+        "records: 5 of 3 earthquakes, 3 samples of 0.01 to 0.02 s, 0.02 to 0.04 s long, PGA 0.102 g; "
+        "noted: drift 5"
+    ]
+    assert described([]) == []

@@ -16,6 +16,7 @@ from tpd.core import checks, files, process, progress
 from tpd.design import job as jobs
 from tpd.design.reading import read_design
 from tpd.models import compiling
+from tpd.records.reading import described, summary
 from tpd.report import words
 from tpd.scene.scene import Block, Pendulum, Scene, check_damping
 
@@ -120,12 +121,15 @@ def shaken(motion: Any) -> str:
 
 
 def motions(job: jobs.Job) -> tuple[str, tuple[str, ...]]:
-    """Words for the ground motions of a job, and notes on its records; empty for a harmonic."""
+    """Words for the ground motions of a job, and lines on its records, those that are held out included;
+    empty for a harmonic."""
     if job.conditions is None or not job.conditions.motions:
         return "", ()
     found, stripes = job.conditions.motions, ", ".join(f"{x:g}" for x in job.conditions.scales)
     what = shaken(found[0]) if job.kind == "pulse" else f"{len(found)} records"
-    return f"{what}, each at {job.conditions.intensity} {stripes}", job.notes
+    groups = job.held_out if isinstance(job.held_out, dict) else {}
+    held = [f"held out, {name}: {line}" for name, group in groups.items() for line in described(group)]
+    return f"{what}, each at {job.conditions.intensity} {stripes}", (*job.told, *held, *job.held_notes)
 
 
 def pendulum(options: argparse.Namespace, block: Block, varied: tuple[str, ...] = ()) -> Pendulum | None:
@@ -169,13 +173,15 @@ def cases(hung: Pendulum | None) -> dict[str, Pendulum | None]:
     return {BARE: None} if hung is None else {BARE: None, HUNG: hung}
 
 
-def inputs(scene: Scene, hung: Pendulum | None) -> dict[str, Any]:
-    """Inputs of a command, for its JSON; samples of records are left out."""
+def inputs(scene: Scene, hung: Pendulum | None, job: jobs.Job | None = None) -> dict[str, Any]:
+    """Inputs of a command, for its JSON; samples of records are left out. Of a job of ground motions the JSON
+    says what was read."""
     stated = asdict(scene)
     stated["motion"] = {name: x for name, x in stated["motion"].items() if getattr(x, "shape", ()) == ()}
     pendulum = None if hung is None else asdict(hung)
     # Nothing in these commands is random.
-    return {"scene": stated, "pendulum": pendulum, "versions": files.versions(), "seed": None}
+    found = {"scene": stated, "pendulum": pendulum, "versions": files.versions(), "seed": None}
+    return found if job is None else found | {"reading": summary(job.motions, job.notes)}
 
 
 def write(out: Path, content: Iterable[tuple[str, str | bytes]]) -> None:

@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     scene = job.scene if is_harmonic or options.kind == "mjcf" else job.under(job.shaking)
     motion = "" if is_harmonic else common.shaken(scene.motion)
     motion = "none: give it to the actuators" if options.kind == "mjcf" else motion
-    common.say(scene, hung, motion, () if is_harmonic else job.notes)
+    common.say(scene, hung, motion, job.told)
     if hung is None and options.design is not None:
         print("The report offers no pendulum: only the bare block is exported.")
     if options.kind == "csv":

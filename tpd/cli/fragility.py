@@ -14,8 +14,9 @@ from tpd.cli import common
 from tpd.cli.interrupts import SOUND
 from tpd.core import files
 from tpd.core.progress import Bar
+from tpd.design.job import Job
 from tpd.plot import style
-from tpd.scene.scene import Pendulum, Scene
+from tpd.scene.scene import Pendulum
 
 
 def run(options: argparse.Namespace) -> int:
@@ -25,7 +26,7 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError("give --records FILE, or a job of records: a harmonic has no end")
     asked, scene = job.full["motion"], job.scene
     files.claim(options.out, overwrite=options.overwrite)
-    common.say(scene, hung, f"{len(job.motions)} records", job.notes)
+    common.say(scene, hung, f"{len(job.motions)} records", job.told)
     stripes = np.linspace(0.5, 8.0, 20) if asked["scales"] is None else np.array(asked["scales"])
     with Bar() as bar, common.cluster(options) as cluster:
         found = fragility(
@@ -40,14 +41,14 @@ def run(options: argparse.Namespace) -> int:
             progress=lambda done, total: bar("following motions", done, total),
         )
     print(found)
-    common.write(options.out, _files(scene, hung, found))
+    common.write(options.out, _files(job, hung, found))
     return SOUND
 
 
-def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tuple[str, str | bytes]]:
+def _files(job: Job, hung: Pendulum | None, found: Fragility) -> Iterator[tuple[str, str | bytes]]:
     yield "fragility.csv", files.as_table(found.columns())
     content = {
-        **common.inputs(scene, hung),
+        **common.inputs(job.scene, hung, job),
         "intensity": found.intensity,
         "motions": list(found.motions),
         "earthquakes": found.earthquakes,

@@ -18,6 +18,9 @@ from tpd.design.study import Study, study
 from tpd.report import answer
 from tpd.report.files import write
 
+_LEAST = 12
+"""Lines of the answer, however many there are on the records."""
+
 
 def run(options: argparse.Namespace) -> int:
     """Search, verify, write the report and print the answer; return the exit status."""
@@ -27,8 +30,9 @@ def run(options: argparse.Namespace) -> int:
     # Records are read here: bad files end the command before anything is claimed.
     scene, settings, unfinished = job.scene, job.settings, options.out / UNFINISHED
     _claim(options, unfinished)
+    motion, told = common.motions(job)
     if not (options.quiet or options.json):
-        common.say(scene, None, *common.motions(job))
+        common.say(scene, None, motion, told)
     with Bar() as bar:
         design, points = optimise(scene, **settings, checkpoint=unfinished, progress=bar), ()
         if job.full["search"]["pareto"] and design.pendulum is not None and design.status.name == "found":
@@ -44,19 +48,19 @@ def run(options: argparse.Namespace) -> int:
         print("tpd: interrupted before a search had ended: nothing is written", file=sys.stderr)
         return INTERRUPTED
     try:
-        write(options.out, design, shown, job.tables, job.toml)
+        write(options.out, design, shown, job.tables, job.toml, (*job.notes, *job.held_notes))
     except KeyboardInterrupt:
         print(f"tpd: interrupted; {options.out} goes without some of its pictures", file=sys.stderr)
         return INTERRUPTED
-    _say(options, design, shown)
+    _say(options, design, shown, max(_LEAST, answer.MOST - len(told)))
     if is_interrupted:
         return INTERRUPTED
     unfinished.unlink(missing_ok=True)
     return SOUND if design.status.is_sound else UNSOUND
 
 
-def _say(options: argparse.Namespace, design: Design, shown: Study) -> None:
-    """Print the answer as the options ask for it."""
+def _say(options: argparse.Namespace, design: Design, shown: Study, lines: int) -> None:
+    """Print the answer as the options ask for it, in so many lines at most."""
     for part in shown.left_out:
         print(f"tpd: interrupted; the report goes without {part}", file=sys.stderr)
     if options.json:
@@ -66,7 +70,7 @@ def _say(options: argparse.Namespace, design: Design, shown: Study) -> None:
     elif options.quiet:
         print(f"{answer.verdict(design).text}\n{options.out}")
     else:
-        print("\n" + answer.answer(design, shown, options.out))
+        print("\n" + answer.answer(design, shown, options.out, lines))
 
 
 def _claim(options: argparse.Namespace, unfinished: Path) -> None:

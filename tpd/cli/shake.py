@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     motion = job.shaking
     scene = job.under(motion)
     files.claim(options.out, overwrite=options.overwrite)
-    common.say(scene, hung, common.shaken(motion), job.notes)
+    common.say(scene, hung, common.shaken(motion), job.told)
     cases = common.cases(hung)
     free = options.free
     # The first of a pair decides: the linear equations are meant for small angles.
@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
             "needed_friction": histories[name].needed_friction,
         }
         results[name] = {**_numbers(counts), "equations": "nonlinear", "linear": _numbers(linear) | more}
-    content = files.as_json({**common.inputs(scene, hung), "results": results})
+    content = files.as_json({**common.inputs(scene, hung, job), "results": results})
     # The film is about the largest tilt, or about the fall, of the bare block by the linear equations.
     first = found[common.BARE][-1]
     middle = min(float(first.tilt_time), float(first.overturning_time))

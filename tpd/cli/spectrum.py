@@ -39,14 +39,14 @@ def run(options: argparse.Namespace) -> int:
     if job.kind == "records" and options.sizes_to is not None:
         raise ValueError("--sizes-to is of the sizes of a pulse, and the job has a record")
     files.claim(options.out, overwrite=options.overwrite)
-    common.say(scene, hung, common.shaken(scene.motion), job.notes)
+    common.say(scene, hung, common.shaken(scene.motion), job.told)
     with Bar() as bar, common.cluster(options) as cluster:
         how = {"gravity": float(scene.gravity), "cluster": cluster}
         make = _overturning if job.kind == "pulse" else _rocking
         found, content = make(options, scene, hung, how | {"progress": partial(bar, "following blocks")})
     written = {
         "spectrum.csv": files.as_table(found.columns()),
-        "spectrum.json": files.as_json(common.inputs(scene, hung) | content),
+        "spectrum.json": files.as_json(common.inputs(scene, hung, job) | content),
         "spectrum.png": style.png(np.ravel(found.plot())[0].figure),
     }
     common.write(options.out, written.items())

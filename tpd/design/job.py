@@ -42,10 +42,10 @@ from tpd.design.problem import check_moves, check_scatter
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
 from tpd.records.intensity import intensity_of
-from tpd.records.reading import read_motions
+from tpd.records.reading import described, read_motions
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions, check_restitution
-from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse
+from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse, events_of
 from tpd.scene.scene import Block, Harmonic, Scene
 
 _MOST_CONDITIONS = 100_000
@@ -118,7 +118,7 @@ class Job:
 
     @property
     def motions(self) -> tuple[GroundMotion, ...]:
-        """The pulse or the records."""
+        """The pulse or the records; none under a harmonic."""
         return self._read[0]
 
     @property
@@ -126,9 +126,16 @@ class Job:
         """Sentences on what was left out of the records, or assumed of them."""
         return self._read[1]
 
+    @property
+    def told(self) -> tuple[str, ...]:
+        """Lines for a terminal on the records that were read, and the notes."""
+        return (*described(self.motions), *self.notes)
+
     @cached_property
     def _read(self) -> tuple[tuple[GroundMotion, ...], tuple[str, ...]]:
         asked = self.full["motion"]
+        if self.kind == "harmonic":
+            return (), ()
         if self.kind == "pulse":
             if asked["pulse"] is None or asked["pulse_frequency"] is None:
                 raise ValueError(
@@ -295,9 +302,28 @@ class Job:
         with naming("scatter" if widths_of(self.full) else "ensemble"):
             return Ensemble(**given)
 
-    @cached_property
+    @property
     def held_out(self) -> float | dict[str, list[GroundMotion]] | None:
         """Share of the records, or groups of others by name; None under a harmonic."""
+        held = self._held
+        return {name: found for name, (found, _) in held.items()} if isinstance(held, dict) else held
+
+    @property
+    def held_notes(self) -> tuple[str, ...]:
+        """Sentences on what was left out of the records that are held out, or assumed of them."""
+        held, said = self._held, []
+        for name, (found, notes) in held.items() if isinstance(held, dict) else ():
+            events = events_of([*self.motions, *found])
+            used, own = events[: len(self.motions)], events[len(self.motions) :]
+            if tuned := [m for m, event in zip(found, own, strict=True) if event in used]:
+                listed = ", ".join(getattr(m, "source", "") or getattr(m, "name", "") for m in tuned)
+                notes = [*notes, f"left out, since the design is tuned to their earthquakes: {listed}"]
+            said += [f"held out, {name}: {line}" for line in notes]
+        return tuple(said)
+
+    @cached_property
+    def _held(self) -> Any:
+        """As `held_out`, with the notes of the reader on each group."""
         asked = self.full["motion"]["held_out"]
         if self.kind == "harmonic" or asked is None:
             return None if self.kind == "harmonic" else 0.0
@@ -306,7 +332,7 @@ class Job:
         names = [Path(word).name or word for word in asked]
         # Two folders of one name have their whole paths.
         names = [word if names.count(name) > 1 else name for word, name in zip(asked, names, strict=True)]
-        return {name: self._records([word], None)[0] for word, name in zip(asked, names, strict=True)}
+        return {name: self._records([word], None) for word, name in zip(asked, names, strict=True)}
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -31,13 +31,21 @@ VERTICAL = "vertical component"
 """Note of a channel that is vertical."""
 UNKNOWN = "orientation not stated: taken for a horizontal component"
 """Note of a channel whose file and name do not say its orientation."""
+BOREHOLE = "instrument in a borehole, not at the surface"
+"""Note of a channel of KiK-net, which has a second instrument at the surface."""
+UNCORRECTED = "uncorrected: a drift and the response of the instrument may be left in it"
+"""Note of a channel whose file states that it is not corrected."""
+UNSTATED = "correction not stated: a drift and the response of the instrument may be left in it"
+"""Note of a channel of a format for data as recorded, whose file does not say whether it is corrected."""
+RAW = UNCORRECTED, UNSTATED
+"""Notes of the channels whose mean is removed unless the user asks for something else."""
 _UPRIGHT = (
     r"(?:up|down|dwn|dn|ud|du|ver|vrt|vert\w*|updown|upward\w*|arriba|haut|lotrecht|senkrecht|d[uü][sş]ey|"
     r"pionow\w*|svisl\w*|zvisl\w*|вертик\w*|上下|鉛直|z|v)[12]?"
 )
 _LEVEL = (
-    r"(?:ns|sn|ew|we|north|south|east|west|nord|s[uü]d|ost|est|ouest|norte|sur|sul|leste|oeste|[nsew]|[xy]|[lt]|h[12]?|"
-    r"long|longitudinal|tran|trans|transverse|transversal|radial|horizontal|horiz|hor)[12]?|[ns]\d{1,2}[ew]"
+    r"(?:ns|sn|ew|we|north|south|east|west|nord|s[uü]d|ost|est|ouest|norte|sur|sul|leste|oeste|[nsew]|[xy]|"
+    r"[lt]|h[12]?|long|longitudinal|tran|trans|transverse|transversal|radial|horizontal|horiz|hor)[12]?|[ns]\d{1,2}[ew]"
 )
 _SEED = r"[a-z][hlgn]"
 """Band and instrument of a SEED code; the third letter is the direction."""
@@ -48,7 +56,7 @@ OFFSET = 0.005
 """Share of the peak from which on a mean is noted."""
 DRIFT = 0.25
 """Share of the greatest velocity from which on the velocity at the end is noted."""
-BASELINES = ("mean", "linear")
+BASELINES = ("none", "mean", "linear")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +75,8 @@ class Channel:
     """The earthquake."""
     notes: tuple[str, ...] = ()
     """Remarks to the user."""
+    source: str = ""
+    """The file, and the number of the channel where the file has several."""
 
     @property
     def peak(self) -> float:
@@ -78,8 +88,13 @@ class Channel:
         return replace(self, notes=(*self.notes, *notes))
 
 
-def checked(channel: Channel) -> Channel:
+def checked(channel: Channel, baseline: str | None = "none") -> Channel:
     """Return a channel whose numbers are those of a ground motion, with remarks on its baseline.
+
+    Args:
+        channel: of a file.
+        baseline: what is removed, one of `BASELINES`; None removes the mean of a channel that has a note of
+            `RAW`.
 
     Raises:
         UnreadableRecord: fewer than two samples, a step or a peak beyond the bounds, or a number that is not
@@ -100,10 +115,16 @@ def checked(channel: Channel) -> Channel:
     peak = channel.peak
     if peak == 0.0:
         return channel.noted("all samples are zero")
-    # An offset and a drift, in words that name the remedy.
+    if baseline is None:
+        baseline = "mean" if any(note in RAW for note in channel.notes) else "none"
+    # An offset and a drift, in words that name the remedy. The share is that of the peak as read.
     notes, mean = [], float(np.mean(a))
-    if abs(mean) > OFFSET * peak:
-        notes.append(f"offset: the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.1%} of the peak (`baseline`)")
+    size = f"the mean, {mean:.3g} m/s^2, {abs(mean) / peak:.1%} of the peak"
+    if baseline != "none":
+        channel = _without_baseline(channel, baseline, size)
+        a = channel.acceleration
+    elif abs(mean) > OFFSET * peak:
+        notes.append(f"offset: {size}, is left in it (baseline 'mean' removes it)")
     # Velocity from rest by trapezoids: what a block on the ground would follow.
     velocity = np.cumsum(0.5 * (a[1:] + a[:-1])) * dt
     end, greatest = float(velocity[-1]), float(np.max(np.abs(velocity)))
@@ -128,21 +149,21 @@ def scaled(channel: Channel, scale: float) -> Channel:
     """Return a channel with all samples multiplied by a number."""
     if scale == 1.0:
         return channel
-    return replace(channel, acceleration=scale * channel.acceleration).noted(
-        f"scale: multiplied by {scale:g}"
-    )
+    values = scale * channel.acceleration
+    return replace(channel, acceleration=values).noted(f"scale: all samples are multiplied by {scale:g}")
 
 
-def without_baseline(channel: Channel, baseline: str) -> Channel:
-    """Return the channel less its mean ("mean") or its straight line of least squares ("linear")."""
+def _without_baseline(channel: Channel, baseline: str, size: str) -> Channel:
+    """Return the channel less its mean ("mean", of a `size` in words) or its straight line of least squares
+    ("linear")."""
     a = channel.acceleration
     mean = float(np.mean(a))
     if baseline == "mean":
-        return replace(channel, acceleration=a - mean).noted(f"baseline: the mean, {mean:.3g} m/s^2, removed")
+        return replace(channel, acceleration=a - mean).noted(f"baseline: {size}, is removed")
     # Times from the middle: offset and slope are then independent of each other.
     t = (np.arange(a.size) - 0.5 * (a.size - 1)) * channel.dt
     slope = float(t @ a / (t @ t))
-    said = f"baseline: the mean, {mean:.3g} m/s^2, and a slope of {slope:.3g} m/s^3 removed"
+    said = f"baseline: {size}, and a slope of {slope:.3g} m/s^3 are removed"
     return replace(channel, acceleration=a - mean - slope * t).noted(said)
 
 

@@ -10,8 +10,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tpd.formats.channel import FACTORS, Channel, agree, agree_on_peak, agree_on_peak_time, chosen, unit_of
-from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, fortran, number
+from tpd.formats.channel import (
+    FACTORS,
+    UNCORRECTED,
+    Channel,
+    agree,
+    agree_on_peak,
+    agree_on_peak_time,
+    chosen,
+    unit_of,
+)
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, NoAcceleration, UnreadableRecord, fortran, number
 
 _FIRST = r"^\s*(corrected|uncorrected|raw)\s+(\w+).*\(format v\S+ with (\d{1,3}) text lines\)"
 _DATA = (
@@ -36,19 +45,19 @@ def read_cosmos(cursor: Cursor, unit: str | None) -> list[Channel]:
     Raises:
         UnreadableRecord: the file is damaged, contradicts itself, or holds counts of the instrument.
     """
-    channels: list[Channel] = []
+    blocks: list[Channel | str] = []
     while cursor.at == 0 or not cursor.only_blank_lines_follow():
-        channel = _block(cursor, unit)
-        if channel is not None:
-            channels.append(channel)
+        blocks.append(_block(cursor, unit))
     cursor.require_end()
+    channels = [block for block in blocks if isinstance(block, Channel)]
     if not channels:
-        raise UnreadableRecord("the file must hold an acceleration, but has velocities or displacements only")
+        others = " and ".join(dict.fromkeys(map(str, blocks)))
+        raise NoAcceleration(f"the file must hold an acceleration, but has {others} only", others)
     return channels
 
 
-def _block(cursor: Cursor, unit: str | None) -> Channel | None:
-    """The channel of a block, or None where it is a velocity or a displacement."""
+def _block(cursor: Cursor, unit: str | None) -> Channel | str:
+    """The channel of a block, or what else it holds."""
     text = cursor.header(_TEXT)
     first = text.match(1, _FIRST, "the quantity and the format")
     if int(first[3]) != _TEXT:
@@ -59,7 +68,7 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | None:
     quantity, own, values = _samples(cursor)
     # Velocities and displacements are read all the same: a file damaged there is refused.
     if not quantity.lower().startswith("accel"):
-        return None
+        return "velocity" if quantity.lower().startswith("veloc") else "displacement"
     if not _known(reals[_STEP]) or reals[_STEP] <= 0.0:
         raise UnreadableRecord(f"real number {_STEP + 1} must be the step in ms, but is {reals[_STEP]:g}")
     dt = float(reals[_STEP]) / 1000.0
@@ -82,7 +91,7 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | None:
     component = found[1] if found else ""
     station = re.search(r"Code:\s*(\S.*?)\s*$", text.lines[4], re.IGNORECASE)
     name = " ".join(station[1].split()) if station else ""
-    notes = () if first[1].lower() == "corrected" else ("uncorrected: an offset and a drift are left in it",)
+    notes = () if first[1].lower() == "corrected" else (UNCORRECTED,)
     event = re.sub(r"^r(?:ecord|crd) of\s+", "", " ".join(text.lines[1].split()), flags=re.IGNORECASE)
     factor = FACTORS[chosen(unit_of(own, cursor.at), unit)]
     return Channel(values * factor, dt, component, f"{name}/{component}".strip("/"), event, notes)

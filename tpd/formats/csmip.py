@@ -14,6 +14,7 @@ import numpy as np
 
 from tpd.formats.channel import (
     FACTORS,
+    UNCORRECTED,
     Channel,
     agree,
     agree_on_count,
@@ -106,8 +107,9 @@ def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
     agree_on_peak(values, Decimal.of(peak[2]), text.where(12), digit=data.digit)
     agree_on_peak_time(values, dt, Decimal.of(peak[4]), text.where(12))
     cursor.match(_END, "the end of the channel")
-    notes = ("uncorrected: an offset, a drift and the instrument's own response are left in it",)
-    return Channel(values * FACTORS[chosen(own, unit)], dt, component, f"{name}/{component}", event, notes)
+    return Channel(
+        values * FACTORS[chosen(own, unit)], dt, component, f"{name}/{component}", event, (UNCORRECTED,)
+    )
 
 
 def _described(cursor: Cursor) -> tuple[int, float, _Described]:

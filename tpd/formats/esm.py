@@ -9,6 +9,8 @@ import numpy as np
 
 from tpd.formats.channel import (
     FACTORS,
+    UNCORRECTED,
+    UNSTATED,
     Channel,
     agree,
     agree_on_count,
@@ -17,7 +19,7 @@ from tpd.formats.channel import (
     chosen,
     unit_of,
 )
-from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, shown
+from tpd.formats.text import NUMBER, Cursor, Decimal, NoAcceleration, UnreadableRecord, shown
 
 _KEYS = ("EVENT_NAME:", "SAMPLING_INTERVAL_S:", "NDATA:", "DATA_TYPE:", "STATION_CODE:")
 _EVENT = ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "EVENT_TIME_HHMMSS")
@@ -39,7 +41,10 @@ def read_esm(cursor: Cursor, unit: str | None) -> list[Channel]:
     head = _head(cursor)
     kind = _text(head, "DATA_TYPE")
     if kind.upper() != "ACCELERATION":
-        raise UnreadableRecord(f"DATA_TYPE must be ACCELERATION, but is {shown(kind)}")
+        wrong = f"DATA_TYPE must be ACCELERATION, but is {shown(kind)}"
+        if re.fullmatch(r"VELOCITY|DISPLACEMENT|.*SPECTR.*", kind, re.IGNORECASE):
+            raise NoAcceleration(wrong, kind.lower())
+        raise UnreadableRecord(wrong)
     stated = unit_of(_text(head, "UNITS"), head.get("UNITS", (0, ""))[0])
     count, step = _number(head, "NDATA"), _number(head, "SAMPLING_INTERVAL_S")
     if count is None or step is None or count.unit != 1.0:
@@ -66,8 +71,8 @@ def read_esm(cursor: Cursor, unit: str | None) -> list[Channel]:
     name = f"{_text(head, 'NETWORK')}.{_text(head, 'STATION_CODE')}/{component}"
     factor, baseline = FACTORS[chosen(stated, unit)], _text(head, "BASELINE_CORRECTION").upper()
     removed = "REMOVED" in baseline and "NOT" not in baseline
-    notes = () if removed else ("uncorrected: the baseline is not removed",)
-    return [Channel(values * factor, dt, component, name, event, notes)]
+    notes = () if removed else (UNCORRECTED if baseline else UNSTATED,)
+    return [Channel(values * factor, dt, component, name, event and f"{event} UTC", notes)]
 
 
 def _head(cursor: Cursor) -> dict[str, tuple[int, str]]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from tpd.formats.channel import (
     FACTORS,
+    UNCORRECTED,
     Channel,
     agree,
     agree_on_count,
@@ -75,7 +76,7 @@ def _block(cursor: Cursor, unit: str | None) -> Channel:
     if not corrected:
         raw = text.match(11, rf"in units of\s+({NUMBER})\s+(\S+)\s+at", "the unit of the samples")
         agree(float(raw[1]) * FACTORS[unit_of(raw[2], text.start + 11)], FACTORS[own], "the unit in m/s^2")
-    notes = () if corrected else ("uncorrected: an offset and a drift are left in it",)
+    notes = () if corrected else (UNCORRECTED,)
     name, event = " ".join(text.lines[1].split()[1:2]), " ".join(text.lines[7].split())
     factor = FACTORS[chosen(own, unit)]
     return Channel(values * factor, dt, component, f"{name}/{component}", event, notes)

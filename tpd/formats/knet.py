@@ -8,7 +8,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tpd.formats.channel import FACTORS, Channel, agree, agree_on_count, agree_on_peak, chosen, unit_of
+from tpd.formats.channel import (
+    BOREHOLE,
+    FACTORS,
+    UNCORRECTED,
+    Channel,
+    agree,
+    agree_on_count,
+    agree_on_peak,
+    chosen,
+    unit_of,
+)
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, number, shown
 
 _KEYS = (
@@ -83,11 +93,9 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     gal = (values - values.mean()) * (FACTORS[stated] / FACTORS["gal"])
     peak = Decimal.of(_stated(head, "Max. Acc. (gal)", rf"({NUMBER})")[1])
     agree_on_peak(np.abs(gal), peak, "Max. Acc. (gal)", digit=peak.unit)
-    notes = ("uncorrected: an offset of the instrument is left in it",)
-    if head["Dir."] in _BOREHOLE:
-        notes += ("instrument in a borehole, not at the surface",)
+    notes = (UNCORRECTED, BOREHOLE) if head["Dir."] in _BOREHOLE else (UNCORRECTED,)
     component = (_BOREHOLE | _SURFACE).get(head["Dir."], head["Dir."])
-    name, event = f"{head['Station Code']}/{component}", f"{head['Origin Time']} M{head['Mag.']}"
+    name, event = f"{head['Station Code']}/{component}", f"{head['Origin Time']} JST M{head['Mag.']}"
     return [Channel(values * FACTORS[chosen(stated, unit)], 1.0 / rate, component, name, event, notes)]
 
 
@@ -151,12 +159,18 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
         raise UnreadableRecord(f"line {first + int(wrong[0]) + 1} must be {dt:g} s after the line before")
     agree((len(values) - 1) * dt, float(values[-1, 0] - values[0, 0]), "the length in s", 0.011)
     event, station = _below(head, "OriginTime").split(","), _below(head, "Code").split(",")[0]
-    words, channels = f"{event[0]} M{event[-1]}" if len(event) > 1 else "", []
+    words, channels = f"{event[0]} JST M{event[-1]}" if len(event) > 1 else "", []
     for name, column in zip(names, values.T[1:], strict=True):
         component, _, own = name.rstrip(")").partition("(")
         factor = FACTORS[chosen(unit_of(own, cursor.at), unit)]
-        channels.append(Channel(column * factor, dt, component, f"{station}/{component}", words))
+        notes = (UNCORRECTED, BOREHOLE) if _is_deep(component, names) else (UNCORRECTED,)
+        channels.append(Channel(column * factor, dt, component, f"{station}/{component}", words, notes))
     return channels
+
+
+def _is_deep(component: str, names: Sequence[str]) -> bool:
+    """Whether a column is of the borehole: KiK-net numbers the instrument there by 1, and that above by 2."""
+    return component.endswith("1") and any(name.startswith(f"{component[:-1]}2") for name in names)
 
 
 def _below(head: Sequence[str], key: str) -> str:

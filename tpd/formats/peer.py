@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from tpd.formats.channel import FACTORS, Channel, agree_on_count, chosen, orientation, unit_of
-from tpd.formats.text import NUMBER, WHOLE, Cursor, UnreadableRecord, shown
+from tpd.formats.text import NUMBER, WHOLE, Cursor, NoAcceleration, UnreadableRecord, shown
 
 _QUANTITY = re.compile(r"(\w+)\s+TIME\s+(?:HISTORY|SERIES)(?:\s+IN\s+UNITS?\s+OF\s*(\S*))?", re.IGNORECASE)
 _COUNT_AND_STEP = re.compile(
@@ -51,8 +51,8 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
     cursor.require_end(whole=len(tokens) > 1 and len(tokens[-1]) == len(tokens[-2]))
     # The line above that of the unit is "event[, date], station, component".
     parts = [part.strip() for part in " ".join(head[line - 2].split() if line > 1 else []).split(",")]
-    # A date behind the name tells events of one name apart.
-    many = 2 if len(parts) > 2 and re.search(r"\d/\d", parts[1]) else 1
+    # A date behind the name tells events of one name apart, and a name may have commas: "Chi-Chi, Taiwan".
+    many = next((i for i, part in enumerate(parts[:-1], 1) if re.search(r"\d/\d", part)), 1)
     event, name = ", ".join(parts[:many]), ", ".join(parts[many:])
     # The direction is the last word of the title; a name such as UP may be followed by remarks in brackets.
     component = re.sub(r"\(.*?\)", "", name.rpartition(",")[2]).strip() if "," in name else ""
@@ -70,5 +70,8 @@ def _unit(head: Sequence[str]) -> tuple[int, str]:
         )
     line, quantity = found[0]
     if quantity[1].upper() != "ACCELERATION":
-        raise UnreadableRecord(f"line {line} must state an ACCELERATION, but is {shown(head[line - 1])}")
+        wrong = f"line {line} must state an ACCELERATION, but is {shown(head[line - 1])}"
+        if re.fullmatch(r"VELOCITY|DISPLACEMENT", quantity[1], re.IGNORECASE):
+            raise NoAcceleration(wrong, quantity[1].lower())
+        raise UnreadableRecord(wrong)
     return line, unit_of(quantity[2] or "", line)

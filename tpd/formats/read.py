@@ -12,6 +12,7 @@ import re
 import warnings
 import zlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from tpd.formats import cosmos, csmip, esm, geonet, knet, peer, smc
 from tpd.formats.channel import (
     BASELINES,
     FACTORS,
+    UNSTATED,
     Channel,
     checked,
     chosen,
@@ -30,10 +32,9 @@ from tpd.formats.channel import (
     of_file,
     orientation,
     scaled,
-    without_baseline,
 )
 from tpd.formats.table import ROWS, Options, read_table
-from tpd.formats.text import Cursor, UnreadableRecord
+from tpd.formats.text import Cursor, NoAcceleration, UnreadableRecord, shown
 
 _MOST = 200_000_000
 """Most bytes of a file, also when it is decompressed."""
@@ -41,17 +42,45 @@ _GZIP = b"\x1f\x8b"
 _BINARY = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f]")
 """Bytes that no text has; 0x1a ended and filled files of old systems."""
 
-_ARCHIVES = {
-    b"PK\x03\x04": "zip",
-    b"PK\x05\x06": "zip, and empty",
-    b"7z\xbc\xaf\x27\x1c": "7z",
-    b"Rar!\x1a\x07": "rar",
-    b"BZh": "bzip2",
-    b"\xfd7zXZ\x00": "xz",
-    b"\x28\xb5\x2f\xfd": "zstd",
-    b"\x1f\x9d": "compress",
-}
-"""First bytes of archives and of compressed files other than gzip."""
+_UNPACK = "unpack it first"
+_SHEET = "save the sheet as CSV"
+_TABLE = "save time in s and acceleration as a table of text, such as CSV"
+_MATLAB_4 = rb"[\x00-\x34]\x00{3}.{8}[\x00\x01]\x00{3}.\x00{3}[A-Za-z]\w*\x00"
+"""The old kind, which has no name in it: sizes, and the name of the first array."""
+_NO_TEXT = (
+    (rb"PK\x03\x04.*xl/(?:workbook|worksheets)", "an Excel workbook (.xlsx)", _SHEET),
+    (rb"PK\x03\x04.*opendocument\.spreadsheet", "a spreadsheet (.ods)", _SHEET),
+    (rb"PK\x03\x04.*\[Content_Types\]", "an Office document (.docx, .pptx)", _TABLE),
+    (rb"PK\x03\x04.*\.npy", "a NumPy archive (.npz)", _TABLE),
+    (rb"PK\x03\x04", "an archive or compressed (zip)", _UNPACK),
+    (rb"PK\x05\x06", "an archive or compressed (zip, and empty)", _UNPACK),
+    (rb"7z\xbc\xaf\x27\x1c", "an archive or compressed (7z)", _UNPACK),
+    (rb"Rar!\x1a\x07", "an archive or compressed (rar)", _UNPACK),
+    (rb"BZh", "an archive or compressed (bzip2)", _UNPACK),
+    (rb"\xfd7zXZ\x00", "an archive or compressed (xz)", _UNPACK),
+    (rb"\x28\xb5\x2f\xfd", "an archive or compressed (zstd)", _UNPACK),
+    (rb"\x1f\x9d", "an archive or compressed (compress)", _UNPACK),
+    (rb".{257}ustar", "an archive (tar)", _UNPACK),
+    (rb"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "an Excel workbook (.xls) or another old Office file", _SHEET),
+    (rb"MATLAB \d\.\d MAT-file|" + _MATLAB_4, "a MATLAB file (.mat)", _TABLE),
+    (rb"\x93NUMPY", "a NumPy array (.npy)", _TABLE),
+    (rb"\x89HDF\r\n\x1a\n", "an HDF5 file", _TABLE),
+    (rb"CDF[\x01\x02\x05]", "a NetCDF file", _TABLE),
+    (rb"\x80[\x02-\x05].*\.$", "a Python pickle", _TABLE),
+    (rb"PAR1.*PAR1$", "a Parquet file", _TABLE),
+    (rb"ARROW1\x00|FEA1.*FEA1$", "an Arrow or Feather file", _TABLE),
+    (rb"SQLite format 3\x00", "an SQLite database", _TABLE),
+    (rb"RDX[23]\n|[XA]\n\x00\x00\x00[\x02\x03]", "an R data file (.RData, .rds)", _TABLE),
+    (rb"%PDF-", "a PDF document", _TABLE),
+    (rb"\{\\rtf", "a document in rich text (.rtf)", _TABLE),
+    (rb"\x89PNG\r\n|\xff\xd8\xff|GIF8[79]a", "a picture", _TABLE),
+    (rb"(?i:(?:\xef\xbb\xbf)?\s*<(?:\?xml|!doctype|html))", "a page of HTML or XML", _TABLE),
+)
+"""Patterns at the beginning of files that are no plain text, what such a file is, and the remedy."""
+_START = 100_000
+"""Bytes of the beginning that are searched, and of the end: an archive of zip ends with its list of files."""
+_SPECTRA = re.compile(r"\s*(?:\d\s+)?(?:response|fourier)\b.*\bspectra\b", re.IGNORECASE)
+"""The first line of a file of spectra, which agencies put beside those of accelerations."""
 Reader = Callable[[Cursor, str | None], list[Channel]]
 _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
     (cosmos.is_cosmos, cosmos.read_cosmos),
@@ -80,7 +109,7 @@ def channels(
         given(unit)
     _check_options(columns, skip, scale)
     if baseline is not None and baseline not in BASELINES:
-        raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)} or None, but is {baseline!r}")
+        raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)}, but is {baseline!r}")
     number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
     if dt is not None and not (number and 0.0 < dt < float("inf")):
         raise ValueError(f"`dt` must be positive and finite, in s, but is {dt!r}")
@@ -89,16 +118,19 @@ def channels(
     file = Path(path)
     try:
         how = Options(dt, unit, columns, skip)
-        read = [checked(scaled(channel, scale)) for channel in _of_bytes(_content(file), how)]
+        read = [checked(scaled(channel, scale), baseline) for channel in _of_bytes(_content(file), how)]
         # The name of a file of several channels is that of none of them.
         named = of_file(file.name) if len(read) == 1 else None
         found = [directed(channel, named) for channel in read]
         for channel in found:
             if dt is not None and abs(dt - channel.dt) > 1e-6 * channel.dt:
                 raise UnreadableRecord(f"the file states a step of {channel.dt:g} s, but `dt` is {dt:g} s")
+    except NoAcceleration as error:
+        raise NoAcceleration(f"{file.name}: {error}", error.content) from None
     except UnreadableRecord as error:
         raise UnreadableRecord(f"{file.name}: {error.args[0]}", **error.options) from None
-    return found if baseline is None else [without_baseline(channel, baseline) for channel in found]
+    labels = [file.name if len(found) == 1 else f"{file.name}, channel {i}" for i in range(len(found))]
+    return [replace(channel, source=label) for channel, label in zip(found, labels, strict=True)]
 
 
 def _check_options(columns: Any, skip: Any, scale: Any) -> None:
@@ -188,13 +220,12 @@ def _from_utf_16(data: bytes) -> bytes:
 
 
 def _of_bytes(data: bytes, how: Options) -> list[Channel]:
-    # No format of text has control characters: damage of one byte is damage.
-    for mark, kind in _ARCHIVES.items():
-        if data.startswith(mark):
-            raise UnreadableRecord(f"the file is an archive or compressed ({kind}): unpack it first")
-    if data[257:262] == b"ustar":
-        raise UnreadableRecord("the file is an archive (tar): unpack it first")
+    ends = data if len(data) < 2 * _START else data[:_START] + data[-_START:]
+    for pattern, kind, remedy in _NO_TEXT:
+        if re.match(pattern, ends, re.DOTALL):
+            raise NoAcceleration(f"the file is {kind}: {remedy}", kind)
     data = _from_utf_16(data)
+    # No format of text has control characters: damage of one byte is damage.
     if _BINARY.search(data):
         return read_waveforms(data, how.unit)
     text = data.rstrip(b"\x1a")
@@ -212,6 +243,8 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
             "the format of RENADIC (Chile) is not read: save time in s and acceleration as two columns, with "
             "a header that states the unit"
         )
+    if _SPECTRA.match(cursor.peek()):
+        raise NoAcceleration(f"a motion is needed, but line 1 is {shown(cursor.peek())}", "response spectrum")
     # A reader that recognises a file keeps it, sound or not: a damaged one must not pass for a table.
     for known, reader in _FORMATS:
         if known(cursor.lines):
@@ -278,4 +311,4 @@ def _channel(trace: Any, unit: str | None) -> Channel:
     # SAC also states the angle of a component from the vertical.
     if orientation(component) is None and getattr(trace.stats, "sac", {}).get("cmpinc") in (0.0, 180.0):
         component = f"{component} up".strip()
-    return Channel(values * factor, float(trace.stats.delta), component, trace.id, event)
+    return Channel(values * factor, float(trace.stats.delta), component, trace.id, event, (UNSTATED,))

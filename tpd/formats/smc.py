@@ -7,11 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tpd.formats.channel import FACTORS, Channel, agree_on_peak, agree_on_peak_time, chosen
-from tpd.formats.text import Cursor, Decimal, UnreadableRecord, shown
+from tpd.formats.channel import FACTORS, UNCORRECTED, Channel, agree_on_peak, agree_on_peak_time, chosen
+from tpd.formats.text import Cursor, Decimal, NoAcceleration, UnreadableRecord, shown
 
 _KINDS = re.compile(r"^\s*(\d?)\s*(UN)?CORRECTED\s+ACCELEROGRAM", re.IGNORECASE)
 _OTHER = re.compile(r"^\s*\d\s+(VELOCITY|DISPLACEMENT|RESPONSE|FOURIER)", re.IGNORECASE)
+_CONTENTS = {"response": "response spectrum", "fourier": "Fourier spectrum"}
 _TEXT, _INTEGERS, _REALS = 11, 6, 10
 _UNKNOWN_INTEGER, _UNKNOWN_REAL = -32768, 1.0e38
 # Places in the two headers of numbers, from 0.
@@ -38,7 +39,10 @@ def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
     text = cursor.skip(_TEXT, "the end of the text header")
     kind = _KINDS.match(text[0])
     if kind is None:
-        raise UnreadableRecord(f"line 1 must be an accelerogram, corrected or not, but is {shown(text[0])}")
+        wrong = f"line 1 must be an accelerogram, corrected or not, but is {shown(text[0])}"
+        if other := _OTHER.match(text[0]):
+            raise NoAcceleration(wrong, _CONTENTS.get(other[1].lower(), other[1].lower()))
+        raise UnreadableRecord(wrong)
     if text[1].strip() != "*" or text[_TEXT - 1].strip() != "*":
         raise UnreadableRecord(f"lines 2 and {_TEXT} must be '*': the text header is damaged")
     integers = cursor.fixed(8 * _INTEGERS, 8, 10, "integers")
@@ -66,7 +70,7 @@ def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
     component, event = component or (named[1] if named else ""), " ".join(text[3].split())
     found = re.search(r"station\s*=\s*(.*?)\s*(?:component\s*=.*)?$", text[5], flags=re.IGNORECASE)
     station = " ".join(found[1].split()) if found else ""
-    notes = () if not kind[2] else ("uncorrected: an offset and a drift are left in it",)
+    notes = () if not kind[2] else (UNCORRECTED,)
     factor = FACTORS[chosen("cm/s2", unit)]
     return [Channel(values * factor, dt, component, f"{station}/{component}", event, notes)]
 

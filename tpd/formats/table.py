@@ -27,7 +27,7 @@ from tpd.formats.channel import (
     is_component,
     plain,
 )
-from tpd.formats.text import NUMBER, Cursor, Decimal, UnreadableRecord, number, shown
+from tpd.formats.text import NUMBER, Cursor, Decimal, NoAcceleration, UnreadableRecord, number, numbers, shown
 
 ROWS = "rows"
 """In place of names of columns: the samples follow one another, row by row."""
@@ -305,7 +305,8 @@ def _column(cell: str, *, first: bool) -> _Column:
         elif low != "in" or plain("".join(pieces[i + 1 : i + 2])) not in FACTORS:
             raise _Unknown(f"({word})" if bracketed else next(w for w in cell.split() if word in w))
     if "spectrum" in quantities:
-        raise UnreadableRecord(f"the column {shown(cell)} is of a response spectrum, not of a ground motion")
+        said = f"the column {shown(cell)} is of a response spectrum, not of a ground motion"
+        raise NoAcceleration(said, "response spectrum")
     # V beside accelerations is the vertical, but v in m/s is the velocity.
     quantities |= {_QUANTITIES[unit] for unit in units}
     quantity = next(iter(quantities), "acceleration")
@@ -339,7 +340,7 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
     accelerations = {i: column for i, column in columns.items() if column.quantity == "acceleration"}
     if not accelerations or len(times) > 1:
         held = ", ".join(column.quantity for column in columns.values())
-        raise UnreadableRecord(f"the table must hold one time and some accelerations, but holds {held}")
+        raise NoAcceleration(f"the table must hold one time and some accelerations, but holds {held}", held)
     others = [cell for i, cell in enumerate(header.cells) if i in {*columns} - {*accelerations, *times}]
     left = (f"left out of the table: {', '.join(others)}",) if others else ()
     found = []
@@ -347,11 +348,10 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
         units = [unit for unit in (column.unit, *header.stated["unit"]) if unit]
         if len({FACTORS[unit] for unit in units}) > 1:
             raise UnreadableRecord(f"the header states several units of acceleration: {', '.join(units)}")
-        read = ((line, cells if in_rows else cells[i : i + 1]) for line, cells in rows)
-        values = np.array([number(cell, line) for line, some in read for cell in some])
+        read = [(line, cell) for line, cells in rows for cell in (cells if in_rows else cells[i : i + 1])]
         name = column.component or ("" if len(accelerations) == 1 else f"column {i + 1}")
         factor = FACTORS[chosen(next(iter(units), None), how.unit)]
-        found.append(Channel(values * factor, step, name, name, notes=left))
+        found.append(Channel(numbers(read) * factor, step, name, name, notes=left))
     return found
 
 
@@ -382,7 +382,7 @@ def _step(times: Sequence[tuple[int, str]], unit: str | None, stated: float | No
 
     `unit` and `stated`, a step in s, are None where neither the header nor the user gives them.
     """
-    t = _TIMES[unit or "s"] * np.array([number(cell, line) for line, cell in times])
+    t = _TIMES[unit or "s"] * numbers(times)
     i = np.arange(1, len(t))
     if len(t) < 2:
         return 1.0 if stated is None else stated

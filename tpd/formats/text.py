@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d{1,3})?"
 WHOLE = r"\d{1,9}"
 """A count. Python refuses to convert thousands of digits."""
 _NUMBER = re.compile(NUMBER)
+_PLAIN = re.compile(r"[\d.eE+\- ]+")
 _LONGEST = 50
 """Most characters of a file in a message."""
 
@@ -34,6 +37,15 @@ class UnreadableRecord(ValueError):
     def __str__(self) -> str:
         said = ", ".join(f"{name}={value!r}" for name, value in self.options.items())
         return f"{self.args[0]}; options that read the file: {said}" if said else str(self.args[0])
+
+
+class NoAcceleration(UnreadableRecord):
+    """A file of something else than acceleration, which agencies put beside the files of acceleration."""
+
+    def __init__(self, message: str, content: str) -> None:
+        super().__init__(message)
+        self.content = content
+        """The content of the file, such as velocity, displacement, response spectrum."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +79,18 @@ def number(text: str, line: int) -> float:
     if not math.isfinite(value):
         raise UnreadableRecord(f"line {line} must hold numbers, but has {shown(text)}")
     return value
+
+
+def numbers(found: Sequence[tuple[int, str]]) -> np.ndarray:
+    """Return finite numbers, of which the lines and the texts are given."""
+    texts = [text for _, text in found]
+    # NumPy converts many texts at once, but would also take "nan" and others.
+    if _PLAIN.fullmatch(" ".join(texts)):
+        with contextlib.suppress(ValueError):
+            values = np.array(texts, dtype=float)
+            if np.isfinite(values).all():
+                return values
+    return np.array([number(text, line) for line, text in found])
 
 
 @dataclass(frozen=True)
@@ -131,9 +155,15 @@ class Cursor:
         """Return the next n lines."""
         return [self.next(what) for _ in range(n)]
 
+    @cached_property
+    def _end(self) -> int:
+        """Number of lines up to the last one that is not blank. It is found once, since readers ask at every
+        line whether blank lines follow."""
+        return max((i for i, line in enumerate(self.lines, 1) if line.strip()), default=0)
+
     def only_blank_lines_follow(self) -> bool:
         """Return whether nothing but blank lines is left."""
-        return not any(line.strip() for line in self.lines[self.at :])
+        return self.at >= self._end
 
     def require_end(self, *, whole: bool = False) -> None:
         """Raise `UnreadableRecord` unless the file ends here, with the end of a line: a number at the end of
@@ -166,7 +196,7 @@ class Cursor:
         Raises:
             UnreadableRecord: lines that are missing, longer or shorter, or hold something else.
         """
-        values: list[float] = []
+        values: list[tuple[int, str]] = []
         while len(values) < count:
             # Right-aligned columns of Fortran: a full line ends with the last digit of its last number,
             # so that a number that was cut, shifted or lost shows in the length.
@@ -176,16 +206,17 @@ class Cursor:
                 raise UnreadableRecord(
                     f"line {self.at} must hold {expected} {what} of {width} characters, but is {shown(line)}"
                 )
-            values += [number(line[i : i + width], self.at) for i in range(0, len(line), width)]
-        return np.array(values)
+            values += [(self.at, line[i : i + width].strip()) for i in range(0, len(line), width)]
+        return numbers(values)
 
     def free(self, what: str) -> np.ndarray:
-        """Return all numbers up to the end of the file, set apart by blanks."""
-        values: list[float] = []
+        """Return all numbers up to the end of the file, set apart by blanks or by their signs."""
+        values: list[tuple[int, str]] = []
         while not self.only_blank_lines_follow():
-            line = self.next(what)
-            values += [number(token, self.at) for token in line.split()]
-        return np.array(values)
+            # In columns of Fortran a negative number may touch the one before it.
+            line = re.sub(r"(?<=[\d.])(?=[+-])", " ", self.next(what))
+            values += [(self.at, token) for token in line.split()]
+        return numbers(values)
 
 
 def fortran(text: str, line: int) -> tuple[int, int, int]:

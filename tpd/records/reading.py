@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from tpd.formats.channel import UNKNOWN, VERTICAL
+import numpy as np
+
+from tpd.core.formatting import number
+from tpd.formats.channel import BOREHOLE, RAW, STANDARD_GRAVITY, UNKNOWN, VERTICAL
+from tpd.formats.text import NoAcceleration
 from tpd.records.sets import el_centro, fema_p695, loma_prieta
-from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.earthquakes import is_one
+from tpd.scene.ground_motion import GroundMotion, events_of
 from tpd.scene.record import Record
 
 BUILT_IN = {"el-centro": el_centro, "loma-prieta": loma_prieta}
@@ -19,6 +26,8 @@ SETS = {
     "fema-p695-near-field-pulse": "near-field-pulse",
     "fema-p695-near-field-no-pulse": "near-field-no-pulse",
 }
+_FEW = 3
+"""Most records that are described one by one."""
 _OTHER_MOTIONS = {"vt2": "velocity", "dt2": "displacement"}
 """Endings of files that PEER puts beside those of accelerations."""
 _NO_MOTIONS = (
@@ -48,51 +57,171 @@ def read_motions(
             f"`event` must have one name, or one for each of the {len(names)} of `records`, but has "
             f"{len(events)}"
         )
-    found: list[GroundMotion] = []
+    read: list[tuple[Any, str]] = []
     left: list[str] = []
     said: list[str] = []
     for i, name in enumerate(names):
         if name in SETS:
             try:
-                found += fema_p695(SETS[name])
+                read += [(record, "") for record in fema_p695(SETS[name])]
             except ImportError as error:
                 raise ValueError(str(error)) from None
         elif name in BUILT_IN:
-            found.append(BUILT_IN[name]())
+            read.append((BUILT_IN[name](), ""))
         else:
             path = Path(name)
             files, others = _files_of(path)
             left += others
-            assumed = 0
             event = path.resolve().name if path.is_dir() else ""
             event = event if events is None else events[i if len(events) > 1 else 0]
             for file in files:
-                every = channel is None
-                read = Record.read_all(file, **how) if every else [Record.read(file, channel=channel, **how)]
-                for j, record in enumerate(read):
-                    label = file.name if len(read) == 1 else f"{file.name}, channel {j}"
+                try:
+                    records = (
+                        Record.read_all(file, **how)
+                        if channel is None
+                        else [Record.read(file, channel=channel, **how)]
+                    )
+                except NoAcceleration as error:
+                    # A file that is named must be a motion; of a folder what is none is left out.
+                    if not path.is_dir():
+                        raise
+                    left.append(f"{file.name} ({error.content})")
+                    continue
+                for record in records:
                     vertical = VERTICAL in record.notes
                     if vertical and channel is None:
-                        left.append(f"{label} ({VERTICAL})")
+                        left.append(f"{record.source} ({VERTICAL})")
                         continue
                     if vertical:
-                        said.append(f"note: {label} is a {VERTICAL}, but shakes the block sideways here")
+                        said.append(
+                            f"note: {record.source} is a {VERTICAL}, but shakes the block sideways here"
+                        )
                     # The channels of one file are of one earthquake.
-                    named = record.event or event or (str(file) if len(read) > 1 else "")
-                    found.append(replace(record, event=named))
-                    assumed += path.is_dir() and events is None and not record.event
-            if assumed > 1:
-                said.append(
-                    f"note: {assumed} records of the folder {name} name no earthquake and are taken for one; "
-                    "if they are of several, give the files one by one, with their `event`"
-                )
+                    named = record.event or event or (str(file) if len(records) > 1 else "")
+                    assumed = path.is_dir() and events is None and not record.event
+                    read.append((replace(record, event=named), name if assumed else ""))
+    reasons = _repeated([record for record, _ in read])
+    left += [f"{record.source} ({why})" for (record, _), why in zip(read, reasons, strict=True) if why]
+    kept = [one for one, why in zip(read, reasons, strict=True) if not why]
+    for name, count in Counter(folder for _, folder in kept if folder).items():
+        if count > 1:
+            said.append(
+                f"note: {count} records of the folder {name} name no earthquake and are taken for one; "
+                "if they are of several, give the files one by one, with their `event`"
+            )
     if left:
         said.insert(0, f"left out: {'; '.join(left)}")
-    if not found:
-        vertical = any(VERTICAL in why for why in left)
-        hint = "; `channel` takes one that is vertical" if vertical else ""
-        raise ValueError(f"there is no horizontal record in {', '.join(names)}{hint}")
-    return found, said + _unknown(found)
+    if not kept:
+        hint = "; `channel` takes one that is vertical" if any(VERTICAL in why for why in left) else ""
+        others = f" ({said[0]})" if left else ""
+        raise ValueError(f"there is no horizontal record in {', '.join(names)}{others}{hint}")
+    found = [record for record, _ in kept]
+    return found, said + _unknown(found) + _grouped(found)
+
+
+class _Place(NamedTuple):
+    """Where a record comes from, as far as two versions of one channel agree on it."""
+
+    station: str
+    component: str
+    file: str
+    """Name of the file without its ending: agencies change the ending only, such as .V1 and .V2."""
+
+    @staticmethod
+    def of(record: Record) -> _Place:
+        # Files write names in capitals or not, with more blanks or fewer.
+        station, _, component = re.sub(r"[^\w/]|_", "", record.name.lower()).rpartition("/")
+        return _Place(station, component, re.sub(r"\.\w+(\.gz)?(, channel \d+)?$", "", record.source.lower()))
+
+
+def _repeated(records: Sequence[Record]) -> list[str]:
+    """Why each record is left out beside the others, in words; empty where it counts. One channel counts
+    once: agencies deliver it uncorrected and corrected, compressed and not, and in a borehole as well."""
+    seen: dict[Record, Record] = {}
+    places = [_Place.of(record) for record in records]
+    reasons = []
+    for record, place in zip(records, places, strict=True):
+        first = seen.setdefault(record, record)
+        pairs = zip(records, places, strict=True)
+        better = (why for other, its in pairs if (why := _better(record, other, place, its)))
+        reasons.append(f"the same as {first.source}" if first is not record else next(better, ""))
+    return reasons
+
+
+def _better(record: Record, other: Record, place: _Place, its: _Place) -> str:
+    """Why another record counts in place of a record, in words; empty where it does not."""
+    marks = {*RAW, BOREHOLE} & {*record.notes} - {*other.notes}
+    if not marks or (record.event and other.event and not is_one(record.event, other.event)):
+        return ""
+    if BOREHOLE in marks and place.station and place.station == its.station:
+        return f"{BOREHOLE}, beside {other.source}"
+    is_raw = bool(marks & {*RAW}) and not {*RAW} & {*other.notes}
+    is_one_channel = place.component == its.component and (
+        place.station == its.station or place.file == its.file
+    )
+    return f"uncorrected, beside the corrected {other.source}" if is_raw and is_one_channel else ""
+
+
+def _grouped(found: Sequence[GroundMotion]) -> list[str]:
+    """A sentence on the records whose earthquakes are written differently and are taken for one."""
+    texts: dict[str, dict[str, None]] = {}
+    for record, name in zip(found, events_of(found), strict=True):
+        texts.setdefault(name, {})[getattr(record, "event", "") or "an earthquake without a name"] = None
+    one = "; ".join(" = ".join(events) for events in texts.values() if len(events) > 1)
+    return [f"note: taken for one earthquake by dates, names or samples: {one}"] if one else []
+
+
+def facts(motion: Record) -> dict[str, Any]:
+    """Numbers and words of a record, for tables and JSON; its PGA is that of the file, without the scale."""
+    a = np.asarray(motion.acceleration)
+    return {
+        "source": motion.source,
+        "name": motion.name,
+        "earthquake": motion.event,
+        "samples": len(a),
+        "step_s": float(motion.dt),
+        "duration_s": float(motion.duration),
+        "pga_g": float(np.max(np.abs(a))) / STANDARD_GRAVITY,
+        "scale": float(motion.scale),
+        "notes": list(motion.notes),
+    }
+
+
+def summary(motions: Sequence[GroundMotion], notes: Sequence[str]) -> dict[str, Any]:
+    """Facts of all records, and the notes on them, for JSON."""
+    return {"records": [facts(m) for m in motions if isinstance(m, Record)], "notes": list(notes)}
+
+
+def described(motions: Sequence[GroundMotion]) -> list[str]:
+    """Lines for a terminal on the records that were read: one for each of a few, or one for all."""
+    read = [facts(motion) for motion in motions if isinstance(motion, Record)]
+    if len(read) > _FEW:
+        digits = {"samples": 9, "step_s": 3, "duration_s": 3, "pga_g": 3}
+        samples, step, duration, pga = (
+            _range([float(f[key]) for f in read], places) for key, places in digits.items()
+        )
+        kinds = Counter(note.partition(":")[0] for f in read for note in f["notes"])
+        notes = "; ".join(f"{kind} {count}" for kind, count in kinds.items())
+        quakes = len(set(events_of(motions)))
+        return [
+            f"records: {len(read)} of {quakes} earthquakes, {samples} samples of {step} s, "
+            f"{duration} s long, PGA {pga} g" + (f"; noted: {notes}" if notes else "")
+        ]
+    return [
+        "; ".join(
+            (
+                f"record: {f['source'] or f['name']}, {f['samples']} samples of {number(f['step_s'])} s, "
+                f"{number(f['duration_s'])} s long, PGA {number(f['pga_g'])} g",
+                *f["notes"],
+            )
+        )
+        for f in read
+    ]
+
+
+def _range(values: Sequence[float], digits: int) -> str:
+    low, high = (number(x, digits) for x in (min(values), max(values)))
+    return low if low == high else f"{low} to {high}"
 
 
 def _unknown(found: Sequence[Any]) -> list[str]:

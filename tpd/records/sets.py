@@ -31,7 +31,7 @@ def el_centro() -> Record:
     1560 points of 0.02 s. Recorded by the U.S. Coast and Geodetic Survey, tabulated in textbooks; public
     domain."""
     record = Record.read(_DATA / "elcentro_1940_ns.csv.gz")
-    return replace(record, name="El Centro/NS", event="Imperial Valley 1940")
+    return replace(record, name="El Centro/NS", event="Imperial Valley 1940", source="el-centro")
 
 
 def loma_prieta() -> Record:
@@ -39,7 +39,8 @@ def loma_prieta() -> Record:
     October 1989: 104.4 cm/s^2, 6001 points of 0.005 s. Recorded by the U.S. Geological Survey; public
     domain."""
     record = Record.read(_DATA / "loma_prieta_1989_0111a.smc.gz")
-    return replace(record, name="San Francisco 1295 Shafter/360", event="Loma Prieta 1989")
+    words = {"name": "San Francisco 1295 Shafter/360", "event": "Loma Prieta 1989", "source": "loma-prieta"}
+    return replace(record, **words)
 
 
 def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:

@@ -33,8 +33,10 @@ _USED = 0.95
 """Share of a limit that is used where it is said to hold the design."""
 
 
-def answer(design: Design, study: Study | None = None, directory: Path | None = None) -> str:
-    """The answer of `optimise` in at most 25 lines: verdict, pendulum, what it brings, what limits it.
+def answer(
+    design: Design, study: Study | None = None, directory: Path | None = None, most: int = MOST
+) -> str:
+    """The answer of `optimise` in at most `most` lines: verdict, pendulum, what it brings, what limits it.
 
     Block and motion are left out: the command says them before the search. Without a study what needs further
     runs is left out as well."""
@@ -54,7 +56,7 @@ def answer(design: Design, study: Study | None = None, directory: Path | None = 
         lines += _named(said, name)
     more = list(_more(design, directory))
     # A long list of reasons must not push away where the report lies.
-    room = MOST - sum(len(_named(said, name)) for name, said in more)
+    room = most - sum(len(_named(said, name)) for name, said in more)
     if len(lines) > room:
         lines = [*lines[: room - 1], " " * _NAME + "(more in the report)"]
     return "\n".join([*lines, *(line for name, said in more for line in _named(said, name))])

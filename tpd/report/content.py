@@ -91,6 +91,7 @@ def content(
     directory: Path | None = None,
     name: str = "",
     date: str = "",
+    said: Sequence[str] = (),
 ) -> Report:
     """Build the report of a design.
 
@@ -101,6 +102,7 @@ def content(
         directory: where the report lies, for the command that repeats the run.
         name: of the project, for the title.
         date: of the report, for the title.
+        said: notes of the reader on the files of the records.
     """
     found = notes(design, study)
     drawn = names(design, study)
@@ -113,7 +115,7 @@ def content(
     if isinstance(design, HarmonicDesign):
         parts |= sections.harmonic(design, study, there)
     elif isinstance(design, GroundDesign):
-        parts |= sections.ground(design, there)
+        parts |= sections.ground(design, there, said)
     front: list[Block] = [*there["front"], _front(study.front)] if study.front else []
     parts |= {
         "What a kilogramme pays": front,

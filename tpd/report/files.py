@@ -30,7 +30,12 @@ _ENGINES = ("MuJoCo", "Drake")
 
 
 def write(
-    directory: Path, design: Design, study: Study, job_tables: dict[str, Any], job_toml: str
+    directory: Path,
+    design: Design,
+    study: Study,
+    job_tables: dict[str, Any],
+    job_toml: str,
+    said: Sequence[str] = (),
 ) -> list[Path]:
     """Write the whole report; each file appears complete or not at all. Returns the files.
 
@@ -40,11 +45,17 @@ def write(
         study: everything else that is shown, from `tpd.design.study.study`.
         job_tables: the job as plain tables, for design.json; empty where no job file says what was asked.
         job_toml: the job as a file that repeats the run, for scene.toml; empty where there is none.
+        said: notes of the reader on the files of the records.
     """
-    named = {"name": job_tables.get("project", {}).get("name", ""), "date": files.today()}
+    named: dict[str, Any] = {
+        "said": said,
+        "name": job_tables.get("project", {}).get("name", ""),
+        "date": files.today(),
+    }
     report = content(design, study, job_toml, directory if job_toml else None, **named)
     written = [
-        files.place(directory / name, inside) for name, inside in _words(design, study, job_tables, job_toml)
+        files.place(directory / name, inside)
+        for name, inside in _words(design, study, job_tables, job_toml, said)
     ]
     written.insert(0, files.place(directory / "report.txt", text(report)))
     # Numbers are safe on disk before the pictures, which take longest, are drawn.
@@ -75,10 +86,10 @@ def save(
 
 
 def _words(
-    design: Design, study: Study, job_tables: dict[str, Any], job_toml: str
+    design: Design, study: Study, job_tables: dict[str, Any], job_toml: str, said: Sequence[str]
 ) -> Iterator[tuple[str, str]]:
     """Names and contents of the files of numbers."""
-    yield "design.json", as_json(design, study, job_tables)
+    yield "design.json", as_json(design, study, job_tables, said)
     if job_toml:
         yield "scene.toml", job_toml
     if study.responses:

@@ -6,6 +6,7 @@ All designs have the same keys; what only harmonics, or only ground motions, hav
 from __future__ import annotations
 
 import enum
+from collections.abc import Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
@@ -23,6 +24,7 @@ from tpd.design.result import Design, HarmonicDesign
 from tpd.design.study import Study
 from tpd.design.survey import Survey
 from tpd.design.verified import Reason
+from tpd.records.reading import summary
 from tpd.report.answer import verdict
 from tpd.report.notes import notes
 from tpd.scene.conditions import Conditions
@@ -32,7 +34,7 @@ _SINGLE = ("runs", "fits", "ends")
 """Fields of a group of motions that are runs by the hundred, or follow from the others."""
 
 
-def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
+def as_json(design: Design, study: Study, job_tables: dict[str, Any], said: Sequence[str] = ()) -> str:
     """The design as sorted JSON; infinite and unknown numbers are the words "infinite" and "nan"."""
     hung, gravity = design.pendulum, float(design.scene.gravity)
     entries = {
@@ -49,7 +51,7 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any]) -> str:
         "limits": {limit.name: _limit(limit) for limit in design.limits},
         "job": job_tables,
         "versions": files.versions(),
-        "details": _harmonic(design, study) if isinstance(design, HarmonicDesign) else _ground(design),
+        "details": _harmonic(design, study) if isinstance(design, HarmonicDesign) else _ground(design, said),
     }
     return files.as_json(plain(entries))
 
@@ -69,7 +71,7 @@ def _harmonic(design: HarmonicDesign, study: Study) -> dict[str, Any]:
     }
 
 
-def _ground(design: Any) -> dict[str, Any]:
+def _ground(design: Any, said: Sequence[str]) -> dict[str, Any]:
     assert isinstance(design, GroundDesign)
     named = ("mu", "lam", "zeta")
     return {
@@ -77,6 +79,7 @@ def _ground(design: Any) -> dict[str, Any]:
         "best": None if design.best is None else dict(zip(named, design.best, strict=True)),
         "value": {"best": design.value, "trend": design.trend, "bare": design.bare},
         "groups": design.judged,
+        "reading": summary([m for g in design.groups for m in g.motions], said),
         "usage": {} if design.usage is None else dict(zip(design.names, design.usage, strict=True)),
         "searched": None if design.searched is None else design.searched._asdict(),
         "block": design.scene.block,

@@ -20,9 +20,11 @@ from tpd.design.result import DesignStatus, HarmonicDesign
 from tpd.design.study import Study
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Bare, ReasonKind, Step, Verified
+from tpd.records.reading import facts
 from tpd.report import words
-from tpd.report.blocks import Block, Cell, Table, Text
+from tpd.report.blocks import Block, Cell, Listing, Table, Text
 from tpd.report.notes import unknown
+from tpd.scene.record import Record
 
 _ROWS, _MOST = 40, 8
 """Most conditions in a table, evenly over all of them, and most rows of what limits relax."""
@@ -291,12 +293,28 @@ def _refused(design: HarmonicDesign) -> list[Block]:
     return [Table(("from", "μ", "λ", "ζ", "value", "reasons"), rows, caption)] if rows else []
 
 
-def ground(design: GroundDesign, figures: Mapping[str, Sequence[Block]]) -> dict[str, list[Block]]:
+def ground(
+    design: GroundDesign, figures: Mapping[str, Sequence[Block]], said: Sequence[str]
+) -> dict[str, list[Block]]:
     """Blocks by the titles of their sections, in the order of a report; empty ones are left out later."""
     return {
         "Over the runs": _judged(design, figures["groups"]),
         "Where it was searched": _surface(design, figures["search"]),
+        "Records": _records(design, said),
     }
+
+
+def _records(design: GroundDesign, said: Sequence[str]) -> list[Block]:
+    """Table of the records of each group, and the notes on their files."""
+    rows: list[tuple[Cell, ...]] = []
+    for group in design.groups:
+        for f in (facts(m) for m in group.motions if isinstance(m, Record)):
+            sizes = f["samples"], f["step_s"], f["duration_s"], f["pga_g"]
+            noted = "; ".join(f["notes"]) or None
+            rows.append((group.name, f["source"] or f["name"], f["earthquake"], *sizes, noted))
+    head = ("group", "file", "earthquake", "samples", "step (s)", "length (s)", "PGA (g)", "noted")
+    table = [Table(head, tuple(rows), "PGA as read, before any scale.")] if rows else []
+    return [*table, *([Listing(tuple(said))] if said else [])]
 
 
 def _judged(design: GroundDesign, figure: Sequence[Block]) -> list[Block]:

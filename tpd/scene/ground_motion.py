@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -12,6 +13,7 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.formats.channel import STANDARD_GRAVITY
+from tpd.scene.earthquakes import is_one
 from tpd.scene.parameters import Real, pytree
 
 LONGEST_FREE = 1e5
@@ -79,13 +81,16 @@ class GroundMotion:
 
 
 def events_of(motions: Sequence[GroundMotion]) -> list[str]:
-    """Earthquake of every motion; a motion without one has its own, and copies of one motion have one."""
-    names = [getattr(m, "event", "") or f"motion {i + 1}" for i, m in enumerate(motions)]
-    for i, motion in enumerate(motions):
-        # A copy may carry another name: then both names are of one earthquake.
-        first = next((j for j in range(i) if are_copies(motions[j], motion)), i)
-        if names[first] != names[i]:
-            names = [names[first] if name == names[i] else name for name in names]
+    """Earthquake of every motion. A motion without one has its own; copies of one motion, and motions whose
+    files write one earthquake differently, have the name of the first."""
+    events = [getattr(m, "event", "") for m in motions]
+    names = [event or f"motion {i + 1}" for i, event in enumerate(events)]
+    for j, i in itertools.combinations(range(len(events)), 2):
+        named = bool(events[i] and events[j])
+        if names[i] != names[j] and (
+            (named and is_one(events[i], events[j])) or are_copies(motions[i], motions[j])
+        ):
+            names = [names[j] if name == names[i] else name for name in names]
     return names
 
 

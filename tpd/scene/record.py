@@ -32,7 +32,7 @@ class Record(GroundMotion):
     """Horizontal base acceleration at equal steps: linear between samples, zero before the first and after
     the last. Leaves of the pytree are the acceleration, the step and the scale; the words are static.
 
-    Two records are equal if all their fields are.
+    Two records are equal if all their fields but `source` are.
 
     Raises:
         ValueError: fewer than two samples, a number that is not finite, a step that is not positive, or a
@@ -51,6 +51,8 @@ class Record(GroundMotion):
     """The earthquake: records of one earthquake have the same."""
     notes: tuple[str, ...] = field(default=(), kw_only=True)
     """Remarks of the reader, such as that the record is uncorrected."""
+    source: str = field(default="", kw_only=True, compare=False)
+    """The file that the record was read from, and the number of the channel where the file has several."""
 
     def __post_init__(self) -> None:
         for name in ("dt", "scale"):
@@ -58,7 +60,7 @@ class Record(GroundMotion):
         object.__setattr__(self, "acceleration", _samples(self.acceleration))
         checks.within("dt", self.dt, *STEPS, " s")
         checks.within("scale", self.scale, -np.inf, np.inf)
-        for name in ("name", "event"):
+        for name in ("name", "event", "source"):
             checks.instance(name, getattr(self, name), str)
         if not (isinstance(self.notes, tuple) and all(isinstance(note, str) for note in self.notes)):
             raise ValueError(f"`notes` must be a tuple of strings, but is {checks.shown(self.notes)}")
@@ -72,7 +74,7 @@ class Record(GroundMotion):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Record):
             return NotImplemented
-        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self) if f.compare)
         return all(np.array_equal(mine, theirs) for mine, theirs in pairs)
 
     def __hash__(self) -> int:
@@ -143,7 +145,9 @@ class Record(GroundMotion):
             path: of the file.
             channel: number of the channel, from 0 in the order of the file. A file of one channel needs none.
             dt: step in s of a table that has accelerations only.
-            baseline: "mean" removes the mean, "linear" the straight line of least squares, None nothing.
+            baseline: "mean" removes the mean, "linear" the straight line of least squares, "none" nothing.
+                Default: the mean, where the file states that the record is not corrected, or its format holds
+                records as they are recorded. A table of text is read as it is.
             unit: of the acceleration, such as "g", "m/s2", "cm/s2" or "gal", of a file that states none.
             columns: numbers of the columns of a table, from 1, by their names, such as
                 `{"time (ms)": 1, "N": 2, "E (gal)": 3}`; columns without a name are left out. "rows" if the
@@ -182,7 +186,7 @@ class Record(GroundMotion):
 
 def _of(channel: Channel) -> Record:
     """The record of a channel of a file."""
-    words = {"name": channel.name, "event": channel.event, "notes": channel.notes}
+    words = {name: getattr(channel, name) for name in ("name", "event", "notes", "source")}
     return Record(channel.acceleration, channel.dt, **words)
 
 

@@ -19,7 +19,7 @@ from tpd.answers.statistics import Interval, Lognormal, change, fall, fit_lognor
 from tpd.core import checks
 from tpd.design.ground.objective import GroundObjective, Runs
 from tpd.scene.conditions import Conditions
-from tpd.scene.ground_motion import GroundMotion, are_copies, events_of
+from tpd.scene.ground_motion import GroundMotion, events_of
 from tpd.scene.scene import Block
 
 HELD_OUT = 0.5
@@ -73,9 +73,9 @@ def grouped(
     checks.within("held_out", held_out, 0.0, 0.9)
     names = events_of(motions)
     events = np.random.default_rng([seed, 9]).permutation(np.unique(names))
-    # Whole earthquakes, one after the other, until there are enough.
+    # Whole earthquakes, one after the other, until there are enough; one of several remains.
     out: set[str] = set()
-    for event in events:
+    for event in events[: max(1, len(events) - 1)]:
         if sum(name in out for name in names) >= held_out * len(names):
             break
         out.add(str(event))
@@ -96,16 +96,16 @@ def _others(
     motions: Sequence[GroundMotion], held_out: Mapping[str, Sequence[GroundMotion]]
 ) -> tuple[Group, ...]:
     # An earthquake that the search has seen is no test.
-    used = {getattr(m, "event", "") for m in motions} - {""}
     others = {}
     for name, listed in held_out.items():
         for i, motion in enumerate(listed):
             checks.instance(f"held_out[{name!r}][{i}]", motion, GroundMotion)
         # A motion without a name of its earthquake may be any: it stays.
+        events = events_of([*motions, *listed])
         left = tuple(
             m
-            for m in listed
-            if getattr(m, "event", "") not in used and not any(are_copies(m, other) for other in motions)
+            for m, event in zip(listed, events[len(motions) :], strict=True)
+            if event not in events[: len(motions)]
         )
         if not left:
             raise ValueError(
