@@ -62,7 +62,7 @@ def test_directions(tmp_path):
 @pytest.mark.mends("negative numbers that touch the one before them were unread")
 def test_negative_numbers_may_touch_the_one_before(tmp_path):
     values = [0.1, -0.2, 0.3, -0.4, -0.25, 0.15]
-    for form in ("{:12.7E}", "{:9.6f}", "{:8.5f}"):
+    for form in ("{: .7E}", "{: .6f}", "{: .5f}"):
         digits = "".join(form.format(x) for x in values)
         assert re.search(r"\d-", digits.replace("E-", ""))
         text = f"PEER\nX, A, 000\nACCELERATION TIME SERIES IN UNITS OF G\nNPTS= 6, DT= .01 SEC\n{digits}\n"
