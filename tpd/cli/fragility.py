@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,6 @@ from tpd.cli import common
 from tpd.cli.interrupts import SOUND
 from tpd.core import files
 from tpd.core.progress import Bar
-from tpd.plot import style
 from tpd.scene.scene import Pendulum, Scene
 
 
@@ -40,11 +40,12 @@ def run(options: argparse.Namespace) -> int:
             progress=lambda done, total: bar("following motions", done, total),
         )
     print(found)
-    common.write(options.out, _files(scene, hung, found))
+    pictures = {f"fragility_{name}.png": partial(found.plot, name) for name in found.bare}
+    common.write(options.out, _tables(scene, hung, found), pictures)
     return SOUND
 
 
-def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tuple[str, str | bytes]]:
+def _tables(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tuple[str, str]]:
     yield "fragility.csv", files.as_table(found.columns())
     content = {
         **common.inputs(scene, hung),
@@ -58,8 +59,6 @@ def _files(scene: Scene, hung: Pendulum | None, found: Fragility) -> Iterator[tu
         "undecided_by_nonlinear_equations": None if found.unanswered is None else list(found.unanswered),
     }
     yield "fragility.json", files.as_json(content)
-    for name in found.bare:
-        yield f"fragility_{name}.png", style.png(found.plot(name).figure)
 
 
 def _fits(found: Fragility, name: str) -> dict[str, Any]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +16,6 @@ from tpd.cli.common import BARE
 from tpd.cli.interrupts import SOUND
 from tpd.core import checks, files
 from tpd.core.progress import Bar
-from tpd.plot import style
-from tpd.plot.response import plot_branches, plot_response
 from tpd.report.files import response_csv
 from tpd.scene.scene import Scene
 
@@ -50,13 +50,13 @@ def run(options: argparse.Namespace) -> int:
         print(f"from rest, of {tried} frequencies within 5 % of {own:.4g}, overturned: {lost}")
     else:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest N says")
-    written = _files(cases, {"response.png": settled, "response_near.png": near}, own)
     content = {
         **common.inputs(scene, hung),
         "bifurcations": {label: [asdict(b) for b in case.bifurcations] for label, case in cases.items()},
         "over": name,
     }
-    common.write(options.out, (("response.json", files.as_json(content)), *written))
+    tables = ("response.json", files.as_json(content)), *_tables(cases, tuple(settled.values()))
+    common.write(options.out, tables, _pictures(cases, {"response": settled, "response_near": near}, own))
     return SOUND
 
 
@@ -79,22 +79,29 @@ def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float
     return name, low, high
 
 
-def _files(
-    cases: Mapping[str, Branches], settled: Mapping[str, Mapping[str, Response]], own: float
-) -> Iterator[tuple[str, str | bytes]]:
-    """Tables and pictures; `settled` are the motions from rest by the names of their pictures."""
+def _tables(cases: Mapping[str, Branches], settled: tuple[Response, ...]) -> Iterator[tuple[str, str]]:
     sizes = "status", "amplitude_rad", "stroke_rad", "phase_rad", "multiplier"
     header = ("case", "branch", cases[BARE].name, *sizes)
     rows = (row for label, case in cases.items() for row in _rows(label, case))
     yield "branches.csv", files.as_csv(header, rows)
-    yield "branches.png", style.png(plot_branches(cases)[0].figure)
+    if settled:
+        yield "response.csv", response_csv(settled)
+
+
+def _pictures(
+    cases: Mapping[str, Branches], settled: Mapping[str, Mapping[str, Response]], own: float
+) -> dict[str, Callable[[], Any]]:
+    """Functions that draw; `settled` are the motions from rest by the names of their pictures."""
+
+    def draw(responses: tuple[Response, ...] | None = None) -> Any:
+        from tpd.plot.response import plot_branches, plot_response
+
+        return plot_branches(cases) if responses is None else plot_response(responses, own)
+
     # Over the whole range the marks next to the own frequency hide each other.
-    for name, responses in settled.items():
-        shown = tuple(responses.values())
-        if name == "response.png" and shown:
-            yield "response.csv", response_csv(shown)
-        if shown and len(shown[0].frequency):
-            yield name, style.png(plot_response(shown, own)[0].figure)
+    shown = {name: tuple(responses.values()) for name, responses in settled.items()}
+    near = {f"{name}.png": partial(draw, r) for name, r in shown.items() if r and len(r[0].frequency)}
+    return {"branches.png": draw, **near}
 
 
 def _rows(label: str, case: Branches) -> Iterator[tuple]:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.attractors import StartKind
+from tpd.core.files import path_of
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Room, limit_of
 from tpd.design.ground.judgement import SCATTERED, Role
 from tpd.design.job import Job, job_of
@@ -41,7 +42,8 @@ def read_design(path: str | Path) -> StoredDesign:
     Raises:
         ValueError: as `tpd.Design.read`.
     """
-    file = Path(path) / "design.json" if Path(path).is_dir() else Path(path)
+    place = path_of(path)
+    file = place / "design.json" if place.is_dir() else place
     try:
         content = json.loads(file.read_bytes())
     except OSError as error:

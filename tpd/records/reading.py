@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tpd.core.files import path_of, readable
 from tpd.formats.channel import UNKNOWN, VERTICAL
 from tpd.records.sets import el_centro, fema_p695, loma_prieta
 from tpd.scene.ground_motion import GroundMotion
@@ -60,11 +61,11 @@ def read_motions(
         elif name in BUILT_IN:
             found.append(BUILT_IN[name]())
         else:
-            path = Path(name)
+            path = path_of(name)
             files, others = _files_of(path)
             left += others
             assumed = 0
-            event = path.resolve().name if path.is_dir() else ""
+            event = readable(path.resolve().name) if path.is_dir() else ""
             event = event if events is None else events[i if len(events) > 1 else 0]
             for file in files:
                 every = channel is None

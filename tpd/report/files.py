@@ -6,7 +6,8 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,14 @@ _ENGINES = ("MuJoCo", "Drake")
 
 
 def write(
-    directory: Path, design: Design, study: Study, job_tables: dict[str, Any], job_toml: str
+    directory: Path,
+    design: Design,
+    study: Study,
+    job_tables: dict[str, Any],
+    job_toml: str,
+    *,
+    then: Callable[[], None] = lambda: None,
+    warn: Callable[[str], None] = warnings.warn,
 ) -> list[Path]:
     """Write the whole report; each file appears complete or not at all. Returns the files.
 
@@ -40,6 +48,8 @@ def write(
         study: everything else that is shown, from `tpd.design.study.study`.
         job_tables: the job as plain tables, for design.json; empty where no job file says what was asked.
         job_toml: the job as a file that repeats the run, for scene.toml; empty where there is none.
+        then: called when the numbers are written, before the first picture is drawn.
+        warn: called with a sentence for each picture that cannot be drawn.
     """
     named = {"name": job_tables.get("project", {}).get("name", ""), "date": files.today()}
     report = content(design, study, job_toml, directory if job_toml else None, **named)
@@ -47,11 +57,15 @@ def write(
         files.place(directory / name, inside) for name, inside in _words(design, study, job_tables, job_toml)
     ]
     written.insert(0, files.place(directory / "report.txt", text(report)))
-    # Numbers are safe on disk before the pictures, which take longest, are drawn.
+    # Numbers are safe on disk, and said, before the pictures, which take longest, are drawn.
+    then()
     drawn = {}
     for name in names(design, study):
-        drawn[name] = draw(name, design, study)
-        written.append(files.place(directory / name, drawn[name]))
+        if isinstance(found := files.drawn(name, partial(draw, name, design, study)), str):
+            warn(found)
+        else:
+            drawn[name] = found
+            written.append(files.place(directory / name, found))
     if design.status is not DesignStatus.interrupted:
         # Last, so that a page stands for a whole report.
         written.append(files.place(directory / "report.html", html(report, drawn)))

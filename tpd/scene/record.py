@@ -14,6 +14,7 @@ import jax
 import numpy as np
 
 from tpd.core import checks
+from tpd.core.files import path_of
 from tpd.formats.channel import GREATEST_PEAK
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Real, pytree
@@ -146,7 +147,7 @@ class Record(GroundMotion):
         """
         from tpd.formats.read import one_channel
 
-        return _of(one_channel(path, channel=channel, dt=dt, baseline=baseline, unit=unit))
+        return _of(one_channel(path_of(path), channel=channel, dt=dt, baseline=baseline, unit=unit))
 
     @staticmethod
     def read_all(
@@ -160,7 +161,7 @@ class Record(GroundMotion):
         those of `read`."""
         from tpd.formats.read import channels
 
-        return [_of(c) for c in channels(path, dt=dt, baseline=baseline, unit=unit)]
+        return [_of(c) for c in channels(path_of(path), dt=dt, baseline=baseline, unit=unit)]
 
 
 def _of(channel: Channel) -> Record:
