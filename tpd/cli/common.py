@@ -7,7 +7,6 @@ import contextlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -194,17 +193,15 @@ def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, C
     for name, table in list(tables):
         progress.say(f"written: {files.place(out / name, table)}", sys.stdout)
     for name, draw in pictures.items():
-        if isinstance(found := files.drawn(name, partial(_picture, draw)), str):
-            progress.say(f"tpd: {found}")
+        try:
+            # Numbers do not wait for Matplotlib, which refuses some settings when it is imported.
+            from tpd.plot.style import own_style, png
+
+            with own_style():
+                found = draw()
+                content = found if isinstance(found, bytes) else png(np.ravel(found)[0].figure)
+        # Matplotlib raises errors of every kind.
+        except Exception as error:
+            progress.say(f"tpd: {files.not_drawn(name, error)}")
         else:
-            progress.say(f"written: {files.place(out / name, found)}", sys.stdout)
-
-
-def _picture(draw: Callable[[], Any]) -> bytes:
-    """Content of a picture."""
-    # Numbers do not wait for Matplotlib, which refuses some settings when it is imported.
-    from tpd.plot.style import own_style, png
-
-    with own_style():
-        found = draw()
-        return found if isinstance(found, bytes) else png(np.ravel(found)[0].figure)
+            progress.say(f"written: {files.place(out / name, content)}", sys.stdout)

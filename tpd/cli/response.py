@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
 from typing import Any
@@ -42,11 +42,11 @@ def run(options: argparse.Namespace) -> int:
                 for label, pendulum in hangings.items()
             }
     near = {label: r.between(0.95 * own, 1.05 * own) for label, r in settled.items()}
+    tried = len(near[BARE].frequency) if near else 0
     print("\n".join(f"{label}: {case}" for label, case in cases.items()))
     if settled:
         # A single motion from rest says little: near ones are counted.
         lost = ", ".join(f"{(r.status == 'overturned').sum()} {label}" for label, r in near.items())
-        tried = len(near[BARE].frequency)
         print(f"from rest, of {tried} frequencies within 5 % of {own:.4g}, overturned: {lost}")
     else:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest N says")
@@ -55,8 +55,26 @@ def run(options: argparse.Namespace) -> int:
         "bifurcations": {label: [asdict(b) for b in case.bifurcations] for label, case in cases.items()},
         "over": name,
     }
-    tables = ("response.json", files.as_json(content)), *_tables(cases, tuple(settled.values()))
-    common.write(options.out, tables, _pictures(cases, {"response": settled, "response_near": near}, own))
+    sizes = "status", "amplitude_rad", "stroke_rad", "phase_rad", "multiplier"
+    rows = (row for label, case in cases.items() for row in _rows(label, case))
+    tables = [
+        ("response.json", files.as_json(content)),
+        ("branches.csv", files.as_csv(("case", "branch", name, *sizes), rows)),
+    ]
+
+    def draw(responses: dict[str, Response] | None = None) -> Any:
+        from tpd.plot.response import plot_branches, plot_response
+
+        return plot_branches(cases) if responses is None else plot_response(tuple(responses.values()), own)
+
+    pictures = {"branches.png": draw}
+    if settled:
+        tables.append(("response.csv", response_csv(tuple(settled.values()))))
+        pictures["response.png"] = partial(draw, settled)
+        # Over the whole range the marks next to the own frequency hide each other.
+        if tried:
+            pictures["response_near.png"] = partial(draw, near)
+    common.write(options.out, tables, pictures)
     return SOUND
 
 
@@ -77,31 +95,6 @@ def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float
         raise ValueError(f"`--from` must be below `--to`, but they are {low:g} and {high:g}")
     checks.within("--points", options.points, 8.0, 100_000.0)
     return name, low, high
-
-
-def _tables(cases: Mapping[str, Branches], settled: tuple[Response, ...]) -> Iterator[tuple[str, str]]:
-    sizes = "status", "amplitude_rad", "stroke_rad", "phase_rad", "multiplier"
-    header = ("case", "branch", cases[BARE].name, *sizes)
-    rows = (row for label, case in cases.items() for row in _rows(label, case))
-    yield "branches.csv", files.as_csv(header, rows)
-    if settled:
-        yield "response.csv", response_csv(settled)
-
-
-def _pictures(
-    cases: Mapping[str, Branches], settled: Mapping[str, Mapping[str, Response]], own: float
-) -> dict[str, Callable[[], Any]]:
-    """Functions that draw; `settled` are the motions from rest by the names of their pictures."""
-
-    def draw(responses: tuple[Response, ...] | None = None) -> Any:
-        from tpd.plot.response import plot_branches, plot_response
-
-        return plot_branches(cases) if responses is None else plot_response(responses, own)
-
-    # Over the whole range the marks next to the own frequency hide each other.
-    shown = {name: tuple(responses.values()) for name, responses in settled.items()}
-    near = {f"{name}.png": partial(draw, r) for name, r in shown.items() if r and len(r[0].frequency)}
-    return {"branches.png": draw, **near}
 
 
 def _rows(label: str, case: Branches) -> Iterator[tuple]:

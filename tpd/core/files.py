@@ -17,7 +17,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from functools import lru_cache
 from importlib.metadata import version
@@ -42,7 +42,7 @@ def claim(directory: Path, *, overwrite: bool) -> None:
     Raises:
         ValueError: the directory exists and may not be overwritten, or cannot be written.
     """
-    if directory.exists() and not directory.is_dir():
+    if os.path.lexists(directory) and not directory.is_dir():
         raise ValueError(f"cannot write the report: {directory} is a file, not a directory")
     if (
         directory.exists()
@@ -118,14 +118,9 @@ def place(path: Path, content: str | bytes) -> Path:
     return path
 
 
-def drawn(name: str, draw: Callable[[], bytes]) -> bytes | str:
-    """Return the content of a picture, or a sentence that says why there is none: a picture that cannot be
-    drawn does not cost the numbers."""
-    try:
-        return draw()
-    # Matplotlib raises errors of every kind.
-    except Exception as error:
-        return f"{name} is not drawn: {next(iter(str(error).splitlines()), type(error).__name__)}"
+def not_drawn(name: str, error: Exception) -> str:
+    """Return a sentence on a picture that cannot be drawn."""
+    return f"{name} is not drawn: {next(iter(str(error).splitlines()), type(error).__name__)}"
 
 
 def sealed(data: bytes, of: str = "") -> bytes:

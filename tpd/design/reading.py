@@ -42,9 +42,9 @@ def read_design(path: str | Path) -> StoredDesign:
     Raises:
         ValueError: as `tpd.Design.read`.
     """
-    place = path_of(path)
-    file = place / "design.json" if place.is_dir() else place
+    file = path_of(path)
     try:
+        file = file / "design.json" if file.is_dir() else file
         content = json.loads(file.read_bytes())
     except OSError as error:
         raise ValueError(f"cannot read {file}: {error.strerror or error}") from None

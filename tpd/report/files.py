@@ -7,7 +7,6 @@ import math
 import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -61,11 +60,13 @@ def write(
     then()
     drawn = {}
     for name in names(design, study):
-        if isinstance(found := files.drawn(name, partial(draw, name, design, study)), str):
-            warn(found)
+        try:
+            drawn[name] = draw(name, design, study)
+        # Matplotlib raises errors of every kind.
+        except Exception as error:
+            warn(files.not_drawn(name, error))
         else:
-            drawn[name] = found
-            written.append(files.place(directory / name, found))
+            written.append(files.place(directory / name, drawn[name]))
     if design.status is not DesignStatus.interrupted:
         # Last, so that a page stands for a whole report.
         written.append(files.place(directory / "report.html", html(report, drawn)))
