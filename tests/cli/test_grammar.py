@@ -10,7 +10,7 @@ import pytest
 import tpd
 from tests import designs
 from tests.cli.conftest import call
-from tpd.cli import grammar, main, optimise
+from tpd.cli import ABOUT, grammar, main, optimise
 from tpd.cli.new import template
 
 SMALL = {
@@ -92,3 +92,12 @@ def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
         assert (tmp_path / WRITES[command]).is_file()
     elif command != "check":
         assert list((tmp_path / f"tpd-{command}").glob("*.csv"))
+
+
+@pytest.mark.mends("`python -OO` has no docstrings: the help began with None")
+def test_help_needs_no_docstrings():
+    command = [sys.executable, "-OO", "-m", "tpd.cli", "--help"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert " ".join(ABOUT.split()[:6]) in done.stdout
+    assert str(tpd.__doc__).splitlines()[0] == ABOUT

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from functools import partial
 from typing import Any
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
 
         return plot_branches(cases) if responses is None else plot_response(tuple(responses.values()), own)
 
-    pictures = {"branches.png": draw}
+    pictures: dict[str, Callable[[], Any]] = {"branches.png": draw}
     if settled:
         tables.append(("response.csv", response_csv(tuple(settled.values()))))
         pictures["response.png"] = partial(draw, settled)

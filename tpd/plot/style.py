@@ -65,10 +65,11 @@ def own_style() -> Iterator[None]:
 
 
 class Picture(Figure):
-    """A figure of this package. Matplotlib reads settings also when it draws: ticks are made then."""
+    """A figure of this package. Matplotlib also reads settings when it draws and measures a figure."""
 
     draw = own_style()(Figure.draw)
     savefig = own_style()(Figure.savefig)
+    get_tightbbox = own_style()(Figure.get_tightbbox)
 
 
 def in_degrees(ax: Any) -> None:
