@@ -10,7 +10,7 @@ import pytest
 import tpd
 from tests import designs
 from tests.cli.conftest import call
-from tpd.cli import ABOUT, grammar, main, optimise
+from tpd.cli import grammar, main, optimise
 from tpd.cli.new import template
 
 SMALL = {
@@ -99,5 +99,4 @@ def test_help_needs_no_docstrings():
     command = [sys.executable, "-OO", "-m", "tpd.cli", "--help"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert " ".join(ABOUT.split()[:6]) in done.stdout
-    assert str(tpd.__doc__).splitlines()[0] == ABOUT
+    assert str(tpd.__doc__).splitlines()[0] in " ".join(done.stdout.split())
