@@ -97,16 +97,18 @@ def test_numbers_are_written_before_pictures_which_cost_one_sentence_each(run, m
 
 
 @pytest.mark.mends("a full disk named no file")
-def test_a_full_disk_names_the_file_and_leaves_no_half(run, monkeypatch):
-    place = files.place
+@pytest.mark.parametrize("left", [[], ["shake.json", "histories.csv"]])
+def test_a_full_disk_names_the_file_and_leaves_no_half(run, monkeypatch, tmp_path, left):
+    place, name = files.place, "impacts.csv" if left else "shake.json"
 
     def full(path, content):
-        if path.name == "impacts.csv":
+        if path.name == name:
             monkeypatch.setattr(files, "open", lambda *_: io.FileIO("/dev/full", "w"), raising=False)
         return place(path, content)
 
     monkeypatch.setattr(files, "place", full)
     done = run("shake", COLUMN, PULSE, "0.4", "--free", "1")
     assert done.status == 2
-    assert done.err.splitlines()[-1].endswith("out/impacts.csv: No space left on device")
-    assert done.files.keys() == {"shake.json", "histories.csv"}
+    assert done.err.splitlines()[-1].endswith(f"out/{name}: No space left on device")
+    assert done.files.keys() == {*left}
+    assert (tmp_path / "out").exists() is bool(left)

@@ -44,15 +44,15 @@ def main(arguments: list[str] | None = None) -> int:
 def _run(read: argparse.Namespace) -> int:
     """Run the command that was read; an error is one sentence."""
     out = getattr(read, "out", None)
-    existed = interrupts.exists(out)
+    existed, is_cut = interrupts.exists(out), False
     try:
         # JAX is set up before any module imports it; a template needs none.
         if read.command != "new":
             process.use_64_bits()
         status = import_module(f"tpd.cli.{read.command}").run(read)
     except (Exception, KeyboardInterrupt) as error:
-        status = _refused(error)
-    if status == interrupts.INTERRUPTED and (hint := interrupts.leave(out, existed)):
+        status, is_cut = _refused(error), isinstance(error, OSError)
+    if (is_cut or status == interrupts.INTERRUPTED) and (hint := interrupts.leave(out, existed)):
         print(hint, file=sys.stderr if getattr(read, "json", False) else sys.stdout)
     return status
 
