@@ -9,6 +9,7 @@ import sys
 
 import pytest
 
+from tests.cli.conftest import call
 from tpd import Pendulum, paper_scene
 from tpd.cli import common, main, parser
 from tpd.design.job import job_of
@@ -281,3 +282,21 @@ def test_existing_reports_and_unwritable_places_are_left_alone(capsys, tmp_path)
     refused(capsys, "optimise", "--width", "-1", "--overwrite", "--out", "taken")
     assert [path.read_text() for path in kept] == ["keep me"] * 2
     assert len([*kept[0].parent.iterdir()]) == 2
+
+
+@pytest.mark.mends("a full disk ended a search without a word on how to go on")
+def test_a_write_that_fails_leaves_no_empty_folder_and_says_how_to_go_on(tmp_path, monkeypatch):
+    def full(options):
+        options.out.mkdir(exist_ok=True)
+        raise OSError(28, "No space left on device", str(options.out / "design.json"))
+
+    monkeypatch.setattr("tpd.cli.optimise.run", full)
+    out = tmp_path / "out"
+    done = call("optimise", out=out)
+    assert (done.status, done.out) == (2, "")
+    assert done.err == f"tpd: cannot use {out}/design.json: No space left on device\n"
+    assert not out.exists()
+    out.mkdir()
+    (out / "unfinished.npz").touch()
+    assert f"--resume (finished searches are in {out}/unfinished.npz)" in call("optimise", out=out).out
+    assert (out / "unfinished.npz").exists()

@@ -131,5 +131,7 @@ def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_n
     assert {"report.html", "drawing.svg"} < {p.name for p in written}
     assert "search.png" not in {p.name for p in tmp_path.iterdir()}
     monkeypatch.setattr(files, "job_of_design", lambda _: job_of({}))
+    monkeypatch.setenv("HOME", str(tmp_path))
     with pytest.warns(UserWarning, match=r"search\.png is not drawn: latex"):
-        designs.single().save(tmp_path / "saved", study=Study())
+        written = designs.single().save("~/saved", study=Study())
+    assert written[0] == tmp_path / "saved" / "report.txt"
