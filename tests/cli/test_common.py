@@ -320,3 +320,21 @@ def test_every_command_shows_what_was_read_of_a_record(run, tmp_path, command):
         read = done.json(f"{command}.json")["reading"]
         assert read["records"] == [facts(motion)]
         assert read["notes"] == []
+
+
+@pytest.mark.mends("a full disk ended a search without a word on how to go on")
+def test_a_write_that_fails_leaves_no_empty_folder_and_says_how_to_go_on(tmp_path, monkeypatch):
+    def full(options):
+        options.out.mkdir(exist_ok=True)
+        raise OSError(28, "No space left on device", str(options.out / "design.json"))
+
+    monkeypatch.setattr("tpd.cli.optimise.run", full)
+    out = tmp_path / "out"
+    done = call("optimise", out=out)
+    assert (done.status, done.out) == (2, "")
+    assert done.err == f"tpd: cannot use {out}/design.json: No space left on device\n"
+    assert not out.exists()
+    out.mkdir()
+    (out / "unfinished.npz").touch()
+    assert f"--resume (finished searches are in {out}/unfinished.npz)" in call("optimise", out=out).out
+    assert (out / "unfinished.npz").exists()

@@ -4,13 +4,14 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 import tpd
 from tests import designs
 from tests.cli.conftest import call
-from tpd.cli import grammar, main, optimise
+from tpd.cli import grammar, main, optimise, parser
 from tpd.cli.new import template
 
 SMALL = {
@@ -92,3 +93,25 @@ def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
         assert (tmp_path / WRITES[command]).is_file()
     elif command != "check":
         assert list((tmp_path / f"tpd-{command}").glob("*.csv"))
+
+
+@pytest.mark.mends("`python -OO` has no docstrings: the help began with None")
+def test_help_needs_no_docstrings():
+    command = [sys.executable, "-OO", "-m", "tpd.cli", "--help"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert str(tpd.__doc__).splitlines()[0] in " ".join(done.stdout.split())
+
+
+@pytest.mark.mends("~ stood for a folder of that name")
+def test_paths_of_options_begin_at_home(monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    read = parser().parse_args(
+        ["export", "~/design", "--scene", "~/job.toml", "--as", "csv", "--file", "~/a.csv"]
+    )
+    assert (read.design, read.scene, read.file) == tuple(
+        tmp_path / x for x in ("design", "job.toml", "a.csv")
+    )
+    for command in ("new tower", "optimise", "response", "map --x mu 0 1 --y lam 0 1", "shake", "spectrum"):
+        assert parser().parse_args([*command.split(), "--out=~/out"]).out == tmp_path / "out"
+    assert parser().parse_args(["fragility"]).out == Path("tpd-fragility")

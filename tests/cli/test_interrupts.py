@@ -1,5 +1,8 @@
 """Ctrl-C: exit status 130, no traceback, and nothing in the way of a new run; the first line of a command."""
 
+import math
+import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -91,3 +94,61 @@ def test_a_warning_is_a_sentence_and_a_user_needs_no_home():
     assert done.returncode == 2
     lines = [line[:35] for line in done.stderr.splitlines() if "solving" not in line]
     assert lines == ["tpd: compiled code is not kept, so ", "tpd: give DESIGN, or a pendulum by "]
+
+
+TABLE = """
+import sys, tpd.cli.interrupts as i
+with i.lasting_output():
+    for _ in range(20000):
+        print("tilt 9.55\\xb0 \\xb1 2 m/s\\xb2")
+    open("table.csv", "w", encoding="utf-8").write("numbers")
+    print("done", file=sys.stderr)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such devices")
+@pytest.mark.mends(
+    "a reader that had gone, or a full disk, ended a command with a traceback before its files"
+)
+def test_output_that_nobody_reads_does_not_end_the_work_and_a_full_disk_is_said(tmp_path):
+    how = {"cwd": tmp_path, "stderr": subprocess.PIPE, "text": True}
+    command = [sys.executable, "-c", TABLE]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, **how) as gone:
+        gone.stdout.close()
+        assert gone.stderr.read() == "done\n"
+    assert gone.returncode == 0
+    assert (tmp_path / "table.csv").read_text() == "numbers"
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, **how)
+    assert done.stderr == "done\ntpd: cannot write to the standard output: No space left on device\n"
+    assert done.returncode == 2
+    for closed in (">&-", ">&- 2>&-"):
+        done = subprocess.run(f"{shlex.join(command)} {closed}", shell=True, **how)
+        assert (done.returncode, "Error" in done.stderr) == (0, False)
+
+
+@pytest.mark.parametrize("set_to", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}])
+@pytest.mark.mends("letters that a terminal does not have ended a command with a traceback")
+def test_letters_that_a_terminal_does_not_have_are_question_marks(tmp_path, set_to):
+    env = os.environ | {"PYTHONCOERCECLOCALE": "0"} | set_to
+    done = subprocess.run([sys.executable, "-c", TABLE], cwd=tmp_path, env=env, capture_output=True)
+    assert (done.returncode, done.stderr) == (0, b"done\n")
+    assert done.stdout.splitlines()[0] == b"tilt 9.55? ? 2 m/s?"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are text elsewhere")
+@pytest.mark.mends("under LC_ALL=C a job could not name a file with a letter beyond ASCII")
+def test_any_letter_may_be_in_a_path_under_any_locale(tmp_path):
+    folder = tmp_path / "größe"
+    folder.mkdir()
+    rows = "".join(f"{0.01 * i:.2f},{0.3 * math.sin(0.08 * i):.6f}\n" for i in range(300))
+    (folder / "häß.csv").write_text(f"time (s),acceleration (g)\n{rows}", encoding="utf-8")
+    block = "width = 1.0\nheight = 6.0\nmass = 9000\nfriction = 0.0\nrestitution = 0.9595\n"
+    job = f'[project]\nname = "Türmchen μ²"\n[block]\n{block}[motion]\nrecords = ["häß.csv"]\n'
+    (folder / "jöb.toml").write_text(job, encoding="utf-8")
+    env = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    words = ["export", "--scene", f"{folder}/jöb.toml", "--as", "csv", "--file", f"{folder}/mötion.csv"]
+    done = subprocess.run([sys.executable, "-m", "tpd.cli", *words], env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "written: " in done.stdout
+    assert (folder / "mötion.csv").read_text(encoding="utf-8").startswith("time_s,")

@@ -114,3 +114,18 @@ def test_a_file_that_exists_is_left_alone(tmp_path):
     assert (done.status, done.out) == (2, "")
     assert done.err == f"tpd: {out} exists and is left as it is: name another file with --out\n"
     assert out.read_text() == "keep me"
+
+
+@pytest.mark.mends("a full disk left half a job file, and a file in place of a folder was said to be the job")
+def test_nothing_is_left_of_a_file_that_cannot_be_written(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "file").write_text("kept")
+    done = call("new tower --out", str(tmp_path / "file" / "job.toml"))
+    assert (done.status, done.err) == (2, f"tpd: cannot write {tmp_path}/file/job.toml: Not a directory\n")
+    monkeypatch.setattr(new, "template", full)
+    done = call("new tower --out", str(tmp_path / "job.toml"))
+    assert (done.status, done.err) == (2, f"tpd: cannot write {tmp_path}/job.toml: No space left on device\n")
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+    assert (tmp_path / "file").read_text() == "kept"

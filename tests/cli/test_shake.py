@@ -1,11 +1,15 @@
 """`tpd shake`: numbers of both sets of equations, files, and exit status."""
 
+import io
+
+import matplotlib
 import numpy as np
 import pytest
 
 import tpd
 from tests.cli.conftest import COLUMN, HUNG
 from tpd.cli import shake
+from tpd.core import files
 
 PULSE = "--pulse one-sine --pulse-frequency 1.2375 --pga"
 BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
@@ -76,3 +80,35 @@ def test_a_motion_without_an_answer_is_named(run, monkeypatch):
     assert done.status == 3
     assert "event_bound" in done.out
     assert "no answer" in done.out
+
+
+@pytest.mark.mends("`text.usetex` in the settings of a user ended `tpd shake` with nothing written")
+def test_numbers_are_written_before_pictures_which_cost_one_sentence_each(run, monkeypatch):
+    def broken(*_, **how):
+        raise RuntimeError("no such font\nat all")
+
+    monkeypatch.setattr("tpd.plot.animation.animate", broken)
+    with matplotlib.rc_context({"text.usetex": True, "font.family": ["No Such Font"]}):
+        done = run("shake", COLUMN, PULSE, "0.4", "--free", "1")
+    assert (done.status, done.err.count("tpd: ")) == (0, 1)
+    assert "tpd: animation.gif is not drawn: no such font\n" in done.err
+    written = [line.rpartition("/")[2] for line in done.out.splitlines() if line.startswith("written: ")]
+    assert written == ["shake.json", "histories.csv", "impacts.csv", "histories.png"]
+
+
+@pytest.mark.mends("a full disk named no file")
+@pytest.mark.parametrize("left", [[], ["shake.json", "histories.csv"]])
+def test_a_full_disk_names_the_file_and_leaves_no_half(run, monkeypatch, tmp_path, left):
+    place, name = files.place, "impacts.csv" if left else "shake.json"
+
+    def full(path, content):
+        if path.name == name:
+            monkeypatch.setattr(files, "open", lambda *_: io.FileIO("/dev/full", "w"), raising=False)
+        return place(path, content)
+
+    monkeypatch.setattr(files, "place", full)
+    done = run("shake", COLUMN, PULSE, "0.4", "--free", "1")
+    assert done.status == 2
+    assert done.err.splitlines()[-1].endswith(f"out/{name}: No space left on device")
+    assert done.files.keys() == {*left}
+    assert (tmp_path / "out").exists() is bool(left)

@@ -242,3 +242,9 @@ def test_command_goes_on_where_it_was(tmp_path, capsys):
     assert f"chunks: {tmp_path / 'b.chunks'}" in capsys.readouterr().out
     assert (tmp_path / "a/spectrum.csv").read_text() == (tmp_path / "b/spectrum.csv").read_text()
     assert Path(tmp_path / "a.chunks").is_dir()
+
+
+@pytest.mark.mends("~ stood for a folder of that name")
+def test_the_folder_of_chunks_may_begin_at_home(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert Cluster("~/chunks").folder == tmp_path / "chunks"

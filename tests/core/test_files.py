@@ -1,8 +1,12 @@
 """Output files: whole or absent, not overwritten, sealed; tables, JSON and the date of a report."""
 
+import errno
+import io
 import json
 import math
 import os
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -84,3 +88,66 @@ def test_the_date_is_that_of_the_environment_where_it_has_one(monkeypatch):
         monkeypatch.setenv("SOURCE_DATE_EPOCH", bad)
         with pytest.raises(ValueError, match="`SOURCE_DATE_EPOCH` must be a whole number of seconds"):
             files.today()
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO])
+@pytest.mark.mends("a full disk named no file")
+def test_a_file_that_cannot_be_written_is_named_and_nothing_is_left_of_it(tmp_path, monkeypatch, code):
+    path = tmp_path / "out" / "table.csv"
+
+    class Full(io.FileIO):
+        def write(self, _):
+            raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(files, "open", Full, raising=False)
+    with pytest.raises(OSError, match=re.escape(os.strerror(code))) as refused:
+        files.place(path, "content")
+    assert refused.value.filename == str(path)
+    assert list(path.parent.iterdir()) == []
+
+
+@pytest.mark.mends("an error named a temporary file, or the file in place of a folder as one that exists")
+def test_a_file_in_place_of_a_folder_and_a_name_that_is_too_long_are_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(NotADirectoryError) as refused:
+        files.place(tmp_path / "file" / "table.csv", "content")
+    assert refused.value.filename == str(tmp_path / "file" / "table.csv")
+    long = tmp_path / ("x" * 300)
+    with pytest.raises(OSError, match="name too long") as refused:
+        files.place(long, "content")
+    assert refused.value.filename == str(long)
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.mends("a full disk, and a link to nothing, were found after the work")
+def test_a_full_disk_and_a_link_to_nothing_are_found_before_the_work(tmp_path, monkeypatch):
+    (tmp_path / "link").symlink_to(tmp_path / "nothing")
+    with pytest.raises(ValueError, match="link is a file, not a directory"):
+        files.claim(tmp_path / "link", overwrite=True)
+
+    class Full(io.BytesIO):
+        def write(self, _):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(files.tempfile, "TemporaryFile", lambda **_: Full())
+    with pytest.raises(ValueError, match=r"cannot write to .*out: No space left on device"):
+        files.claim(tmp_path / "out", overwrite=False)
+
+
+@pytest.mark.mends("~ stood for a folder of that name")
+def test_a_path_begins_at_home(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert files.path_of("~/größe") == tmp_path / "größe"
+    assert files.path_of(Path("~")) == tmp_path
+    # Of a user that there is not nothing is known.
+    for plain in ("~nobody.of.this.name/a", "a/~", "a~"):
+        assert files.path_of(plain) == Path(plain)
+
+
+@pytest.mark.mends("a name in bytes that are no letters ended a report with a traceback")
+def test_names_of_files_are_written_as_text(tmp_path):
+    # As Python reads the names under a locale without these letters, and one that is not in UTF-8.
+    ours, others = os.fsencode("größe").decode("ascii", "surrogateescape"), "\udcfc"
+    assert files.readable(ours) == "größe"
+    assert files.place(tmp_path / "a", f"{ours} {others}").read_text(encoding="utf-8") == "größe ?"
+    assert json.loads(files.as_json({"event": ours})) == {"event": "größe"}

@@ -258,3 +258,31 @@ def refusal(given):
     except ValueError as error:
         return str(error)
     return None
+
+
+JOB = """[block]
+width = 0.5
+height = 2.5
+mass = 1000
+restitution = 0.9
+[motion]
+records = ["~/größe.csv", "el-centro", "b.csv"]
+held_out = ["~/others"]
+"""
+
+
+@pytest.mark.mends("a byte order mark was no TOML, and ~ a folder beside the job")
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_file_of_any_editor_is_read_and_its_paths_begin_at_home(tmp_path, monkeypatch, encoding, end):
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    (tmp_path / "job.toml").write_bytes(JOB.replace("\n", end).encode(encoding))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "home").mkdir()
+    motion = jobs.Job.read("~/../job.toml").full["motion"]
+    home = f"{tmp_path}/home"
+    assert motion["records"] == (f"{home}/größe.csv", "el-centro", f"{tmp_path}/b.csv")
+    assert motion["held_out"] == (f"{home}/others",)
+    (tmp_path / "job.toml").write_bytes(JOB.encode("utf-16"))
+    with pytest.raises(ValueError, match=r"job\.toml is not a text file in UTF-8"):
+        jobs.Job.read(tmp_path / "job.toml")

@@ -15,7 +15,7 @@ from tpd import limits
 from tpd.design.ground.optimise import ground_problem
 from tpd.design.job import job_of
 from tpd.design.problem import Problem
-from tpd.design.reading import StoredDesign, job_of_design
+from tpd.design.reading import StoredDesign, job_of_design, read_design
 from tpd.models.piecewise import Piecewise
 from tpd.report.json import as_json
 
@@ -175,3 +175,13 @@ def test_motions_that_exist_only_in_python_are_refused():
     asked = ground_problem(ASKED, conditions, None, held_out=0.0, **given)
     with pytest.raises(ValueError, match="a job file cannot say motions that exist only in Python"):
         job_of_design(asked)
+
+
+@pytest.mark.mends("~ stood for a folder of that name")
+def test_a_path_begins_at_home(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for path in ("~/design", "~/design/design.json"):
+        with pytest.raises(ValueError, match=f"cannot read {tmp_path}/design"):
+            read_design(path)
+    with pytest.raises(ValueError, match=r"cannot read xxx.*: File name too long"):
+        read_design("x" * 300)

@@ -1,8 +1,18 @@
 """Pictures as files that repeat, and axes with two scales."""
 
+import io
+
+import matplotlib
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
+from tests import designs
+from tpd.plot.animation import animate
+from tpd.plot.compare import plot_benefit, plot_conditions, plot_front
+from tpd.plot.drawing import plot_design
+from tpd.plot.landscape import plot_landscape
+from tpd.plot.response import plot_motions, plot_response
 from tpd.plot.style import CASES, LABELS, edge, in_degrees, legend, new_axes, png, svg
 
 
@@ -42,3 +52,72 @@ def test_both_cases_differ_without_colour_and_labels_have_units():
     bare, hung = CASES
     assert all(bare[key] != hung[key] for key in ("marker", "ls", "mfc"))
     assert all(label.endswith(")") for label in LABELS.values())
+
+
+HOSTILE = {
+    "text.usetex": True,
+    "font.family": ["No Such Font"],
+    "mathtext.fontset": "stix",
+    "axes.unicode_minus": False,
+    "axes.prop_cycle": matplotlib.cycler(color=["red"], ls=[":"]),
+    "axes.facecolor": "black",
+    "text.color": "white",
+    "figure.facecolor": "black",
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 30.0,
+    "savefig.format": "pdf",
+    "savefig.bbox": "tight",
+    "savefig.dpi": 20.0,
+    "savefig.facecolor": "black",
+    "svg.fonttype": "path",
+    "path.sketch": (3, 100, 2),
+    "interactive": True,
+}
+"""Settings of a user that change or break a picture: no TeX is installed here that has all packages."""
+RESPONSE = designs.response(0.1, 0.2, 0.3)
+PICTURES = {
+    "response": lambda: plot_response((RESPONSE,), 2.5),
+    "motions": lambda: plot_motions(designs.study().histories, 0.25),
+    "front": lambda: plot_front(designs.front()),
+    "benefit": lambda: plot_benefit(designs.single()),
+    "conditions": lambda: plot_conditions(designs.band()),
+    "landscape": lambda: plot_landscape(designs.single()),
+    "drawing": lambda: plot_design(designs.around()),
+}
+
+
+def pictures(draw) -> dict[str, bytes]:
+    """Files of a picture: by this package, by its user, and as a notebook shows it."""
+    found = {"png": png(np.ravel(draw())[0].figure), "svg": svg(np.ravel(draw())[0].figure)}
+    figure = np.ravel(draw())[0].figure
+    for name, save in {
+        "saved": lambda file: figure.savefig(file, format="png"),
+        "shown": lambda file: figure.canvas.print_figure(
+            file, format="png", bbox_inches="tight", facecolor="white", dpi=figure.dpi
+        ),
+    }.items():
+        save(file := io.BytesIO())
+        found[name] = file.getvalue()
+    return found
+
+
+@pytest.mark.parametrize("name", PICTURES)
+@pytest.mark.mends("`text.usetex` in the settings of a user ended a command with a traceback")
+def test_settings_of_a_user_change_no_picture_and_stay_as_they_are(name):
+    usual = pictures(PICTURES[name])
+    with matplotlib.rc_context(HOSTILE):
+        before = dict(matplotlib.rcParams)
+        found = pictures(PICTURES[name])
+        assert dict(matplotlib.rcParams) == before
+    assert [kind for kind in usual if usual[kind] != found[kind]] == []
+
+
+def test_a_film_and_axes_of_the_user_do_not_depend_on_settings_either():
+    scene, histories = designs.single().scene, designs.study().histories
+    hung = designs.single().pendulum
+    usual = animate(scene, hung, histories)
+    with matplotlib.rc_context(HOSTILE):
+        assert animate(scene, hung, histories) == usual
+        ax = Figure().subplots()
+        plot_front(designs.front(), ax)
+        assert not any(text.get_usetex() for text in ax.get_legend().get_texts())

@@ -112,3 +112,26 @@ def test_a_second_run_of_an_engine_replaces_the_first(tmp_path):
         assert text.count("By an independent engine\n") == 1
         assert page.count('<p class="danger">') == bool(warning)
         assert page.index("verdict</p>") < page.index("table of") < page.index("</body>")
+
+
+@pytest.mark.mends("a picture that could not be drawn cost the answer of a search")
+def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_numbers(tmp_path, monkeypatch):
+    def drawn(name, *_):
+        if name.startswith("search"):
+            raise RuntimeError("latex was not able to process\nthe following string")
+        return b"<svg/>" if name[-3:] == "svg" else b"GIF8"
+
+    monkeypatch.setattr(files, "draw", drawn)
+    there, said = [], []
+    job = designs.single(), designs.study(), {}, "[block]"
+    then = lambda: there.extend(p.name for p in tmp_path.iterdir())  # noqa: E731
+    written = write(tmp_path, *job, then=then, warn=said.append)
+    assert set(there) == {"report.txt", "design.json", "scene.toml", "response.csv", "motion.csv"}
+    assert said == ["search.png is not drawn: latex was not able to process"]
+    assert {"report.html", "drawing.svg"} < {p.name for p in written}
+    assert "search.png" not in {p.name for p in tmp_path.iterdir()}
+    monkeypatch.setattr(files, "job_of_design", lambda _: job_of({}))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    with pytest.warns(UserWarning, match=r"search\.png is not drawn: latex"):
+        written = designs.single().save("~/saved", study=Study())
+    assert written[0] == tmp_path / "saved" / "report.txt"

@@ -96,3 +96,12 @@ def test_jit_gradients_and_batches():
     np.testing.assert_allclose(scaled, [1.0, 3.0], rtol=1e-15)
     made = jax.jit(lambda a: Record(a, 0.1).duration)(jnp.array(TRIANGLE))
     assert made == pytest.approx(0.4, rel=1e-15)
+
+
+@pytest.mark.mends("~ stood for a folder of that name")
+def test_a_path_begins_at_home(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "a.csv").write_text(
+        "time (s),acc (m/s2)\n" + "".join(f"{0.01 * i:.2f},{i % 5}\n" for i in range(50))
+    )
+    assert Record.read("~/a.csv") == Record.read_all("~/a.csv")[0] == Record.read(tmp_path / "a.csv")

@@ -16,10 +16,13 @@ import tpd
 from tpd.cli import grammar, interrupts
 from tpd.core import process
 
+ABOUT = "Tuned pendulum design: find the pendulum that keeps a rocking block from rocking."
+"""The package in a sentence. Docstrings are not there under `python -OO`."""
+
 
 def parser() -> argparse.ArgumentParser:
     """Return the grammar of the command line."""
-    return grammar.parser(str(tpd.__doc__).splitlines()[0], tpd.__version__)
+    return grammar.parser(ABOUT, tpd.__version__)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -30,25 +33,26 @@ def main(arguments: list[str] | None = None) -> int:
     """
     if arguments is not None:
         return _run(parser().parse_args(arguments))
-    read = parser().parse_args()
-    warnings.showwarning = interrupts.warned
-    with interrupts.watched(getattr(read, "out", None), read.does.format(**vars(read))):
-        status = _run(read)
-        return interrupts.exit_now(status) if status == interrupts.INTERRUPTED else status
+    with interrupts.lasting_output():
+        read = parser().parse_args()
+        warnings.showwarning = interrupts.warned
+        with interrupts.watched(getattr(read, "out", None), read.does.format(**vars(read))):
+            status = _run(read)
+            return interrupts.exit_now(status) if status == interrupts.INTERRUPTED else status
 
 
 def _run(read: argparse.Namespace) -> int:
     """Run the command that was read; an error is one sentence."""
     out = getattr(read, "out", None)
-    existed = interrupts.exists(out)
+    existed, is_cut = interrupts.exists(out), False
     try:
         # JAX is set up before any module imports it; a template needs none.
         if read.command != "new":
             process.use_64_bits()
         status = import_module(f"tpd.cli.{read.command}").run(read)
     except (Exception, KeyboardInterrupt) as error:
-        status = _refused(error)
-    if status == interrupts.INTERRUPTED and (hint := interrupts.leave(out, existed)):
+        status, is_cut = _refused(error), isinstance(error, OSError)
+    if (is_cut or status == interrupts.INTERRUPTED) and (hint := interrupts.leave(out, existed)):
         print(hint, file=sys.stderr if getattr(read, "json", False) else sys.stdout)
     return status
 
@@ -61,8 +65,8 @@ def _refused(error: BaseException) -> int:
         return interrupts.INTERRUPTED
     if isinstance(error, MemoryError):
         print("tpd: the job does not fit into memory: ask for less at once", file=sys.stderr)
-    elif isinstance(error, OSError) and error.strerror:
-        print(f"tpd: cannot use {str(error.filename)[:80]}: {error.strerror}", file=sys.stderr)
+    elif isinstance(error, OSError) and error.strerror and error.filename:
+        print(f"tpd: cannot use {error.filename}: {error.strerror}", file=sys.stderr)
     elif isinstance(error, (ValueError, OSError)):
         print(f"tpd: {error}", file=sys.stderr)
     else:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from tpd.cli.options import given
 from tpd.cluster.cluster import Cluster, ClusterError
@@ -184,8 +186,28 @@ def inputs(scene: Scene, hung: Pendulum | None, job: jobs.Job | None = None) -> 
     return found if job is None else found | {"reading": summary(job.motions, job.notes)}
 
 
-def write(out: Path, content: Iterable[tuple[str, str | bytes]]) -> None:
-    """Write files into the directory of a command and print their names."""
-    # Everything is drawn before the first file is written: an interruption leaves all files or none.
-    for name, data in list(content):
-        progress.say(f"written: {files.place(out / name, data)}", sys.stdout)
+def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, Callable[[], Any]]) -> None:
+    """Write files into the directory of a command and print their names. The numbers are written before the
+    first picture is drawn; a picture that cannot be drawn costs one sentence.
+
+    Args:
+        out: the directory.
+        tables: names and contents of the files of numbers.
+        pictures: functions that draw and return axes, or the content of a file, by the names of the files.
+    """
+    # All tables are made before the first one is written: an interruption leaves all of them or none.
+    for name, table in list(tables):
+        progress.say(f"written: {files.place(out / name, table)}", sys.stdout)
+    for name, draw in pictures.items():
+        try:
+            # Numbers do not wait for Matplotlib, which refuses some settings when it is imported.
+            from tpd.plot.style import own_style, png
+
+            with own_style():
+                found = draw()
+                content = found if isinstance(found, bytes) else png(np.ravel(found)[0].figure)
+        # Matplotlib raises errors of every kind.
+        except Exception as error:
+            progress.say(f"tpd: {files.not_drawn(name, error)}")
+        else:
+            progress.say(f"written: {files.place(out / name, content)}", sys.stdout)

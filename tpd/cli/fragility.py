@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,6 @@ from tpd.cli.interrupts import SOUND
 from tpd.core import files
 from tpd.core.progress import Bar
 from tpd.design.job import Job
-from tpd.plot import style
 from tpd.scene.scene import Pendulum
 
 
@@ -41,11 +41,12 @@ def run(options: argparse.Namespace) -> int:
             progress=lambda done, total: bar("following motions", done, total),
         )
     print(found)
-    common.write(options.out, _files(job, hung, found))
+    pictures = {f"fragility_{name}.png": partial(found.plot, name) for name in found.bare}
+    common.write(options.out, _tables(job, hung, found), pictures)
     return SOUND
 
 
-def _files(job: Job, hung: Pendulum | None, found: Fragility) -> Iterator[tuple[str, str | bytes]]:
+def _tables(job: Job, hung: Pendulum | None, found: Fragility) -> Iterator[tuple[str, str]]:
     yield "fragility.csv", files.as_table(found.columns())
     content = {
         **common.inputs(job.scene, hung, job),
@@ -59,8 +60,6 @@ def _files(job: Job, hung: Pendulum | None, found: Fragility) -> Iterator[tuple[
         "undecided_by_nonlinear_equations": None if found.unanswered is None else list(found.unanswered),
     }
     yield "fragility.json", files.as_json(content)
-    for name in found.bare:
-        yield f"fragility_{name}.png", style.png(found.plot(name).figure)
 
 
 def _fits(found: Fragility, name: str) -> dict[str, Any]:

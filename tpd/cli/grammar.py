@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from tpd.cli.options import Option, Parser, SetWidths, keys
+from tpd.core.files import path_of
 
 KINDS = ("tower", "chimney", "column", "statue", "paper")
 """Scenes that there is a template of, see `tpd new`."""
@@ -140,7 +140,7 @@ def _group(
 
 def _scene(command: Parser, *motions: Option) -> None:
     """Add the options that describe a block and its motion."""
-    command.add_argument("--scene", type=Path, metavar="FILE", help="job file in TOML; options override it")
+    command.add_argument("--scene", type=path_of, metavar="FILE", help="job file in TOML; options change it")
     own = (
         "without any: the paper's; a block of your own needs width, height and mass, and a motion of its own"
     )
@@ -151,7 +151,7 @@ def _scene(command: Parser, *motions: Option) -> None:
 def _case(command: Parser, *motions: Option) -> None:
     """Add the options that name a design, or describe a block, its motion and a pendulum."""
     text = "report directory, or its design.json: its job and its pendulum, in place of --scene"
-    command.add_argument("design", type=Path, nargs="?", metavar="DESIGN", help=text)
+    command.add_argument("design", type=path_of, nargs="?", metavar="DESIGN", help=text)
     _scene(command, *motions)
     group = command.add_argument_group("pendulum")
     mass, length = group.add_mutually_exclusive_group(), group.add_mutually_exclusive_group()
@@ -164,7 +164,7 @@ def _case(command: Parser, *motions: Option) -> None:
 
 def _out(command: Parser, default: str) -> None:
     """Add the options of the output directory."""
-    command.add_argument("--out", type=Path, default=Path(default), metavar="DIR", help=f"default {default}")
+    command.add_argument("--out", type=path_of, default=default, metavar="DIR", help=f"default {default}")
     _switch(command, "--overwrite", "replace the results in an existing DIR")
 
 
@@ -182,7 +182,7 @@ def _cluster(command: Parser) -> None:
 
 def _new(command: Parser) -> None:
     command.add_argument("kind", choices=KINDS, metavar="KIND", help=f"one of {', '.join(KINDS)}")
-    command.add_argument("--out", type=Path, metavar="FILE", help="default KIND.toml; it must not exist")
+    command.add_argument("--out", type=path_of, metavar="FILE", help="default KIND.toml; it must not exist")
 
 
 def _optimise(command: Parser) -> None:
@@ -269,7 +269,7 @@ def _export(command: Parser) -> None:
     command.add_argument("--as", dest="kind", required=True, **kinds)
     _number(command, "--sliding", "MU", "friction of a model on the floor (default 0.6)")
     text = f"to write to (default {', '.join(EXPORTED.values())})"
-    command.add_argument("--file", type=Path, metavar="FILE", help=text)
+    command.add_argument("--file", type=path_of, metavar="FILE", help=text)
     _switch(command, "--overwrite", "replace FILE if it exists")
 
 

@@ -7,6 +7,7 @@ Nothing here imports JAX: importing it takes a second, and the first line does n
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import signal
 import sys
@@ -34,6 +35,47 @@ _SAID: set[str] = set()
 """Warnings that were said."""
 _PATIENCE = 1.5
 """Seconds after Ctrl-C in which a command may end of itself."""
+
+
+class _Output(io.FileIO):
+    """Standard output or error of a command. What cannot be written there is dropped: a reader that has gone
+    does not end the work, whose files are still to be written."""
+
+    failure: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            self.failure = error
+            return memoryview(data).nbytes
+
+
+@contextlib.contextmanager
+def lasting_output() -> Iterator[None]:
+    """Print on the standard output and error whatever happens to them, and in any alphabet: letters that it
+    does not have become question marks. A full disk ends the process with one sentence."""
+    made = {}
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            # It was closed before the start: its number is that of the next file that is opened.
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif os.name == "posix":
+            made[name] = _Output(stream.fileno(), "w", closefd=False)
+            lines = stream.line_buffering or stream.write_through
+            how = {"encoding": stream.encoding, "errors": "replace", "line_buffering": lines}
+            setattr(sys, name, io.TextIOWrapper(io.BufferedWriter(made[name]), **how))
+        else:
+            stream.reconfigure(errors="replace")
+    try:
+        yield
+    finally:
+        sys.stdout.flush()
+        failure = made["stdout"].failure if "stdout" in made else None
+        if failure is not None and not isinstance(failure, BrokenPipeError):
+            say(f"tpd: cannot write to the standard output: {failure.strerror}")
+            raise SystemExit(BAD_INPUT)
 
 
 @contextlib.contextmanager

@@ -14,7 +14,6 @@ from tpd.cli import common
 from tpd.cli.interrupts import SOUND
 from tpd.core import checks, files
 from tpd.core.progress import Bar
-from tpd.plot import style
 
 _MOST_POINTS = 2000.0
 """Along each axis: four million designs take a minute and a gigabyte of memory."""
@@ -43,7 +42,8 @@ def run(options: argparse.Namespace) -> int:
     print("\n".join(f"{count:8} {status.replace('_', ' ')}" for status, count in m.counts.items()))
     if not options.from_rest:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest says")
-    common.write(options.out, _files(m, common.inputs(scene, hung)))
+    pictures = {f"{name}.png": partial(m.plot, name) for name in ("amplitude", "stroke", "margin")}
+    common.write(options.out, _tables(m, common.inputs(scene, hung)), pictures)
     return SOUND
 
 
@@ -61,11 +61,9 @@ def _axis(flag: str, given: list[str]) -> tuple[str, float, float]:
     return name, low, high
 
 
-def _files(m: DesignMap, inputs: dict[str, Any]) -> Iterator[tuple[str, str | bytes]]:
+def _tables(m: DesignMap, inputs: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield "map.csv", files.as_table(m.columns())
     axes = {"x": (m.x_name, *m.x[[0, -1]].tolist()), "y": (m.y_name, *m.y[[0, -1]].tolist())}
     # Along an axis its values replace those of the scene and the pendulum.
     content = {**inputs, "varied": axes, "points": len(m.x), "start": m.start, "statuses": m.counts}
     yield "map.json", files.as_json(content)
-    for quantity in ("amplitude", "stroke", "margin"):
-        yield f"{quantity}.png", style.png(m.plot(quantity).figure)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import shlex
 from importlib import resources
 from pathlib import Path
 
 from tpd.cli.interrupts import SOUND
+from tpd.core import files
 
 
 def run(options: argparse.Namespace) -> int:
@@ -17,13 +19,15 @@ def run(options: argparse.Namespace) -> int:
     again = f"tpd optimise --scene {shlex.quote(str(out))} --out {shlex.quote(out.stem)}"
     old = f"tpd optimise --scene {options.kind}.toml --out {options.kind}"
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
+        files.make_folder(out.parent)
         # Mode x fails where the file exists: no other program can write it between a check and the writing.
-        with out.open("x", encoding="utf-8") as file:
-            file.write(template(options.kind).replace(old, again))
+        with out.open("x", encoding="utf-8", errors="replace") as file:
+            file.write(files.readable(template(options.kind).replace(old, again)))
     except FileExistsError:
         raise ValueError(f"{out} exists and is left as it is: name another file with --out") from None
     except OSError as error:
+        with contextlib.suppress(OSError):
+            out.unlink()
         raise ValueError(f"cannot write {out}: {error.strerror or error}") from None
     print(f"written: {out}\nnext: change its numbers, then {again}")
     return SOUND

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 
 from tpd.cli import common
 from tpd.cli.interrupts import INTERRUPTED, SOUND, UNFINISHED, UNSOUND
 from tpd.core import files
-from tpd.core.progress import Bar
+from tpd.core.progress import Bar, say
 from tpd.design.many import front
 from tpd.design.optimise import optimise
 from tpd.design.problem import check_cavity
@@ -48,11 +49,13 @@ def run(options: argparse.Namespace) -> int:
         print("tpd: interrupted before a search had ended: nothing is written", file=sys.stderr)
         return INTERRUPTED
     try:
-        write(options.out, design, shown, job.tables, job.toml, (*job.notes, *job.held_notes))
+        lines = max(_LEAST, answer.MOST - len(told))
+        how = {"then": partial(_say, options, design, shown, lines), "warn": lambda why: say(f"tpd: {why}")}
+        said = (*job.notes, *job.held_notes)
+        write(options.out, design, shown, job.tables, job.toml, said, **how)
     except KeyboardInterrupt:
-        print(f"tpd: interrupted; {options.out} goes without some of its pictures", file=sys.stderr)
+        print(f"tpd: interrupted; {options.out} goes without some of its files", file=sys.stderr)
         return INTERRUPTED
-    _say(options, design, shown, max(_LEAST, answer.MOST - len(told)))
     if is_interrupted:
         return INTERRUPTED
     unfinished.unlink(missing_ok=True)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +16,6 @@ from tpd.cli.common import BARE
 from tpd.cli.interrupts import SOUND
 from tpd.core import checks, files
 from tpd.core.progress import Bar
-from tpd.plot import style
-from tpd.plot.response import plot_branches, plot_response
 from tpd.report.files import response_csv
 from tpd.scene.scene import Scene
 
@@ -42,21 +42,39 @@ def run(options: argparse.Namespace) -> int:
                 for label, pendulum in hangings.items()
             }
     near = {label: r.between(0.95 * own, 1.05 * own) for label, r in settled.items()}
+    tried = len(near[BARE].frequency) if near else 0
     print("\n".join(f"{label}: {case}" for label, case in cases.items()))
     if settled:
         # A single motion from rest says little: near ones are counted.
         lost = ", ".join(f"{(r.status == 'overturned').sum()} {label}" for label, r in near.items())
-        tried = len(near[BARE].frequency)
         print(f"from rest, of {tried} frequencies within 5 % of {own:.4g}, overturned: {lost}")
     else:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest N says")
-    written = _files(cases, {"response.png": settled, "response_near.png": near}, own)
     content = {
         **common.inputs(scene, hung),
         "bifurcations": {label: [asdict(b) for b in case.bifurcations] for label, case in cases.items()},
         "over": name,
     }
-    common.write(options.out, (("response.json", files.as_json(content)), *written))
+    sizes = "status", "amplitude_rad", "stroke_rad", "phase_rad", "multiplier"
+    rows = (row for label, case in cases.items() for row in _rows(label, case))
+    tables = [
+        ("response.json", files.as_json(content)),
+        ("branches.csv", files.as_csv(("case", "branch", name, *sizes), rows)),
+    ]
+
+    def draw(responses: dict[str, Response] | None = None) -> Any:
+        from tpd.plot.response import plot_branches, plot_response
+
+        return plot_branches(cases) if responses is None else plot_response(tuple(responses.values()), own)
+
+    pictures: dict[str, Callable[[], Any]] = {"branches.png": draw}
+    if settled:
+        tables.append(("response.csv", response_csv(tuple(settled.values()))))
+        pictures["response.png"] = partial(draw, settled)
+        # Over the whole range the marks next to the own frequency hide each other.
+        if tried:
+            pictures["response_near.png"] = partial(draw, near)
+    common.write(options.out, tables, pictures)
     return SOUND
 
 
@@ -77,24 +95,6 @@ def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float
         raise ValueError(f"`--from` must be below `--to`, but they are {low:g} and {high:g}")
     checks.within("--points", options.points, 8.0, 100_000.0)
     return name, low, high
-
-
-def _files(
-    cases: Mapping[str, Branches], settled: Mapping[str, Mapping[str, Response]], own: float
-) -> Iterator[tuple[str, str | bytes]]:
-    """Tables and pictures; `settled` are the motions from rest by the names of their pictures."""
-    sizes = "status", "amplitude_rad", "stroke_rad", "phase_rad", "multiplier"
-    header = ("case", "branch", cases[BARE].name, *sizes)
-    rows = (row for label, case in cases.items() for row in _rows(label, case))
-    yield "branches.csv", files.as_csv(header, rows)
-    yield "branches.png", style.png(plot_branches(cases)[0].figure)
-    # Over the whole range the marks next to the own frequency hide each other.
-    for name, responses in settled.items():
-        shown = tuple(responses.values())
-        if name == "response.png" and shown:
-            yield "response.csv", response_csv(shown)
-        if shown and len(shown[0].frequency):
-            yield name, style.png(plot_response(shown, own)[0].figure)
 
 
 def _rows(label: str, case: Branches) -> Iterator[tuple]:

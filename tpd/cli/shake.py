@@ -17,10 +17,6 @@ from tpd.core import files
 from tpd.core.formatting import number
 from tpd.design.study import TimeHistory
 from tpd.models.segmented import Segmented
-from tpd.plot import style
-from tpd.plot.animation import animate
-from tpd.plot.response import plot_motions
-from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status, status_name
 
 _SIZES = {
@@ -68,7 +64,23 @@ def run(options: argparse.Namespace) -> int:
     # The film is about the largest tilt, or about the fall, of the bare block by the linear equations.
     first = found[common.BARE][-1]
     middle = min(float(first.tilt_time), float(first.overturning_time))
-    common.write(options.out, (("shake.json", content), *_files(scene, hung, histories, middle)))
+    films = _films(histories)
+    tables = ("shake.json", content), *_tables(histories, films)
+
+    def draw() -> Any:
+        from tpd.plot.response import plot_motions
+
+        axes = plot_motions(list(histories.values()), float(scene.block.slenderness))
+        axes[0].set_title("linear equations, exact between the samples", fontsize=9)
+        return axes
+
+    def film() -> bytes:
+        from tpd.plot.animation import animate
+
+        # Six seconds before it and four after it.
+        return animate(scene, hung, list(films.values()), start=max(0.0, middle - 6.0))
+
+    common.write(options.out, tables, {"histories.png": draw, "animation.gif": film})
     # With a pendulum it is the pendulum's outcome that counts.
     last = status_name(list(found.values())[-1][0].status)
     return SOUND if last in ("stood", "rocked") else UNSOUND
@@ -97,11 +109,9 @@ def _table(name: str, pair: tuple[Transient, ...], history: ShakingHistory, stro
         yield "  The two sets of equations differ on overturning: the nonlinear ones count."
 
 
-def _files(
-    scene: Scene, hung: Pendulum | None, histories: dict[str, ShakingHistory], middle: float
-) -> Iterator[tuple[str, str | bytes]]:
-    """Tables, pictures, and a film about a time `middle`, by the linear equations."""
-    films = {
+def _films(histories: dict[str, ShakingHistory]) -> dict[str, TimeHistory]:
+    """Motions of the film by the names of their cases."""
+    return {
         name: TimeHistory(
             with_pendulum=h.swing is not None,
             time=h.times,
@@ -110,6 +120,10 @@ def _files(
         )
         for name, h in histories.items()
     }
+
+
+def _tables(histories: dict[str, ShakingHistory], films: dict[str, TimeHistory]) -> Iterator[tuple[str, str]]:
+    """Histories and impacts by the linear equations."""
     header = ("case", "time_s", "base_m_s2", "tilt_rad", "swing_rad", "horizontal_N", "vertical_N")
     rows = (
         (name, *row)
@@ -119,11 +133,6 @@ def _files(
     yield "histories.csv", files.as_csv(header, rows)
     hits = ((name, *hit) for name, h in histories.items() for hit in h.impacts)
     yield "impacts.csv", files.as_csv(("case", "time_s", "rate_after_rad_s"), hits)
-    axes = plot_motions(list(histories.values()), float(scene.block.slenderness))
-    axes[0].set_title("linear equations, exact between the samples", fontsize=9)
-    yield "histories.png", style.png(axes[0].figure)
-    # Six seconds before it and four after it.
-    yield "animation.gif", animate(scene, hung, list(films.values()), start=max(0.0, middle - 6.0))
 
 
 def _numbers(answer: Transient) -> dict[str, Any]:

@@ -15,7 +15,6 @@ from tpd.cli.interrupts import SOUND
 from tpd.cli.options import given
 from tpd.core import checks, files
 from tpd.core.progress import Bar
-from tpd.plot import style
 from tpd.scene.ground_motion import Pulse
 from tpd.scene.scene import Pendulum, Scene
 
@@ -44,12 +43,11 @@ def run(options: argparse.Namespace) -> int:
         how = {"gravity": float(scene.gravity), "cluster": cluster}
         make = _overturning if job.kind == "pulse" else _rocking
         found, content = make(options, scene, hung, how | {"progress": partial(bar, "following blocks")})
-    written = {
+    tables = {
         "spectrum.csv": files.as_table(found.columns()),
         "spectrum.json": files.as_json(common.inputs(scene, hung, job) | content),
-        "spectrum.png": style.png(np.ravel(found.plot())[0].figure),
     }
-    common.write(options.out, written.items())
+    common.write(options.out, tables.items(), {"spectrum.png": found.plot})
     return SOUND
 
 

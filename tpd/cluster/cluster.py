@@ -59,7 +59,8 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
         """
         checks.instance("folder", folder, (Path, str))
         checks.optional("dask", dask, str)
-        if not str(folder) or (Path(folder).exists() and not Path(folder).is_dir()):
+        place = files.path_of(folder)
+        if not str(folder) or (place.exists() and not place.is_dir()):
             raise ValueError(f"`folder` must be a folder, but is {checks.shown(str(folder))}")
         if workers is not None and dask is not None:
             raise ValueError("`workers` and `dask` exclude one another, but both are given")
@@ -73,7 +74,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             from dask.config import set as settings
         except ModuleNotFoundError:
             raise ValueError("a cluster needs Dask: install `tpd[dask]`") from None
-        self.folder, self.workers, self.dask = Path(folder), workers or os.cpu_count() or 1, dask
+        self.folder, self.workers, self.dask = place, workers or os.cpu_count() or 1, dask
         self._distributed: Any = distributed
         self._settings: Any = settings
         self._client: Any = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import errno
 import hashlib
 import io
 import itertools
@@ -41,7 +42,7 @@ def claim(directory: Path, *, overwrite: bool) -> None:
     Raises:
         ValueError: the directory exists and may not be overwritten, or cannot be written.
     """
-    if directory.exists() and not directory.is_dir():
+    if os.path.lexists(directory) and not directory.is_dir():
         raise ValueError(f"cannot write the report: {directory} is a file, not a directory")
     if (
         directory.exists()
@@ -52,29 +53,74 @@ def claim(directory: Path, *, overwrite: bool) -> None:
             f"{directory} already holds files: choose another directory with --out, or pass --overwrite"
         )
     try:
-        directory.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=directory if directory.exists() else directory.parent):
-            pass
+        make_folder(directory.parent)
+        with tempfile.TemporaryFile(dir=directory if directory.exists() else directory.parent) as file:
+            # A full disk still has room for a name.
+            file.write(b" ")
     except OSError as error:
         raise ValueError(f"cannot write to {directory}: {error.strerror or error}") from None
 
 
-def place(path: Path, content: str | bytes) -> Path:
-    """Write a file, and its directory, so that it appears complete or not at all; return `path`."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # A rename within one directory is atomic: an interrupted run leaves no half-written file.
-    data = content.encode() if isinstance(content, str) else content
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PART)
+def path_of(name: str | os.PathLike[str]) -> Path:
+    """Return the path that a name of a file or folder stands for; ~ at its beginning is the user's home.
+
+    Raises:
+        ValueError: neither a text nor a path.
+    """
+    if not isinstance(name, (str, os.PathLike)):
+        raise ValueError(f"`path` must name a file, but is {name!r}")
+    # The letters of a text file are encoded as the file system of this process expects them.
+    return Path(os.fsdecode(os.path.expanduser(name).encode("utf-8", "surrogateescape")))
+
+
+def readable(text: str) -> str:
+    """Return text with the letters of file names. Where the locale does not know a letter, Python has its
+    bytes in place of it, which no file can hold."""
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "surrogateescape")
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those that it lies in, unless it exists.
+
+    Raises:
+        OSError: it cannot be made, or something else has its name.
+    """
     try:
-        with open(handle, "wb") as file:
-            file.write(data)
-        # Temporary files are readable by their owner only.
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder)) from None
+
+
+def place(path: Path, content: str | bytes) -> Path:
+    """Write a file, and its directory, so that it appears complete or not at all; return `path`.
+
+    Raises:
+        OSError: it cannot be written; the error names `path`.
+    """
+    data = readable(content).encode(errors="replace") if isinstance(content, str) else content
+    try:
+        make_folder(path.parent)
+        # A rename within one directory is atomic: an interrupted run leaves no half-written file.
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PART)
+        try:
+            with open(handle, "wb") as file:
+                file.write(data)
+            # Temporary files are readable by their owner only.
+            Path(name).chmod(0o644)
+            Path(name).replace(path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                Path(name).unlink()
+            raise
+    except OSError as error:
+        # The system names the temporary file, or none.
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from None
     return path
+
+
+def not_drawn(name: str, error: Exception) -> str:
+    """Return a sentence on a picture that cannot be drawn."""
+    return f"{name} is not drawn: {next(iter(str(error).splitlines()), type(error).__name__)}"
 
 
 def sealed(data: bytes, of: str = "") -> bytes:
@@ -212,11 +258,13 @@ def today() -> str:
 
 
 def _finite(value: Any) -> Any:
-    """Replace infinities and NaN, for which JSON has no number, by words."""
+    """Replace infinities and NaN, for which JSON has no number, by words, and names of files by text."""
     if isinstance(value, dict):
         return {k: _finite(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
         return [_finite(v) for v in value]
+    if isinstance(value, str):
+        return readable(value)
     if isinstance(value, float) and not math.isfinite(value):
         return "nan" if math.isnan(value) else "infinite"
     return value

@@ -16,6 +16,7 @@ from typing import Any
 from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
+from tpd.core.files import path_of
 from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Worsening, Worth
 from tpd.design.ground.judgement import SCATTERED
 from tpd.design.ground.search import GroundSearch
@@ -78,7 +79,7 @@ class Job:
         Raises:
             ValueError: a file that cannot be read, or a job that is not allowed.
         """
-        return job_of(read(Path(path)))
+        return job_of(read(path_of(path)))
 
     @property
     def kind(self) -> str:
@@ -373,7 +374,7 @@ def read(path: Path) -> dict[str, Any]:
         ValueError: the file cannot be read, or is not TOML.
     """
     try:
-        found = tomllib.loads(path.read_text(encoding="utf-8"))
+        found = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise ValueError(f"cannot read {path}: {error.strerror or error}") from None
     except UnicodeDecodeError:

@@ -23,6 +23,7 @@ from msgspec import Meta
 
 from tpd.answers.ensemble import Ensemble
 from tpd.core.checks import shown
+from tpd.core.files import path_of, readable
 from tpd.core.formatting import meant
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, DesignSpace, Limit, Risk, Worth, limit_of
 from tpd.design.ground.judgement import HELD_OUT, SCATTERED
@@ -317,7 +318,9 @@ def placed(table: str, values: Any, folder: Path) -> Any:
     def place(value: Any) -> Any:
         listed = isinstance(value, (list, tuple)) and all(isinstance(name, str) for name in value)
         known = {*BUILT_IN, *SETS}
-        return [x if x in known else str(folder.resolve() / x) for x in value] if listed else value
+        if not listed:
+            return value
+        return [x if x in known else readable(str(folder.resolve() / path_of(x))) for x in value]
 
     return {key: place(x) if key in ("records", "held_out") else x for key, x in values.items()}
 

@@ -13,6 +13,7 @@ from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.batch import aside
+from tpd.core.files import path_of
 from tpd.core.progress import Progress, shown
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Worth
@@ -105,7 +106,7 @@ def optimise(
     """
     if checkpoint is not None:
         checks.instance("checkpoint", checkpoint, (Path, str))
-    file = None if checkpoint is None else Path(checkpoint)
+    file = None if checkpoint is None else path_of(checkpoint)
     asked: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
     asked |= {"worth": worth, "seed": seed}
     if isinstance(conditions, Conditions) and conditions.motions:

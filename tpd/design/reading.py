@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.attractors import StartKind
+from tpd.core.files import path_of
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Room, limit_of
 from tpd.design.ground.judgement import SCATTERED, Role
 from tpd.design.job import Job, job_of
@@ -41,8 +42,9 @@ def read_design(path: str | Path) -> StoredDesign:
     Raises:
         ValueError: as `tpd.Design.read`.
     """
-    file = Path(path) / "design.json" if Path(path).is_dir() else Path(path)
+    file = path_of(path)
     try:
+        file = file / "design.json" if file.is_dir() else file
         content = json.loads(file.read_bytes())
     except OSError as error:
         raise ValueError(f"cannot read {file}: {error.strerror or error}") from None

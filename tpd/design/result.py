@@ -14,6 +14,7 @@ from tpd.answers.attractors import Starts
 from tpd.answers.paired import Change
 from tpd.answers.statistics import Interval
 from tpd.core import checks
+from tpd.core.files import path_of
 from tpd.core.formatting import Printed, above, picture
 from tpd.core.progress import Progress
 from tpd.design.by_runs import PairedRuns
@@ -165,7 +166,7 @@ class Design(Question, Printed):
             ValueError: a folder with a report, or that cannot be written.
         """
         how = {"study": study, "overwrite": overwrite, "progress": progress}
-        return above("report.files:save")(self, Path(folder), **how)
+        return above("report.files:save")(self, path_of(folder), **how)
 
     @property
     def swing(self) -> float:

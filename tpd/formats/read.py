@@ -113,8 +113,6 @@ def channels(
     number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
     if dt is not None and not (number and 0.0 < dt < float("inf")):
         raise ValueError(f"`dt` must be positive and finite, in s, but is {dt!r}")
-    if not isinstance(path, (str, os.PathLike)):
-        raise ValueError(f"`path` must name a file, but is {path!r}")
     file = Path(path)
     try:
         how = Options(dt, unit, columns, skip)

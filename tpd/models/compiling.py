@@ -29,7 +29,7 @@ sys.excepthook = lambda *_: None
 warnings.showwarning = lambda text, kind, *_: kind is UserWarning and print(text, file=sys.stderr)
 from tpd.models.compiling import load
 load(sys.argv[2])
-open(sys.argv[1], "w").write(sys.argv[3])
+open(sys.argv[1], "w", encoding="utf-8").write(sys.argv[3])
 """
 _running: dict[str, tuple[subprocess.Popen[bytes], IO[bytes]]] = {}
 """Processes by the module that they compile, with the files of what they have to say. No pipes: who reads the
@@ -69,8 +69,8 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
         return files.say_unkept(error)
     for module in modules:
         place = f"{module} {Path(__file__)} {sys.version} {chosen}"
-        mark = folder / f"compiled-{zlib.crc32(place.encode()):08x}"
-        made = mark.read_text() if mark.exists() else ""
+        mark = folder / f"compiled-{zlib.crc32(os.fsencode(place)):08x}"
+        made = mark.read_text(encoding="utf-8") if mark.exists() else ""
         if made == version or module in _running or module in sys.modules:
             continue
         if made:

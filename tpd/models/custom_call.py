@@ -62,7 +62,7 @@ def settings(**values: Any) -> list[Any]:
 def api_version() -> int:
     """The version of the interface that the installed XLA declares, as one number."""
     header = Path(str(jaxlib.__file__)).parent / "include" / "xla" / "ffi" / "api" / "c_api.h"
-    text = header.read_text()
+    text = header.read_text(encoding="utf-8")
     major, minor = (re.search(rf"#define XLA_FFI_API_{name} (\d+)", text) for name in ("MAJOR", "MINOR"))
     if major is None or minor is None:
         raise ValueError(f"{header} does not declare the version of the interface")

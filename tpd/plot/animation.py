@@ -17,7 +17,7 @@ from PIL import Image
 
 from tpd.design.study import TimeHistory
 from tpd.plot.drawing import BODY, corners, rod
-from tpd.plot.style import BLUE, INK
+from tpd.plot.style import BLUE, INK, Picture, own_style
 from tpd.scene.scene import Harmonic, Pendulum, Scene
 
 _RATE, _SECONDS, _LONG = 20, 6.0, 10.0
@@ -46,6 +46,7 @@ class Reel:
     """Whether the block has overturned by then."""
 
 
+@own_style()
 def animate(
     scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHistory], start: float = 0.0
 ) -> bytes:
@@ -132,7 +133,7 @@ def _stage(
     shape = 2.0 * side / (high - low)
     tall = min(_TALL, _WIDE / shape)
     whole, width = tall + _ABOVE + _BELOW, max(max(tall * shape, _NARROW) * len(reels), _LEAST)
-    figure = Figure(figsize=(width, whole), dpi=_DPI)
+    figure = Picture(figsize=(width, whole), dpi=_DPI)
     draws = []
     for i, (r, film) in enumerate(zip(reels, films, strict=True)):
         ax = figure.add_axes((i / len(reels), _BELOW / whole, 1.0 / len(reels), tall / whole))

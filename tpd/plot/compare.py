@@ -17,7 +17,7 @@ from tpd.design.build import FrontPoint
 from tpd.design.ground.design import GroundDesign
 from tpd.design.result import HarmonicDesign
 from tpd.design.verified import Bare, Verified
-from tpd.plot.style import BLUE, CASES, GREY, INK, LABELS, ORANGE, in_degrees, legend, new_axes
+from tpd.plot.style import BLUE, CASES, GREY, INK, LABELS, ORANGE, in_degrees, legend, new_axes, own_style
 
 _MOST = 24
 """Most conditions that have a row of their own, evenly over all of them."""
@@ -39,6 +39,7 @@ _INTENSITIES = {
 }
 
 
+@own_style()
 def plot_benefit(design: HarmonicDesign, ax: Any = None) -> Any:
     """Draw mean tilts over nu, and shares overturned and at rest, of the paired runs of the best design: over
     all runs above the line, under every condition below it. A bar is the 95 % interval of the difference.
@@ -88,6 +89,7 @@ def _rows(design: HarmonicDesign, benefit: Benefit) -> list[tuple[str, float, fl
     ]
 
 
+@own_style()
 def plot_conditions(design: HarmonicDesign, axes: Any = None) -> Any:
     """Draw the steady tilt with the pendulum and without over what the conditions differ in, and below it the
     bob's angle; triangles and crosses are conditions under which the block overturns from rest.
@@ -149,6 +151,7 @@ def _values(design: HarmonicDesign, name: str) -> tuple[np.ndarray, str]:
     return factors * design.scene.quantities(design.pendulum)[quantity], LABELS[quantity]
 
 
+@own_style()
 def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
     """Draw by how much the mean tilt falls with every bob that is offered, over its own mass, with the
     interval; a cross at the largest mass up to which none is offered. The last point is the answer."""
@@ -174,6 +177,7 @@ def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
     return ax
 
 
+@own_style()
 def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = None) -> Any:
     """Draw shares at the stripes, the lognormal curves and their 95 % bands for one damage state. A bar at a
     stripe is what motions without an answer leave open.
@@ -193,6 +197,7 @@ def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = No
     return ax
 
 
+@own_style()
 def plot_groups(design: GroundDesign, axes: Any = None) -> Any:
     """Draw the shares of each group that overturn at each stripe, without and with the pendulum, one panel
     for each group: the fitted curve, its band of 95 % confidence and the shares themselves; a bar where runs

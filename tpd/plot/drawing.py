@@ -15,7 +15,7 @@ from scipy.optimize import root_scalar
 from tpd.core.formatting import number
 from tpd.design.criteria import Room, limit_of
 from tpd.design.result import Design
-from tpd.plot.style import BLUE, GREY, INK
+from tpd.plot.style import BLUE, GREY, INK, Picture, own_style
 from tpd.scene.bob import Bob
 from tpd.scene.scene import Harmonic, Pendulum, Scene
 
@@ -117,6 +117,7 @@ class _Hung(NamedTuple):
         return said
 
 
+@own_style()
 def plot_scene(
     scene: Scene, pendulum: Pendulum | None = None, *, stroke: float = 0.0, bob: Bob | None = None
 ) -> Axes:
@@ -140,7 +141,7 @@ def plot_scene(
     side = 0.0 if hung is None else max(1.1 * hung.reach, min(1.15 * hung.wall, 2.5 * hung.reach))
     larger = scale if hung is None else min(0.92 * _TALL / hung.depth, _WIDE / (2.0 * side))
     size = left + (0.0 if hung is None else 2.0 * side * larger + _WORDS), _TALL + _ABOVE + _BELOW
-    figure = Figure(figsize=(max(size[0], 2.6), size[1]), dpi=130)
+    figure = Picture(figsize=(max(size[0], 2.6), size[1]), dpi=130)
     FigureCanvasAgg(figure)
     ax = _view(figure, 0.0, left, (-wide - _LEFT / scale, -_BELOW / scale), scale)
     ax.add_patch(Polygon(corners(scene, 0.0), closed=True, fc=BODY, ec=INK, lw=1.4))

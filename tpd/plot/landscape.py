@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from tpd.design.ground.design import GroundDesign
 from tpd.design.objective import Orbits, geometry_of, margins
 from tpd.design.result import Design, HarmonicDesign
-from tpd.plot.style import HALO, INK, LABELS, ORANGE, edge, legend, new_axes
+from tpd.plot.style import HALO, INK, LABELS, ORANGE, edge, legend, new_axes, own_style
 from tpd.scene.parameters import as_arrays
 
 _GRID = 48
@@ -38,6 +38,7 @@ class _Seen(NamedTuple):
     """Quantity and equations."""
 
 
+@own_style()
 def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     """Draw the tilt over mass and length ratio at the damping of the best design, as a shaded field: the
     darker, the more the block tilts.

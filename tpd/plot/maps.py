@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from tpd.answers.design_map import DesignMap
 from tpd.answers.spectra import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum, RockingSpectrum
 from tpd.core import checks
-from tpd.plot.style import CASES, INK, LABELS, LINES, edge, legend, new_axes
+from tpd.plot.style import CASES, INK, LABELS, LINES, edge, legend, new_axes, own_style
 
 _MOVING = ("rocking", "sticking", "near_fold", "grazing")
 """Statuses of periodic motions, which have an amplitude."""
@@ -33,6 +33,7 @@ _QUANTITIES = {
 }
 
 
+@own_style()
 def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = None) -> Axes:
     """Draw one quantity of a map in colour, hatched where it has none, and the edge of no uplift.
 
@@ -84,6 +85,7 @@ def _hatched(ax: Axes, m: DesignMap, coloured: tuple[str, ...]) -> list[Any]:
     return handles
 
 
+@own_style()
 def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -> Any:
     """Draw what every pulse does, without the pendulum and with it, side by side; a cross is a pulse without
     an answer.
@@ -122,6 +124,7 @@ def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -
     return axes
 
 
+@own_style()
 def plot_rocking_spectrum(spectrum: RockingSpectrum, ax: Any = None) -> Any:
     """Draw the largest tilt over the slenderness against 2 pi/p; blocks that overturn are marked on top, and
     so are those without an answer."""

@@ -14,7 +14,7 @@ from tpd.answers.response import Branches, Response
 from tpd.answers.shaking_history import ShakingHistory
 from tpd.design.result import HarmonicDesign
 from tpd.design.study import TimeHistory, time_histories
-from tpd.plot.style import CASES, GREY, INK, LABELS, LINES, ORANGE, in_degrees, legend, new_axes
+from tpd.plot.style import CASES, GREY, INK, LABELS, LINES, ORANGE, in_degrees, legend, new_axes, own_style
 from tpd.scene.status import SETTLED
 
 _UNSTABLE = (0, (4, 2))
@@ -29,6 +29,7 @@ _MARKERS = {
 }
 
 
+@own_style()
 def plot_response(responses: Sequence[Response], own: float | None = None, *, axes: Any = None) -> Any:
     """Draw the settled amplitude from rest, and below it the share of the runs from rest near each value that
     overturn, with its 95 % interval: next to overturning a single run is chance, a share is not.
@@ -82,6 +83,7 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
     return axes
 
 
+@own_style()
 def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
     """Draw amplitude, and with a pendulum stroke, of all branches: stable solid, unstable dashed, with marks
     where they fold, lose their symmetry, stick or graze.
@@ -152,6 +154,7 @@ def _stroke(case: Branches, b: Bifurcation) -> float:
     return float(s.stroke[rows].ravel()[np.nanargmin(apart)])
 
 
+@own_style()
 def plot_motions(
     histories: Sequence[TimeHistory] | Sequence[ShakingHistory],
     slenderness: float,

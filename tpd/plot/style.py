@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+from collections.abc import Iterator
 from typing import Any
 
-import matplotlib
+import matplotlib.style
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -52,6 +54,24 @@ LABELS = {
 """Labels of an axis by the name of the quantity along it."""
 
 
+@contextlib.contextmanager
+def own_style() -> Iterator[None]:
+    """Draw in the style of this package, whatever the settings of the user are, which stay as they are; as a
+    decorator for a function that draws."""
+    # Without a date and with a fixed salt of its identifiers a repeated run writes the same file. Words stay
+    # words.
+    with matplotlib.style.context(["default", {"svg.hashsalt": "tpd", "svg.fonttype": "none"}]):
+        yield
+
+
+class Picture(Figure):
+    """A figure of this package. Matplotlib also reads settings when it draws and measures a figure."""
+
+    draw = own_style()(Figure.draw)
+    savefig = own_style()(Figure.savefig)
+    get_tightbbox = own_style()(Figure.get_tightbbox)
+
+
 def in_degrees(ax: Any) -> None:
     """Give a vertical axis in radians a second scale in degrees."""
     ax.secondary_yaxis("right", functions=(np.degrees, np.radians)).set_ylabel("degrees")
@@ -77,7 +97,7 @@ def edge(
 
 def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6), columns: int = 1) -> Any:
     """Axes of a new figure; an array of them if there are several, which share the axis between them."""
-    figure = Figure(figsize=size, layout="constrained", dpi=130)
+    figure = Picture(figsize=size, layout="constrained", dpi=130)
     FigureCanvasAgg(figure)
     return figure.subplots(rows, columns, sharex=rows > 1, sharey=columns > 1)
 
@@ -85,9 +105,7 @@ def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6), columns: int
 def svg(figure: Any) -> bytes:
     """Content of an SVG file of the figure, the same for the same figure; its words stay words."""
     buffer = io.BytesIO()
-    # Without a date and with a fixed salt of its identifiers a repeated run writes the same file.
-    with matplotlib.rc_context({"svg.hashsalt": "tpd", "svg.fonttype": "none"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    figure.savefig(buffer, format="svg", metadata={"Date": None})
     return buffer.getvalue()
 
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tpd.core.files import path_of, readable
 from tpd.core.formatting import number
 from tpd.formats.channel import BOREHOLE, RAW, STANDARD_GRAVITY, UNKNOWN, VERTICAL
 from tpd.formats.text import NoAcceleration
@@ -69,10 +70,10 @@ def read_motions(
         elif name in BUILT_IN:
             read.append((BUILT_IN[name](), ""))
         else:
-            path = Path(name)
+            path = path_of(name)
             files, others = _files_of(path)
             left += others
-            event = path.resolve().name if path.is_dir() else ""
+            event = readable(path.resolve().name) if path.is_dir() else ""
             event = event if events is None else events[i if len(events) > 1 else 0]
             for file in files:
                 try:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,9 @@ def write(
     job_tables: dict[str, Any],
     job_toml: str,
     said: Sequence[str] = (),
+    *,
+    then: Callable[[], None] = lambda: None,
+    warn: Callable[[str], None] = warnings.warn,
 ) -> list[Path]:
     """Write the whole report; each file appears complete or not at all. Returns the files.
 
@@ -46,6 +49,8 @@ def write(
         job_tables: the job as plain tables, for design.json; empty where no job file says what was asked.
         job_toml: the job as a file that repeats the run, for scene.toml; empty where there is none.
         said: notes of the reader on the files of the records.
+        then: called when the numbers are written, before the first picture is drawn.
+        warn: called with a sentence for each picture that cannot be drawn.
     """
     named: dict[str, Any] = {
         "said": said,
@@ -58,11 +63,17 @@ def write(
         for name, inside in _words(design, study, job_tables, job_toml, said)
     ]
     written.insert(0, files.place(directory / "report.txt", text(report)))
-    # Numbers are safe on disk before the pictures, which take longest, are drawn.
+    # Numbers are safe on disk, and said, before the pictures, which take longest, are drawn.
+    then()
     drawn = {}
     for name in names(design, study):
-        drawn[name] = draw(name, design, study)
-        written.append(files.place(directory / name, drawn[name]))
+        try:
+            drawn[name] = draw(name, design, study)
+        # Matplotlib raises errors of every kind.
+        except Exception as error:
+            warn(files.not_drawn(name, error))
+        else:
+            written.append(files.place(directory / name, drawn[name]))
     if design.status is not DesignStatus.interrupted:
         # Last, so that a page stands for a whole report.
         written.append(files.place(directory / "report.html", html(report, drawn)))

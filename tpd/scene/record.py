@@ -15,6 +15,7 @@ import jax
 import numpy as np
 
 from tpd.core import checks
+from tpd.core.files import path_of
 from tpd.formats.channel import GREATEST_PEAK
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Real, pytree
@@ -163,7 +164,7 @@ class Record(GroundMotion):
         from tpd.formats.read import one_channel
 
         how = {"dt": dt, "baseline": baseline, "unit": unit, "columns": columns, "skip": skip, "scale": scale}
-        return _of(one_channel(path, channel=channel, **how))
+        return _of(one_channel(path_of(path), channel=channel, **how))
 
     @staticmethod
     def read_all(
@@ -181,7 +182,7 @@ class Record(GroundMotion):
         from tpd.formats.read import channels
 
         how = {"dt": dt, "baseline": baseline, "unit": unit, "columns": columns, "skip": skip, "scale": scale}
-        return [_of(c) for c in channels(path, **how)]
+        return [_of(c) for c in channels(path_of(path), **how)]
 
 
 def _of(channel: Channel) -> Record:
