@@ -152,7 +152,12 @@ TABLES: dict[str, dict[str, Key]] = {
         "channel": Key(_Whole, None, "channel of files with several, from 0 (default: all horizontal ones)"),
         "dt": Key(float, None, "sampling interval of files without times, s"),
         "unit": Key(str, None, "unit of files that do not say: g, m/s2, cm/s2"),
-        "baseline": Key(str, None, "mean or linear: remove an offset, or a drift"),
+        "baseline": Key(
+            str,
+            None,
+            "mean, linear or none: remove an offset, a drift, or nothing (default: the mean of uncorrected "
+            "records)",
+        ),
     },
     "bob": keys_of(Bob),
     "site": keys_of(Scene, "gravity"),

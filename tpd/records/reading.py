@@ -157,7 +157,7 @@ def _better(record: Record, other: Record, place: _Place, its: _Place) -> str:
         return f"{BOREHOLE}, beside {other.source}"
     is_raw = bool(marks & {*RAW}) and not {*RAW} & {*other.notes}
     is_one_channel = place.component == its.component and (
-        place.station == its.station or place.file == its.file
+        place.station == its.station != "" or place.file == its.file
     )
     return f"uncorrected, beside the corrected {other.source}" if is_raw and is_one_channel else ""
 
