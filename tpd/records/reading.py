@@ -187,7 +187,7 @@ def facts(motion: Record) -> dict[str, Any]:
     }
 
 
-def summary(motions: Sequence[GroundMotion], notes: Sequence[str]) -> dict[str, Any]:
+def summary(motions: Sequence[GroundMotion], notes: Sequence[str] = ()) -> dict[str, Any]:
     """Facts of all records, and the notes on them, for JSON."""
     return {"records": [facts(m) for m in motions if isinstance(m, Record)], "notes": list(notes)}
 
