@@ -10,7 +10,7 @@ from tests.formats.synthetic import cosmos, csmip_v1, csmip_v2, esm, geonet, kne
 from tpd import Record
 from tpd.design.ground.judgement import Role, grouped
 from tpd.records import el_centro, reading
-from tpd.records.reading import described, facts, read_motions, summary
+from tpd.records.reading import described, facts, read_motions, same_earthquakes, summary
 from tpd.scene.ground_motion import events_of
 
 NS = esm(400.0 * shaking(100), 0.01)
@@ -294,3 +294,15 @@ def test_what_was_read_is_described(tmp_path):
         "noted: drift 5"
     ]
     assert described([]) == []
+
+
+def test_records_made_in_python_are_compared_as_well():
+    wave = [0.0, 1.0, -0.5, 0.2]
+    events = ("Nowhere 2023-02-06", "Elsewhere, 2/6/2023", "", "Third 2022", "2023-02-07 Nowhere")
+    found = [Record(wave[i:] + wave[:i], 0.01, event=event) for i, event in enumerate(events[:4])]
+    found.append(Record([1.0, 0.3, 0.2], 0.02, event=events[4]))
+    assert len(set(events_of(found))) == 3
+    (said,) = same_earthquakes(found)
+    one = "2023-02-07 Nowhere = Elsewhere, 2/6/2023 = Nowhere 2023-02-06"
+    assert said == f"note: taken for one earthquake by dates, names or samples: {one}"
+    assert same_earthquakes(found[1:4]) == []
