@@ -313,7 +313,7 @@ def test_every_command_shows_what_was_read_of_a_record(run, tmp_path, command):
         f"record: XXX001.EW, 100 samples of 0.01 s, 0.99 s long, PGA {pga:.4g} g; uncorrected: "
     )
     assert all(note in first for note in motion.notes)
-    assert "of the peak, is removed" in first
+    assert "; baseline removed: the mean, " in first
     if command == "check":
         assert "held out, held.EW: record: held.EW, 100 samples" in done.out
     if done.files:

@@ -196,6 +196,7 @@ def test_the_report_says_what_was_read_of_every_record(on_records):
     content = first.json("design.json")["details"]["reading"]
     assert {r["source"] for r in content["records"]} == {"quake.csv", "loma-prieta"}
     expected = {"quake.csv": facts(quake) | {"earthquake": "mine"}, "loma-prieta": facts(quakes)}
+    assert {r.pop("group") for r in content["records"]} == {"tuned to", "held out"}
     assert {r["source"]: r for r in content["records"]} == expected
     assert any("1 state no orientation" in note for note in content["notes"])
     text, page = (first.files[f"report.{kind}"].read_text(encoding="utf-8") for kind in ("txt", "html"))

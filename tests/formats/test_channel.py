@@ -124,7 +124,7 @@ def test_the_mean_of_an_uncorrected_record_is_removed(tmp_path, name, text):
         mean, peak = np.mean(kept.acceleration), np.max(np.abs(kept.acceleration))
         assert abs(mean) > 0.07 * peak
         np.testing.assert_array_equal(default.acceleration, kept.acceleration - mean)
-        said = f"baseline: the mean, {mean:.3g} m/s^2, {abs(mean) / peak:.1%} of the peak, is removed"
+        said = f"baseline removed: the mean, {mean:.3g} m/s^2, {abs(mean) / peak:.1%} of the peak"
         assert said in default.notes
         assert {*channel.RAW} & {*default.notes} == {*channel.RAW} & {*kept.notes} != set()
         assert not any(note.startswith("offset") for note in default.notes)

@@ -38,4 +38,6 @@ def test_words_of_a_real_file():
     raw = Record.read(DATA / "ridgecrest_2019_cut.RAW", channel=1)
     assert raw.event == "Fri Jul 5, 2019 20:19:37.0 PDT"
     assert any(note.startswith("uncorrected") for note in raw.notes)
-    assert any(note.startswith("baseline: the mean, 0.0443 m/s^2, 1.0% of the peak") for note in raw.notes)
+    assert any(
+        note.startswith("baseline removed: the mean, 0.0443 m/s^2, 1.0% of the peak") for note in raw.notes
+    )

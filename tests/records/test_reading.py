@@ -10,7 +10,7 @@ from tests.formats.synthetic import cosmos, csmip_v1, csmip_v2, esm, geonet, kne
 from tpd import Record
 from tpd.design.ground.judgement import Role, grouped
 from tpd.records import el_centro, reading
-from tpd.records.reading import described, facts, read_motions, summary
+from tpd.records.reading import described, facts, read_motions, same_earthquakes, summary
 from tpd.scene.ground_motion import events_of
 
 NS = esm(400.0 * shaking(100), 0.01)
@@ -188,7 +188,8 @@ def test_velocities_and_displacements_of_every_format_are_left_out_by_name(tmp_p
         )
     texts["a_V3"] = "RESPONSE AND FOURIER AMPLITUDE SPECTRA\n" + csmip_v2(300.0 * shaking(100), 0.01)
     texts["b_smc"] = smc(300.0 * shaking(100), 0.01).replace("2 CORRECTED ACCELEROGRAM", "4 RESPONSE SPECTRA")
-    texts |= {"sheet_xlsx": b"PK\x03\x04 xl/workbook.xml", "array_npy": b"\x93NUMPY\x01\x00"}
+    counts = cosmos(300.0 * shaking(100), 0.01).replace("units=cm/sec2(04)", "units=counts(50)")
+    texts |= {"a_V0": counts, "sheet_xlsx": b"PK\x03\x04 xl/workbook.xml", "array_npy": b"\x93NUMPY\x01\x00"}
     folder = agency(tmp_path / "all", **texts)
     found, said = read_motions([folder])
     assert [m.source for m in found] == ["HNE.ACC", "HNN.ACC"]
@@ -198,6 +199,7 @@ def test_velocities_and_displacements_of_every_format_are_left_out_by_name(tmp_p
         names = (f"peer{kind}.txt", f"cosmos{kind}.V2c", f"smc{kind}.smc")
         expected |= dict.fromkeys(names, kind.lower())
     expected |= {"HNZ.ACC": "vertical component", "a.V3": "response spectrum", "b.smc": "response spectrum"}
+    expected |= {"a.V0": "counts of the instrument"}
     assert left.items() >= expected.items()
     assert "sheet.xlsx (an Excel workbook (.xlsx))" in said[0]
     # A file that is named must be a motion, and a folder without one says what it holds.
@@ -262,7 +264,7 @@ def test_the_borehole_does_not_count_beside_the_surface(tmp_path):
     assert [m.source for m in found] == ["XXX001.EW2", "XXX001.NS2"]
     assert "XXX001.NS1 (instrument in a borehole, not at the surface, beside XXX001.EW2)" in said[0]
     alone, _ = read_motions([agency(tmp_path / "deep", XXX001_NS1=texts["XXX001_NS1"])])
-    assert alone[0].notes[-1].startswith("baseline: the mean")
+    assert alone[0].notes[-1].startswith("baseline removed: the mean")
 
 
 @pytest.mark.mends("no command said what was read of a record, nor the notes of the reader")
@@ -275,7 +277,7 @@ def test_what_was_read_is_described(tmp_path):
     assert line.startswith(
         f"record: XXX001.EW, 100 samples of 0.01 s, 0.99 s long, PGA {pga:.4g} g; uncorrected"
     )
-    assert re.search(r"baseline: the mean, 0.2\d+ m/s\^2, \d+.\d% of the peak, is removed", line)
+    assert re.search(r"baseline removed: the mean, 0.2\d+ m/s\^2, \d+.\d% of the peak$", line)
     known = facts(motion.scaled(2.0))
     assert (known["source"], known["samples"], known["scale"]) == ("XXX001.EW", 100, 2.0)
     assert known["pga_g"] == pytest.approx(pga)
@@ -292,3 +294,15 @@ def test_what_was_read_is_described(tmp_path):
         "noted: drift 5"
     ]
     assert described([]) == []
+
+
+def test_records_made_in_python_are_compared_as_well():
+    wave = [0.0, 1.0, -0.5, 0.2]
+    events = ("Nowhere 2023-02-06", "Elsewhere, 2/6/2023", "", "Third 2022", "2023-02-07 Nowhere")
+    found = [Record(wave[i:] + wave[:i], 0.01, event=event) for i, event in enumerate(events[:4])]
+    found.append(Record([1.0, 0.3, 0.2], 0.02, event=events[4]))
+    assert len(set(events_of(found))) == 3
+    (said,) = same_earthquakes(found)
+    one = "2023-02-07 Nowhere = Elsewhere, 2/6/2023 = Nowhere 2023-02-06"
+    assert said == f"note: taken for one earthquake by dates, names or samples: {one}"
+    assert same_earthquakes(found[1:4]) == []

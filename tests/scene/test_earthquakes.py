@@ -48,6 +48,9 @@ PAIRS = (
     ("Loma Prieta, 10/18/1989", "LOMA PRIETA EARTHQUAKE OCTOBER 17, 1989", True),
     ("Nowhere, 10/18/1989", "Elsewhere, 10/17/1989", False),
     ("Nowhere, 10/18/1989", "Nowhere, 10/20/1989", False),
+    ("Nowhere-02, 10/18/1989", "Nowhere-03, 10/19/1989", False),
+    ("Nowhere-2, 10/18/1989", "Nowhere-02, 10/19/1989", True),
+    ("Nowhere-02 1989", "Nowhere-03, 10/19/1989", False),
 )
 
 

@@ -161,7 +161,12 @@ TABLES: dict[str, dict[str, Key]] = {
         "skip": Key(_Whole, None, "number of lines at the top of a table that are not read"),
         "scale": Key(float, None, "factor on all samples of a file whose numbers have to be multiplied"),
         "unit": Key(str, None, "unit of files that do not say: g, m/s2, cm/s2"),
-        "baseline": Key(str, None, "mean or linear: remove an offset, or a drift"),
+        "baseline": Key(
+            str,
+            None,
+            "mean, linear or none: remove an offset, a drift, or nothing (default: the mean of uncorrected "
+            "records)",
+        ),
     },
     "bob": keys_of(Bob),
     "site": keys_of(Scene, "gravity"),

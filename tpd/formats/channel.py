@@ -124,7 +124,7 @@ def checked(channel: Channel, baseline: str | None = "none") -> Channel:
         channel = _without_baseline(channel, baseline, size)
         a = channel.acceleration
     elif abs(mean) > OFFSET * peak:
-        notes.append(f"offset: {size}, is left in it (baseline 'mean' removes it)")
+        notes.append(f"offset: {size} (baseline 'mean' removes it)")
     # Velocity from rest by trapezoids: what a block on the ground would follow.
     velocity = np.cumsum(0.5 * (a[1:] + a[:-1])) * dt
     end, greatest = float(velocity[-1]), float(np.max(np.abs(velocity)))
@@ -159,11 +159,11 @@ def _without_baseline(channel: Channel, baseline: str, size: str) -> Channel:
     a = channel.acceleration
     mean = float(np.mean(a))
     if baseline == "mean":
-        return replace(channel, acceleration=a - mean).noted(f"baseline: {size}, is removed")
+        return replace(channel, acceleration=a - mean).noted(f"baseline removed: {size}")
     # Times from the middle: offset and slope are then independent of each other.
     t = (np.arange(a.size) - 0.5 * (a.size - 1)) * channel.dt
     slope = float(t @ a / (t @ t))
-    said = f"baseline: {size}, and a slope of {slope:.3g} m/s^3 are removed"
+    said = f"baseline removed: {size}, and a slope of {slope:.3g} m/s^3"
     return replace(channel, acceleration=a - mean - slope * t).noted(said)
 
 

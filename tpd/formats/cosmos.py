@@ -102,8 +102,9 @@ def _samples(cursor: Cursor) -> tuple[str, str, np.ndarray]:
     line = cursor.peek()
     data = cursor.match(_DATA, "number, length, unit and format of the samples")
     if "count" in data[4].lower() or data[2].lower().startswith("raw"):
-        raise UnreadableRecord(
-            f"line {cursor.at} states counts of the instrument: a file in a unit of acceleration is needed"
+        raise NoAcceleration(
+            f"line {cursor.at} states counts of the instrument: a file in a unit of acceleration is needed",
+            "counts of the instrument",
         )
     columns, width, _ = fortran(line, cursor.at)
     values = cursor.fixed(int(data[1]), columns, width, "samples")

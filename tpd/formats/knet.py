@@ -163,14 +163,11 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
     for name, column in zip(names, values.T[1:], strict=True):
         component, _, own = name.rstrip(")").partition("(")
         factor = FACTORS[chosen(unit_of(own, cursor.at), unit)]
-        notes = (UNCORRECTED, BOREHOLE) if _is_deep(component, names) else (UNCORRECTED,)
+        # KiK-net numbers the instrument in the borehole by 1, and that above by 2.
+        is_deep = component.endswith("1") and any(name.startswith(f"{component[:-1]}2") for name in names)
+        notes = (UNCORRECTED, BOREHOLE) if is_deep else (UNCORRECTED,)
         channels.append(Channel(column * factor, dt, component, f"{station}/{component}", words, notes))
     return channels
-
-
-def _is_deep(component: str, names: Sequence[str]) -> bool:
-    """Whether a column is of the borehole: KiK-net numbers the instrument there by 1, and that above by 2."""
-    return component.endswith("1") and any(name.startswith(f"{component[:-1]}2") for name in names)
 
 
 def _below(head: Sequence[str], key: str) -> str:

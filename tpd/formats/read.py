@@ -295,9 +295,10 @@ def _channel(trace: Any, unit: str | None) -> Channel:
     if np.ma.is_masked(samples):
         raise UnreadableRecord(f"samples of {trace.id} are missing")
     if not np.issubdtype(samples.dtype, np.floating):
-        raise UnreadableRecord(
+        raise NoAcceleration(
             f"{trace.id} holds counts of the instrument: remove its response with ObsPy and save the "
-            "acceleration as a table in m/s2"
+            "acceleration as a table in m/s2",
+            "counts of the instrument",
         )
     values = np.array(samples, dtype=float)
     if not np.isfinite(values).all():

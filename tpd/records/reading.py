@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -117,29 +117,17 @@ def read_motions(
         others = f" ({said[0]})" if left else ""
         raise ValueError(f"there is no horizontal record in {', '.join(names)}{others}{hint}")
     found = [record for record, _ in kept]
-    return found, said + _unknown(found) + _grouped(found)
-
-
-class _Place(NamedTuple):
-    """Where a record comes from, as far as two versions of one channel agree on it."""
-
-    station: str
-    component: str
-    file: str
-    """Name of the file without its ending: agencies change the ending only, such as .V1 and .V2."""
-
-    @staticmethod
-    def of(record: Record) -> _Place:
-        # Files write names in capitals or not, with more blanks or fewer.
-        station, _, component = re.sub(r"[^\w/]|_", "", record.name.lower()).rpartition("/")
-        return _Place(station, component, re.sub(r"\.\w+(\.gz)?(, channel \d+)?$", "", record.source.lower()))
+    return found, said + _unknown(found) + same_earthquakes(found)
 
 
 def _repeated(records: Sequence[Record]) -> list[str]:
     """Why each record is left out beside the others, in words; empty where it counts. One channel counts
     once: agencies deliver it uncorrected and corrected, compressed and not, and in a borehole as well."""
     seen: dict[Record, Record] = {}
-    places = [_Place.of(record) for record in records]
+    # Files write names in capitals or not, and agencies change only the ending, such as .V1 and .V2.
+    names = [re.sub(r"[^\w/]|_", "", record.name.lower()).rpartition("/") for record in records]
+    files = [re.sub(r"\.\w+(\.gz)?(, channel \d+)?$", "", record.source.lower()) for record in records]
+    places = [(station, component, file) for (station, _, component), file in zip(names, files, strict=True)]
     reasons = []
     for record, place in zip(records, places, strict=True):
         first = seen.setdefault(record, record)
@@ -149,26 +137,26 @@ def _repeated(records: Sequence[Record]) -> list[str]:
     return reasons
 
 
-def _better(record: Record, other: Record, place: _Place, its: _Place) -> str:
-    """Why another record counts in place of a record, in words; empty where it does not."""
+def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[str, ...]) -> str:
+    """Why another record counts in place of a record, in words; empty where it does not. A place is station,
+    component and name of the file without its ending."""
     marks = {*RAW, BOREHOLE} & {*record.notes} - {*other.notes}
     if not marks or (record.event and other.event and not is_one(record.event, other.event)):
         return ""
-    if BOREHOLE in marks and place.station and place.station == its.station:
+    is_one_station = place[0] == its[0] != ""
+    if BOREHOLE in marks and is_one_station:
         return f"{BOREHOLE}, beside {other.source}"
     is_raw = bool(marks & {*RAW}) and not {*RAW} & {*other.notes}
-    is_one_channel = place.component == its.component and (
-        place.station == its.station or place.file == its.file
-    )
+    is_one_channel = place[1] == its[1] and (is_one_station or place[2] == its[2])
     return f"uncorrected, beside the corrected {other.source}" if is_raw and is_one_channel else ""
 
 
-def _grouped(found: Sequence[GroundMotion]) -> list[str]:
-    """A sentence on the records whose earthquakes are written differently and are taken for one."""
-    texts: dict[str, dict[str, None]] = {}
+def same_earthquakes(found: Sequence[GroundMotion]) -> list[str]:
+    """Return a sentence on the records whose earthquakes are written differently and are taken for one."""
+    texts: dict[str, set[str]] = {}
     for record, name in zip(found, events_of(found), strict=True):
-        texts.setdefault(name, {})[getattr(record, "event", "") or "an earthquake without a name"] = None
-    one = "; ".join(" = ".join(events) for events in texts.values() if len(events) > 1)
+        texts.setdefault(name, set()).add(getattr(record, "event", "") or "an earthquake without a name")
+    one = "; ".join(sorted(" = ".join(sorted(events)) for events in texts.values() if len(events) > 1))
     return [f"note: taken for one earthquake by dates, names or samples: {one}"] if one else []
 
 
@@ -188,7 +176,7 @@ def facts(motion: Record) -> dict[str, Any]:
     }
 
 
-def summary(motions: Sequence[GroundMotion], notes: Sequence[str]) -> dict[str, Any]:
+def summary(motions: Sequence[GroundMotion], notes: Sequence[str] = ()) -> dict[str, Any]:
     """Facts of all records, and the notes on them, for JSON."""
     return {"records": [facts(m) for m in motions if isinstance(m, Record)], "notes": list(notes)}
 
@@ -197,16 +185,15 @@ def described(motions: Sequence[GroundMotion]) -> list[str]:
     """Lines for a terminal on the records that were read: one for each of a few, or one for all."""
     read = [facts(motion) for motion in motions if isinstance(motion, Record)]
     if len(read) > _FEW:
-        digits = {"samples": 9, "step_s": 3, "duration_s": 3, "pga_g": 3}
-        samples, step, duration, pga = (
-            _range([float(f[key]) for f in read], places) for key, places in digits.items()
-        )
+        said = []
+        for key, digits in {"samples": 9, "step_s": 3, "duration_s": 3, "pga_g": 3}.items():
+            values = [float(f[key]) for f in read]
+            said.append(" to ".join(dict.fromkeys(number(x, digits) for x in (min(values), max(values)))))
         kinds = Counter(note.partition(":")[0] for f in read for note in f["notes"])
         notes = "; ".join(f"{kind} {count}" for kind, count in kinds.items())
-        quakes = len(set(events_of(motions)))
         return [
-            f"records: {len(read)} of {quakes} earthquakes, {samples} samples of {step} s, "
-            f"{duration} s long, PGA {pga} g" + (f"; noted: {notes}" if notes else "")
+            f"records: {len(read)} of {len(set(events_of(motions)))} earthquakes, {said[0]} samples of "
+            f"{said[1]} s, {said[2]} s long, PGA {said[3]} g" + (f"; noted: {notes}" if notes else "")
         ]
     return [
         "; ".join(
@@ -218,11 +205,6 @@ def described(motions: Sequence[GroundMotion]) -> list[str]:
         )
         for f in read
     ]
-
-
-def _range(values: Sequence[float], digits: int) -> str:
-    low, high = (number(x, digits) for x in (min(values), max(values)))
-    return low if low == high else f"{low} to {high}"
 
 
 def _unknown(found: Sequence[Any]) -> list[str]:

@@ -79,7 +79,10 @@ def _ground(design: Any, said: Sequence[str]) -> dict[str, Any]:
         "best": None if design.best is None else dict(zip(named, design.best, strict=True)),
         "value": {"best": design.value, "trend": design.trend, "bare": design.bare},
         "groups": design.judged,
-        "reading": summary([m for g in design.groups for m in g.motions], said),
+        "reading": {
+            "records": [{"group": g.name, **f} for g in design.groups for f in summary(g.motions)["records"]],
+            "notes": list(said),
+        },
         "usage": {} if design.usage is None else dict(zip(design.names, design.usage, strict=True)),
         "searched": None if design.searched is None else design.searched._asdict(),
         "block": design.scene.block,

@@ -20,7 +20,7 @@ from tpd.design.result import DesignStatus, HarmonicDesign
 from tpd.design.study import Study
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Bare, ReasonKind, Step, Verified
-from tpd.records.reading import facts
+from tpd.records.reading import facts, same_earthquakes
 from tpd.report import words
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
 from tpd.report.notes import unknown
@@ -314,7 +314,8 @@ def _records(design: GroundDesign, said: Sequence[str]) -> list[Block]:
             rows.append((group.name, f["source"] or f["name"], f["earthquake"], *sizes, noted))
     head = ("group", "file", "earthquake", "samples", "step (s)", "length (s)", "PGA (g)", "noted")
     table = [Table(head, tuple(rows), "PGA as read, before any scale.")] if rows else []
-    return [*table, *([Listing(tuple(said))] if said else [])]
+    told = dict.fromkeys([*said, *same_earthquakes([m for g in design.groups for m in g.motions])])
+    return [*table, *([Listing(tuple(told))] if told else [])]
 
 
 def _judged(design: GroundDesign, figure: Sequence[Block]) -> list[Block]:

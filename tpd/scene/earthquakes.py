@@ -132,7 +132,9 @@ def is_one(first: str, second: str) -> bool:
 
 
 def _is_one_name(a: Earthquake, b: Earthquake) -> bool:
-    """Whether one name, without its numbers, begins the other one: Chi-Chi-03, and Chi-Chi, Taiwan."""
+    """Whether one name begins the other one, such as Chi-Chi, and Chi-Chi, Taiwan. Numbers of earthquakes of
+    one region, such as Chi-Chi-03, are compared if both names have one."""
     names = [[word for word in e.name if not word.isdigit()] for e in (a, b)]
+    numbers = [[int(word) for word in e.name if word.isdigit()] for e in (a, b)]
     n = min(map(len, names))
-    return n > 0 and names[0][:n] == names[1][:n]
+    return n > 0 and names[0][:n] == names[1][:n] and (numbers[0] == numbers[1] or not all(numbers))

@@ -242,6 +242,10 @@ def test_the_report_says_what_was_found_and_how_to_repeat_it(found, tmp_path):
     data = json.loads((tmp_path / "design.json").read_text(encoding="utf-8"))
     assert data["status"] == found.status.name
     assert data["details"]["groups"][1]["role"] == "held_out"
+    records = data["details"]["reading"]["records"]
+    assert {r["name"] for r in records} == {f"noise {seed}" for seed in range(20)}
+    assert [r["group"] for r in records] == ["tuned to"] * 10 + ["held out"] * 10
+    assert report.split("\nRecords\n")[1].split("\nAssumptions\n")[0].count("\ntuned to") == 10
     assert len(data["details"]["searched"]["value"]) == 9
     schema = json.loads(resources.files("tpd.report").joinpath("design.schema.json").read_text())
     jsonschema.validate(data, schema, cls=jsonschema.Draft202012Validator)
