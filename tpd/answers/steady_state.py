@@ -35,6 +35,10 @@ from tpd.scene.parameters import Number, Parameters, State, as_arrays, check_par
 from tpd.scene.status import Status, index_of, is_settled, status_name
 
 
+INEXACT = 0.05
+"""Largest relative error of the amplitude of a smoothed motion that is not `inexact`."""
+
+
 class Steady(eqx.Module):
     """A steady state; angles in rad.
 
@@ -317,11 +321,27 @@ def _solve(x: Float[Array, "9"], model: AbstractModel, y0: State) -> tuple[_Answ
     fixed = unpacked(jnp.where(sane, x, 1.0))
     settled = model.settle(fixed, jnp.where(sane, y0, 0.0))
     settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
-    return _judged(fixed, model, settled)
+    answer, slopes = _judged(fixed, model, settled)
+    return _compared(answer, model.settle_exactly(fixed, jnp.where(sane, y0, 0.0))), slopes
 
 
 _solved_by = jax.jit(_solve, static_argnums=1)
 _solved_with = eqx.filter_jit(_solve)
+
+
+def _compared(answer: _Answer, exact: Settled | None) -> _Answer:
+    """The answer of a smoothed model, with its difference from the exact motion from the same start."""
+    if exact is None:
+        return answer
+    (code,) = jax.tree.leaves(exact.status)
+    amplitude = jnp.where(code == index_of("overturned"), jnp.inf, exact.amplitude)
+    # Two that rest or overturn are alike, and one alone is not.
+    error = jnp.where(answer.amplitude == amplitude, 0.0, jnp.abs(answer.amplitude / amplitude - 1.0))
+    known = (code != index_of("not_settled")) & (code != index_of("event_bound")) & (code != index_of("failed"))
+    ends = is_rocking(answer.status), answer.status == index_of("rest"), answer.status == index_of("overturned")
+    claimed = ends[0] | ends[1] | ends[2]
+    status = jnp.where(claimed & known & (error > INEXACT), index_of("inexact"), answer.status)
+    return answer._replace(status=status, estimate=jnp.where(known, error, jnp.nan))
 
 
 def answered(p: Parameters, model: AbstractModel, settled: Settled) -> Steady:

@@ -15,7 +15,11 @@ from jaxtyping import Array, Bool, Float
 
 from tpd.core import checks
 from tpd.exact.terms import SWING, TILT, TILT_RATE
+from tpd.models import compiled_linear
 from tpd.models.base import AbstractModel, Cycle, Settled
+from tpd.models.compiled_linear import NONLINEAR
+from tpd.models.compiled_nonlinear import REST_RATE, TOLERANCE
+from tpd.models.piecewise import Piecewise
 from tpd.models.settling import Period, settle
 from tpd.scene.parameters import Number, Parameters, State
 from tpd.scene.status import Status
@@ -117,6 +121,15 @@ class Smoothed(AbstractModel):
             return Period(ys[-1], memory, amplitude, stroke, no, lost, ~bounded, no, amplitude, stroke)
 
         return settle(one_period, p, y0, None, tolerance=self.tolerance, max_periods=self.max_periods)
+
+    def settle_exactly(self, p: Parameters, y0: State) -> Settled | None:
+        """The exact motion from `y0` at tau = 0, by compiled code; that of the parametric term is not known."""
+        if self.terms is Terms.parametric:
+            return None
+        if self.terms is Terms.linear:
+            return Piecewise().settle(p, y0)
+        bounds = {"periods": self.max_periods, "events": 2000, "tolerance": TOLERANCE}
+        return compiled_linear.settle(p, y0, NONLINEAR, **bounds, rest_rate=REST_RATE, rtol=1e-8)
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Integrate the settled periods from `y` with tight tolerance and forward sensitivities."""
