@@ -44,7 +44,8 @@ class Steady(eqx.Module):
 
     `amplitude` is the largest |phi| and `stroke` the largest |psi| over the settled period(s). They and
     `state` are differentiable in every parameter when `status` is rocking, sticking or rest; elsewhere
-    their derivative is NaN and `status` says why. Stroke and state of a bob under a resting block have
+    their derivative is NaN and `status` says why, but where it is inexact: then they belong to the smoothed
+    motion. Stroke and state of a bob under a resting block have
     none either if zeta = 0: the bob rings for ever, and its reach depends on how the block came to rest.
     Nor has the stroke of a bob that hangs still, being at the corner of |psi|. The derivatives of
     `multiplier`, `lyapunov` and `estimate` are always NaN, and so are all second ones; those in the start are
@@ -70,7 +71,9 @@ class Steady(eqx.Module):
     elapsed: Int[Array, "..."]
     """Forcing periods followed before the repetition was recognised."""
     estimate: Number = math.nan
-    """Estimated relative error of the amplitude, if `Auto` chose the model."""
+    """Estimated relative error of the amplitude, if `Auto` chose the model. Of `Smoothed` the relative
+    difference from the exact amplitude that is reached from the same start, infinite where one of both rests
+    or overturns and the other does not; NaN where the exact motion is not known."""
     model: str = eqx.field(static=True, default="")
     """The model that `Auto` chose."""
     reason: str = eqx.field(static=True, default="")
@@ -117,7 +120,9 @@ def steady_state(
     Args:
         p: dimensionless parameters; gradients with respect to them are exact.
         model: `Piecewise()`, the exact solution of the linear equations (default), `Smoothed()`,
-            `Segmented()`, or `Auto()`, which chooses.
+            `Segmented()`, or `Auto()`, which chooses. The answer of `Smoothed()` is compared with the exact
+            motion from the same start, and its status is inexact where their amplitudes differ by more than
+            5 %: see `Steady.estimate`.
         y0: start (phi, psi, phi', psi') in rad and rad per unit tau, at tau = 0; default at rest.
         throw: raise an error where the status is not rocking, sticking or rest.
 

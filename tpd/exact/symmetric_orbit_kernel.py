@@ -1,4 +1,4 @@
-"""All symmetric period-one orbits of a design with their derivatives, in compiled scalar code.
+"""The symmetric period-one orbits of a design with their derivatives, in compiled scalar code.
 
 The orbits are the solutions (t, gamma) of two conditions in closed form (`tpd.exact.half_period_kernel`)
 on whose paths the tilt falls all the way from turn to turn. Without friction (k = 0) a block that turns back

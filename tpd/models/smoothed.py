@@ -51,6 +51,11 @@ class Smoothed(AbstractModel):
     4e-4 of the amplitude at e = 0.5, 3e-3 at 0.2, 1e-2 at 0.1, 0.1 where the block all but stops at impacts.
     Where k = 0 the derivative in k is off by tens of per cent: steps follow the motion, which does not feel
     friction's layer.
+
+    From the same start the smoothed block may settle into another motion than the exact one, and its tilt
+    while friction nearly holds the block is off by tens of per cent: no smoothed motion sticks. So
+    `steady_state` compares the amplitude with the exact one, and says inexact where they differ by more than
+    5 %; with the parametric term there is no exact motion to compare with.
     """
 
     HUM = 10.0

@@ -159,7 +159,8 @@ def _starts(design: HarmonicDesign, winner: Verified) -> Iterator[Note]:
         )
     if design.starts == Starts.any() and not np.all(e.attracts):
         yield note(
-            f"Under {np.sum(~e.attracts)} of {e.attracts.size} conditions no symmetric motion attracts."
+            f"Under {np.sum(~e.attracts)} of {e.attracts.size} conditions no symmetric motion that attracts was "
+            "found."
         )
 
 
