@@ -87,7 +87,7 @@ def _status_of(number: Array) -> Status:
     return jax.tree.map(lambda *x: jnp.stack(x)[number.astype(int)], *every)
 
 
-def settle(p: Parameters, y0: State, of: Compiled = EXACT, **limits: Number) -> Settled:
+def settle(p: Parameters, y0: State, of: Compiled = EXACT, **limits: Any) -> Settled:
     """Follow the motion from `y0` at tau = 0 until it repeats, rests or is lost; not differentiable.
 
     Args:
