@@ -203,6 +203,8 @@ def test_without_friction_an_orbit_is_lost_where_it_strikes_its_base_once_more()
     x = (0.1343, 0.0, 1.4612, 0.4698, 0.0, 0.1642, 1.8812, 0.4278)
     (b,) = bifurcations(parameters(x), "f", 0.15, 0.2)
     assert (b.kind, b.below, b.above) == (Kind.grazing, "unstable", "no_orbit")
+    # The block turns back from f = 0.15318 on, and is not lost there.
+    assert b.value == pytest.approx(0.165005, abs=1e-6)
     assert b.error < 1e-14
     distances = 10.0 ** np.linspace(-6.0, -3.0, 4)
     near = sweep(parameters(x), "f", np.sort(b.value * (1.0 - distances)))

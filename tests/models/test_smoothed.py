@@ -249,7 +249,9 @@ def test_the_comparison_works_in_programs_batches_and_derivatives():
 @pytest.mark.mends("a smoothed motion that is not the exact one from the same start had no warning")
 def test_nonlinear_terms_are_compared_with_the_nonlinear_motion_and_the_parametric_term_with_none():
     p = as_arrays(parameters((*WRONG_BASIN[:7], 1.0)))
-    nonlinear, parametric = (steady_state(p, model=Smoothed(terms=t)) for t in (Terms.nonlinear, Terms.parametric))
+    nonlinear, parametric = (
+        steady_state(p, model=Smoothed(terms=t)) for t in (Terms.nonlinear, Terms.parametric)
+    )
     known = Segmented().settle(p, jnp.zeros(4)).amplitude
     assert nonlinear.estimate == pytest.approx(float(abs(nonlinear.amplitude / known - 1.0)), abs=2e-6)
     assert nonlinear.estimate < 1e-4

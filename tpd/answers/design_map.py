@@ -110,8 +110,8 @@ def design_map(
 
     - rocking: this orbit attracts; the block may rest or rock less as well, from another start;
     - near_fold, grazing: this orbit attracts, but is about to be lost;
-    - rest: no orbit that was found attracts, and a block at rest stays at rest; the amplitude is zero, and the stroke
-      is that of the bob under the resting block;
+    - rest: no orbit that was found attracts, and a block at rest stays at rest; the amplitude is zero, and
+      the stroke is that of the bob under the resting block;
     - neutral: an orbit was found, but nothing takes energy from it, so that it does not attract;
     - unstable: orbits were found, but all repel, and a block at rest lifts: the block settles into another
       motion, which depends on the start. Amplitude and stroke are those of the largest orbit;

@@ -34,7 +34,7 @@ to either side of a value within which they are counted."""
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Branches(Printed, Tabular):
-    """The symmetric period-one orbits that are found, and the resting block, over one frequency, parameter or quantity."""
+    """The symmetric period-one orbits, and the resting block, over one frequency, parameter or quantity."""
 
     sweep: Sweep
     """The orbits; `sweep.line(i)` is one branch. Its values crowd towards the bifurcations."""

@@ -32,8 +32,7 @@ from tpd.models.base import AbstractChoice, AbstractModel, Settled
 from tpd.models.compiled_linear import fields, packed, packed_of, solve, unpacked
 from tpd.models.piecewise import Piecewise
 from tpd.scene.parameters import Number, Parameters, State, as_arrays, check_parameters
-from tpd.scene.status import Status, index_of, is_settled, status_name
-
+from tpd.scene.status import SETTLED, Status, index_of, is_settled, status_name
 
 INEXACT = 0.05
 """Largest relative error of the amplitude of a smoothed motion that is not `inexact`."""
@@ -342,9 +341,8 @@ def _compared(answer: _Answer, exact: Settled | None) -> _Answer:
     amplitude = jnp.where(code == index_of("overturned"), jnp.inf, exact.amplitude)
     # Two that rest or overturn are alike, and one alone is not.
     error = jnp.where(answer.amplitude == amplitude, 0.0, jnp.abs(answer.amplitude / amplitude - 1.0))
-    known = (code != index_of("not_settled")) & (code != index_of("event_bound")) & (code != index_of("failed"))
-    ends = is_rocking(answer.status), answer.status == index_of("rest"), answer.status == index_of("overturned")
-    claimed = ends[0] | ends[1] | ends[2]
+    known = jnp.logical_not(_is_one_of(code, "not_settled", "event_bound", "failed"))
+    claimed = _is_one_of(answer.status, *SETTLED, "overturned")
     status = jnp.where(claimed & known & (error > INEXACT), index_of("inexact"), answer.status)
     return answer._replace(status=status, estimate=jnp.where(known, error, jnp.nan))
 
@@ -376,11 +374,10 @@ def _judged(p: Parameters, model: AbstractModel, begun: Settled) -> tuple[_Answe
     # The tilt at which friction holds a block is a state next to which it is held as well.
     multiplier = jnp.where(status == index_of("held"), 1.0, multiplier)
     sizes, slopes = _answers(p, begun, orbit, status, multiplier)
-    marginal, singular = _is_marginal(status), _is_singular(status)
-    periodic = is_rocking(status) | (status == index_of("rest")) | marginal
+    periodic = _is_one_of(status, *SETTLED, "unstable", "neutral")
     lyapunov = jnp.where(periodic, jnp.log(multiplier) / (begun.periods * p.period), jnp.nan)
     symmetric = periodic & (begun.periods % 2 == 1) & (orbit.asymmetry < SYMMETRIC)
-    followed = periodic | (status == index_of("held")) | singular
+    followed = periodic | _is_one_of(status, "held", "near_fold", "grazing")
     multiplier = jnp.where(followed, multiplier, jnp.nan)
     about = status, begun.periods, multiplier, symmetric, lyapunov, orbit.y, begun.elapsed
     return _Answer(sizes[0], sizes[1], *about), slopes
@@ -397,7 +394,7 @@ def _answers(p: Any, begun: Settled, orbit: Orbit, status: Any, multiplier: Any)
     unknown = jnp.full(2, jnp.nan)
     last = jnp.where(status == index_of("failed"), unknown, jnp.stack([begun.amplitude, begun.stroke]))
     sizes, slopes = implicit(orbit)
-    followed = _is_marginal(status) | _is_singular(status)
+    followed = _is_one_of(status, "unstable", "neutral", "near_fold", "grazing")
     last = jnp.where(followed, orbit.sizes, last)
     last = jnp.where(status == index_of("overturned"), jnp.full(2, jnp.inf), last)
     sizes, slopes = jnp.where(isolated, sizes, last), jnp.where(isolated, slopes, jnp.nan)
@@ -410,14 +407,9 @@ def _answers(p: Any, begun: Settled, orbit: Orbit, status: Any, multiplier: Any)
     return jnp.stack([jnp.where(rests, 0.0, sizes[0]), sizes[1]]), slopes
 
 
-def _is_marginal(status: Any) -> Any:
-    """Whether an orbit was found that does not attract."""
-    return (status == index_of("unstable")) | (status == index_of("neutral"))
-
-
-def _is_singular(status: Any) -> Any:
-    """Whether an orbit was found whose gradient is refused."""
-    return (status == index_of("near_fold")) | (status == index_of("grazing"))
+def _is_one_of(status: Any, *names: str) -> Any:
+    """Whether the number of a status is that of one of the names."""
+    return jnp.isin(status, np.array([index_of(name) for name in names]))
 
 
 def _verdict(begun: Any, orbit: Orbit, multiplier: Any, neutral: Any, to_fold: Any, resolution: Any) -> Any:

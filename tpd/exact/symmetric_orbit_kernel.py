@@ -3,10 +3,12 @@
 The orbits are the solutions (t, gamma) of two conditions in closed form (`tpd.exact.half_period_kernel`)
 on whose paths the tilt falls all the way from turn to turn. Without friction (k = 0) a block that turns back
 and goes on meets no event, so that there the path may turn as often as it likes between two impacts. With
-friction each such turn is one more unknown, and these orbits are not solved for. The derivatives follow from the implicit
-function theorem: with x the parameters and r the conditions, d(t, gamma)/dx = -(dr/d(t, gamma))^-1 dr/dx,
-where parameters with imaginary parts give dr/dx and, with those of t and gamma, the derivatives of everything
-else. Two orbits merge where the determinant of dr/d(t, gamma) vanishes."""
+friction each such turn is one more unknown, and these orbits are not solved for.
+
+Derivatives follow from the implicit function theorem: with x the parameters and r the conditions,
+d(t, gamma)/dx = -(dr/d(t, gamma))^-1 dr/dx, where parameters with imaginary parts give dr/dx and, with those
+of t and gamma, the derivatives of everything else. Two orbits merge where the determinant of dr/d(t, gamma)
+vanishes."""
 
 from __future__ import annotations
 

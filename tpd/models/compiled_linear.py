@@ -87,14 +87,11 @@ def _status_of(number: Array) -> Status:
     return jax.tree.map(lambda *x: jnp.stack(x)[number.astype(int)], *every)
 
 
-def settle(p: Parameters, y0: State, of: Compiled = EXACT, **limits: Any) -> Settled:
-    """Follow the motion from `y0` at tau = 0 until it repeats, rests or is lost; not differentiable.
-
-    Args:
-        of: the entrance to the compiled code of the equations.
-        limits: values of the settings of the task `SETTLE`.
-    """
-    entry, s = of.entry(), settings_of("SETTLE", of, **limits)
+def settle(p: Parameters, y0: State, limits: tuple[Any, ...], of: Compiled = EXACT) -> Settled:
+    """Follow the motion from `y0` at tau = 0 until it repeats, rests or is lost, by the equations `of`; not
+    differentiable. `limits` are the first four of `Piecewise`."""
+    entry, names = of.entry(), ("periods", "events", "tolerance", "rest_rate")
+    s = settings_of("SETTLE", of, rtol=1e-8, **dict(zip(names, limits, strict=True)))
     x, y = jax.lax.stop_gradient(packed(p)), jax.lax.stop_gradient(y0)
     (out,) = of((shape(numbers_in(entry.SETTLED)),), s, x, y, jnp.zeros(2))
     return settled_of(out, entry.SETTLED)

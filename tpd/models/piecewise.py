@@ -59,8 +59,7 @@ class Piecewise(AbstractModel):
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Follow the motion from `y0` at tau = 0 until it repeats or rests for good."""
-        bounds = {"periods": self.max_periods, "events": self.max_events}
-        return compiled_linear.settle(p, y0, **bounds, tolerance=self.tolerance, rest_rate=self.rest_rate)
+        return compiled_linear.settle(p, y0, self.limits[:4])
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Run the orbit's periods from `y`; derivatives pass through every event."""

@@ -128,13 +128,12 @@ class Smoothed(AbstractModel):
         return settle(one_period, p, y0, None, tolerance=self.tolerance, max_periods=self.max_periods)
 
     def settle_exactly(self, p: Parameters, y0: State) -> Settled | None:
-        """The exact motion from `y0` at tau = 0, by compiled code; that of the parametric term is not known."""
+        """The exact motion from `y0`, by compiled code; that of the parametric term is not known."""
         if self.terms is Terms.parametric:
             return None
         if self.terms is Terms.linear:
             return Piecewise().settle(p, y0)
-        bounds = {"periods": self.max_periods, "events": 2000, "tolerance": TOLERANCE}
-        return compiled_linear.settle(p, y0, NONLINEAR, **bounds, rest_rate=REST_RATE, rtol=1e-8)
+        return compiled_linear.settle(p, y0, (self.max_periods, 2000, TOLERANCE, REST_RATE), NONLINEAR)
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Integrate the settled periods from `y` with tight tolerance and forward sensitivities."""

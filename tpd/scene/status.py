@@ -68,9 +68,9 @@ class Status(eqx.Enumeration):
     stood = "The block stays on its base: the motion does not lift it."
     rocked = "The block rocks during the motion and does not overturn."
     inexact = (
-        "The model with smoothed signs ends in another motion than the exact model from the same start, or its "
-        "amplitude is off by more than 5 %. Amplitude and gradient are those of the smoothed motion. Change the "
-        "model to `Piecewise()`, or with nonlinear terms to `Segmented()`."
+        "The model with smoothed signs ends in another motion than the exact model from the same start, or "
+        "its amplitude is off by more than 5 %. Amplitude and gradient are those of the smoothed motion. "
+        "Change the model to `Piecewise()`, or with nonlinear terms to `Segmented()`."
     )
     not_known = (
         "No symmetric orbit was found, and the block lifts from rest. Whether there is a periodic motion of "
