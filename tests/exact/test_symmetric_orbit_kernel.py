@@ -93,7 +93,7 @@ def test_a_path_with_too_many_peaks_is_not_followed_and_the_answer_says_so():
 TURNING_BACK = (
     (0.2954, 0.0, 0.4, 0.2, 0.0, 0.2954 * 1.1318, 3.681, 0.7),
     (0.1343, 0.0, 1.4612, 0.4698, 0.0, 0.1642, 1.8812, 0.4278),
-    (0.1614, 0.0537, 0.3562, 0.0752, 0.0, 0.2096, 2.3147, 0.7206),
+    (0.159, 0.0561, 0.2885, 0.2314, 0.0, 0.198, 4.2466, 0.7774),
 )
 """Scenes without friction, two of a bare block, whose second orbit turns three times between two impacts."""
 

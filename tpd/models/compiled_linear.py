@@ -87,7 +87,7 @@ def _status_of(number: Array) -> Status:
     return jax.tree.map(lambda *x: jnp.stack(x)[number.astype(int)], *every)
 
 
-def settle(p: Parameters, y0: State, limits: tuple[Any, ...], of: Compiled = EXACT) -> Settled:
+def settle(p: Parameters, y0: State, *limits: Any, of: Compiled = EXACT) -> Settled:
     """Follow the motion from `y0` at tau = 0 until it repeats, rests or is lost, by the equations `of`; not
     differentiable. `limits` are the first four of `Piecewise`."""
     entry, names = of.entry(), ("periods", "events", "tolerance", "rest_rate")

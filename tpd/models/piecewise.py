@@ -59,7 +59,7 @@ class Piecewise(AbstractModel):
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Follow the motion from `y0` at tau = 0 until it repeats or rests for good."""
-        return compiled_linear.settle(p, y0, self.limits[:4])
+        return compiled_linear.settle(p, y0, *self.limits[:4])
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Run the orbit's periods from `y`; derivatives pass through every event."""

@@ -133,7 +133,7 @@ class Smoothed(AbstractModel):
             return None
         if self.terms is Terms.linear:
             return Piecewise().settle(p, y0)
-        return compiled_linear.settle(p, y0, (self.max_periods, 2000, TOLERANCE, REST_RATE), NONLINEAR)
+        return compiled_linear.settle(p, y0, self.max_periods, 2000, TOLERANCE, REST_RATE, of=NONLINEAR)
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Integrate the settled periods from `y` with tight tolerance and forward sensitivities."""
