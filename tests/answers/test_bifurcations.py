@@ -196,3 +196,26 @@ def test_batched_parameters_are_refused():
     p = Parameters(**{n: jnp.full(3, v) for n, v in zip(NAMES, BARE, strict=False)})
     with pytest.raises(ValueError, match="`nu` must be a single number"):
         sweep(p, "f", [0.1, 0.2])
+
+
+@pytest.mark.mends("orbits with three turning points between two impacts were not found")
+def test_without_friction_an_orbit_is_lost_where_it_strikes_its_base_once_more():
+    x = (0.1343, 0.0, 1.4612, 0.4698, 0.0, 0.1642, 1.8812, 0.4278)
+    (b,) = bifurcations(parameters(x), "f", 0.15, 0.2)
+    assert (b.kind, b.below, b.above) == (Kind.grazing, "unstable", "no_orbit")
+    # The block turns back from f = 0.15318 on, and is not lost there.
+    assert b.value == pytest.approx(0.165005, abs=1e-6)
+    assert b.error < 1e-14
+    distances = 10.0 ** np.linspace(-6.0, -3.0, 4)
+    near = sweep(parameters(x), "f", np.sort(b.value * (1.0 - distances)))
+    row = np.argsort(-distances)
+    margin = np.asarray(near.margins.grazing)[np.arange(4), near.branch.argmax(axis=1)]
+    # The tilt at the turn between the impacts vanishes in proportion.
+    assert np.polyfit(np.log(distances[row]), np.log(margin), 1)[0] == pytest.approx(1.0, abs=0.01)
+
+    def value(nu: float) -> float:
+        (found,) = bifurcations(parameters((nu, *x[1:])), "f", 0.15, 0.2)
+        return found.value
+
+    expected = (value(x[0] + 1e-5) - value(x[0] - 1e-5)) / 2e-5
+    assert b.slopes["nu"] == pytest.approx(expected, rel=1e-6)

@@ -42,7 +42,7 @@ def expected(p: Parameters) -> tuple[str, float, float]:
         if name in names:
             i = names.index(name)
             return name, float(orbits.amplitude[i]), float(orbits.stroke[i])
-    return "no_orbit", math.nan, math.nan
+    return "not_known", math.nan, math.nan
 
 
 def test_cells_are_the_orbits_of_their_designs():
@@ -153,6 +153,27 @@ def test_a_picture_colours_what_moves_hatches_the_rest_and_names_its_axes():
     with pytest.raises(ValueError, match="`quantity` must be one of amplitude, stroke, margin"):
         m.plot("status")
     labels = {text.get_text() for text in ax.get_legend().get_texts()}
-    assert labels == {"rest, no rocking attracts", "orbits, but none attracts"}
+    assert labels == {"rest, no attracting orbit found", "orbits found, none attracts"}
     assert [t.get_text() for t in ax.texts] == ["uplift margin 0"]
     assert ax.figure.axes[1].get_ylabel() == r"largest tilt $|\varphi|$ (rad)"
+
+
+@pytest.mark.mends("a map said that there is no orbit where another kind of motion attracts")
+@pytest.mark.parametrize(
+    "x",
+    [
+        (0.1925, 0.375, 0.3912, 0.2995, 0.0, 0.2534, 2.6557, 0.5332),
+        (0.155, 0.3546, 0.608, 0.0891, 0.0442, 0.122, 1.5464, 0.8054),
+    ],
+)
+def test_where_no_orbit_is_found_the_map_does_not_claim_that_there_is_none(x):
+    p = Parameters(**dict(zip(("nu", "mu", "lam", "zeta", "k", "f", "xi", "e"), x, strict=True)))
+    axes = ("zeta", [p.zeta, 1.001 * p.zeta]), ("f", [p.f, 1.0001 * p.f])
+    m = design_map(p, *axes)
+    assert set(m.counts) == {"not_known"}
+    assert np.all(np.isnan(m.amplitude))
+    assert m.margin.max() < 0.0
+    # From a start a motion settles, or the block overturns: the map without one knows neither.
+    assert "not_known" not in design_map(p, *axes, start=np.zeros(4)).counts
+    legend = m.plot().get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["no orbit found"]

@@ -12,9 +12,10 @@ from tests.exact.test_steady import LOSSES
 from tests.reference import CONSERVING, HUNG, LEANING, OVERTURNING, REST, STILL, exact, orbits_of, parameters
 from tpd import Parameters, Status, simulate, status_name, steady_state, symmetric_orbits
 from tpd.answers.period_map import Orbit
-from tpd.answers.steady_state import _verdict
+from tpd.answers.steady_state import _Answer, _compared, _verdict
 from tpd.answers.symmetric_orbits import all_symmetric_orbits
-from tpd.scene.status import index_of, names_of
+from tpd.models.base import Settled
+from tpd.scene.status import index_of, names_by_code, names_of
 from tpd.theory import uplift
 
 X = np.array(HUNG[3].x)
@@ -319,3 +320,41 @@ def test_a_derivative_in_one_of_plain_numbers_is_that_of_the_answer():
     # What is known goes into further computations, and is a leaf of a pytree.
     doubled = jax.tree.map(lambda leaf: 2 * jnp.asarray(leaf), settled(x, y0))
     assert doubled.amplitude == 2.0 * amplitude(x[5])
+
+
+def compared(answer, exact):
+    """Name of the status, and relative error, of two motions (status, amplitude): smoothed and exact."""
+    of, other = ((index_of(name), jnp.asarray(amplitude)) for name, amplitude in (answer, exact))
+    none = jnp.zeros(())
+    judged = _Answer(of[1], none, of[0], 1, none, False, none, jnp.zeros(4), 0)
+    status = jax.tree.unflatten(jax.tree.structure(Status.failed), [jnp.asarray(other[0])])
+    settled = Settled(jnp.zeros(4), None, jnp.asarray(1), other[1], none, status, jnp.asarray(1), none, none)
+    found = _compared(judged, settled)
+    return str(names_by_code(np.asarray(found.status))), float(found.estimate)
+
+
+@pytest.mark.mends("a smoothed motion that is not the exact one from the same start had no warning")
+@pytest.mark.parametrize(
+    ("answer", "exact", "expected", "error"),
+    [
+        (("rocking", 0.104), ("rocking", 0.1), "rocking", 0.04),
+        (("rocking", 0.106), ("rocking", 0.1), "inexact", 0.06),
+        (("rocking", 0.1), ("sticking", 0.05), "inexact", 1.0),
+        (("rocking", 0.1), ("rest", 0.0), "inexact", np.inf),
+        (("rocking", 0.1), ("overturned", 0.7), "inexact", 1.0),
+        (("rest", 0.0), ("rest", 0.0), "rest", 0.0),
+        (("rest", 0.0), ("sticking", 0.01), "inexact", 1.0),
+        (("overturned", np.inf), ("overturned", 0.7), "overturned", 0.0),
+        (("overturned", np.inf), ("rocking", 0.1), "inexact", np.inf),
+        # Of a motion that has not settled, the amplitude says nothing.
+        (("rocking", 0.1), ("not_settled", 0.2), "rocking", np.nan),
+        (("rocking", 0.1), ("event_bound", 0.2), "rocking", np.nan),
+        # What the smoothed model does not claim to be an answer keeps its name.
+        (("not_settled", 0.1), ("rocking", 0.2), "not_settled", 0.5),
+        (("unstable", 0.1), ("rocking", 0.2), "unstable", 0.5),
+    ],
+)
+def test_a_smoothed_answer_far_from_the_exact_one_is_inexact(answer, exact, expected, error):
+    status, found = compared(answer, exact)
+    assert status == expected
+    assert found == pytest.approx(error, rel=1e-12, nan_ok=True)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.exact.orbits import BATCH, solve
-from tests.reference import parameters
-from tpd import Parameters, simulate
+from tests.reference import differences, parameters
+from tpd import Parameters, simulate, status_name, steady_state
 from tpd.exact.symmetric_orbit_kernel import _status
 from tpd.exact.terms import STATUSES
 from tpd.models import compiled_orbits
@@ -88,3 +88,54 @@ def test_a_path_with_too_many_peaks_is_not_followed_and_the_answer_says_so():
     o = solve([bare, (*bare[:2], 3e-7, *bare[3:])])
     assert o.exists[:, 0].tolist() == [True, False]
     assert o.overflow.tolist() == [False, True]
+
+
+TURNING_BACK = (
+    (0.2954, 0.0, 0.4, 0.2, 0.0, 0.2954 * 1.1318, 3.681, 0.7),
+    (0.1343, 0.0, 1.4612, 0.4698, 0.0, 0.1642, 1.8812, 0.4278),
+    (0.159, 0.0561, 0.2885, 0.2314, 0.0, 0.198, 4.2466, 0.7774),
+)
+"""Scenes without friction, two of a bare block, whose second orbit turns three times between two impacts."""
+
+
+def turns_back(x):
+    """The places of the orbits of a scene that turn back between their largest tilts, and the orbits."""
+    o = solve([x])
+    return np.flatnonzero(o.exists[0] & np.isfinite(o.grazing[0])), o
+
+
+@pytest.mark.mends("orbits with three turning points between two impacts were not found")
+@pytest.mark.parametrize("x", TURNING_BACK)
+def test_without_friction_an_orbit_may_turn_back_between_two_impacts(x):
+    (places, o), p = turns_back(x), parameters(x)
+    (j,) = places
+    # Half a period: an orbit that repels is left within a few.
+    half = np.asarray(simulate(p, o.state[0, j], np.linspace(0.0, np.pi / x[6], 4001)).ys)
+    np.testing.assert_allclose(half[-1, [0, 2]], -half[0, [0, 2]], rtol=0, atol=1e-10)
+    assert np.sum(np.diff(np.sign(half[:, 2])) != 0) == 3
+    assert np.sum(np.diff(np.sign(half[:, 0])) != 0) == 1
+    turns = np.abs(half[1:-1][np.diff(np.sign(half[1:, 2])) != 0, 0])
+    assert o.amplitude[0, j] == pytest.approx(turns.max(), rel=1e-5)
+    # The least tilt at a turn, over the largest.
+    assert o.grazing[0, j] == pytest.approx(turns.min() / turns.max(), rel=1e-3)
+    steady = steady_state(p, y0=o.state[0, j])
+    assert status_name(steady.status) == o.status[0, j] == "unstable"
+    assert steady.amplitude == pytest.approx(o.amplitude[0, j], rel=1e-11)
+    assert steady.multiplier == pytest.approx(np.abs(o.multipliers[0, j]).max(), rel=1e-10)
+
+    def amplitude(y):
+        orbits = solve([y])
+        return orbits.amplitude[0, np.nanargmin(np.abs(orbits.amplitude[0] - o.amplitude[0, j]))]
+
+    for i in (0, 5, 6, 7):
+        expected = differences(amplitude, x, i, share=1e-3)
+        assert o.slopes[0, j, 0, i] == pytest.approx(expected, rel=1e-6)
+
+
+def test_with_friction_no_orbit_that_turns_back_is_claimed():
+    for x in TURNING_BACK:
+        o = solve([(*x[:4], 0.01 * x[0], *x[5:])])
+        for j in np.flatnonzero(o.exists[0]):
+            p = parameters((*x[:4], 0.01 * x[0], *x[5:]))
+            half = np.asarray(simulate(p, o.state[0, j], np.linspace(0.0, np.pi / x[6], 4001)).ys)
+            assert np.sum(np.diff(np.sign(half[1:-1, 2])) != 0) <= 1

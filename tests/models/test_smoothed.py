@@ -24,7 +24,7 @@ from tpd import Parameters, Segmented, Smoothed, Terms, simulate, status_name, s
 from tpd.models.smoothed import rocking_scale
 from tpd.scene.impacts import housner
 from tpd.scene.parameters import as_arrays, uniform_inertia_ratio
-from tpd.scene.status import SETTLED
+from tpd.scene.status import SETTLED, names_of
 from tpd.theory.equations import smoothed_rates
 
 
@@ -210,3 +210,50 @@ def test_impacts_without_a_smoothed_counterpart_are_refused(call, terms, e, mess
 def test_settings_out_of_range_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         Smoothed(**options)
+
+
+WRONG_BASIN = (0.2082, 0.0, 0.4, 0.4166, 0.0449, 0.2894, 2.4994, 0.3954)
+"""From rest the exact block sticks with a tenth of the tilt at which the smoothed one rocks."""
+
+
+@pytest.mark.usefixtures("raises_within_programs")
+@pytest.mark.mends("a smoothed motion that is not the exact one from the same start had no warning")
+def test_a_smoothed_motion_that_is_another_one_is_inexact():
+    found, expected = smoothed(WRONG_BASIN), exact(WRONG_BASIN)
+    assert (found.status, expected.status) == ("inexact", "sticking")
+    apart = found.amplitude / expected.amplitude - 1.0
+    assert found.steady.estimate == pytest.approx(apart, rel=1e-4)
+    assert apart > 5.0
+    # Amplitude and gradient are those of the smoothed motion, so that a descent goes on.
+    assert np.all(np.isfinite(found.slopes[0]))
+    assert str(steady_state(parameters(WRONG_BASIN), model=Smoothed())).startswith("inexact: The model with")
+    with pytest.raises(RuntimeError, match=r"another motion than the exact model .*Change the model"):
+        steady_state(parameters(WRONG_BASIN), model=Smoothed(), throw=True)
+
+
+@pytest.mark.mends("a smoothed motion that is not the exact one from the same start had no warning")
+def test_the_comparison_works_in_programs_batches_and_derivatives():
+    xs = jnp.array([WRONG_BASIN, STRUCK[3], STRUCK[4]])
+
+    def solve(x):
+        steady = steady_state(parameters(x), model=Smoothed())
+        return steady.amplitude, (steady.status, steady.estimate)
+
+    _, (statuses, errors) = jax.jit(jax.vmap(jax.value_and_grad(solve, has_aux=True)))(xs)[0]
+    assert names_of(statuses).tolist() == ["inexact", "rocking", "rocking"]
+    for x, error in zip(xs[1:], errors[1:], strict=True):
+        known = exact(np.asarray(x)).amplitude
+        assert error == pytest.approx(abs(smoothed(np.asarray(x)).amplitude / known - 1.0), abs=2e-6)
+
+
+@pytest.mark.mends("a smoothed motion that is not the exact one from the same start had no warning")
+def test_nonlinear_terms_are_compared_with_the_nonlinear_motion_and_the_parametric_term_with_none():
+    p = as_arrays(parameters((*WRONG_BASIN[:7], 1.0)))
+    nonlinear, parametric = (
+        steady_state(p, model=Smoothed(terms=t)) for t in (Terms.nonlinear, Terms.parametric)
+    )
+    known = Segmented().settle(p, jnp.zeros(4)).amplitude
+    assert nonlinear.estimate == pytest.approx(float(abs(nonlinear.amplitude / known - 1.0)), abs=2e-6)
+    assert nonlinear.estimate < 1e-4
+    assert np.isnan(parametric.estimate)
+    assert status_name(nonlinear.status) == status_name(parametric.status) == "rocking"

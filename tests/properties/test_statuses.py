@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.reference import LEANING, OVERTURNING, UNSTABLE, parameters
-from tpd import Block, Piecewise, Record, Scene, Status, steady_state, symmetric_orbits
+from tpd import Block, Piecewise, Record, Scene, Smoothed, Status, design_map, steady_state, symmetric_orbits
 from tpd import transient as follow
 from tpd.scene.status import SETTLED, names_by_code, names_of
 
@@ -31,6 +31,12 @@ def shaken(share: float) -> Callable[[], Any]:
 
 def orbits(*x: float) -> Callable[[], Any]:
     return lambda: symmetric_orbits(parameters(x)).status
+
+
+def mapped(*x: float) -> Callable[[], Any]:
+    """Statuses in a map about the parameters."""
+    axes = ("zeta", [x[3], 1.001 * x[3]]), ("f", [x[5], 1.0001 * x[5]])
+    return lambda: design_map(parameters(x), *axes).status.ravel()
 
 
 def just_beside(fold: float) -> Any:
@@ -57,6 +63,8 @@ REACHED: dict[str, Callable[[], Any]] = {
     "no_orbit": orbits(0.2, 0.1, 0.4, 0.2, 0.03, 0.02, 4.0),
     "stood": shaken(0.9),
     "rocked": shaken(1.3),
+    "inexact": settled(0.2082, 0.0, 0.4, 0.4166, 0.0449, 0.2894, 2.4994, 0.3954, model=Smoothed()),
+    "not_known": mapped(0.155, 0.3546, 0.608, 0.0891, 0.0442, 0.122, 1.5464, 0.8054),
 }
 
 GOOD = (*SETTLED, "stood", "rocked")

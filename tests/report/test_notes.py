@@ -152,7 +152,11 @@ EDGE = {"exact": designs.motions(0.04, 0.35, multiplier=np.array([0.97])), "marg
         ("A stroke of 0.35 rad stretches the linear equations of the pendulum.", with_winner(**EDGE), NONE),
         ("The motion attracts slowly (Floquet multiplier 0.970).", with_winner(**EDGE), NONE),
         ("The block could rest under this pendulum, but a start from rest ends", with_winner(**EDGE), NONE),
-        ("Under 8 of 8 conditions no symmetric ", with_winner(designs.band, evaluation=NEUTRAL), NONE),
+        (
+            "Under 8 of 8 conditions no symmetric motion that attracts was found.",
+            with_winner(designs.band, evaluation=NEUTRAL),
+            NONE,
+        ),
         ("The worst settled tilt, which the searches make small, is larger", with_winner(value=0.4), NONE),
         ("The search was interrupted; nothing below is the best of the design space.", CUT, NONE),
         ("This report goes without the time histories: its computation was", designs.single(), LEFT),

@@ -43,7 +43,7 @@ class StartKind(enum.Enum):
     """Initial states that a question is about."""
 
     rest = "block and bob at rest at tau = 0"
-    any = "whichever initial state: every symmetric orbit that attracts"
+    any = "whichever initial state: every symmetric orbit that is found to attract"
     sampled = "a seeded set of initial states"
 
 

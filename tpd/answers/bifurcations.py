@@ -78,7 +78,7 @@ class Sweep:
 
 
 def sweep(subject: Parameters | Scene, name: str, values: Any, *, pendulum: Pendulum | None = None) -> Sweep:
-    """All symmetric period-one orbits over increasing `values` of `name`.
+    """The orbits that `symmetric_orbits` finds over increasing `values` of `name`.
 
     Neighbours are joined to branches where crossing time, phase and amplitude continue and
     det(I - G) keeps its sign, so that no branch runs through a fold. rho follows nu where the subject
@@ -183,7 +183,8 @@ class Kind(StrEnum):
     sticking = "sticking"
     """phi'' just after the turn reaches zero: beyond, friction holds the block there."""
     grazing = "grazing"
-    """phi' touches zero between the turns: beyond, the block turns back once more."""
+    """phi' touches zero between the turns: beyond, the block turns back once more. Without friction (k = 0)
+    phi touches zero there: beyond, the block strikes its base once more."""
     unresolved = "unresolved"
     """An orbit is lost or changes, and none of these was found to explain it."""
 
@@ -238,7 +239,8 @@ def bifurcations(
 
     The equations phi'(0) = 0 and phi(t) = 0 are solved together with: their derivative determinant in
     (t, gamma) (fold); det(I + G), G the derivative of the mirrored half-period map (symmetry
-    breaking); phi''(0+) (sticking); phi'(s) and phi''(s), s between the turns (grazing).
+    breaking); phi''(0+) (sticking); phi'(s) and phi''(s), s between the turns, or without friction phi(s) and
+    phi'(s) (grazing).
 
     Two bifurcations between two samples that cancel each other are missed. A complex pair of multipliers
     that passes the unit circle (Neimark-Sacker) is not searched for.

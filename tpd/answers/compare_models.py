@@ -23,7 +23,7 @@ from tpd.models.smoothed import Smoothed
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import Setup, bare_parameters_of
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import SETTLED, Status, status_name
+from tpd.scene.status import SETTLED, Outcome, status_name
 from tpd.theory.equations import Terms
 from tpd.theory.harmonic_balance import one_harmonic
 from tpd.theory.no_uplift import uplift
@@ -185,18 +185,14 @@ def _balanced(p: Parameters) -> _Sizes:
 def _followed(model: AbstractModel, p: Parameters) -> _Sizes:
     # A smoothed motion is known between its samples only once its orbit is polished; polishing the exact one
     # is compiled by `optimise` already.
-    settled = jax.block_until_ready(steady_state(p, model=model))
-    # Smoothed signs never let the block rest quite: below the model's resolution it counts as resting.
-    return _sizes_of(settled, float(model.resolution(p)))
+    return _sizes_of(jax.block_until_ready(steady_state(p, model=model)))
 
 
-def _sizes_of(settled: Settled | Steady, resolution: float = 0.0) -> _Sizes:
-    status = settled.status
-    amplitude, stroke = float(settled.amplitude), float(settled.stroke)
-    if status_name(status) in SETTLED and amplitude <= resolution:
-        return 0.0, stroke, "rest"
-    lost = bool(status == Status.overturned)
-    return (math.inf, math.inf, "overturned") if lost else (amplitude, stroke, status_name(status))
+def _sizes_of(settled: Settled | Steady) -> _Sizes:
+    name = status_name(settled.status)
+    if name == Outcome.overturned:
+        return math.inf, math.inf, name
+    return float(settled.amplitude), float(settled.stroke), name
 
 
 class _Model(NamedTuple):

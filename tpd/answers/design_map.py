@@ -30,7 +30,7 @@ _CHUNK, _CHUNK_FOLLOWED = 16_384, 2048
 """Designs in a chunk for a cluster, without and with a start: some tenths of a second of work."""
 _CHOICE = (
     *(Outcome.rocking, Outcome.near_fold, Outcome.grazing, Outcome.rest),
-    *(Outcome.neutral, Outcome.unstable, Outcome.no_orbit),
+    *(Outcome.neutral, Outcome.unstable, Outcome.not_known),
 )
 """Statuses in the order in which one of them becomes the answer where no start is given."""
 
@@ -105,16 +105,18 @@ def design_map(
     """The motion of every design on a grid of two parameters, or of two quantities of a scene.
 
     Without a `start` the answer is the largest attracting motion among the symmetric period-one orbits
-    and rest, each known in closed form (some 15 µs a design and core). Its status is
+    that `symmetric_orbits` finds and rest, each known in closed form (some 15 µs a design and core). Other
+    motions may attract as well. Its status is
 
     - rocking: this orbit attracts; the block may rest or rock less as well, from another start;
     - near_fold, grazing: this orbit attracts, but is about to be lost;
-    - rest: no such orbit attracts, and a block at rest stays at rest; the amplitude is zero, and the stroke
-      is that of the bob under the resting block;
-    - neutral: there is such an orbit, but nothing takes energy from it, so that it does not attract;
-    - unstable: there are orbits, but all repel, and a block at rest lifts: the block settles into another
+    - rest: no orbit that was found attracts, and a block at rest stays at rest; the amplitude is zero, and
+      the stroke is that of the bob under the resting block;
+    - neutral: an orbit was found, but nothing takes energy from it, so that it does not attract;
+    - unstable: orbits were found, but all repel, and a block at rest lifts: the block settles into another
       motion, which depends on the start. Amplitude and stroke are those of the largest orbit;
-    - no_orbit: there is none, and a block at rest lifts; amplitude and stroke are NaN.
+    - not_known: no orbit was found, which does not prove that there is none, and a block at rest lifts;
+      amplitude and stroke are NaN. A `start` shows what the block settles into.
 
     With a `start` every design is followed from it by events (some 0.6 ms a design) until the motion
     repeats: rocking, sticking, rest, held, overturned (infinite), not_settled, event_bound or failed, as in
@@ -211,7 +213,7 @@ def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
 def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str, np.ndarray]:
     """The answers where no start is given: one of the orbits of each design, or rest."""
     names = names_of(orbits.status)
-    resting = np.where(margin > 0.0, Outcome.rest, Outcome.no_orbit)[:, None]
+    resting = np.where(margin > 0.0, Outcome.rest, Outcome.not_known)[:, None]
     names = np.concatenate([names, resting], axis=1)
     amplitude = np.concatenate([orbits.amplitude, np.where(margin > 0.0, 0.0, np.nan)[:, None]], axis=1)
     stroke = np.concatenate([orbits.stroke, np.where(margin > 0.0, reach, np.nan)[:, None]], axis=1)

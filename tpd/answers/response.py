@@ -34,7 +34,7 @@ to either side of a value within which they are counted."""
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Branches(Printed, Tabular):
-    """All symmetric period-one orbits, and the resting block, over one frequency, parameter or quantity."""
+    """The symmetric period-one orbits, and the resting block, over one frequency, parameter or quantity."""
 
     sweep: Sweep
     """The orbits; `sweep.line(i)` is one branch. Its values crowd towards the bifurcations."""
@@ -91,7 +91,7 @@ def branches(
     pendulum: Pendulum | None = None,
     samples: int = 400,
 ) -> Branches:
-    """All branches of symmetric period-one orbits, stable and unstable, and the bifurcations that end them.
+    """The branches of symmetric period-one orbits, stable and unstable, and the bifurcations that end them.
 
     `branches(scene, "frequency", 1.0, 5.0)` is the response at constant base amplitude, in Hz;
     `branches(p, "xi", 1.0, 5.0)` is the response at constant base acceleration f. Orbits that lean, stick

@@ -32,7 +32,10 @@ from tpd.models.base import AbstractChoice, AbstractModel, Settled
 from tpd.models.compiled_linear import fields, packed, packed_of, solve, unpacked
 from tpd.models.piecewise import Piecewise
 from tpd.scene.parameters import Number, Parameters, State, as_arrays, check_parameters
-from tpd.scene.status import Status, index_of, is_settled, status_name
+from tpd.scene.status import SETTLED, Status, index_of, is_settled, status_name
+
+INEXACT = 0.05
+"""Largest relative error of the amplitude of a smoothed motion that is not `inexact`."""
 
 
 class Steady(eqx.Module):
@@ -40,7 +43,8 @@ class Steady(eqx.Module):
 
     `amplitude` is the largest |phi| and `stroke` the largest |psi| over the settled period(s). They and
     `state` are differentiable in every parameter when `status` is rocking, sticking or rest; elsewhere
-    their derivative is NaN and `status` says why. Stroke and state of a bob under a resting block have
+    their derivative is NaN and `status` says why, but where it is inexact: then they belong to the smoothed
+    motion. Stroke and state of a bob under a resting block have
     none either if zeta = 0: the bob rings for ever, and its reach depends on how the block came to rest.
     Nor has the stroke of a bob that hangs still, being at the corner of |psi|. The derivatives of
     `multiplier`, `lyapunov` and `estimate` are always NaN, and so are all second ones; those in the start are
@@ -66,7 +70,9 @@ class Steady(eqx.Module):
     elapsed: Int[Array, "..."]
     """Forcing periods followed before the repetition was recognised."""
     estimate: Number = math.nan
-    """Estimated relative error of the amplitude, if `Auto` chose the model."""
+    """Estimated relative error of the amplitude, if `Auto` chose the model. Of `Smoothed` the relative
+    difference from the exact amplitude that is reached from the same start, infinite where one of both rests
+    or overturns and the other does not; NaN where the exact motion is not known."""
     model: str = eqx.field(static=True, default="")
     """The model that `Auto` chose."""
     reason: str = eqx.field(static=True, default="")
@@ -113,7 +119,9 @@ def steady_state(
     Args:
         p: dimensionless parameters; gradients with respect to them are exact.
         model: `Piecewise()`, the exact solution of the linear equations (default), `Smoothed()`,
-            `Segmented()`, or `Auto()`, which chooses.
+            `Segmented()`, or `Auto()`, which chooses. The answer of `Smoothed()` is compared with the exact
+            motion from the same start, and its status is inexact where their amplitudes differ by more than
+            5 %: see `Steady.estimate`.
         y0: start (phi, psi, phi', psi') in rad and rad per unit tau, at tau = 0; default at rest.
         throw: raise an error where the status is not rocking, sticking or rest.
 
@@ -317,11 +325,26 @@ def _solve(x: Float[Array, "9"], model: AbstractModel, y0: State) -> tuple[_Answ
     fixed = unpacked(jnp.where(sane, x, 1.0))
     settled = model.settle(fixed, jnp.where(sane, y0, 0.0))
     settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
-    return _judged(fixed, model, settled)
+    answer, slopes = _judged(fixed, model, settled)
+    return _compared(answer, model.settle_exactly(fixed, jnp.where(sane, y0, 0.0))), slopes
 
 
 _solved_by = jax.jit(_solve, static_argnums=1)
 _solved_with = eqx.filter_jit(_solve)
+
+
+def _compared(answer: _Answer, exact: Settled | None) -> _Answer:
+    """The answer of a smoothed model, with its difference from the exact motion from the same start."""
+    if exact is None:
+        return answer
+    (code,) = jax.tree.leaves(exact.status)
+    amplitude = jnp.where(code == index_of("overturned"), jnp.inf, exact.amplitude)
+    # Two that rest or overturn are alike, and one alone is not.
+    error = jnp.where(answer.amplitude == amplitude, 0.0, jnp.abs(answer.amplitude / amplitude - 1.0))
+    known = jnp.logical_not(_is_one_of(code, "not_settled", "event_bound", "failed"))
+    claimed = _is_one_of(answer.status, *SETTLED, "overturned")
+    status = jnp.where(claimed & known & (error > INEXACT), index_of("inexact"), answer.status)
+    return answer._replace(status=status, estimate=jnp.where(known, error, jnp.nan))
 
 
 def answered(p: Parameters, model: AbstractModel, settled: Settled) -> Steady:
@@ -351,11 +374,10 @@ def _judged(p: Parameters, model: AbstractModel, begun: Settled) -> tuple[_Answe
     # The tilt at which friction holds a block is a state next to which it is held as well.
     multiplier = jnp.where(status == index_of("held"), 1.0, multiplier)
     sizes, slopes = _answers(p, begun, orbit, status, multiplier)
-    marginal, singular = _is_marginal(status), _is_singular(status)
-    periodic = is_rocking(status) | (status == index_of("rest")) | marginal
+    periodic = _is_one_of(status, *SETTLED, "unstable", "neutral")
     lyapunov = jnp.where(periodic, jnp.log(multiplier) / (begun.periods * p.period), jnp.nan)
     symmetric = periodic & (begun.periods % 2 == 1) & (orbit.asymmetry < SYMMETRIC)
-    followed = periodic | (status == index_of("held")) | singular
+    followed = periodic | _is_one_of(status, "held", "near_fold", "grazing")
     multiplier = jnp.where(followed, multiplier, jnp.nan)
     about = status, begun.periods, multiplier, symmetric, lyapunov, orbit.y, begun.elapsed
     return _Answer(sizes[0], sizes[1], *about), slopes
@@ -372,7 +394,7 @@ def _answers(p: Any, begun: Settled, orbit: Orbit, status: Any, multiplier: Any)
     unknown = jnp.full(2, jnp.nan)
     last = jnp.where(status == index_of("failed"), unknown, jnp.stack([begun.amplitude, begun.stroke]))
     sizes, slopes = implicit(orbit)
-    followed = _is_marginal(status) | _is_singular(status)
+    followed = _is_one_of(status, "unstable", "neutral", "near_fold", "grazing")
     last = jnp.where(followed, orbit.sizes, last)
     last = jnp.where(status == index_of("overturned"), jnp.full(2, jnp.inf), last)
     sizes, slopes = jnp.where(isolated, sizes, last), jnp.where(isolated, slopes, jnp.nan)
@@ -385,14 +407,9 @@ def _answers(p: Any, begun: Settled, orbit: Orbit, status: Any, multiplier: Any)
     return jnp.stack([jnp.where(rests, 0.0, sizes[0]), sizes[1]]), slopes
 
 
-def _is_marginal(status: Any) -> Any:
-    """Whether an orbit was found that does not attract."""
-    return (status == index_of("unstable")) | (status == index_of("neutral"))
-
-
-def _is_singular(status: Any) -> Any:
-    """Whether an orbit was found whose gradient is refused."""
-    return (status == index_of("near_fold")) | (status == index_of("grazing"))
+def _is_one_of(status: Any, *names: str) -> Any:
+    """Whether the number of a status is that of one of the names."""
+    return jnp.isin(status, np.array([index_of(name) for name in names]))
 
 
 def _verdict(begun: Any, orbit: Orbit, multiplier: Any, neutral: Any, to_fold: Any, resolution: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Every symmetric period-one orbit of a design, stable and unstable, without start values.
+"""The symmetric period-one orbits of a design, stable and unstable, without start values.
 
 Most rocking attractors are such orbits: one swing to either side per forcing period, the second the
 mirror image of the first. They are the roots of one scalar equation (`tpd.exact.half_period_kernel`), so that
@@ -46,12 +46,13 @@ class Margins(eqx.Module):
     """-phi'' just after the turn, over its size just before: at zero the block sticks there."""
     grazing: Number
     """The least falling rate between the turns, over xi times the amplitude (infinite if the rate has
-    no dent): at zero the block turns back once more."""
+    no dent): at zero the block turns back once more. Without friction a turn is no event, and this is the
+    least tilt at a turn between the largest ones, over the amplitude: at zero the block strikes its base."""
 
 
 class Orbits(eqx.Module):
     """The symmetric period-one orbits of one design, the largest first; leading axis `ORBITS` (3),
-    status `no_orbit` where there are fewer, and NaN beside it. Angles in rad.
+    status `no_orbit` where no more were found, and NaN beside it. Angles in rad.
 
     `amplitude`, `stroke`, `state`, `phase` and `crossing` are differentiable in every parameter, also on
     unstable orbits; their derivative is NaN where the status is near_fold, grazing or no_orbit. That of
@@ -79,12 +80,16 @@ class Orbits(eqx.Module):
 
 
 def symmetric_orbits(p: Parameters) -> Orbits:
-    """All symmetric period-one orbits of (25) with true signs, section by section in closed form.
+    """The symmetric period-one orbits of (25) with true signs, section by section in closed form.
+
+    With friction (k > 0) they are all orbits that cross phi = 0 once in half a period and fall from the upper
+    turn to the lower one without turning back; without friction (k = 0) the block may turn back as often as
+    it likes. Not found are orbits with a stick phase, with more crossings, with more turns under friction, or
+    that repeat later. `steady_state` follows those from a start. So `no_orbit` does not prove that there is
+    no periodic motion, not even a symmetric one.
 
     Works under `jit`, `vmap`, `grad` and `jacfwd` as one call of compiled code; what is known is answered on
-    the host, and nothing is compiled. See `all_symmetric_orbits` and `in_chunks` for large batches. An orbit
-    with a stick phase, with more crossings, or that repeats later is not among them: `steady_state` follows
-    those.
+    the host, and nothing is compiled. See `all_symmetric_orbits` and `in_chunks` for large batches.
 
     Raises:
         ValueError: bad input.

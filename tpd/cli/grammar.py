@@ -310,7 +310,7 @@ COMMANDS = {
         _response,
         "amplitude and stroke against frequency",
         "following the motions over frequency, for {out}",
-        "All branches of symmetric period-one orbits against frequency, stable and unstable, and where they"
+        "Branches of symmetric period-one orbits against frequency, stable and unstable, and where they"
         " are lost: of the bare block and, if one is given, with a pendulum. The amplitude of the base "
         "stays as it is, or with --dimensionless its acceleration f. Beside them, what a start from rest "
         "settles into, every 0.4 % within 5 % of the scene's frequency. Without options: the block of "

@@ -1,10 +1,14 @@
-"""All symmetric period-one orbits of a design with their derivatives, in compiled scalar code.
+"""The symmetric period-one orbits of a design with their derivatives, in compiled scalar code.
 
 The orbits are the solutions (t, gamma) of two conditions in closed form (`tpd.exact.half_period_kernel`)
-on whose paths the tilt falls all the way from turn to turn. Their derivatives follow from the implicit
-function theorem: with x the parameters and r the conditions, d(t, gamma)/dx = -(dr/d(t, gamma))^-1 dr/dx,
-where parameters with imaginary parts give dr/dx and, with those of t and gamma, the derivatives of everything
-else. Two orbits merge where the determinant of dr/d(t, gamma) vanishes."""
+on whose paths the tilt falls all the way from turn to turn. Without friction (k = 0) a block that turns back
+and goes on meets no event, so that there the path may turn as often as it likes between two impacts. With
+friction each such turn is one more unknown, and these orbits are not solved for.
+
+Derivatives follow from the implicit function theorem: with x the parameters and r the conditions,
+d(t, gamma)/dx = -(dr/d(t, gamma))^-1 dr/dx, where parameters with imaginary parts give dr/dx and, with those
+of t and gamma, the derivatives of everything else. Two orbits merge where the determinant of dr/d(t, gamma)
+vanishes."""
 
 from __future__ import annotations
 
@@ -110,8 +114,8 @@ def _status(q, largest, nearest, grazing):
 
 @compiled
 def _put_path(q, m, t, gamma, way, w, orbit):
-    """Follow a solution from turn to turn, past all turns of the bob and of the falling rate, put what it
-    meets into `orbit`, and return whether it is one."""
+    """Follow a solution from turn to turn, past all turns of the bob and of the falling rate, and without
+    friction of the block, put what it meets into `orbit`, and return whether it is one."""
     sizes, mode, stroke, least_fall = orbit.sizes, w.other, -1.0, math.inf
     sizes[_PHASE], sizes[_CROSSING] = gamma, t
     for late in range(2):
@@ -138,16 +142,23 @@ def _put_path(q, m, t, gamma, way, w, orbit):
         watch_turns(w, _DENTS, slows, rate_of(arc, arc.tilt), arc)
         w.longest, w.least, w.limit = LONGEST / max(q.xi, max(q.s1, math.sqrt(q.q))), SMALL * m.span, math.inf
         w.window, w.looks, horizon = w.longest, _LOOKS, lasts + 2.0 * _ON_TIME * m.span
-        which = BOB
-        while which >= BOB:
+        which, turns = BOB, False
+        while which >= BOB or turns:
             which, time = next_event(arc, w, here, time, horizon)
             here = instant(arc, time)
             now = state_at(arc, here, time)
+            turns = which == FIRST and q.k == 0.0 and time < lasts - _ON_TIME * m.span
+            if turns:
+                # The orbit is counted once: from the largest of its turns.
+                if abs(now[TILT]) > sizes[_AMPLITUDE]:
+                    return _BROKEN
+                least_fall, mode.way = min(least_fall, q.xi * abs(now[TILT])), -mode.way
+                w.second = watch_block(q, arc, mode, arc.tilt, w)
             if which == BOB and abs(now[SWING]) > stroke:
                 stroke, orbit.peak = abs(now[SWING]), begun + time
             if which == _DENTS:
                 # From less to more: where it fell faster before, this is its quickest moment and no dent.
-                if slows > 0.0:
+                if slows > 0.0 and q.k > 0.0:
                     least_fall = min(least_fall, -now[TILT_RATE])
                 slows = -slows
             if which >= BOB:
@@ -275,7 +286,7 @@ def vanishing(x, u, work, out, by):
     """Put functions of u = (t, gamma, s) and the parameters into `out` that vanish where orbits are lost, and
     their derivatives into `by` (7, 12): phi'(0), phi(t), the determinant of the derivatives of both in (t,
     gamma) (two orbits merge), det(I + G) (symmetry is lost), phi''(0+) (sticking), phi'(s) and phi''(s)
-    (grazing)."""
+    (grazing), or without friction phi(s) and phi'(s)."""
     q, numbers = work.complex_plant, work.vanishing
     for j in range(MOVED):
         for i in range(9):
@@ -291,7 +302,8 @@ def vanishing(x, u, work, out, by):
         numbers[2] = r.turning_t * r.crossing_g - r.turning_g * r.crossing_t
         numbers[3] = determinants(characteristic(work.complex_map))[1]
         numbers[4] = state_after(way, t, 0.0 * t)[TILT_PULL]
-        numbers[5], numbers[6] = fall[TILT_RATE], fall[TILT_PULL]
+        first = TILT if q.k.real == 0.0 else TILT_RATE
+        numbers[5], numbers[6] = fall[first], fall[first + 2]
         for i in range(VANISHING):
             out[i], by[i, j] = numbers[i].real, numbers[i].imag / STEP
 
@@ -299,8 +311,9 @@ def vanishing(x, u, work, out, by):
 @compiled
 def survey(x, u, work, out):
     """Put phi at the turn, phi'' just after it, -phi'' just before the next turn, and phi' at `SAMPLES` equal
-    steps between them into `out`, for a solution u = (t, gamma). It is an orbit if the first is > 0 and all
-    the others are < 0."""
+    steps between them into `out`, for a solution u = (t, gamma); without friction, in place of phi', phi with
+    the sign that is negative on the right side of the base. It is an orbit if the first is > 0 and all the
+    others are < 0."""
     q = work.plant
     plant(x, q)
     m = half(q)
@@ -308,4 +321,6 @@ def survey(x, u, work, out):
     start, end = state_after(way, t, 0.0), state_after(way, t, m.span)
     out[0], out[1], out[2] = start[TILT], start[TILT_PULL], -end[TILT_PULL]
     for i in range(SAMPLES):
-        out[3 + i] = state_after(way, t, m.span * (i + 1.0) / (SAMPLES + 1.0))[TILT_RATE]
+        s = m.span * (i + 1.0) / (SAMPLES + 1.0)
+        now = state_after(way, t, s)
+        out[3 + i] = now[TILT_RATE] if q.k > 0.0 else (now[TILT] if s > t else -now[TILT])

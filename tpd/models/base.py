@@ -79,6 +79,12 @@ class AbstractModel(eqx.Module):
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Follow the motion from `y0` at tau = 0 until it repeats itself."""
 
+    def settle_exactly(self, p: Parameters, y0: State) -> Settled | None:
+        """The motion from `y0` by the same equations without smoothing: None of a model that smooths nothing,
+        or of equations that are solved with smoothing alone. Not differentiated."""
+        del p, y0
+        return None
+
     @abstractmethod
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Run `settled.periods` forcing periods from the state `y` at tau = 0."""

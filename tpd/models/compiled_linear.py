@@ -87,15 +87,13 @@ def _status_of(number: Array) -> Status:
     return jax.tree.map(lambda *x: jnp.stack(x)[number.astype(int)], *every)
 
 
-def settle(
-    p: Parameters, y0: State, periods: int, max_events: int, tolerance: float, rest_rate: Number
-) -> Settled:
-    """Follow the motion from `y0` at tau = 0 until it repeats, rests or is lost; not differentiable."""
-    entry = EXACT.entry()
-    limits = {"periods": periods, "events": max_events, "tolerance": tolerance, "rest_rate": rest_rate}
-    s = settings_of("SETTLE", **limits)
+def settle(p: Parameters, y0: State, *limits: Any, of: Compiled = EXACT) -> Settled:
+    """Follow the motion from `y0` at tau = 0 until it repeats, rests or is lost, by the equations `of`; not
+    differentiable. `limits` are the first four of `Piecewise`."""
+    entry, names = of.entry(), ("periods", "events", "tolerance", "rest_rate")
+    s = settings_of("SETTLE", of, rtol=1e-8, **dict(zip(names, limits, strict=True)))
     x, y = jax.lax.stop_gradient(packed(p)), jax.lax.stop_gradient(y0)
-    (out,) = EXACT((shape(numbers_in(entry.SETTLED)),), s, x, y, jnp.zeros(2))
+    (out,) = of((shape(numbers_in(entry.SETTLED)),), s, x, y, jnp.zeros(2))
     return settled_of(out, entry.SETTLED)
 
 

@@ -104,7 +104,8 @@ class Vanishing(NamedTuple):
 
     values: np.ndarray
     """phi'(0), phi(t), the determinant of the derivatives of both in (t, gamma), det(I + G), phi''(0+),
-    phi'(s) and phi''(s), (7,); see `tpd.exact.symmetric_orbit_kernel.vanishing`."""
+    phi'(s) and phi''(s), without friction phi(s) and phi'(s), (7,); see
+    `tpd.exact.symmetric_orbit_kernel.vanishing`."""
     by_u: np.ndarray
     """(7, 3)"""
     by_x: np.ndarray
@@ -130,7 +131,8 @@ class Survey(NamedTuple):
     arriving: float
     """-phi'' just before the next turn."""
     rates: np.ndarray
-    """phi' at equal steps between them, (199,)."""
+    """phi' at equal steps between them, (199,); without friction minus the distance of phi from zero, on its
+    side."""
 
 
 def survey(u: np.ndarray, x: np.ndarray) -> Survey:

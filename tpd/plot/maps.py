@@ -17,11 +17,11 @@ from tpd.plot.style import CASES, INK, LABELS, LINES, edge, legend, new_axes, ow
 _MOVING = ("rocking", "sticking", "near_fold", "grazing")
 """Statuses of periodic motions, which have an amplitude."""
 _HATCHES = {
-    "rest": ("", "rest, no rocking attracts"),
+    "rest": ("", "rest, no attracting orbit found"),
     "held": ("----", "held leaning"),
     "neutral": ("||||", "an orbit, neutral"),
-    "unstable": ("////", "orbits, but none attracts"),
-    "no_orbit": ("....", "no orbit"),
+    "unstable": ("////", "orbits found, none attracts"),
+    "not_known": ("....", "no orbit found"),
     "overturned": ("xxxx", "overturns"),
     "not_settled": ("\\\\\\\\", "does not settle"),
 }

@@ -158,9 +158,8 @@ def _starts(design: HarmonicDesign, winner: Verified) -> Iterator[Note]:
             "pendulum than without: runs from many starts chose it."
         )
     if design.starts == Starts.any() and not np.all(e.attracts):
-        yield note(
-            f"Under {np.sum(~e.attracts)} of {e.attracts.size} conditions no symmetric motion attracts."
-        )
+        under = f"Under {np.sum(~e.attracts)} of {e.attracts.size} conditions"
+        yield note(f"{under} no symmetric motion that attracts was found.")
 
 
 def _responses(study: Study) -> Iterator[Note]:

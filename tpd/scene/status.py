@@ -64,9 +64,18 @@ class Status(eqx.Enumeration):
         "The solver produced no finite number (resonance without damping, or a singular limit "
         "such as a length ratio near zero). Change the parameters."
     )
-    no_orbit = "There is no such periodic motion. Start a simulation to see what there is instead."
+    no_orbit = "No such periodic motion was found. Start a simulation to see what there is instead."
     stood = "The block stays on its base: the motion does not lift it."
     rocked = "The block rocks during the motion and does not overturn."
+    inexact = (
+        "The model with smoothed signs ends in another motion than the exact model from the same start, or "
+        "its amplitude is off by more than 5 %. Amplitude and gradient are those of the smoothed motion. "
+        "Change the model to `Piecewise()`, or with nonlinear terms to `Segmented()`."
+    )
+    not_known = (
+        "No symmetric orbit was found, and the block lifts from rest. Whether there is a periodic motion of "
+        "another kind is not known. Start a simulation to see what the block does."
+    )
 
 
 class Outcome(StrEnum):
@@ -91,6 +100,8 @@ class Outcome(StrEnum):
     no_orbit = auto()
     stood = auto()
     rocked = auto()
+    inexact = auto()
+    not_known = auto()
 
 
 MOVING = (Outcome.rocking, Outcome.sticking)
