@@ -90,7 +90,7 @@ def shaking_history(
         pendulum: None is the bare block.
         times: increasing, s; by default every piece of the motion, and as often after it.
         y0: start (phi, psi, phi', psi') in rad and rad/s; at rest by default.
-        free: free motion after the ground motion, s.
+        free: free motion after the ground motion, s; more if `times` end later.
 
     Raises:
         ValueError: bad input.
@@ -104,11 +104,13 @@ def shaking_history(
     row = rows_of(scene.block, pendulum, [scene.motion], float(scene.gravity))[0]
     rate, piece = float(scene.rate), float(scene.motion.piece)
     pieces = np.ascontiguousarray(-np.asarray(scene.motion.pieces(), dtype=float))
+    shaken = len(pieces) * piece
     if times is None:
-        times = np.linspace(0.0, len(pieces) * piece + free, min(20_000, int(len(pieces) + free / piece) + 1))
+        times = np.linspace(0.0, shaken + free, min(20_000, int(len(pieces) + free / piece) + 1))
     clock = np.ascontiguousarray(times, dtype=float)
     if clock.ndim != 1 or len(clock) < 2 or not np.all(np.diff(clock) > 0.0) or clock[0] < 0.0:
         raise ValueError("`times` must be a vector of increasing numbers from 0 on, but are not")
+    free = float(clock[-1]) - shaken if clock[-1] > shaken + free else free
     out = np.empty((len(clock), entry.STATES))
     start = np.zeros(4) if y0 is None else np.asarray(y0, dtype=float) / [1.0, 1.0, rate, rate]
     # No motion has more: each impact is one of its events.
