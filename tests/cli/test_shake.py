@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.cli.conftest import COLUMN, HUNG
+from tests.cli.conftest import COLUMN, HUNG, call
 from tpd.cli import shake
 
 PULSE = "--pulse one-sine --pulse-frequency 1.2375 --pga"
@@ -76,3 +76,21 @@ def test_a_motion_without_an_answer_is_named(run, monkeypatch):
     assert done.status == 3
     assert "event_bound" in done.out
     assert "no answer" in done.out
+
+
+@pytest.mark.mends(
+    "a block that stands was marked as one that overturns, in every record of a step of 0.01 s"
+)
+def test_a_block_that_stands_has_no_empty_cell_and_no_mark(tmp_path, monkeypatch):
+    drawn, plot = [], shake.plot_motions
+    monkeypatch.setattr(shake, "plot_motions", lambda *a: drawn.append(plot(*a)) or drawn[-1])
+    for i, (dt, n) in enumerate([(0.01, 1500), (0.01, 2311), (0.005, 3001), (0.02, 700)]):
+        t = dt * np.arange(n)
+        lines = [f"{x:.4f},{0.25 * np.sin(8.0 * x):.6f}" for x in t]
+        (tmp_path / "record.csv").write_text("time (s),acceleration (g)\n" + "\n".join(lines) + "\n")
+        done = call("shake", COLUMN, HUNG, f"--record {tmp_path / 'record.csv'}", out=tmp_path / str(i))
+        results = done.json("shake.json")["results"]
+        assert {x["linear"]["status"] for x in results.values()} == {"rocked"}
+        rows = done.rows("histories.csv")
+        assert all(np.isfinite(float(row[name])) for row in rows for name in row if name != "case")
+        assert not [text for ax in drawn[-1] for text in ax.texts if text.get_text() == "overturns"]

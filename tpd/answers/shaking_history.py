@@ -12,7 +12,7 @@ from tpd.core import checks
 from tpd.exact.terms import SHAKEN, SLIP
 from tpd.models.compiled_shaken import REST_RATE
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import Status
+from tpd.scene.status import Status, status_name
 
 STRONG = 0.01
 """Rate over nu omega0 above which an impact is counted as one: slower ones are a rattle, and how many of them
@@ -21,8 +21,9 @@ there are depends on when rattling is called rest."""
 
 @dataclass(frozen=True)
 class ShakingHistory:
-    """Motion over time of a block under a ground motion, from the exact solution of the linear equations; NaN
-    once the block has fallen."""
+    """Motion over time of a block under a ground motion, from the exact solution of the linear equations. Rows
+    are NaN once a block that overturns is past a right angle, and after the end of a motion without an
+    answer."""
 
     times: np.ndarray
     """s, shape (times,)."""
@@ -44,6 +45,11 @@ class ShakingHistory:
     bob: np.ndarray | None = None
     """Horizontal and vertical force (N) of the hinge on the bob, angular rate of the rod, and that of the rod
     against the block (rad/s), shape (times, 4); None without a pendulum."""
+
+    @property
+    def overturned(self) -> bool:
+        """Whether the block overturns, within the times or after them."""
+        return status_name(self.status) == "overturned"
 
     def loads(self, pendulum: Pendulum) -> tuple[float, float, float]:
         """Largest force along the rod and of the hinge (N), and largest angular rate between rod and block
@@ -120,9 +126,10 @@ def shaking_history(
     settings = np.array(entry.settings(task=entry.HISTORY, **sizes, **limits))
     entry.run(0, 1, settings, row, start, pieces, clock * rate, out, impacts, status)
     impacts = impacts[np.isfinite(impacts[:, 0])] * [1.0 / rate, rate]
+    outcome = SHAKEN[int(status[0])]
     # The equations mean nothing where the block lies down.
-    gone = ~(np.abs(out[:, 0]) < 0.5 * np.pi)
-    out[np.cumsum(gone) > 0] = np.nan
+    if outcome == "overturned":
+        out[np.cumsum(~(np.abs(out[:, 0]) < 0.5 * np.pi)) > 0] = np.nan
     base = scene.motion.acceleration_at(clock)
     # In SI: tau is time over 1/omega0.
     up, swinging, rates = (
@@ -146,6 +153,6 @@ def shaking_history(
         (mass + m) * lifting,
         impacts,
         out[:, 7] == SLIP,
-        getattr(Status, SHAKEN[int(status[0])]),
+        getattr(Status, outcome),
         None if pendulum is None else np.stack([across, m * lifting, *rates], axis=1),
     )

@@ -107,6 +107,7 @@ def _files(
             time=h.times,
             tilt=h.tilt,
             bob=np.zeros_like(h.tilt) if h.swing is None else h.swing,
+            overturned=h.overturned,
         )
         for name, h in histories.items()
     }

@@ -22,6 +22,7 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import Pulse
 from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Harmonic, Pendulum, Scene
+from tpd.scene.status import status_name
 from tpd.theory import uplift
 
 _BAND = frequencies(1.0, 0.7, 1.5, 41)
@@ -94,9 +95,11 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
     for hung in cases:
         p = as_arrays(scene.parameters(hung))
         tau = sampled(p)
-        tilt, bob = np.asarray(simulate(p, np.zeros(4), tau, model=Piecewise()).ys).T[:2]
-        time = np.asarray(tau) / scene.rate
-        out.append(TimeHistory(with_pendulum=hung is not None, time=time, tilt=tilt, bob=bob))
+        motion = simulate(p, np.zeros(4), tau, model=Piecewise())
+        tilt, bob = np.asarray(motion.ys).T[:2]
+        found = {"time": np.asarray(tau) / scene.rate, "tilt": tilt, "bob": bob}
+        falls = status_name(motion.status) == "overturned"
+        out.append(TimeHistory(with_pendulum=hung is not None, overturned=falls, **found))
     return tuple(out)
 
 
