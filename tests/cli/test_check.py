@@ -45,6 +45,15 @@ def test_a_pendulum_that_helps_and_fits_is_confirmed(offered):
     assert any("of 10 conditions: " in line for line in said)
 
 
+@pytest.mark.mends("`tpd check` had no seed but that of an engine")
+def test_a_seed_chooses_the_runs_of_a_check(check, offered):
+    status, said = check(OFFERED, "--seed", "5")
+    assert status == 0
+    assert said[-3].startswith("Over 64 fresh paired runs of the nonlinear equations (seed 7): ")
+    assert said[-3].partition("): ")[2] != offered[1][-3].partition("): ")[2]
+    assert check(OFFERED, "--seed", "0")[1][-5:] == offered[1][-5:]
+
+
 @pytest.mark.mends("`tpd check` said that a pendulum fits which `tpd optimise` refuses for its strikes")
 def test_the_last_line_says_why_not(check):
     status, said = check(STRIKING)

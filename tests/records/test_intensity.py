@@ -94,7 +94,7 @@ JUMPS = Pulse.one_cosine(acceleration=3.0, frequency=1.0)
 @pytest.mark.parametrize("damping", [0.05, 0.0, 0.6])
 @pytest.mark.parametrize(
     ("motion", "period"),
-    # Periods much shorter than the step, like the step, and much longer; a pulse of cubics that ends in a jump.
+    # Periods from much shorter than the step to much longer; a pulse of cubics that ends in a jump.
     [*((NOISE, x) for x in (0.004, 0.02, 0.05, 0.1, 0.3, 30.0)), *((JUMPS, x) for x in (0.1, 0.7, 1e4))],
 )
 def test_the_spectral_acceleration_is_that_of_the_motion_between_the_samples(motion, period, damping):

@@ -21,8 +21,9 @@ there are depends on when rattling is called rest."""
 
 @dataclass(frozen=True)
 class ShakingHistory:
-    """Motion over time of a block under a ground motion, from the exact solution of the linear equations. Rows
-    are NaN once a block that overturns is past a right angle, and after the end of a motion without an
+    """Motion over time of a block under a ground motion, from the exact solution of the linear equations.
+
+    Rows are NaN once a block that overturns is past a right angle, and after the end of a motion without an
     answer."""
 
     times: np.ndarray

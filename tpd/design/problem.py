@@ -195,7 +195,7 @@ class Problem(Question):
                 "`starts` of a design must be Starts.any() or Starts.rest(), but is a sampled set: its runs "
                 "begin where `ensemble` says"
             )
-        ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
+        ensemble = (Ensemble() if ensemble is None else ensemble).seeded(seed)
         if ensemble.restitution:
             check_restitution(scene)
         return Problem(

@@ -278,7 +278,8 @@ def _passing(arc, limit, lo, hi):
 @compiled
 def next_event(arc, w, now, t, end):
     """The first event of an arc after `t`, the instant `now`, and until `end`, and its time. No event is END;
-    where the tilt reaches the limit is GONE. The working memory `w` has the signals, see `tpd.exact.motion.ROOM`."""
+    the tilt that reaches the limit is GONE. The working memory `w` has the signals, see
+    `tpd.exact.motion.ROOM`."""
     g, v, h, z = w.signals[SIGNALS, 0], w.signals[SIGNALS, 1], w.signals[SIGNALS, 2], w.signals[SIGNALS, 3]
     since = t
     t = _begun(arc, w, now, t, end, g, v)
