@@ -194,3 +194,34 @@ def test_of_many_conditions_a_sample_is_searched_under(monkeypatch, tmp_path):
     again = solve(problem, checkpoint=place, progress=lambda *e: events.append(e[0]))
     assert "searching" not in events, "what had ended is not done again"
     assert same(again, design)
+
+
+@pytest.mark.mends("a limit on the bob's mass bound the equivalent point, and the body was heavier")
+@pytest.mark.parametrize("limits", [(), (tpd.limits.Room(),)])
+def test_the_body_of_an_offered_design_keeps_the_limit_on_its_mass(limits):
+    limits, kg, g = (tpd.limits.Stroke(1.5), tpd.limits.Mass(1.0), *limits), 1.0, float(SCENE.gravity)
+    found = tpd.optimise(SCENE, WIDE, **(ONE | {"limits": limits}))
+    assert found.verified
+    built = [
+        tpd.limits.Bob().built(*(float(x) for x in (p.mass, p.length)), g)[0]
+        for p in (optimise.pendulum_of(SCENE, v) for v in found.verified)
+    ]
+    assert np.all(np.isfinite(built))
+    assert np.max(built) <= kg * (1.0 + 1e-9)
+    # The point that a point's limit would allow is within reach: the limit is active for bodies alone.
+    assert found.space.mass_ratio[1] == pytest.approx(kg / SCENE.block.mass)
+
+
+@pytest.mark.mends("a body that exceeded a limit as built was offered")
+def test_a_design_that_exceeds_a_limit_as_built_is_refused_by_its_first_step():
+    limits = tpd.limits.Stroke(1.5), tpd.limits.Mass(1.0)
+    problem = Problem.of(SCENE, WIDE, **(ONE | {"limits": limits}))
+    v = optimise.Verification(problem, None).at_once(np.array([0.06, 0.5, 0.2]))
+    (reason,) = (r for r in v.reasons if r.kind is ReasonKind.as_built)
+    body = tpd.limits.Bob().built(
+        0.06 * SCENE.block.mass, 0.5 * SCENE.block.half_height, float(SCENE.gravity)
+    )
+    assert 0.06 * SCENE.block.mass < 1.0 < body[0]
+    assert (reason.limit, reason.reference) == ("mass of the bob in kg", 1.0)
+    assert reason.value == pytest.approx(body[0])
+    assert v.paired is None

@@ -345,6 +345,7 @@ def outcomes(
     terms = Terms(equations)
     ensemble = Ensemble() if ensemble is None else ensemble
     checks.instance("ensemble", ensemble, Ensemble)
+    ensemble = ensemble.seeded(0)
     if ensemble.restitution and isinstance(subject, Scene):
         check_restitution(subject)
     if conditions is not None:

@@ -216,7 +216,9 @@ class Problem(Question):
         """Symmetric orbits of designs under all conditions; nothing is compiled yet."""
         scene, conditions = self.scene, self.conditions
         common = as_arrays(scene.parameters()), conditions, self.space, self.risk, self.limits
-        return Orbits(*common, geometry_of(scene, conditions), self.starts.kind is StartKind.rest)
+        return Orbits(
+            *common, geometry_of(scene, conditions, self.limits), self.starts.kind is StartKind.rest
+        )
 
     @cached_property
     def objective(self) -> Orbits:

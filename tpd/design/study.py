@@ -13,11 +13,10 @@ from tpd.answers.response import Response, frequencies, settled_response
 from tpd.answers.steady_state import sampled, simulate
 from tpd.core.progress import Progress
 from tpd.design.build import Build, FrontPoint, Moved, Study, TimeHistory, loads_of, pull_test
-from tpd.design.criteria import Room, limit_of
+from tpd.design.criteria import bob_of
 from tpd.design.objective import geometry_of
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.models.piecewise import Piecewise
-from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import Pulse
 from tpd.scene.parameters import as_arrays
@@ -118,7 +117,7 @@ def usage(design: HarmonicDesign) -> tuple[tuple[str, float], ...]:
         return ()
     evaluation, bare = design.best.evaluation, design.bare.evaluation
     tilt = np.where(bare.attracts[0], bare.tilt[0], np.nan)
-    where = replace(geometry_of(design.scene, design.conditions), bare_tilt=tilt)
+    where = replace(geometry_of(design.scene, design.conditions, design.limits), bare_tilt=tilt)
     sizes = [size for limit in design.limits for size in limit.sizes(evaluation, where)]
     return tuple((size.name, float(np.max(size.value))) for size in sizes)
 
@@ -128,8 +127,7 @@ def build_of(design: Design, moved: tuple[Moved, ...] = ()) -> Build | None:
     hung, scene = design.pendulum, design.scene
     if hung is None:
         return None
-    room, g = limit_of(design.limits, Room), float(scene.gravity)
-    bob = room.bob if isinstance(room, Room) else Bob()
+    bob, g = bob_of(design.limits), float(scene.gravity)
     mass, length, zeta = float(hung.mass), float(hung.length), float(hung.damping_ratio)
     block, mu = scene.block, mass / float(scene.block.mass)
     body, rod = bob.built(mass, length, g)
