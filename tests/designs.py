@@ -72,7 +72,7 @@ def outcomes(lost: int, size: int = 40, tilt: float = 0.1, equations: str = "lin
     angle = np.where(over, np.inf, tilt)
     return Outcomes(
         equations=equations,
-        ensemble=Ensemble(size=size),
+        ensemble=Ensemble(size=size, seed=0),
         status=np.where(over, "overturned", "rocking"),
         peak=angle,
         amplitude=angle,
@@ -143,7 +143,7 @@ def single(**changes) -> HarmonicDesign:
         "risk": Risk.worst(),
         "limits": POINT_BOB,
         "method": Method("descent", 0.01),
-        "ensemble": Ensemble(size=40),
+        "ensemble": Ensemble(size=40, seed=0),
         "worth": Worth(runs=40),
         "seed": 3,
         "status": DesignStatus.found,
@@ -274,7 +274,11 @@ def history(with_pendulum: bool, size: float = 0.08, lost: bool = False) -> Time
         tilt = np.where(time > 3.0, np.nan, np.sign(tilt[1]) * 0.01 * np.exp(2.0 * time))
     bob = 0.3 * np.sin(2.0 * np.pi * 2.5 * time + 1.0)
     return TimeHistory(
-        with_pendulum=with_pendulum, time=time, tilt=tilt, bob=np.where(np.isfinite(tilt), bob, np.nan)
+        with_pendulum=with_pendulum,
+        time=time,
+        tilt=tilt,
+        bob=np.where(np.isfinite(tilt), bob, np.nan),
+        overturned=lost,
     )
 
 

@@ -278,6 +278,7 @@ class EventDriven:
         self.hinge = 2.0 * zeta * np.sqrt(self.lam * self.rho)
         self.knots = [] if samples is None else list(samples[1] * np.arange(1, len(samples[0])))
         self.kinds: list[str] = []
+        self.fell = np.inf
 
     def run(self, y0: Any, times: np.ndarray, *, quiet: float = 2e-8) -> np.ndarray:
         """The states at `times`, as many as there are before an overturning."""
@@ -288,6 +289,7 @@ class EventDriven:
             end = min([times[-1], *(knot for knot in self.knots if knot > t)])
             t, y, which = self._arc(t, y, mode, end, times, out)
             if which == 2:
+                self.fell = t
                 break
             if which is not None:
                 y, mode = self._event(t, y, mode, which, quiet * self.nu)

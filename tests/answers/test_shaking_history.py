@@ -74,3 +74,52 @@ def test_nothing_is_said_once_the_block_lies_and_bad_times_are_refused():
     for times in (np.array([0.0]), np.array([1.0, 0.5]), np.array([-1.0, 1.0])):
         with pytest.raises(ValueError, match="`times` must be a vector of increasing numbers from 0 on"):
             shaking_history(SINE, times=times)
+
+
+@pytest.mark.mends("the last row of a history was no number where rounding put the last time beyond the end")
+@pytest.mark.parametrize("hung", [None, HUNG])
+@pytest.mark.parametrize("free", [0.0, 0.3, 3.0])
+def test_no_row_of_a_motion_that_rocks_or_stands_is_unknown(hung, free):
+    samples = np.random.default_rng(5).normal(size=37)
+    steps = (0.01, 0.005, 0.02, 0.004, 1.0 / 128.0, 0.0123, 1.0 / 30.0, 0.1)
+    # Slow ones would overturn the block.
+    motions = [
+        tpd.Record(x * min(1.0, 0.02 / dt) * samples[:n], dt)
+        for dt in steps
+        for n in (20, 37)
+        for x in (0.5, 2.5)
+    ]
+    motions += [tpd.Pulse.ricker(acceleration=2.0, frequency=f) for f in (0.9, 1.7, 3.1)]
+    seen = set()
+    for motion in motions:
+        scene = tpd.Scene(COLUMN, motion)
+        found, one = shaking_history(scene, hung, free=free), tpd.transient(scene, hung, free=free)
+        seen.add(tpd.status_name(found.status))
+        assert tpd.status_name(found.status) == tpd.status_name(one.status) != "overturned"
+        columns = [found.tilt, found.horizontal, found.vertical, found.base]
+        columns += [] if hung is None else [found.swing, *found.bob.T]
+        assert np.isfinite(columns).all()
+        assert found.tilt[-1] == pytest.approx(float(one.state[0]), abs=1e-10)
+        assert found.times[-1] == pytest.approx(float(motion.duration) + free, rel=1e-12)
+    assert seen == {"stood", "rocked"}
+
+
+@pytest.mark.mends("times after the end of the free motion were unknown, as those of a block that lies")
+def test_the_free_motion_lasts_until_the_last_time():
+    late = np.linspace(0.0, 12.0, 25)
+    found, whole = shaking_history(SINE, HUNG, times=late, free=1.0), shaking_history(SINE, HUNG, free=30.0)
+    assert np.isfinite(found.tilt).all()
+    np.testing.assert_allclose(found.tilt, np.interp(late, whole.times, whole.tilt), atol=2e-3)
+
+
+def test_a_fall_after_the_free_motion_leaves_the_last_row_known():
+    """The block passes its balance within the free time, and the last arc leads beyond return after it."""
+    for free in (0.4, 0.5, 0.6):
+        scene = dataclasses.replace(SINE, motion=SINE.motion.scaled(1.25))
+        found, one = shaking_history(scene, free=free), tpd.transient(scene, free=free)
+        assert tpd.status_name(found.status) == "overturned"
+        assert float(one.overturning_time) > found.times[-1]
+        assert np.isfinite(found.tilt).all()
+        # The last row goes on as those before it.
+        onward = 3.0 * (found.tilt[-2] - found.tilt[-3]) + found.tilt[-4]
+        assert found.tilt[-1] == pytest.approx(onward, abs=1e-4)

@@ -19,6 +19,7 @@ from tpd.answers.statistics import (
     fit_lognormal,
     is_positive,
     mcnemar,
+    unseen,
 )
 
 
@@ -73,9 +74,75 @@ def test_of_a_single_cluster_nothing_is_known():
     for found in (changed(np.ones(3), np.zeros(3, int)), fall(np.ones(2), np.ones(2), np.zeros(2, int))):
         assert math.isinf(found.low)
         assert "(unknown)" in found.words()
-    same = changed(np.full(4, -0.5), np.array([0, 0, 1, 1]))
-    assert same.is_below
-    assert not same.is_above
+    below = changed(np.full(40, -0.5), np.repeat(np.arange(20), 2))
+    assert below.is_below
+    assert not below.is_above
+
+
+@pytest.mark.mends("six earthquakes that all ended alike gave a change of 0 with an interval from 0 to 0")
+def test_an_interval_of_clusters_that_are_all_alike_reaches_as_far_as_the_rule_of_three():
+    for n in (2, 3, 6, 40, 512):
+        # The exact binomial limit of no event in n.
+        known = binomtest(0, n, alternative="less").proportion_ci(0.95, "exact").high
+        assert unseen(n) == pytest.approx(known, rel=1e-9)
+        quakes = np.repeat(np.arange(n), 3)
+        for value in (0.0, 1.0, -1.0, 0.3):
+            # Three motions of an earthquake are one observation.
+            for found in (changed(np.full(3 * n, value), quakes), changed(np.full(n, value))):
+                low, high = value - known * (1.0 + value), value + known * (1.0 - value)
+                assert (found.mean, found.low, found.high) == pytest.approx((value, low, high), abs=1e-12)
+    # Both overturn in all, or in none; rounding is no spread; and runs of one earthquake may cancel.
+    for x in (np.ones(18), np.zeros(18), np.full(18, 0.1)):
+        found = change(x, x, np.repeat(np.arange(6), 3))
+        assert (found.low, found.high) == pytest.approx((-unseen(6), unseen(6)))
+    assert changed(np.tile([1.0, -1.0], 6), np.repeat(np.arange(6), 2)).high == pytest.approx(unseen(6))
+    assert changed(np.tile([0.1, 0.2, 0.3], 6), np.repeat(np.arange(6), 3)).low < 0.2 - 1e-3
+
+
+@pytest.mark.mends("six earthquakes that all ended alike gave a change of 0 with an interval from 0 to 0")
+@pytest.mark.parametrize("n", [3, 6, 20])
+def test_rare_differences_are_within_the_interval_of_those_that_saw_none(n):
+    """An event in a share p of the earthquakes is excluded by 5 % of the samples at most."""
+    rng, nothing = np.random.default_rng(n), changed(np.zeros(n))
+    for p in (0.5 * unseen(n), 0.99 * unseen(n), 1.01 * unseen(n), 2.0 * unseen(n)):
+        none = ~(rng.random((20000, n)) < p).any(axis=1)
+        missed = np.mean(none & (p > nothing.high))
+        assert missed <= (0.0 if p < unseen(n) else 0.055)
+
+
+@pytest.mark.mends("a fall of runs that were all alike had an interval without a width")
+def test_a_fall_of_runs_that_are_all_alike_reaches_as_far_as_others_could_move_it():
+    share = unseen(6)
+    for hung, bare in ((0.5, 1.0), (1.0, 1.0), (0.0, 1.0), (0.3, 0.2), (0.0, 0.0), (0.6, 0.0)):
+        found = fall(np.full(18, hung), np.full(18, bare), np.repeat(np.arange(6), 3), least=0.02)
+        assert found.low < found.mean <= found.high <= 1.0
+        assert found.high - found.low > 0.3
+        # One more share, with the largest tilt of the one and none of the other.
+        worst = (1.0 - share) * np.array([hung, bare]) + share * np.array([1.0, 0.0])
+        assert found.low == pytest.approx((worst[1] - worst[0]) / max(worst[1], 0.02))
+    assert fall(np.zeros(6), np.zeros(6)).low < 0.0 < fall(np.zeros(6), np.zeros(6)).high
+
+
+@pytest.mark.mends("earthquakes that all ended alike gave a median whose interval had no width")
+def test_a_curve_of_earthquakes_that_are_all_alike_has_no_known_spread():
+    hits = np.tile([0.0, 1.0, 0.0, 1.0], (6, 1))
+    found = fit_lognormal(np.array([0.5, 1.0, 2.0, 4.0]), hits)
+    assert found.interval() == (0.0, math.inf)
+    assert np.isnan(found.covariance).all()
+    # One earthquake that ends otherwise shows a spread.
+    low, high = fit_lognormal(
+        np.array([0.5, 1.0, 2.0, 4.0]), np.vstack([hits, [0.0, 0.0, 0.0, 1.0]])
+    ).interval()
+    assert 0.0 < low < high < math.inf
+
+
+@pytest.mark.mends("two runs that were both worse were a significant harm")
+def test_few_values_that_are_all_alike_are_no_significant_mean():
+    assert not is_positive(np.ones(2))
+    assert not is_positive(np.full(4, 0.1))
+    assert is_positive(np.ones(5))
+    assert not is_positive(np.ones(5), least=-3.0)
+    assert is_positive(np.full(400, 0.1))
 
 
 def test_a_fall_is_a_ratio_of_means_whose_interval_covers_the_truth():

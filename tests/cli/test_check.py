@@ -45,6 +45,15 @@ def test_a_pendulum_that_helps_and_fits_is_confirmed(offered):
     assert any("of 10 conditions: " in line for line in said)
 
 
+@pytest.mark.mends("`tpd check` had no seed but that of an engine")
+def test_a_seed_chooses_the_runs_of_a_check(check, offered):
+    status, said = check(OFFERED, "--seed", "5")
+    assert status == 0
+    assert said[-3].startswith("Over 64 fresh paired runs of the nonlinear equations (seed 7): ")
+    assert said[-3].partition("): ")[2] != offered[1][-3].partition("): ")[2]
+    assert check(OFFERED, "--seed", "0")[1][-5:] == offered[1][-5:]
+
+
 @pytest.mark.mends("`tpd check` said that a pendulum fits which `tpd optimise` refuses for its strikes")
 def test_the_last_line_says_why_not(check):
     status, said = check(STRIKING)
@@ -61,7 +70,7 @@ def test_a_limit_on_the_mass_below_the_least_bob_of_the_space_is_no_bad_input(tm
     (tmp_path / "job.toml").write_text(CHIMNEY.replace("# mass = 800.0", "mass = 60.0"))
     done = call("check", "--scene", str(tmp_path / "job.toml"), "--quick", OFFERED)
     assert done.status == 3
-    assert "exceeds the limit on mass" in " ".join(done.out.split())
+    assert "the mass of the bob in kg is 613.2, and the limit is 60." in " ".join(done.out.split())
 
 
 def test_a_design_s_directory_is_checked_as_the_options_are(offered, tmp_path):
@@ -82,3 +91,15 @@ def test_a_report_without_a_pendulum_is_confirmed_where_none_is_needed(tmp_path)
         done = call("check", str(tmp_path), "--quick")
         assert done.status == status
         assert done.out.splitlines()[-1].startswith(said)
+
+
+@pytest.mark.mends("a bob of 554 kg as built was offered under a limit of 500 kg, with exit status 0")
+@pytest.mark.parametrize("walls", ["", "--no-walls"])
+def test_a_bob_that_exceeds_the_limit_on_the_mass_as_built_is_refused(tmp_path, walls):
+    """The point of 540 kg is below the limit of 560 kg, and its body of steel is not."""
+    (tmp_path / "job.toml").write_text(CHIMNEY.replace("# mass = 800.0", "mass = 560.0"))
+    done = call("check", "--scene", str(tmp_path / "job.toml"), "--quick", *walls.split(), OFFERED)
+    said = " ".join(done.out.split())
+    assert done.status == 3
+    assert "does not fit: as built, the mass of the bob in kg is 6" in said
+    assert "and the limit is 560" in said

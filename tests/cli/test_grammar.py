@@ -58,7 +58,7 @@ def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
         "lower and upper bound of mu = m/M (default 0.01 0.2)",
         "--no-walls do not ask for room between the walls",
         "--exactly search for the motion itself alone with a point bob, as in the paper",
-        "seed of every random choice of the search (default 0)",
+        "seed of every random choice, the runs that verify and judge included (default 0)",
         "0 a pendulum is offered",
         "130 interrupted",
     ):

@@ -15,6 +15,7 @@ from tests.formats.synthetic import peer, shaking
 from tpd.cli import optimise
 from tpd.cli.new import template
 from tpd.design import job as jobs
+from tpd.design.problem import Problem
 from tpd.design.result import DesignStatus
 from tpd.records.reading import facts
 
@@ -72,6 +73,27 @@ def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(answer
     assert job.seed == 3
     assert vars(found.pendulum) == content["pendulum"]
     assert found.status.name == content["status"]
+
+
+@pytest.mark.mends("every `--seed` verified and judged by the same runs")
+@pytest.mark.parametrize("more", ["", "[ensemble]\nsize = 40\n", "[ensemble]\nseed = 0\n"])
+def test_a_seed_on_the_command_line_is_that_of_optimise(answered, tmp_path, more):
+    (tmp_path / "small.toml").write_text(BAND + more)
+    asked = [answered(designs.single(), f"--scene small.toml --overwrite {x}")[1] for x in ("", "--seed 3")]
+    runs = [one["ensemble"] for one in asked]
+    assert [one["seed"] for one in asked] == [0, 3]
+    assert [one.seed for one in runs] == [0, 3]
+    # The library's own: the default, and runs of another number.
+    for given in (None, tpd.Ensemble(), tpd.Ensemble(size=runs[1].size)):
+        made = Problem.of(designs.SCENE, limits=[tpd.limits.Stroke()], seed=3, ensemble=given).ensemble
+        assert made == replace(runs[1], size=made.size)
+    np.testing.assert_array_equal(tpd.Ensemble().draws(), tpd.Ensemble(seed=0).draws())
+    assert not np.array_equal(runs[1].draws(), runs[0].draws())
+    # A seed of the runs alone is theirs, and a job that is asked again with another seed has other runs.
+    (tmp_path / "other.toml").write_text(BAND + "[search]\nseed = 2\n[ensemble]\nseed = 5\n")
+    assert answered(designs.single(), "--scene other.toml --overwrite")[1]["ensemble"].seed == 5
+    again = answered(designs.single(), "--scene out/scene.toml --overwrite --seed 8")[1]
+    assert (again["seed"], again["ensemble"].seed) == (8, 8)
 
 
 CUT = designs.single(status=DesignStatus.interrupted, pendulum=None, verified=())

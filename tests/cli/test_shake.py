@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.cli.conftest import COLUMN, HUNG
+from tests.cli.conftest import COLUMN, HUNG, call
 from tpd.cli import shake
 from tpd.core import files
+from tpd.plot import response
 
 PULSE = "--pulse one-sine --pulse-frequency 1.2375 --pga"
 BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
@@ -112,3 +113,21 @@ def test_a_full_disk_names_the_file_and_leaves_no_half(run, monkeypatch, tmp_pat
     assert done.err.splitlines()[-1].endswith(f"out/{name}: No space left on device")
     assert done.files.keys() == {*left}
     assert (tmp_path / "out").exists() is bool(left)
+
+
+@pytest.mark.mends(
+    "a block that stands was marked as one that overturns, in every record of a step of 0.01 s"
+)
+def test_a_block_that_stands_has_no_empty_cell_and_no_mark(tmp_path, monkeypatch):
+    drawn, plot = [], response.plot_motions
+    monkeypatch.setattr(response, "plot_motions", lambda *a: drawn.append(plot(*a)) or drawn[-1])
+    for i, (dt, n) in enumerate([(0.01, 1500), (0.01, 2311), (0.005, 3001), (0.02, 700)]):
+        t = dt * np.arange(n)
+        lines = [f"{x:.4f},{0.25 * np.sin(8.0 * x):.6f}" for x in t]
+        (tmp_path / "record.csv").write_text("time (s),acceleration (g)\n" + "\n".join(lines) + "\n")
+        done = call("shake", COLUMN, HUNG, f"--record {tmp_path / 'record.csv'}", out=tmp_path / str(i))
+        results = done.json("shake.json")["results"]
+        assert {x["linear"]["status"] for x in results.values()} == {"rocked"}
+        rows = done.rows("histories.csv")
+        assert all(np.isfinite(float(row[name])) for row in rows for name in row if name != "case")
+        assert not [text for ax in drawn[-1] for text in ax.texts if text.get_text() == "overturns"]

@@ -16,6 +16,7 @@ from tpd.design.criteria import (
     Limit,
     Size,
     Worth,
+    beyond_as_built,
     check_limits,
     limit_of,
     stroke_limit,
@@ -115,7 +116,7 @@ def test_slopes_of_a_limit_are_those_of_differences(limit, geometry):
             up, down = (sizes(limit, DESIGN + s * step, geometry)[name].value for s in (1, -1))
             expected = (up - down) / 2e-6
             np.testing.assert_allclose(size.slope[..., axis], expected, rtol=1e-7, atol=1e-8, err_msg=name)
-    assert bool(here) is not isinstance(limit, tpd.limits.Mass), "a mass narrows the space instead"
+    assert here
 
 
 def test_limits_on_angles_are_what_they_say(geometry):
@@ -247,3 +248,43 @@ def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all(
 def test_what_makes_no_sense_is_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+@pytest.mark.mends("a limit on the bob's mass bound the equivalent point, and the body was heavier")
+def test_a_limit_on_the_mass_is_on_the_body_as_built(geometry):
+    design, mass = np.array([0.15, 0.6, 0.35]), 0.15 * SCENE.block.mass
+    body, _ = Bob().built(mass, 0.6 * SCENE.block.half_height, float(SCENE.gravity))
+    (size,) = tpd.limits.Mass(2.0).sizes(evaluation(design), geometry)
+    assert size.value.shape == (1, 2)
+    np.testing.assert_allclose(size.value, body / 2.0, rtol=1e-12)
+    assert body > 1.02 * mass
+    light = Bob(density=1000.0)
+    other = geometry_of(SCENE, SCATTERED, (tpd.limits.Room(light), tpd.limits.Mass(2.0)))
+    (lighter,) = tpd.limits.Mass(2.0).sizes(evaluation(design), other)
+    assert lighter.value[0, 0] != size.value[0, 0]
+    # Where no body swings as the point does, the mass of the point counts.
+    short = np.array([0.15, 0.01, 0.35])
+    (size,) = tpd.limits.Mass(2.0).sizes(evaluation(short), geometry)
+    np.testing.assert_allclose(size.value, 0.15 * SCENE.block.mass / 2.0)
+
+
+@pytest.mark.mends("a body that exceeded a limit as built was offered")
+def test_sizes_as_built_beyond_a_limit_are_named():
+    scene, hung = SCENE, SCENE.pendulum(mass_ratio=0.05, length_ratio=0.6, damping_ratio=0.35)
+    body, rod = Bob().built(float(hung.mass), float(hung.length), float(scene.gravity))
+
+    def named(*limits, turned=(0.01, 0.02, 0.05), share=0.0, **block):
+        there = dataclasses.replace(scene, block=dataclasses.replace(scene.block, **block))
+        found = beyond_as_built(limits, there, hung, np.array(turned), share)
+        return {name.split(" of ")[0]: (value, most) for name, value, most in found}
+
+    assert named(tpd.limits.Mass(1.01 * body), tpd.limits.Room(), tpd.limits.Stroke()) == {}
+    heavy = named(tpd.limits.Mass(0.99 * body), tpd.limits.Stroke())
+    assert heavy == {"mass": pytest.approx((body, 0.99 * body))}
+    reach = float(Bob().reach(body, rod, 0.05))
+    narrow = named(tpd.limits.Room(), cavity_width=1.98 * reach)
+    assert narrow == {"distance": pytest.approx((reach, 0.99 * reach))}
+    # The share of the runs that may strike; and a bob that touches the wall where it hangs.
+    assert named(tpd.limits.Room(), share=0.5, cavity_width=1.98 * reach) == {}
+    assert "distance" in named(tpd.limits.Room(), turned=(), cavity_width=1.9 * float(Bob().radius(body)))
+    assert named(cavity_width=0.01) == {}

@@ -194,3 +194,29 @@ def test_of_many_conditions_a_sample_is_searched_under(monkeypatch, tmp_path):
     again = solve(problem, checkpoint=place, progress=lambda *e: events.append(e[0]))
     assert "searching" not in events, "what had ended is not done again"
     assert same(again, design)
+
+
+@pytest.mark.mends("a limit on the bob's mass bound the equivalent point, and the body was heavier")
+def test_the_bodies_of_verified_designs_keep_the_limit_on_their_mass():
+    limits, kg = (tpd.limits.Stroke(1.5), tpd.limits.Mass(0.17), tpd.limits.Room()), 0.17
+    space = tpd.DesignSpace(mass_ratio=(0.006, 0.2), damping_ratio=(0.05, 0.4))
+    found = tpd.optimise(SCENE, space, **(ONE | {"limits": limits}))
+    points = [optimise.pendulum_of(SCENE, v) for v in found.verified]
+    built = [tpd.limits.Bob().built(p.mass, p.length, float(SCENE.gravity))[0] for p in points]
+    assert built
+    assert np.max(built) <= kg * (1.0 + 1e-9)
+
+
+@pytest.mark.mends("a body that exceeded a limit as built was offered")
+def test_a_design_that_exceeds_a_limit_as_built_is_refused_by_its_first_step():
+    limits = tpd.limits.Stroke(1.5), tpd.limits.Mass(1.0)
+    problem = Problem.of(SCENE, WIDE, **(ONE | {"limits": limits}))
+    v = optimise.Verification(problem, None).at_once(np.array([0.06, 0.5, 0.2]))
+    (reason,) = (r for r in v.reasons if r.kind is ReasonKind.as_built)
+    body = tpd.limits.Bob().built(
+        0.06 * SCENE.block.mass, 0.5 * SCENE.block.half_height, float(SCENE.gravity)
+    )
+    assert 0.06 * SCENE.block.mass < 1.0 < body[0]
+    assert (reason.limit, reason.reference) == ("mass of the bob in kg", 1.0)
+    assert reason.value == pytest.approx(body[0])
+    assert v.paired is None

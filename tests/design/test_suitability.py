@@ -53,7 +53,7 @@ def reason(kind, **more) -> Reason:
 HELP, FIT, USE = "does not help", "does not fit", "DO NOT USE"
 SAID = {
     HELP: ("too_little_benefit", "worse_condition", "rests_less", "rocks_more", "worsening"),
-    FIT: ("strikes", "room on the way", "rod and bob within the height", "mass"),
+    FIT: ("strikes", "as_built", "room on the way", "rod and bob within the height", "mass"),
     USE: ("overturns_more", "overturns", "stroke"),
 }
 

@@ -19,6 +19,10 @@ SENTENCES = {
         {"step": Step.nonlinear, "limit": "offset", "value": 1.0364},
         "by the nonlinear equations the design exceeds the limit on offset by 0.036 of it at 2.5 Hz",
     ),
+    ReasonKind.as_built: (
+        {"step": Step.exact, "limit": "mass of the bob in kg", "value": 554.2, "reference": 500.0},
+        "as built, the mass of the bob in kg is 554.2, and the limit is 500",
+    ),
     ReasonKind.rocks_more: (
         {"step": Step.nonlinear, "value": 0.3568, "reference": 0.3361},
         "by the nonlinear equations the block tilts from rest to 35.7% of the slenderness, and to 33.6% "
@@ -67,6 +71,7 @@ def test_a_reason_makes_a_sentence(kind):
         ("rests_less", {"value": 10.0, "reference": 30.0, "total": 40}, 0.425),
         ("worse_condition", {"value": 0.4, "reference": 0.3, "total": 2}, 0.1),
         ("breaks_limit", {"value": 1.2}, 0.2),
+        ("as_built", {"value": 600.0, "reference": 500.0}, 0.2),
         ("rocks_more", {"value": 0.3, "reference": 0.2}, 0.5),
         ("overturns", {}, 1.0),
         # By what is asked for, or by what may be luck.

@@ -1,5 +1,6 @@
 """The film: frames are those of the time history, and an overturned block lies."""
 
+import dataclasses
 import io
 
 import numpy as np
@@ -36,6 +37,15 @@ def test_an_overturned_block_lies_and_is_called_so():
     assert np.isfinite(found.tilt).all()
     # The history reaches a right angle at t = ln(50 pi)/2 = 2.53 s.
     assert times[np.argmax(found.lost)] == pytest.approx(2.55)
+
+
+@pytest.mark.mends("a block without an answer was drawn as one that had overturned")
+def test_a_block_without_an_answer_is_not_called_overturned():
+    history, times = designs.history(False, lost=True), np.arange(100) / 20.0
+    found = reel(dataclasses.replace(history, overturned=False), None, times)
+    assert not found.lost.any()
+    assert np.isfinite(found.tilt).all()
+    assert np.abs(found.tilt).max() < 0.5 * np.pi
 
 
 def test_frames_are_the_time_history_between_its_samples():

@@ -71,6 +71,7 @@ def test_motions_share_their_axes_and_end_where_the_block_overturns():
     assert plot_motions(study.histories, 0.25)[1].get_legend() is None
 
 
+@pytest.mark.mends("a row without an answer was called an overturning")
 def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
     time, one = np.linspace(0.0, 1.0, 11), np.ones(11)
     values = {"times": time, "base": one, "tilt": 0.01 * one, "horizontal": -one, "vertical": 4.0 * one}
@@ -81,6 +82,18 @@ def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
     assert friction.lines[0].get_ydata() == pytest.approx(0.25 * one)
     assert legend(tilt) == {"bare block"}
     assert len(plot_motions((bare, dataclasses.replace(bare, swing=0.1 * one)), 0.25)) == 4
+    # The outcome makes the mark: neither a row without an answer nor a large tilt that comes back.
+    for tilts, status, marked in (
+        (np.where(time > 0.95, np.nan, 0.01), tpd.Status.rocked, False),
+        (np.where(time > 0.95, np.nan, 0.01), tpd.Status.event_bound, False),
+        (np.where(time == 0.5, 0.55, 0.01), tpd.Status.rocked, False),
+        (np.where(time == 0.5, 0.55, 0.01), tpd.Status.overturned, True),
+        (0.01 * one, tpd.Status.overturned, True),
+    ):
+        _, tilt, _ = plot_motions((dataclasses.replace(bare, tilt=tilts, status=status),), 0.25)
+        assert ("overturns" in [t.get_text() for t in tilt.texts]) is marked
+        drawn = lines(tilt)["bare block"].get_ydata()
+        assert np.isfinite(drawn).sum() == (5 if marked and tilts[5] > 0.5 else np.isfinite(tilts).sum())
 
 
 def test_a_response_draws_itself_and_is_a_table_with_the_shares_of_runs_near_each_value():

@@ -70,8 +70,8 @@ class Ensemble:
 
     size: int = 512
     """Number of runs."""
-    seed: int = 0
-    """Seed of the runs."""
+    seed: int | None = None
+    """Seed of the runs; by default that of the search which they verify, and 0 elsewhere."""
     periods: int = 100
     """Largest number of forcing periods of a run; a run ends early where its motion repeats or is lost."""
     tilt: float = 0.05
@@ -109,7 +109,8 @@ class Ensemble:
     def __post_init__(self) -> None:
         checks.count("size", self.size)
         checks.count("periods", self.periods)
-        checks.seed("seed", self.seed)
+        if self.seed is not None:
+            checks.seed("seed", self.seed)
         for name in ("tilt", "tilt_rate", "swing", "swing_rate"):
             checks.not_negative(name, getattr(self, name))
         checks.at_most("tilt", self.tilt, 1.0, "a block that stands on its corner")
@@ -138,15 +139,20 @@ class Ensemble:
         e = float(restitution)
         return self.half_widths | {"restitution": min(_RESTITUTION, 0.5 * (1.0 - e)) if e > 0.0 else 0.0}
 
+    def seeded(self, seed: int) -> Ensemble:
+        """Return the ensemble with this seed, unless it has one of its own."""
+        return self if self.seed is not None else replace(self, seed=seed)
+
     def dealt(self, conditions: int) -> np.ndarray:
         """Index of the condition of every run, out of so many, shape (size,): dealt out evenly."""
         # A generator of its own, so that conditions leave the draws of the runs as they are.
-        return np.random.default_rng([self.seed, 1]).permutation(self.size) % conditions
+        return np.random.default_rng([self.seed or 0, 1]).permutation(self.size) % conditions
 
     def draws(self) -> np.ndarray:
         """Places of the runs in the unit cube, shape (size, 14): the four components of the start, the phase,
         the growth, and the scattered numbers. The first row is the nominal run."""
-        drawn = zip((self.seed, [self.seed, 5], [self.seed, 6]), _DRAWS, strict=True)
+        seed = self.seed or 0
+        drawn = zip((seed, [seed, 5], [seed, 6]), _DRAWS, strict=True)
         cubes = (latin_hypercube(np.random.default_rng(s), self.size, n) for s, n in drawn)
         unit = np.hstack(list(cubes))
         unit[0] = 0.5
@@ -257,7 +263,7 @@ class Outcomes(Printed):
 
     def __str__(self) -> str:
         e = self.ensemble
-        runs = f"Ensemble of {e.size} runs of up to {e.periods} periods, seed {e.seed}"
+        runs = f"Ensemble of {e.size} runs of up to {e.periods} periods, seed {e.seed or 0}"
         head = f"{runs}, {self.equations} equations"
         lines = [head, *(f"  {name:36}{text:>26}" for name, text in self.rows())]
         if self.undecided.any():
@@ -339,6 +345,7 @@ def outcomes(
     terms = Terms(equations)
     ensemble = Ensemble() if ensemble is None else ensemble
     checks.instance("ensemble", ensemble, Ensemble)
+    ensemble = ensemble.seeded(0)
     if ensemble.restitution and isinstance(subject, Scene):
         check_restitution(subject)
     if conditions is not None:

@@ -273,7 +273,11 @@ def benefit_of(verdict: Verdict, slenderness: float, condition: np.ndarray, shar
             _mean_change("overturned", pairs.hung.lost, pairs.bare.lost),
             _mean_change("at rest", rest_with, rest_without),
         ),
-        worse_conditions=tuple(int(i) for i in np.unique(condition) if is_positive(excess[condition == i])),
+        worse_conditions=tuple(
+            int(i)
+            for i in np.unique(condition)
+            if is_positive(excess[condition == i], -1.0 - share * (1.0 + LEAST))
+        ),
         by_condition=(_by_condition(hung, condition, conditions), _by_condition(bare, condition, conditions)),
         share=share,
         rests_less=rests_less and chance_of(fewer, more) < SIGNIFICANT,

@@ -12,7 +12,7 @@ from tpd.core import checks
 from tpd.exact.terms import SHAKEN, SLIP
 from tpd.models.compiled_shaken import REST_RATE
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import Status
+from tpd.scene.status import Status, status_name
 
 STRONG = 0.01
 """Rate over nu omega0 above which an impact is counted as one: slower ones are a rattle, and how many of them
@@ -21,8 +21,10 @@ there are depends on when rattling is called rest."""
 
 @dataclass(frozen=True)
 class ShakingHistory:
-    """Motion over time of a block under a ground motion, from the exact solution of the linear equations; NaN
-    once the block has fallen."""
+    """Motion over time of a block under a ground motion, from the exact solution of the linear equations.
+
+    Rows are NaN once a block that overturns is past a right angle, and after the end of a motion without an
+    answer."""
 
     times: np.ndarray
     """s, shape (times,)."""
@@ -44,6 +46,11 @@ class ShakingHistory:
     bob: np.ndarray | None = None
     """Horizontal and vertical force (N) of the hinge on the bob, angular rate of the rod, and that of the rod
     against the block (rad/s), shape (times, 4); None without a pendulum."""
+
+    @property
+    def overturned(self) -> bool:
+        """Whether the block overturns, within the times or after them."""
+        return status_name(self.status) == "overturned"
 
     def loads(self, pendulum: Pendulum) -> tuple[float, float, float]:
         """Largest force along the rod and of the hinge (N), and largest angular rate between rod and block
@@ -90,7 +97,7 @@ def shaking_history(
         pendulum: None is the bare block.
         times: increasing, s; by default every piece of the motion, and as often after it.
         y0: start (phi, psi, phi', psi') in rad and rad/s; at rest by default.
-        free: free motion after the ground motion, s.
+        free: free motion after the ground motion, s; more if `times` end later.
 
     Raises:
         ValueError: bad input.
@@ -104,11 +111,13 @@ def shaking_history(
     row = rows_of(scene.block, pendulum, [scene.motion], float(scene.gravity))[0]
     rate, piece = float(scene.rate), float(scene.motion.piece)
     pieces = np.ascontiguousarray(-np.asarray(scene.motion.pieces(), dtype=float))
+    shaken = len(pieces) * piece
     if times is None:
-        times = np.linspace(0.0, len(pieces) * piece + free, min(20_000, int(len(pieces) + free / piece) + 1))
+        times = np.linspace(0.0, shaken + free, min(20_000, int(len(pieces) + free / piece) + 1))
     clock = np.ascontiguousarray(times, dtype=float)
     if clock.ndim != 1 or len(clock) < 2 or not np.all(np.diff(clock) > 0.0) or clock[0] < 0.0:
         raise ValueError("`times` must be a vector of increasing numbers from 0 on, but are not")
+    free = float(clock[-1]) - shaken if clock[-1] > shaken + free else free
     out = np.empty((len(clock), entry.STATES))
     start = np.zeros(4) if y0 is None else np.asarray(y0, dtype=float) / [1.0, 1.0, rate, rate]
     # No motion has more: each impact is one of its events.
@@ -118,9 +127,10 @@ def shaking_history(
     settings = np.array(entry.settings(task=entry.HISTORY, **sizes, **limits))
     entry.run(0, 1, settings, row, start, pieces, clock * rate, out, impacts, status)
     impacts = impacts[np.isfinite(impacts[:, 0])] * [1.0 / rate, rate]
+    outcome = SHAKEN[int(status[0])]
     # The equations mean nothing where the block lies down.
-    gone = ~(np.abs(out[:, 0]) < 0.5 * np.pi)
-    out[np.cumsum(gone) > 0] = np.nan
+    if outcome == "overturned":
+        out[np.cumsum(~(np.abs(out[:, 0]) < 0.5 * np.pi)) > 0] = np.nan
     base = scene.motion.acceleration_at(clock)
     # In SI: tau is time over 1/omega0.
     up, swinging, rates = (
@@ -144,6 +154,6 @@ def shaking_history(
         (mass + m) * lifting,
         impacts,
         out[:, 7] == SLIP,
-        getattr(Status, SHAKEN[int(status[0])]),
+        getattr(Status, outcome),
         None if pendulum is None else np.stack([across, m * lifting, *rates], axis=1),
     )

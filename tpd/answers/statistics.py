@@ -3,6 +3,10 @@
 Runs of one cluster, such as an earthquake, are no independent observations: the variance is that between
 clusters (a cluster-robust variance), and the quantile is Student's. Distributions are those of
 `scipy.special`, because `scipy.stats`, which the tests compare with, takes most of a second to load.
+
+Clusters that are all alike show no spread between them, and yet others may differ. The chance of n like ones
+is at most 1 - `_LEVEL` where the share of others is `unseen(n)` or more (the rule of three, one-sided and
+exact). So intervals reach as far as that share of others, whatever these are, could move the mean.
 """
 
 from __future__ import annotations
@@ -72,6 +76,11 @@ class Interval:
         return self.low > 0.0
 
 
+def unseen(n: int) -> float:
+    """Return the largest share (95 % confidence) of what n independent observations never show."""
+    return 1.0 - (1.0 - _LEVEL) ** (1.0 / n)
+
+
 def change(hung: np.ndarray, bare: np.ndarray, clusters: np.ndarray | None = None) -> Interval:
     """Mean of what each run has with the pendulum less what it has without, numbers from 0 to 1. Of a single
     cluster nothing is known: the interval is infinite; and without any run the mean is NaN.
@@ -83,6 +92,11 @@ def change(hung: np.ndarray, bare: np.ndarray, clusters: np.ndarray | None = Non
     found = _mean(hung.astype(float) - bare, clusters)
     if math.isinf(found.low):
         return found
+    if _is_narrow(found):
+        others = unseen(_count(hung, clusters))
+        return Interval(
+            found.mean, found.mean - others * (found.mean + 1.0), found.mean + others * (1.0 - found.mean)
+        )
     # Shares and tilts over that of toppling lie between nought and one, so that changes end at one.
     return Interval(found.mean, max(-1.0, found.low), min(1.0, found.high))
 
@@ -101,7 +115,23 @@ def fall(
     around = _mean((bare - hung - varies) / size, clusters)
     if math.isinf(around.low):
         return Interval(ratio, around.low, around.high)
+    if _is_narrow(around):
+        # Others have the largest tilt with the pendulum and none without it, or none with it.
+        share = unseen(_count(hung, clusters))
+        with_it, without = (1.0 - share) * hung.mean(), (1.0 - share) * bare.mean()
+        low = (without - with_it - share) / (max(without, least) or 1.0)
+        return Interval(ratio, low, (without + share - with_it) / max(without + share, least))
     return Interval(ratio, ratio + around.low, min(1.0, ratio + around.high))
+
+
+def _is_narrow(around: Interval) -> bool:
+    """Whether an interval has no width but rounding."""
+    return around.high - around.low < _ROUNDING
+
+
+def _count(values: np.ndarray, clusters: np.ndarray | None) -> int:
+    """Number of independent observations."""
+    return len(values if clusters is None else np.unique(clusters))
 
 
 def _mean(values: np.ndarray, clusters: np.ndarray | None) -> Interval:
@@ -117,10 +147,15 @@ def _mean(values: np.ndarray, clusters: np.ndarray | None) -> Interval:
     return Interval(mean, mean - width, mean + width)
 
 
-def is_positive(values: np.ndarray) -> bool:
-    """Whether the mean of independent values is above zero, at 5 % (Student's one-sided test)."""
+def is_positive(values: np.ndarray, least: float = -1.0) -> bool:
+    """Whether the mean of independent values is above zero, at 5 %: Student's one-sided test or, where all
+    are alike, with the unseen share of others at the `least` value that there may be."""
     n = len(values)
-    return n > 1 and bool(values.mean() > stdtrit(n - 1, _LEVEL) * values.std(ddof=1) / math.sqrt(n))
+    if n < 2:
+        return False
+    mean, spread = float(values.mean()), float(values.std(ddof=1))
+    error = stdtrit(n - 1, _LEVEL) * spread / math.sqrt(n)
+    return bool(mean > (error if spread > _ROUNDING else unseen(n) * (mean - least)))
 
 
 def added_up(values: np.ndarray, clusters: np.ndarray | None) -> np.ndarray:
@@ -186,7 +221,7 @@ class Lognormal:
     covariance: np.ndarray
     """Covariance of the probit's intercept and slope in ln x, shape (2, 2), by the sandwich over earthquakes:
     all motions of one at all stripes count as one. NaN where nothing is known of it: of separated outcomes,
-    and of fewer than three earthquakes."""
+    of fewer than three earthquakes, and of earthquakes that are all alike."""
     separated: bool
     """Whether the likelihood has no finite maximum: no motion reaches the state at a lower intensity than one
     at which some motion does not. The dispersion is anything below what the stripes see."""
@@ -355,6 +390,9 @@ def _sandwich(
     bread = np.linalg.inv((basis * known.sum(axis=0) * up * down) @ basis.T)
     # One row an earthquake: its motions and stripes are no independent observations.
     scores = added_up(np.where(known, np.where(hits == 1.0, up, -down), 0.0) @ basis.T, earthquakes)
+    # Earthquakes that all end alike show no spread between them either.
+    if np.abs(scores).max() < _ROUNDING * known.sum():
+        return np.full((2, 2), math.nan), n
     return n / (n - 1) * bread @ (scores.T @ scores) @ bread, n
 
 

@@ -13,7 +13,7 @@ from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.core.progress import Bar
-from tpd.design.criteria import Mass, limit_of
+from tpd.design.criteria import Mass
 from tpd.design.ground.optimise import ground_problem, judged
 from tpd.design.job import Job
 from tpd.design.problem import Problem, check_cavity
@@ -33,7 +33,10 @@ def run(options: argparse.Namespace) -> int:
     given = {name: x for name in ("runs", "sliding", "seed") if (x := getattr(options, name)) is not None}
     if "runs" in given:
         checks.count("--runs", options.runs)
+    if options.seed is not None:
+        checks.seed("--seed", options.seed)
     if options.engine is None:
+        given.pop("seed", None)
         if given:
             raise ValueError(f"--{next(iter(given))} is of --engine, which is not given")
         check_cavity(job.block, job.limits)
@@ -45,21 +48,24 @@ def run(options: argparse.Namespace) -> int:
     models = QUICK if options.quick else MODELS
     with Bar() as bar:
         if pendulum is None:
-            said, is_sound = _bare(job, models, bar)
+            said, is_sound = _bare(job, options.seed, models, bar)
         elif job.kind == "harmonic":
             # What `tpd optimise` asks of its designs.
-            found = suitability(job.scene, pendulum, asked=_asked(job), models=models, progress=bar)
+            found = suitability(
+                job.scene, pendulum, asked=_asked(job, options.seed), models=models, progress=bar
+            )
             last = [f"{refusal}." for refusal in found.refusals] or [_WORTH]
             said = [found.check.table(), "", *_around(found, job), found.counted, "", *last]
             is_sound = not found.refusals
         else:
             # As `tpd optimise` judges its best design.
-            groups, verdict = judged(ground_problem(job.scene, **_settings(job)), pendulum, bar)
+            problem = replace(ground_problem(job.scene, **_settings(job)), limits=job.limits)
+            if options.seed is not None:
+                # The motions that are held out stay those of the job.
+                problem = replace(problem, seed=options.seed)
+            groups, verdict = judged(problem, pendulum, bar)
             said = [*map(words.group, groups), "", *answer.judgement(verdict.status, verdict.reasons)]
-            most, is_sound = limit_of(job.limits, Mass), verdict.status.is_sound
-            if isinstance(most, Mass) and pendulum.mass > most.kg:
-                said.append(f"does not fit: the bob exceeds the limit on mass, {most.kg:g} kg.")
-                is_sound = False
+            is_sound = verdict.status.is_sound
     print("\n".join(["", *said]))
     return SOUND if is_sound else UNSOUND
 
@@ -70,9 +76,11 @@ def _settings(job: Job) -> dict[str, Any]:
     return job.settings | {"limits": [limit for limit in job.limits if not isinstance(limit, Mass)]}
 
 
-def _asked(job: Job) -> Problem:
-    """Problem that `tpd optimise` would ask of the designs of a job."""
-    return replace(Problem.of(job.scene, **_settings(job)), limits=job.limits)
+def _asked(job: Job, seed: int | None) -> Problem:
+    """Problem that `tpd optimise` would ask of the designs of a job, on runs of another seed if there is
+    one."""
+    asked = replace(Problem.of(job.scene, **_settings(job)), limits=job.limits)
+    return asked if seed is None else replace(asked, seed=seed, ensemble=replace(asked.ensemble, seed=seed))
 
 
 def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace, how: dict[str, Any]) -> int:
@@ -94,13 +102,13 @@ def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace,
     return SOUND if sound else UNSOUND
 
 
-def _bare(job: Job, models: tuple[str, ...], bar: Bar) -> tuple[list[str], bool]:
+def _bare(job: Job, seed: int | None, models: tuple[str, ...], bar: Bar) -> tuple[list[str], bool]:
     """Models of the bare block, which a report without a pendulum is about."""
     said: list[str] = []
     if job.kind == "harmonic":
         said = [check(job.scene, models=models, progress=bar).table(), ""]
         # No pendulum is an answer only where none is needed, under all conditions of the job.
-        if rests(_asked(job)):
+        if rests(_asked(job, seed)):
             return [*said, _RESTS], True
     return [*said, "does not help: the report offers no pendulum."], False
 

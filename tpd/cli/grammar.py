@@ -205,6 +205,7 @@ def _check(command: Parser) -> None:
     _case(command, *HARMONIC, *PULSE, *RECORDS)
     NO_WALLS.add(command)
     _switch(command, "--quick", "leave out the smoothed models, which take long to compile")
+    _number(command, "--seed", "N", "of the runs (default: the job's, of an engine 0)", int)
     engine = command.add_argument_group("an independent engine (extras: tpd[engines], tpd[drake])")
     text = (
         "follow paired runs in a rigid-body engine with contact and sliding in place of the models, and put "
@@ -214,7 +215,6 @@ def _check(command: Parser) -> None:
     text = "of the ensemble of the engine (default 64; 16 of drake, which is slower)"
     engine.add_argument("--runs", type=int, help=text)
     engine.add_argument("--sliding", type=float, help="coefficient of friction on the floor (default 0.6)")
-    engine.add_argument("--seed", type=int, help="of the ensemble of the engine (default 0)")
 
 
 def _response(command: Parser) -> None:

@@ -117,6 +117,7 @@ def _films(histories: dict[str, ShakingHistory]) -> dict[str, TimeHistory]:
             time=h.times,
             tilt=h.tilt,
             bob=np.zeros_like(h.tilt) if h.swing is None else h.swing,
+            overturned=h.overturned,
         )
         for name, h in histories.items()
     }

@@ -144,9 +144,11 @@ class TimeHistory:
     time: np.ndarray
     """s"""
     tilt: np.ndarray
-    """phi, rad; NaN where the model has no answer, as after an overturning."""
+    """phi, rad; NaN after an overturning, and where the model has no answer."""
     bob: np.ndarray
     """psi, rad."""
+    overturned: bool
+    """Whether the block overturns."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -104,7 +104,7 @@ def reach_of(found: Outcomes, pendulum: Pendulum, block: Block, bob: Bob) -> np.
     """How far the bob comes, on the way or settled, over the distance of the wall, in each run that is known
     to stand; the largest bob angle and the largest tilt are added, which is never too little."""
     stands = ~(found.lost | found.undecided)
-    angle = (found.peak_stroke + found.peak)[stands]
+    angle = turned_in(found)
     # Block and pendulum of every run, as they are; the walls come nearer with the block's width.
     mass = pendulum.mass if found.mu is None else block.mass * found.mu[stands]
     rod = pendulum.length if found.lam is None else block.half_height * found.lam[stands]
@@ -112,6 +112,12 @@ def reach_of(found: Outcomes, pendulum: Pendulum, block: Block, bob: Bob) -> np.
     if found.nu is not None:
         wall = wall * found.nu[stands] / float(block.slenderness)
     return np.asarray(bob.reach(mass, rod, angle)) / wall
+
+
+def turned_in(found: Outcomes) -> np.ndarray:
+    """Sum of the largest bob angle and the largest tilt (rad) in each run that is known to stand: never less
+    than the angle between rod and block."""
+    return (found.peak_stroke + found.peak)[~(found.lost | found.undecided)]
 
 
 def strikes_of(found: Verdict, pendulum: Pendulum, block: Block, bob: Bob) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.scene.bob import THICKEST, Bob
-from tpd.scene.scene import LARGEST_DAMPING
+from tpd.scene.scene import LARGEST_DAMPING, STANDARD_GRAVITY, Pendulum, Scene
 
 __all__ = [
     "DEFAULT_LIMITS",
@@ -45,7 +45,9 @@ HEAVIEST_RATIO = 1.0
 LONGEST_RATIO = 2.0
 """Largest length ratio l/b: a pendulum longer than the whole block would swing through the floor."""
 THICKNESS = "thickness"
-"""Name of a size that no motion changes."""
+"""Name of the bob's half height over half its rod."""
+_ROUNDING = 1e-9
+"""Share by which a limit may be passed by rounding."""
 _LEAST_TILT = 0.02
 """Tilt, in shares of nu, that a pendulum may leave where the bare block hardly rocks or rests."""
 
@@ -215,6 +217,9 @@ class Geometry:
     """Factor on the pendulum's length, shape (n,)."""
     bare_tilt: np.ndarray | float = np.nan
     """Tilt over nu of the bare block in the model of the search, shape (n,); NaN where it is not known."""
+    bob: Bob = field(default_factory=Bob)
+    gravity: float = STANDARD_GRAVITY
+    """m/s^2"""
 
     def rod(self, designs: np.ndarray) -> np.ndarray:
         """Length of the rod, m, (m, n), of designs (m, 3)."""
@@ -357,7 +362,7 @@ class Tilt(Limit):
 
 @dataclass(frozen=True)
 class Mass(Limit):
-    """Largest mass of the bob, kg."""
+    """Largest mass of the bob as it is built, kg; where no body swings as the point does, of the point."""
 
     kg: float
     name: ClassVar[str] = "mass"
@@ -367,8 +372,16 @@ class Mass(Limit):
         checks.positive(self.name, self.kg)
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """No size: the optimiser narrows the design space instead, which every search keeps exactly."""
-        return ()
+        """The mass of the body over the limit, nominal under all conditions."""
+        mass, length = g.block_mass * e.design[:, 0], g.half_height * e.design[:, 1]
+        body, _, by_mass, by_length = g.bob.built_and_slopes(mass, length, g.gravity)
+        exists, shape = np.isfinite(body), e.tilt.shape
+        growing, longer = np.where(exists, by_mass, 1.0), np.where(exists, by_length, 0.0)
+        slope = np.stack([g.block_mass * growing, g.half_height * longer, 0.0 * mass], axis=-1) / self.kg
+        value = np.where(exists, body, mass) / self.kg
+        yield Size(
+            self.name, np.broadcast_to(value[:, None], shape), np.tile(slope[:, None], (1, shape[1], 1))
+        )
 
 
 @dataclass(frozen=True)
@@ -503,6 +516,8 @@ LABELS = {kind.name: kind.label or kind.name for kind in KINDS} | {
 }
 """Words of a report, by the names of limited sizes."""
 
+STILL = THICKNESS, Mass.name
+"""Names of the limited sizes that no motion changes."""
 POINT_BOB: tuple[Limit, ...] = (Stroke(), Reserve())
 """Limits on a bob without size, as in the paper."""
 DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room(), Worsening(), Reserve())
@@ -511,6 +526,40 @@ DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room(), Worsening(), Reserve())
 def limit_of(limits: tuple[Limit, ...], kind: type[Limit]) -> Limit | None:
     """The limit of a kind, or None."""
     return next((limit for limit in limits if isinstance(limit, kind)), None)
+
+
+def bob_of(limits: tuple[Limit, ...]) -> Bob:
+    """The bob as a body: that of the room, or by default a ball of steel."""
+    room = limit_of(limits, Room)
+    return room.bob if isinstance(room, Room) else Bob()
+
+
+def beyond_as_built(
+    limits: tuple[Limit, ...], scene: Scene, hung: Pendulum, turned: np.ndarray, allowed: float
+) -> list[tuple[str, float, float]]:
+    """Return sizes that a pendulum as built has beyond a limit: their names with units, values and limits.
+
+    Args:
+        limits: of the search.
+        scene: the block, with its gravity.
+        hung: the point that swings as the body does.
+        turned: largest angles between rod and block in the runs that stand, rad.
+        allowed: share of these that may break a limit.
+    """
+    bob, block, most = bob_of(limits), scene.block, limit_of(limits, Mass)
+    body, rod = bob.built(float(hung.mass), float(hung.length), float(scene.gravity))
+    half, sizes = bob.half_height(body), []
+    if isinstance(most, Mass):
+        # A mass that was made of its ratio may differ by rounding.
+        heavy = body if np.isfinite(body) else float(hung.mass)
+        sizes.append(("mass of the bob in kg", heavy, most.kg))
+    if limit_of(limits, Room) is not None:
+        reach = bob.reach(body, rod, np.append(turned, 0.0))
+        way = np.quantile(reach, 1.0 - allowed, method="higher")
+        sizes.append(("distance of the bob from the axis to the wall in m", way, 0.5 * float(block.room)))
+        sizes.append(("depth of the bob below the hinge in m", rod + half, float(block.height)))
+        sizes.append(("half height of the bob, to the hinge, in m", half, rod))
+    return [(name, float(x), float(limit)) for name, x, limit in sizes if x > limit * (1.0 + _ROUNDING)]
 
 
 def stroke_limit(limits: tuple[Limit, ...]) -> float:

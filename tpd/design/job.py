@@ -296,7 +296,7 @@ class Job:
         """Runs of the verification."""
         with naming("ensemble"):
             if self.kind == "harmonic":
-                return Ensemble(**self.full["ensemble"])
+                return Ensemble(**self.full["ensemble"]).seeded(self.seed)
         given: dict[str, Any] = {name: self.full["ensemble"][name] for name in SCATTERED} | widths_of(
             self.full
         )
@@ -400,6 +400,9 @@ def merged(given: Mapping[str, Any], over: Mapping[str, Any]) -> Tables:
     out = {table: dict(values) for table, values in as_typed(given).items()}
     for table, values in over.items():
         out.setdefault(table, {}).update(values)
+    if "seed" in over.get("search", {}):
+        # It is of every random choice, also of the runs.
+        out.get("ensemble", {}).pop("seed", None)
     chosen = list(kinds_in(as_typed(over).get("motion", {})))
     if len(chosen) == 1:
         out["motion"]["kind"] = chosen[0]

@@ -216,7 +216,7 @@ TABLES: dict[str, dict[str, Key]] = {
             "orbits followed by diffrax; piecewise: the exact ones)",
         ),
         **_of_methods(),
-        "seed": Key(_Whole, 0, "seed of every random choice of the search"),
+        "seed": Key(_Whole, 0, "seed of every random choice, the runs that verify and judge included"),
         "pareto": Key(bool, False, "also find three lighter pendulums, each verified"),
     },
     "ensemble": keys_of(Ensemble),

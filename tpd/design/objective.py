@@ -24,6 +24,7 @@ from tpd.design.criteria import (
     Risk,
     Size,
     Worsening,
+    bob_of,
 )
 from tpd.design.ends import Linearisation
 from tpd.exact.terms import SIZES
@@ -86,6 +87,7 @@ class Orbits:
         p, g = self.p, self.geometry
         nominal = float(g.wall[0] / g.slenderness[0]) * float(p.nu)
         geometry = geometry_under(float(p.nu), g.half_height, g.block_mass, nominal, conditions)
+        geometry = replace(geometry, bob=g.bob, gravity=g.gravity)
         return replace(self, conditions=conditions, geometry=geometry).against_bare()
 
     def against_bare(self) -> Orbits:
@@ -155,10 +157,11 @@ def geometry_under(
     )
 
 
-def geometry_of(scene: Scene, conditions: Conditions) -> Geometry:
-    """Geometry of a scene's block under all conditions."""
+def geometry_of(scene: Scene, conditions: Conditions, limits: tuple[Limit, ...] = ()) -> Geometry:
+    """Geometry of a scene's block under all conditions, with the bob of the limits."""
     block = scene.block
-    return geometry_under(block.slenderness, block.half_height, block.mass, 0.5 * block.room, conditions)
+    found = geometry_under(block.slenderness, block.half_height, block.mass, 0.5 * block.room, conditions)
+    return replace(found, bob=bob_of(limits), gravity=float(scene.gravity))
 
 
 _STEP = 1e-100

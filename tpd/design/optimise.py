@@ -91,9 +91,9 @@ def optimise(
         limits: objects of `tpd.limits`; default `limits.DEFAULT_LIMITS`; `limits.POINT_BOB` has no walls.
         method: `Descent(...)` or `Sequential(...)`.
         worth: least benefit and largest harm of a design that is offered; default `Worth()`.
-        ensemble: runs that verify; default `Ensemble(seed=seed)`, dealt out among the conditions.
+        ensemble: runs that verify; default `Ensemble()`, dealt out among the conditions.
         held_out: ground motions that the design is not tuned to, a share or groups by name; default 0.5.
-        seed: of every random choice.
+        seed: of every random choice, also of the runs of an ensemble without a seed of its own.
         checkpoint: file for finished searches; searches of the same problem in it are not repeated.
         progress: True for a bar on stderr, or called with (stage, done, of how many).
 

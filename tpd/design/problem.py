@@ -195,7 +195,7 @@ class Problem(Question):
                 "`starts` of a design must be Starts.any() or Starts.rest(), but is a sampled set: its runs "
                 "begin where `ensemble` says"
             )
-        ensemble = Ensemble(seed=seed) if ensemble is None else ensemble
+        ensemble = (Ensemble() if ensemble is None else ensemble).seeded(seed)
         if ensemble.restitution:
             check_restitution(scene)
         return Problem(
@@ -216,7 +216,9 @@ class Problem(Question):
         """Symmetric orbits of designs under all conditions; nothing is compiled yet."""
         scene, conditions = self.scene, self.conditions
         common = as_arrays(scene.parameters()), conditions, self.space, self.risk, self.limits
-        return Orbits(*common, geometry_of(scene, conditions), self.starts.kind is StartKind.rest)
+        return Orbits(
+            *common, geometry_of(scene, conditions, self.limits), self.starts.kind is StartKind.rest
+        )
 
     @cached_property
     def objective(self) -> Orbits:

@@ -168,7 +168,9 @@ def _asked(design: Any) -> dict[str, dict[str, Any]]:
         asked |= {
             "motion": vars(scene.motion),
             "worth": vars(design.worth),
-            "ensemble": vars(design.ensemble),
+            # Runs of the search's own seed have another one where the job is asked with another.
+            "ensemble": vars(design.ensemble)
+            | ({"seed": None} if design.ensemble.seed == design.seed else {}),
         }
         asked |= {"starts": {"kind": "rest" if design.starts.kind is StartKind.rest else "any"}}
         return _with_conditions(asked, design)

@@ -17,7 +17,7 @@ from tpd.core import checks
 from tpd.core.files import path_of
 from tpd.core.formatting import Printed, above, picture
 from tpd.core.progress import Progress
-from tpd.design.by_runs import PairedRuns
+from tpd.design.by_runs import PairedRuns, turned_in
 from tpd.design.criteria import stroke_limit
 from tpd.design.problem import Question
 from tpd.design.search import Search
@@ -283,8 +283,7 @@ class HarmonicDesign(Design):
         """See `Design.turned`: the sum of the largest bob angle and the largest tilt, never too little."""
         if self.best is None or self.best.paired is None:
             return np.zeros(0)
-        runs = self.best.paired.hung
-        return (runs.peak_stroke + runs.peak)[~(runs.lost | runs.undecided)]
+        return turned_in(self.best.paired.hung)
 
     @property
     def harmful(self) -> bool:

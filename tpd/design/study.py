@@ -13,15 +13,15 @@ from tpd.answers.response import Response, frequencies, settled_response
 from tpd.answers.steady_state import sampled, simulate
 from tpd.core.progress import Progress
 from tpd.design.build import Build, FrontPoint, Moved, Study, TimeHistory, loads_of, pull_test
-from tpd.design.criteria import Room, limit_of
+from tpd.design.criteria import bob_of
 from tpd.design.objective import geometry_of
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
 from tpd.models.piecewise import Piecewise
-from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import Pulse
 from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Harmonic, Pendulum, Scene
+from tpd.scene.status import status_name
 from tpd.theory import uplift
 
 _BAND = frequencies(1.0, 0.7, 1.5, 41)
@@ -94,9 +94,11 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
     for hung in cases:
         p = as_arrays(scene.parameters(hung))
         tau = sampled(p)
-        tilt, bob = np.asarray(simulate(p, np.zeros(4), tau, model=Piecewise()).ys).T[:2]
-        time = np.asarray(tau) / scene.rate
-        out.append(TimeHistory(with_pendulum=hung is not None, time=time, tilt=tilt, bob=bob))
+        motion = simulate(p, np.zeros(4), tau, model=Piecewise())
+        tilt, bob = np.asarray(motion.ys).T[:2]
+        found = {"time": np.asarray(tau) / scene.rate, "tilt": tilt, "bob": bob}
+        falls = status_name(motion.status) == "overturned"
+        out.append(TimeHistory(with_pendulum=hung is not None, overturned=falls, **found))
     return tuple(out)
 
 
@@ -115,7 +117,7 @@ def usage(design: HarmonicDesign) -> tuple[tuple[str, float], ...]:
         return ()
     evaluation, bare = design.best.evaluation, design.bare.evaluation
     tilt = np.where(bare.attracts[0], bare.tilt[0], np.nan)
-    where = replace(geometry_of(design.scene, design.conditions), bare_tilt=tilt)
+    where = replace(geometry_of(design.scene, design.conditions, design.limits), bare_tilt=tilt)
     sizes = [size for limit in design.limits for size in limit.sizes(evaluation, where)]
     return tuple((size.name, float(np.max(size.value))) for size in sizes)
 
@@ -125,8 +127,7 @@ def build_of(design: Design, moved: tuple[Moved, ...] = ()) -> Build | None:
     hung, scene = design.pendulum, design.scene
     if hung is None:
         return None
-    room, g = limit_of(design.limits, Room), float(scene.gravity)
-    bob = room.bob if isinstance(room, Room) else Bob()
+    bob, g = bob_of(design.limits), float(scene.gravity)
     mass, length, zeta = float(hung.mass), float(hung.length), float(hung.damping_ratio)
     block, mu = scene.block, mass / float(scene.block.mass)
     body, rod = bob.built(mass, length, g)

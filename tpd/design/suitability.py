@@ -10,10 +10,10 @@ import numpy as np
 
 from tpd.answers.compare_models import Check, check
 from tpd.core.progress import Progress
-from tpd.design.criteria import DesignSpace, Mass, Offset, Worsening, Worth, limit_of, stroke_limit
+from tpd.design.criteria import DesignSpace, Mass, Offset, Worsening, Worth, stroke_limit
 from tpd.design.problem import Problem
 from tpd.design.survey import ROOM
-from tpd.design.verified import Reason, ReasonKind, Step, Verified, one_of_a_kind
+from tpd.design.verified import Reason, ReasonKind, Verified, one_of_a_kind
 from tpd.design.verify import HEIGHT, Verification
 from tpd.scene.scene import Pendulum, Scene
 
@@ -68,7 +68,12 @@ _SORTS = ("does not help", "does not fit", "DO NOT USE")
 def _sort(reason: Reason) -> str:
     """Kind of a refusal that a reason belongs to."""
     kinds = ReasonKind.rocks_more, ReasonKind.too_little_benefit, ReasonKind.rests_less
-    if reason.kind is ReasonKind.strikes or reason.limit in (*ROOM, HEIGHT, Mass.name, Offset.name):
+    if reason.kind in (ReasonKind.strikes, ReasonKind.as_built) or reason.limit in (
+        *ROOM,
+        HEIGHT,
+        Mass.name,
+        Offset.name,
+    ):
         return "does not fit"
     helps_less = reason.kind in (*kinds, ReasonKind.worse_condition) or reason.limit == Worsening.name
     return "does not help" if helps_less else "DO NOT USE"
@@ -89,12 +94,8 @@ def judged(
     design = np.array([float(x) for x in ratios])
     # A space that holds the design: it may lie outside of that of the search.
     verification = Verification(replace(asked, space=_holding(asked.space, design)), progress)
-    v, heavy, most = verification.at_once(design), [], limit_of(asked.limits, Mass)
-    # A mass that was made of its ratio may differ by rounding.
-    if isinstance(most, Mass) and pendulum.mass > most.kg * (1.0 + 1e-9):
-        over = float(pendulum.mass) / most.kg
-        heavy = [Reason(step=Step.exact, kind=ReasonKind.breaks_limit, limit=Mass.name, value=over)]
-    if not v.reasons and not heavy:
+    v = verification.at_once(design)
+    if not v.reasons:
         v = verification.by_fresh_runs(v)
     if v.rest is None:
         rested = verification.by_rest(v)
@@ -102,7 +103,7 @@ def judged(
     if v.paired is None:
         counted = verification.by_runs(v)
         v = replace(counted, reasons=(*v.reasons, *counted.reasons))
-    return replace(v, source="check", reasons=(*heavy, *v.reasons)), verification
+    return replace(v, source="check"), verification
 
 
 def _holding(space: DesignSpace, design: np.ndarray) -> DesignSpace:

@@ -129,6 +129,7 @@ class ReasonKind(enum.Enum):
         "it{at}{others}"
     )
     strikes = "the bob strikes a wall in {value:.1%} of the cases, and {reference:.1%} is allowed"
+    as_built = "as built, the {limit} is {value:.4g}, and the limit is {reference:.4g}"
     undecided = "{value:.0f} of {total} cases have no answer, and the verdict hangs on it"
 
 
@@ -167,6 +168,8 @@ class Reason:
                 return max(self.reference - self.value, -self.low, 0.0)
             case ReasonKind.breaks_limit:
                 return self.value - 1.0
+            case ReasonKind.as_built:
+                return self.value / self.reference - 1.0
             case ReasonKind.rocks_more if self.reference > 0.0:
                 return self.value / self.reference - 1.0
             case _:
@@ -183,7 +186,7 @@ class Reason:
             fewer=FEWER,
             others=f", and {self.total - 1} other conditions are worse" if self.total > 1 else "",
         )
-        return f"by the {self.step.value} {said}"
+        return said if self.kind is ReasonKind.as_built else f"by the {self.step.value} {said}"
 
 
 GRAVE = (ReasonKind.overturns, ReasonKind.overturns_more, ReasonKind.strikes)

@@ -16,8 +16,16 @@ from tpd.answers.ensemble import Outcomes, outcomes
 from tpd.answers.paired import FEWER, SIGNIFICANT, chance_of, severity
 from tpd.answers.steady_state import steady_state
 from tpd.core.progress import Progress
-from tpd.design.by_runs import JUDGES, TRIALS, PairedRuns, reach_of, reasons_by_runs, strikes_of
-from tpd.design.criteria import Room, limit_of
+from tpd.design.by_runs import (
+    JUDGES,
+    TRIALS,
+    PairedRuns,
+    reach_of,
+    reasons_by_runs,
+    strikes_of,
+    turned_in,
+)
+from tpd.design.criteria import Mass, Room, beyond_as_built, limit_of
 from tpd.design.ends import Book, Ends
 from tpd.design.objective import BACK_OFF, REST, Evaluation, Orbits, margins
 from tpd.design.problem import Problem
@@ -112,7 +120,8 @@ class Verification:
         self.seed, self.progress = problem.seed, progress
         objective = problem.objective
         self.few = objective.over(objective.conditions.subset(SURVEYED, problem.seed))
-        judges = replace(problem.ensemble, seed=problem.ensemble.seed + JUDGES)
+        self.first = problem.ensemble.seed or 0
+        judges = replace(problem.ensemble, seed=self.first + JUDGES)
         self.runs, self.fresh = (
             PairedRuns(problem.scene, problem.conditions, e, problem.worth, progress)
             for e in (problem.ensemble, judges)
@@ -183,7 +192,17 @@ class Verification:
             kind, value, other = ReasonKind.overturns_more, float(worse), float(better)
             total = len(v.exact.status)
             reasons.insert(0, Reason(step=Step.exact, kind=kind, value=value, reference=other, total=total))
-        return replace(v, reasons=tuple(reasons))
+        return replace(v, reasons=(*reasons, *self._as_built(v, Step.exact, np.zeros(0))))
+
+    def _as_built(self, v: Verified, step: Step, turned: np.ndarray) -> list[Reason]:
+        """Further limits that the body exceeds, for runs in which the rod turns so far against the block."""
+        hung, known = pendulum_of(self.scene, v), {reason.limit for reason in v.reasons}
+        sizes = beyond_as_built(self.objective.limits, self.scene, hung, turned, self.worth.allowed)
+        return [
+            Reason(step=step, kind=ReasonKind.as_built, limit=name, value=x, reference=most)
+            for name, x, most in sizes
+            if name not in known
+        ]
 
     def by_rest(self, v: Verified) -> Verified:
         """Nonlinear equations from rest: limits on the motion and, under one condition, whether the block
@@ -192,7 +211,7 @@ class Verification:
         found = followed(self.few, v.design[None], _LONG, "nonlinear", rtol=_FINE)
         hung, bare = found.severity[0], found.bare
         # The first step has asked for the limits that a motion from rest says nothing about.
-        other = [limit.name for limit in self.objective.limits if not limit.of_motion]
+        other = [Mass.name, *(limit.name for limit in self.objective.limits if not limit.of_motion)]
         broken = [r for r in nearest_of(found).broken if r.value > 1.0 + _ROUNDING]
         reasons = [r for r in broken if r.limit not in other]
         if len(bare) == 1 and hung[0] > 0.0 and hung[0] >= bare[0]:
@@ -220,7 +239,10 @@ class Verification:
             struck = strikes_of(found, pendulum, self.scene.block, room.bob)
         v = replace(v, paired=found, benefit=benefit, strikes=struck)
         self.bare = replace(self.bare, paired=found.bare)
-        return replace(v, reasons=reasons_by_runs(v, self.worth, self.objective.conditions, step))
+        # A point that strikes in too many runs says it all.
+        turned = turned_in(found.hung) if not struck > self.worth.allowed else np.zeros(0)
+        built = self._as_built(v, step, turned)
+        return replace(v, reasons=(*built, *reasons_by_runs(v, self.worth, self.objective.conditions, step)))
 
     def _broken_in_closed_form(self, e: Evaluation) -> list[Reason]:
         """Limits that a motion from rest says nothing about, such as a reserve, that one design breaks, each
@@ -317,7 +339,7 @@ class Verification:
         def run(design: np.ndarray, i: int) -> Tried:
             mu, lam, zeta = design
             hung = self.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
-            seed = self.ensemble.seed + TRIALS + _APART_SEEDS * (i + 1)
+            seed = self.first + TRIALS + _APART_SEEDS * (i + 1)
             few = replace(self.ensemble, size=min(RUNS, size), seed=seed)
             # Of more conditions than runs every design has others.
             order = np.random.default_rng([seed, 13]).permutation(len(conditions))
@@ -333,7 +355,7 @@ class Verification:
         # Of a few runs that rest no trial has any.
         if self.runs.bare.at_rest.value > _FEW / RUNS:
             # A share that luck has raised would speak against every design.
-            more = replace(self.ensemble, size=_MORE * size, seed=self.ensemble.seed + TRIALS)
+            more = replace(self.ensemble, size=_MORE * size, seed=self.first + TRIALS)
             bare = outcomes(self.scene, ensemble=more, conditions=conditions, equations=Terms.nonlinear)
             rests = (1.0 - FEWER) * float(bare.at_rest.value)
         strikes = self.worth.allowed

@@ -44,6 +44,8 @@ _TWICE = 1.0 / 24.0
 """It differs by at most _TWICE B d^4 s^2."""
 _CURVED = math.sqrt(3.0) / 216.0
 """The slope of the cubic differs from that of the signal by at most this times B d^3."""
+HALVED = 60
+"""Bisections of a window that leave no more than rounding."""
 
 
 @compiled
@@ -261,9 +263,23 @@ def _at_once(w, since, t, g, v):
 
 
 @compiled
+def _passing(arc, limit, lo, hi):
+    """Time at which a tilt that is below a limit at `lo`, beyond it at `hi`, and does not turn between them,
+    reaches it."""
+    for _ in range(HALVED):
+        t = 0.5 * (lo + hi)
+        if abs(value_of(arc.tilt, instant(arc, t), t)) < limit:
+            lo = t
+        else:
+            hi = t
+    return hi
+
+
+@compiled
 def next_event(arc, w, now, t, end):
     """The first event of an arc after `t`, the instant `now`, and until `end`, and its time. No event is END;
-    a tilt beyond the limit is GONE. The working memory `w` has the signals, see `tpd.exact.motion.ROOM`."""
+    the tilt that reaches the limit is GONE. The working memory `w` has the signals, see
+    `tpd.exact.motion.ROOM`."""
     g, v, h, z = w.signals[SIGNALS, 0], w.signals[SIGNALS, 1], w.signals[SIGNALS, 2], w.signals[SIGNALS, 3]
     since = t
     t = _begun(arc, w, now, t, end, g, v)
@@ -302,7 +318,7 @@ def next_event(arc, w, now, t, end):
         if first != END:
             return first, soonest
         if not abs(value_of(arc.tilt, now, to)) < w.limit:
-            return GONE, to
+            return GONE, _passing(arc, w.limit, t, to)
         t, e2, d = to, down, min(2.0 * d, w.longest)
         for i in range(w.count):
             g[i], v[i] = h[i], z[i]

@@ -272,8 +272,9 @@ def piece(q, f, m, legs, room, i, s, end, rules):
 
 
 @compiled
-def _falls(q, f, m, legs, room):
-    """Whether the arc that a motion ends on leads beyond return without another event; record it if so."""
+def _falls(q, f, m, legs, room, free):
+    """Whether the arc on which a motion ends, after the time `free`, leads beyond return without another
+    event; record it if so."""
     y = m.y
     if m.kind != SLIP:
         return False
@@ -284,8 +285,8 @@ def _falls(q, f, m, legs, room):
     room.window = room.longest
     which, at = next_event(arc, room, beginning(arc), 0.0, _FOREVER)
     if which == GONE:
-        m.fell = at
-        record(m, legs, f.pieces, 0.0, at, which, y)
+        m.fell = f.pieces * q.xi + free + at
+        record(m, legs, f.pieces, free, at, which, y)
     return which == GONE
 
 
@@ -311,8 +312,7 @@ def _through(q, f, m, legs, room, free, events, rules):
     quiet = rules.brief and _settles(q, m)
     if ended == ARRIVED and free > 0.0 and not quiet:
         ended = piece(q, f, m, legs, room, f.pieces, 0.0, free, rules)
-    if ended == ARRIVED and not quiet and _falls(q, f, m, legs, room):
-        m.fell += f.pieces * q.xi + free
+    if ended == ARRIVED and not quiet and _falls(q, f, m, legs, room, free):
         ended = LOST
     if not finite(y):
         return FAILED

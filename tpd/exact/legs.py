@@ -27,6 +27,8 @@ FORCING, KIND, SIDE, STATES = map(np.int64, (6, 7, 8, 9))
 """Columns of a history after those of the state with its accelerations, and how many there are."""
 _WHEN, _RATE = 0, 1
 """Columns of impacts."""
+_LATE = 1e-12
+"""Share of the last time by which rounding may put that time beyond the end of a motion."""
 END_STATE, ANGLES, GROWING, TIMES, UPLIFT, ROWS = map(np.int64, (0, 4, 10, 11, 17, 18))
 """Rows of derivatives: of the state at the end; the six largest angles of a tally; under a pulse or a record
 also the growing coordinate at the start of the last leg, the times of the six angles, and that of the first
@@ -302,7 +304,7 @@ def put_states(q, f, legs, count, times, out):
     at, y, h = 0, np.empty(4), span_of(q, f)
     for n in range(count):
         leg = legs[n]
-        whole, lasts = leg.which == WHOLE, leg.lasted
+        whole, lasts, late = leg.which == WHOLE, leg.lasted, _LATE * times[-1] if n == count - 1 else 0.0
         if leg.which == GONE:
             # To the last time: the arc goes on.
             lasts = max(lasts, times[-1])
@@ -314,7 +316,7 @@ def put_states(q, f, legs, count, times, out):
             e = load_at(q, f, leg.piece + k, start)
             arc = arc_from(q, leg, y, e)
             begun = (leg.piece + k) * h + start
-            while at < len(times) and times[at] <= begun + duration:
+            while at < len(times) and times[at] <= begun + duration + late:
                 t = times[at] - begun
                 a = state_at(arc, instant(arc, t), t)
                 for i in range(6):

@@ -163,6 +163,11 @@ def advance(q, f, m, w, i, s, end):
         # No step is repeated: the length of a step follows from its series.
         which, h = _first_event(q, m, order, h, c)
         series.put_state(c, order, h, y)
+        lies = not abs(y[TILT]) < 0.5 * math.pi
+        if lies:
+            # A step ends where the block turns, so that the tilt has grown until its end.
+            which, h = _NONE, series.passing(c, series.PHI, order, 0.5 * math.pi, h)
+            series.put_state(c, order, h, y)
         # The block's tilt is largest at events, which are ends of steps. The bob turns within one.
         note(m, y[TILT], y[SWING], tau + h)
         _note_turns(m, series.PSI, c, order, h, tau)
@@ -174,7 +179,7 @@ def advance(q, f, m, w, i, s, end):
         elif which == _TURN:
             y[TILT_RATE] = 0.0
         s = end if h == left else s + h
-        if not abs(y[TILT]) < 0.5 * math.pi:
+        if lies:
             m.fell = origin + s
             return LOST
         if which != _NONE:

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from tpd.exact.events import HALVED
 from tpd.exact.plant import coefficients, compiled, places
 from tpd.exact.terms import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE
 
@@ -225,6 +226,19 @@ def value_at(c, row, order, t):
     for n in range(order - 1, -1, -1):
         value = value * t + c[row, n]
     return value
+
+
+@compiled
+def passing(c, row, order, limit, h):
+    """Time at which an angle that is beyond a limit at the time h, and does not turn before, reaches it."""
+    lo, hi = 0.0, h
+    for _ in range(HALVED):
+        t = 0.5 * (lo + hi)
+        if abs(value_at(c, row, order, t)) < limit:
+            lo = t
+        else:
+            hi = t
+    return hi
 
 
 @compiled

@@ -105,9 +105,10 @@ def reel(history: TimeHistory, pendulum: Pendulum | None, times: np.ndarray) -> 
     known = np.isfinite(history.tilt) & np.isfinite(history.bob)
     sound = known & (np.abs(history.tilt) < 0.5 * math.pi)
     end = len(sound) if sound.all() else int(np.argmin(sound))
-    # An overturned block is drawn lying on the side to which it fell.
+    # An overturned block is drawn lying on the side to which it fell, and one without an answer as it was.
     side = math.copysign(0.5 * math.pi, history.tilt[max(end - 1, 0)])
-    lost = times >= history.time[end] if end < len(sound) else np.zeros(len(times), bool)
+    falls = history.overturned and end < len(sound)
+    lost = times >= history.time[end] if falls else np.zeros(len(times), bool)
     part = slice(0, max(end, 1))
     tilt, bob = (np.interp(times, history.time[part], x[part]) for x in (history.tilt, history.bob))
     return Reel(pendulum, np.where(lost, side, tilt), np.where(lost, 0.0, bob), lost)

@@ -78,7 +78,7 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     if isinstance(design, HarmonicDesign):
         scene, conditions = design.scene, design.conditions
         common = as_arrays(scene.parameters()), conditions, design.space, design.risk, design.limits
-        least = margins(Orbits(*common, geometry_of(scene, conditions)), designs).min(axis=1)
+        least = margins(Orbits(*common, geometry_of(scene, conditions, design.limits)), designs).min(axis=1)
         if least.min() < 0.0 < least.max():
             least = least.reshape(_GRID, _GRID)
             edge(ax, mu, lam, least, "stays at rest", 0.5, color=INK, style="--")

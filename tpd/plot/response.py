@@ -177,22 +177,22 @@ def plot_motions(
     """
     shaken = [h for h in histories if isinstance(h, ShakingHistory)]
     rows = [
-        (h.times, h.tilt, h.swing)
+        (h.times, h.tilt, h.swing, h.overturned)
         if isinstance(h, ShakingHistory)
-        else (h.time, h.tilt, h.bob if h.with_pendulum else None)
+        else (h.time, h.tilt, h.bob if h.with_pendulum else None, h.overturned)
         for h in histories
     ]
-    hung = any(swing is not None for _, _, swing in rows)
+    hung = any(swing is not None for _, _, swing, _ in rows)
     count = 1 + hung + 2 * bool(shaken)
     if axes is None:
         axes = np.atleast_1d(new_axes(count, (7.4, 1.0 + 1.8 * count)))
     first = 1 if shaken else 0
-    tilts, last = axes[first], max(float(time[-1]) for time, _, _ in rows)
-    for (time, tilt, swing), style in zip(rows, LINES, strict=False):
+    tilts, last = axes[first], max(float(time[-1]) for time, *_ in rows)
+    for (time, tilt, swing, falls), style in zip(rows, LINES, strict=False):
         # After the block has overturned the equations mean nothing.
-        upright = np.cumprod(np.nan_to_num(np.abs(tilt), nan=np.inf) < 2.0 * slenderness).astype(bool)
+        upright = np.cumprod(np.abs(tilt) < 2.0 * slenderness).astype(bool) if falls else np.isfinite(tilt)
         tilts.plot(time, np.where(upright, tilt, np.nan), **style)
-        if not upright.all() and upright.any():
+        if falls and upright.any():
             at = time[upright][-1], tilt[upright][-1]
             tilts.plot(*at, "X", color=style["color"], mec=INK, ms=8)
             tilts.annotate("overturns", at, (6, -4), textcoords="offset points", fontsize=8)

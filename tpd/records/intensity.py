@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PPoly
-from scipy.signal import lsim
+from scipy.interpolate import BPoly, PPoly
+from scipy.linalg import expm
+from scipy.special import factorial
 
 from tpd.core import checks
 from tpd.scene.ground_motion import GroundMotion
@@ -15,6 +17,8 @@ from tpd.scene.scene import Block, Scene
 
 INTENSITIES = ("pga_star", "pgv_star", "pga", "pgv", "sa", "scale")
 _DAMPING = 0.05
+_FINE = 0.1
+"""Longest interval (times omega) in which a quintic stands for the motion of an oscillator."""
 
 
 @dataclass(frozen=True)
@@ -68,13 +72,61 @@ def peak_velocity(motion: GroundMotion) -> float:
 
 
 def spectral_acceleration(motion: GroundMotion, period: float, damping: float = _DAMPING) -> float:
-    """Largest |omega^2 x| (m/s^2) of a damped oscillator of that period, exact for accelerations that are
-    linear between samples (N. C. Nigam and P. C. Jennings, Bull. Seismol. Soc. Am. 59, 1969), and sampled ten
-    times in its period at least."""
-    h, omega = float(motion.piece), 2.0 * np.pi / period
-    step = h / max(1, int(np.ceil(h / (0.1 * period))))
-    # After the motion the oscillator may still swing out further: two of its periods are enough.
-    times = step * np.arange(round((len(motion.pieces()) * h + 2.0 * period) / step))
-    oscillator = [[0.0, 1.0], [-(omega**2), -2.0 * damping * omega]], [[0.0], [-1.0]], [[1.0, 0.0]], [[0.0]]
-    x = lsim(oscillator, motion.acceleration_at(times), times)[1]
-    return float(omega**2 * np.max(np.abs(x)))
+    """Return the largest |omega^2 x| (m/s^2) of an oscillator of that period and a damping ratio below 1.
+
+    The motion is exact at the ends of the pieces and at any time within them: the matrix exponential takes
+    the state and the derivatives of the acceleration, a cubic, from one time to the next. (N. C. Nigam and
+    P. C. Jennings, Bull. Seismol. Soc. Am. 59, 1969, did so at the samples of a record.) Pieces are halved as
+    long as a bound on the motion within them exceeds the largest value found. In intervals of less than a
+    tenth of a radian the largest value is that of the quintic through the values, rates and accelerations at
+    both ends, which is within 1e-10 of the motion.
+    """
+    c = np.asarray(motion.pieces(), dtype=float)
+    # The unit of time is 1/omega, so that the unit of length makes omega^2 x an acceleration.
+    h, free = 2.0 * np.pi * float(motion.piece) / period, math.sqrt(1.0 - damping**2)
+    rates = np.diag([1.0, 0.0, 1.0, 1.0, 1.0], 1)
+    rates[1, :3] = -1.0, -2.0 * damping, -1.0
+    # Displacement, its rate, and the acceleration of the base with its three derivatives.
+    states = np.concatenate(
+        [np.zeros((2, len(c))), c.T * (factorial(np.arange(4)) / h ** np.arange(4))[:, None]]
+    )
+    step, end = expm(rates * h)[:2], np.zeros(2)
+    for i, pushes in enumerate((step[:, 2:] @ states[2:]).T):
+        states[:2, i], end = end, step[:, :2] @ end + pushes
+    # After the motion x is the real part of size exp((-damping + i free) t): its first turn is the largest.
+    size = complex(end[0], -(end[1] + damping * end[0]) / free)
+    turn = (0.5 * np.pi - np.angle(size * complex(-damping, free))) % np.pi / free
+    last = size * np.exp(complex(-damping, free) * turn)
+    largest = max(np.abs(states[0]).max(), abs(end[0]), abs(last.real))
+    while h > _FINE:
+        states = states[:, _bound(states, h, damping) > largest]
+        h *= 0.5
+        states = np.hstack([states, expm(rates * h) @ states])
+        largest = max(largest, np.abs(states[0]).max(initial=0.0))
+    ends = expm(rates * h) @ states
+    # Bernstein's coefficients of the quintics: none of them exceeds the largest coefficient.
+    near, far = (
+        (x[0], x[0] + way * x[1] / 5.0, x[0] + way * 0.4 * x[1] + h**2 / 20.0 * (rates[1] @ x))
+        for x, way in ((states, h), (ends, -h))
+    )
+    quintics = np.stack([*near, *far[::-1]])
+    quintics = quintics[:, np.abs(quintics).max(axis=0) > largest]
+    if quintics.size:
+        curve = PPoly.from_bernstein_basis(BPoly(quintics, np.arange(quintics.shape[1] + 1.0)))
+        turns = curve.derivative().roots(discontinuity=False, extrapolate=False)
+        largest = max(largest, np.abs(curve(turns[np.isfinite(turns)])).max(initial=0.0))
+    return float(largest * motion.pga)
+
+
+def _bound(states: np.ndarray, h: float, damping: float) -> np.ndarray:
+    """Bound on |x| over the time h from states of an oscillator on: the polynomial that solves its equation,
+    and the amplitude of the free motion around it, which only decreases."""
+    x, rate, *derivatives = states
+    a0, a1, a2, a3 = derivatives
+    # Derivatives of the polynomial, from the highest on.
+    p3 = -a3
+    p2 = -a2 - 2.0 * damping * p3
+    p1 = -a1 - 2.0 * damping * p2 - p3
+    p0 = -a0 - 2.0 * damping * p1 - p2
+    steady = abs(p0) + h * (abs(p1) + h * (abs(p2) / 2.0 + h * abs(p3) / 6.0))
+    return steady + np.hypot(x - p0, (rate - p1 + damping * (x - p0)) / math.sqrt(1.0 - damping**2))

@@ -197,8 +197,8 @@ def comparison(told: Comparison) -> Table:
 
 
 def _points(of: Change, digits: int) -> str:
-    """Difference in points of per cent with its interval; a dash where it has none, or no run differs."""
-    if not np.isfinite(of.low) or of.low == of.high:
+    """Difference in points of per cent with its interval; a dash where it has none."""
+    if not np.isfinite(of.low):
         return "–"
     # What rounds to zero must not read "-0".
     mean, low, high = (round(100.0 * x, digits) + 0.0 for x in (of.difference, of.low, of.high))

@@ -10,7 +10,7 @@ import numpy as np
 from tpd.answers.attractors import Starts
 from tpd.answers.response import Response
 from tpd.answers.statistics import SIGNIFICANT, chance_of
-from tpd.design.criteria import Mass, Room, Worth, limit_of
+from tpd.design.criteria import Room, Worth, limit_of
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.judgement import Judged, Role, unnamed
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
@@ -56,11 +56,6 @@ def notes(design: Design, study: Study) -> tuple[Note, ...]:
         if design.winner is not None and design.pendulum is not None:
             found += [*_from_rest(design, design.winner), *_strikes(design, design.winner, design.pendulum)]
             found += [*_settled(design.winner), *_starts(design, design.winner)]
-    mass, build = limit_of(design.limits, Mass), study.build
-    if isinstance(mass, Mass) and build is not None and build.mass > mass.kg:
-        found.append(
-            note(f"As a body the bob weighs {build.mass:.4g} kg, more than its limit of {mass.kg:g} kg.")
-        )
     return tuple(sorted(found, key=lambda n: n.severity.value))
 
 

@@ -39,6 +39,7 @@ _WHY = {
     ReasonKind.overturns: "the block overturns with them",
     ReasonKind.overturns_more: "the block overturns more often",
     ReasonKind.breaks_limit: "they break a limit",
+    ReasonKind.as_built: "as built they exceed a limit",
     ReasonKind.rocks_more: "the block rocks more",
     ReasonKind.too_little_benefit: "the benefit is too small",
     ReasonKind.rests_less: "the block rests less often",

@@ -23,8 +23,8 @@ THICKEST = 0.5
 _STRESS = 2e8
 """Stress (Pa) of the steel rod, under ten times the weight of the bob, that its mass is estimated with."""
 
-_TURNS = 200
-"""Most turns in which mass and distance of a body are matched to those of a point."""
+_TURNS = 50
+"""Steps of Newton's method for the distance of a body: each is a digit at least, and soon twice as many."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,18 +115,38 @@ class Bob:
         near = math.sqrt(self.inertia_share(mass, length)) * length
         return float(root_scalar(later, bracket=(near, 1.5 * length)).root) if later(near) < 0.0 else math.nan
 
-    def built(self, mass: float, length: float, gravity: float) -> tuple[float, float]:
+    def built(self, mass: Any, length: Any, gravity: float) -> tuple[Any, Any]:
         """Mass (kg) of a body, and distance (m) from the hinge to its centre, that with its rod swings as
-        often as a point of `mass` at `length` and pulls as much; NaN where no body does.
+        often as a point of `mass` at `length` and pulls as much; numbers or arrays, NaN where no body does.
 
         A body with its rod has the moments S = m d (1 + r/2) and I = m d^2 (1 + i + r/3) about the hinge.
         It moves as a point of mass S/l at l = I/S; the rest of its mass moves with the hinge.
         """
-        body, at = mass, math.nan
-        for _ in range(_TURNS):
-            at = self.rod(body, length, gravity)
-            again = mass * length / (at * (1.0 + 0.5 * self.rod_share(at, gravity)))
-            if not math.isfinite(again) or abs(again - body) < 1e-12 * mass:
-                break
-            body = again
-        return (body, at) if math.isfinite(at) else (math.nan, math.nan)
+        return self.built_and_slopes(mass, length, gravity)[:2]
+
+    def built_and_slopes(self, mass: Any, length: Any, gravity: float) -> tuple[Any, Any, Any, Any]:
+        """`built`, and the derivatives of the body's mass in the mass and the length of the point."""
+        pull, share = np.asarray(mass * length, dtype=float), self.rod_share(1.0, gravity)
+        own, at = self.inertia_share(1.0, float(self.radius(1.0))), 1.5 * length + 0.0 * pull
+
+        def terms(at: Any) -> tuple[Any, ...]:
+            lever, turn = at * (1.0 + 0.5 * share * at), 1.0 + share * at
+            inertia = own * self.radius(pull / lever) ** 2
+            value = at**2 * (1.0 + share * at / 3.0) + inertia - length * lever
+            return (
+                lever,
+                turn,
+                inertia,
+                value,
+                at * (1.0 + turn) - length * turn - inertia * turn / (1.5 * lever),
+            )
+
+        with np.errstate(all="ignore"):
+            # The distance is a root of a convex function: Newton's method comes to it from above.
+            for _ in range(_TURNS):
+                *_, value, slope = terms(at)
+                at = np.where((slope > 0.0) & (at > 0.0), at - value / slope, np.nan)
+            lever, turn, inertia, _, slope = terms(at)
+            by_pull = (1.0 + turn * inertia / (1.5 * lever * slope)) / lever
+            by_length = by_pull * mass - pull * turn / (lever * slope)
+        return (pull / lever)[()], at[()], by_pull * length, by_length

@@ -10,7 +10,7 @@ from tpd.design.ground.judgement import Judged, Pairs, Role
 
 def test_the_verdict_follows_from_intervals_and_the_least_benefit():
     def group(role, shift, low, high):
-        pair = np.stack([np.full(12, 0.5), 0.5 + shift + np.tile([0.01, -0.01], 6)])
+        pair = np.stack([np.full(12, 0.5), 0.5 + shift + np.repeat(0.01 * np.arange(-3, 3), 2)])
         runs = Pairs(pair, pair, np.repeat(np.arange(6), 2))
         none = (Lognormal(1.0, 0.3, np.zeros((2, 2)), False),) * 2
         counts = dict.fromkeys(("counts", "unknown"), (np.zeros(2), np.zeros(2)))

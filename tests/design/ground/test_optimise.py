@@ -13,6 +13,7 @@ from tests.design.ground.conftest import BLOCK
 from tpd.answers.statistics import Interval
 from tpd.design.ground import design, objective
 from tpd.design.ground.judgement import Role
+from tpd.design.ground.optimise import GroundProblem, judged
 from tpd.design.many import FrontPoint
 from tpd.design.result import DesignStatus
 from tpd.design.study import Study, moved_of, study
@@ -257,3 +258,21 @@ def test_what_the_benefit_hangs_on_is_asked_of_the_motions_that_were_held_out(fo
     held = next(g for g in found.judged if g.role is Role.held_out)
     assert found.comparison.changes[-1].without == pytest.approx(held.overturned[0])
     assert {m.name for m in moved_of(found)} >= {"restitution", "slenderness", "mass"}
+
+
+@pytest.mark.mends("a body that exceeded a limit as built was offered")
+def test_a_body_beyond_a_limit_is_refused_on_ground_motions(found):
+    """The best design of `found` by judgements that ask for less than its body, or for more."""
+    v, g = found.best, float(found.scene.gravity)
+    hung = found.scene.pendulum(mass_ratio=v[0], length_ratio=v[1], damping_ratio=v[2])
+    body, _ = tpd.limits.Bob().built(float(hung.mass), float(hung.length), g)
+    asked = GroundProblem(**{f.name: getattr(found, f.name) for f in dataclasses.fields(GroundProblem)})
+    for share, beyond in ((1.01, False), (0.99, True)):
+        limited = dataclasses.replace(asked, limits=(*asked.limits, tpd.limits.Mass(share * body)))
+        _, verdict = judged(limited, hung)
+        said = f"as built, the mass of the bob in kg is {body:.4g}, and the limit is {share * body:.4g}"
+        assert (said in verdict.reasons) is beyond
+        assert (verdict.status is DesignStatus.refused) >= beyond
+        # The search itself keeps to it.
+        names, sizes = limited.objective.sizes(limited.objective.evaluate(v[None]), v[None])
+        assert sizes[0, names.index("mass")] == pytest.approx(1.0 / share)

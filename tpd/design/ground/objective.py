@@ -11,7 +11,7 @@ import numpy as np
 
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
-from tpd.design.criteria import KINDS, THICKNESS, Geometry, Limit, Size, check_limits
+from tpd.design.criteria import KINDS, STILL, Geometry, Limit, Size, bob_of, check_limits
 from tpd.design.objective import blank, geometry_under
 from tpd.records.intensity import intensity_of
 from tpd.scene.conditions import Conditions, under_all
@@ -94,9 +94,10 @@ class GroundObjective:
     def geometry(self) -> Geometry:
         """Lengths of the block under every condition, for the limits."""
         b = self.block
-        return geometry_under(
+        found = geometry_under(
             float(b.slenderness), float(b.half_height), float(b.mass), 0.5 * float(b.room), self.conditions
         )
+        return replace(found, bob=bob_of(self.limits), gravity=self.gravity)
 
     @property
     def _which(self) -> np.ndarray:
@@ -141,7 +142,7 @@ class GroundObjective:
         stands = ~(runs.overturned | runs.undecided)[0]
         broken = np.zeros(len(stands), dtype=bool)
         for size in self._sizes(runs, designs):
-            if size.name != THICKNESS:
+            if size.name not in STILL:
                 broken |= size.value[0] > 1.0
         return float(np.mean(broken[stands])) if stands.any() else 0.0
 
@@ -152,7 +153,7 @@ class GroundObjective:
         e = blank(m, n)._replace(tilt=runs.tilt, stroke=runs.swing, relative=runs.relative, design=designs)
         for size in (size for limit in self.limits for size in limit.sizes(e, self.geometry)):
             # Sizes of runs that overturn must not enter a quantile of those that stand.
-            fell = runs.overturned & (size.name != THICKNESS)
+            fell = runs.overturned & (size.name not in STILL)
             yield size._replace(value=np.where(fell, np.inf, size.value))
 
     def rows(self, designs: np.ndarray) -> np.ndarray:

@@ -14,13 +14,14 @@ from tpd.core import checks
 from tpd.core.fingerprints import fingerprint, of_sources
 from tpd.core.progress import Progress
 from tpd.design.checkpoint import Checkpoint
-from tpd.design.criteria import DesignSpace, Limit, Risk, Room, Stroke, Worth
+from tpd.design.criteria import DesignSpace, Limit, Risk, Room, Stroke, Worth, beyond_as_built
 from tpd.design.ground.design import GroundDesign, GroundVerdict, objective_of, verdict_of
 from tpd.design.ground.judgement import HELD_OUT, SCATTERED, Group, Judged, grouped, judge, scatter_of
 from tpd.design.ground.objective import GroundObjective, check_ground_limits
 from tpd.design.ground.search import DEFAULT_SPACE, Evaluated, GroundSearch, Searcher, risk_of_known
 from tpd.design.problem import Question, check_cavity, check_given, within_mass
 from tpd.design.result import DesignStatus
+from tpd.design.verified import Reason, ReasonKind, Step
 from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Pendulum, Scene
@@ -169,7 +170,22 @@ def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) ->
         verdict = _unknown(count) if hangs else _no_improvement(found, search.names, best, without)
         return _answer(problem, search, without, verdict, best)
     groups = tuple(_judged(problem, found.designs[best], group, report) for group in problem.groups)
-    return _answer(problem, search, without, verdict_of(groups, problem.worth), best, groups)
+    verdict = _with_body(problem, found.designs[best], verdict_of(groups, problem.worth))
+    return _answer(problem, search, without, verdict, best, groups)
+
+
+def _with_body(problem: GroundProblem, design: np.ndarray, verdict: GroundVerdict) -> GroundVerdict:
+    """The verdict, which refuses a pendulum that exceeds a limit as it is built."""
+    mu, lam, zeta = (float(x) for x in design)
+    hung = problem.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
+    turned = problem.objective.check(design[None]).relative[0]
+    how = turned[np.isfinite(turned)], problem.worth.broken
+    beyond = beyond_as_built(problem.limits, problem.scene, hung, *how)
+    if not beyond:
+        return verdict
+    kind, step = ReasonKind.as_built, Step.judgement
+    said = (str(Reason(step=step, kind=kind, limit=n, value=x, reference=most)) for n, x, most in beyond)
+    return GroundVerdict(DesignStatus.refused, (*said, *verdict.reasons))
 
 
 def _none_feasible(found: Evaluated, names: tuple[str, ...]) -> GroundVerdict:
@@ -226,7 +242,7 @@ def judged(
     block = problem.scene.block
     design = np.array([hung.mass / block.mass, hung.length / block.half_height, hung.damping_ratio])
     found = tuple(_judged(problem, design, group, report) for group in problem.groups)
-    return found, verdict_of(found, problem.worth)
+    return found, _with_body(problem, design, verdict_of(found, problem.worth))
 
 
 def _judged(problem: GroundProblem, design: np.ndarray, group: Group, report: Progress | None) -> Judged:
