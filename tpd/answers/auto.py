@@ -48,10 +48,10 @@ class Auto(AbstractChoice):
         ValueError: a tolerance that is not between 1e-5 and 1.
     """
 
-    tolerance: float = eqx.field(default=0.05, static=True, kw_only=True)
+    tolerance: checks.Real = eqx.field(default=0.05, static=True, kw_only=True)
 
     def __check_init__(self) -> None:
-        checks.within("tolerance", self.tolerance, INTEGRATED, 1.0)
+        checks.set_checked(self, checks.within, "tolerance", low=INTEGRATED, high=1.0)
 
     def steady(self, p: Parameters, y0: State) -> Steady:
         """The settled motion from `y0` by the least model that is accurate enough.

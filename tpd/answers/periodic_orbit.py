@@ -111,9 +111,9 @@ def periodic_orbit(
     p: Parameters,
     y0: ArrayLike,
     *,
-    periods: Int[Array, ""] | int = 1,
-    max_events: int = MAX_EVENTS,
-    rest_rate: float = REST_RATE,
+    periods: checks.Whole = 1,
+    max_events: checks.Whole = MAX_EVENTS,
+    rest_rate: checks.Real = REST_RATE,
 ) -> PeriodicOrbit:
     """The periodic orbit near a state, which need not attract.
 
@@ -136,11 +136,11 @@ def periodic_orbit(
     """
     checks.require_x64()
     check_parameters(p)
-    checks.count("periods", periods)
-    checks.count("max_events", max_events)
-    checks.positive("rest_rate", rest_rate)
-    checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
-    y = jnp.asarray(y0, dtype=jnp.float64)
+    periods, max_events = (
+        checks.count("periods", periods, most=1000),
+        checks.count("max_events", max_events, most=100_000),
+    )
+    rest_rate, y = checks.tolerance("rest_rate", rest_rate), jnp.asarray(checks.state(y0))
 
     def start(x: np.ndarray, periods: int, y0: np.ndarray, rate: np.ndarray) -> Start:
         return recorded(x, y0, periods, max_events, float(rate))

@@ -85,11 +85,11 @@ class Branches(Printed, Tabular):
 def branches(
     subject: Parameters | Scene,
     name: str,
-    low: float,
-    high: float,
+    low: checks.Real,
+    high: checks.Real,
     *,
     pendulum: Pendulum | None = None,
-    samples: int = 400,
+    samples: checks.Whole = 400,
 ) -> Branches:
     """All branches of symmetric period-one orbits, stable and unstable, and the bifurcations that end them.
 
@@ -214,8 +214,8 @@ def settled_response(
         RuntimeError: JAX is in 32-bit mode.
     """
     axis = Axis.of(subject, name, pendulum)
-    checks.numbers("values", np.atleast_1d(values), (-1,), "one or more numbers")
-    line = np.atleast_1d(np.asarray(values, dtype=float))
+    listed = [values] if np.ndim(values) == 0 else values
+    line = checks.array("values", listed, (-1,), "one or more numbers")
     axis.check(*line)
     found = []
     with shown(progress) as report:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from functools import lru_cache
 from threading import Lock, Thread
@@ -37,8 +37,8 @@ def in_chunks(
     function: Callable[[Any], Any],
     batch: Any,
     *,
-    chunk: int | None = None,
-    workers: int | None = None,
+    chunk: checks.Whole | None = None,
+    workers: checks.Whole | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Any:
     """`function` of every element of `batch`: `jit(vmap(function))`, but in chunks and on all cores.
@@ -66,9 +66,7 @@ def in_chunks(
     chunk = _chunk(function, batch) if chunk is None else chunk
     part_of, length = _parts(batch, chunk)
     compiled = _compiled(function)
-    if workers is not None:
-        checks.count("workers", workers)
-    cores = (os.cpu_count() or 1) if workers is None else workers
+    cores = (os.cpu_count() or 1) if workers is None else checks.count("workers", workers)
 
     def run(begin: int) -> int:
         out = compiled(part_of(begin))
@@ -89,7 +87,7 @@ def in_chunks(
     with contextlib.ExitStack() as stack:
         each: Any = map
         if cores > 1:
-            each = stack.enter_context(ThreadPoolExecutor(cores, initializer=_x64_initializer())).map
+            each = stack.enter_context(_crew(cores, initializer=_x64_initializer())).map
         for count in each(run, range(0, length, chunk)):
             done += count
             if progress is not None:
@@ -199,6 +197,16 @@ def _x64_initializer() -> Callable[[], None]:
     return begin
 
 
+@contextlib.contextmanager
+def _crew(workers: int, initializer: Callable[[], None] | None = None) -> Iterator[ThreadPoolExecutor]:
+    """Threads that do not begin any further work after an error or Ctrl-C."""
+    crew = ThreadPoolExecutor(workers, initializer=initializer)
+    try:
+        yield crew
+    finally:
+        crew.shutdown(cancel_futures=True)
+
+
 def shared(
     run: Callable[[int, int], int],
     n: int,
@@ -212,9 +220,7 @@ def shared(
     Raises:
         ValueError: workers below one.
     """
-    if workers is not None:
-        checks.count("workers", workers)
-    cores = (os.cpu_count() or 1) if workers is None else workers
+    cores = (os.cpu_count() or 1) if workers is None else checks.count("workers", workers)
     # Small pieces, because some motions take a hundred times as long as others. Each writes rows of its
     # own, so that the order in which they end is no matter.
     size = max(piece[0], min(piece[1], -(-n // (4 * cores))))
@@ -224,7 +230,7 @@ def shared(
             progress(n, n)
         return
     done = 0
-    with ThreadPoolExecutor(min(cores, n)) as crew:
+    with _crew(min(cores, n)) as crew:
         parts = [crew.submit(run, i, min(i + size, n)) for i in range(0, n, size)]
         for part in as_completed(parts):
             done += part.result()

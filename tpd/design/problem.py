@@ -66,7 +66,7 @@ class Question:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
 
-def check_given(seed: int, **given: Any) -> None:
+def check_given(seed: checks.Whole, **given: Any) -> None:
     """Raise unless JAX has 64 bits, the seed is a whole number, and each input is of its class; None stands
     for a default."""
     checks.require_x64()

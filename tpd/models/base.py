@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, Bool, Float, Int
@@ -61,6 +61,9 @@ class AbstractChoice(eqx.Module):
 
 class AbstractModel(eqx.Module):
     """A model of block and pendulum in dimensionless form."""
+
+    most_periods: ClassVar[int] = 2000
+    """Most forcing periods in one call, which Ctrl-C cannot stop: some seconds of work."""
 
     @property
     @abstractmethod

@@ -84,27 +84,26 @@ class Segmented(AbstractModel):
     """Linear (25), with its parametric term, or nonlinear (4)."""
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5, kw_only=True)
     """Integrates transients and trajectories; the settled period uses `Dopri8`."""
-    rtol: float = eqx.field(default=1e-7, static=True, kw_only=True)
+    rtol: checks.Real = eqx.field(default=1e-7, static=True, kw_only=True)
     """Relative tolerance of transients and trajectories; absolute is a hundredth of it."""
-    cycle_rtol: float = eqx.field(default=1e-11, static=True, kw_only=True)
+    cycle_rtol: checks.Real = eqx.field(default=1e-11, static=True, kw_only=True)
     """Relative tolerance of the settled period, whose derivatives are used."""
-    tolerance: float = eqx.field(default=1e-5, static=True, kw_only=True)
+    tolerance: checks.Real = eqx.field(default=1e-5, static=True, kw_only=True)
     """Repetition error at which following ends and Newton's method takes over."""
-    rest_rate: float = eqx.field(default=1e-4, static=True, kw_only=True)
+    rest_rate: checks.Real = eqx.field(default=1e-4, static=True, kw_only=True)
     """An impact slower than this (phi' in units of nu) that the block can be held after is rest;
     the error is of the order of its square."""
-    max_periods: int = eqx.field(default=400, static=True, kw_only=True)
-    max_events: int = eqx.field(default=2000, static=True, kw_only=True)
+    max_periods: checks.Whole = eqx.field(default=400, static=True, kw_only=True)
+    max_events: checks.Whole = eqx.field(default=2000, static=True, kw_only=True)
     """Bound on the segments of one forcing period."""
-    max_steps: int = eqx.field(default=4096, static=True, kw_only=True)
+    max_steps: checks.Whole = eqx.field(default=4096, static=True, kw_only=True)
     """Bound on the solver steps of one segment."""
 
     def __check_init__(self) -> None:
         checks.instance("terms", self.terms, Terms)
-        for name in ("rtol", "cycle_rtol", "tolerance", "rest_rate"):
-            checks.positive(name, getattr(self, name))
-        for name in ("max_periods", "max_events", "max_steps"):
-            checks.count(name, getattr(self, name))
+        checks.set_checked(self, checks.tolerance, "rtol", "cycle_rtol", "tolerance", "rest_rate")
+        checks.set_checked(self, checks.count, "max_periods", most=self.most_periods)
+        checks.set_checked(self, checks.count, "max_events", "max_steps", most=100_000)
 
     @property
     def round_off(self) -> float:

@@ -53,31 +53,30 @@ class Smoothed(AbstractModel):
 
     terms: Terms = eqx.field(default=Terms.linear, static=True, kw_only=True)
     """Linear (25), with its parametric term, or nonlinear (4)."""
-    sharpness: float = eqx.field(default=0.002, static=True, kw_only=True)
+    sharpness: checks.Real = eqx.field(default=0.002, static=True, kw_only=True)
     """Smoothing width over the expected tilt; smaller is more accurate and slower. Below 3e-6 the solver no
     longer resolves derivatives in the layer, though the amplitude is right; below 1e-4 it may run out of
     steps on a resting block, and steps may pass over impacts, so that a motion does not settle."""
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5, kw_only=True)
     """Integrates transients and trajectories; the settled period uses `Dopri8`."""
-    rtol: float = eqx.field(default=1e-6, static=True, kw_only=True)
+    rtol: checks.Real = eqx.field(default=1e-6, static=True, kw_only=True)
     """Relative tolerance of transients and trajectories; absolute is a hundredth of it."""
-    cycle_rtol: float = eqx.field(default=1e-12, static=True, kw_only=True)
+    cycle_rtol: checks.Real = eqx.field(default=1e-12, static=True, kw_only=True)
     """Relative tolerance of the settled period, whose derivatives are used."""
-    tolerance: float = eqx.field(default=1e-4, static=True, kw_only=True)
+    tolerance: checks.Real = eqx.field(default=1e-4, static=True, kw_only=True)
     """Repetition error at which following ends and Newton's method takes over."""
-    max_periods: int = eqx.field(default=400, static=True, kw_only=True)
-    max_steps: int = eqx.field(default=4096, static=True, kw_only=True)
+    max_periods: checks.Whole = eqx.field(default=400, static=True, kw_only=True)
+    max_steps: checks.Whole = eqx.field(default=4096, static=True, kw_only=True)
     """Bound on the solver steps of one forcing period."""
-    samples: int = eqx.field(default=64, static=True, kw_only=True)
+    samples: checks.Whole = eqx.field(default=64, static=True, kw_only=True)
     """Samples of one settled period, among which turning points are bracketed."""
 
     def __check_init__(self) -> None:
         checks.instance("terms", self.terms, Terms)
-        checks.within("sharpness", self.sharpness, 1e-6, 1.0)
-        for name in ("rtol", "cycle_rtol", "tolerance"):
-            checks.positive(name, getattr(self, name))
-        for name in ("max_periods", "max_steps", "samples"):
-            checks.count(name, getattr(self, name))
+        checks.set_checked(self, checks.within, "sharpness", low=1e-6, high=1.0)
+        checks.set_checked(self, checks.tolerance, "rtol", "cycle_rtol", "tolerance")
+        checks.set_checked(self, checks.count, "max_periods", most=self.most_periods)
+        checks.set_checked(self, checks.count, "max_steps", "samples", most=100_000)
 
     @property
     def round_off(self) -> float:
