@@ -51,7 +51,7 @@ class Auto(AbstractChoice):
     tolerance: checks.Real = eqx.field(default=0.05, static=True, kw_only=True)
 
     def __check_init__(self) -> None:
-        checks.set_checked(self, checks.within, "tolerance", low=INTEGRATED, high=1.0)
+        checks.set_checked(self, checks.within, "tolerance", INTEGRATED, 1.0)
 
     def steady(self, p: Parameters, y0: State) -> Steady:
         """The settled motion from `y0` by the least model that is accurate enough.

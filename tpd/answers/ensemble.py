@@ -109,7 +109,7 @@ class Ensemble:
 
     def __post_init__(self) -> None:
         checks.set_checked(self, checks.count, "size")
-        checks.set_checked(self, checks.count, "periods", most=MOST_PERIODS)
+        checks.set_checked(self, checks.count, "periods", 1, MOST_PERIODS)
         checks.set_checked(self, checks.seed, "seed")
         check_reach(self)
         checks.flag("any_phase", self.any_phase)

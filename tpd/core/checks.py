@@ -217,10 +217,11 @@ def each(name: str, value: object) -> np.ndarray:
     return np.asarray(_check(name, np.asarray(value), "finite", lambda x: True, every=True))
 
 
-def positive(name: str, value: object, *, every: bool = False) -> Any:
+def positive(name: str, value: object, *bounds: Any, every: bool = False) -> Any:
     """Return a number that is finite and above zero, or an array if `every` element must be so; raise
-    `ValueError` for anything else."""
-    return _check(name, value, "positive and finite", lambda x: x > 0, every)
+    `ValueError` for anything else. `bounds` are those of `within`."""
+    value = _check(name, value, "positive and finite", lambda x: x > 0, every)
+    return within(name, value, *bounds, every=every) if bounds else value
 
 
 def count(name: str, value: Any, least: int = 1, most: int = _MOST) -> int:
@@ -239,9 +240,10 @@ def seed(name: str, value: object) -> int:
     return count(name, value, 0, _SEEDS)
 
 
-def not_negative(name: str, value: object, *, every: bool = False) -> Any:
+def not_negative(name: str, value: object, *bounds: Any, every: bool = False) -> Any:
     """As `positive`, where zero is allowed as well."""
-    return _check(name, value, "zero or positive, and finite", lambda x: x >= 0, every)
+    value = _check(name, value, "zero or positive, and finite", lambda x: x >= 0, every)
+    return within(name, value, *bounds, every=every) if bounds else value
 
 
 def within(name: str, value: object, low: float, high: float, unit: str = "", *, every: bool = False) -> Any:
@@ -253,14 +255,13 @@ def within(name: str, value: object, low: float, high: float, unit: str = "", *,
 
 def tolerance(name: str, value: object) -> Any:
     """Return the tolerance or the rate of a model; raise `ValueError` unless it is above 0 and at most 1."""
-    positive(name, value)
-    return within(name, value, LEAST_TOLERANCE, 1.0)
+    return positive(name, value, LEAST_TOLERANCE, 1.0)
 
 
-def set_checked(thing: Any, check: Callable[..., Any], *names: str, **bounds: Any) -> None:
-    """Put what a check returns in the place of fields of a frozen object."""
-    for name in names:
-        object.__setattr__(thing, name, check(name, getattr(thing, name), **bounds))
+def set_checked(thing: Any, check: Callable[..., Any], names: str, *bounds: Any) -> None:
+    """Put what a check returns in the place of fields of a frozen object; `names` are separated by spaces."""
+    for name in names.split():
+        object.__setattr__(thing, name, check(name, getattr(thing, name), *bounds))
 
 
 def at_most(name: str, value: object, most: object, of: str) -> None:

@@ -112,7 +112,7 @@ class Risk:
     name: str
 
     def __post_init__(self) -> None:
-        checks.set_checked(self, checks.within, "share", low=0.0, high=1.0)
+        checks.set_checked(self, checks.within, "share", 0.0, 1.0)
         checks.instance("name", self.name, str)
 
     @staticmethod
@@ -170,8 +170,8 @@ class Worth:
     """Most runs, with the pendulum and without, by the nonlinear equations; default all of the ensemble."""
 
     def __post_init__(self) -> None:
-        shares = ("at_least", "worse") if self.strikes is None else ("at_least", "worse", "strikes")
-        checks.set_checked(self, checks.within, *shares, low=0.0, high=1.0)
+        shares = "at_least worse" if self.strikes is None else "at_least worse strikes"
+        checks.set_checked(self, checks.within, shares, 0.0, 1.0)
         if self.runs is not None:
             checks.set_checked(self, checks.count, "runs")
 

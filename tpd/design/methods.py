@@ -241,7 +241,7 @@ class Method(ABC):
     """Bound on the steps of each search."""
 
     def __post_init__(self) -> None:
-        checks.set_checked(self, checks.count, "searches", "screening", "steps")
+        checks.set_checked(self, checks.count, "searches screening steps")
 
     @abstractmethod
     def search(

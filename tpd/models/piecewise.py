@@ -37,9 +37,9 @@ class Piecewise(AbstractModel):
     most_periods: ClassVar[int] = 100_000
 
     def __check_init__(self) -> None:
-        checks.set_checked(self, checks.count, "max_periods", "max_events", most=self.most_periods)
-        checks.set_checked(self, checks.count, "lyapunov_periods", least=0, most=10_000)
-        checks.set_checked(self, checks.tolerance, "tolerance", "rest_rate")
+        checks.set_checked(self, checks.count, "max_periods max_events", 1, self.most_periods)
+        checks.set_checked(self, checks.count, "lyapunov_periods", 0, 10_000)
+        checks.set_checked(self, checks.tolerance, "tolerance rest_rate")
 
     def check(self, p: Parameters) -> None:
         """Every valid set of parameters is representable."""

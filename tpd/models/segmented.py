@@ -101,9 +101,9 @@ class Segmented(AbstractModel):
 
     def __check_init__(self) -> None:
         checks.instance("terms", self.terms, Terms)
-        checks.set_checked(self, checks.tolerance, "rtol", "cycle_rtol", "tolerance", "rest_rate")
-        checks.set_checked(self, checks.count, "max_periods", most=self.most_periods)
-        checks.set_checked(self, checks.count, "max_events", "max_steps", most=100_000)
+        checks.set_checked(self, checks.tolerance, "rtol cycle_rtol tolerance rest_rate")
+        checks.set_checked(self, checks.count, "max_periods", 1, self.most_periods)
+        checks.set_checked(self, checks.count, "max_events max_steps", 1, 100_000)
 
     @property
     def round_off(self) -> float:

@@ -73,10 +73,10 @@ class Smoothed(AbstractModel):
 
     def __check_init__(self) -> None:
         checks.instance("terms", self.terms, Terms)
-        checks.set_checked(self, checks.within, "sharpness", low=1e-6, high=1.0)
-        checks.set_checked(self, checks.tolerance, "rtol", "cycle_rtol", "tolerance")
-        checks.set_checked(self, checks.count, "max_periods", most=self.most_periods)
-        checks.set_checked(self, checks.count, "max_steps", "samples", most=100_000)
+        checks.set_checked(self, checks.within, "sharpness", 1e-6, 1.0)
+        checks.set_checked(self, checks.tolerance, "rtol cycle_rtol tolerance")
+        checks.set_checked(self, checks.count, "max_periods", 1, self.most_periods)
+        checks.set_checked(self, checks.count, "max_steps samples", 1, 100_000)
 
     @property
     def round_off(self) -> float:
@@ -98,7 +98,7 @@ class Smoothed(AbstractModel):
         least, told = 1e-3, " in the smoothed model: take `Piecewise`"
         if self.terms is Terms.nonlinear:
             least, told = 1.0, " in the smoothed equations (4): take `Segmented`"
-        checks.within("e", p.velocity_ratio, least, 1.0, told)
+        checks.within("e", p.velocity_ratio, least, 1.0, told, every=True)
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Integrate from `y0` at tau = 0, one forcing period after another, until they repeat."""

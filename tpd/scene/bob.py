@@ -44,8 +44,8 @@ class Bob:
 
     def __post_init__(self) -> None:
         checks.one_of("shape", self.shape, SHAPES)
-        checks.set_checked(self, checks.within, "density", low=100.0, high=25000.0, unit=" kg/m^3")
-        checks.set_checked(self, checks.within, "aspect", low=0.1, high=20.0)
+        checks.set_checked(self, checks.within, "density", 100.0, 25000.0, " kg/m^3")
+        checks.set_checked(self, checks.within, "aspect", 0.1, 20.0)
 
     def __str__(self) -> str:
         material = "steel" if self.density == STEEL else f"{self.density:g} kg/m³"

@@ -377,7 +377,7 @@ def check_half_widths(half_widths: Mapping[str, float]) -> dict[str, float]:
 def check_reach(spread: Any) -> None:
     """Turn the spreads of initial states of an object into floats; raise `ValueError` for one that is
     negative or too large."""
-    checks.set_checked(spread, checks.not_negative, "tilt", "tilt_rate", "swing", "swing_rate")
+    checks.set_checked(spread, checks.not_negative, "tilt tilt_rate swing swing_rate")
     checks.at_most("tilt", spread.tilt, 1.0, "a block that stands on its corner")
     checks.at_most("swing", spread.swing, 0.5 * np.pi, "a right angle in rad")
     for name in ("tilt_rate", "swing_rate"):

@@ -194,11 +194,9 @@ class Pulse(GroundMotion):
 
     def __post_init__(self) -> None:
         checks.one_of("kind", self.kind, tuple(PULSES))
-        checks.set_checked(self, checks.within, "acceleration", low=0.0, high=GREATEST_PULSE, unit=" m/s^2")
-        checks.set_checked(
-            self, checks.within, "frequency", low=FREQUENCIES[0], high=FREQUENCIES[1], unit=" Hz"
-        )
-        checks.set_checked(self, checks.number, "cycles", "phase")
+        checks.set_checked(self, checks.not_negative, "acceleration", 0.0, GREATEST_PULSE, " m/s^2")
+        checks.set_checked(self, checks.positive, "frequency", *FREQUENCIES, " Hz")
+        checks.set_checked(self, checks.number, "cycles phase")
         if PULSES[self.kind].is_train:
             # The number of periods shapes the arrays.
             whole = checks.is_concrete(self.cycles) and self.cycles == round(self.cycles)

@@ -54,7 +54,7 @@ class Record(GroundMotion):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "acceleration", _samples(self.acceleration))
-        checks.set_checked(self, checks.within, "dt", low=STEPS[0], high=STEPS[1], unit=" s")
+        checks.set_checked(self, checks.within, "dt", *STEPS, " s")
         checks.set_checked(self, checks.number, "scale")
         for name in ("name", "event"):
             checks.instance(name, getattr(self, name), str)

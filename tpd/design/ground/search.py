@@ -40,8 +40,8 @@ class GroundSearch:
     """Designs that follow one by one."""
 
     def __post_init__(self) -> None:
-        checks.set_checked(self, checks.count, "starts", least=4)
-        checks.set_checked(self, checks.count, "steps", least=0)
+        checks.set_checked(self, checks.count, "starts", 4)
+        checks.set_checked(self, checks.count, "steps", 0)
 
 
 class Evaluated(NamedTuple):
