@@ -116,7 +116,8 @@ class Ensemble:
         for name, width in check_half_widths(self.half_widths).items():
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, width)
-        ramps = self.ramps if isinstance(self.ramps, (tuple, list)) or np.ndim(self.ramps) else (self.ramps,)
+        ramps = checks.plain("ramps", self.ramps)
+        ramps = ramps if isinstance(ramps, (tuple, list)) or np.ndim(ramps) else (ramps,)
         if not len(ramps):
             raise ValueError("`ramps` must hold at least one duration, but is empty")
         object.__setattr__(self, "ramps", tuple(checks.not_negative("ramps", ramp) for ramp in ramps))

@@ -298,14 +298,14 @@ class Descent(Method):
         if self.model is not None and not smooth and not isinstance(self.model, Piecewise):
             raise ValueError(
                 "`model` must be Smoothed() with linear terms, or Piecewise(), whose symmetric orbits are "
-                f"known, but is {self.model!r}"
+                f"known, but is {checks.shown(self.model)}"
             )
         if isinstance(self.optimiser, str):
             checks.one_of("optimiser", self.optimiser, tuple(OPTIMISERS))
         elif not isinstance(self.optimiser, optax.GradientTransformation):
             raise ValueError(
                 f"`optimiser` must be a transformation of optax, or one of {', '.join(OPTIMISERS)}, but is "
-                f"{self.optimiser!r}"
+                f"{checks.shown(self.optimiser)}"
             )
         else:
             self.taken(1)

@@ -5,14 +5,16 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, ClassVar
 
-import equinox as eqx
 from jaxtyping import Array, Float
 
 from tpd.core import checks
 from tpd.models import compiled_linear
-from tpd.models.base import AbstractModel, Cycle, Settled
+from tpd.models.base import AbstractModel, Cycle, Settled, setting
 from tpd.scene.parameters import Number, Parameters, State
 from tpd.scene.status import Status
+
+EXACT_PERIODS = 100_000
+"""Most forcing periods in one call: half a second of work, or some seconds with many events."""
 
 
 class Piecewise(AbstractModel):
@@ -24,22 +26,17 @@ class Piecewise(AbstractModel):
     processor, one motion after another, also where JAX has another device: see `tpd.models.calling`.
     """
 
-    max_periods: checks.Whole = eqx.field(default=500, static=True, kw_only=True)
+    max_periods: checks.Whole = setting("max_periods", checks.count, 500, 1, EXACT_PERIODS)
     """Forcing periods to follow before giving up on a repetition."""
-    max_events: checks.Whole = eqx.field(default=2000, static=True, kw_only=True)
+    max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, EXACT_PERIODS)
     """Bound on the steps and events of one forcing period."""
-    tolerance: checks.Real = eqx.field(default=1e-6, static=True, kw_only=True)
+    tolerance: checks.Real = setting("tolerance", checks.tolerance, 1e-6)
     """Repetition error at which following ends and Newton's method takes over."""
-    rest_rate: checks.Real = eqx.field(default=2e-7, static=True, kw_only=True)
-    lyapunov_periods: checks.Whole = eqx.field(default=100, static=True, kw_only=True)
+    rest_rate: checks.Real = setting("rest_rate", checks.tolerance, 2e-7)
+    lyapunov_periods: checks.Whole = setting("lyapunov_periods", checks.count, 100, 0, 10_000)
     """Periods over which the separation of neighbours is measured, should a motion not repeat."""
 
-    most_periods: ClassVar[int] = 100_000
-
-    def __check_init__(self) -> None:
-        checks.set_checked(self, checks.count, "max_periods max_events", 1, self.most_periods)
-        checks.set_checked(self, checks.count, "lyapunov_periods", 0, 10_000)
-        checks.set_checked(self, checks.tolerance, "tolerance rest_rate")
+    most_periods: ClassVar[int] = EXACT_PERIODS
 
     def check(self, p: Parameters) -> None:
         """Every valid set of parameters is representable."""

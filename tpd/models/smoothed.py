@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from tpd.core import checks
 from tpd.exact.terms import SWING, TILT, TILT_RATE
-from tpd.models.base import AbstractModel, Cycle, Settled
+from tpd.models.base import MOST_PERIODS, AbstractModel, Cycle, Settled, setting
 from tpd.models.settling import Period, settle
 from tpd.scene.parameters import Number, Parameters, State
 from tpd.scene.status import Status
@@ -53,30 +53,26 @@ class Smoothed(AbstractModel):
 
     terms: Terms = eqx.field(default=Terms.linear, static=True, kw_only=True)
     """Linear (25), with its parametric term, or nonlinear (4)."""
-    sharpness: checks.Real = eqx.field(default=0.002, static=True, kw_only=True)
+    sharpness: checks.Real = setting("sharpness", checks.within, 0.002, 1e-6, 1.0)
     """Smoothing width over the expected tilt; smaller is more accurate and slower. Below 3e-6 the solver no
     longer resolves derivatives in the layer, though the amplitude is right; below 1e-4 it may run out of
     steps on a resting block, and steps may pass over impacts, so that a motion does not settle."""
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5, kw_only=True)
     """Integrates transients and trajectories; the settled period uses `Dopri8`."""
-    rtol: checks.Real = eqx.field(default=1e-6, static=True, kw_only=True)
+    rtol: checks.Real = setting("rtol", checks.tolerance, 1e-6)
     """Relative tolerance of transients and trajectories; absolute is a hundredth of it."""
-    cycle_rtol: checks.Real = eqx.field(default=1e-12, static=True, kw_only=True)
+    cycle_rtol: checks.Real = setting("cycle_rtol", checks.tolerance, 1e-12)
     """Relative tolerance of the settled period, whose derivatives are used."""
-    tolerance: checks.Real = eqx.field(default=1e-4, static=True, kw_only=True)
+    tolerance: checks.Real = setting("tolerance", checks.tolerance, 1e-4)
     """Repetition error at which following ends and Newton's method takes over."""
-    max_periods: checks.Whole = eqx.field(default=400, static=True, kw_only=True)
-    max_steps: checks.Whole = eqx.field(default=4096, static=True, kw_only=True)
+    max_periods: checks.Whole = setting("max_periods", checks.count, 400, 1, MOST_PERIODS)
+    max_steps: checks.Whole = setting("max_steps", checks.count, 4096, 1, 100_000)
     """Bound on the solver steps of one forcing period."""
-    samples: checks.Whole = eqx.field(default=64, static=True, kw_only=True)
+    samples: checks.Whole = setting("samples", checks.count, 64, 1, 100_000)
     """Samples of one settled period, among which turning points are bracketed."""
 
     def __check_init__(self) -> None:
         checks.instance("terms", self.terms, Terms)
-        checks.set_checked(self, checks.within, "sharpness", 1e-6, 1.0)
-        checks.set_checked(self, checks.tolerance, "rtol cycle_rtol tolerance")
-        checks.set_checked(self, checks.count, "max_periods", 1, self.most_periods)
-        checks.set_checked(self, checks.count, "max_steps samples", 1, 100_000)
 
     @property
     def round_off(self) -> float:

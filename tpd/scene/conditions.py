@@ -62,6 +62,9 @@ class Conditions:
             checks.one_of("factors", name, FACTORS)
             checks.positive(name, values, every=True)
         object.__setattr__(self, "factors", factors)
+        checks.instance("motions", self.motions, tuple)
+        if self.which is not None:
+            checks.array("which", self.which, (-1,), "a vector of indices of motions")
         lengths = sorted({len(values) for values in (*self.factors.values(), *self._chosen)})
         if len(lengths) > 1:
             raise ValueError(f"`factors` must be of one length, but have lengths {lengths}")
@@ -263,6 +266,8 @@ class Conditions:
         each = checks.array("scales", listed_scales, (-1,), "a vector of numbers")
         checks.positive("scales", each, every=True)
         samples, stated = checks.count("samples", samples), tuple(map(float, each))
+        seed, scatter = checks.seed("seed", seed), {} if scatter is None else scatter
+        checks.instance("scatter", scatter, Mapping)
         # The motion varies slowest, so that runs of one record stand together in the batch.
         each = np.repeat(each, samples)
         factors = {"amplitude": np.tile(each, len(listed))}

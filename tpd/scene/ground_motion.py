@@ -78,7 +78,7 @@ class GroundMotion:
         """Acceleration (m/s^2) at `times` in s; zero before and after the motion."""
         at = checks.each("times", times)
         c, share = np.asarray(self.pieces()), at / float(self.piece)
-        i = np.clip(np.floor(share).astype(int), 0, len(c) - 1)
+        i = np.clip(np.floor(share), 0, len(c) - 1).astype(int)
         x = share - i
         values = c[i, 0] + x * (c[i, 1] + x * (c[i, 2] + x * c[i, 3]))
         return np.where((share < 0.0) | (share > len(c)), 0.0, values) * float(self.pga)
