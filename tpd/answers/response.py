@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -110,6 +111,8 @@ def branches(
             than 8 samples.
         RuntimeError: JAX is in 32-bit mode.
     """
+    low, high = checks.interval("(low, high)", (low, high), -math.inf, math.inf)
+    samples = checks.count("samples", samples, 8, 100_000)
     found = tuple(bifurcations(subject, name, low, high, samples=samples, pendulum=pendulum))
     axis = Axis.of(subject, name, pendulum)
     near = (high - low) / (samples - 1) * np.concatenate([-_TOWARDS, _TOWARDS])

@@ -61,9 +61,9 @@ def in_chunks(
     Raises:
         ValueError: an empty batch, leaves of different lengths, or a chunk or workers below one.
     """
-    checks.function("function", function)
+    checks.function("function", function, optional=False)
     checks.function("progress", progress)
-    chunk = _chunk(function, batch) if chunk is None else chunk
+    chunk = _chunk(function, batch) if chunk is None else checks.count("chunk", chunk)
     part_of, length = _parts(batch, chunk)
     compiled = _compiled(function)
     cores = (os.cpu_count() or 1) if workers is None else checks.count("workers", workers)
@@ -121,7 +121,6 @@ def elements(batch: Any) -> tuple[Callable[[Any], Any], int]:
 
 def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
     """The chunk from some element on, filled up with the last one, and how many elements there are."""
-    checks.count("chunk", chunk)
     elements_at, length = elements(batch)
 
     def part_of(begin: int) -> Any:

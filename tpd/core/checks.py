@@ -139,9 +139,9 @@ def optional(name: str, value: object, of: type | tuple[type, ...]) -> None:
         instance(name, value, of)
 
 
-def function(name: str, value: object) -> None:
-    """Raise `ValueError` unless `value` can be called, or is None."""
-    if value is not None and not callable(value):
+def function(name: str, value: object, *, optional: bool = True) -> None:
+    """Raise `ValueError` unless `value` can be called, or is None where that is allowed."""
+    if not (callable(value) or (optional and value is None)):
         raise ValueError(f"`{name}` must be a function, but is {shown(value)}")
 
 

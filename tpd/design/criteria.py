@@ -9,7 +9,7 @@ angle and the design, `of_motion = False`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
@@ -515,7 +515,8 @@ def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
         ValueError: something that is not a limit, or two limits of one kind.
     """
     # Two limits of one kind would leave open which of them a report means.
-    if not isinstance(limits, Iterable) or isinstance(limits, str):
+    given = isinstance(limits, Iterable) and not isinstance(limits, (str, bytes, Mapping))
+    if not given or checks.is_concrete(limits):
         raise ValueError(f"`limits` must be a list of objects of `tpd.limits`, but is {checks.shown(limits)}")
     listed = tuple(limits)
     for limit in listed:

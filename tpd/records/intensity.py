@@ -38,7 +38,7 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
         raise ValueError(f'`period` belongs to `intensity="sa"`, but they are {period} and {name!r}')
     unit = checks.positive("gravity", gravity) * checks.plain("block", block.slenderness, single=True)
     if period is not None:
-        own = checks.positive("period", period)
+        own = checks.positive("period", period, 1e-3, 1e3, " s")
         return Intensity(f"Sa({own:g} s)", "m/s^2", lambda m: spectral_acceleration(m, own))
 
     def relative_velocity(motion: GroundMotion) -> float:

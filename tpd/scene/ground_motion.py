@@ -76,7 +76,7 @@ class GroundMotion:
 
     def acceleration_at(self, times: Any) -> np.ndarray:
         """Acceleration (m/s^2) at `times` in s; zero before and after the motion."""
-        at = checks.each("times", times)
+        at = np.clip(checks.each("times", times), -1e9, 1e9)
         c, share = np.asarray(self.pieces()), at / float(self.piece)
         i = np.clip(np.floor(share), 0, len(c) - 1).astype(int)
         x = share - i

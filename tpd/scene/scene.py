@@ -195,6 +195,7 @@ class Pendulum:
 
     def hinge_damping(self, gravity: Real = STANDARD_GRAVITY) -> Real:
         """Moment of the hinge per angular rate, N m s/rad: 2 zeta m l^1.5 g^0.5."""
+        gravity = checks.positive("gravity", gravity)
         return 2.0 * self.damping_ratio * self.mass * self.length**1.5 * gravity**0.5
 
 
