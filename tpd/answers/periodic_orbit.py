@@ -25,7 +25,7 @@ from tpd.exact.terms import GRAZING, NEAR_FOLD, SLIP, is_neutral
 from tpd.models.compiled_linear import NAMES
 from tpd.models.compiled_orbits import row_of
 from tpd.models.multiple_shooting import Cycle, Orbit, polish, recorded, traverse
-from tpd.scene.parameters import Parameters, as_arrays, check_parameters
+from tpd.scene.parameters import Parameters, as_arrays, check_parameters, single
 from tpd.scene.status import Status
 
 MAX_EVENTS = 64
@@ -180,7 +180,7 @@ def _answered(
     p: Parameters, start: Callable[..., Start], size: int, periods: ArrayLike, *operands: ArrayLike
 ) -> PeriodicOrbit:
     """The orbit with the sequence of at most `size` arcs that `start` makes of the operands."""
-    x, solve, many = row_of(as_arrays(p)), partial(_solved, start, size), _ALL + 10 * size
+    x, solve, many = row_of(as_arrays(single(p))), partial(_solved, start, size), _ALL + 10 * size
     given = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, periods, *operands)]
     # What is known, outside of programs and under `grad` there, needs no program of JAX.
     if all(map(checks.is_concrete, given)):

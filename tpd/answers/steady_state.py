@@ -169,7 +169,7 @@ def simulate(
         raise ValueError("`times` must increase and be finite, but do not")
     # Ctrl-C waits for compiled code to return.
     checks.count("number of times", clock.size, most=_MOST_TIMES)
-    p, longest = single(p), f"{model.most_periods} forcing periods: continue from the last state"
+    p, longest = single(p), f"{model.most_periods} forcing periods in one call"
     checks.at_most("times[-1] - times[0]", clock[-1] - clock[0], model.most_periods * p.period, longest)
     clock = jnp.asarray(clock)
     ys, status = _trajectory(as_arrays(p), model, checks.state(y0), clock)

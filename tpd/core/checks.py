@@ -113,8 +113,8 @@ def shown(value: object) -> str:
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
-def instance(name: str, value: object, of: type | tuple[type, ...], hint: str = "") -> None:
-    """Raise `ValueError` unless `value` is an object of a class `of`, or of one of several.
+def instance(name: str, value: Any, of: type | tuple[type, ...], hint: str = "") -> Any:
+    """Return an object of a class `of`, or of one of several; raise `ValueError` for anything else.
 
     Args:
         name: of the argument.
@@ -123,7 +123,7 @@ def instance(name: str, value: object, of: type | tuple[type, ...], hint: str = 
         hint: end of the message, such as ": take `scene.parameters()`".
     """
     if isinstance(value, of):
-        return
+        return value
     classes = of if isinstance(of, tuple) else (of,)
     names = " or ".join(c.__name__.removeprefix("Abstract") for c in classes)
     if inspect.isclass(value) and issubclass(value, classes):

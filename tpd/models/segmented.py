@@ -80,7 +80,7 @@ class Segmented(AbstractModel):
     not refused as those of the exact model are.
     """
 
-    terms: Terms = eqx.field(default=Terms.nonlinear, static=True, kw_only=True)
+    terms: Terms = setting("terms", checks.instance, Terms.nonlinear, Terms)
     """Linear (25), with its parametric term, or nonlinear (4)."""
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5, kw_only=True)
     """Integrates transients and trajectories; the settled period uses `Dopri8`."""
@@ -98,9 +98,6 @@ class Segmented(AbstractModel):
     """Bound on the segments of one forcing period."""
     max_steps: checks.Whole = setting("max_steps", checks.count, 4096, 1, 100_000)
     """Bound on the solver steps of one segment."""
-
-    def __check_init__(self) -> None:
-        checks.instance("terms", self.terms, Terms)
 
     @property
     def round_off(self) -> float:

@@ -51,7 +51,7 @@ class Smoothed(AbstractModel):
 
     HUM = 10.0
 
-    terms: Terms = eqx.field(default=Terms.linear, static=True, kw_only=True)
+    terms: Terms = setting("terms", checks.instance, Terms.linear, Terms)
     """Linear (25), with its parametric term, or nonlinear (4)."""
     sharpness: checks.Real = setting("sharpness", checks.within, 0.002, 1e-6, 1.0)
     """Smoothing width over the expected tilt; smaller is more accurate and slower. Below 3e-6 the solver no
@@ -70,9 +70,6 @@ class Smoothed(AbstractModel):
     """Bound on the solver steps of one forcing period."""
     samples: checks.Whole = setting("samples", checks.count, 64, 1, 100_000)
     """Samples of one settled period, among which turning points are bracketed."""
-
-    def __check_init__(self) -> None:
-        checks.instance("terms", self.terms, Terms)
 
     @property
     def round_off(self) -> float:
