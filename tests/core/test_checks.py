@@ -302,6 +302,8 @@ CALLS = {
     "Conditions({}, which=3)": "`which` must be a vector of indices of motions",
     "hung.hinge_damping('x')": "`gravity` must be a number, but is 'x'",
     'Terms("x")': "`terms` must be one of linear, parametric, nonlinear, but is 'x'",
+    "in_chunks(jnp.sin, masked)": "`batch` must have no masked elements",
+    "in_chunks(jnp.sin, wave.astype('m8[s]'))": "`batch` must be arrays of numbers",
     "in_chunks(None, np.zeros(3))": "`function` must be a function, but is None",
     # Absurd values.
     "Ensemble(tilt_rate=1e300)": "`tilt_rate` must be at most 10, ten times the rate that overturns",
@@ -372,7 +374,6 @@ ALIKE = {
     "repr(Piecewise(max_periods=A, lyapunov_periods=A))": COUNT,
     "repr(Sequential(searches=A))": COUNT,
     "Conditions.around(scene, frequency=A).factor_rows()": SHARE,
-    "scene.pendulum(mass_ratio=A, length_ratio=A, damping_ratio=A)": SHARE,
 }
 """Calls with an array or a number A, and the numbers that A is in all forms."""
 

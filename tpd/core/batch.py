@@ -110,13 +110,21 @@ def elements(batch: Any) -> tuple[Callable[[Any], Any], int]:
         ValueError: an empty batch, or leaves of different lengths.
     """
     leaves, structure = jax.tree.flatten(batch)
-    arrays = [np.asarray(x) for x in leaves]
+    arrays = [_array(x) for x in leaves]
     lengths = {len(x) for x in arrays if x.ndim}
     if len(lengths) != 1 or 0 in lengths:
         raise ValueError(
             f"`batch` must be arrays of one length above zero, but has lengths {sorted(lengths)}"
         )
     return lambda at: jax.tree.unflatten(structure, [x[at] if x.ndim else x for x in arrays]), lengths.pop()
+
+
+def _array(leaf: Any) -> np.ndarray:
+    """An array of a batch as JAX takes it. Floats have 64 bits; whole numbers stay what they are."""
+    array, plain = np.asarray(leaf), checks.plain("batch", leaf)
+    if array.dtype.kind in "mMOSU":
+        raise ValueError(f"`batch` must be arrays of numbers, but has {checks.shown(array)}")
+    return np.asarray(plain) if array.dtype.kind == "f" else array
 
 
 def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
