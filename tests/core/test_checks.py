@@ -317,9 +317,9 @@ CALLS = {
     "fragility(block, [record], scales=[1.0], intensity='sa', period=1e300)": "`period` must be between",
     # Work that Ctrl-C could not stop.
     "simulate(p, np.zeros(4), [0.0, 1e9])": "100000 forcing periods in one call, but is 1e+09",
-    "simulate(p, np.zeros(4), [0.0, 1e6], model=Smoothed())": "2000 forcing periods in one call",
+    "simulate(p, np.zeros(4), [0.0, 1e6], model=Smoothed())": "800 forcing periods in one call",
     "Piecewise(max_periods=10**6)": "`max_periods` must be a whole number, 1 to 100000, but is 1e+06",
-    "Segmented(max_periods=10**6)": "`max_periods` must be a whole number, 1 to 2000, but is 1e+06",
+    "Segmented(max_periods=10**6)": "`max_periods` must be a whole number, 1 to 800, but is 1e+06",
     "transient(shaken, max_events=10**7)": "`max_events` must be a whole number, 1 to 1000000, but is 1e+07",
 }
 

@@ -210,3 +210,10 @@ def test_impacts_without_a_smoothed_counterpart_are_refused(call, terms, e, mess
 def test_settings_out_of_range_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         Smoothed(**options)
+
+
+def test_a_trajectory_that_overturns_long_before_its_end_comes_to_an_end():
+    p = Parameters(nu=0.25, mu=0.1, lam=0.5, zeta=0.1, k=0.05, f=0.5, xi=2.5)
+    motion = simulate(p, np.zeros(4), [0.0, 0.5, 500.0], model=Smoothed())
+    assert status_name(motion.status) == "overturned"
+    assert np.isfinite(motion.ys[:2]).all()

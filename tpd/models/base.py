@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from tpd.scene.parameters import Number, Parameters, State
 from tpd.scene.status import Status
 
-MOST_PERIODS = 2000
+MOST_PERIODS = 800
 """Most forcing periods in one call of a model, by default."""
 
 

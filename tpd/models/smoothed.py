@@ -21,6 +21,8 @@ from tpd.scene.parameters import Number, Parameters, State
 from tpd.scene.status import Status
 from tpd.theory.equations import Equations, Linear, Terms, smoothed_rates
 
+_MOST_STEPS = 1_000_000
+"""Most steps of a trajectory."""
 _ABSURD = 1e3
 """rad (and rad per unit tau): far beyond any angle that means something."""
 
@@ -135,9 +137,12 @@ class Smoothed(AbstractModel):
     ) -> tuple[Float[Array, "times 4"], Status]:
         """The smoothed states at `times`, from `y0` at `times[0]`."""
         field = smoothed_rates(p, *self.widths(p), self.terms)
-        ys, _ = self._integrate(field, y0, times, max_steps=None)
+        # Without an end the steps of a motion that overturns would shrink for ever.
+        absurd = diffrax.Event(lambda t, y, args, **_: jnp.abs(y[TILT]) > _ABSURD)
+        ys, bounded = self._integrate(field, y0, times, until=absurd, max_steps=_MOST_STEPS)
         lost = ~(jnp.max(jnp.abs(ys[:, TILT])) < Equations(p, self.terms).beyond_return)
-        return ys, Status.where(lost, Status.overturned, Status.rocking)
+        status = Status.where(lost, Status.overturned, Status.rocking)
+        return ys, Status.where(bounded, status, Status.event_bound)
 
     def _integrate(
         self,
@@ -147,23 +152,23 @@ class Smoothed(AbstractModel):
         *,
         precise: bool = False,
         until: diffrax.Event | None = None,
-        max_steps: int | None = -1,
+        max_steps: int | None = None,
     ) -> tuple[Float[Array, "saved 4"], Bool[Array, ""]]:
-        """States at `times`, or the one where the event `until` ends the motion, and whether the
-        bound on the steps was kept."""
+        """States at `times`, of a `precise` motion with an event the one where it ends the motion, and
+        whether the bound on the steps was kept."""
         rtol = self.cycle_rtol if precise else self.rtol
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(field),
             diffrax.Dopri8() if precise else self.solver,
             times[0],
             times[-1],
-            1e-3 * (times[-1] - times[0]) / (1.0 if until is None else 10.0),
+            1e-3 * (times[-1] - times[0]) / (10.0 if precise and until is not None else 1.0),
             y,
-            saveat=diffrax.SaveAt(ts=times) if until is None else diffrax.SaveAt(t1=True),
+            saveat=diffrax.SaveAt(t1=True) if precise and until is not None else diffrax.SaveAt(ts=times),
             stepsize_controller=diffrax.PIDController(rtol=rtol, atol=0.01 * rtol),
             adjoint=diffrax.ForwardMode(),
             event=until,
-            max_steps=self.max_steps if max_steps == -1 else max_steps,
+            max_steps=self.max_steps if max_steps is None else max_steps,
             throw=False,
         )
         ys: Any = solution.ys
