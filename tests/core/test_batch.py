@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import threading
 
 import equinox as eqx
 import jax
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from tpd import Parameters, Piecewise, Smoothed, Status, in_chunks, steady_state
-from tpd.core.batch import CHUNK, UNEVEN, aside, prepare
+from tpd.core.batch import CHUNK, UNEVEN, aside, prepare, shared
 from tpd.core.batch import _chunk as default_chunk
 
 LENGTH = 101
@@ -187,3 +188,22 @@ def test_the_interpreter_waits_for_what_goes_on_aside():
         [sys.executable, "-c", work + "; raise SystemExit(3)"], capture_output=True, text=True
     )
     assert (ended.returncode, ended.stdout.strip(), ended.stderr) == (3, "done", "")
+
+
+def interrupt(done, of):
+    """Stand for Ctrl-C while the main thread waits."""
+    raise KeyboardInterrupt
+
+
+def test_after_ctrl_c_no_further_piece_of_work_begins():
+    begun, never = [], threading.Event()
+
+    def run(first, last):
+        begun.append(first)
+        never.wait(0.005)
+        return last - first
+
+    with pytest.raises(KeyboardInterrupt):
+        shared(run, 2000, 2, interrupt, piece=(1, 1))
+    # As many as began while the others were handed in.
+    assert len(begun) < 1000

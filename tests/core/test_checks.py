@@ -38,15 +38,81 @@ def made(kind, **given):
             Pendulum: dict(mass=1.0, length=0.1, damping_ratio=0.1),
             Parameters: dict(nu=0.25, mu=0.1, lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=3.0)}
     return kind(**{**good[kind], **given})
+class Quantity:
+    # A number or an array with a unit, as astropy has it.
+    def __init__(self, value, unit):
+        self.value, self.unit = value, unit
+    def __array__(self, dtype=None, copy=None):
+        return np.asarray(self.value, dtype)
+    def __float__(self):
+        return float(self.value)
+    def __repr__(self):
+        return f"<Quantity {self.value} {self.unit}>"
+class Pint(Quantity):
+    # As pint has it.
+    magnitude = property(lambda self: self.value)
+    units = property(lambda self: self.__dict__["unit"])
+class Unyt(np.ndarray):
+    # As unyt has it.
+    units = "cm"
+class Column:
+    # A column of pandas or an array of xarray with attributes.
+    attrs = {"units": "cm"}
+    def __array__(self, dtype=None, copy=None):
+        return np.zeros(4)
+unyt = np.asarray(0.1).view(Unyt)
+masked = np.ma.masked_array(wave, np.arange(50) == 3)
+one = np.array([0.25])
 jax.monitoring.register_event_duration_secs_listener(listen)
 said = {}
-for call in json.load(sys.stdin):
+calls, alike = json.load(sys.stdin)
+for call in calls:
     try:
         eval(call)
         said[call] = ["nothing", ""]
     except Exception as error:
         said[call] = [type(error).__name__, str(error)]
-print(json.dumps([said, max(compiled, default=0.0)]))
+longest = max(compiled, default=0.0)
+p = Parameters(nu=0.25, mu=0.125, lam=0.5, zeta=0.125, k=0.0625, f=0.5, xi=2.5)
+def forms(numbers):
+    # The same numbers in all forms of an array.
+    a = np.array(numbers, dtype=float)
+    wide = np.asfortranarray(np.stack([0.0 * a, a, a], axis=0))
+    forms = {"strided": np.repeat(a, 3)[::3], "column": np.stack([a, a, a], axis=1)[:, 1], "fortran": wide[1],
+             "reversed": a[::-1].copy()[::-1], "float32": a.astype("f4"), "big endian": a.astype(">f8"),
+             "of jax": jnp.asarray(a), "list": a.tolist(), "seen": np.asarray(jnp.stack([a, a], 1))[:, 1],
+             "unmasked": np.ma.masked_array(a), "longdouble": a.astype("longdouble")}
+    forms["read only"] = forms["strided"].copy().repeat(2)[::2]
+    forms["read only"].flags.writeable = False
+    if np.all(a == np.round(a)):
+        forms |= {"int": a.astype(int), "strided int": np.repeat(a.astype("i2"), 2)[::2]}
+    return a, forms
+def single(number):
+    # The same number in all forms of one number.
+    forms = {"float64": np.float64, "float32": np.float32, "array": np.array, "jax": jnp.asarray,
+             "one": lambda x: np.array([x]), "one of jax": lambda x: jnp.array([x]),
+             "longdouble": np.longdouble,
+             "big endian": lambda x: np.array(x, ">f8")}
+    if isinstance(number, int):
+        forms = {"int32": np.int32, "array": np.array, "one": lambda x: np.array([x]), "jax": jnp.asarray}
+    return number, {name: form(number) for name, form in forms.items()}
+def plain(x):
+    leaves = jax.tree.leaves(x)
+    if len(leaves) == 1 and leaves[0] is x and hasattr(x, "__dict__"):
+        leaves = jax.tree.leaves(list(vars(x).values()))
+    return [np.asarray(leaf).ravel().tolist() if hasattr(leaf, "dtype") else str(leaf) for leaf in leaves]
+different = {}
+for call, text in alike.items():
+    good, others = eval(text)
+    known = repr(plain(eval(call, globals(), {"A": good})))
+    for form, other in others.items():
+        try:
+            found = repr(plain(eval(call, globals(), {"A": other})))
+        except Exception as error:
+            found = f"{type(error).__name__}: {error}"
+        if found != known:
+            different.setdefault(call, []).append(f"{form}: {found[:200]}")
+print(json.dumps([said, longest, different]))
 """
 
 CALLS = {
@@ -116,7 +182,7 @@ CALLS = {
     'design_map(scene, ("pendulum_mass", [1.0, 20.0]), ("lam", [0.1, 0.2]), pendulum=hung)': "`pendulum_mass",
     "outcomes(scene, ensemble=Ensemble)": "`ensemble` must be a Ensemble that is made, `Ensemble(...)`",
     "verdict(scene, hung, conditions=2.5)": "`conditions` must be a Conditions, but is 2.5",
-    'check(scene, hung, stroke="wide")': "`stroke` must be positive, but is 'wide'",
+    'check(scene, hung, stroke="wide")': "`stroke` must be a number, but is 'wide'",
     # Searches.
     "optimise(p)": "`scene` must be a Scene, but is Parameters(",
     "optimise(scene, (0.01, 0.2))": "`space` must be a DesignSpace, but is (0.01, 0.2)",
@@ -142,7 +208,7 @@ CALLS = {
     "Record.read(3)": "`path` must name a file, but is 3",
     "Record.read_all(None)": "`path` must name a file, but is None",
     'record.scaled("a")': "`factor` must be a number, but is 'a'",
-    "record.acceleration_at([nan])": "`times` must be between -inf and inf, but is [nan]",
+    "record.acceleration_at([nan])": "`times` must be finite, but is [nan]",
     "record.acceleration_at(None)": "`times` must be a number, but is None",
     'Pulse.sine_train(acceleration=1.0, frequency=1.0, cycles="3")': "`cycles` must be a number, but is '3'",
     "DesignSpace(mass_ratio={0.1, 0.2})": "`mass_ratio` must be a pair of numbers (low, high), but is {0.",
@@ -154,7 +220,7 @@ CALLS = {
     "Conditions.scatter(10**12, mass=0.1)": "`size` must be a whole number, 1 to 10000000, but is 1e+12",
     "Conditions.records(None)": "`motions` must be a Sequence, but is None",
     "Conditions.records(record)": "`motions` must be a Sequence, but is Record(",
-    "Ensemble(periods=10**12)": "`periods` must be a whole number, 1 to 10000000, but is 1e+12",
+    "Ensemble(periods=10**12)": "`periods` must be a whole number, 1 to 10000, but is 1e+12",
     "limits.Stroke(np.array([0.1, 0.2]))": "`stroke` must be a single number, but is [0.1 0.2]",
     "limits.Worth(at_least=np.array([0.1, 0.2]))": "`at_least` must be a single number, but is [0.1 0.2]",
     "Smoothed(terms=3)": "`terms` must be a Terms, but is 3",
@@ -194,14 +260,130 @@ CALLS = {
     "optimise_all(scene)": "`scenes` must be a Sequence, but is Scene(",
     "optimise_all([scene, block])": "`scenes[1]` must be a Scene, but is Block(",
     "engines.mujoco(scene, 3)": "`pendulum` must be a Pendulum, but is 3",
+    # Numbers that mean more than they are.
+    'made(Block, width=Quantity(10.0, "cm"))': "`width` must be plain numbers, but is <Quantity 10.0 cm>",
+    'made(Block, mass=Pint(0.1, "t"))': "`mass` must be plain numbers, but is <Quantity 0.1 t>",
+    "made(Pendulum, length=unyt)": "`length` must be plain numbers, but is 0.1 with the unit 'cm'",
+    'made(Parameters, f=Quantity(0.3, ""))': "`f` must be plain numbers",
+    'Record(Quantity(wave, "cm/s2"), 0.01)': "with the unit 'cm/s2': convert it to the unit",
+    "Record(wave.view(Unyt), 0.01)": "`acceleration` must be plain numbers",
+    "Record(masked, 0.01)": "`acceleration` must have no masked elements",
+    "Record(wave.astype('m8[s]'), 0.01)": "`acceleration` must be an array of two accelerations or more",
+    "Record(wave, np.timedelta64(1, 's'))": "`dt` must be a number, but is np.timedelta64(1,'s')",
+    "Record(wave, 0.01, scale=np.array([1.0, 2.0]))": "`scale` must be a single number, but is [1. 2.]",
+    "steady_state(p, y0=Column())": "`y0` must be plain numbers",
+    "steady_state(p, y0=[unyt, 0, 0, 0])": "`y0` must be plain numbers",
+    "steady_state(p, y0=[np.ma.masked, 0, 0, 0])": "`y0` must have no masked elements",
+    "transient(shaken, free=Quantity(3.0, 'min'))": "`free` must be plain numbers",
+    'Pulse.one_sine(acceleration=Pint(300.0, "cm/s2"), frequency=1.0)': "`acceleration` must be plain",
+    "Ensemble(tilt=unyt)": "`tilt` must be plain numbers",
+    "Ensemble(ramps=unyt)": "`ramps` must be plain numbers",
+    "DesignSpace(mass_ratio=(unyt, 0.2))": "`mass_ratio` must be plain numbers",
+    "limits.Mass(Quantity(0.1, 't'))": "`mass` must be plain numbers",
+    "fragility(block, [record], scales=wave.view(Unyt))": "`scales` must be plain numbers",
+    # Arrays where one number is meant, and other types.
+    "critical_scale(shaken, scan=np.array([0.1, 0.2]))": "`scan` must be a single number, but is [0.1 0.2]",
+    "transient(shaken, free=jnp.array([1.0, 2.0]))": "`free` must be a single number",
+    'Pulse.mavroeidis_papageorgiou(velocity=1.0, frequency="x", cycles=2.0)': "`frequency` must be a number",
+    "Pulse.sine_train(acceleration=1.0, frequency=1.0, cycles=np.array([1, 2]))": "`cycles` must be a single",
+    "Pulse.one_sine(acceleration=np.array([1.0, 2.0]), frequency=1.0)": "`acceleration` must be a single",
+    "record.scaled(np.array([1.0, 2.0]))": "`factor` must be a single number, but is [1. 2.]",
+    "Pulse.one_sine(acceleration=1.0, frequency=1.0).scaled('x')": "`factor` must be a number, but is 'x'",
+    'record.scaled_to(pga_g="x")': "`pga_g` must be a number, but is 'x'",
+    "record.scaled_to(pga=np.array([1.0, 2.0]))": "`pga` must be a single number, but is [1. 2.]",
+    "Ensemble(ramps=np.ones((2, 2)))": "`ramps` must be a single number, but is [1. 1.]",
+    "Ensemble(ramps=[None])": "`ramps` must be a number, but is None",
+    "Risk.cvar(np.array([0.1, 0.2]))": "`share` must be a single number, but is [0.1 0.2]",
+    'Risk.cvar("x")': "`share` must be a number, but is 'x'",
+    "optimise(scene, limits={})": "`limits` must be a list of objects of `tpd.limits`, but is {}",
+    "optimise(scene, limits=np.array(0.1))": "`limits` must be a list of objects of `tpd.limits`, but is 0.1",
+    "Piecewise(max_periods=np.array([1, 2]))": "`max_periods` must be a single number, but is [1 2]",
+    "Conditions.records([record], scatter=[1])": "`scatter` must be a Mapping, but is [1]",
+    "Conditions({}, which=3)": "`which` must be a vector of indices of motions",
+    "hung.hinge_damping('x')": "`gravity` must be a number, but is 'x'",
+    'Terms("x")': "`terms` must be one of linear, parametric, nonlinear, but is 'x'",
+    "in_chunks(jnp.sin, masked)": "`batch` must have no masked elements",
+    "in_chunks(jnp.sin, wave.astype('m8[s]'))": "`batch` must be arrays of numbers",
+    "in_chunks(None, np.zeros(3))": "`function` must be a function, but is None",
+    # Absurd values.
+    "Ensemble(tilt_rate=1e300)": "`tilt_rate` must be at most 10, ten times the rate that overturns",
+    "Starts(swing_rate=1e300)": "`swing_rate` must be at most 10",
+    "made(Block, radius_of_gyration=1e-300)": "`radius_of_gyration` must be at least 0.01 of half",
+    "made(Pendulum, length=1e300)": "`length` must be between 1e-06 and 1e+06 m, but is 1e+300",
+    "made(Parameters, mu=1e300)": "`mu` must be between 0 and 1e+12, but is 1e+300",
+    "made(Parameters, xi=1e-300)": "`xi` must be between 1e-12 and 1e+12, but is 1e-300",
+    "Pulse.one_sine(acceleration=1e300, frequency=1.0)": "`acceleration` must be between 0 and 10000 m/s^2",
+    "Piecewise(tolerance=1e300)": "`tolerance` must be between 1e-16 and 1, but is 1e+300",
+    "fragility(block, [record], scales=[1.0], intensity='sa', period=1e300)": "`period` must be between",
+    # Work that Ctrl-C could not stop.
+    "simulate(p, np.zeros(4), [0.0, 1e9])": "100000 forcing periods in one call, but is 1e+09",
+    "simulate(p, np.zeros(4), [0.0, 1e6], model=Smoothed())": "800 forcing periods in one call",
+    "Piecewise(max_periods=10**6)": "`max_periods` must be a whole number, 1 to 100000, but is 1e+06",
+    "Segmented(max_periods=10**6)": "`max_periods` must be a whole number, 1 to 800, but is 1e+06",
+    "transient(shaken, max_events=10**7)": "`max_events` must be a whole number, 1 to 1000000, but is 1e+07",
 }
+
+START, TIMES, WAVE = "forms([0.0625, -0.125, 0.03125, 0.25])", "forms([0, 1, 3])", "forms([0, 3, -2, 1, 0])"
+SHARE, COUNT = "single(0.25)", "single(16)"
+ALIKE = {
+    "steady_state(p, y0=A)": START,
+    "steady_state(p, y0=A, model=Segmented())": START,
+    "simulate(p, A, [0.0, 1.0, 30.0])": START,
+    "simulate(p, [0.25, 0.0, 0.0, 0.0], A)": TIMES,
+    "periodic_orbit(p, A)": START,
+    "transient(shaken, hung, y0=A)": START,
+    "transient(shaken, hung, y0=A, model=Segmented())": START,
+    "transient(Scene(block, Record(A, 0.25)), hung)": WAVE,
+    "critical_scale(Scene(block, Record(A, 0.25)), scan=0.25)": WAVE,
+    "fragility(block, [Record(A, 0.25)], scales=[1.0, 2.0], nonlinear=False)": WAVE,
+    "fragility(block, [record], scales=A, nonlinear=False)": "forms([1, 2, 3])",
+    "rocking_spectrum(block, record, periods=A)": "forms([1, 2, 3])",
+    "overturning_spectrum(block, Pulse.ricker(acceleration=1.0, frequency=1.0), frequency_ratios=A, "
+    "acceleration_ratios=A)": "forms([1, 2, 3])",
+    "record.acceleration_at(A)": "forms([0, 0.125, 0.25])",
+    'settled_response(scene, "frequency", A)': "forms([2, 3])",
+    'sweep(scene, "frequency", A)': "forms([2, 2.5, 3])",
+    'design_map(p, ("mu", A), ("lam", [0.5, 0.75]))': "forms([0.125, 0.25])",
+    'design_map(p, ("mu", [0.1, 0.2]), ("lam", [0.5, 0.75]), start=A)': START,
+    'Conditions({"mass": A}).factor_rows()': "forms([1, 1.25])",
+    "Conditions.records([record], A).factor_rows()": "forms([1, 1.25])",
+    "DesignSpace(mass_ratio=A).bounds": "forms([0.125, 0.25])",
+    "in_chunks(jnp.sin, A)": "forms([1, 2, 3])",
+    "symmetric_orbits(Parameters(nu=A, mu=A, lam=A, zeta=A, k=0.0625, f=0.5, xi=2.5))": SHARE,
+    "periodic_orbit(Parameters(nu=A, mu=A, lam=A, zeta=A, k=0.0625, f=0.5, xi=2.5), [0.0] * 4)": SHARE,
+    "steady_state(Parameters(nu=A, mu=A, lam=A, zeta=A, k=0.0625, f=0.5, xi=2.5))": SHARE,
+    "simulate(Parameters(nu=A, mu=A, lam=A, zeta=A, k=0.0625, f=0.5, xi=2.5), [0.0] * 4, [0.0, 9.0])": SHARE,
+    "attractors(Parameters(nu=A, mu=A, lam=A, zeta=A, k=A, f=0.5, xi=2), starts=Starts(size=4))[0].steady": (
+        SHARE
+    ),
+    "transient(Scene(made(Block, width=A, height=1, mass=100), record), made(Pendulum, length=A))": SHARE,
+    "transient(shaken, free=A)": SHARE,
+    "critical_scale(shaken, scan=A)": SHARE,
+    "Record(wave, A).pgv": SHARE,
+    "Record(wave, 0.01, scale=A).pga": SHARE,
+    "record.scaled(A).pga": SHARE,
+    "record.scaled_to(pga_g=A).pga": SHARE,
+    "Pulse.mavroeidis_papageorgiou(velocity=A, frequency=A, cycles=2, phase=A).pieces()": SHARE,
+    "Pulse.sine_train(acceleration=1.0, frequency=1.0, cycles=A).pieces()": COUNT,
+    "repr(Ensemble(tilt=A, mass=A, ramps=A))": SHARE,
+    "repr(Ensemble(size=A, seed=A))": COUNT,
+    "repr(Starts(size=A))": COUNT,
+    "repr(Risk.cvar(A))": SHARE,
+    "repr((limits.Stroke(A), limits.Mass(A), limits.Worth(at_least=A), DesignSpace(damping_ratio=A)))": SHARE,
+    "repr((Piecewise(tolerance=A), Smoothed(sharpness=A), Segmented(rtol=A), Auto(tolerance=A)))": SHARE,
+    "repr(Piecewise(max_periods=A, lyapunov_periods=A))": COUNT,
+    "repr(Sequential(searches=A))": COUNT,
+    "Conditions.around(scene, frequency=A).factor_rows()": SHARE,
+}
+"""Calls with an array or a number A, and the numbers that A is in all forms."""
 
 
 @pytest.fixture(scope="module")
 def said():
-    """Answers of all calls, and the longest compilation (s)."""
+    """Answers of all calls, the longest compilation (s), and the forms of arrays that change an answer."""
     call = [sys.executable, "-W", "error", "-c", HEAD]
-    done = subprocess.run(call, input=json.dumps(list(CALLS)), capture_output=True, text=True, timeout=300)
+    asked = json.dumps([list(CALLS), ALIKE])
+    done = subprocess.run(call, input=asked, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
@@ -218,3 +400,8 @@ def test_bad_input_is_refused_in_one_sentence(said, call, message):
 def test_nothing_is_compiled_for_bad_input(said):
     """A search, an orbit or an integration takes seconds to compile; an addition of two numbers does not."""
     assert said[1] < 0.5
+
+
+@pytest.mark.parametrize("call", ALIKE)
+def test_a_number_or_an_array_in_any_form_gives_the_same_answer_to_the_last_bit(said, call):
+    assert said[2].get(call, []) == []

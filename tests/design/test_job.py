@@ -286,3 +286,20 @@ def test_a_file_of_any_editor_is_read_and_its_paths_begin_at_home(tmp_path, monk
     (tmp_path / "job.toml").write_bytes(JOB.encode("utf-16"))
     with pytest.raises(ValueError, match=r"job\.toml is not a text file in UTF-8"):
         jobs.Job.read(tmp_path / "job.toml")
+
+
+@pytest.mark.parametrize(
+    ("given", "table"),
+    [
+        ({"space": {"mass_ratio": [0.2, 0.1]}}, "space"),
+        ({"space": {"mass_ratio": [0.2, 0.1]}, "scatter": {"mass": 0.1}}, "space"),
+        ({"space": {"damping_ratio": 3.0}, "scatter": {"mass": 0.1}}, "space"),
+        ({"scatter": {"mass": 0.9}}, "scatter"),
+        ({"ensemble": {"size": 0}, "scatter": {"mass": 0.1}}, "ensemble"),
+        ({"search": {"seed": -1}}, "search"),
+    ],
+)
+def test_a_message_names_the_table_of_the_value(given, table):
+    with pytest.raises(ValueError, match=rf"^\[{table}\] `") as error:
+        jobs.job_of(given)
+    assert str(error.value).count("[") == 1 or "[0." in str(error.value)

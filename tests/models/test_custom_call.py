@@ -63,3 +63,22 @@ def test_pieces_are_shared_by_row_or_every_motion_s_own():
     assert first_coefficient(table.ctypes.data, s, 0) == (3, 8.0)
     s["record"] = -1
     assert first_coefficient(table.ctypes.data, s, 1) == (3, 12.0)
+
+
+def test_only_contiguous_arrays_of_64_bit_floats_reach_compiled_code():
+    run = custom_call.on_host(numba.cfunc("int64(int64)")(lambda address: 0))
+    good = np.zeros((3, 4))
+    fixed = good.copy()
+    fixed.flags.writeable = False
+    run(0, 3, good, fixed, np.zeros(2, SETTINGS), np.zeros(0), np.zeros(3, complex))
+    for bad in (
+        good[:, 1],
+        good.T,
+        good[::-1],
+        good.astype("f4"),
+        good.astype(">f8"),
+        good.astype(int),
+        fixed.T,
+    ):
+        with pytest.raises(TypeError, match="compiled code takes contiguous arrays of 64-bit floats"):
+            run(0, 3, good, bad)

@@ -257,3 +257,10 @@ def test_nonlinear_terms_are_compared_with_the_nonlinear_motion_and_the_parametr
     assert nonlinear.estimate < 1e-4
     assert np.isnan(parametric.estimate)
     assert status_name(nonlinear.status) == status_name(parametric.status) == "rocking"
+
+
+def test_a_trajectory_that_overturns_long_before_its_end_comes_to_an_end():
+    p = Parameters(nu=0.25, mu=0.1, lam=0.5, zeta=0.1, k=0.05, f=0.5, xi=2.5)
+    motion = simulate(p, np.zeros(4), [0.0, 0.5, 500.0], model=Smoothed())
+    assert status_name(motion.status) == "overturned"
+    assert np.isfinite(motion.ys[:2]).all()

@@ -23,7 +23,7 @@ from tpd.models.base import Settled
 from tpd.models.piecewise import Piecewise
 from tpd.models.rows import settle_all
 from tpd.models.settling import scale_of
-from tpd.scene.conditions import latin_hypercube
+from tpd.scene.conditions import check_reach, latin_hypercube
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import parameters_of
 from tpd.scene.scene import Pendulum, Scene
@@ -57,25 +57,22 @@ class Starts:
         ValueError: a size below one, or a spread below zero.
     """
 
-    size: int = 64
-    seed: int = 0
-    tilt: float = 0.8
+    size: checks.Whole = 64
+    seed: checks.Whole = 0
+    tilt: checks.Real = 0.8
     """Largest |phi|, as a share of nu."""
-    tilt_rate: float = 0.5
+    tilt_rate: checks.Real = 0.5
     """Largest |phi'|, as a share of nu."""
-    swing: float = 0.2
+    swing: checks.Real = 0.2
     """Largest |psi|, rad."""
-    swing_rate: float = 0.2
+    swing_rate: checks.Real = 0.2
     """Largest |psi'|, rad per unit tau."""
     kind: StartKind = StartKind.sampled
 
     def __post_init__(self) -> None:
-        checks.count("size", self.size)
-        checks.seed("seed", self.seed)
-        for name in ("tilt", "tilt_rate", "swing", "swing_rate"):
-            checks.not_negative(name, getattr(self, name))
-        checks.at_most("tilt", self.tilt, 1.0, "a block that stands on its corner")
-        checks.at_most("swing", self.swing, 0.5 * np.pi, "a right angle in rad")
+        checks.set_checked(self, checks.count, "size")
+        checks.set_checked(self, checks.seed, "seed")
+        check_reach(self)
         checks.instance("kind", self.kind, StartKind)
 
     @staticmethod

@@ -18,7 +18,7 @@ import numpy as np
 
 from tpd.answers.steady_state import Steady, answered, steady_state
 from tpd.core import checks
-from tpd.models.base import AbstractChoice, Settled
+from tpd.models.base import AbstractChoice, Settled, setting
 from tpd.models.compiled_nonlinear import settle_one
 from tpd.models.piecewise import Piecewise
 from tpd.models.segmented import Segmented
@@ -48,10 +48,7 @@ class Auto(AbstractChoice):
         ValueError: a tolerance that is not between 1e-5 and 1.
     """
 
-    tolerance: float = eqx.field(default=0.05, static=True, kw_only=True)
-
-    def __check_init__(self) -> None:
-        checks.within("tolerance", self.tolerance, INTEGRATED, 1.0)
+    tolerance: checks.Real = setting("tolerance", checks.within, 0.05, INTEGRATED, 1.0)
 
     def steady(self, p: Parameters, y0: State) -> Steady:
         """The settled motion from `y0` by the least model that is accurate enough.

@@ -100,9 +100,8 @@ def sweep(subject: Parameters | Scene, name: str, values: Any, *, pendulum: Pend
     """
     checks.require_x64()
     axis = Axis.of(subject, name, pendulum)
-    checks.numbers("values", values, (-1,), "two or more numbers that increase")
-    grid = np.asarray(values, dtype=float)
-    if grid.ndim != 1 or len(grid) < 2 or not (np.all(np.isfinite(grid)) and np.all(np.diff(grid) > 0)):
+    grid = checks.array("values", values, (-1,), "two or more numbers that increase")
+    if len(grid) < 2 or not np.all(np.diff(grid) > 0):
         raise ValueError("`values` must be two or more finite numbers that increase, but are not")
     axis.check(grid[0], grid[-1])
     return along(axis, grid)
@@ -229,10 +228,10 @@ class Bifurcation(Printed):
 def bifurcations(
     subject: Parameters | Scene,
     name: str,
-    low: float,
-    high: float,
+    low: checks.Real,
+    high: checks.Real,
     *,
-    samples: int = 200,
+    samples: checks.Whole = 200,
     pendulum: Pendulum | None = None,
 ) -> list[Bifurcation]:
     """Places where symmetric period-one orbits are lost or lose their symmetry as `name` varies.
@@ -265,10 +264,10 @@ def bifurcations(
     checks.require_x64()
     axis = Axis.of(subject, name, pendulum)
     low, high = checks.interval("(low, high)", (low, high), -math.inf, math.inf)
-    checks.within("samples", samples, 8.0, 100_000.0)
+    samples = int(checks.within("samples", samples, 8.0, 100_000.0))
     axis.check(low, high)
-    search = _Search(axis, low, high, (high - low) / (int(samples) - 1))
-    found = _distinct(_explained(search, np.linspace(low, high, int(samples)), _DEPTH))
+    search = _Search(axis, low, high, (high - low) / (samples - 1))
+    found = _distinct(_explained(search, np.linspace(low, high, samples), _DEPTH))
     inside = (b for b in found if low <= b.value <= high)
     return sorted((_confirmed(search, b) for b in inside), key=lambda b: b.value)
 

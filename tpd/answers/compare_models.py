@@ -93,7 +93,7 @@ def check(
     subject: Parameters | Scene,
     pendulum: Pendulum | None = None,
     *,
-    stroke: float = math.inf,
+    stroke: checks.Real = math.inf,
     models: tuple[str, ...] | None = None,
     progress: Progress | bool | None = None,
 ) -> Check:
@@ -112,8 +112,8 @@ def check(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    if not (isinstance(stroke, (int, float)) and stroke > 0):
-        raise ValueError(f"`stroke` must be positive, but is {checks.shown(stroke)}")
+    if stroke != math.inf:
+        stroke = checks.positive("stroke", stroke)
     models = MODELS if models is None else models
     checks.instance("models", models, (tuple, list))
     unknown = [name for name in models if name not in MODELS]

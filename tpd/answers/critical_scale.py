@@ -23,11 +23,12 @@ from jaxtyping import Array, Float
 
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
+from tpd.core.checks import Real
 from tpd.exact.derivatives import refused
 from tpd.exact.terms import OVERTURNED, ROCKED, STOOD
 from tpd.models.compiled_linear import packed
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion, refuse_zeros
-from tpd.scene.parameters import Number, Parameters
+from tpd.scene.parameters import Number, Parameters, single
 from tpd.scene.scene import Pendulum, Scene
 
 SCAN = 0.02
@@ -85,9 +86,9 @@ def critical_scale(
     scene: Scene,
     pendulum: Pendulum | None = None,
     *,
-    scan: float = SCAN,
-    highest: float | None = None,
-    free: float = FREE,
+    scan: Real = SCAN,
+    highest: Real | None = None,
+    free: Real = FREE,
 ) -> CriticalScale:
     """Find the smallest factor on the motion of a scene, seen by a scan, that overturns the block.
 
@@ -107,12 +108,12 @@ def critical_scale(
     checks.instance("scene", scene, Scene)
     checks.instance("motion", scene.motion, GroundMotion, ": a harmonic has no critical scale")
     refuse_zeros([scene.motion])
-    checks.within("scan", scan, 1e-4, 0.5)
-    checks.within("free", free, 0.0, LONGEST_FREE, " s")
+    scan = checks.within("scan", scan, 1e-4, 0.5)
+    free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     if highest is not None:
-        checks.within("highest", highest, 1e-9, 1e9)
-    p, pieces = scene.ground_parameters(pendulum), jnp.asarray(scene.motion.pieces())
-    late = free * scene.rate
+        highest = checks.within("highest", highest, 1e-9, 1e9)
+    p, rate = single((scene.ground_parameters(pendulum), scene.rate))
+    pieces, late = jnp.asarray(scene.motion.pieces()), free * rate
     lifts = (1.0 + p.mu) * p.nu + p.k
     top = HIGHEST * lifts / p.f if highest is None else highest
     intervals = jax.ShapeDtypeStruct((TONGUES, 2), jnp.float64)

@@ -147,9 +147,8 @@ def design_map(
     across, up = np.meshgrid(xs, ys)
     vector = setup.vector({x_name: across.ravel(), y_name: up.ravel()})
     designs = parameters([jnp.broadcast_to(jnp.asarray(v), across.size) for v in vector])
-    if start is not None:
-        checks.numbers("start", start, (4,), "four numbers (phi, psi, phi', psi')")
-    y0 = None if start is None else np.asarray(start, dtype=float)
+    wanted = "four numbers (phi, psi, phi', psi')"
+    y0 = None if start is None else checks.array("start", start, (4,), wanted)
     with shown_count(progress, "mapping") as report:
         if cluster is None:
             answer = _answers(designs, y0, None, report)
@@ -184,9 +183,9 @@ def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.n
     """The name and values of one axis, checked."""
     if not (isinstance(axis, (tuple, list)) and len(axis) == 2):
         raise ValueError(f"`{argument}` must be a name and its values, but is {checks.shown(axis)}")
-    checks.numbers(f"values of {argument}", axis[1], (-1,), "two or more numbers that increase")
-    name, values = axis[0], np.asarray(axis[1], dtype=float)
-    if values.ndim != 1 or len(values) < 2 or not (np.isfinite(values).all() and np.all(np.diff(values) > 0)):
+    name, wanted = axis[0], "two or more numbers that increase"
+    values = checks.array(f"values of {argument}", axis[1], (-1,), wanted)
+    if len(values) < 2 or not np.all(np.diff(values) > 0):
         wanted = "two or more finite numbers that increase"
         raise ValueError(f"the values of `{argument}` must be {wanted}, but are not")
     setup.check_name(argument, name)

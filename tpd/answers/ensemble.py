@@ -20,13 +20,14 @@ from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.core.formatting import Printed
 from tpd.core.progress import shown_count
-from tpd.models.compiled_nonlinear import settle_nonlinear
+from tpd.models.compiled_nonlinear import MOST_PERIODS, settle_nonlinear
 from tpd.models.piecewise import Piecewise
 from tpd.models.rows import settle_all
 from tpd.scene.conditions import (
     FACTORS,
     Conditions,
     check_half_widths,
+    check_reach,
     check_restitution,
     factors_at,
     latin_hypercube,
@@ -68,19 +69,19 @@ class Ensemble:
         ValueError: a number out of range.
     """
 
-    size: int = 512
+    size: checks.Whole = 512
     """Number of runs."""
-    seed: int | None = None
+    seed: checks.Whole | None = None
     """Seed of the runs; by default that of the search which they verify, and 0 elsewhere."""
-    periods: int = 100
+    periods: checks.Whole = 100
     """Largest number of forcing periods of a run; a run ends early where its motion repeats or is lost."""
-    tilt: float = 0.05
+    tilt: checks.Real = 0.05
     """Largest |phi| at the start, in shares of nu."""
-    tilt_rate: float = 0.05
+    tilt_rate: checks.Real = 0.05
     """Largest |phi'|, in shares of nu."""
-    swing: float = 0.05
+    swing: checks.Real = 0.05
     """Largest |psi|, rad."""
-    swing_rate: float = 0.05
+    swing_rate: checks.Real = 0.05
     """Largest |psi'|, rad per unit tau."""
     any_phase: bool = True
     """Whether the shaking may begin at any of its phases; else at a zero of the base's acceleration."""
@@ -88,41 +89,39 @@ class Ensemble:
     """Seconds over which the shaking grows, dealt out evenly; 0 is sudden. (With dimensionless parameters:
     units of tau.) It grows linearly from the zero of the base's acceleration before the run begins: a run
     that begins at another phase begins under the share that is reached by then."""
-    amplitude: float = 0.01
+    amplitude: checks.Real = 0.01
     """Relative half width of the base's amplitude."""
-    frequency: float = 0.01
+    frequency: checks.Real = 0.01
     """Relative half width of its frequency; the amplitude of the base's displacement stays."""
-    friction: float = 0.2
+    friction: checks.Real = 0.2
     """Relative half width of k."""
-    damping: float = 0.2
+    damping: checks.Real = 0.2
     """Relative half width of zeta."""
-    restitution: float | None = None
+    restitution: checks.Real | None = None
     """Relative half width of e, which stays at most 1; default 0.02, or half of 1 - e
     if that is less, where e is a number, else 0."""
-    slenderness: float = 0.02
+    slenderness: checks.Real = 0.02
     """Relative half width of nu: the block as it was measured."""
-    mass: float = 0.02
+    mass: checks.Real = 0.02
     """Relative half width of the bob's mass, as it was hung."""
-    length: float = 0.02
+    length: checks.Real = 0.02
     """Relative half width of the rod's length, as it was hung."""
 
     def __post_init__(self) -> None:
-        checks.count("size", self.size)
-        checks.count("periods", self.periods)
+        checks.set_checked(self, checks.count, "size")
+        checks.set_checked(self, checks.count, "periods", 1, MOST_PERIODS)
         if self.seed is not None:
-            checks.seed("seed", self.seed)
-        for name in ("tilt", "tilt_rate", "swing", "swing_rate"):
-            checks.not_negative(name, getattr(self, name))
-        checks.at_most("tilt", self.tilt, 1.0, "a block that stands on its corner")
-        checks.at_most("swing", self.swing, 0.5 * math.pi, "a right angle in rad")
+            checks.set_checked(self, checks.seed, "seed")
+        check_reach(self)
         checks.flag("any_phase", self.any_phase)
-        check_half_widths(self.half_widths)
-        ramps = self.ramps if isinstance(self.ramps, (tuple, list)) else (self.ramps,)
-        if not ramps:
+        for name, width in check_half_widths(self.half_widths).items():
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, width)
+        ramps = checks.plain("ramps", self.ramps)
+        ramps = ramps if isinstance(ramps, (tuple, list)) or np.ndim(ramps) else (ramps,)
+        if not len(ramps):
             raise ValueError("`ramps` must hold at least one duration, but is empty")
-        for ramp in ramps:
-            checks.not_negative("ramps", ramp)
-        object.__setattr__(self, "ramps", tuple(float(r) for r in ramps))
+        object.__setattr__(self, "ramps", tuple(checks.not_negative("ramps", ramp) for ramp in ramps))
 
     @property
     def half_widths(self) -> dict[str, float]:
@@ -319,7 +318,7 @@ def outcomes(
     ensemble: Ensemble | None = None,
     conditions: Conditions | None = None,
     equations: Terms | str = Terms.linear,
-    workers: int | None = None,
+    workers: checks.Whole | None = None,
     cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | bool | None = None,
 ) -> Outcomes:

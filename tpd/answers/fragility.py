@@ -147,12 +147,12 @@ def fragility(
     scales: Sequence[float] | np.ndarray,
     pendulum: Pendulum | None = None,
     intensity: str = "pga_star",
-    period: float | None = None,
+    period: checks.Real | None = None,
     states: Mapping[str, float] = STATES,
     nonlinear: bool = True,
-    gravity: float = STANDARD_GRAVITY,
-    free: float = FREE,
-    workers: int | None = None,
+    gravity: checks.Real = STANDARD_GRAVITY,
+    free: checks.Real = FREE,
+    workers: checks.Whole | None = None,
     cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> Fragility:
@@ -180,13 +180,13 @@ def fragility(
     checks.instance("block", block, Block)
     checks.optional("pendulum", pendulum, Pendulum)
     checks.function("progress", progress)
-    checks.numbers("scales", scales, (-1,), "a vector of numbers")
-    stripes = np.asarray(scales, dtype=float)
-    checks.positive("scales", stripes)
-    if stripes.ndim != 1 or np.any(np.diff(stripes) <= 0.0):
+    stripes = checks.array("scales", scales, (-1,), "a vector of numbers")
+    checks.positive("scales", stripes, every=True)
+    if np.any(np.diff(stripes) <= 0.0):
         raise ValueError(f"`scales` must be a vector of increasing numbers, but is {stripes.tolist()}")
     checks.instance("states", states, Mapping)
-    named = all(isinstance(n, str) and isinstance(x, (int, float)) and x >= 0.0 for n, x in states.items())
+    states = {n: checks.plain("states", x, single=True) for n, x in states.items()}
+    named = all(isinstance(n, str) and isinstance(x, float) and x >= 0.0 for n, x in states.items())
     if not (states and named):
         raise ValueError(f"`states` must name tilts over the slenderness from 0 on, but are {dict(states)}")
     checks.flag("nonlinear", nonlinear)

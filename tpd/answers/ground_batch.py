@@ -11,6 +11,7 @@ from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.exact.terms import FAILED, OVERTURNED
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
+from tpd.scene.parameters import single
 from tpd.scene.scene import Block, Pendulum, Scene
 
 Progress = Callable[[int, int], None]
@@ -42,7 +43,8 @@ def rows_of(
     from tpd.models.compiled_shaken import row_of
 
     # Numbers of NumPy throughout: no program is compiled for them.
-    return np.array([row_of(Scene(block, motion, gravity).ground_parameters(pendulum)) for motion in motions])
+    shaken = (Scene(block, motion, gravity).ground_parameters(pendulum) for motion in motions)
+    return np.array([row_of(single(p)) for p in shaken])
 
 
 def follow_scaled(
@@ -78,18 +80,17 @@ def follow_scaled(
     """
     for i, motion in enumerate(motions):
         checks.instance(f"motions[{i}]", motion, GroundMotion)
-    factors = np.asarray(factors, dtype=float)
     if len(factors) != len(motions) or not len(motions):
         wanted = f"a row for each of {len(motions)} motions"
         raise ValueError(f"`factors` must have {wanted}, but has {factors.shape}")
-    checks.not_negative("factors", factors)
-    checks.within("free", free, 0.0, LONGEST_FREE, " s")
+    checks.not_negative("factors", factors, every=True)
+    free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     # Rows of one record stand together, so that a thread finds its samples in the cache.
     which = np.repeat(np.arange(len(motions)), factors[0].size)
     x = np.concatenate([rows_of(block, hung, motions, gravity)[which] for hung in pendulums])
     x[:, 5] *= np.tile(factors.ravel(), len(pendulums))
     records = [np.asarray(m.pieces(), dtype=float) for m in motions]
-    late = np.full(len(x), free * float(Scene(block, motions[0], gravity).rate))
+    late = np.full(len(x), free * single(Scene(block, motions[0], gravity).rate))
     batch = {"x": x, "which": np.tile(which, len(pendulums)), "free": late}
     found = follow_rows(batch, records, nonlinear, brief, **how)
     return Runs(*(a.reshape(len(pendulums), *factors.shape) for a in found))

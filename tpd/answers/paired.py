@@ -129,7 +129,7 @@ def verdict(
     conditions: Conditions | None = None,
     bare: Outcomes | None = None,
     equations: Terms | str = Terms.linear,
-    workers: int | None = None,
+    workers: checks.Whole | None = None,
     cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | bool | None = None,
 ) -> Verdict:

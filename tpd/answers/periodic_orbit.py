@@ -25,7 +25,7 @@ from tpd.exact.terms import GRAZING, NEAR_FOLD, SLIP, is_neutral
 from tpd.models.compiled_linear import NAMES
 from tpd.models.compiled_orbits import row_of
 from tpd.models.multiple_shooting import Cycle, Orbit, polish, recorded, traverse
-from tpd.scene.parameters import Parameters, as_arrays, check_parameters
+from tpd.scene.parameters import Parameters, as_arrays, check_parameters, single
 from tpd.scene.status import Status
 
 MAX_EVENTS = 64
@@ -111,9 +111,9 @@ def periodic_orbit(
     p: Parameters,
     y0: ArrayLike,
     *,
-    periods: Int[Array, ""] | int = 1,
-    max_events: int = MAX_EVENTS,
-    rest_rate: float = REST_RATE,
+    periods: checks.Whole = 1,
+    max_events: checks.Whole = MAX_EVENTS,
+    rest_rate: checks.Real = REST_RATE,
 ) -> PeriodicOrbit:
     """The periodic orbit near a state, which need not attract.
 
@@ -136,11 +136,11 @@ def periodic_orbit(
     """
     checks.require_x64()
     check_parameters(p)
-    checks.count("periods", periods)
-    checks.count("max_events", max_events)
-    checks.positive("rest_rate", rest_rate)
-    checks.numbers("y0", y0, (4,), "(phi, psi, phi', psi')")
-    y = jnp.asarray(y0, dtype=jnp.float64)
+    periods, max_events = (
+        checks.count("periods", periods, most=1000),
+        checks.count("max_events", max_events, most=100_000),
+    )
+    rest_rate, y = checks.tolerance("rest_rate", rest_rate), jnp.asarray(checks.state(y0))
 
     def start(x: np.ndarray, periods: int, y0: np.ndarray, rate: np.ndarray) -> Start:
         return recorded(x, y0, periods, max_events, float(rate))
@@ -180,7 +180,7 @@ def _answered(
     p: Parameters, start: Callable[..., Start], size: int, periods: ArrayLike, *operands: ArrayLike
 ) -> PeriodicOrbit:
     """The orbit with the sequence of at most `size` arcs that `start` makes of the operands."""
-    x, solve, many = row_of(as_arrays(p)), partial(_solved, start, size), _ALL + 10 * size
+    x, solve, many = row_of(as_arrays(single(p))), partial(_solved, start, size), _ALL + 10 * size
     given = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, periods, *operands)]
     # What is known, outside of programs and under `grad` there, needs no program of JAX.
     if all(map(checks.is_concrete, given)):

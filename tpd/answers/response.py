@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -85,11 +86,11 @@ class Branches(Printed, Tabular):
 def branches(
     subject: Parameters | Scene,
     name: str,
-    low: float,
-    high: float,
+    low: checks.Real,
+    high: checks.Real,
     *,
     pendulum: Pendulum | None = None,
-    samples: int = 400,
+    samples: checks.Whole = 400,
 ) -> Branches:
     """The branches of symmetric period-one orbits, stable and unstable, and the bifurcations that end them.
 
@@ -110,6 +111,8 @@ def branches(
             than 8 samples.
         RuntimeError: JAX is in 32-bit mode.
     """
+    low, high = checks.interval("(low, high)", (low, high), -math.inf, math.inf)
+    samples = checks.count("samples", samples, 8, 100_000)
     found = tuple(bifurcations(subject, name, low, high, samples=samples, pendulum=pendulum))
     axis = Axis.of(subject, name, pendulum)
     near = (high - low) / (samples - 1) * np.concatenate([-_TOWARDS, _TOWARDS])
@@ -214,8 +217,8 @@ def settled_response(
         RuntimeError: JAX is in 32-bit mode.
     """
     axis = Axis.of(subject, name, pendulum)
-    checks.numbers("values", np.atleast_1d(values), (-1,), "one or more numbers")
-    line = np.atleast_1d(np.asarray(values, dtype=float))
+    listed = [values] if np.ndim(values) == 0 else values
+    line = checks.array("values", listed, (-1,), "one or more numbers")
     axis.check(*line)
     found = []
     with shown(progress) as report:

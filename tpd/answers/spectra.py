@@ -14,6 +14,7 @@ from tpd.cluster.cluster import Cluster
 from tpd.core import checks
 from tpd.core.formatting import Tabular, picture
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion, Pulse
+from tpd.scene.parameters import single
 from tpd.scene.scene import Block, Pendulum, Scene
 
 UNDECIDED, STANDS, ROCKS, OVERTURNS = -1, 0, 1, 2
@@ -61,6 +62,11 @@ class OverturningSpectrum(Tabular):
         return [c for c in (self.bare, self.hung) if c is not None]
 
 
+def _vector(name: str, values: Any) -> np.ndarray:
+    """Positive numbers as an array, checked."""
+    return checks.positive(name, checks.array(name, values, (-1,), "a vector of numbers"), every=True)
+
+
 def overturning_spectrum(
     block: Block,
     pulse: Pulse,
@@ -68,8 +74,8 @@ def overturning_spectrum(
     *,
     frequency_ratios: np.ndarray | None = None,
     acceleration_ratios: np.ndarray | None = None,
-    gravity: float = STANDARD_GRAVITY,
-    free: float = FREE,
+    gravity: checks.Real = STANDARD_GRAVITY,
+    free: checks.Real = FREE,
     cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> OverturningSpectrum:
@@ -92,15 +98,15 @@ def overturning_spectrum(
     checks.instance("block", block, Block)
     checks.instance("pulse", pulse, Pulse)
     checks.optional("pendulum", pendulum, Pendulum)
-    for name, given in (("frequency_ratios", frequency_ratios), ("acceleration_ratios", acceleration_ratios)):
-        if given is not None:
-            checks.numbers(name, given, (-1,), "a vector of numbers")
-    w = np.linspace(0.5, 10.0, 120) if frequency_ratios is None else np.asarray(frequency_ratios, dtype=float)
-    a = np.linspace(0.5, 10.0, 120) if acceleration_ratios is None else np.asarray(acceleration_ratios, float)
-    checks.positive("frequency_ratios", w)
-    checks.positive("acceleration_ratios", a)
-    rate = float(Scene(block, pulse, gravity).rate)
-    unit = gravity * block.slenderness
+    w = _vector(
+        "frequency_ratios", np.linspace(0.5, 10.0, 120) if frequency_ratios is None else frequency_ratios
+    )
+    a = _vector(
+        "acceleration_ratios",
+        np.linspace(0.5, 10.0, 120) if acceleration_ratios is None else acceleration_ratios,
+    )
+    scene = Scene(block, pulse, gravity)
+    rate, unit = single((scene.rate, scene.gravity * block.slenderness))
     # A pulse of unit size for each frequency; sizes are factors on it.
     motions = [replace(pulse, frequency=float(x) * rate / (2.0 * np.pi), acceleration=1.0) for x in w]
     factors = np.array([a * unit / float(m.pga) for m in motions])
@@ -142,11 +148,11 @@ def rocking_spectrum(
     motion: GroundMotion,
     *,
     periods: np.ndarray | None = None,
-    mass_ratio: float | None = None,
-    length_ratio: float = 0.5,
-    damping_ratio: float = 0.1,
-    gravity: float = STANDARD_GRAVITY,
-    free: float = FREE,
+    mass_ratio: checks.Real | None = None,
+    length_ratio: checks.Real = 0.5,
+    damping_ratio: checks.Real = 0.1,
+    gravity: checks.Real = STANDARD_GRAVITY,
+    free: checks.Real = FREE,
     cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> RockingSpectrum:
@@ -169,12 +175,9 @@ def rocking_spectrum(
     """
     checks.instance("block", block, Block)
     checks.instance("motion", motion, GroundMotion)
-    checks.positive("length_ratio", length_ratio)
-    if periods is not None:
-        checks.numbers("periods", periods, (-1,), "a vector of numbers")
-    times = np.linspace(1.0, 12.0, 200) if periods is None else np.asarray(periods, dtype=float)
-    checks.positive("periods", times)
-    checks.within("free", free, 0.0, LONGEST_FREE, " s")
+    length_ratio = checks.positive("length_ratio", length_ratio)
+    times = _vector("periods", np.linspace(1.0, 12.0, 200) if periods is None else periods)
+    free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     scene = Scene(block, motion, gravity)
     hung = None
     if mass_ratio is not None:

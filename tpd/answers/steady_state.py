@@ -30,8 +30,8 @@ from tpd.exact.derivatives import joined, refused
 from tpd.exact.terms import GRAZING, NEAR_FOLD, RESIDUAL, STEADY_STATUSES, SYMMETRIC, is_neutral
 from tpd.models.base import AbstractChoice, AbstractModel, Settled
 from tpd.models.compiled_linear import fields, packed, packed_of, solve, unpacked
-from tpd.models.piecewise import Piecewise
-from tpd.scene.parameters import Number, Parameters, State, as_arrays, check_parameters
+from tpd.models.piecewise import Piecewise, is_exact
+from tpd.scene.parameters import Number, Parameters, State, as_arrays, check_parameters, single
 from tpd.scene.status import SETTLED, Status, index_of, is_settled, status_name
 
 INEXACT = 0.05
@@ -101,6 +101,10 @@ class Trajectory(eqx.Module):
     status: Status
 
 
+_MOST_TIMES = 1_000_000
+"""Most times of a trajectory."""
+
+
 @lru_cache(maxsize=1)
 def _default() -> Piecewise:
     """Default model: to make one, and check it, takes a third of the time of a call."""
@@ -166,14 +170,16 @@ def simulate(
     check_parameters(p)
     checks.instance("model", model, AbstractModel)
     model.check(p)
-    checks.numbers("times", times, (-1,), "a vector of two or more increasing numbers")
-    clock = jnp.asarray(times, dtype=jnp.float64)
-    if clock.ndim != 1 or clock.shape[0] < 2:
+    clock = checks.array("times", times, (-1,), "a vector of two or more increasing numbers")
+    if clock.size < 2:
         raise ValueError(f"`times` must be a vector of two or more, but has shape {clock.shape}")
-    if not isinstance(clock, jax.core.Tracer):
-        known = np.asarray(clock)
-        if not (np.all(np.isfinite(known)) and np.all(np.diff(known) > 0)):
-            raise ValueError("`times` must increase and be finite, but do not")
+    if checks.is_concrete(clock) and not np.all(np.diff(clock) > 0):
+        raise ValueError("`times` must increase and be finite, but do not")
+    # Ctrl-C waits for compiled code to return.
+    checks.count("number of times", clock.size, most=_MOST_TIMES)
+    p, longest = single(p), f"{model.most_periods} forcing periods in one call"
+    checks.at_most("times[-1] - times[0]", clock[-1] - clock[0], model.most_periods * p.period, longest)
+    clock = jnp.asarray(clock)
     ys, status = _trajectory(as_arrays(p), model, checks.state(y0), clock)
     return Trajectory(clock, ys, status)
 
@@ -225,20 +231,22 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     # product with the slopes and never run through the loops that found the orbit.
     values = fields(p)
     plain = _PLAIN.issuperset(map(type, values)) and type(y0) is np.ndarray
-    if plain and type(model) is Piecewise:
+    limits = model.limits if isinstance(model, Piecewise) and is_exact(type(model)) else None
+    if plain and limits:
         # The usual call, which takes as long as two questions of JAX's: none is asked.
-        return _steady(_answer(solve(np.array(values), y0, model.limits), np))
-    if any(getattr(x, "ndim", 0) for x in values):
+        return _steady(_answer(solve(np.array(values), y0, limits), np))
+    if any(np.size(x) != 1 for x in values):
         raise ValueError("`p` must be single numbers: `jax.vmap` and `tpd.in_chunks` take batches")
+    values = single(values)
     known, *still = all(map(checks.is_concrete, (*values, y0))), *map(_still, values)
     start = _still(y0)
-    if type(model) is Piecewise:
+    if limits:
         # By compiled code; of numbers without any program of JAX.
         sure = all(map(checks.is_concrete, (*still, start)))
         out = solve(
             np.array(still, dtype=float) if sure else packed_of(still),
-            np.ascontiguousarray(start, float) if sure else jnp.asarray(start, float),
-            model.limits,
+            start if sure else jnp.asarray(start, float),
+            limits,
         )
         answer, slopes = _answer(out, np if sure else jnp), out[-54:].reshape(6, 9)
     else:

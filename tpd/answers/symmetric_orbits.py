@@ -98,8 +98,9 @@ def symmetric_orbits(p: Parameters) -> Orbits:
     checks.require_x64()
     check_parameters(p)
     x = compiled_orbits.row_of(p)
-    if x.ndim > 1:
+    if x.size > 9:
         raise ValueError("`p` must be single numbers: `jax.vmap` and `all_symmetric_orbits` take batches")
+    x = x.reshape(9)
     # What is known has no derivatives, which JAX would prepare for longer than the orbits take.
     return _orbits(_leaves(compiled_orbits.solved(x)) if isinstance(x, np.ndarray) else _described(x)[1])
 

@@ -14,12 +14,13 @@ from jax.lax import stop_gradient
 from jaxtyping import ArrayLike, Float, Int
 
 from tpd.core import checks
+from tpd.core.checks import Real, Whole
 from tpd.exact.derivatives import refused
 from tpd.exact.terms import GRAZING, ROCKED, SHAKEN, STOOD
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
-from tpd.scene.parameters import Number, Parameters, Real
+from tpd.scene.parameters import Number, Parameters, single
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status, index_of, status_name
 from tpd.theory.equations import Terms
@@ -91,7 +92,7 @@ def transient(
     y0: ArrayLike | None = None,
     model: AbstractModel | None = None,
     free: Real = FREE,
-    max_events: int = MAX_EVENTS,
+    max_events: Whole = MAX_EVENTS,
 ) -> Transient:
     """Follow a block, with or without a pendulum, through the pulse or record of its scene.
 
@@ -118,9 +119,9 @@ def transient(
     checks.instance("scene", scene, Scene)
     checks.instance("motion", scene.motion, GroundMotion, ": harmonics are for `tpd.steady_state`")
     model = Piecewise() if model is None else model
-    checks.within("free", free, 0.0, LONGEST_FREE, " s")
-    checks.count("max_events", max_events)
-    p, rate = scene.ground_parameters(pendulum), scene.rate
+    free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
+    max_events = checks.count("max_events", max_events, most=1_000_000)
+    p, rate = single((scene.ground_parameters(pendulum), scene.rate))
     start = np.zeros(4) if y0 is None else checks.state(y0)
     bob = 0.0 if pendulum is None else 1.0
     xp = checks.namespace(*jax.tree.leaves((p, rate, free, start)))

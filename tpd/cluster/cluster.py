@@ -46,7 +46,9 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
     processes must do so under `if __name__ == "__main__":`, as always with Python's multiprocessing.
     """
 
-    def __init__(self, folder: Path | str, *, workers: int | None = None, dask: str | None = None) -> None:
+    def __init__(
+        self, folder: Path | str, *, workers: checks.Whole | None = None, dask: str | None = None
+    ) -> None:
         """Nothing is started yet.
 
         Args:
@@ -65,7 +67,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
         if workers is not None and dask is not None:
             raise ValueError("`workers` and `dask` exclude one another, but both are given")
         if workers is not None:
-            checks.count("workers", workers)
+            workers = checks.count("workers", workers)
         if dask is not None and not re.fullmatch(r"(\w+://)?[^:/\s]+:\d+|(tcp|tls)://\[.+\]:\d+", dask):
             # Dask itself answers after a minute.
             raise ValueError(f"`dask` must be an address such as tcp://host:8786, but is {dask!r}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from functools import lru_cache
 from threading import Lock, Thread
@@ -37,8 +37,8 @@ def in_chunks(
     function: Callable[[Any], Any],
     batch: Any,
     *,
-    chunk: int | None = None,
-    workers: int | None = None,
+    chunk: checks.Whole | None = None,
+    workers: checks.Whole | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Any:
     """`function` of every element of `batch`: `jit(vmap(function))`, but in chunks and on all cores.
@@ -61,14 +61,12 @@ def in_chunks(
     Raises:
         ValueError: an empty batch, leaves of different lengths, or a chunk or workers below one.
     """
-    checks.function("function", function)
+    checks.function("function", function, optional=False)
     checks.function("progress", progress)
-    chunk = _chunk(function, batch) if chunk is None else chunk
+    chunk = _chunk(function, batch) if chunk is None else checks.count("chunk", chunk)
     part_of, length = _parts(batch, chunk)
     compiled = _compiled(function)
-    if workers is not None:
-        checks.count("workers", workers)
-    cores = (os.cpu_count() or 1) if workers is None else workers
+    cores = (os.cpu_count() or 1) if workers is None else checks.count("workers", workers)
 
     def run(begin: int) -> int:
         out = compiled(part_of(begin))
@@ -89,7 +87,7 @@ def in_chunks(
     with contextlib.ExitStack() as stack:
         each: Any = map
         if cores > 1:
-            each = stack.enter_context(ThreadPoolExecutor(cores, initializer=_x64_initializer())).map
+            each = stack.enter_context(_crew(cores, initializer=_x64_initializer())).map
         for count in each(run, range(0, length, chunk)):
             done += count
             if progress is not None:
@@ -112,7 +110,7 @@ def elements(batch: Any) -> tuple[Callable[[Any], Any], int]:
         ValueError: an empty batch, or leaves of different lengths.
     """
     leaves, structure = jax.tree.flatten(batch)
-    arrays = [np.asarray(x) for x in leaves]
+    arrays = [_array(x) for x in leaves]
     lengths = {len(x) for x in arrays if x.ndim}
     if len(lengths) != 1 or 0 in lengths:
         raise ValueError(
@@ -121,9 +119,16 @@ def elements(batch: Any) -> tuple[Callable[[Any], Any], int]:
     return lambda at: jax.tree.unflatten(structure, [x[at] if x.ndim else x for x in arrays]), lengths.pop()
 
 
+def _array(leaf: Any) -> np.ndarray:
+    """An array of a batch as JAX takes it. Floats have 64 bits; whole numbers stay what they are."""
+    array, plain = np.asarray(leaf), checks.plain("batch", leaf)
+    if array.dtype.kind in "mMOSU":
+        raise ValueError(f"`batch` must be arrays of numbers, but has {checks.shown(array)}")
+    return np.asarray(plain) if array.dtype.kind == "f" else array
+
+
 def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
     """The chunk from some element on, filled up with the last one, and how many elements there are."""
-    checks.count("chunk", chunk)
     elements_at, length = elements(batch)
 
     def part_of(begin: int) -> Any:
@@ -199,6 +204,16 @@ def _x64_initializer() -> Callable[[], None]:
     return begin
 
 
+@contextlib.contextmanager
+def _crew(workers: int, initializer: Callable[[], None] | None = None) -> Iterator[ThreadPoolExecutor]:
+    """Threads that do not begin any further work after an error or Ctrl-C."""
+    crew = ThreadPoolExecutor(workers, initializer=initializer)
+    try:
+        yield crew
+    finally:
+        crew.shutdown(cancel_futures=True)
+
+
 def shared(
     run: Callable[[int, int], int],
     n: int,
@@ -212,9 +227,7 @@ def shared(
     Raises:
         ValueError: workers below one.
     """
-    if workers is not None:
-        checks.count("workers", workers)
-    cores = (os.cpu_count() or 1) if workers is None else workers
+    cores = (os.cpu_count() or 1) if workers is None else checks.count("workers", workers)
     # Small pieces, because some motions take a hundred times as long as others. Each writes rows of its
     # own, so that the order in which they end is no matter.
     size = max(piece[0], min(piece[1], -(-n // (4 * cores))))
@@ -224,7 +237,7 @@ def shared(
             progress(n, n)
         return
     done = 0
-    with ThreadPoolExecutor(min(cores, n)) as crew:
+    with _crew(min(cores, n)) as crew:
         parts = [crew.submit(run, i, min(i + size, n)) for i in range(0, n, size)]
         for part in as_completed(parts):
             done += part.result()

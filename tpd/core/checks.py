@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import inspect
 import math
+import numbers
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import jax
 import jax.core
@@ -14,10 +15,22 @@ import numpy as np
 
 from tpd.core.formatting import meant
 
+if TYPE_CHECKING:
+    Real: TypeAlias = float
+    Whole: TypeAlias = int
+else:
+    # An array or a traced value passes as well, and the functions here refuse the rest in words of their own,
+    # before and instead of a checker of types.
+    Real, Whole = Any, int | np.integer | np.ndarray | jax.Array
+
 _SEEDS = 2**63 - 1
 """Largest number that begins a random sequence."""
 _MOST = 10_000_000
 """Largest count: more of anything fits neither into memory nor into a day."""
+_REAL = "iuf"
+"""Kinds of NumPy's types of real numbers."""
+LEAST_TOLERANCE = 1e-16
+"""Least tolerance of a model: no computation in 64 bits comes nearer."""
 _LONGEST = 80
 """Most characters of a value in a message."""
 
@@ -34,14 +47,64 @@ def namespace(*values: object) -> Any:
     return np if all(map(is_concrete, values)) else jnp
 
 
-def as_float(value: Any) -> Any:
-    """Return a whole number as a float, which JAX can differentiate, and anything else unchanged."""
-    if not isinstance(value, int) or isinstance(value, bool):
+def plain(name: str, value: Any, *, single: bool = False) -> Any:
+    """Return a number as a float, and an array of numbers as a contiguous array of 64-bit floats.
+
+    This is the one place that converts what a user gives. Anything else is returned unchanged, for a check
+    to reject.
+
+    Args:
+        name: of the argument.
+        value: the number or the array; traced ones stay traced.
+        single: whether one number is meant. An array of one element is then that number.
+
+    Raises:
+        ValueError: numbers with a unit or a mask, or several where one is meant.
+    """
+    if type(value) is float:
         return value
+    _check_meaning(name, value)
+    if not isinstance(value, (np.generic, np.ndarray, jax.Array)):
+        return _as_float(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else value
+    if value.dtype.kind not in _REAL:
+        return value
+    if single and value.size != 1:
+        raise ValueError(f"`{name}` must be a single number, but is {shown(value)}")
+    if isinstance(value, jax.core.Tracer) or (isinstance(value, jax.Array) and not single):
+        array = value if value.dtype == np.float64 else value.astype(float)
+        return array.reshape(()) if single and array.ndim else array
+    known = np.ascontiguousarray(value, dtype=float)
+    return float(known.reshape(())) if single or value.ndim == 0 else known
+
+
+def _as_float(value: Any) -> float:
     try:
         return float(value)
     except OverflowError:
         return math.inf if value > 0 else -math.inf
+
+
+def _check_meaning(name: str, value: Any) -> None:
+    """Raise `ValueError` for numbers that mean more than they are: with a unit, or with a mask."""
+    if isinstance(value, (list, tuple)):
+        for item in value:
+            if type(item) is not float:
+                _check_meaning(name, item)
+    elif type(value) is np.ndarray or isinstance(value, (jax.Array, str)):
+        # The usual cases, quickly.
+        return
+    elif np.ma.is_masked(value):
+        raise ValueError(f"`{name}` must have no masked elements, but is {shown(value)}: remove or fill them")
+    elif any(hasattr(value, of) for of in ("__array__", "__float__")):
+        # Attributes of quantities of astropy, unyt and pint, columns of pandas, and arrays of xarray.
+        holders, noted = (value, getattr(value, "dtype", None)), getattr(value, "attrs", None) or {}
+        units = [getattr(x, of) for x in holders for of in ("unit", "units", "magnitude") if hasattr(x, of)]
+        units += [noted[of] for of in ("unit", "units") if of in noted]
+        if units:
+            raise ValueError(
+                f"`{name}` must be plain numbers, but is {shown(value)} with the unit '{units[0]}': convert "
+                "it to the unit that the documentation states, and pass its value"
+            )
 
 
 def shown(value: object) -> str:
@@ -50,8 +113,8 @@ def shown(value: object) -> str:
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
-def instance(name: str, value: object, of: type | tuple[type, ...], hint: str = "") -> None:
-    """Raise `ValueError` unless `value` is an object of a class `of`, or of one of several.
+def instance(name: str, value: Any, of: type | tuple[type, ...], hint: str = "") -> Any:
+    """Return an object of a class `of`, or of one of several; raise `ValueError` for anything else.
 
     Args:
         name: of the argument.
@@ -60,7 +123,7 @@ def instance(name: str, value: object, of: type | tuple[type, ...], hint: str = 
         hint: end of the message, such as ": take `scene.parameters()`".
     """
     if isinstance(value, of):
-        return
+        return value
     classes = of if isinstance(of, tuple) else (of,)
     names = " or ".join(c.__name__.removeprefix("Abstract") for c in classes)
     if inspect.isclass(value) and issubclass(value, classes):
@@ -76,9 +139,9 @@ def optional(name: str, value: object, of: type | tuple[type, ...]) -> None:
         instance(name, value, of)
 
 
-def function(name: str, value: object) -> None:
-    """Raise `ValueError` unless `value` can be called, or is None."""
-    if value is not None and not callable(value):
+def function(name: str, value: object, *, optional: bool = True) -> None:
+    """Raise `ValueError` unless `value` can be called, or is None where that is allowed."""
+    if not (callable(value) or (optional and value is None)):
         raise ValueError(f"`{name}` must be a function, but is {shown(value)}")
 
 
@@ -88,81 +151,117 @@ def flag(name: str, value: object) -> None:
         raise ValueError(f"`{name}` must be True or False, but is {shown(value)}")
 
 
-def numbers(name: str, value: object, shape: tuple[int, ...], of: str) -> None:
-    """Raise `ValueError` unless `value` is an array of finite numbers of a shape; -1 stands for any length
-    above zero, and `of` says what the numbers are. Of traced values only the shape is known."""
-    if isinstance(value, jax.core.Tracer):
-        sound = _fits(value.shape, shape)
-    else:
-        try:
-            array = np.asarray(value)
-            real = np.issubdtype(array.dtype, np.integer) or np.issubdtype(array.dtype, np.floating)
-            sound = _fits(array.shape, shape) and real and bool(np.isfinite(array).all())
-        except (TypeError, ValueError, jax.errors.JAXTypeError):
-            # A list that holds traced values has no NumPy array; JAX checks its shape when it is stacked.
-            sound = any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(value))
-    if not sound:
-        raise ValueError(f"`{name}` must be {of}, all finite, but is {shown(value)}")
+def array(name: str, value: object, shape: tuple[int, ...], of: str) -> Any:
+    """Return an array of finite numbers of a shape, contiguous and of 64-bit floats: NumPy's if it is known.
 
+    Args:
+        name: of the argument.
+        value: the array or nested lists; of traced values only the shape is checked.
+        shape: -1 stands for any length above zero.
+        of: words that say what the numbers are.
 
-def _fits(shape: tuple[int, ...], wanted: tuple[int, ...]) -> bool:
-    return len(shape) == len(wanted) and all(n == m or m < 0 < n for n, m in zip(shape, wanted, strict=True))
+    Raises:
+        ValueError: anything else.
+    """
+    _check_meaning(name, value)
+    traced = any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(value))
+    try:
+        found: Any = jnp.asarray(value, dtype=float) if traced else np.asarray(value)
+        fits = len(found.shape) == len(shape) and all(
+            n == m or m < 0 < n for n, m in zip(found.shape, shape, strict=True)
+        )
+        if fits and traced:
+            return found
+        if (
+            fits
+            and found.dtype.kind in _REAL
+            and np.isfinite(found := np.ascontiguousarray(found, float)).all()
+        ):
+            return found
+    except (TypeError, ValueError, OverflowError, jax.errors.JAXTypeError):
+        pass
+    raise ValueError(f"`{name}` must be {of}, all finite, but is {shown(value)}")
 
 
 def state(value: Any) -> Any:
     """Return a start `y0` = (phi, psi, phi', psi') as floats, NumPy's where it is known; raise `ValueError`
     unless it is four finite numbers."""
-    numbers("y0", value, (4,), "(phi, psi, phi', psi')")
-    return namespace(*jax.tree.leaves(value)).asarray(value, dtype=float)
+    return array("y0", value, (4,), "(phi, psi, phi', psi')")
 
 
-def _check(name: str, value: object, allowed: str, holds: Callable[[Any], Any]) -> None:
+def _check(name: str, value: object, allowed: str, holds: Callable[[Any], Any], every: bool = False) -> Any:
     if type(value) is float and math.isfinite(value) and holds(value):
         # First, because NumPy takes longer for one number than following a motion does.
-        return
+        return value
+    value = plain(name, value, single=not every)
     if isinstance(value, jax.core.Tracer):
         # A traced value has no number yet: whoever traces answers for its range.
-        return
-    array = np.asarray(value) if is_concrete(value) else np.asarray(value, dtype=object)
-    if not np.issubdtype(array.dtype, np.integer) and not np.issubdtype(array.dtype, np.floating):
+        return value
+    known = np.asarray(value) if is_concrete(value) else np.asarray(None)
+    if known.dtype.kind not in _REAL:
         raise ValueError(f"`{name}` must be a number, but is {shown(value)}")
-    if not (array.size and np.all(np.isfinite(array)) and np.all(holds(array))):
-        text = f"{value:g}" if isinstance(value, (int, float)) else shown(array)
+    if not (known.size and np.all(np.isfinite(known)) and np.all(holds(known))):
+        text = f"{value:g}" if isinstance(value, float) else shown(known)
         raise ValueError(f"`{name}` must be {allowed}, but is {text}")
+    return value
 
 
-def positive(name: str, value: object) -> None:
-    """Raise `ValueError` unless `value` is finite and above zero."""
-    _check(name, value, "positive and finite", lambda x: x > 0)
+def number(name: str, value: object) -> Any:
+    """Return a finite number; raise `ValueError` for anything else."""
+    return _check(name, value, "finite", lambda x: True)
 
 
-def single(name: str, value: object) -> None:
-    """Raise `ValueError` for an array where one number is meant; a traced value is one."""
-    if np.ndim(value) > 0:  # type: ignore[arg-type]
-        raise ValueError(f"`{name}` must be a single number, but is {shown(value)}")
+def each(name: str, value: object) -> np.ndarray:
+    """Return finite numbers of any shape, in lists or an array; raise `ValueError` for anything else."""
+    _check_meaning(name, value)
+    return np.asarray(_check(name, np.asarray(value), "finite", lambda x: True, every=True))
 
 
-def count(name: str, value: object, least: int = 1, most: int = _MOST) -> None:
-    """Raise `ValueError` unless `value` is a whole number, `least` or above, and `most` or below."""
-    too_many = is_concrete(value) and bool(np.any(np.asarray(value) > most))
+def positive(name: str, value: object, *bounds: Any, every: bool = False) -> Any:
+    """Return a number that is finite and above zero, or an array if `every` element must be so; raise
+    `ValueError` for anything else. `bounds` are those of `within`."""
+    value = _check(name, value, "positive and finite", lambda x: x > 0, every)
+    return within(name, value, *bounds, every=every) if bounds else value
+
+
+def count(name: str, value: Any, least: int = 1, most: int = _MOST) -> int:
+    """Return a whole number, `least` or above, and `most` or below; raise `ValueError` for anything else."""
+    if is_concrete(value) and np.size(value) == 1 and np.asarray(value).dtype.kind in "iu":
+        value = int(np.reshape(value, ()))
+        if least <= value <= most:
+            return value
+    too_many = type(value) is int and value > most
     allowed = f"a whole number, {least} to {most}" if too_many else f"a whole number, {least} or more"
-    whole = lambda x: (x >= least) & (x <= most) & np.issubdtype(np.asarray(x).dtype, np.integer)  # noqa: E731
-    _check(name, value, allowed, whole)
+    return _check(name, value, allowed, lambda x: False)
 
 
-def seed(name: str, value: object) -> None:
-    """Raise `ValueError` unless `value` is a whole number that can begin a random sequence."""
-    count(name, value, 0, _SEEDS)
+def seed(name: str, value: object) -> int:
+    """Return a whole number that can begin a random sequence; raise `ValueError` for anything else."""
+    return count(name, value, 0, _SEEDS)
 
 
-def not_negative(name: str, value: object) -> None:
-    """Raise `ValueError` unless `value` is finite and zero or above."""
-    _check(name, value, "zero or positive, and finite", lambda x: x >= 0)
+def not_negative(name: str, value: object, *bounds: Any, every: bool = False) -> Any:
+    """As `positive`, where zero is allowed as well."""
+    value = _check(name, value, "zero or positive, and finite", lambda x: x >= 0, every)
+    return within(name, value, *bounds, every=every) if bounds else value
 
 
-def within(name: str, value: object, low: float, high: float, unit: str = "") -> None:
-    """Raise `ValueError` unless `value` lies in the closed interval from `low` to `high`."""
-    _check(name, value, f"between {low:g} and {high:g}{unit}", lambda x: (x >= low) & (x <= high))
+def within(name: str, value: object, low: float, high: float, unit: str = "", *, every: bool = False) -> Any:
+    """As `positive`, of the closed interval from `low` to `high`."""
+    return _check(
+        name, value, f"between {low:g} and {high:g}{unit}", lambda x: (x >= low) & (x <= high), every
+    )
+
+
+def tolerance(name: str, value: object) -> Any:
+    """Return the tolerance or the rate of a model; raise `ValueError` unless it is above 0 and at most 1."""
+    return positive(name, value, LEAST_TOLERANCE, 1.0)
+
+
+def set_checked(thing: Any, check: Callable[..., Any], names: str, *bounds: Any) -> None:
+    """Put what a check returns in the place of fields of a frozen object; `names` are separated by spaces."""
+    for name in names.split():
+        object.__setattr__(thing, name, check(name, getattr(thing, name), *bounds))
 
 
 def at_most(name: str, value: object, most: object, of: str) -> None:
@@ -185,17 +284,16 @@ def one_of(name: str, value: object, allowed: Sequence[str]) -> None:
         raise ValueError(f"`{name}` must be one of {', '.join(allowed)}, but is {shown(value)}{close}")
 
 
-def interval(name: str, value: object, low: float, high: float) -> tuple[float, float]:
+def interval(name: str, value: Any, low: float, high: float) -> tuple[float, float]:
     """Return a pair (lo, hi) with `low` <= lo < hi <= `high`, or raise `ValueError`."""
+    _check_meaning(name, value)
     try:
         # By number: a set has no order.
-        pair = [value[i] for i in range(len(value))]  # type: ignore
-        # Python takes a text and a truth value for a number as well.
-        if any(isinstance(x, (str, bytes, bool, np.bool_)) for x in pair):
-            raise TypeError
-        lo, hi = (float(as_float(x)) for x in pair)
+        lo, hi = (plain(name, value[i], single=True) for i in range(len(value)))
     except (TypeError, ValueError, KeyError):
-        raise ValueError(f"`{name}` must be a pair of numbers (low, high), but is {shown(value)}") from None
+        lo = hi = None
+    if not (type(lo) is float and type(hi) is float):
+        raise ValueError(f"`{name}` must be a pair of numbers (low, high), but is {shown(value)}")
     if not (math.isfinite(lo) and math.isfinite(hi) and low <= lo < hi <= high):
         raise ValueError(
             f"`{name}` must be an interval low < high within {low:g} to {high:g}, but is {lo:g} to {hi:g}"

@@ -9,9 +9,9 @@ angle and the design, `of_motion = False`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -64,7 +64,7 @@ class DesignSpace:
     """Lower and upper bound of mu = m/M."""
     length_ratio: tuple[float, float] = (0.1, 1.5)
     """Lower and upper bound of lam = l/b."""
-    damping_ratio: float | tuple[float, float] = 0.1
+    damping_ratio: checks.Real | tuple[float, float] = 0.1
     """zeta of the hinge: one number, or a lower and an upper bound if it is searched as well."""
 
     def __post_init__(self) -> None:
@@ -72,15 +72,8 @@ class DesignSpace:
         set_(self, "mass_ratio", checks.interval("mass_ratio", self.mass_ratio, 0.0, HEAVIEST_RATIO))
         set_(self, "length_ratio", checks.interval("length_ratio", self.length_ratio, 1e-3, LONGEST_RATIO))
         # One number is fixed, a pair is searched: the search has two or three coordinates.
-        if np.ndim(self.damping_ratio) == 0:
-            checks.within("damping_ratio", self.damping_ratio, 0.0, LARGEST_DAMPING)
-            set_(self, "damping_ratio", float(self.damping_ratio))  # type: ignore[arg-type]
-        else:
-            set_(
-                self,
-                "damping_ratio",
-                checks.interval("damping_ratio", self.damping_ratio, 0.0, LARGEST_DAMPING),
-            )
+        check = checks.within if np.size(self.damping_ratio) == 1 else checks.interval
+        set_(self, "damping_ratio", check("damping_ratio", self.damping_ratio, 0.0, LARGEST_DAMPING))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -117,11 +110,11 @@ class DesignSpace:
 class Risk:
     """Risk measure: one number made of the tilts under all conditions, the mean of the worst `share`."""
 
-    share: float
+    share: checks.Real
     name: str
 
     def __post_init__(self) -> None:
-        checks.within("share", self.share, 0.0, 1.0)
+        checks.set_checked(self, checks.within, "share", 0.0, 1.0)
         checks.instance("name", self.name, str)
 
     @staticmethod
@@ -135,14 +128,14 @@ class Risk:
         return Risk(share=1.0, name="expected")
 
     @staticmethod
-    def cvar(share: float = 0.1) -> Risk:
+    def cvar(share: checks.Real = 0.1) -> Risk:
         """Conditional value at risk: the mean tilt of the worst `share` of the conditions.
 
         Raises:
             ValueError: a share that is not above 0 and at most 1.
         """
-        checks.within("share", share, 1e-9, 1.0)
-        return Risk(share=float(share), name=f"mean of the worst {share:.3g}")
+        share = checks.within("share", share, 1e-9, 1.0)
+        return Risk(share=share, name=f"mean of the worst {share:.3g}")
 
     def cap(self, n: int) -> float:
         """Largest weight of one of n conditions."""
@@ -168,25 +161,21 @@ class Worth:
         ValueError: a share out of range.
     """
 
-    at_least: float = 0.1
+    at_least: checks.Real = 0.1
     """Least share by which the mean tilt over all runs must fall."""
-    worse: float = 0.05
+    worse: checks.Real = 0.05
     """Largest share by which the mean tilt under one condition may be above the bare block's."""
-    strikes: float | None = None
+    strikes: checks.Real | None = None
     """Largest share of the runs that stand in which the bob may strike a wall, on the way or settled; default
     0.01. On ground motions the share that may break a limit of any kind; default 0.1."""
-    runs: int | None = None
+    runs: checks.Whole | None = None
     """Most runs, with the pendulum and without, by the nonlinear equations; default all of the ensemble."""
 
     def __post_init__(self) -> None:
-        for name in ("at_least", "worse", "strikes"):
-            checks.single(name, getattr(self, name))
-        checks.within("at_least", self.at_least, 0.0, 1.0)
-        checks.within("worse", self.worse, 0.0, 1.0)
-        if self.strikes is not None:
-            checks.within("strikes", self.strikes, 0.0, 1.0)
+        shares = "at_least worse" if self.strikes is None else "at_least worse strikes"
+        checks.set_checked(self, checks.within, shares, 0.0, 1.0)
         if self.runs is not None:
-            checks.count("runs", self.runs)
+            checks.set_checked(self, checks.count, "runs")
 
     @property
     def allowed(self) -> float:
@@ -298,13 +287,14 @@ class Limit(ABC):
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """Limited quantities of m designs under n conditions, over their limits."""
 
+    def set_number(self, field: str, check: Callable[[str, object], Any] = checks.positive) -> float:
+        """Put what a check returns in the place of a field, and return it; messages have the limit's name."""
+        object.__setattr__(self, field, check(self.name, getattr(self, field)))
+        return getattr(self, field)
 
-def _check_angle(name: str, angle: object) -> None:
-    """Raise `ValueError` unless an angle is positive and at most a right angle, where the bob is level with
-    its hinge."""
-    checks.single(name, angle)
-    checks.positive(name, angle)
-    checks.at_most(name, angle, 0.5 * np.pi, "a right angle in rad")
+    def set_angle(self) -> None:
+        """Check that `angle` is positive and at most a right angle, where the bob is level with its hinge."""
+        checks.at_most(self.name, self.set_number("angle"), 0.5 * np.pi, "a right angle in rad")
 
 
 @dataclass(frozen=True)
@@ -312,12 +302,12 @@ class Stroke(Limit):
     """Largest settled |psi|, rad, at most pi/2. The linear equations lose their meaning beyond about 0.5
     rad."""
 
-    angle: float = 0.5
+    angle: checks.Real = 0.5
     name: ClassVar[str] = "stroke"
     unit: ClassVar[str] = "rad"
 
     def __post_init__(self) -> None:
-        _check_angle(self.name, self.angle)
+        self.set_angle()
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The stroke over the limit."""
@@ -329,13 +319,13 @@ class RelativeStroke(Limit):
     """Largest settled |psi - phi|, rad, at most pi/2. The sum of both largest angles is limited, which is
     never less."""
 
-    angle: float
+    angle: checks.Real
     name: ClassVar[str] = "relative_stroke"
     label: ClassVar[str] = "relative stroke"
     unit: ClassVar[str] = "rad"
 
     def __post_init__(self) -> None:
-        _check_angle(self.name, self.angle)
+        self.set_angle()
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The sum of both angles over the limit."""
@@ -347,13 +337,12 @@ class RelativeStroke(Limit):
 class Tilt(Limit):
     """Largest settled |phi|, as a share of nu, at most 1: at nu the block stands on its corner."""
 
-    share: float
+    share: checks.Real
     name: ClassVar[str] = "tilt"
     unit: ClassVar[str] = "of nu"
 
     def __post_init__(self) -> None:
-        checks.positive(self.name, self.share)
-        checks.at_most(self.name, self.share, 1.0, "a block that stands on its corner")
+        checks.at_most(self.name, self.set_number("share"), 1.0, "a block that stands on its corner")
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The tilt over the limit."""
@@ -364,12 +353,12 @@ class Tilt(Limit):
 class Mass(Limit):
     """Largest mass of the bob as it is built, kg; where no body swings as the point does, of the point."""
 
-    kg: float
+    kg: checks.Real
     name: ClassVar[str] = "mass"
     unit: ClassVar[str] = "kg"
 
     def __post_init__(self) -> None:
-        checks.positive(self.name, self.kg)
+        self.set_number("kg")
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The mass of the body over the limit, nominal under all conditions."""
@@ -388,13 +377,13 @@ class Mass(Limit):
 class Offset(Limit):
     """Largest distance of the settled bob's centre from the block's axis, m."""
 
-    distance: float
+    distance: checks.Real
     name: ClassVar[str] = "offset"
     label: ClassVar[str] = "offset (bob from the axis)"
     unit: ClassVar[str] = "m"
 
     def __post_init__(self) -> None:
-        checks.positive(self.name, self.distance)
+        self.set_number("distance")
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The offset l sin(angle) over the limit."""
@@ -443,14 +432,14 @@ class Worsening(Limit):
     """Largest share by which the settled tilt under any condition may exceed that of the bare block. Where
     the bare block rests, overturns or is not known to settle, there is nothing to exceed."""
 
-    share: float = 0.05
+    share: checks.Real = 0.05
     name: ClassVar[str] = "worsening"
     label: ClassVar[str] = "worsening (against the bare tilt)"
     unit: ClassVar[str] = "of the bare tilt"
     of_motion: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        checks.not_negative(self.name, self.share)
+        self.set_number("share", checks.not_negative)
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The tilt over the bare block's and the share."""
@@ -468,12 +457,12 @@ class Multiplier(Limit):
     """Largest modulus of the Floquet multipliers, below 1. It has no derivative: a search stops at it rather
     than moving along it. `Reserve` has one."""
 
-    largest: float
+    largest: checks.Real
     name: ClassVar[str] = "multiplier"
     of_motion: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        checks.within(self.name, self.largest, 1e-6, 1.0)
+        self.set_number("largest", lambda name, value: checks.within(name, value, 1e-6, 1.0))
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The modulus over the limit."""
@@ -485,12 +474,12 @@ class Reserve(Limit):
     """Least distance of a symmetric orbit from where it stops attracting (fold, loss of symmetry, torus).
     Without it a search over orbits ends on the edge of what is stable."""
 
-    least: float = 0.05
+    least: checks.Real = 0.05
     name: ClassVar[str] = "reserve"
     of_motion: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        checks.positive(self.name, self.least)
+        self.set_number("least")
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """A size that is at most one where the reserve is at least `least`."""
@@ -575,7 +564,8 @@ def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
         ValueError: something that is not a limit, or two limits of one kind.
     """
     # Two limits of one kind would leave open which of them a report means.
-    if not isinstance(limits, Iterable) or isinstance(limits, str):
+    given = isinstance(limits, Iterable) and not isinstance(limits, (str, bytes, Mapping))
+    if not given or checks.is_concrete(limits):
         raise ValueError(f"`limits` must be a list of objects of `tpd.limits`, but is {checks.shown(limits)}")
     listed = tuple(limits)
     for limit in listed:

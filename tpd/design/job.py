@@ -60,6 +60,9 @@ def naming(table: str, **keys: str) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
+        if str(error).startswith("["):
+            # Another table was read in between, which the message names.
+            raise
         said = re.sub(r"`(\w+)`", lambda found: f"`{keys.get(found[1], found[1])}`", str(error))
         raise ValueError(f"[{table}] {said}") from None
 

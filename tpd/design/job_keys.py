@@ -83,7 +83,7 @@ def _plain(hint: Any) -> Any:
 def _limit(kind: type[Limit]) -> Key:
     """Key of a limit: its number, or whether it is asked for."""
     preset, own = limit_of(DEFAULT_LIMITS, kind), [f.name for f in fields(kind)]
-    is_number = len(own) == 1 and get_type_hints(kind)[own[0]] is float
+    is_number = len(own) == 1 and get_type_hints(kind)[own[0]] in (float, Any)
     default = None if preset is None else getattr(preset, own[0]) if is_number else True
     return Key(float | bool if is_number else bool, default, (kind, None))
 

@@ -57,8 +57,8 @@ def front(
     block = design.scene.block
     low, high = design.space.mass_ratio
     shares = np.geomspace(max(low, high * _LEAST), high, _LIGHTER + 2)[1:-1] if most is None else most
-    shares = np.asarray(shares, dtype=float)
-    if shares.ndim != 1 or np.any(np.diff(shares) <= 0.0) or not np.all((shares > low) & (shares < high)):
+    shares = checks.array("most", shares, (-1,), "a vector of increasing masses")
+    if np.any(np.diff(shares) <= 0.0) or not np.all((shares > low) & (shares < high)):
         raise ValueError(
             f"`most` must be increasing masses between {low:g} and {high:g} of the block's, but is "
             f"{shares.tolist()}"

@@ -233,16 +233,15 @@ class Method(ABC):
     """
 
     name: ClassVar[str]
-    searches: int
+    searches: checks.Whole
     """Designs from which a search begins."""
-    screening: int
+    screening: checks.Whole
     """Designs solved before the searches, to choose where they begin."""
-    steps: int
+    steps: checks.Whole
     """Bound on the steps of each search."""
 
     def __post_init__(self) -> None:
-        for name in ("searches", "screening", "steps"):
-            checks.count(name, getattr(self, name))
+        checks.set_checked(self, checks.count, "searches screening steps")
 
     @abstractmethod
     def search(
@@ -259,9 +258,9 @@ class Sequential(Method):
     designs."""
 
     name: ClassVar[str] = "sequential"
-    searches: int = field(default=64, kw_only=True)
-    screening: int = field(default=512, kw_only=True)
-    steps: int = field(default=40, kw_only=True)
+    searches: checks.Whole = field(default=64, kw_only=True)
+    screening: checks.Whole = field(default=512, kw_only=True)
+    steps: checks.Whole = field(default=40, kw_only=True)
 
     def search(
         self, objective: Orbits, units: np.ndarray, *, known: Linearisation | None = None, after: After = None
@@ -285,28 +284,28 @@ class Descent(Method):
     model: AbstractModel | None = field(default=None, kw_only=True)
     """`Smoothed()` follows the symmetric orbits with smoothed signs and impacts, the default; `Piecewise()`
     is these orbits themselves, with exact gradients."""
-    searches: int = field(default=16, kw_only=True)
-    screening: int = field(default=512, kw_only=True)
-    steps: int = field(default=40, kw_only=True)
-    tolerance: float = field(default=0.01, kw_only=True)
+    searches: checks.Whole = field(default=16, kw_only=True)
+    screening: checks.Whole = field(default=512, kw_only=True)
+    steps: checks.Whole = field(default=40, kw_only=True)
+    tolerance: checks.Real = field(default=0.01, kw_only=True)
     """Largest relative difference between the amplitudes of the model and of the exact solution: an end
     beyond it is not offered."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        checks.positive("tolerance", self.tolerance)
+        checks.set_checked(self, checks.tolerance, "tolerance")
         smooth = isinstance(self.model, Smoothed) and self.model.terms is Terms.linear
         if self.model is not None and not smooth and not isinstance(self.model, Piecewise):
             raise ValueError(
                 "`model` must be Smoothed() with linear terms, or Piecewise(), whose symmetric orbits are "
-                f"known, but is {self.model!r}"
+                f"known, but is {checks.shown(self.model)}"
             )
         if isinstance(self.optimiser, str):
             checks.one_of("optimiser", self.optimiser, tuple(OPTIMISERS))
         elif not isinstance(self.optimiser, optax.GradientTransformation):
             raise ValueError(
                 f"`optimiser` must be a transformation of optax, or one of {', '.join(OPTIMISERS)}, but is "
-                f"{self.optimiser!r}"
+                f"{checks.shown(self.optimiser)}"
             )
         else:
             self.taken(1)

@@ -63,8 +63,8 @@ def optimise(
     method: Method | GroundSearch | None = None,
     ensemble: Ensemble | None = None,
     worth: Worth | None = None,
-    held_out: float | Mapping[str, Sequence[GroundMotion]] | None = None,
-    seed: int = 0,
+    held_out: checks.Real | Mapping[str, Sequence[GroundMotion]] | None = None,
+    seed: checks.Whole = 0,
     checkpoint: Path | str | None = None,
     progress: Progress | bool | None = None,
 ) -> Design:

@@ -66,14 +66,15 @@ class Question:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
 
-def check_given(seed: int, **given: Any) -> None:
-    """Raise unless JAX has 64 bits, the seed is a whole number, and each input is of its class; None stands
-    for a default."""
+def check_given(seed: checks.Whole, **given: Any) -> int:
+    """Return the seed; raise unless JAX has 64 bits, it is a whole number, and each input is of its class.
+    None stands for a default."""
     checks.require_x64()
-    checks.seed("seed", seed)
+    seed = checks.seed("seed", seed)
     for name, value in given.items():
         if value is not None:
             checks.instance(name, value, _KINDS[name])
+    return seed
 
 
 def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> DesignSpace:
@@ -155,7 +156,7 @@ class Problem(Question):
         method: Method | None = None,
         ensemble: Ensemble | None = None,
         worth: Worth | None = None,
-        seed: int = 0,
+        seed: checks.Whole = 0,
     ) -> Problem:
         """Problem of a scene; None stands for the default everywhere.
 
@@ -164,7 +165,7 @@ class Problem(Question):
             RuntimeError: JAX is in 32-bit mode.
         """
         given = {"space": space, "conditions": conditions, "starts": starts, "risk": risk}
-        check_given(seed, **given, ensemble=ensemble, worth=worth)
+        seed = check_given(seed, **given, ensemble=ensemble, worth=worth)
         checks.instance("scene", scene, Scene)
         if method is not None:
             checks.instance("method", method, Method)

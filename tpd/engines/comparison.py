@@ -178,11 +178,11 @@ def mujoco(
     scene: Scene,
     pendulum: Pendulum | None = None,
     *,
-    runs: int = RUNS,
-    seed: int = 0,
-    periods: int = _PERIODS,
-    sliding: float = SLIDING,
-    workers: int | None = None,
+    runs: checks.Whole = RUNS,
+    seed: checks.Whole = 0,
+    periods: checks.Whole = _PERIODS,
+    sliding: checks.Real = SLIDING,
+    workers: checks.Whole | None = None,
     progress: Progress | bool | None = None,
 ) -> EngineVerdict:
     """Follow the paired runs of a verdict in MuJoCo, and by the nonlinear equations (4).
@@ -210,11 +210,11 @@ def drake(
     scene: Scene,
     pendulum: Pendulum | None = None,
     *,
-    runs: int = _DRAKE_RUNS,
-    seed: int = 0,
-    periods: int = _DRAKE_PERIODS,
-    sliding: float = SLIDING,
-    workers: int | None = None,
+    runs: checks.Whole = _DRAKE_RUNS,
+    seed: checks.Whole = 0,
+    periods: checks.Whole = _DRAKE_PERIODS,
+    sliding: checks.Real = SLIDING,
+    workers: checks.Whole | None = None,
     progress: Progress | bool | None = None,
 ) -> EngineVerdict:
     """Follow the paired runs of a verdict in Drake, and by the nonlinear equations (4).
@@ -242,7 +242,7 @@ def _verdict(
     checks.require_x64()
     checks.instance("scene", scene, Scene)
     checks.optional("pendulum", pendulum, Pendulum)
-    checks.positive("sliding", sliding)
+    sliding = checks.positive("sliding", sliding)
     version = engine.available()
     with shown(progress) as report:
         case = _Case(engine, scene, ensemble, sliding, workers, report)

@@ -158,7 +158,7 @@ def body_of(scene: Scene, p: Parameters, sliding: float, steps: int = 1) -> Rigi
     )
 
 
-def mjcf(scene: Scene, pendulum: Pendulum | None = None, *, sliding: float = SLIDING) -> str:
+def mjcf(scene: Scene, pendulum: Pendulum | None = None, *, sliding: checks.Real = SLIDING) -> str:
     """Block and pendulum as the text of a MuJoCo model, which needs no MuJoCo.
 
     The shaking is no part of the text: give every actuator the acceleration of the base in m/s^2 as control.
@@ -172,11 +172,11 @@ def mjcf(scene: Scene, pendulum: Pendulum | None = None, *, sliding: float = SLI
         ValueError: bad input.
     """
     checks.instance("scene", scene, Scene)
-    checks.positive("sliding", sliding)
+    sliding = checks.positive("sliding", sliding)
     return body_of(scene, parameters_under(scene, pendulum), sliding).mjcf()
 
 
-def opensees(scene: Scene, pendulum: Pendulum | None = None, *, sliding: float = SLIDING) -> str:
+def opensees(scene: Scene, pendulum: Pendulum | None = None, *, sliding: checks.Real = SLIDING) -> str:
     """Block, pendulum and shaking as the text of an OpenSees model in Tcl, which needs no OpenSees.
 
     The text stands the block under its weight, shakes it and writes its motion to files. Its comments say
@@ -196,7 +196,7 @@ def opensees(scene: Scene, pendulum: Pendulum | None = None, *, sliding: float =
     import jinja2
 
     checks.instance("scene", scene, Scene)
-    checks.positive("sliding", sliding)
+    sliding = checks.positive("sliding", sliding)
     p, motion = parameters_under(scene, pendulum), scene.motion
     body = body_of(scene, p, sliding)
     ground = isinstance(motion, GroundMotion)

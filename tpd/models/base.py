@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
+from collections.abc import Callable
+from typing import Any, ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.scene.parameters import Number, Parameters, State
 from tpd.scene.status import Status
+
+MOST_PERIODS = 800
+"""Most forcing periods in one call of a model, by default."""
+
+
+def setting(name: str, check: Callable[..., Any], default: Any, *bounds: Any) -> Any:
+    """Return a field of a model that holds what a check returns for a value."""
+    # Not in `__check_init__`: Equinox warns of an array before that.
+    convert = lambda value: check(name, value, *bounds)  # noqa: E731
+    return eqx.field(converter=convert, default=default, static=True, kw_only=True)
 
 
 class Settled(eqx.Module):
@@ -61,6 +72,9 @@ class AbstractChoice(eqx.Module):
 
 class AbstractModel(eqx.Module):
     """A model of block and pendulum in dimensionless form."""
+
+    most_periods: ClassVar[int] = MOST_PERIODS
+    """Most forcing periods in one call, which Ctrl-C cannot stop."""
 
     @property
     @abstractmethod

@@ -129,7 +129,7 @@ def solve(x: Any, y0: Any, limits: Limits) -> Any:
         (out,) = EXACT((shape(n),), row, x, y0)
         return out
     out = np.empty(n)
-    entry.run(0, 1, row, x, y0, out)
+    entry.run(0, 1, row, np.ascontiguousarray(x, float), np.ascontiguousarray(y0, float), out)
     return out
 
 

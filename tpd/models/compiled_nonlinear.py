@@ -22,6 +22,8 @@ from tpd.models.compiled_shaken import Followed, follow_rows, known, operands
 from tpd.models.rows import settle_rows
 from tpd.scene.parameters import Parameters
 
+MOST_PERIODS = 10_000
+"""Most forcing periods of a run. Ctrl-C waits for the runs that have begun."""
 TOLERANCE = 1e-6
 """Repetition error that counts as settled, see `tpd.exact.repetition.scales_of`."""
 REST_RATE = 1e-4
@@ -34,10 +36,10 @@ def settle_nonlinear(
     *,
     begin: Any = 0.0,
     ramp: Any = 0.0,
-    periods: int = 400,
-    rtol: float = 1e-8,
-    max_events: int = 2000,
-    workers: int | None = None,
+    periods: checks.Whole = 400,
+    rtol: checks.Real = 1e-8,
+    max_events: checks.Whole = 2000,
+    workers: checks.Whole | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Settled:
     """Follow every motion of a batch by the nonlinear equations (4) until it repeats, rests or is lost.
@@ -53,10 +55,11 @@ def settle_nonlinear(
 
     Returns and raises as `settle_all`, and `ValueError` for a bound out of range.
     """
-    checks.positive("rtol", rtol)
-    for name, value in (("periods", periods), ("max_events", max_events)):
-        checks.count(name, value)
-    limits = {"periods": periods, "rtol": rtol, "events": max_events, "tolerance": TOLERANCE}
+    limits = {
+        "periods": checks.count("periods", periods, most=MOST_PERIODS),
+        "rtol": checks.tolerance("rtol", rtol),
+    }
+    limits |= {"events": checks.count("max_events", max_events), "tolerance": TOLERANCE}
     return settle_rows(NONLINEAR, (p, y0, begin, ramp), workers, progress, rest_rate=REST_RATE, **limits)
 
 

@@ -147,18 +147,29 @@ def rows_of(address, a, api):
     return 0, _buffers(frame, a), False
 
 
+def _place(buffer: Any) -> int:
+    """The address of an array, which compiled code reads as contiguous floats of 64 bits, or records of them.
+
+    Raises:
+        TypeError: an array of another kind, which is an error of the package.
+    """
+    if not (buffer.flags.c_contiguous and buffer.dtype.isnative and buffer.dtype.char in "dDV"):
+        raise TypeError(
+            f"compiled code takes contiguous arrays of 64-bit floats, not {buffer.dtype} as given"
+        )
+    # NumPy's own attribute takes five times as long, but knows all arrays.
+    if buffer.size and buffer.flags.writeable:
+        return ctypes.addressof(ctypes.c_char.from_buffer(buffer))
+    return buffer.ctypes.data
+
+
 def on_host(entrance: Any) -> Callable[..., None]:
     """Function that computes rows `first` to before `last` of contiguous buffers: operands, then results."""
     call: Callable[[int], int] = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(entrance.address)
     numbers: Any = ctypes.c_int64 * FRAME
 
-    def run(first: int, last: int, *buffers: Any) -> None:
-        # NumPy's own attribute takes five times as long, but knows all arrays.
-        places = (
-            ctypes.addressof(ctypes.c_char.from_buffer(b)) if b.size and b.flags.writeable else b.ctypes.data
-            for b in buffers
-        )
-        frame = numbers(0, first, last, *places)
+    def run(first: int, last: int, *buffers: np.ndarray) -> None:
+        frame = numbers(0, first, last, *map(_place, buffers))
         call(ctypes.addressof(frame))
 
     return run

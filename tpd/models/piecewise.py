@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import lru_cache
+from typing import Any, ClassVar
 
-import equinox as eqx
 from jaxtyping import Array, Float
 
 from tpd.core import checks
 from tpd.models import compiled_linear
-from tpd.models.base import AbstractModel, Cycle, Settled
+from tpd.models.base import AbstractModel, Cycle, Settled, setting
 from tpd.scene.parameters import Number, Parameters, State
 from tpd.scene.status import Status
+
+EXACT_PERIODS = 100_000
+"""Most forcing periods in one call: half a second of work, or some seconds with many events."""
 
 
 class Piecewise(AbstractModel):
@@ -23,22 +26,17 @@ class Piecewise(AbstractModel):
     processor, one motion after another, also where JAX has another device: see `tpd.models.calling`.
     """
 
-    max_periods: int = eqx.field(default=500, static=True, kw_only=True)
+    max_periods: checks.Whole = setting("max_periods", checks.count, 500, 1, EXACT_PERIODS)
     """Forcing periods to follow before giving up on a repetition."""
-    max_events: int = eqx.field(default=2000, static=True, kw_only=True)
+    max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, EXACT_PERIODS)
     """Bound on the steps and events of one forcing period."""
-    tolerance: float = eqx.field(default=1e-6, static=True, kw_only=True)
+    tolerance: checks.Real = setting("tolerance", checks.tolerance, 1e-6)
     """Repetition error at which following ends and Newton's method takes over."""
-    rest_rate: float = eqx.field(default=2e-7, static=True, kw_only=True)
-    lyapunov_periods: int = eqx.field(default=100, static=True, kw_only=True)
+    rest_rate: checks.Real = setting("rest_rate", checks.tolerance, 2e-7)
+    lyapunov_periods: checks.Whole = setting("lyapunov_periods", checks.count, 100, 0, 10_000)
     """Periods over which the separation of neighbours is measured, should a motion not repeat."""
 
-    def __check_init__(self) -> None:
-        checks.count("max_periods", self.max_periods)
-        checks.count("max_events", self.max_events)
-        checks.count("lyapunov_periods", self.lyapunov_periods, least=0)
-        checks.positive("tolerance", self.tolerance)
-        checks.positive("rest_rate", self.rest_rate)
+    most_periods: ClassVar[int] = EXACT_PERIODS
 
     def check(self, p: Parameters) -> None:
         """Every valid set of parameters is representable."""
@@ -70,3 +68,13 @@ class Piecewise(AbstractModel):
     ) -> tuple[Float[Array, "times 4"], Status]:
         """The exact states at `times`, from `y0` at `times[0]`."""
         return compiled_linear.trajectory(p, y0, times, self.max_events, self.rest_rate)
+
+
+@lru_cache(maxsize=64)
+def is_exact(kind: type) -> bool:
+    """Whether a class of models has the flow of `Piecewise`, so that one compiled call finds a steady state.
+    The rules for models with a flow of their own differ in a few cases."""
+    flow = ("settle", "cycle", "limits", "resolution", "round_off")
+    return issubclass(kind, Piecewise) and all(
+        getattr(kind, name) is getattr(Piecewise, name) for name in flow
+    )

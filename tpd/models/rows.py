@@ -33,7 +33,7 @@ def _rows_of(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray,
     late = (begins < 0.0) | (begins * columns[XI] > 2.0 * np.pi * (1.0 + 1e-12))
     if np.any(late | ~np.isfinite(begins)):
         raise ValueError(f"`begin` must lie within the first forcing period, but is {begins[late]}")
-    checks.not_negative("ramp", ramps)
+    checks.not_negative("ramp", ramps, every=True)
     return starts, np.array(np.transpose(columns), order="C"), begins, ramps
 
 
@@ -65,7 +65,7 @@ def settle_all(
     begin: Any = 0.0,
     ramp: Any = 0.0,
     model: Piecewise | None = None,
-    workers: int | None = None,
+    workers: checks.Whole | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Settled:
     """`model.settle` of every element of a batch, in bounded memory and on all cores.

@@ -21,7 +21,7 @@ from jaxtyping import Array, Bool, Float, Int
 from tpd.core import checks
 from tpd.exact.contact import REST, SLIP, STICK, Mode, decide, released, transversality_of
 from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
-from tpd.models.base import AbstractModel, Cycle, Settled
+from tpd.models.base import MOST_PERIODS, AbstractModel, Cycle, Settled, setting
 from tpd.models.settling import Period, cycle_by_events, settle
 from tpd.scene.impacts import bob_change, velocity_ratio
 from tpd.scene.parameters import Number, Parameters, State
@@ -80,31 +80,24 @@ class Segmented(AbstractModel):
     not refused as those of the exact model are.
     """
 
-    terms: Terms = eqx.field(default=Terms.nonlinear, static=True, kw_only=True)
+    terms: Terms = setting("terms", checks.instance, Terms.nonlinear, Terms)
     """Linear (25), with its parametric term, or nonlinear (4)."""
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5, kw_only=True)
     """Integrates transients and trajectories; the settled period uses `Dopri8`."""
-    rtol: float = eqx.field(default=1e-7, static=True, kw_only=True)
+    rtol: checks.Real = setting("rtol", checks.tolerance, 1e-7)
     """Relative tolerance of transients and trajectories; absolute is a hundredth of it."""
-    cycle_rtol: float = eqx.field(default=1e-11, static=True, kw_only=True)
+    cycle_rtol: checks.Real = setting("cycle_rtol", checks.tolerance, 1e-11)
     """Relative tolerance of the settled period, whose derivatives are used."""
-    tolerance: float = eqx.field(default=1e-5, static=True, kw_only=True)
+    tolerance: checks.Real = setting("tolerance", checks.tolerance, 1e-5)
     """Repetition error at which following ends and Newton's method takes over."""
-    rest_rate: float = eqx.field(default=1e-4, static=True, kw_only=True)
+    rest_rate: checks.Real = setting("rest_rate", checks.tolerance, 1e-4)
     """An impact slower than this (phi' in units of nu) that the block can be held after is rest;
     the error is of the order of its square."""
-    max_periods: int = eqx.field(default=400, static=True, kw_only=True)
-    max_events: int = eqx.field(default=2000, static=True, kw_only=True)
+    max_periods: checks.Whole = setting("max_periods", checks.count, 400, 1, MOST_PERIODS)
+    max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, 100_000)
     """Bound on the segments of one forcing period."""
-    max_steps: int = eqx.field(default=4096, static=True, kw_only=True)
+    max_steps: checks.Whole = setting("max_steps", checks.count, 4096, 1, 100_000)
     """Bound on the solver steps of one segment."""
-
-    def __check_init__(self) -> None:
-        checks.instance("terms", self.terms, Terms)
-        for name in ("rtol", "cycle_rtol", "tolerance", "rest_rate"):
-            checks.positive(name, getattr(self, name))
-        for name in ("max_periods", "max_events", "max_steps"):
-            checks.count(name, getattr(self, name))
 
     @property
     def round_off(self) -> float:

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float
 from tpd.core import checks
 from tpd.exact.terms import SWING, TILT, TILT_RATE
 from tpd.models import compiled_linear
-from tpd.models.base import AbstractModel, Cycle, Settled
+from tpd.models.base import MOST_PERIODS, AbstractModel, Cycle, Settled, setting
 from tpd.models.compiled_linear import NONLINEAR
 from tpd.models.compiled_nonlinear import REST_RATE, TOLERANCE
 from tpd.models.piecewise import Piecewise
@@ -25,6 +25,8 @@ from tpd.scene.parameters import Number, Parameters, State
 from tpd.scene.status import Status
 from tpd.theory.equations import Equations, Linear, Terms, smoothed_rates
 
+_MOST_STEPS = 1_000_000
+"""Most steps of a trajectory."""
 _ABSURD = 1e3
 """rad (and rad per unit tau): far beyond any angle that means something."""
 
@@ -60,33 +62,25 @@ class Smoothed(AbstractModel):
 
     HUM = 10.0
 
-    terms: Terms = eqx.field(default=Terms.linear, static=True, kw_only=True)
+    terms: Terms = setting("terms", checks.instance, Terms.linear, Terms)
     """Linear (25), with its parametric term, or nonlinear (4)."""
-    sharpness: float = eqx.field(default=0.002, static=True, kw_only=True)
+    sharpness: checks.Real = setting("sharpness", checks.within, 0.002, 1e-6, 1.0)
     """Smoothing width over the expected tilt; smaller is more accurate and slower. Below 3e-6 the solver no
     longer resolves derivatives in the layer, though the amplitude is right; below 1e-4 it may run out of
     steps on a resting block, and steps may pass over impacts, so that a motion does not settle."""
     solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5, kw_only=True)
     """Integrates transients and trajectories; the settled period uses `Dopri8`."""
-    rtol: float = eqx.field(default=1e-6, static=True, kw_only=True)
+    rtol: checks.Real = setting("rtol", checks.tolerance, 1e-6)
     """Relative tolerance of transients and trajectories; absolute is a hundredth of it."""
-    cycle_rtol: float = eqx.field(default=1e-12, static=True, kw_only=True)
+    cycle_rtol: checks.Real = setting("cycle_rtol", checks.tolerance, 1e-12)
     """Relative tolerance of the settled period, whose derivatives are used."""
-    tolerance: float = eqx.field(default=1e-4, static=True, kw_only=True)
+    tolerance: checks.Real = setting("tolerance", checks.tolerance, 1e-4)
     """Repetition error at which following ends and Newton's method takes over."""
-    max_periods: int = eqx.field(default=400, static=True, kw_only=True)
-    max_steps: int = eqx.field(default=4096, static=True, kw_only=True)
+    max_periods: checks.Whole = setting("max_periods", checks.count, 400, 1, MOST_PERIODS)
+    max_steps: checks.Whole = setting("max_steps", checks.count, 4096, 1, 100_000)
     """Bound on the solver steps of one forcing period."""
-    samples: int = eqx.field(default=64, static=True, kw_only=True)
+    samples: checks.Whole = setting("samples", checks.count, 64, 1, 100_000)
     """Samples of one settled period, among which turning points are bracketed."""
-
-    def __check_init__(self) -> None:
-        checks.instance("terms", self.terms, Terms)
-        checks.within("sharpness", self.sharpness, 1e-6, 1.0)
-        for name in ("rtol", "cycle_rtol", "tolerance"):
-            checks.positive(name, getattr(self, name))
-        for name in ("max_periods", "max_steps", "samples"):
-            checks.count(name, getattr(self, name))
 
     @property
     def round_off(self) -> float:
@@ -108,7 +102,7 @@ class Smoothed(AbstractModel):
         least, told = 1e-3, " in the smoothed model: take `Piecewise`"
         if self.terms is Terms.nonlinear:
             least, told = 1.0, " in the smoothed equations (4): take `Segmented`"
-        checks.within("e", p.velocity_ratio, least, 1.0, told)
+        checks.within("e", p.velocity_ratio, least, 1.0, told, every=True)
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Integrate from `y0` at tau = 0, one forcing period after another, until they repeat."""
@@ -160,9 +154,12 @@ class Smoothed(AbstractModel):
     ) -> tuple[Float[Array, "times 4"], Status]:
         """The smoothed states at `times`, from `y0` at `times[0]`."""
         field = smoothed_rates(p, *self.widths(p), self.terms)
-        ys, _ = self._integrate(field, y0, times, max_steps=None)
+        # Without an end the steps of a motion that overturns would shrink for ever.
+        absurd = diffrax.Event(lambda t, y, args, **_: jnp.abs(y[TILT]) > _ABSURD)
+        ys, bounded = self._integrate(field, y0, times, until=absurd, max_steps=_MOST_STEPS)
         lost = ~(jnp.max(jnp.abs(ys[:, TILT])) < Equations(p, self.terms).beyond_return)
-        return ys, Status.where(lost, Status.overturned, Status.rocking)
+        status = Status.where(lost, Status.overturned, Status.rocking)
+        return ys, Status.where(bounded, status, Status.event_bound)
 
     def _integrate(
         self,
@@ -172,23 +169,23 @@ class Smoothed(AbstractModel):
         *,
         precise: bool = False,
         until: diffrax.Event | None = None,
-        max_steps: int | None = -1,
+        max_steps: int | None = None,
     ) -> tuple[Float[Array, "saved 4"], Bool[Array, ""]]:
-        """States at `times`, or the one where the event `until` ends the motion, and whether the
-        bound on the steps was kept."""
+        """States at `times`, of a `precise` motion with an event the one where it ends the motion, and
+        whether the bound on the steps was kept."""
         rtol = self.cycle_rtol if precise else self.rtol
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(field),
             diffrax.Dopri8() if precise else self.solver,
             times[0],
             times[-1],
-            1e-3 * (times[-1] - times[0]) / (1.0 if until is None else 10.0),
+            1e-3 * (times[-1] - times[0]) / (10.0 if precise and until is not None else 1.0),
             y,
-            saveat=diffrax.SaveAt(ts=times) if until is None else diffrax.SaveAt(t1=True),
+            saveat=diffrax.SaveAt(t1=True) if precise and until is not None else diffrax.SaveAt(ts=times),
             stepsize_controller=diffrax.PIDController(rtol=rtol, atol=0.01 * rtol),
             adjoint=diffrax.ForwardMode(),
             event=until,
-            max_steps=self.max_steps if max_steps == -1 else max_steps,
+            max_steps=self.max_steps if max_steps is None else max_steps,
             throw=False,
         )
         ys: Any = solution.ys

@@ -31,7 +31,7 @@ class Intensity:
     """Its value for a motion as it is."""
 
 
-def intensity_of(name: str, block: Block, gravity: float, period: float | None) -> Intensity:
+def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.Real | None) -> Intensity:
     """The measure of that name, for a block; see `tpd.fragility`.
 
     Raises:
@@ -40,11 +40,9 @@ def intensity_of(name: str, block: Block, gravity: float, period: float | None) 
     checks.one_of("intensity", name, INTENSITIES)
     if (name == "sa") != (period is not None):
         raise ValueError(f'`period` belongs to `intensity="sa"`, but they are {period} and {name!r}')
-    checks.positive("gravity", gravity)
-    unit = gravity * float(block.slenderness)
+    unit = checks.positive("gravity", gravity) * checks.plain("block", block.slenderness, single=True)
     if period is not None:
-        checks.positive("period", period)
-        own = float(period)
+        own = checks.positive("period", period, 1e-3, 1e3, " s")
         return Intensity(f"Sa({own:g} s)", "m/s^2", lambda m: spectral_acceleration(m, own))
 
     def relative_velocity(motion: GroundMotion) -> float:

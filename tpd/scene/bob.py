@@ -37,15 +37,15 @@ class Bob:
 
     shape: str = "ball"
     """Ball or cylinder."""
-    density: float = STEEL
+    density: checks.Real = STEEL
     """Density of the bob, kg/m^3."""
-    aspect: float = 2.0
+    aspect: checks.Real = 2.0
     """Height over diameter of a cylinder; without effect for a ball."""
 
     def __post_init__(self) -> None:
         checks.one_of("shape", self.shape, SHAPES)
-        checks.within("density", self.density, 100.0, 25000.0, " kg/m^3")
-        checks.within("aspect", self.aspect, 0.1, 20.0)
+        checks.set_checked(self, checks.within, "density", 100.0, 25000.0, " kg/m^3")
+        checks.set_checked(self, checks.within, "aspect", 0.1, 20.0)
 
     def __str__(self) -> str:
         material = "steel" if self.density == STEEL else f"{self.density:g} kg/m³"

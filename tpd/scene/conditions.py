@@ -22,6 +22,8 @@ and e. Seeded samples depend on the order: a new name comes last."""
 
 HARMONIC_PERIODS = 40
 """Periods that a harmonic among ground motions lasts."""
+FASTEST = 10.0
+"""Largest rate of an initial state: phi' in shares of nu, psi' in rad per unit tau."""
 MOST_SCATTER = 0.5
 """Largest relative half width of an uncertain number."""
 MEASURES = ("pga_star", "pgv_star", "pga", "pgv", "scale")
@@ -53,10 +55,16 @@ class Conditions:
 
     def __post_init__(self) -> None:
         checks.instance("factors", self.factors, Mapping)
-        for name, values in self.factors.items():
+        factors = {
+            n: checks.array(n, values, (-1,), "a vector of factors") for n, values in self.factors.items()
+        }
+        for name, values in factors.items():
             checks.one_of("factors", name, FACTORS)
-            checks.numbers(name, values, (-1,), "a vector of factors")
-            checks.positive(name, np.asarray(values))
+            checks.positive(name, values, every=True)
+        object.__setattr__(self, "factors", factors)
+        checks.instance("motions", self.motions, tuple)
+        if self.which is not None:
+            checks.array("which", self.which, (-1,), "a vector of indices of motions")
         lengths = sorted({len(values) for values in (*self.factors.values(), *self._chosen)})
         if len(lengths) > 1:
             raise ValueError(f"`factors` must be of one length, but have lengths {lengths}")
@@ -98,13 +106,12 @@ class Conditions:
     def column(self, name: str) -> np.ndarray:
         """Factors on one of `FACTORS`, shape (n,)."""
         checks.one_of("name", name, FACTORS)
-        return np.asarray(self.factors.get(name, np.ones(len(self))), dtype=float)
+        return self.factors.get(name, np.ones(len(self)))
 
-    def subset(self, most: int, seed: int = 0) -> Conditions:
+    def subset(self, most: checks.Whole, seed: checks.Whole = 0) -> Conditions:
         """Return at most `most` conditions: those nearest to the corners of the range of factors, and a
         seeded choice of the others."""
-        checks.count("most", most)
-        n = len(self)
+        most, seed, n = checks.count("most", most), checks.seed("seed", seed), len(self)
         if n <= most:
             return self
         # The worst condition is likely to be at a corner, where several factors are extreme at once.
@@ -167,7 +174,9 @@ class Conditions:
         return Conditions()
 
     @staticmethod
-    def around(scene: Scene, frequency: float = 0.05, amplitude: float = 0.1, count: int = 5) -> Conditions:
+    def around(
+        scene: Scene, frequency: checks.Real = 0.05, amplitude: checks.Real = 0.1, count: checks.Whole = 5
+    ) -> Conditions:
         """Neighbourhood of the scene's own shaking: `count` frequencies within a relative half width, each
         at the scene's amplitude and at one larger by the share `amplitude`.
 
@@ -175,30 +184,31 @@ class Conditions:
             ValueError: a share out of range, or a count below two.
         """
         _check_scene(scene)
-        checks.within("frequency", frequency, 1e-3, 0.5)
-        checks.within("amplitude", amplitude, 0.0, 1.0)
-        checks.count("count", count, least=2)
+        frequency = checks.within("frequency", frequency, 1e-3, 0.5)
+        amplitude = checks.within("amplitude", amplitude, 0.0, 1.0)
+        count = checks.count("count", count, least=2)
         factors, own = 1.0 + frequency * np.linspace(-1.0, 1.0, count), scene.motion.frequency
         phrase = f"{count} frequencies within ±{frequency:.3g} of {own:g} Hz"
         near = Conditions({"frequency": factors}, (phrase,), {"frequency": (own, "Hz")})
         return near * Conditions.amplitudes(1.0, 1.0 + amplitude) if amplitude else near
 
     @staticmethod
-    def band(scene: Scene, low: float, high: float, count: int = 20) -> Conditions:
+    def band(scene: Scene, low: checks.Real, high: checks.Real, count: checks.Whole = 20) -> Conditions:
         """Frequencies from `low` to `high` in Hz, in equal ratios, at the scene's amplitude of displacement.
 
         Raises:
             ValueError: bounds that are not positive and in order, or a count below two.
         """
         _check_scene(scene)
-        checks.interval("band", (low, high), 1e-6 * scene.motion.frequency, 1e6 * scene.motion.frequency)
-        checks.count("count", count, least=2)
-        phrase, own = f"{count} frequencies from {low:g} to {high:g} Hz", scene.motion.frequency
+        own = scene.motion.frequency
+        low, high = checks.interval("band", (low, high), 1e-6 * own, 1e6 * own)
+        count = checks.count("count", count, least=2)
+        phrase = f"{count} frequencies from {low:g} to {high:g} Hz"
         factors = {"frequency": np.geomspace(low, high, count) / own}
         return Conditions(factors, (phrase,), {"frequency": (own, "Hz")})
 
     @staticmethod
-    def amplitudes(*factors: float) -> Conditions:
+    def amplitudes(*factors: checks.Real) -> Conditions:
         """Amplitudes of the base motion, as factors on the scene's.
 
         Raises:
@@ -206,8 +216,7 @@ class Conditions:
         """
         if not factors:
             raise ValueError("`factors` must hold at least one number, but is empty")
-        for factor in factors:
-            checks.positive("factors", factor)
+        factors = tuple(checks.positive("factors", factor) for factor in factors)
         phrase = f"amplitudes {', '.join(f'{x:g}' for x in factors)} times the scene's"
         return Conditions({"amplitude": np.array(factors, dtype=float)}, (phrase,))
 
@@ -218,8 +227,8 @@ class Conditions:
         *,
         intensity: str = "pga_star",
         scatter: Mapping[str, float] | None = None,
-        samples: int = 1,
-        seed: int = 0,
+        samples: checks.Whole = 1,
+        seed: checks.Whole = 0,
     ) -> Conditions:
         """Every ground motion at every intensity.
 
@@ -253,12 +262,16 @@ class Conditions:
             checks.instance(f"motions[{i}]", motion, GroundMotion)
         refuse_zeros(listed)
         checks.one_of("intensity", intensity, MEASURES)
-        checks.positive("scales", np.asarray(scales, dtype=float))
-        checks.count("samples", samples)
+        listed_scales = np.atleast_1d(scales) if np.ndim(scales) == 0 else scales
+        each = checks.array("scales", listed_scales, (-1,), "a vector of numbers")
+        checks.positive("scales", each, every=True)
+        samples, stated = checks.count("samples", samples), tuple(map(float, each))
+        seed, scatter = checks.seed("seed", seed), {} if scatter is None else scatter
+        checks.instance("scatter", scatter, Mapping)
         # The motion varies slowest, so that runs of one record stand together in the batch.
-        each = np.repeat(np.atleast_1d(np.asarray(scales, dtype=float)), samples)
+        each = np.repeat(each, samples)
         factors = {"amplitude": np.tile(each, len(listed))}
-        stripes = ", ".join(f"{x:g}" for x in np.atleast_1d(scales))
+        stripes = ", ".join(f"{x:g}" for x in stated)
         phrase = f"{len(listed)} ground motions, each at {intensity} {stripes}"
         if scatter:
             drawn = Conditions.scatter(len(factors["amplitude"]), seed, **scatter)
@@ -266,11 +279,10 @@ class Conditions:
             factors = {**drawn.factors, "amplitude": amplitude}
             phrase += f" with scatter of {', '.join(scatter)} (seed {seed})"
         which = np.repeat(np.arange(len(listed)), len(each))
-        stated = tuple(float(x) for x in np.atleast_1d(scales))
         return Conditions(factors, (phrase,), {}, listed, which, intensity, stated)
 
     @staticmethod
-    def scatter(size: int, seed: int = 0, **half_widths: float) -> Conditions:
+    def scatter(size: checks.Whole, seed: checks.Whole = 0, **half_widths: checks.Real) -> Conditions:
         """A seeded Latin hypercube of uncertain factors, each uniform between 1 - w and 1 + w, with w given
         by name in `FACTORS`: manufacturing (mass, length, damping), the block (friction, slenderness,
         restitution) and the shaking (amplitude, frequency).
@@ -278,11 +290,10 @@ class Conditions:
         Raises:
             ValueError: an unknown name, a width beyond 0 to 0.5, or a size below one.
         """
-        checks.count("size", size)
-        checks.seed("seed", seed)
+        size, seed = checks.count("size", size), checks.seed("seed", seed)
         if unknown := [name for name in half_widths or ("nothing",) if name not in FACTORS]:
             raise ValueError(f"what scatters must be of {', '.join(FACTORS)}, but has {', '.join(unknown)}")
-        check_half_widths(half_widths)
+        half_widths = check_half_widths(half_widths)
         # Every name has its column, used or not, so that the draws of one name do not depend on the others.
         unit = latin_hypercube(np.random.default_rng(seed), size, len(FACTORS), axis_by_axis=True)
         used = [name for name in FACTORS if name in half_widths]
@@ -363,10 +374,21 @@ def latin_hypercube(
     return (strata + rng.random((size, dimensions))) / size
 
 
-def check_half_widths(half_widths: Mapping[str, float]) -> None:
-    """Raise `ValueError` unless every relative half width is between 0 and 0.5."""
-    for name, width in half_widths.items():
-        checks.within(name, width, 0.0, MOST_SCATTER)
+def check_half_widths(half_widths: Mapping[str, float]) -> dict[str, float]:
+    """Return relative half widths; raise `ValueError` unless every one is between 0 and 0.5."""
+    return {name: checks.within(name, width, 0.0, MOST_SCATTER) for name, width in half_widths.items()}
+
+
+def check_reach(spread: Any) -> None:
+    """Turn the spreads of initial states of an object into floats; raise `ValueError` for one that is
+    negative or too large."""
+    checks.set_checked(spread, checks.not_negative, "tilt tilt_rate swing swing_rate")
+    checks.at_most("tilt", spread.tilt, 1.0, "a block that stands on its corner")
+    checks.at_most("swing", spread.swing, 0.5 * np.pi, "a right angle in rad")
+    for name in ("tilt_rate", "swing_rate"):
+        checks.at_most(
+            name, getattr(spread, name), FASTEST, "ten times the rate that overturns a block or a bob"
+        )
 
 
 def factors_at(unit: np.ndarray, half_widths: Mapping[str, float]) -> dict[str, np.ndarray]:

@@ -12,13 +12,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.core import checks
+from tpd.core.checks import Real
 from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.scene.earthquakes import is_one
-from tpd.scene.parameters import Real, pytree
+from tpd.scene.parameters import pytree
 
 LONGEST_FREE = 1e5
 """Longest free motion (s) that is followed after a ground motion."""
 
+GREATEST_PULSE = 1e4
+"""Largest acceleration of a pulse, m/s^2."""
+FREQUENCIES = 1e-6, 1e6
+"""Lowest and highest frequency of a motion of the base, Hz."""
 _MOST_CYCLES = 8.0
 _LONGEST_TRAIN = 1000
 """Largest numbers of periods of an envelope, and of a train of sines."""
@@ -64,17 +69,18 @@ class GroundMotion:
             raise ValueError(
                 f"exactly one of `pga` and `pga_g` must be given, but they are {pga} and {pga_g}"
             )
-        wanted: Any = pga if pga_g is None else pga_g * STANDARD_GRAVITY
-        checks.positive("pga" if pga_g is None else "pga_g", wanted)
+        if pga_g is not None:
+            pga = checks.positive("pga_g", pga_g) * STANDARD_GRAVITY
+        wanted = checks.positive("pga", pga)
         if checks.is_concrete(self.pga) and float(self.pga) == 0.0:
             raise ValueError("a record of zeros cannot be scaled to a peak")
         return self.scaled(wanted / self.pga)
 
     def acceleration_at(self, times: Any) -> np.ndarray:
         """Acceleration (m/s^2) at `times` in s; zero before and after the motion."""
-        checks.within("times", np.asarray(times), -np.inf, np.inf)
-        c, share = np.asarray(self.pieces()), np.asarray(times, dtype=float) / float(self.piece)
-        i = np.clip(np.floor(share).astype(int), 0, len(c) - 1)
+        at = np.clip(checks.each("times", times), -1e9, 1e9)
+        c, share = np.asarray(self.pieces()), at / float(self.piece)
+        i = np.clip(np.floor(share), 0, len(c) - 1).astype(int)
         x = share - i
         values = c[i, 0] + x * (c[i, 1] + x * (c[i, 2] + x * c[i, 3]))
         return np.where((share < 0.0) | (share > len(c)), 0.0, values) * float(self.pga)
@@ -192,16 +198,13 @@ class Pulse(GroundMotion):
     """Phase against the envelope's middle, rad: nu of Mavroeidis and Papageorgiou."""
 
     def __post_init__(self) -> None:
-        for name in ("acceleration", "frequency", "cycles", "phase"):
-            object.__setattr__(self, name, checks.as_float(getattr(self, name)))
         checks.one_of("kind", self.kind, tuple(PULSES))
-        checks.not_negative("acceleration", self.acceleration)
-        checks.positive("frequency", self.frequency)
-        for name in ("cycles", "phase"):
-            checks.within(name, getattr(self, name), -np.inf, np.inf)
+        checks.set_checked(self, checks.not_negative, "acceleration", 0.0, GREATEST_PULSE, " m/s^2")
+        checks.set_checked(self, checks.positive, "frequency", *FREQUENCIES, " Hz")
+        checks.set_checked(self, checks.number, "cycles phase")
         if PULSES[self.kind].is_train:
             # The number of periods shapes the arrays.
-            whole = checks.is_concrete(self.cycles) and float(self.cycles) == round(float(self.cycles))
+            whole = checks.is_concrete(self.cycles) and self.cycles == round(self.cycles)
             if not (whole and 1.0 <= self.cycles <= _LONGEST_TRAIN):
                 wanted = f"a whole number from 1 to {_LONGEST_TRAIN}"
                 raise ValueError(f"`cycles` of a train must be {wanted}, but is {self.cycles}")
@@ -240,7 +243,10 @@ class Pulse(GroundMotion):
 
         in m/s. The acceleration of the result is velocity times 2 pi frequency.
         """
-        checks.not_negative("velocity", velocity)
+        velocity, frequency = (
+            checks.not_negative("velocity", velocity),
+            checks.positive("frequency", frequency),
+        )
         return cls(
             kind="mavroeidis-papageorgiou",
             acceleration=2.0 * math.pi * frequency * velocity,
@@ -283,7 +289,7 @@ class Pulse(GroundMotion):
 
     def scaled(self, factor: Real) -> Pulse:
         """The pulse with all accelerations times `factor`."""
-        return replace(self, acceleration=self.acceleration * factor)
+        return replace(self, acceleration=self.acceleration * checks.number("factor", factor))
 
     def pieces(self) -> Any:
         """Acceleration over `pga`, as cubics; see `GroundMotion.pieces`."""

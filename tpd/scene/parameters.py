@@ -17,16 +17,13 @@ from tpd.scene.impacts import heaviest_of_housner, housner
 if TYPE_CHECKING:
     Number = Float[Array, "..."] | float
     State = Float[Array, "4"]
-    Real = float
     Given = Float[Array, "..."] | float
 else:
     # Known numbers may be arrays of NumPy: see `checks.namespace`. To a checker of types these are JAX's. An
     # imaginary part of theirs carries a derivative.
     Number = Float[Array, "..."] | Inexact[np.ndarray, "..."] | float
     State = Float[Array, "4"] | Float[np.ndarray, "4"]
-    # An array or a traced value passes as well, and `checks` refuses the rest in words of its own, before
-    # and instead of a checker of types.
-    Real = Given = Any
+    Given = Any
 Numbers = tuple[Number, Number, Number, Number]
 """A state (phi, psi, phi', psi'), one number each."""
 
@@ -37,6 +34,10 @@ Static: TypeAlias = tuple[tuple[str, ...], tuple[tuple[str, Any], ...]]
 SLENDERNESS_LIMIT = 0.5
 """Widest block (width over height) the linear equations are offered for: they drop terms of
 relative order nu**2, a quarter at this limit."""
+
+GREATEST = 1e12
+"""Largest dimensionless parameter, and the inverse of the least one: beyond them squares and cubes of numbers
+lose their meaning."""
 
 
 class Parameters(eqx.Module):
@@ -85,25 +86,21 @@ class Parameters(eqx.Module):
     ) -> None:
         # At once: equinox's own way, field by field, takes longer than following a motion.
         given = {"nu": nu, "mu": mu, "lam": lam, "zeta": zeta, "k": k, "f": f, "xi": xi, "rho": rho, "e": e}
-        vars(self).update({name: checks.as_float(x) for name, x in given.items()})
+        vars(self).update({name: checks.plain(name, x) for name, x in given.items()})
 
     def __check_init__(self) -> None:
-        checks.positive("nu", self.nu)
-        checks.within(
-            "nu", self.nu, 0.0, SLENDERNESS_LIMIT, " (the linear equations drop terms of order nu**2)"
-        )
-        checks.not_negative("mu", self.mu)
-        checks.positive("lam", self.lam)
-        checks.not_negative("zeta", self.zeta)
-        checks.not_negative("k", self.k)
-        checks.not_negative("f", self.f)
-        checks.positive("xi", self.xi)
+        for name in ("nu", "lam", "xi"):
+            checks.positive(name, getattr(self, name), 1.0 / GREATEST, GREATEST, every=True)
+        for name in ("mu", "zeta", "k", "f"):
+            checks.not_negative(name, getattr(self, name), 0.0, GREATEST, every=True)
+        told = " (the linear equations drop terms of order nu**2)"
+        checks.within("nu", self.nu, 0.0, SLENDERNESS_LIMIT, told, every=True)
         if self.rho is not None:
-            checks.within("rho", self.rho, 1e-6, 1.0)
+            checks.within("rho", self.rho, 1e-6, 1.0, every=True)
         if self.e is None:
             _check_heaviest(self.nu, self.inertia_ratio, self.mu)
         else:
-            checks.within("e", self.e, 0.0, 1.0)
+            checks.within("e", self.e, 0.0, 1.0, every=True)
 
     @property
     def inertia_ratio(self) -> Number:
@@ -150,6 +147,15 @@ def check_parameters(p: object, name: str = "p") -> None:
     if not isinstance(p, Parameters):
         # A scene is what is given by mistake: it knows its parameters.
         checks.instance(name, p, Parameters, ": take its `.parameters()`" if hasattr(p, "parameters") else "")
+
+
+def single(thing: Any, name: str = "p") -> Any:
+    """Return a number, or a pytree of numbers, where one-element arrays are the number in them.
+
+    Raises:
+        ValueError: arrays of several numbers.
+    """
+    return jax.tree.map(lambda x: checks.plain(name, x, single=True), thing)
 
 
 def as_arrays(p: Parameters) -> Parameters:

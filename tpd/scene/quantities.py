@@ -111,15 +111,17 @@ class Setup:
             checks.instance(
                 "motion", subject.motion, Harmonic, ": pulses and records are for `tpd.transient`"
             )
-            return Setup(subject.quantities(pendulum), True, pendulum is not None)
+            values = {n: checks.plain(n, v, single=True) for n, v in subject.quantities(pendulum).items()}
+            return Setup(values, True, pendulum is not None)
         if pendulum is not None:
             raise ValueError("`pendulum` goes with a scene; dimensionless parameters have their own")
         # Without numbers of their own rho and e stay out, and follow the other parameters.
-        values = {n: getattr(subject, n) for n in NAMES if getattr(subject, n) is not None}
+        named = {n: getattr(subject, n) for n in NAMES if getattr(subject, n) is not None}
+        values = {n: checks.plain(n, value, single=True) for n, value in named.items()}
         for n, value in values.items():
-            if not (checks.is_concrete(value) and np.ndim(value) == 0):
+            if not checks.is_concrete(value):
                 raise ValueError(f"`{n}` must be a single number, but is {value!r}")
-        return Setup({n: float(v) for n, v in values.items()}, False, float(values["mu"]) > 0.0)
+        return Setup(values, False, values["mu"] > 0.0)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -15,10 +15,11 @@ import jax
 import numpy as np
 
 from tpd.core import checks
+from tpd.core.checks import Real
 from tpd.core.files import path_of
 from tpd.formats.channel import GREATEST_PEAK
 from tpd.scene.ground_motion import GroundMotion
-from tpd.scene.parameters import Real, pytree
+from tpd.scene.parameters import pytree
 
 STEPS = 1e-6, 1e3
 """Least and largest step between samples, s."""
@@ -56,11 +57,9 @@ class Record(GroundMotion):
     """The file that the record was read from, and the number of the channel where the file has several."""
 
     def __post_init__(self) -> None:
-        for name in ("dt", "scale"):
-            object.__setattr__(self, name, checks.as_float(getattr(self, name)))
         object.__setattr__(self, "acceleration", _samples(self.acceleration))
-        checks.within("dt", self.dt, *STEPS, " s")
-        checks.within("scale", self.scale, -np.inf, np.inf)
+        checks.set_checked(self, checks.within, "dt", *STEPS, " s")
+        checks.set_checked(self, checks.number, "scale")
         for name in ("name", "event", "source"):
             checks.instance(name, getattr(self, name), str)
         if not (isinstance(self.notes, tuple) and all(isinstance(note, str) for note in self.notes)):
@@ -103,8 +102,7 @@ class Record(GroundMotion):
 
     def scaled(self, factor: Real) -> Record:
         """Return the record with its scale multiplied by a factor."""
-        checks.within("factor", factor, -np.inf, np.inf)
-        return replace(self, scale=self.scale * factor)
+        return replace(self, scale=self.scale * checks.number("factor", factor))
 
     @property
     def piece(self) -> Real:
@@ -194,11 +192,11 @@ def _of(channel: Channel) -> Record:
 def _samples(value: Any) -> Any:
     """Checked samples: those of NumPy or of a list as an array that nobody can write to."""
     wanted = "an array of two accelerations or more"
-    checks.numbers("acceleration", value, (-1,), wanted)
-    if np.shape(value)[0] < 2:
+    found = checks.array("acceleration", value, (-1,), wanted)
+    if len(found) < 2:
         raise ValueError(f"`acceleration` must be {wanted}, but is {checks.shown(value)}")
     if isinstance(value, jax.Array):
-        return value
-    array = np.array(value, dtype=float)
+        return checks.plain("acceleration", value)
+    array = np.array(found)
     array.flags.writeable = False
     return array

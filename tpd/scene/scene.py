@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
-from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion
+from tpd.core.checks import Real
+from tpd.scene.ground_motion import FREQUENCIES, STANDARD_GRAVITY, GroundMotion
 from tpd.scene.impacts import housner
-from tpd.scene.parameters import SLENDERNESS_LIMIT, Parameters, Real, pytree, uniform_inertia_ratio
+from tpd.scene.parameters import SLENDERNESS_LIMIT, Parameters, pytree, uniform_inertia_ratio
 
 HOUSNER = "housner"
 """Value of `Block.restitution` that ties e to block and bob by `tpd.scene.impacts.housner`."""
@@ -31,17 +32,20 @@ within; lengths in mm or cm, and masses in t or g, do not."""
 LARGEST_SHAKING = 10.0
 """Largest plausible acceleration of a harmonic base motion, in shares of the standard gravity. The strongest
 motions on record reach a few g."""
+LEAST_GYRATION = 0.01
+"""Least radius of gyration of a block, as a share of half its diagonal."""
+HEAVIEST, LENGTHS = 1e12, (1e-6, 1e6)
+"""Largest mass (kg) of a pendulum, and its least and largest length (m)."""
 LARGEST_DAMPING = 2.0
 """Largest damping ratio of a hinge, as in a design space: a ratio, and no per cent."""
 GRAVITIES = (1.5, 30.0)
 """Plausible m/s^2: the Moon's lies within, 1 g as a number, 981 cm/s^2 and 32.2 ft/s^2 do not."""
 
 
-def _convert_whole_numbers(thing: Any) -> None:
-    """Turn the whole numbers among the fields of a frozen dataclass into floats."""
+def _convert_numbers(thing: Any) -> None:
+    """Turn the numbers among the fields of a frozen dataclass into floats, and the arrays into plain ones."""
     # `jax.grad` refuses integers, and `Block(width=1, ...)` means a metre.
-    for name in (f.name for f in fields(thing)):
-        object.__setattr__(thing, name, checks.as_float(getattr(thing, name)))
+    checks.set_checked(thing, checks.plain, " ".join(f.name for f in fields(thing)))
 
 
 @pytree
@@ -78,21 +82,24 @@ class Block:
     for room then asks for it."""
 
     def __post_init__(self) -> None:
-        _convert_whole_numbers(self)
-        checks.positive("width", self.width)
-        checks.positive("height", self.height)
-        checks.positive("mass", self.mass)
+        _convert_numbers(self)
+        checks.positive("width", self.width, every=True)
+        checks.positive("height", self.height, every=True)
+        checks.positive("mass", self.mass, every=True)
         check_proportions(self.width, self.height, self.mass)
         self._check_losses()
         if self.radius_of_gyration is not None:
-            checks.positive("radius_of_gyration", self.radius_of_gyration)
+            checks.positive("radius_of_gyration", self.radius_of_gyration, every=True)
             # No body has more: all of its mass would lie in the corners.
+            most = 0.5 * (self.width**2 + self.height**2) ** 0.5
             checks.at_most(
-                "radius_of_gyration",
-                self.radius_of_gyration,
-                0.5 * (self.width**2 + self.height**2) ** 0.5,
-                "half the diagonal of the block",
+                "radius_of_gyration", self.radius_of_gyration, most, "half the diagonal of the block"
             )
+            if checks.is_concrete(most) and np.any(self.radius_of_gyration < LEAST_GYRATION * most):
+                raise ValueError(
+                    f"`radius_of_gyration` must be at least {LEAST_GYRATION:g} of half the diagonal of the "
+                    f"block, but is {np.min(self.radius_of_gyration):g} m"
+                )
         self._check_cavity()
         if checks.is_concrete(self.slenderness) and np.any(self.slenderness > SLENDERNESS_LIMIT):
             raise ValueError(
@@ -107,12 +114,11 @@ class Block:
                     f"`restitution` must be a number or {HOUSNER!r}, but is {self.restitution!r}"
                 )
         elif self.restitution is not None:
-            checks.positive("restitution", self.restitution)
-            checks.within("restitution", self.restitution, 0.0, 1.0)
+            checks.positive("restitution", self.restitution, 0.0, 1.0, every=True)
         if self.friction is None:
             # Impacts alone let a bare block settle; without impact loss only friction does.
             object.__setattr__(self, "friction", FRICTION if self.restitution is None else 0.0)
-        checks.not_negative("friction", self.friction)
+        checks.not_negative("friction", self.friction, every=True)
         # The moment of the block's weight about its corner is M g a = nu M g b, and it falls with the tilt:
         # a greater friction moment holds the block at any tilt, so that it neither falls back nor over.
         checks.at_most(
@@ -126,7 +132,7 @@ class Block:
     def _check_cavity(self) -> None:
         if self.cavity_width is None:
             return
-        checks.positive("cavity_width", self.cavity_width)
+        checks.positive("cavity_width", self.cavity_width, every=True)
         if all(map(checks.is_concrete, (self.cavity_width, self.width))) and np.any(
             np.asarray(self.cavity_width) > self.width
         ):
@@ -181,14 +187,15 @@ class Pendulum:
     """zeta: share of critical damping of the pendulum hung from a fixed point."""
 
     def __post_init__(self) -> None:
-        _convert_whole_numbers(self)
-        checks.not_negative("mass", self.mass)
-        checks.positive("length", self.length)
-        checks.not_negative("damping_ratio", self.damping_ratio)
+        _convert_numbers(self)
+        checks.not_negative("mass", self.mass, 0.0, HEAVIEST, " kg", every=True)
+        checks.positive("length", self.length, *LENGTHS, " m", every=True)
+        checks.not_negative("damping_ratio", self.damping_ratio, every=True)
         check_damping("damping_ratio", self.damping_ratio)
 
     def hinge_damping(self, gravity: Real = STANDARD_GRAVITY) -> Real:
         """Moment of the hinge per angular rate, N m s/rad: 2 zeta m l^1.5 g^0.5."""
+        gravity = checks.positive("gravity", gravity)
         return 2.0 * self.damping_ratio * self.mass * self.length**1.5 * gravity**0.5
 
 
@@ -207,9 +214,9 @@ class Harmonic:
     """Frequency of the base motion, Hz."""
 
     def __post_init__(self) -> None:
-        _convert_whole_numbers(self)
-        checks.not_negative("amplitude", self.amplitude)
-        checks.positive("frequency", self.frequency)
+        _convert_numbers(self)
+        checks.not_negative("amplitude", self.amplitude, every=True)
+        checks.positive("frequency", self.frequency, *FREQUENCIES, " Hz", every=True)
         check_shaking(self.amplitude, self.frequency)
 
     @property
@@ -236,11 +243,11 @@ class Scene:
     """Gravity, m/s^2."""
 
     def __post_init__(self) -> None:
-        _convert_whole_numbers(self)
+        _convert_numbers(self)
         checks.instance("block", self.block, Block)
         checks.instance("motion", self.motion, (Harmonic, GroundMotion))
-        checks.positive("gravity", self.gravity)
-        checks.within("gravity", self.gravity, *GRAVITIES, " m/s^2 (the Earth's is 9.80665)")
+        told = " m/s^2 (the Earth's is 9.80665)"
+        checks.positive("gravity", self.gravity, *GRAVITIES, told, every=True)
 
     @property
     def rate(self) -> Real:
@@ -312,8 +319,8 @@ class Scene:
 
     def pendulum(self, *, mass_ratio: Real, length_ratio: Real, damping_ratio: Real) -> Pendulum:
         """Return the pendulum in SI units that has these mu, lam and zeta."""
-        for name, ratio in (("mass_ratio", mass_ratio), ("length_ratio", length_ratio)):
-            checks.not_negative(name, ratio)
+        mass_ratio = checks.not_negative("mass_ratio", mass_ratio, every=True)
+        length_ratio = checks.not_negative("length_ratio", length_ratio, every=True)
         return Pendulum(
             mass=mass_ratio * self.block.mass,
             length=length_ratio * self.block.half_height,

@@ -26,6 +26,7 @@ import jax.numpy as jnp
 from jax.tree_util import Partial
 from jaxtyping import Array, Float
 
+from tpd.core import checks
 from tpd.scene.impacts import linear_bob_change, linear_ratio
 from tpd.scene.parameters import Number, Numbers, Parameters, State
 
@@ -131,6 +132,11 @@ class Terms(enum.StrEnum):
     """(25) with s f (1 + mu) nu phi sin(xi tau) on the left, of second order in the angles."""
     nonlinear = "nonlinear"
     """(4) with all terms."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> None:
+        """Raise `ValueError` for a word that is none of the terms."""
+        checks.one_of("terms", value, tuple(cls))
 
 
 class Equations(eqx.Module):

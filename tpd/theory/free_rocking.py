@@ -129,7 +129,7 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
     """
     checks.require_x64()
     check_parameters(p)
-    checks.not_negative("amplitude", amplitude)
+    amplitude = checks.not_negative("amplitude", amplitude, every=True)
     linear = Linear(p)
     twice, tilt = 2.0 * linear.weight, linear.tilt
     # Beyond this the weight would have done negative work, and k would be negative.

@@ -70,13 +70,13 @@ def grouped(
     """
     if isinstance(held_out, Mapping):
         return _others(motions, held_out)
-    checks.within("held_out", held_out, 0.0, 0.9)
+    share = checks.within("held_out", held_out, 0.0, 0.9)
     names = events_of(motions)
     events = np.random.default_rng([seed, 9]).permutation(np.unique(names))
     # Whole earthquakes, one after the other, until there are enough; one of several remains.
     out: set[str] = set()
     for event in events[: max(1, len(events) - 1)]:
-        if sum(name in out for name in names) >= held_out * len(names):
+        if sum(name in out for name in names) >= share * len(names):
             break
         out.add(str(event))
     inside = tuple(m for m, name in zip(motions, names, strict=True) if name not in out)

@@ -93,7 +93,7 @@ def ground_problem(
         ValueError: bad input.
         RuntimeError: JAX is in 32-bit mode.
     """
-    check_given(seed, space=space, risk=risk, ensemble=ensemble, worth=worth)
+    seed = check_given(seed, space=space, risk=risk, ensemble=ensemble, worth=worth)
     checks.instance("scene", subject, (Scene, Block))
     if method is not None:
         checks.instance("method", method, GroundSearch)

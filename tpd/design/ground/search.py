@@ -34,14 +34,14 @@ class GroundSearch:
         ValueError: a count below its least.
     """
 
-    starts: int = 32
+    starts: checks.Whole = 32
     """Designs spread over the space."""
-    steps: int = 32
+    steps: checks.Whole = 32
     """Designs that follow one by one."""
 
     def __post_init__(self) -> None:
-        checks.count("starts", self.starts, least=4)
-        checks.count("steps", self.steps, least=0)
+        checks.set_checked(self, checks.count, "starts", 4)
+        checks.set_checked(self, checks.count, "steps", 0)
 
 
 class Evaluated(NamedTuple):
