@@ -31,6 +31,7 @@ def run(options: argparse.Namespace) -> int:
     # Records are read here: bad files end the command before anything is claimed.
     scene, settings, unfinished = job.scene, job.settings, options.out / UNFINISHED
     _claim(options, unfinished)
+    # Lines on the records shorten the answer, so that both fit on a terminal.
     motion, told = common.motions(job)
     if not (options.quiet or options.json):
         common.say(scene, None, motion, told)

@@ -316,6 +316,7 @@ class Job:
     def held_notes(self) -> tuple[str, ...]:
         """Sentences on what was left out of the records that are held out, or assumed of them."""
         held, said = self._held, []
+        # Over both sides together: the comparison of the groups leaves these records out without a word.
         for name, (found, notes) in held.items() if isinstance(held, dict) else ():
             events = events_of([*self.motions, *found])
             used, own = events[: len(self.motions)], events[len(self.motions) :]

@@ -218,6 +218,7 @@ def _from_utf_16(data: bytes) -> bytes:
 
 
 def _of_bytes(data: bytes, how: Options) -> list[Channel]:
+    # Archives of zip end with the list of their files, and a Parquet file or a pickle with a mark.
     ends = data if len(data) < 2 * _START else data[:_START] + data[-_START:]
     for pattern, kind, remedy in _NO_TEXT:
         if re.match(pattern, ends, re.DOTALL):

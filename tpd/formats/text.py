@@ -156,14 +156,14 @@ class Cursor:
         return [self.next(what) for _ in range(n)]
 
     @cached_property
-    def _end(self) -> int:
-        """Number of lines up to the last one that is not blank. It is found once, since readers ask at every
+    def last_line(self) -> int:
+        """Number of the last line that is not blank. It is found once, since readers ask at every
         line whether blank lines follow."""
         return max((i for i, line in enumerate(self.lines, 1) if line.strip()), default=0)
 
     def only_blank_lines_follow(self) -> bool:
         """Return whether nothing but blank lines is left."""
-        return self.at >= self._end
+        return self.at >= self.last_line
 
     def require_end(self, *, whole: bool = False) -> None:
         """Raise `UnreadableRecord` unless the file ends here, with the end of a line: a number at the end of

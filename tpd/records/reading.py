@@ -130,6 +130,7 @@ def _repeated(records: Sequence[Record]) -> list[str]:
     places = [(station, component, file) for (station, _, component), file in zip(names, files, strict=True)]
     reasons = []
     for record, place in zip(records, places, strict=True):
+        # Two records are equal if all but the names of their files is the same.
         first = seen.setdefault(record, record)
         pairs = zip(records, places, strict=True)
         better = (why for other, its in pairs if (why := _better(record, other, place, its)))
@@ -140,6 +141,7 @@ def _repeated(records: Sequence[Record]) -> list[str]:
 def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[str, ...]) -> str:
     """Why another record counts in place of a record, in words; empty where it does not. A place is station,
     component and name of the file without its ending."""
+    # Most records have none of these notes, and count.
     marks = {*RAW, BOREHOLE} & {*record.notes} - {*other.notes}
     if not marks or (record.event and other.event and not is_one(record.event, other.event)):
         return ""
@@ -185,6 +187,7 @@ def described(motions: Sequence[GroundMotion]) -> list[str]:
     """Lines for a terminal on the records that were read: one for each of a few, or one for all."""
     read = [facts(motion) for motion in motions if isinstance(motion, Record)]
     if len(read) > _FEW:
+        # Smallest and largest values; all values are in the report and in the JSON of the command.
         said = []
         for key, digits in {"samples": 9, "step_s": 3, "duration_s": 3, "pga_g": 3}.items():
             values = [float(f[key]) for f in read]

@@ -63,6 +63,7 @@ def parsed(text: str) -> Earthquake:
     datetime.datetime(1979, 10, 15, 23, 16)
     """
     lower = text.lower()
+    # What looks like a date may be none, such as the number of a record: then the next one is tried.
     for pattern, places in _DATES:
         for found in re.finditer(pattern, lower):
             day = _date(*(found[place] for place in places))
@@ -76,6 +77,7 @@ def parsed(text: str) -> Earthquake:
 def _dated(before: str, day: date, after: str) -> Earthquake:
     """The earthquake of a date, and of the text before and after it."""
     clock, zone, time = _TIME.match(after), None, None
+    # Behind the time stand its zone, and the name or the magnitude.
     if clock is not None:
         after = after[clock.end() :]
         zone = next((word for word in re.findall(r"[a-z]+", after) if word in _ZONES), None)
@@ -89,6 +91,7 @@ def _dated(before: str, day: date, after: str) -> Earthquake:
 
 def _date(year: str, month: str, day: str) -> date | None:
     """A date of its words; None where there is no such date."""
+    # The month is a word in some spellings, and the year has two digits in others.
     number = _MONTHS.index(month[:3]) + 1 if month[:3] in _MONTHS else int(month)
     whole = int(year) if len(year) == 4 else int(year) + (1900 if int(year) >= _EARLIEST_SHORT else 2000)
     # 15/10/1979 can only be European.

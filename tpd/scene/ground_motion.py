@@ -92,6 +92,7 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     events = [getattr(m, "event", "") for m in motions]
     names = [event or f"motion {i + 1}" for i, event in enumerate(events)]
     for j, i in itertools.combinations(range(len(events)), 2):
+        # A copy may carry another name: then both names are of one earthquake.
         named = bool(events[i] and events[j])
         if names[i] != names[j] and (
             (named and is_one(events[i], events[j])) or are_copies(motions[i], motions[j])
