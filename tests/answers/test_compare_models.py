@@ -78,7 +78,7 @@ def test_objections(motion, objection):
 
 
 def test_bad_input_is_refused():
-    with pytest.raises(ValueError, match="`stroke` must be positive, but is 0"):
+    with pytest.raises(ValueError, match="`stroke` must be positive and finite, but is 0"):
         check(paper_scene(), None, stroke=0.0)
     with pytest.raises(ValueError, match=r"`models` must be of uplift, .* but has guess"):
         check(paper_scene(), None, models=("guess",))

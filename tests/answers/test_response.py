@@ -97,7 +97,7 @@ def test_a_response_refuses_bad_input():
         settled_response(SCENE, "frequency", [1.0, 0.0])
     with pytest.raises(ValueError, match="`name` must be one of"):
         branches(BARE, "frequency", 1.0, 2.0)
-    with pytest.raises(ValueError, match="`samples` must be between 8"):
+    with pytest.raises(ValueError, match="`samples` must be a whole number, 8 or more"):
         branches(BARE, "xi", 1.0, 2.0, samples=3)
 
 

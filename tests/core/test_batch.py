@@ -207,3 +207,9 @@ def test_after_ctrl_c_no_further_piece_of_work_begins():
         shared(run, 2000, 2, interrupt, piece=(1, 1))
     # As many as began while the others were handed in.
     assert len(begun) < 1000
+
+
+@pytest.mark.parametrize("kind", [">f8", "f4", "longdouble", int])
+def test_a_batch_of_another_type_has_the_answers_of_64_bit_floats(kind):
+    batch = np.array([1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(in_chunks(jnp.sin, batch.astype(kind)), in_chunks(jnp.sin, batch))

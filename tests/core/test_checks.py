@@ -348,7 +348,6 @@ ALIKE = {
     'Conditions({"mass": A}).factor_rows()': "forms([1, 1.25])",
     "Conditions.records([record], A).factor_rows()": "forms([1, 1.25])",
     "DesignSpace(mass_ratio=A).bounds": "forms([0.125, 0.25])",
-    "in_chunks(jnp.sin, A)": "forms([1, 2, 3])",
     "symmetric_orbits(Parameters(nu=A, mu=A, lam=A, zeta=A, k=0.0625, f=0.5, xi=2.5))": SHARE,
     "periodic_orbit(Parameters(nu=A, mu=A, lam=A, zeta=A, k=0.0625, f=0.5, xi=2.5), [0.0] * 4)": SHARE,
     "steady_state(Parameters(nu=A, mu=A, lam=A, zeta=A, k=0.0625, f=0.5, xi=2.5))": SHARE,

@@ -144,7 +144,7 @@ def fragility(
     block: Block,
     motions: Sequence[GroundMotion],
     *,
-    scales: Sequence[float] | np.ndarray,
+    scales: checks.Vector,
     pendulum: Pendulum | None = None,
     intensity: str = "pga_star",
     period: checks.Real | None = None,

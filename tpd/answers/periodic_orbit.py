@@ -109,7 +109,7 @@ class PeriodicOrbit(eqx.Module):
 
 def periodic_orbit(
     p: Parameters,
-    y0: ArrayLike,
+    y0: checks.Vector,
     *,
     periods: checks.Whole = 1,
     max_events: checks.Whole = MAX_EVENTS,

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jax.lax import stop_gradient
-from jaxtyping import Array, ArrayLike, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, refine
 from tpd.core import checks
@@ -115,7 +115,7 @@ def steady_state(
     p: Parameters,
     *,
     model: AbstractModel | AbstractChoice | None = None,
-    y0: ArrayLike | None = None,
+    y0: checks.Vector | None = None,
     throw: bool = False,
 ) -> Steady:
     """The motion that the block settles into from a stated start.
@@ -154,7 +154,7 @@ def steady_state(
 
 
 def simulate(
-    p: Parameters, y0: ArrayLike, times: ArrayLike, *, model: AbstractModel | None = None
+    p: Parameters, y0: checks.Vector, times: checks.Vector, *, model: AbstractModel | None = None
 ) -> Trajectory:
     """The motion from `y0` at `times[0]`, at increasing dimensionless `times`, shape (n,).
 

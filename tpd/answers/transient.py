@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.lax import stop_gradient
-from jaxtyping import ArrayLike, Float, Int
+from jaxtyping import Float, Int
 
 from tpd.core import checks
 from tpd.core.checks import Real, Whole
@@ -89,7 +89,7 @@ def transient(
     scene: Scene,
     pendulum: Pendulum | None = None,
     *,
-    y0: ArrayLike | None = None,
+    y0: checks.Vector | None = None,
     model: AbstractModel | None = None,
     free: Real = FREE,
     max_events: Whole = MAX_EVENTS,

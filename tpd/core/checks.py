@@ -18,10 +18,11 @@ from tpd.core.formatting import meant
 if TYPE_CHECKING:
     Real: TypeAlias = float
     Whole: TypeAlias = int
+    Vector: TypeAlias = Sequence[float] | np.ndarray | jax.Array
 else:
     # An array or a traced value passes as well, and the functions here refuse the rest in words of their own,
     # before and instead of a checker of types.
-    Real, Whole = Any, int | np.integer | np.ndarray | jax.Array
+    Real, Vector, Whole = Any, Any, int | np.integer | np.ndarray | jax.Array
 
 _SEEDS = 2**63 - 1
 """Largest number that begins a random sequence."""

@@ -223,7 +223,7 @@ class Conditions:
     @staticmethod
     def records(
         motions: Sequence[Any],
-        scales: Sequence[float] = (1.0,),
+        scales: checks.Vector = (1.0,),
         *,
         intensity: str = "pga_star",
         scatter: Mapping[str, float] | None = None,
