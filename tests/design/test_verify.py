@@ -24,7 +24,7 @@ from tpd.design.verify import Verification, active, motions_from_rest, nearest_o
 from tpd.scene.parameters import as_arrays
 from tpd.scene.status import SETTLED
 
-RUNS = tpd.Ensemble(size=16, periods=30)
+RUNS = tpd.Ensemble(size=16, periods=30, seed=0)
 ALONE = tpd.Conditions()
 LIGHT = np.array([0.01, 0.26, 0.35])
 RATIOS = "mass_ratio", "length_ratio", "damping_ratio"

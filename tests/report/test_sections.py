@@ -49,7 +49,7 @@ def test_losses_have_a_row_each():
     (table,) = sections.other_losses(designs.around())
     found = rows(table)
     assert list(found) == ["friction", "impacts"]
-    assert found["impacts"][:2] == ("k = 0.05, e = 0.9", "0% less tilt (95 % interval 0% to 0%)")
+    assert found["impacts"][:2] == ("k = 0.05, e = 0.9", "0% less tilt (95 % interval -11% to 10%)")
     assert found["impacts"][2] == "50.0% / 50.0%"
 
 

@@ -88,22 +88,6 @@ def test_the_change_of_frequency_is_that_of_the_physical_pendulum(bob):
     assert 10.0 * MASS * g / (rod / (STEEL * LENGTH)) == pytest.approx(2e8, rel=1e-12)
 
 
-@ALL
-@pytest.mark.mends(
-    "the rod that makes up for the body was named to first order, 2 % too long for the README's bob"
-)
-def test_a_body_at_the_distance_to_be_built_swings_as_often_as_the_point(bob):
-    g = 9.81
-    at = bob.rod(MASS, LENGTH, g)
-    swings = (1.0 + bob.frequency_change(MASS, at, g)) * math.sqrt(g / at)
-    assert swings == pytest.approx(math.sqrt(g / LENGTH), rel=1e-12)
-    # A ball of 0.4 r^2 on a rod without mass: a quadratic equation, of which the longer one is meant.
-    ball, r = Bob(density=25000.0), float(Bob(density=25000.0).radius(552.6))
-    without = 0.5 * (0.513 + math.sqrt(0.513**2 - 1.6 * r**2))
-    assert ball.rod(552.6, 0.513, 1e-9) == pytest.approx(without, rel=1e-9)
-    assert math.isnan(BALL.rod(552.6, 0.3, g)), "so short a pendulum is none of such a ball"
-
-
 def test_a_bob_is_described_with_its_material():
     assert str(BALL) == "a solid ball of steel"
     assert str(SLIM) == "a solid cylinder of steel, 3 times as high as wide"

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import root_scalar
 
 from tpd.core import checks
 
@@ -102,18 +101,6 @@ class Bob:
         rod it is sqrt((1 + r/2)/(1 + i + r/3)) - 1."""
         inertia, rod = self.inertia_share(mass, length), self.rod_share(length, gravity)
         return math.sqrt((1.0 + 0.5 * rod) / (1.0 + inertia + rod / 3.0)) - 1.0
-
-    def rod(self, mass: float, length: float, gravity: float) -> float:
-        """Distance (m) from the hinge to the centre of the body at which it swings, with its rod, as often as
-        a point at `length`; NaN where no distance does."""
-
-        def later(at: float) -> float:
-            # The frequency goes with (1 + change)/sqrt(distance).
-            return at / (1.0 + self.frequency_change(mass, at, gravity)) ** 2 - length
-
-        # Nearer than its radius of gyration a body swings more slowly again.
-        near = math.sqrt(self.inertia_share(mass, length)) * length
-        return float(root_scalar(later, bracket=(near, 1.5 * length)).root) if later(near) < 0.0 else math.nan
 
     def built(self, mass: Any, length: Any, gravity: float) -> tuple[Any, Any]:
         """Mass (kg) of a body, and distance (m) from the hinge to its centre, that with its rod swings as

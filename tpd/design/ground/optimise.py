@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -185,7 +186,9 @@ def _with_body(problem: GroundProblem, design: np.ndarray, verdict: GroundVerdic
         return verdict
     kind, step = ReasonKind.as_built, Step.judgement
     said = (str(Reason(step=step, kind=kind, limit=n, value=x, reference=most)) for n, x, most in beyond)
-    return GroundVerdict(DesignStatus.refused, (*said, *verdict.reasons))
+    # The first reason is the headline: what the motions say against it comes first.
+    both = (verdict.reasons, said) if verdict.status is DesignStatus.refused else (said, verdict.reasons)
+    return GroundVerdict(DesignStatus.refused, tuple(chain(*both)))
 
 
 def _none_feasible(found: Evaluated, names: tuple[str, ...]) -> GroundVerdict:
