@@ -45,7 +45,7 @@ _TIMES |= {"ms": 1e-3, "msec": 1e-3, "msecs": 1e-3, "millisecond": 1e-3, "millis
 _QUANTITIES = dict.fromkeys(_TIMES, "time") | dict.fromkeys(FACTORS, "acceleration")
 for _length in ("m", "cm", "mm", "in", "ft"):
     _QUANTITIES |= {_length: "displacement", f"{_length}/s": "velocity"}
-"""What a unit measures."""
+"""The quantity that a unit measures."""
 _NAMES = {
     "time": r"t|times?|elapsed|zeit|temps|tempo|tiempo|tijd|tid|czas",
     "number": r"no|nr|num|number|index|i|n|id|samples?|points?|#",
@@ -77,7 +77,7 @@ _FACTOR = re.compile(rf"10\s*(?:\^|\*\*)\s*([+-]?\d+)|(?:x|\*|×)\s*({NUMBER})(?
 
 @dataclass(frozen=True)
 class Options:
-    """What the user states of a table."""
+    """The options of a user for a table."""
 
     dt: float | None = None
     unit: str | None = None
@@ -89,7 +89,7 @@ class Options:
 
 @dataclass(frozen=True)
 class _Column:
-    """What the name of a column says."""
+    """The meaning of the name of a column."""
 
     quantity: str
     component: str
@@ -98,7 +98,7 @@ class _Column:
 
 @dataclass
 class _Header:
-    """What the lines above the samples state."""
+    """The statements of the lines above the samples."""
 
     cells: list[str] = field(default_factory=list)
     """Names of the columns with their units."""
@@ -146,7 +146,7 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
 
 
 def _splitter(lines: Sequence[str]) -> Callable[[str], list[str]]:
-    """How the lines of a file are split into cells, with points in place of decimal commas."""
+    """Return a function that splits a line into cells, with points in place of decimal commas."""
     last = [line for line in lines if line.strip()][-50:]
     words = [word for line in last for word in line.split()]
     separator = re.compile(r"\s*[,;]\s*|\s+")
@@ -170,13 +170,13 @@ def _splitter(lines: Sequence[str]) -> Callable[[str], list[str]]:
 
 
 def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
-    """Whether all cells of a line, or those that are used, are numbers."""
+    """Return whether all cells of a line, or those that are used, are numbers."""
     wanted = [cells[i] for i in used if i < len(cells)] if used else cells
     return len(wanted) >= max(1, len(used)) and all(re.fullmatch(NUMBER, cell) for cell in wanted)
 
 
 def _rows(cursor: Cursor, first: int, split: Callable[[str], list[str]]) -> list[_Row]:
-    """The rows from line `first` to the end of the file."""
+    """Return the rows from line `first` to the end of the file."""
     lines = [(i, split(line)) for i, line in enumerate(cursor.lines[first - 1 :], first)]
     while not lines[-1][1]:
         lines.pop()
@@ -192,7 +192,7 @@ def _rows(cursor: Cursor, first: int, split: Callable[[str], list[str]]) -> list
 
 
 def _counted(rows: list[_Row], used: Sequence[int]) -> tuple[_Header, list[_Row]]:
-    """The number of samples and the step that the first row states in their place, and the other rows."""
+    """Return a header with the statements of a first row of numbers, and the rows of samples."""
     (line, cells), rest = rows[0], rows[1:]
     if used or len(rest) < 2:
         return _Header(), rows
@@ -233,7 +233,7 @@ def _understand(header: _Header, line: str, width: int) -> None:
 
 
 def _cells(text: str, width: int, header: _Header) -> list[str]:
-    """The cells of a line of columns, with the units of a line of units below it; empty if it is none."""
+    """Return the names of columns with the units that a line of units adds; none if a line is neither."""
     for cells in _split_names(text):
         if len(cells) != width or any(map(_unknown_word, cells)):
             continue
@@ -246,7 +246,7 @@ def _cells(text: str, width: int, header: _Header) -> list[str]:
 
 
 def _split_names(text: str) -> list[list[str]]:
-    """Ways to split a line of columns into cells."""
+    """Return the ways to split a line of columns into cells."""
     bare = re.sub(r"[\s,;]+$", "", _MARK.sub("", text.strip(), count=1))
     # A bracket belongs to the name before it, however many blanks are between them.
     joined = re.sub(r"(?<=[^\s)\]])\s+(?=[(\[])", "", bare)
@@ -255,7 +255,7 @@ def _split_names(text: str) -> list[list[str]]:
 
 
 def _unknown_word(cell: str) -> str:
-    """The piece of a cell that the grammar does not explain, or an empty text."""
+    """Return the piece of a cell that the grammar does not explain, or an empty text."""
     try:
         _column(cell, first=True)
     except _Unknown as error:
@@ -264,7 +264,7 @@ def _unknown_word(cell: str) -> str:
 
 
 def _statement(part: str) -> tuple[str, Any] | None:
-    """What a part of a line states, and the value; None if it is no statement."""
+    """Return the kind and the value of a statement; None if the part of a line is no statement."""
     for what, form in _STATEMENTS.items():
         if (found := re.fullmatch(form, part, re.I)) is None:
             continue
@@ -283,7 +283,7 @@ def _statement(part: str) -> tuple[str, Any] | None:
 
 
 def _column(cell: str, *, first: bool) -> _Column:
-    """What the name of a column says, or `_Unknown`. In the first column T is a time, not a component."""
+    """Return the meaning of a name, or raise `_Unknown`. T is a time in the first column, else a component."""
     # AccZ and acc-NS are two words; N-S is one.
     bare = _TWO_WORDS.sub(" ", _BRACKET.sub(" ", cell).strip(" :\"'"))
     words = [w for x in re.findall(r"[^\s_]+", bare) for w in ([x] if is_component(x) else x.split("-"))]
@@ -316,7 +316,7 @@ def _column(cell: str, *, first: bool) -> _Column:
 
 
 def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Channel]:
-    """The accelerations of a table whose header is understood."""
+    """Return the accelerations of a table whose header is understood."""
     for first, second in pairwise(header.stated["step"]):
         agree(first, second, "the step in s", 1e-6 * first)
     total = sum(len(row) for _, row in rows)
@@ -356,7 +356,7 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
 
 
 def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Column]:
-    """The columns that the user names, which must agree with what the header says of them."""
+    """Return the columns that the user names; they must agree with the header."""
     columns: dict[int, _Column] = {}
     for name, at in wanted.items():
         if piece := _unknown_word(name):
@@ -378,7 +378,7 @@ def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Co
 
 
 def _step(times: Sequence[tuple[int, str]], unit: str | None, stated: float | None) -> float:
-    """The step (s) of times that are equally spaced, each rounded to the digits printed.
+    """Return the step (s) of times that are equally spaced, each rounded to the digits printed.
 
     `unit` and `stated`, a step in s, are None where neither the header nor the user gives them.
     """
@@ -426,7 +426,7 @@ def _step(times: Sequence[tuple[int, str]], unit: str | None, stated: float | No
 def _remedy(
     head: Sequence[tuple[int, str]], rows: Sequence[_Row], how: Options, line: int, piece: str
 ) -> dict[str, Any]:
-    """The options that read a table of which a piece in a line is not understood."""
+    """Return the options that read a table of which a piece in a line is not understood."""
     width, below, options = len(rows[0][1]), _Header(), dict[str, Any]()
     words = [plain(w) for text in (piece, *(x for _, x in head)) for w in re.split(r"[\s,;()\[\]]+", text)]
     found = _FACTOR.search(piece) if any(word in FACTORS for word in words) else None
