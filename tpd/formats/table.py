@@ -283,7 +283,7 @@ def _statement(part: str) -> tuple[str, Any] | None:
 
 
 def _column(cell: str, *, first: bool) -> _Column:
-    """Return the meaning of a name, or raise `_Unknown`. T is a time in the first column, else a component."""
+    """Return the meaning of a name, or raise `_Unknown`. T is a time only in the first column."""
     # AccZ and acc-NS are two words; N-S is one.
     bare = _TWO_WORDS.sub(" ", _BRACKET.sub(" ", cell).strip(" :\"'"))
     words = [w for x in re.findall(r"[^\s_]+", bare) for w in ([x] if is_component(x) else x.split("-"))]
