@@ -268,7 +268,7 @@ def test_a_file_that_is_no_design_is_refused(capsys, tmp_path):
 
 
 def test_a_record_of_zeros_shakes_nothing(capsys, tmp_path):
-    (tmp_path / "a.txt").write_text("".join(f"{0.01 * i:.2f} 0.0\n" for i in range(100)))
+    (tmp_path / "a.txt").write_text("t a\n" + "".join(f"{0.01 * i:.2f} 0.0\n" for i in range(100)))
     command = f"shake {WORDS['SIZE']} --record a.txt --unit g --out out"
     assert "must have an acceleration, but is zero" in refused(capsys, *command.split())
     assert not (tmp_path / "out").exists()

@@ -59,8 +59,8 @@ def test_unit_and_step_of_files_that_state_none_and_what_is_left_out_of_a_folder
     (folder / "a.txt").write_text(TIMELESS)
     (folder / "a.VT2").write_text("VELOCITY TIME SERIES IN UNITS OF CM/S\n")
     words = ("fragility", COLUMN, "--scales", "1", "2", "--records", str(folder))
-    assert "give `motion.unit` (--unit), such as unit = 'g'" in run(*words).err
-    assert "give `motion.dt` (--dt) in s, such as dt = 0.01" in run(*words, "--unit", "g").err
+    assert "give `motion.dt` (--dt) in s, such as dt = 0.01" in run(*words).err
+    assert "give `motion.unit` (--unit), such as unit = 'g'" in run(*words, "--dt", "0.01").err
     done = run(*words, "--unit", "g", "--dt", "0.01")
     assert len(done.json("fragility.json")["motions"]) == 1
     assert "a.VT2 (velocity)" in done.out

@@ -41,6 +41,8 @@ motion={records=['a.txt', 'b.txt'], scales=[1], event=['1940', 'B'], baseline='m
 --records a.txt b.txt --scales 1 --event 1940 B --baseline mean
 motion={records=['a.txt'], scales=[1], held_out=['el-centro'], dt=0.01, unit='g', channel=1}
 --records a.txt --scales 1 --held-out el-centro --dt 0.01 --unit g --channel 1
+motion={records=['a.txt'], scales=[1], columns=['time=1', 'N=2'], skip=3, scale=10}
+--records a.txt --scales 1 --columns time=1 N=2 --skip 3 --scale 10
 conditions={band=[2.3, 2.7], amplitudes=[0.8, 1, 1.2]}; risk.measure='cvar'
 --band 2.3 2.7 --amplitudes 0.8 1 1.2 --measure cvar
 scatter={friction=0.2, length=0.02}
