@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import tpd
+from tests.formats.synthetic import shaking
 from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
 from tpd.design import criteria
@@ -303,3 +304,23 @@ def test_a_message_names_the_table_of_the_value(given, table):
     with pytest.raises(ValueError, match=rf"^\[{table}\] `") as error:
         jobs.job_of(given)
     assert str(error.value).count("[") == 1 or "[0." in str(error.value)
+
+
+@pytest.mark.mends("there were no options that state what the columns of a table hold")
+def test_columns_of_a_table_are_named_and_the_message_names_options_of_the_command_line(tmp_path):
+    rows = "".join(f"{10 * i},{x:.4f},{2 * x:.4f}\n" for i, x in enumerate(shaking(100)))
+    (tmp_path / "a.csv").write_text(f"Zeit in ms,Nord x 10,Ost x 10\n{rows}")
+    motion = {"records": [str(tmp_path / "a.csv")], "scales": [1.0]}
+    with pytest.raises(
+        ValueError, match=r"; options that read the file: --skip 1 --columns .*--unit "
+    ) as error:
+        _ = jobs.job_of({"motion": motion}).motions
+    assert "skip=" not in str(error.value)
+    how = {"columns": ["time (ms)=1", "N=2", "E=3"], "skip": 1, "unit": "cm/s2", "scale": 10.0}
+    north, east = jobs.job_of({"motion": motion | how}).motions
+    assert (north.dt, north.name, east.name) == (0.01, "N", "E")
+    assert 2.0 * north.pga == pytest.approx(east.pga, rel=1e-3)
+    assert north.pga == pytest.approx(0.1 * np.max(np.abs(shaking(100).round(4))), rel=1e-12)
+    for wrong in (["N"], ["N=x"], ["N=1", "N=2"], ["=1"]):
+        with pytest.raises(ValueError, match=r"`motion.columns` \(--columns\) must be rows, or names with"):
+            _ = jobs.job_of({"motion": motion | {"columns": wrong}}).motions
