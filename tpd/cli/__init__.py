@@ -8,6 +8,8 @@ when the command is chosen: the help does not wait for JAX.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
 import sys
 import warnings
 from importlib import import_module
@@ -28,41 +30,38 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status.
 
-    Without `arguments` those of the process are taken: then the command runs in a process of its own, so that
-    Ctrl-C ends it also while something compiles.
+    Without `arguments` those of the process are taken: then the process is this command's, and Ctrl-C ends it
+    at once, also while something compiles.
     """
     if arguments is not None:
         return _run(parser().parse_args(arguments))
+    interrupts.end_at_once()
     with interrupts.lasting_output():
         read = parser().parse_args()
         warnings.showwarning = interrupts.warned
-        with interrupts.watched(getattr(read, "out", None), read.does.format(**vars(read))):
-            status = _run(read)
-            return interrupts.exit_now(status) if status == interrupts.INTERRUPTED else status
+        with interrupts.announced(read.does.format(**vars(read))):
+            return _run(read)
 
 
 def _run(read: argparse.Namespace) -> int:
     """Run the command that was read; an error is one sentence."""
     out = getattr(read, "out", None)
-    existed, is_cut = interrupts.exists(out), False
+    existed = out is None or os.path.exists(out)
     try:
         # JAX is set up before any module imports it; a template needs none.
         if read.command != "new":
             process.use_64_bits()
-        status = import_module(f"tpd.cli.{read.command}").run(read)
-    except (Exception, KeyboardInterrupt) as error:
-        status, is_cut = _refused(error), isinstance(error, OSError)
-    if (is_cut or status == interrupts.INTERRUPTED) and (hint := interrupts.leave(out, existed)):
-        print(hint, file=sys.stderr if getattr(read, "json", False) else sys.stdout)
-    return status
+        return import_module(f"tpd.cli.{read.command}").run(read)
+    except Exception as error:
+        if not existed:
+            # What could not be written leaves no empty folder.
+            with contextlib.suppress(OSError, ValueError):
+                out.rmdir()
+        return _refused(error)
 
 
-def _refused(error: BaseException) -> int:
+def _refused(error: Exception) -> int:
     """Say in one sentence why a command has ended, and return its exit status; a defect is raised."""
-    # An import or a compiler that is interrupted raises an error of its own.
-    if isinstance(error, KeyboardInterrupt) or interrupts.received():
-        print("tpd: interrupted", file=sys.stderr)
-        return interrupts.INTERRUPTED
     if isinstance(error, MemoryError):
         print("tpd: the job does not fit into memory: ask for less at once", file=sys.stderr)
     elif isinstance(error, OSError) and error.strerror and error.filename:
