@@ -10,13 +10,13 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import signal
 import sys
 import warnings
 from importlib import import_module
+from typing import Any
 
 import tpd
-from tpd.cli import grammar, interrupts
-from tpd.core import process
 
 ABOUT = "Tuned pendulum design: find the pendulum that keeps a rocking block from rocking."
 """The package in a sentence. Docstrings are not there under `python -OO`."""
@@ -24,6 +24,8 @@ ABOUT = "Tuned pendulum design: find the pendulum that keeps a rocking block fro
 
 def parser() -> argparse.ArgumentParser:
     """Return the grammar of the command line."""
+    from tpd.cli import grammar
+
     return grammar.parser(ABOUT, tpd.__version__)
 
 
@@ -31,11 +33,17 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status.
 
     Without `arguments` those of the process are taken: then the process is this command's, and Ctrl-C ends it
-    at once, also while something compiles.
+    at once, also while something is imported or compiled.
     """
     if arguments is not None:
         return _run(parser().parse_args(arguments))
-    interrupts.end_at_once()
+    # The exception that Python raises instead waits until compiled code returns. The default action does not
+    # wait, and a shell has status 130 for it. Files are complete before they get their names.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # Processes of a cluster that end with this one are no mistake that Python should warn of.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
+    from tpd.cli import interrupts
+
     with interrupts.lasting_output():
         read = parser().parse_args()
         warnings.showwarning = interrupts.warned
@@ -45,11 +53,13 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(read: argparse.Namespace) -> int:
     """Run the command that was read; an error is one sentence."""
-    out = getattr(read, "out", None)
+    out: Any = getattr(read, "out", None)
     existed = out is None or os.path.exists(out)
     try:
         # JAX is set up before any module imports it; a template needs none.
         if read.command != "new":
+            from tpd.core import process
+
             process.use_64_bits()
         return import_module(f"tpd.cli.{read.command}").run(read)
     except Exception as error:
@@ -62,6 +72,8 @@ def _run(read: argparse.Namespace) -> int:
 
 def _refused(error: Exception) -> int:
     """Say in one sentence why a command has ended, and return its exit status; a defect is raised."""
+    from tpd.cli.interrupts import BAD_INPUT
+
     if isinstance(error, MemoryError):
         print("tpd: the job does not fit into memory: ask for less at once", file=sys.stderr)
     elif isinstance(error, OSError) and error.strerror and error.filename:
@@ -70,4 +82,4 @@ def _refused(error: Exception) -> int:
         print(f"tpd: {error}", file=sys.stderr)
     else:
         raise error
-    return interrupts.BAD_INPUT
+    return BAD_INPUT

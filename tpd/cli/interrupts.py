@@ -1,4 +1,4 @@
-"""Exit statuses, output and signs of life of a command, and what Ctrl-C does to it.
+"""Exit statuses, output and signs of life of a command.
 
 Nothing here imports JAX: importing it takes a second, and the first line does not wait for it.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import signal
 import sys
 import threading
 import time
@@ -27,16 +26,6 @@ _SHOW = warnings.showwarning
 """How Python shows the warnings of others."""
 _SAID: set[str] = set()
 """Warnings that were said."""
-
-
-def end_at_once() -> None:
-    """Let Ctrl-C end this process by the default action of the signal, for which a shell has status 130.
-
-    Python's own answer is an exception, which waits until the compiler or the compiled code that runs just
-    then returns. The system does not wait. Nothing is left half written: `tpd.core.files.place` puts a file
-    in its place when it is complete.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 class _Output(io.FileIO):

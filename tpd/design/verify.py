@@ -172,7 +172,7 @@ class Verification:
             strikes=math.nan,
             stationarity=float(end.stationarity[0]),
             active=active(o, end, _AT_LIMIT),
-            source="search",
+            source="survey",
             reasons=(),
         )
 
@@ -302,7 +302,7 @@ class Verification:
                 break
             if self.progress is not None:
                 self.progress("verifying", done + 1, VERIFIED)
-            v = replace(self.at_once(found.designs[left[0]]), source="survey")
+            v = self.at_once(found.designs[left[0]])
             self.verified.append(v)
             if not v.reasons:
                 return DesignStatus.found
