@@ -14,7 +14,7 @@ import signal
 import sys
 import warnings
 from importlib import import_module
-from typing import Any
+from pathlib import Path
 
 import tpd
 
@@ -53,8 +53,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(read: argparse.Namespace) -> int:
     """Run the command that was read; an error is one sentence."""
-    out: Any = getattr(read, "out", None)
-    existed = out is None or os.path.exists(out)
+    out: Path | None = getattr(read, "out", None)
+    made = None if out is None or os.path.exists(out) else out
     try:
         # JAX is set up before any module imports it; a template needs none.
         if read.command != "new":
@@ -63,10 +63,10 @@ def _run(read: argparse.Namespace) -> int:
             process.use_64_bits()
         return import_module(f"tpd.cli.{read.command}").run(read)
     except Exception as error:
-        if not existed:
+        if made is not None:
             # What could not be written leaves no empty folder.
             with contextlib.suppress(OSError, ValueError):
-                out.rmdir()
+                made.rmdir()
         return _refused(error)
 
 

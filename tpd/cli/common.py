@@ -52,10 +52,8 @@ def cluster(options: argparse.Namespace) -> Iterator[Cluster | None]:
     try:
         with Cluster(folder, workers=options.workers, dask=options.dask) as opened:
             # At the beginning: after Ctrl-C nothing is printed.
-            progress.say(
-                f"chunks: {folder} (the same command goes on from them; not needed once it is done)",
-                sys.stdout,
-            )
+            hint = "the same command goes on from them; not needed once it is done"
+            progress.say(f"chunks: {folder} ({hint})", sys.stdout)
             yield opened
     except ClusterError as error:
         raise ValueError(str(error)) from None

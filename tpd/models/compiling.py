@@ -88,6 +88,8 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
             # A session of its own: Ctrl-C is for the command, and this process ends with it.
             start_new_session=True,
         )
+        assert process.stdin is not None
+        atexit.register(process.stdin.close)
         _running[module] = process, said
 
 
