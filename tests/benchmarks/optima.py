@@ -70,11 +70,10 @@ class Ledger:
 
 def ours(objective: Any, seed: int, method: Any) -> list[float]:
     """Screening, and searches from the best of it."""
-    from tpd.design.checkpoint import Checkpoint
     from tpd.design.search import Multistart
 
     search = Multistart(objective, method, seed, None)
-    search.run(Checkpoint.of(None, None))
+    search.run()
     screened = Ledger(objective)
     screened(objective.space.scaled(search.screened))
     best = screened.path()

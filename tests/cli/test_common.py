@@ -90,7 +90,6 @@ optimise --scatter friction=0.6 | [scatter] `friction` must be between 0 and 0.5
 optimise --scatter colour=0.1 | unknown key `colour` in [scatter]; allowed are amplitude, frequency
 optimise --width 0.2 | a block of your own must be whole, with a motion of its own, but `height` and `mass` in
 optimise SIZE --amplitude 0.02 | but `frequency` in [motion] is missing beside `width`, `height` and
-optimise --resume | there is nothing to resume: tpd-design/unfinished.npz does not exist
 optimise --scene absent.toml | cannot read absent.toml: No such file or directory
 optimise --scene . | cannot read .: Is a directory
 optimise --scene /dev/null | /dev/null is empty: `tpd new` writes a job file to begin with
@@ -276,14 +275,14 @@ def test_a_record_of_zeros_shakes_nothing(capsys, tmp_path):
 
 def test_existing_reports_and_unwritable_places_are_left_alone(capsys, tmp_path):
     (tmp_path / "taken").mkdir()
-    kept = [tmp_path / "taken" / name for name in ("mine.txt", "unfinished.npz")]
+    kept = [tmp_path / "taken" / name for name in ("mine.txt", "table.csv")]
     for path in kept:
         path.write_text("keep me")
     for command in (("optimise",), ("response",), ("map", *WORDS["MAP"].replace("X", WORDS["X"]).split())):
         assert "already holds files" in refused(capsys, *command, "--out", "taken")
         assert "is a file" in refused(capsys, *command, "--out", "taken/mine.txt")
         assert "cannot write to" in refused(capsys, *command, "--out", "/proc/nowhere/out")
-    # Nor does bad input remove what an interrupted run left.
+    # Nor does bad input remove anything.
     refused(capsys, "optimise", "--width", "-1", "--overwrite", "--out", "taken")
     assert [path.read_text() for path in kept] == ["keep me"] * 2
     assert len([*kept[0].parent.iterdir()]) == 2
@@ -322,8 +321,7 @@ def test_every_command_shows_what_was_read_of_a_record(run, tmp_path, command):
         assert read["notes"] == []
 
 
-@pytest.mark.mends("a full disk ended a search without a word on how to go on")
-def test_a_write_that_fails_leaves_no_empty_folder_and_says_how_to_go_on(tmp_path, monkeypatch):
+def test_a_write_that_fails_leaves_no_empty_folder_of_its_own(tmp_path, monkeypatch):
     def full(options):
         options.out.mkdir(exist_ok=True)
         raise OSError(28, "No space left on device", str(options.out / "design.json"))
@@ -335,6 +333,5 @@ def test_a_write_that_fails_leaves_no_empty_folder_and_says_how_to_go_on(tmp_pat
     assert done.err == f"tpd: cannot use {out}/design.json: No space left on device\n"
     assert not out.exists()
     out.mkdir()
-    (out / "unfinished.npz").touch()
-    assert f"--resume (finished searches are in {out}/unfinished.npz)" in call("optimise", out=out).out
-    assert (out / "unfinished.npz").exists()
+    assert call("optimise", out=out).status == 2
+    assert out.exists()

@@ -1,4 +1,4 @@
-"""Ctrl-C: exit status 130, no traceback, and nothing in the way of a new run; the first line of a command."""
+"""Ctrl-C ends a command at once; the first line of a command, and its output."""
 
 import math
 import os
@@ -10,69 +10,70 @@ import sys
 import pytest
 
 import tpd
+from tests.cli.conftest import call
+from tpd.cli import new
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
 COMMAND = [sys.executable, "-m", "tpd.cli", "optimise", "--out", "out"]
+posix = pytest.mark.skipif(os.name != "posix", reason="signals are others")
 
 
-@pytest.mark.parametrize(("moment", "times"), [("stderr", 1), ("stdout", 1), ("stdout", 2)])
-def test_ctrl_c_ends_a_run_in_order(tmp_path, moment, times):
-    """While modules are imported, while a program compiles, and twice at once."""
+@posix
+@pytest.mark.mends("a process that was made by fork had to end a command, and a second one had to be ended")
+@pytest.mark.parametrize("moment", ["stderr", "stdout"])
+def test_ctrl_c_ends_a_command_at_once(tmp_path, moment):
+    """While modules are imported, and while a program compiles."""
     with subprocess.Popen(COMMAND, cwd=tmp_path, **PIPES) as run:
         line = getattr(run, moment).readline()
-        for _ in range(times):
-            run.send_signal(signal.SIGINT)
+        run.send_signal(signal.SIGINT)
+        # Both pipes end with the last process that holds them.
         out, err = run.communicate(timeout=60)
     # The first line does not wait for JAX.
     said = f"tpd {tpd.__version__}: searching for the pendulum of least rocking, for out\n"
     assert line == said if moment == "stderr" else said in err
-    assert run.returncode == 130, err
-    assert "tpd: interrupted" in err
+    assert run.returncode == -signal.SIGINT, err
     for word in ("Traceback", "Exception ignored"):
         assert word not in out + err
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_command_that_does_not_answer_is_ended_and_says_how_to_go_on(tmp_path):
-    (tmp_path / "out").mkdir()
-    work = """
-import time, tpd.cli.interrupts as i
-from pathlib import Path
-with i.watched(Path("out")):
-    Path("out", ".tpd-part-x").touch()
-    Path("out", i.UNFINISHED).touch()
+HELD = """
+import ctypes, sys
+from tpd.cli import main, new
+def run(_):
     print("begun", flush=True)
-    while True:
-        try:
-            time.sleep(60.0)
-        except KeyboardInterrupt:
-            pass
+    ctypes.PyDLL(None).sleep(60)
+new.run = run
+sys.argv = ["tpd", "new", "tower"]
+main()
 """
-    with subprocess.Popen([sys.executable, "-c", work], cwd=tmp_path, **PIPES) as run:
-        assert run.stdout.readline() == "begun\n"
-        run.send_signal(signal.SIGINT)
-        err = run.communicate(timeout=60)[1]
-    assert run.returncode == 130
-    assert "tpd: interrupted\ngo on with the same command and --resume" in err
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["unfinished.npz"]
 
 
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGKILL, -9)])
-def test_the_command_ends_with_the_process_that_waits_for_it(number, status):
-    work = "import os, time, tpd.cli.interrupts as i\nwith i.watched(None):\n"
-    work += "    print(os.getpid(), flush=True)\n    time.sleep(60.0)\n"
-    with subprocess.Popen([sys.executable, "-c", work], **PIPES) as run:
-        run.stdout.readline()
-        run.send_signal(number)
-        # The end of the pipe is that of the command.
-        assert run.communicate(timeout=30)[0] == ""
-    assert run.returncode == status
+@posix
+@pytest.mark.mends("a shell script went on after Ctrl-C: the command had caught it")
+def test_code_that_never_returns_to_python_is_ended_and_a_shell_has_status_130():
+    """As a compiler does, `PyDLL` holds the lock that Python's answer to a signal waits for."""
+    # Processes in the background of a shell are begun with Ctrl-C ignored.
+    script = f"{shlex.join([sys.executable, '-c', HELD])} & echo $!; wait $!; echo $?"
+    with subprocess.Popen(["sh", "-c", script], **PIPES) as shell:
+        lines = {shell.stdout.readline() for _ in range(2)}
+        (number,) = (int(line) for line in lines if line != "begun\n")
+        os.kill(number, signal.SIGINT)
+        out, err = shell.communicate(timeout=30)
+    assert (out, "Traceback" in err) == ("130\n", False)
 
 
-def test_the_exit_status_is_that_of_the_command():
-    work = "import os, tpd.cli.interrupts as i\nwith i.watched(None):\n    {}\n"
-    for end, status in (("raise SystemExit(3)", 3), ("os.kill(os.getpid(), 9)", 137)):
-        assert subprocess.run([sys.executable, "-c", work.format(end)]).returncode == status
+@pytest.mark.mends("a command that was called in Python took Ctrl-C from its caller")
+def test_in_python_ctrl_c_is_an_exception_and_the_answer_to_it_is_the_callers(monkeypatch):
+    before = signal.getsignal(signal.SIGINT)
+
+    def stop(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(new, "run", stop)
+    with pytest.raises(KeyboardInterrupt):
+        call("new tower")
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 HOMELESS = """

@@ -55,7 +55,7 @@ def answered(monkeypatch, tmp_path):
 def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(answered, tmp_path):
     (tmp_path / "small.toml").write_text(BAND)
     done, asked = answered(designs.single(), "--scene small.toml --seed 3")
-    assert (done.status, asked["seed"], asked["checkpoint"].name) == (0, 3, "unfinished.npz")
+    assert (done.status, asked["seed"]) == (0, 3)
     assert done.files.keys() >= DATA
     assert len(done.out.splitlines()) <= 30
     scene, shown = done.out.split("\n\n", maxsplit=1)
@@ -96,9 +96,6 @@ def test_a_seed_on_the_command_line_is_that_of_optimise(answered, tmp_path, more
     assert (again["seed"], again["ensemble"].seed) == (8, 8)
 
 
-CUT = designs.single(status=DesignStatus.interrupted, pendulum=None, verified=())
-
-
 @pytest.mark.parametrize(
     ("design", "status"),
     [(designs.refused(), 3), (designs.single(status=DesignStatus.no_uplift), 0)],
@@ -121,43 +118,12 @@ def test_quiet_json_and_verbose(answered):
     assert "already holds files" in done.err
 
 
-def test_an_interrupted_search_leaves_what_to_go_on_from(answered, tmp_path):
-    done, _ = answered(CUT)
-    assert (done.status, done.files) == (130, {})
-    assert "tpd: interrupted before a search had ended: nothing is written" in done.err
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "unfinished.npz").write_bytes(b"")
-    done, _ = answered(CUT)
-    assert done.status == 2
-    assert "already holds files of an interrupted run: go on with it by --resume" in done.err
-    done, _ = answered(CUT, "--resume")
-    assert done.status == 130
-    assert "go on with the same command and --resume" in done.out
-    assert done.files.keys() >= {"unfinished.npz", "report.txt"}
-    done, _ = answered(designs.single(), "--resume")
-    assert done.status == 0
-    assert "unfinished.npz" not in done.files
-
-
 def test_a_front_is_made_for_a_design_that_is_offered(answered, monkeypatch):
     monkeypatch.setattr(optimise, "front", lambda *_, **__: designs.front())
     done, _ = answered(designs.single(), "--pareto")
     assert "front.svg" in done.files
     done, _ = answered(designs.refused(), "--pareto --overwrite")
     assert "What a kilogramme pays" not in done.files["report.txt"].read_text()
-
-
-def test_a_file_of_another_problem_is_not_resumed(tmp_path):
-    (tmp_path / "job.toml").write_text(BAND)
-    unfinished = tmp_path / "out" / "unfinished.npz"
-    unfinished.parent.mkdir()
-    np.savez(unfinished, problem=np.array("another"))
-    content = unfinished.read_bytes()
-    done = call("optimise --resume --scene", str(tmp_path / "job.toml"), out=tmp_path / "out")
-    assert done.status == 2
-    assert "holds searches of another problem" in done.err
-    assert done.files == {"unfinished.npz": unfinished}
-    assert unfinished.read_bytes() == content
 
 
 @pytest.fixture(scope="module")

@@ -244,6 +244,32 @@ def test_command_goes_on_where_it_was(tmp_path, capsys):
     assert Path(tmp_path / "a.chunks").is_dir()
 
 
+@pytest.mark.skipif(os.name != "posix", reason="signals are others")
+def test_ctrl_c_leaves_the_chunks_of_a_command_and_none_of_its_processes(tmp_path):
+    asked = ["spectrum", "--pulse", "one-sine", "--points", "40", "--workers", "1", "--out", "out"]
+    how = {"cwd": tmp_path, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+
+    def chunks():
+        return {path: path.stat().st_mtime_ns for path in tmp_path.glob("out.chunks/*/*.npz")}
+
+    with subprocess.Popen([sys.executable, "-m", "tpd.cli", *asked], **how) as run:
+        while not chunks() and run.poll() is None:
+            time.sleep(0.05)
+        run.send_signal(signal.SIGINT)
+        # Both pipes end with the last process that holds them.
+        out, err = run.communicate(timeout=60)
+    assert run.returncode == -signal.SIGINT, err
+    assert "chunks: " in out
+    assert "Traceback" not in err
+    assert "resource_tracker" not in err
+    kept = chunks()
+    assert kept
+    assert not (tmp_path / "out").exists()
+    done = subprocess.run([sys.executable, "-m", "tpd.cli", *asked], **(how | {"timeout": 300}))
+    assert done.returncode == 0, done.stderr
+    assert chunks().items() > kept.items()
+
+
 @pytest.mark.mends("~ stood for a folder of that name")
 def test_the_folder_of_chunks_may_begin_at_home(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))

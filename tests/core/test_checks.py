@@ -195,7 +195,6 @@ CALLS = {
     "optimise(scene, method=Descent)": "`method` must be a Method that is made, `Descent(...)`",
     "optimise(scene, ensemble=512)": "`ensemble` must be a Ensemble, but is 512",
     "optimise(scene, seed=1.5)": "`seed` must be a whole number, 0 or more, but is 1.5",
-    "optimise(scene, checkpoint=3)": "`checkpoint` must be a Path or str, but is 3",
     'optimise(scene, progress="bar")': "`progress` must be True or a function, but is 'bar'",
     "optimise(Scene(block, made(Harmonic, amplitude=0)))": "`amplitude` must be above 0 in a search, but is ",
     "Descent(model=Piecewise)": "`model` must be Smoothed() with linear terms, or Piecewise(), whose symm",

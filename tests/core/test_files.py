@@ -53,14 +53,6 @@ def test_what_is_sealed_comes_back_only_as_it_was_and_for_what_it_was():
     assert files.unsealed(files.sealed(b"")) == b""
 
 
-def test_a_damaged_file_gets_a_name_that_is_free(tmp_path):
-    for name in ("a", "a.damaged-1"):
-        (tmp_path / name).write_text(name)
-    with pytest.warns(UserWarning, match=r"searches \(now in .*a.damaged-2\) in .* were damaged"):
-        files.put_aside(tmp_path / "a", "searches", "done")
-    assert (tmp_path / "a.damaged-2").read_text() == "a"
-
-
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")
 def test_folders_of_a_store_are_made_for_the_user_alone(tmp_path):
     store = tmp_path / "home" / ".cache" / "tpd" / "compiled"

@@ -5,7 +5,6 @@ import pytest
 import tpd
 from tests import designs
 from tpd.design.by_runs import PairedRuns
-from tpd.design.checkpoint import Checkpoint
 from tpd.design.problem import Problem
 from tpd.design.search import Multistart
 from tpd.scene.conditions import Conditions
@@ -36,15 +35,9 @@ SEVERAL = {
 
 
 @pytest.fixture(scope="session")
-def searched(tmp_path_factory):
-    """Checkpoint with the searches of `one`."""
-    return tmp_path_factory.mktemp("one") / "unfinished.npz"
-
-
-@pytest.fixture(scope="session")
-def one(searched):
+def one():
     """Design for one condition, on smoothed signs."""
-    return tpd.optimise(SCENE, LIGHT, checkpoint=searched, **ONE)
+    return tpd.optimise(SCENE, LIGHT, **ONE)
 
 
 @pytest.fixture(scope="session")
@@ -62,7 +55,7 @@ def search():
     """Multistart over the orbits under a band of frequencies; not verified."""
     problem = Problem.of(SCENE, WIDE, conditions=BAND, limits=ORBIT_LIMITS, method=FEW_STEPS)
     out = Multistart(problem.objective, FEW_STEPS, 0, None)
-    out.run(Checkpoint(None, "", {}))
+    out.run()
     return out
 
 

@@ -8,7 +8,6 @@ from scipy.optimize import linprog
 
 import tpd
 from tests.design.conftest import WIDE
-from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import (
     DEFAULT_LIMITS,
     KINDS,
@@ -207,7 +206,7 @@ def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
     method = tpd.Sequential(searches=2, screening=16, steps=8)
     found = Problem.of(SCENE, WIDE, conditions=tpd.Conditions.exactly(), limits=limits, method=method)
     search = Multistart(found.objective, method, 0, None)
-    search.run(Checkpoint(None, "", {}))
+    search.run()
     heaviest = search.designs[search.order()][:, 0].max() * SCENE.block.mass
     assert 0.9 < heaviest <= 1.0
 

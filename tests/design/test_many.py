@@ -69,5 +69,3 @@ def test_many_blocks_have_the_answer_of_each_and_statuses_by_name():
     assert str(found).startswith("Designs for 2 blocks: ")
     with pytest.raises(ValueError, match="`scenes` must hold at least one scene"):
         tpd.optimise_all([])
-    with pytest.raises(ValueError, match="`checkpoint` is of one search"):
-        tpd.optimise_all(scenes, checkpoint="a.npz")

@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-import optax
 import pytest
 
 import tpd
@@ -38,7 +37,6 @@ def test_without_conditions_the_search_is_over_a_neighbourhood():
     around = tpd.Conditions.around(SCENE)
     assert len(made.objective.conditions) == 10
     np.testing.assert_array_equal(made.objective.conditions.factor_rows(), around.factor_rows())
-    assert made.identity == problem(conditions=around).identity
     assert np.all(np.isnan(made.orbits.geometry.bare_tilt)), "nothing is solved yet"
     assert np.all(np.isfinite(made.objective.geometry.bare_tilt)), "worsening is asked for"
 
@@ -103,25 +101,3 @@ def test_a_limit_on_the_mass_narrows_the_space():
 def test_what_makes_no_sense_is_refused(given, message):
     with pytest.raises(ValueError, match=message):
         problem(**given)
-
-
-def test_a_problem_is_identified_by_everything_that_the_searches_depend_on():
-    """Two optimisers of optax are told apart by the steps that they take: they have no name."""
-    here = problem(conditions=BAND)
-    others = [
-        {"seed": 1},
-        {"conditions": tpd.Conditions.band(SCENE, 2.0, 3.5, 6)},
-        {"space": tpd.DesignSpace(mass_ratio=(0.01, 0.1))},
-        {"risk": tpd.Risk.cvar(0.5)},
-        {"limits": (tpd.limits.Stroke(0.4),)},
-        {"starts": tpd.Starts.rest()},
-        {"method": tpd.Sequential(steps=41)},
-        {"method": tpd.Descent("rmsprop")},
-        {"method": tpd.Descent(optax.sgd(0.05))},
-        {"method": tpd.Descent(optax.sgd(0.01))},
-    ]
-    found = [here.identity, *(problem(**({"conditions": BAND} | given)).identity for given in others)]
-    assert len(set(found)) == len(found)
-    motion = dataclasses.replace(SCENE.motion, amplitude=0.016)
-    assert problem(dataclasses.replace(SCENE, motion=motion), conditions=BAND).identity != here.identity
-    assert len({problem(method=tpd.Descent(optax.sgd(0.05))).identity for _ in range(2)}) == 1

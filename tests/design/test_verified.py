@@ -91,4 +91,4 @@ def test_only_a_verified_design_or_none_needed_is_sound_and_every_status_has_a_r
     assert all(status.remedy.endswith(".") for status in DesignStatus)
     # An answer opens with a sentence, a descent ends with words.
     assert all(s.value[:2].isupper() is (s.name in ANSWERS) for s in DesignStatus)
-    assert all(s.of_descent[0].islower() for s in (*DesignStatus,)[len(ANSWERS) - 1 :])
+    assert all(s.value[0].islower() for s in (*DesignStatus,)[len(ANSWERS) :])

@@ -3,6 +3,9 @@
 import ast
 import os
 import re
+import signal
+import socket
+import subprocess
 import sys
 import warnings
 from concurrent.futures import ThreadPoolExecutor
@@ -28,6 +31,36 @@ def test_a_process_that_compiles_is_waited_for_and_what_it_says_is_said(monkeypa
     with pytest.warns(UserWarning, match="^it was damaged$"):
         compiling.load("lonely")
     del sys.modules["lonely"]
+
+
+ENDLESS = """
+import os, socket, sys, time
+if sys.argv[0] == "-c":
+    told = socket.create_connection(("127.0.0.1", int(os.environ["TOLD"])))
+    time.sleep(600)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are others")
+@pytest.mark.mends("processes that compile went on after a command that was killed")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_a_process_that_compiles_ends_with_the_command(tmp_path, number):
+    (tmp_path / "endless.py").write_text(ENDLESS)
+    work = "import signal, sys, time; signal.signal(signal.SIGINT, signal.SIG_DFL)\n"
+    work += "from pathlib import Path; from tpd.models import compiling\n"
+    work += "compiling.compile_beside(Path(sys.argv[1]), ('endless',)); time.sleep(600)"
+    with socket.create_server(("127.0.0.1", 0)) as told:
+        told.settimeout(60.0)
+        path = f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
+        env = os.environ | {"PYTHONPATH": path, "TOLD": str(told.getsockname()[1])}
+        with subprocess.Popen([sys.executable, "-c", work, str(tmp_path)], env=env) as command:
+            begun, _ = told.accept()
+            command.send_signal(number)
+            assert command.wait(30) == -number
+        with begun:
+            begun.settimeout(30.0)
+            # The connection ends with the process.
+            assert begun.recv(1) == b""
 
 
 def test_a_module_that_another_thread_imports_is_waited_for(monkeypatch, tmp_path):

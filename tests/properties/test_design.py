@@ -11,7 +11,6 @@ from hypothesis.extra import numpy as arrays
 
 import tpd
 from tests.properties.bounded import bounded
-from tpd.design.checkpoint import Checkpoint
 from tpd.design.problem import Problem
 from tpd.design.search import Multistart
 
@@ -133,7 +132,7 @@ def optimum(stroke, heaviest):
     limits = (tpd.limits.Stroke(stroke),)
     problem = Problem.of(SCENE, space, conditions=BAND, limits=limits, method=METHOD)
     search = Multistart(problem.objective, METHOD, 0, None)
-    search.run(Checkpoint(None, "", {}))
+    search.run()
     best = float(np.min(search.values))
     assert np.isfinite(best)
     return best

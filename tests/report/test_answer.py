@@ -23,7 +23,6 @@ CASES = {
     "band": (designs.band(), designs.study(responses=None)),
     "refused": (designs.refused(), NONE),
     "forty reasons": (designs.all_refused(designs.verified(reasons=tuple(LIMITS))), NONE),
-    "interrupted": (designs.single(status=DesignStatus.interrupted, pendulum=None, verified=()), NONE),
 }
 
 
@@ -114,15 +113,12 @@ def test_a_refusal_is_a_danger_where_it_is_about_overturning_or_strikes():
     assert verdict(designs.single()).severity is Severity.note
 
 
-def test_what_stands_against_the_nearest_or_an_interrupted_best_is_said():
+def test_what_stands_against_the_nearest_is_said():
     nearest = Nearest(design=np.array(designs.RATIOS), broken=(designs.REASON,))
     empty = {"status": DesignStatus.none_feasible, "pendulum": None, "verified": ()}
     said = answer(designs.single(nearest=nearest, **empty), NONE)
     assert said.startswith("NO PENDULUM WORTH HANGING: no design that was tried in this space keeps to the")
     assert "nearest    1.62 kg on 0.12 m" in said
-    assert f"against it {designs.REASON}"[:60] in said
-    said = answer(dataclasses.replace(designs.refused(), status=DesignStatus.interrupted), NONE, Path("out"))
-    assert said.startswith("INTERRUPTED: what follows is the best")
     assert f"against it {designs.REASON}"[:60] in said
 
 

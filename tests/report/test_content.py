@@ -71,12 +71,10 @@ def test_over_conditions_the_settled_motion_has_the_risk_and_a_row_for_every_con
 def test_figures_are_those_that_there_is_data_for():
     always = {"benefit.svg", "drawing.svg", "animation.gif", "motion.svg", "search.png"}
     front = dataclasses.replace(BAND, front=designs.front())
-    cut = designs.single(status=DesignStatus.interrupted, pendulum=None)
     for design, study, shown in (
         (designs.single(), designs.study(), always | {"response.svg"}),
         (designs.band(), BAND, always | {"conditions.svg"}),
         (designs.band(), front, always | {"conditions.svg", "front.svg"}),
-        (cut, NONE, {"search.png"}),
     ):
         report = content(design, study)
         blocks = [b for s in report.sections for b in s.blocks] + list(report.figures)

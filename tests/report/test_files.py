@@ -11,12 +11,9 @@ import pytest
 
 from tests import designs
 from tpd.design.job import job_of
-from tpd.design.result import DesignStatus
 from tpd.design.study import Study
 from tpd.report import files
 from tpd.report.files import add_engine, draw, motion_csv, response_csv, write
-
-CUT = designs.single(status=DesignStatus.interrupted, pendulum=None, verified=())
 
 
 def read(text: str) -> tuple[list[str], list[list[str]]]:
@@ -38,10 +35,6 @@ def test_all_files_are_written_and_the_page_last(tmp_path, monkeypatch):
     page = (tmp_path / "out" / "report.html").read_text()
     assert "width = 0.1" in page
     assert page.count("<figure>") == 7
-    # An interrupted search has no page.
-    names = {path.name for path in write(tmp_path / "cut", CUT, Study(), {}, toml)}
-    assert names == {"report.txt", "design.json", "scene.toml", "search.png"}
-    assert (tmp_path / "cut" / "report.txt").read_text().startswith("INTERRUPTED")
 
 
 def test_a_design_saves_its_report_with_the_job_where_one_says_what_was_asked(tmp_path, monkeypatch):

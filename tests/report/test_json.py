@@ -10,7 +10,6 @@ import pytest
 
 from tests import designs
 from tpd.design.result import DesignStatus, Nearest
-from tpd.design.study import Study
 from tpd.report.json import as_json
 
 SCHEMA = json.loads(resources.files("tpd.report").joinpath("design.schema.json").read_text())
@@ -28,7 +27,6 @@ CASES = {
     "a neighbourhood": (designs.around(), designs.study()),
     "a band": (designs.band(), designs.study(responses=None, front=designs.front())),
     "refused": (designs.refused(), designs.study()),
-    "interrupted": (designs.single(status=DesignStatus.interrupted, **EMPTY), Study(left_out=("a picture",))),
     "none": (designs.single(status=DesignStatus.none_feasible, nearest=NEAREST, **EMPTY), designs.study()),
 }
 

@@ -10,7 +10,6 @@ from tests import designs
 from tpd.answers.attractors import Starts
 from tpd.answers.paired import Verdict
 from tpd.answers.statistics import Share
-from tpd.design.result import DesignStatus
 from tpd.design.study import Study
 from tpd.report.blocks import Severity
 from tpd.report.notes import notes, overturns_more, strikes
@@ -141,8 +140,6 @@ def test_more_overturnings_in_a_band_are_a_danger_where_chance_does_not_explain_
 
 
 NEUTRAL = designs.evaluation(np.full(8, 0.1), 0.3, kind=np.full((1, 8), 3))
-CUT = designs.single(status=DesignStatus.interrupted, pendulum=None)
-LEFT = Study(left_out=("the time histories",))
 EDGE = {"exact": designs.motions(0.04, 0.35, multiplier=np.array([0.97])), "margin": np.array([0.1])}
 
 
@@ -158,8 +155,6 @@ EDGE = {"exact": designs.motions(0.04, 0.35, multiplier=np.array([0.97])), "marg
             NONE,
         ),
         ("The worst settled tilt, which the searches make small, is larger", with_winner(value=0.4), NONE),
-        ("The search was interrupted; nothing below is the best of the design space.", CUT, NONE),
-        ("This report goes without the time histories: its computation was", designs.single(), LEFT),
     ],
 )
 def test_what_else_changes_the_conclusions_is_a_note(said, design, study):

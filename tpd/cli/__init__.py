@@ -8,13 +8,15 @@ when the command is chosen: the help does not wait for JAX.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
+import signal
 import sys
 import warnings
 from importlib import import_module
+from pathlib import Path
 
 import tpd
-from tpd.cli import grammar, interrupts
-from tpd.core import process
 
 ABOUT = "Tuned pendulum design: find the pendulum that keeps a rocking block from rocking."
 """The package in a sentence. Docstrings are not there under `python -OO`."""
@@ -22,47 +24,56 @@ ABOUT = "Tuned pendulum design: find the pendulum that keeps a rocking block fro
 
 def parser() -> argparse.ArgumentParser:
     """Return the grammar of the command line."""
+    from tpd.cli import grammar
+
     return grammar.parser(ABOUT, tpd.__version__)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status.
 
-    Without `arguments` those of the process are taken: then the command runs in a process of its own, so that
-    Ctrl-C ends it also while something compiles.
+    Without `arguments` those of the process are taken: then the process is this command's, and Ctrl-C ends it
+    at once, also while something is imported or compiled.
     """
     if arguments is not None:
         return _run(parser().parse_args(arguments))
+    # The exception that Python raises instead waits until compiled code returns. The default action does not
+    # wait, and a shell has status 130 for it. Files are complete before they get their names.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # Processes of a cluster that end with this one are no mistake that Python should warn of.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
+    from tpd.cli import interrupts
+
     with interrupts.lasting_output():
         read = parser().parse_args()
         warnings.showwarning = interrupts.warned
-        with interrupts.watched(getattr(read, "out", None), read.does.format(**vars(read))):
-            status = _run(read)
-            return interrupts.exit_now(status) if status == interrupts.INTERRUPTED else status
+        with interrupts.announced(read.does.format(**vars(read))):
+            return _run(read)
 
 
 def _run(read: argparse.Namespace) -> int:
     """Run the command that was read; an error is one sentence."""
-    out = getattr(read, "out", None)
-    existed, is_cut = interrupts.exists(out), False
+    out: Path | None = getattr(read, "out", None)
+    made = None if out is None or os.path.exists(out) else out
     try:
         # JAX is set up before any module imports it; a template needs none.
         if read.command != "new":
+            from tpd.core import process
+
             process.use_64_bits()
-        status = import_module(f"tpd.cli.{read.command}").run(read)
-    except (Exception, KeyboardInterrupt) as error:
-        status, is_cut = _refused(error), isinstance(error, OSError)
-    if (is_cut or status == interrupts.INTERRUPTED) and (hint := interrupts.leave(out, existed)):
-        print(hint, file=sys.stderr if getattr(read, "json", False) else sys.stdout)
-    return status
+        return import_module(f"tpd.cli.{read.command}").run(read)
+    except Exception as error:
+        if made is not None:
+            # What could not be written leaves no empty folder.
+            with contextlib.suppress(OSError, ValueError):
+                made.rmdir()
+        return _refused(error)
 
 
-def _refused(error: BaseException) -> int:
+def _refused(error: Exception) -> int:
     """Say in one sentence why a command has ended, and return its exit status; a defect is raised."""
-    # An import or a compiler that is interrupted raises an error of its own.
-    if isinstance(error, KeyboardInterrupt) or interrupts.received():
-        print("tpd: interrupted", file=sys.stderr)
-        return interrupts.INTERRUPTED
+    from tpd.cli.interrupts import BAD_INPUT
+
     if isinstance(error, MemoryError):
         print("tpd: the job does not fit into memory: ask for less at once", file=sys.stderr)
     elif isinstance(error, OSError) and error.strerror and error.filename:
@@ -71,4 +82,4 @@ def _refused(error: BaseException) -> int:
         print(f"tpd: {error}", file=sys.stderr)
     else:
         raise error
-    return interrupts.BAD_INPUT
+    return BAD_INPUT

@@ -51,12 +51,12 @@ def cluster(options: argparse.Namespace) -> Iterator[Cluster | None]:
     folder = out.with_name(f"{out.name}.chunks")
     try:
         with Cluster(folder, workers=options.workers, dask=options.dask) as opened:
+            # At the beginning: after Ctrl-C nothing is printed.
+            hint = "the same command goes on from them; not needed once it is done"
+            progress.say(f"chunks: {folder} ({hint})", sys.stdout)
             yield opened
     except ClusterError as error:
         raise ValueError(str(error)) from None
-    finally:
-        if folder.exists():
-            print(f"chunks: {folder} (the same command goes on from them; not needed once it is done)")
 
 
 def case(

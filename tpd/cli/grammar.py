@@ -193,7 +193,6 @@ def _optimise(command: Parser) -> None:
     how: dict[str, Any] = {"nargs": "+", "action": SetWidths, "default": argparse.SUPPRESS}
     many.add_argument("--scatter", metavar="NAME=WIDTH", help=text, **how)
     _group(command, "search", SEARCH)
-    _switch(command, "--resume", "go on with the searches that an interrupted run left in DIR")
     said = command.add_mutually_exclusive_group()
     _switch(said, "--quiet", "print the verdict and the path of the report")
     _switch(said, "--json", "print design.json alone, for a pipe")
@@ -294,7 +293,7 @@ COMMANDS = {
         "tpd optimise --scene tower.toml --out tower",
         "Exit status: 0 a pendulum is offered, or the bare block needs none; 2 bad input, and one sentence "
         "says what is allowed; 3 no pendulum to rely on, and the first line of the report says why; 130 "
-        "interrupted, and --resume goes on.",
+        "interrupted.",
     ),
     "check": Command(
         _check,

@@ -1,5 +1,4 @@
-"""Exit statuses and signs of life of a command: a first line at once, and an answer to Ctrl-C even where the
-work cannot stop.
+"""Exit statuses, output and signs of life of a command.
 
 Nothing here imports JAX: importing it takes a second, and the first line does not wait for it.
 """
@@ -9,32 +8,24 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import signal
 import sys
 import threading
 import time
 import warnings
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import tpd
 from tpd.core.progress import EVERY, TICK, is_silent, say
 
-SOUND, BAD_INPUT, UNSOUND, INTERRUPTED = 0, 2, 3, 130
-"""Exit statuses; the last one is that after Ctrl-C."""
-UNFINISHED = "unfinished.npz"
-"""Name of the file in which an interrupted search leaves what had ended."""
-_RECEIVED, _RAISED = threading.Event(), threading.Event()
-"""Whether Ctrl-C came, and whether it has become an exception."""
+SOUND, BAD_INPUT, UNSOUND = 0, 2, 3
+"""Exit statuses of a command that ends of itself."""
 _SOON = 0.2
 """Seconds after which a command says what it does; bad input is refused earlier where JAX is imported."""
 _SHOW = warnings.showwarning
 """How Python shows the warnings of others."""
 _SAID: set[str] = set()
 """Warnings that were said."""
-_PATIENCE = 1.5
-"""Seconds after Ctrl-C in which a command may end of itself."""
 
 
 class _Output(io.FileIO):
@@ -108,111 +99,6 @@ def _tell(does: str, ended: threading.Event) -> None:
         say("", end="")
 
 
-@contextlib.contextmanager
-def watched(out: Path | None, does: str = "") -> Iterator[None]:
-    """Go on in a process of its own, and end this one with its status; Ctrl-C ends both soon in any case.
-    This one says what the command does, see `announced`: the other one may be held up by imports.
-
-    An extension that compiles holds up all threads of its process, so that another process has to end it.
-    Ctrl-C raises `KeyboardInterrupt` in the command as usual; one that has not ended `_PATIENCE` seconds
-    later, or when Ctrl-C comes again, is killed. Files of `out` appear complete or not at all, and a search
-    that has ended is on disk already: nothing else is lost.
-    """
-    if not hasattr(os, "fork"):
-        with announced(does):
-            yield
-        return
-    existed, (here, there) = exists(out), os.pipe()
-    # Nothing runs in another thread yet.
-    child = os.fork()
-    if child == 0:
-        os.close(there)
-        for number in (signal.SIGINT, signal.SIGALRM):
-            signal.signal(number, _interrupt)
-        sys.unraisablehook = _again
-        threading.Thread(target=_end_with, args=(here,), daemon=True).start()
-        yield
-        return
-    os.close(here)
-    with _forwarding(child) as pressed, announced(does):
-        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    if pressed and status < 0:
-        say("\n".join(filter(None, ("tpd: interrupted", leave(out, existed)))))
-        status = INTERRUPTED
-    raise SystemExit(status if status >= 0 else 128 - status)
-
-
-@contextlib.contextmanager
-def _forwarding(child: int) -> Iterator[list[int]]:
-    """Answer signals for a child process meanwhile; the list has one entry for each Ctrl-C."""
-    pressed: list[int] = []
-
-    def kill(number: int, _: Any) -> None:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(child, signal.SIGKILL)
-        if number == signal.SIGTERM:
-            os._exit(128 + number)
-
-    def press(number: int, frame: Any) -> None:
-        pressed.append(number)
-        if len(pressed) > 1:
-            kill(number, frame)
-        with contextlib.suppress(ProcessLookupError):
-            # A terminal has told the child as well: it hears the first one only.
-            os.kill(child, signal.SIGINT)
-        signal.setitimer(signal.ITIMER_REAL, _PATIENCE)
-
-    answers = {signal.SIGINT: press, signal.SIGALRM: kill, signal.SIGTERM: kill}
-    before = {number: signal.signal(number, answer) for number, answer in answers.items()}
-    try:
-        yield pressed
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        for number, answer in before.items():
-            signal.signal(number, answer)
-
-
-def _end_with(pipe: int) -> None:
-    """End this process with the one that waits for it, which never writes."""
-    os.read(pipe, 1)
-    os._exit(INTERRUPTED)
-
-
-def _interrupt(_: Any, frame: Any) -> None:
-    """Note the signal before it becomes an exception: a compiler turns that into another one. Within an
-    import it becomes one later, since extensions print what is raised while they load."""
-    _RECEIVED.set()
-    if _RAISED.is_set():
-        return
-    while frame is not None and "importlib" not in frame.f_code.co_filename:
-        frame = frame.f_back
-    if frame is not None:
-        _later()
-        return
-    _RAISED.set()
-    raise KeyboardInterrupt
-
-
-def received() -> bool:
-    """Return True after Ctrl-C, if it is watched."""
-    return _RECEIVED.is_set()
-
-
-def _again(lost: Any) -> None:
-    """Raise the exception again that Python dropped in a destructor."""
-    if lost.exc_type is KeyboardInterrupt:
-        # A moment later: raised in here it would be dropped once more, with a traceback.
-        _RAISED.clear()
-        _later()
-    else:
-        sys.__unraisablehook__(lost)
-
-
-def _later() -> None:
-    """Interrupt the main thread in a moment; no thread is begun within the handler of a signal."""
-    signal.setitimer(signal.ITIMER_REAL, 0.01)
-
-
 def warned(message: Warning | str, category: type[Warning], *where: Any, **how: Any) -> None:
     """Say a warning of this package in one sentence, in place of `warnings.showwarning`."""
     if category is UserWarning:
@@ -222,34 +108,3 @@ def warned(message: Warning | str, category: type[Warning], *where: Any, **how: 
             say(f"tpd: {message}")
     else:
         _SHOW(message, category, *where, **how)
-
-
-def exists(path: Path | None) -> bool:
-    """Whether there is such a path; False for one that no system can have."""
-    try:
-        return path is not None and path.exists()
-    except (OSError, ValueError):
-        return False
-
-
-def leave(directory: Path | None, existed: bool) -> str | None:
-    """Remove what a command that was interrupted has half written, and the directory where it made that and
-    left it empty. Return how to go on, if there is something to go on from."""
-    if directory is None:
-        return None
-    with contextlib.suppress(OSError):
-        for path in directory.glob(".tpd-part-*"):
-            path.unlink(missing_ok=True)
-        if not existed:
-            directory.rmdir()
-    left = directory / UNFINISHED
-    hint = f"go on with the same command and --resume (finished searches are in {left})"
-    return hint if exists(left) else None
-
-
-def exit_now(status: int) -> Any:
-    """End the process without a wait for threads that compile, whose work nobody needs."""
-    with contextlib.suppress(OSError, ValueError):
-        sys.stdout.flush()
-        sys.stderr.flush()
-    os._exit(status)

@@ -7,7 +7,6 @@ import csv
 import errno
 import hashlib
 import io
-import itertools
 import json
 import math
 import os
@@ -100,7 +99,7 @@ def place(path: Path, content: str | bytes) -> Path:
     data = readable(content).encode(errors="replace") if isinstance(content, str) else content
     try:
         make_folder(path.parent)
-        # A rename within one directory is atomic: an interrupted run leaves no half-written file.
+        # A rename within one directory is atomic: a run that is ended leaves no half-written file.
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PART)
         try:
             with open(handle, "wb") as file:
@@ -137,17 +136,6 @@ def unsealed(content: bytes, of: str = "") -> bytes | None:
 def say_damaged(what: str, where: Path, then: str) -> None:
     """Warn that stored files are not as they were written, and say what is done about it."""
     warnings.warn(f"{what} in {where} were damaged, and are {then} again", stacklevel=2)
-
-
-def put_aside(path: Path, what: str, then: str) -> None:
-    """Give another name to a damaged file or folder, which may be somebody's, and say so.
-
-    Raises:
-        OSError: it cannot be renamed.
-    """
-    aside = next(p for i in itertools.count(1) if not (p := Path(f"{path}.damaged-{i}")).exists())
-    path.rename(aside)
-    say_damaged(f"{what} (now in {aside})", path, then)
 
 
 def check_own(folder: Path) -> None:

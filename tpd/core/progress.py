@@ -6,7 +6,6 @@ Nothing here imports JAX at once: a command says what it does before.
 from __future__ import annotations
 
 import contextlib
-import mmap
 import sys
 import threading
 import time
@@ -29,10 +28,8 @@ TICK = 0.2
 """Seconds between two looks at the clock."""
 _CLEAR = "\r\x1b[K"
 """Removes a bar from the last line of a terminal."""
-# Shared with a process that is made of this one by `fork`.
-_last = memoryview(mmap.mmap(-1, 8)).cast("d")
-"""When this process, or the one that it is made of, last said something."""
-_last[0] = time.monotonic()
+_last = [time.monotonic()]
+"""When this process last said something."""
 
 
 def say(text: str, out: Any = None, end: str = "\n") -> None:

@@ -109,7 +109,6 @@ class Build:
     """This with the pendulum under shakings that are very slow and very fast for it."""
     pull: PullTest
     moved: tuple[Moved, ...]
-    """Empty where an interruption left it out."""
 
     @property
     def damper_moment(self) -> float:
@@ -153,7 +152,7 @@ class TimeHistory:
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """Everything that a report shows beside the design; None where a part does not apply or was left out. A
+    """Everything that a report shows beside the design; None where a part does not apply. A
     design on ground motions has the build and the front alone."""
 
     build: Build | None = None
@@ -166,8 +165,6 @@ class Study:
     usage: tuple[tuple[str, float], ...] = ()
     """Limited quantities of the best design over their limits, the largest of all conditions."""
     front: tuple[FrontPoint, ...] = ()
-    left_out: tuple[str, ...] = ()
-    """Parts that an interruption left out."""
 
 
 def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:

@@ -79,11 +79,6 @@ class Ends(NamedTuple):
         return int(self.path_spent[-1])
 
 
-_NONE = dict.fromkeys(Ends._fields, np.zeros(0))
-BLANK = Ends(**_NONE | {"local": Linearisation(*[np.zeros(0)] * 4), "weights": (np.zeros(0),) * 2})  # type: ignore[arg-type]
-"""Ends of no search, for their form."""
-
-
 class Book:
     """Best design of every search so far, its linearisation, and the path."""
 

@@ -51,7 +51,6 @@ def front(
 
     Raises:
         ValueError: masses that do not increase, or that are not within the design space.
-        KeyboardInterrupt: Ctrl-C.
     """
     checks.instance("design", design, Design)
     block = design.scene.block
@@ -69,8 +68,6 @@ def front(
             progress("front", i, len(shares))
         space = replace(design.space, mass_ratio=(low, float(share)))
         answer = optimise(**design.again(space=space, **({} if method is None else {"method": method})))
-        if answer.status.name == "interrupted":
-            raise KeyboardInterrupt
         points.append(_point(float(share * block.mass), answer))
     return Front((*points, _point(float(high * block.mass), design)))
 
@@ -127,7 +124,6 @@ def optimise_all(
     Raises:
         ValueError: bad input, for instance no scene.
         RuntimeError: JAX is in 32-bit mode, or the cluster failed.
-        KeyboardInterrupt: Ctrl-C, after the search that it stops.
     """
     checks.require_x64()
     check_where(None, cluster)
@@ -137,9 +133,8 @@ def optimise_all(
     for i, scene in enumerate(scenes):
         # All blocks or all scenes: one set of conditions serves all of them.
         checks.instance(f"scenes[{i}]", scene, Block if isinstance(scenes[0], Block) else Scene)
-    alone = sorted({"checkpoint", "progress"} & set(settings))
-    if alone:
-        raise ValueError(f"`{alone[0]}` is of one search, and cannot be given for many")
+    if "progress" in settings:
+        raise ValueError("`progress` is of one search, and cannot be given for many")
     # An iterator would be used up by the first search.
     if settings.get("limits") is not None:
         settings["limits"] = tuple(settings["limits"])
@@ -167,9 +162,6 @@ def _designed(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, An
             found = optimise(scenes[i], **settings)
         except ValueError as error:
             raise ValueError(f"`scenes[{i}]`: {error}") from None
-        if found.status.name == DesignStatus.interrupted.name:
-            # A search answers Ctrl-C by the best that it has; the others must not begin.
-            raise KeyboardInterrupt
         hung, (value, bare) = found.pendulum, found.risks
         names = "mass", "length", "damping_ratio"
         sizes = {name: np.nan if hung is None else float(getattr(hung, name)) for name in names}

@@ -308,35 +308,24 @@ class Descent(Method):
                 f"{checks.shown(self.optimiser)}"
             )
         else:
-            self.taken(1)
+            self._check_steps()
 
     @property
     def optimiser_name(self) -> str:
         """Name of the optimiser; "custom" for a transformation that the user gave."""
         return self.optimiser if isinstance(self.optimiser, str) else "custom"
 
-    def taken(self, count: int) -> np.ndarray:
-        """First steps of an optimiser without a name on a fixed sequence of gradients, (count, 2); empty for
-        one with a name. They tell such optimisers apart.
-
-        Raises:
-            ValueError: an optimiser that needs more than gradients.
-        """
-        if isinstance(self.optimiser, str):
-            return np.zeros((0, 2))
-        x, steps = jnp.array([0.3, 0.6]), []
-        update = jax.jit(self.optimiser.update)
+    def _check_steps(self) -> None:
+        """Raise `ValueError` for an optimiser without a name that needs more than gradients."""
+        x, optimiser = jnp.array([0.3, 0.6]), self.optimiser
+        assert not isinstance(optimiser, str)
         try:
-            state = self.optimiser.init(x)
-            for i in range(count):
-                step, state = update(jnp.array([1.0, -0.5 + 0.1 * i]), state, x)
-                steps.append(np.asarray(step))
+            optimiser.update(jnp.array([1.0, -0.5]), optimiser.init(x), x)
         except TypeError as error:
             raise ValueError(
                 "`optimiser` must make its steps from gradients alone: give an optimiser without a line "
                 "search"
             ) from error
-        return np.array(steps)
 
     def search(
         self, objective: Orbits, units: np.ndarray, *, known: Linearisation | None = None, after: After = None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,7 @@ from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.batch import aside
-from tpd.core.files import path_of
 from tpd.core.progress import Progress, shown
-from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Worth
 from tpd.design.ground.optimise import ground_problem
 from tpd.design.ground.optimise import solve as solve_on_motions
@@ -47,7 +44,7 @@ class Found:
 
     search: Multistart
     verification: Verification
-    status: DesignStatus = DesignStatus.interrupted
+    status: DesignStatus = DesignStatus.no_uplift
     surveys: tuple[Survey, ...] = ()
     losses: tuple[LossCase, ...] = ()
 
@@ -65,7 +62,6 @@ def optimise(
     worth: Worth | None = None,
     held_out: checks.Real | Mapping[str, Sequence[GroundMotion]] | None = None,
     seed: checks.Whole = 0,
-    checkpoint: Path | str | None = None,
     progress: Progress | bool | None = None,
 ) -> Design:
     """Pendulum of least rocking under one or many conditions, verified.
@@ -94,19 +90,15 @@ def optimise(
         ensemble: runs that verify; default `Ensemble()`, dealt out among the conditions.
         held_out: ground motions that the design is not tuned to, a share or groups by name; default 0.5.
         seed: of every random choice, also of the runs of an ensemble without a seed of its own.
-        checkpoint: file for finished searches; searches of the same problem in it are not repeated.
         progress: True for a bar on stderr, or called with (stage, done, of how many).
 
     Returns:
         A `HarmonicDesign`; under ground motions a `GroundDesign`.
 
     Raises:
-        ValueError: bad input, or a checkpoint of another problem.
+        ValueError: bad input.
         RuntimeError: JAX is in 32-bit mode.
     """
-    if checkpoint is not None:
-        checks.instance("checkpoint", checkpoint, (Path, str))
-    file = None if checkpoint is None else path_of(checkpoint)
     asked: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
     asked |= {"worth": worth, "seed": seed}
     if isinstance(conditions, Conditions) and conditions.motions:
@@ -114,21 +106,18 @@ def optimise(
             raise ValueError("`starts` is for harmonics, but the conditions are ground motions")
         shaken = ground_problem(scene, conditions, space, held_out=held_out, **asked)
         with shown(progress) as report:
-            return solve_on_motions(shaken, Checkpoint.of(file, shaken.identity), report)
+            return solve_on_motions(shaken, report)
     if held_out is not None:
         raise ValueError("`held_out` is for ground motions, but the conditions are harmonics")
     if isinstance(scene, Block) or isinstance(method, GroundSearch):
         raise ValueError("a block alone, and a `GroundSearch`, go with ground motions: `Conditions.records`")
     problem = Problem.of(scene, space, conditions=conditions, starts=starts, **asked)
     with shown(progress) as report:
-        return solve(problem, file, report)
+        return solve(problem, report)
 
 
-def solve(
-    problem: Problem, checkpoint: Path | None = None, progress: Progress | None = None
-) -> HarmonicDesign:
+def solve(problem: Problem, progress: Progress | None = None) -> HarmonicDesign:
     """Search and verify a problem; see `optimise`."""
-    store = Checkpoint.of(checkpoint, problem.identity)
     # If the bare block lifts under no condition there may be nothing to search.
     p = problem.orbits.p
     if not np.all(margins(problem.orbits, np.array([[0.0, float(p.lam), float(p.zeta)]])) > 0.0):
@@ -142,26 +131,18 @@ def solve(
     if len(few.conditions) < len(objective.conditions):
         search.description += f" under {len(few.conditions)} of the {len(objective.conditions)} conditions"
     found = Found(search, verification)
-    try:
-        if verification.bare_rests:
-            found.status = DesignStatus.no_uplift
-        else:
-            search.run(store)
-            _verify(problem, found, progress)
-    except KeyboardInterrupt:
-        found.search.interrupted = True
-        # Whoever interrupts a survey has waited for the searches before it.
-        if found.search.groups and not found.verification.verified:
-            found.status = found.verification.best_of(found.search)
+    if not verification.bare_rests:
+        search.run()
+        _verify(problem, found, progress)
     verified = tuple(verification.verified)
     offered = verified[-1] if found.status is DesignStatus.found else None
     alike = None
     if offered is not None and verification.refinement is not None:
         alike = verification.refinement.alike(offered.design)
-    none = not search.interrupted and found.status is DesignStatus.none_feasible
+    none = found.status is DesignStatus.none_feasible
     return HarmonicDesign(
         **problem.inputs,
-        status=DesignStatus.interrupted if search.interrupted else found.status,
+        status=found.status,
         pendulum=None if offered is None else pendulum_of(problem.scene, offered),
         verified=verified,
         bare=verification.bare,
@@ -177,10 +158,6 @@ def solve(
 def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
     """Follow many designs from rest, verify the best of them, and add what belongs to an offered one."""
     search, verification = found.search, found.verification
-    if search.interrupted:
-        # The best that there is, and no survey: whoever interrupts wants the answer soon.
-        found.status = verification.best_of(search)
-        return
     # Ends that the exact solution confirms, and the best designs on the paths.
     ends = search.order(feasible=False)
     met = [search.designs[ends[~search.contradicted[ends]]], search.on_the_way(_PATHS)]
@@ -190,7 +167,6 @@ def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
     )
     found.surveys = wide, fine = wide, verification.refined(fine)
     for _ in range(JUDGED):
-        # An interruption leaves the design that has passed.
         found.status = verification.best_of_survey(fine)
         if found.status is DesignStatus.found:
             found.status = verification.judge()

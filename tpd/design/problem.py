@@ -12,7 +12,6 @@ import numpy as np
 from tpd.answers.attractors import StartKind, Starts
 from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
-from tpd.core.fingerprints import fingerprint, of_sources
 from tpd.design.criteria import (
     DEFAULT_LIMITS,
     DesignSpace,
@@ -24,7 +23,7 @@ from tpd.design.criteria import (
     check_limits,
     limit_of,
 )
-from tpd.design.methods import SMOOTHED, Descent, Method, describe
+from tpd.design.methods import SMOOTHED, Descent, Method
 from tpd.design.objective import Orbits, geometry_of
 from tpd.models.piecewise import Piecewise
 from tpd.scene.conditions import Conditions, check_restitution, under_all
@@ -225,14 +224,3 @@ class Problem(Question):
     def objective(self) -> Orbits:
         """These, with the tilts of the bare block known to limits that compare with them."""
         return self.orbits.against_bare()
-
-    @cached_property
-    def identity(self) -> str:
-        """Fingerprint of everything on which the ends of the searches depend."""
-        method = self.method
-        steps = method.taken(method.steps) if isinstance(method, Descent) else ()
-        criteria = self.risk, [(limit.name, limit) for limit in self.limits]
-        settings = describe(method), np.round(steps, 12), self.seed
-        return fingerprint(
-            of_sources(), self.scene, self.conditions, self.space, *criteria, self.starts, *settings
-        )

@@ -1,4 +1,4 @@
-"""Multistart: screening, then searches in groups, with a checkpoint after every group."""
+"""Multistart: screening, then searches in groups."""
 
 from __future__ import annotations
 
@@ -8,16 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from tpd.core.progress import Progress
-from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import stroke_limit
-from tpd.design.ends import BLANK, Ends, Linearisation
+from tpd.design.ends import Ends, Linearisation
 from tpd.design.methods import Descent, Method
 from tpd.design.objective import BACK_OFF, Count, Orbits
 from tpd.design.screening import best_apart, first_apart, screened_designs
 from tpd.design.verified import DesignStatus
 
 GROUP = 16
-"""Searches run at once: the work that an interruption may lose."""
+"""Searches run at once."""
 _AWAY = 0.05
 """Least distance, in shares of the bounds, of a design on a path from every end."""
 AT_BOUND = 1e-4
@@ -57,25 +56,18 @@ class Multistart:
 
     def __init__(self, objective: Orbits, method: Method, seed: int, progress: Progress | None) -> None:
         self.objective, self.method, self.seed, self.progress = objective, method, seed, progress
-        self.count, self.groups, self.interrupted = method.searches, list[Ends](), False
+        self.count, self.groups = method.searches, list[Ends]()
         self.description = f"{method.searches} designs"
         self.screened, self.screened_value = np.zeros((0, 3)), np.zeros(0)
         self.feasible = np.zeros(0, bool)
 
-    def run(self, checkpoint: Checkpoint) -> None:
-        """Screen and search; Ctrl-C keeps the groups that had ended."""
-        try:
-            units, known = self.screen()
-            groups = range(0, len(units), GROUP)
-            for i, begin in enumerate(groups):
-                rows, ended = slice(begin, begin + GROUP), checkpoint.get(i, BLANK)
-                if ended is None:
-                    ended = self._search(units[rows], known.at(rows), i, len(groups))
-                self.groups.append(ended)
-                # Stored at once: an interruption or a crash loses one group at most.
-                checkpoint.put(i, ended)
-        except KeyboardInterrupt:
-            self.interrupted = True
+    def run(self) -> None:
+        """Screen and search."""
+        units, known = self.screen()
+        groups = range(0, len(units), GROUP)
+        for i, begin in enumerate(groups):
+            rows = slice(begin, begin + GROUP)
+            self.groups.append(self._search(units[rows], known.at(rows), i, len(groups)))
 
     def screen(self) -> tuple[np.ndarray, Linearisation]:
         """Designs for the searches, in shares of the bounds, and their linearisation: the best of those
@@ -190,7 +182,7 @@ class Multistart:
     def statuses(self) -> tuple[DesignStatus, ...]:
         """How every search ended."""
         out = [self._status(g, i) for g in self.groups for i in range(len(g.x))]
-        return (*out, *(DesignStatus.interrupted,) * (self.count - len(out)))
+        return tuple(out)
 
     def _status(self, g: Ends, i: int) -> DesignStatus:
         n, limit = len(self.objective.conditions), g.local.limit[i] - BACK_OFF
@@ -198,8 +190,6 @@ class Multistart:
         limited = np.isfinite(stroke_limit(self.objective.limits))
         if not np.isfinite(g.merit[i]):
             return DesignStatus.infeasible
-        if g.open[i] and not g.steps[i]:
-            return DesignStatus.interrupted
         if self._contradicts(g)[i]:
             return DesignStatus.contradicted
         if limit.max(initial=0.0) > 0.0:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from tpd.core.progress import Progress
 from tpd.design.build import Build, FrontPoint, Moved, Study, TimeHistory, loads_of, pull_test
 from tpd.design.criteria import bob_of
 from tpd.design.objective import geometry_of
-from tpd.design.result import Design, DesignStatus, HarmonicDesign
+from tpd.design.result import Design, HarmonicDesign
 from tpd.models.piecewise import Piecewise
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import Pulse
@@ -26,7 +25,6 @@ from tpd.theory import uplift
 
 _BAND = frequencies(1.0, 0.7, 1.5, 41)
 """Frequencies of a response, in shares of the scene's own."""
-_Part = TypeVar("_Part")
 _MOTIONS = 24
 """Most motions that are followed over time for loads."""
 _CYCLES = 40
@@ -49,9 +47,6 @@ _RUNS = 256
 def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progress | None = None) -> Study:
     """Compute everything that a report shows beside the design, once.
 
-    Ctrl-C during one part leaves this part out and goes on with the next one. Of an interrupted design
-    nothing is computed.
-
     Args:
         design: the answer of `optimise`.
         front: the answer of `tpd.front`, to be shown as well.
@@ -62,30 +57,13 @@ def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progr
     """
     harmonic = design if isinstance(design, HarmonicDesign) else None
     used = () if harmonic is None else usage(harmonic)
-    # After Ctrl-C the user wants the prompt back, not minutes of further work.
-    if design.status is DesignStatus.interrupted:
-        return Study(front=front, usage=used)
-    left_out: list[str] = []
-
-    def part(name: str, compute: Callable[..., _Part], *inputs: Any) -> _Part | None:
-        try:
-            return compute(*inputs)
-        except KeyboardInterrupt:
-            left_out.append(name)
-            return None
-
-    moved = part("what the benefit hangs on", moved_of, design, progress) or ()
-    out = Study(build=part("the loads", build_of, design, moved), front=front, usage=used)
-    if harmonic is not None:
-        scene, hung = design.scene, design.pendulum
-        # A response over frequency belongs to conditions that differ in the motion of the base alone.
-        varied = set(design.conditions.factors) <= {"amplitude", "frequency"}
-        out = replace(
-            out,
-            histories=part("the time histories", time_histories, scene, hung),
-            responses=part("the response over frequency", _responses, harmonic, progress) if varied else None,
-        )
-    return replace(out, left_out=tuple(left_out))
+    out = Study(build=build_of(design, moved_of(design, progress)), front=front, usage=used)
+    if harmonic is None:
+        return out
+    # A response over frequency belongs to conditions that differ in the motion of the base alone.
+    varied = set(design.conditions.factors) <= {"amplitude", "frequency"}
+    responses = _responses(harmonic, progress) if varied else None
+    return replace(out, histories=time_histories(design.scene, design.pendulum), responses=responses)
 
 
 def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory, ...]:

@@ -58,10 +58,6 @@ class DesignStatus(enum.Enum):
         "Pushed hard enough it may rock or overturn all the same.",
         "Give a stronger shaking to see what the block stands.",
     )
-    interrupted = (
-        "INTERRUPTED: what follows is the best that had been found by then, if anything.",
-        "Ask again with the same checkpoint: what had ended is not repeated.",
-    )
     rests = ("found designs that settle at rest; the uplift margin grew as far as it goes", "None is needed.")
     converged = "reached a minimum of the risk", "None is needed."
     at_bound = "reached the edge of the design space", "Widen the design space there."
@@ -83,15 +79,8 @@ class DesignStatus(enum.Enum):
         """Whether the answer may be used: a design found and judged, or none needed."""
         return self in (DesignStatus.found, DesignStatus.no_uplift)
 
-    @property
-    def of_descent(self) -> str:
-        """Words of a report for one descent that ended so."""
-        if self is DesignStatus.interrupted:
-            return "had not ended when the search was interrupted"
-        return self.value
 
-
-ANSWERS = tuple(DesignStatus.__members__)[:8]
+ANSWERS = tuple(DesignStatus.__members__)[:7]
 """Names of the statuses that an answer may have; the others are of its descents."""
 
 
@@ -282,7 +271,7 @@ class Verified:
     """Decrease of the risk that is left, to first order, per unit of a step in shares of the bounds."""
     active: tuple[Active, ...]
     source: str
-    """"survey", "search" (the best end of a search that was interrupted) or "check"."""
+    """`survey` or `check`."""
     reasons: tuple[Reason, ...]
     """Why it is refused; empty if it is offered."""
     chosen_by: Benefit | None = None

@@ -31,7 +31,7 @@ from tpd.design.objective import BACK_OFF, REST, Evaluation, Orbits, margins
 from tpd.design.problem import Problem
 from tpd.design.refine import RUNS, Refinement, Tried, refine
 from tpd.design.result import DesignStatus, Nearest
-from tpd.design.search import AT_BOUND, Multistart, stage
+from tpd.design.search import AT_BOUND, stage
 from tpd.design.survey import ON_THE_WAY, Survey, excess, followed
 from tpd.design.verified import Active, Bare, Motions, Reason, ReasonKind, Step, Verified
 from tpd.models.piecewise import Piecewise
@@ -172,7 +172,7 @@ class Verification:
             strikes=math.nan,
             stationarity=float(end.stationarity[0]),
             active=active(o, end, _AT_LIMIT),
-            source="search",
+            source="survey",
             reasons=(),
         )
 
@@ -279,14 +279,6 @@ class Verification:
         given = self.objective.p, design, self.objective.conditions
         return polished(*given, motions_from_rest(*given, self.ensemble.periods))
 
-    def best_of(self, search: Multistart) -> DesignStatus:
-        """Verify the best end of a search that was interrupted, and judge it if it passes."""
-        order = search.order()
-        if not len(order):
-            return DesignStatus.none_feasible
-        self.verified.append(self.at_once(search.designs[order[0]]))
-        return self.judge() if not self.verified[-1].reasons else DesignStatus.refused
-
     def best_of_survey(self, found: Survey) -> DesignStatus:
         """Verify the designs of a survey that keep to the limits and are no neighbours of those verified, in
         their order, until one passes."""
@@ -310,7 +302,7 @@ class Verification:
                 break
             if self.progress is not None:
                 self.progress("verifying", done + 1, VERIFIED)
-            v = replace(self.at_once(found.designs[left[0]]), source="survey")
+            v = self.at_once(found.designs[left[0]])
             self.verified.append(v)
             if not v.reasons:
                 return DesignStatus.found

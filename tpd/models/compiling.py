@@ -24,7 +24,9 @@ HARMONIC = ("tpd.models.orbit_entry", "tpd.models.exact_entry", "tpd.models.nonl
 GROUND = ("tpd.models.exact_entry", "tpd.models.nonlinear_entry")
 """Modules of motions under pulses and records."""
 _COMMAND = """
-import sys, warnings
+import os, sys, threading, warnings
+# The end of the pipe is that of the command, however it ends.
+threading.Thread(target=lambda: os.read(0, 1) or os._exit(1), daemon=True).start()
 sys.excepthook = lambda *_: None
 warnings.showwarning = lambda text, kind, *_: kind is UserWarning and print(text, file=sys.stderr)
 from tpd.models.compiling import load
@@ -80,12 +82,14 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
         process = subprocess.Popen(
             # -P: the folder in which a command is given may hold another `tpd`, or anything.
             [sys.executable, "-P", "-c", _COMMAND, str(mark), module, version],
+            stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=said,
-            # A session of its own: Ctrl-C is for the command, and what is half compiled serves nobody.
+            # A session of its own: Ctrl-C is for the command, and this process ends with it.
             start_new_session=True,
         )
-        atexit.register(process.terminate)
+        assert process.stdin is not None
+        atexit.register(process.stdin.close)
         _running[module] = process, said
 
 

@@ -233,6 +233,5 @@ def _more(design: Design, directory: Path | None) -> Iterator[tuple[str, str]]:
     if isinstance(design, HarmonicDesign) and design.pendulum is not None:
         shaken = f"earthquakes: tpd fragility {at} --records el-centro loma-prieta"
         yield "not asked", f"{shaken}; contact and sliding: tpd check {at} --engine mujoco"
-    page = "report.html" if design.status is not DesignStatus.interrupted else "report.txt"
-    yield "report", f"{directory / page}"
+    yield "report", f"{directory / 'report.html'}"
     yield "again", f"tpd optimise --scene {at}/scene.toml --out {at}-again"

@@ -16,7 +16,7 @@ from tpd.core.formatting import number
 from tpd.design.build import FrontPoint
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.judgement import scatter_of
-from tpd.design.result import Design, DesignStatus, HarmonicDesign
+from tpd.design.result import Design, HarmonicDesign
 from tpd.design.study import Study
 from tpd.report import answer, construction, sections, words
 from tpd.report.blocks import Block, Cell, Code, Figure, Listing, Report, Section, Severity, Table, Text
@@ -137,21 +137,18 @@ def content(
 
 def names(design: Design, study: Study) -> tuple[str, ...]:
     """Names of the pictures that there is data for."""
-    # A drawing of a design that the search had only come to by an interruption would be taken for the answer.
-    whole = design.status is not DesignStatus.interrupted
     there = {}
     if isinstance(design, GroundDesign):
         there |= {"groups.svg": bool(design.judged), "search.png": design.searched is not None}
     elif isinstance(design, HarmonicDesign):
         there |= {
-            "benefit.svg": whole and design.best is not None and design.best.benefit is not None,
+            "benefit.svg": design.best is not None and design.best.benefit is not None,
             "conditions.svg": len(design.conditions) > 1 and design.conditions.axis is not None,
             "search.png": len(design.search.screened) > 0,
             "response.svg": bool(study.responses),
             "motion.svg": bool(study.histories),
         }
-    there |= {"front.svg": bool(study.front), "drawing.svg": whole}
-    there |= {"animation.gif": whole and bool(study.histories)}
+    there |= {"front.svg": bool(study.front), "drawing.svg": True, "animation.gif": bool(study.histories)}
     return tuple(name for name, exists in there.items() if exists)
 
 

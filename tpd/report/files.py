@@ -16,7 +16,7 @@ from tpd.core import files
 from tpd.core.progress import Progress, shown
 from tpd.design.ground.design import GroundDesign
 from tpd.design.reading import job_of_design
-from tpd.design.result import Design, DesignStatus, HarmonicDesign
+from tpd.design.result import Design, HarmonicDesign
 from tpd.design.study import Study, TimeHistory
 from tpd.design.study import study as compute
 from tpd.report.content import content, names
@@ -74,9 +74,8 @@ def write(
             warn(files.not_drawn(name, error))
         else:
             written.append(files.place(directory / name, drawn[name]))
-    if design.status is not DesignStatus.interrupted:
-        # Last, so that a page stands for a whole report.
-        written.append(files.place(directory / "report.html", html(report, drawn)))
+    # Last, so that a page stands for a whole report.
+    written.append(files.place(directory / "report.html", html(report, drawn)))
     return written
 
 

@@ -46,7 +46,7 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any], said: Sequ
         "pendulum": hung,
         "hinge_damping_N_m_s_per_rad": None if hung is None else float(hung.hinge_damping(gravity)),
         **{n: getattr(design, n) for n in ("alike", "comparison", "risk", "conditions", "space", "seed")},
-        **{n: getattr(study, n) for n in ("build", "front", "left_out")},
+        **{n: getattr(study, n) for n in ("build", "front")},
         "worth": replace(design.worth, strikes=design.strikes_allowed),
         "limits": {limit.name: _limit(limit) for limit in design.limits},
         "job": job_tables,

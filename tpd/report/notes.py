@@ -13,7 +13,7 @@ from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.design.criteria import Room, Worth, limit_of
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.judgement import Judged, Role, unnamed
-from tpd.design.result import Design, DesignStatus, HarmonicDesign
+from tpd.design.result import Design, HarmonicDesign
 from tpd.design.study import Study
 from tpd.design.verified import Verified
 from tpd.report.blocks import Note, danger, note
@@ -33,10 +33,6 @@ def notes(design: Design, study: Study) -> tuple[Note, ...]:
     """All notes on a design: dangers first, else in the order of the generators below."""
     found: list[Note] = []
     block = design.scene.block
-    if design.status is DesignStatus.interrupted:
-        found.append(note("The search was interrupted; nothing below is the best of the design space."))
-    for part in study.left_out:
-        found.append(note(f"This report goes without {part}: its computation was interrupted."))
     if float(block.velocity_ratio) == 1.0 and not block.friction:
         said = "The block loses no energy at all: no real block rocks like that. Give it a restitution."
         found.append(note(said))

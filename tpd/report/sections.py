@@ -266,7 +266,7 @@ def _motion(design: HarmonicDesign, of: Verified | Bare, i: int) -> tuple[Cell, 
 
 def _search(design: HarmonicDesign, figure: Sequence[Block]) -> list[Block]:
     search = design.search
-    ends = "; ".join(f"{n} {what}" for what, n in Counter(s.of_descent for s in search.statuses).items())
+    ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
     said = (
         f"Method {design.method.name}: {search.evaluations} designs, from {search.description}, seed "
         f"{design.seed}. Searches: {ends or 'none'}."

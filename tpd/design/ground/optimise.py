@@ -12,9 +12,7 @@ import numpy as np
 
 from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
-from tpd.core.fingerprints import fingerprint, of_sources
 from tpd.core.progress import Progress
-from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Room, Stroke, Worth, beyond_as_built
 from tpd.design.ground.design import GroundDesign, GroundVerdict, objective_of, verdict_of
 from tpd.design.ground.judgement import HELD_OUT, SCATTERED, Group, Judged, grouped, judge, scatter_of
@@ -42,15 +40,6 @@ class GroundProblem(Question):
     def objective(self) -> GroundObjective:
         """Designs under the motions of the group that they are tuned to."""
         return objective_of(self)
-
-    @property
-    def identity(self) -> str:
-        """Fingerprint of everything that a followed design depends on."""
-        o = self.objective
-        how = self.space, self.risk, self.method, self.seed, o.conditions.intensity
-        pieces = [(np.asarray(m.pieces(), dtype=float), m.pga, m.piece) for m in o.conditions.motions]
-        what = o.block, o.gravity, o.limits, o.allowed, o.free, o.conditions.factor_rows(), o.conditions.which
-        return fingerprint(of_sources(), *what, *how, pieces)
 
 
 def ground_problem(
@@ -137,7 +126,7 @@ def ground_problem(
     )
 
 
-def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) -> GroundDesign:
+def solve(problem: GroundProblem, report: Progress | None) -> GroundDesign:
     """Search, and judge the best design; see `ground_problem`."""
     objective, risk = problem.objective, problem.risk
     bare = objective.evaluate(np.array([[0.0, 1.0, 0.3]]))
@@ -148,7 +137,6 @@ def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) ->
         problem.space,
         problem.method,
         problem.seed,
-        store,
         None if report is None else partial(report, "search"),
     )
     # The closed form of uplift answers first: there may be nothing to search.
@@ -156,8 +144,6 @@ def solve(problem: GroundProblem, store: Checkpoint, report: Progress | None) ->
         return _answer(problem, search, without, GroundVerdict(DesignStatus.no_uplift, ()), None)
     search.run()
     best, found = search.best(), search.found
-    if search.interrupted:
-        return _answer(problem, search, without, GroundVerdict(DesignStatus.interrupted, ()), best)
     assert found is not None
     if best is None:
         return _answer(problem, search, without, _none_feasible(found, search.names), None)

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from tpd.core import checks
-from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Risk
 from tpd.design.ground.objective import GroundObjective
 from tpd.design.surface import Observations, Surface, candidates, fit, promise
@@ -73,50 +72,36 @@ class Evaluated(NamedTuple):
         return Evaluated(*(x[rows] for x in self))
 
 
-_BLANK = Evaluated(*[np.zeros(0)] * len(Evaluated._fields))
-
-
 @dataclass
 class Searcher:
-    """One search, which can go on from what was followed before."""
+    """One search."""
 
     objective: GroundObjective
     risk: Risk
     space: DesignSpace
     method: GroundSearch
     seed: int
-    store: Checkpoint | None = None
-    """Designs that were followed before an interruption."""
     progress: Callable[[int, int], None] | None = None
     names: tuple[str, ...] = ()
     """Limited quantities."""
-    interrupted: bool = False
     found: Evaluated | None = None
     surface: Surface | None = None
     limits: list[Surface] = field(default_factory=list)
 
     def run(self) -> None:
-        """Follow designs until all are done, or an interruption."""
+        """Follow designs until all are done."""
         d = len(self.space.names)
         total = self.method.starts + self.method.steps
         # One design after the other: its motions alone keep all cores busy.
         spread = latin_hypercube(np.random.default_rng([self.seed, 7]), self.method.starts, d)
-        try:
-            for i in range(total):
-                unit = spread[i] if i < len(spread) else self._next(i, last=total - 4)
-                one = None if self.store is None else self.store.get(i, _BLANK)
-                # Names of the limits come with the first design, even where it was stored.
-                if one is None or (i == 0 and not self.names):
-                    one = self.evaluate(self.space.unscaled(np.asarray(unit)[None]))
-                    if self.store is not None:
-                        self.store.put(i, one)
-                if self.found is not None:
-                    one = Evaluated(*map(np.concatenate, zip(self.found, one, strict=True)))
-                self.found = one
-                if self.progress is not None:
-                    self.progress(i + 1, total)
-        except KeyboardInterrupt:
-            self.interrupted = True
+        for i in range(total):
+            unit = spread[i] if i < len(spread) else self._next(i, last=total - 4)
+            one = self.evaluate(self.space.unscaled(np.asarray(unit)[None]))
+            if self.found is not None:
+                one = Evaluated(*map(np.concatenate, zip(self.found, one, strict=True)))
+            self.found = one
+            if self.progress is not None:
+                self.progress(i + 1, total)
         self._fit(full=True)
 
     def best(self) -> int | None:
