@@ -206,13 +206,13 @@ def _check(command: Parser) -> None:
     NO_WALLS.add(command)
     _switch(command, "--quick", "leave out the smoothed models, which take long to compile")
     _number(command, "--seed", "N", "of the runs (default: the job's, of an engine 0)", int)
-    engine = command.add_argument_group("an independent engine (extras: tpd[engines], tpd[drake])")
+    engine = command.add_argument_group("an independent engine (extra: tpd[engines])")
     text = (
         "follow paired runs in a rigid-body engine with contact and sliding in place of the models, and put "
         "the result into the report"
     )
-    engine.add_argument("--engine", choices=("mujoco", "drake"), help=text)
-    text = "of the ensemble of the engine (default 64; 16 of drake, which is slower)"
+    engine.add_argument("--engine", choices=("mujoco",), help=text)
+    text = "of the ensemble of the engine (default 64)"
     engine.add_argument("--runs", type=int, help=text)
     engine.add_argument("--sliding", type=float, help="coefficient of friction on the floor (default 0.6)")
 

@@ -11,16 +11,15 @@ from tpd.engines.rigid_body import opensees as opensees
 
 if TYPE_CHECKING:
     from tpd.engines.comparison import EngineVerdict as EngineVerdict
-    from tpd.engines.comparison import drake as drake
     from tpd.engines.comparison import mujoco as mujoco
 
-__all__ = ["EngineVerdict", "drake", "mjcf", "mujoco", "opensees"]
+__all__ = ["EngineVerdict", "mjcf", "mujoco", "opensees"]
 
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
         # The comparison loads the ensembles; the text of a model needs none of them.
-        if name in ("EngineVerdict", "drake", "mujoco"):
+        if name in ("EngineVerdict", "mujoco"):
             from tpd.engines import comparison
 
             return getattr(comparison, name)

@@ -23,17 +23,6 @@ Accelerations = Callable[[np.ndarray], np.ndarray]
 """Accelerations of the base (runs, steps), m/s^2, at times (steps,) from the start of the runs."""
 
 
-class Engine(NamedTuple):
-    """An engine: its name, and functions as those of this module."""
-
-    name: str
-    available: Callable[[], str]
-    follow: Callable[..., EngineRuns]
-    free_rocking: Callable[[RigidBody], float]
-    rubs: bool
-    """Whether it has the block's dry friction of rocking."""
-
-
 class EngineRuns(NamedTuple):
     """Runs of an engine: arrays of shape (n,)."""
 
@@ -179,7 +168,10 @@ def free_rocking(body: RigidBody) -> float:
     mujoco = import_module("mujoco")
     model = mujoco.MjModel.from_xml_string(body.mjcf())
     data = mujoco.MjData(model)
-    state, states = placed(body, let_go(body)), []
+    # Friction would take energy on the way, and a bob would carry some away.
+    assert max(body.bob, body.friction) == 0.0
+    half_of_toppling = 0.5 * math.atan2(body.half_width, body.half_height)
+    state, states = placed(body, np.array([half_of_toppling, 0.0, 0.0, 0.0])), []
     data.qpos[:], data.qvel[:] = state[:3], state[3:]
     after = around_impact(body)
     for _ in range(10_000_000):
@@ -190,13 +182,6 @@ def free_rocking(body: RigidBody) -> float:
         if after < 0:
             break
     return kept(body, np.array(states))
-
-
-def let_go(body: RigidBody) -> np.ndarray:
-    """Start (phi, psi, phi', psi') of free rocking: half of the toppling tilt, at rest."""
-    # Friction would take energy on the way, and a bob would carry some away.
-    assert max(body.bob, body.friction) == 0.0
-    return np.array([0.5 * math.atan2(body.half_width, body.half_height), 0.0, 0.0, 0.0])
 
 
 def around_impact(body: RigidBody) -> int:
@@ -227,6 +212,3 @@ def as_table(rows: Sequence[tuple[str, ...]]) -> str:
         )
         for row in rows
     )
-
-
-MUJOCO = Engine("MuJoCo", available, follow, free_rocking, rubs=True)

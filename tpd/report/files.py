@@ -26,7 +26,6 @@ from tpd.scene.quantities import UNITS
 
 _TITLE = "By an independent engine"
 _MARK = "<!-- engine -->"
-_ENGINES = ("MuJoCo", "Drake")
 
 
 def write(
@@ -212,7 +211,7 @@ def add_engine(directory: Path, verdict: Any) -> list[Path]:
 def _in_text(report: str, verdict: Any) -> str:
     # A second run replaces the first: its warning and its section are found by their words.
     lines = report.split(f"\n{_TITLE}\n")[0].rstrip("\n").split("\n")
-    if any(engine in lines[0] for engine in _ENGINES):
+    if "MuJoCo" in lines[0]:
         lines = lines[1:]
     head = [verdict.warning] if verdict.warning else []
     return "\n".join([*head, *lines, "", _TITLE, "-" * len(_TITLE), str(verdict)]) + "\n"
