@@ -45,7 +45,7 @@ _TIMES |= {"ms": 1e-3, "msec": 1e-3, "msecs": 1e-3, "millisecond": 1e-3, "millis
 _QUANTITIES = dict.fromkeys(_TIMES, "time") | dict.fromkeys(FACTORS, "acceleration")
 for _length in ("m", "cm", "mm", "in", "ft"):
     _QUANTITIES |= {_length: "displacement", f"{_length}/s": "velocity"}
-"""What a unit measures."""
+"""Quantities by the units that measure them."""
 _NAMES = {
     "time": r"t|times?|elapsed|zeit|temps|tempo|tiempo|tijd|tid|czas",
     "number": r"no|nr|num|number|index|i|n|id|samples?|points?|#",
@@ -77,7 +77,7 @@ _FACTOR = re.compile(rf"10\s*(?:\^|\*\*)\s*([+-]?\d+)|(?:x|\*|×)\s*({NUMBER})(?
 
 @dataclass(frozen=True)
 class Options:
-    """What the user states of a table."""
+    """Statements of the user about a table."""
 
     dt: float | None = None
     unit: str | None = None
@@ -89,7 +89,7 @@ class Options:
 
 @dataclass(frozen=True)
 class _Column:
-    """What the name of a column says."""
+    """Meaning of the name of a column."""
 
     quantity: str
     component: str
@@ -98,7 +98,7 @@ class _Column:
 
 @dataclass
 class _Header:
-    """What the lines above the samples state."""
+    """Statements in the lines above the samples."""
 
     cells: list[str] = field(default_factory=list)
     """Names of the columns with their units."""
@@ -264,7 +264,7 @@ def _unknown_word(cell: str) -> str:
 
 
 def _statement(part: str) -> tuple[str, Any] | None:
-    """What a part of a line states, and the value; None if it is no statement."""
+    """Return the kind and the value of a statement; None if a part of a line is no statement."""
     for what, form in _STATEMENTS.items():
         if (found := re.fullmatch(form, part, re.I)) is None:
             continue
@@ -283,7 +283,8 @@ def _statement(part: str) -> tuple[str, Any] | None:
 
 
 def _column(cell: str, *, first: bool) -> _Column:
-    """What the name of a column says, or `_Unknown`. In the first column T is a time, not a component."""
+    """Return the meaning of the name of a column, or raise `_Unknown`. In the first column T is a time, not a
+    component."""
     # AccZ and acc-NS are two words; N-S is one.
     bare = _TWO_WORDS.sub(" ", _BRACKET.sub(" ", cell).strip(" :\"'"))
     words = [w for x in re.findall(r"[^\s_]+", bare) for w in ([x] if is_component(x) else x.split("-"))]
