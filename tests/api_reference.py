@@ -19,8 +19,8 @@ HEAD = """\
 # Public names
 
 All names of `tpd`, by what you want to do, as `python -m tests.api_reference` writes them from the source.
-Units are SI where nothing else is said, angles are in rad. What is not on this page may change. `Real` is a number,
-`Whole` is a whole number, and `Vector` is a sequence or an array of numbers.
+Units are SI where nothing else is said, angles are in rad. What is not on this page may change.
+`Real` is a number, `Whole` is a whole number, and `Vector` is a sequence or an array of numbers.
 
 """
 GROUPS = {

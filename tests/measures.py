@@ -95,9 +95,9 @@ def reached(graph: dict[str, set[str]], start: str) -> set[str]:
     return found
 
 
-def strings(path: Path) -> Iterator[ast.Constant]:
+def docstrings(parsed: ast.Module) -> Iterator[ast.Constant]:
     """Docstrings of modules, classes, functions and attributes."""
-    for node in ast.walk(tree(path)):
+    for node in ast.walk(parsed):
         value = node.value if isinstance(node, ast.Expr) else None
         if isinstance(value, ast.Constant) and isinstance(value.value, str):
             yield value
@@ -105,15 +105,11 @@ def strings(path: Path) -> Iterator[ast.Constant]:
 
 def code_lines(text: str) -> int:
     """Count the lines that are not blank and hold no comment alone, no docstring and no import."""
+    parsed = ast.parse(text)
+    imports = (node for node in ast.walk(parsed) if isinstance(node, ast.Import | ast.ImportFrom))
     left_out: set[int] = set()
-    for node in ast.walk(ast.parse(text)):
-        is_text = (
-            isinstance(node, ast.Expr)
-            and isinstance(node.value, ast.Constant)
-            and isinstance(node.value.value, str)
-        )
-        if is_text or isinstance(node, ast.Import | ast.ImportFrom):
-            left_out.update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    for node in (*docstrings(parsed), *imports):
+        left_out.update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     lines = enumerate(map(str.strip, text.splitlines()), 1)
     return sum(bool(line) and not line.startswith("#") and i not in left_out for i, line in lines)
 
