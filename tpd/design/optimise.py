@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.batch import aside
 from tpd.core.files import path_of
-from tpd.core.progress import Progress, shown
+from tpd.core.progress import Progress, shown, unreported
 from tpd.design.checkpoint import Checkpoint
 from tpd.design.criteria import DesignSpace, Limit, Risk, Worth
 from tpd.design.ground.optimise import ground_problem
@@ -25,7 +26,7 @@ from tpd.design.objective import margins
 from tpd.design.one_shot import OneShot
 from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
-from tpd.design.search import Multistart, stage
+from tpd.design.search import Multistart
 from tpd.design.survey import Survey, survey
 from tpd.design.verified import LossCase
 from tpd.design.verify import JUDGED, Verification, nearest_of, pendulum_of
@@ -104,8 +105,7 @@ def optimise(
         ValueError: bad input, or a checkpoint of another problem.
         RuntimeError: JAX is in 32-bit mode.
     """
-    if checkpoint is not None:
-        checks.instance("checkpoint", checkpoint, (Path, str))
+    checks.optional("checkpoint", checkpoint, (Path, str))
     file = None if checkpoint is None else path_of(checkpoint)
     asked: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
     asked |= {"worth": worth, "seed": seed}
@@ -184,7 +184,7 @@ def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
     # Ends that the exact solution confirms, and the best designs on the paths.
     ends = search.order(feasible=False)
     met = [search.designs[ends[~search.contradicted[ends]]], search.on_the_way(_PATHS)]
-    after = None if progress is None else stage(progress, "survey")
+    after = partial(progress or unreported, "survey")
     found.surveys = wide, fine = survey(
         verification.few, np.concatenate(met), problem.ensemble.periods, problem.seed, after
     )

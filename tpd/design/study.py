@@ -11,7 +11,7 @@ import numpy as np
 
 from tpd.answers.response import Response, frequencies, settled_response
 from tpd.answers.steady_state import sampled, simulate
-from tpd.core.progress import Progress
+from tpd.core.progress import Progress, unreported
 from tpd.design.build import Build, FrontPoint, Moved, Study, TimeHistory, loads_of, pull_test
 from tpd.design.criteria import bob_of
 from tpd.design.objective import geometry_of
@@ -74,7 +74,7 @@ def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progr
             left_out.append(name)
             return None
 
-    moved = part("what the benefit hangs on", moved_of, design, progress) or ()
+    moved = part("what the benefit hangs on", moved_of, design, progress or unreported) or ()
     out = Study(build=part("the loads", build_of, design, moved), front=front, usage=used)
     if harmonic is not None:
         scene, hung = design.scene, design.pendulum
@@ -193,7 +193,7 @@ def _strongest(design: Any) -> list[Any]:
     return [found[i] for i in order[:_MOTIONS]]
 
 
-def moved_of(design: Design, progress: Progress | None = None) -> tuple[Moved, ...]:
+def moved_of(design: Design, progress: Progress = unreported) -> tuple[Moved, ...]:
     """How the benefit moves with what is not known exactly, one quantity after the other, on the runs that
     judged; empty where no pendulum is offered."""
     if design.pendulum is None:
@@ -206,13 +206,11 @@ def moved_of(design: Design, progress: Progress | None = None) -> tuple[Moved, .
     same = design.saved_under(design.scene, Conditions(), _RUNS)
     out.append(Moved("", 0.0, same, same))
     for done, name in enumerate(names):
-        if progress is not None:
-            progress("what the benefit hangs on", done, len(names))
+        progress("what the benefit hangs on", done, len(names))
         width = _MOVED[name]
         sides = [design.saved_under(*_changed(design, name, sign * width), _RUNS) for sign in (-1.0, 1.0)]
         out.append(Moved(name, width, *sides))
-    if progress is not None:
-        progress("what the benefit hangs on", len(names), len(names))
+    progress("what the benefit hangs on", len(names), len(names))
     return tuple(out)
 
 

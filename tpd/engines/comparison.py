@@ -12,10 +12,10 @@ import numpy as np
 from tpd.answers.ensemble import Ensemble, Plan, plan
 from tpd.answers.statistics import Share
 from tpd.core import checks
-from tpd.core.formatting import Printed, number
+from tpd.core.formatting import Printed, aligned, number
 from tpd.core.progress import Progress, shown
 from tpd.engines.rigid_body import SLIDING, RigidBody, body_of, parameters_under
-from tpd.engines.rollouts import EngineRuns, as_table, available, follow, free_rocking
+from tpd.engines.rollouts import EngineRuns, available, follow, free_rocking
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Harmonic, Pendulum, Scene
@@ -115,11 +115,8 @@ class EngineVerdict(Printed):
     def table(self) -> str:
         """Shares and sizes as text."""
         few = len(self.finer[0].peak)
-        columns = (
-            ("", f"{self.engine}", f"its first {few}", "a fifth of its step", "equations (4)"),
-            *self._rows(few),
-        )
-        return as_table([tuple(row) for row in columns])
+        head = ["", self.engine, f"its first {few}", "a fifth of its step", "equations (4)"]
+        return "\n".join(aligned([head, *self._rows(few)]))
 
     def summary(self) -> dict[str, Any]:
         """Numbers for JSON."""
@@ -240,7 +237,7 @@ class _Case:
     ensemble: Ensemble
     sliding: float
     workers: int | None
-    report: Progress | None
+    report: Progress
 
     def restitution(self) -> float:
         """Velocity ratio of the engine's impacts.
@@ -278,8 +275,7 @@ class _Case:
         stage = f"engine, {what}" + (", finer step" if steps > 1 else "")
 
         def count(share: float) -> None:
-            if self.report is not None:
-                self.report(stage, round(share * few), few)
+            self.report(stage, round(share * few), few)
 
         # All runs are planned, also where few are followed: these are the same runs then.
         bodies = self.bodies(pendulum, steps)[:few]

@@ -6,10 +6,11 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from tpd.core.progress import unreported
 from tpd.engines.rigid_body import RigidBody
 
 FALLEN = 1.3
@@ -65,7 +66,7 @@ def follow(
     late: np.ndarray,
     *,
     workers: int | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] = unreported,
 ) -> EngineRuns:
     """Follow n runs of blocks of one size, with one time step.
 
@@ -98,8 +99,7 @@ def follow(
         found.see(left, np.asarray(passed), late, steps[left] - done)
         states[left], done = np.asarray(passed)[:, -1], done + n
         left = left[~found.overturned[left] & (steps[left] > done)]
-        if progress is not None:
-            progress(min(1.0, done / float(steps.max())) if left.size else 1.0)
+        progress(min(1.0, done / float(steps.max())) if left.size else 1.0)
     return found.runs()
 
 
@@ -200,15 +200,3 @@ def kept(body: RigidBody, states: np.ndarray) -> float:
     if not around <= crossed < len(states) - around:
         return math.nan
     return math.sqrt(energies[crossed + around] / energies[crossed - around])
-
-
-def as_table(rows: Sequence[tuple[str, ...]]) -> str:
-    """Rows of words as columns of text."""
-    widths: Any = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return "\n".join(
-        "  ".join(
-            cell.ljust(w) if i == 0 else cell.rjust(w)
-            for i, (cell, w) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    )
