@@ -85,7 +85,7 @@ class Searcher:
     space: DesignSpace
     method: GroundSearch
     seed: int
-    store: Checkpoint | None = None
+    store: Checkpoint = field(default_factory=lambda: Checkpoint.of(None, ""))
     """Designs that were followed before an interruption."""
     progress: Count = unreported
     names: tuple[str, ...] = ()
@@ -104,12 +104,11 @@ class Searcher:
         try:
             for i in range(total):
                 unit = spread[i] if i < len(spread) else self._next(i, last=total - 4)
-                one = None if self.store is None else self.store.get(i, _BLANK)
+                one = self.store.get(i, _BLANK)
                 # Names of the limits come with the first design, even where it was stored.
                 if one is None or (i == 0 and not self.names):
                     one = self.evaluate(self.space.unscaled(np.asarray(unit)[None]))
-                    if self.store is not None:
-                        self.store.put(i, one)
+                    self.store.put(i, one)
                 if self.found is not None:
                     one = Evaluated(*map(np.concatenate, zip(self.found, one, strict=True)))
                 self.found = one
