@@ -20,6 +20,7 @@ HEAD = """\
 
 All names of `tpd`, by what you want to do, as `python -m tests.api_reference` writes them from the source.
 Units are SI where nothing else is said, angles are in rad. What is not on this page may change.
+`Real` is a number, `Whole` is a whole number, and `Vector` is a sequence or an array of numbers.
 
 """
 GROUPS = {
@@ -225,6 +226,8 @@ class Reference:
             links = ", ".join(f"[`{name}`](#{name.lower()})" for name in names.split())
             index.append(f"- [{title}](#{title.lower().replace(' ', '-')}): {links}")
         body = re.sub(r"\n{3,}", "\n\n", "\n".join(self.lines)).strip()
+        # The page explains these names of types, whose module has no public name.
+        body = body.replace("checks.", "")
         return HEAD + "\n".join(index) + f"\n\n{body}\n"
 
 

@@ -8,15 +8,19 @@ import re
 import pytest
 
 from tests.measures import (
+    COMMENTS,
     FILES,
     MODULES,
     ROOT,
+    code_lines,
+    comment_lines,
+    docstrings,
     everywhere,
     imports,
+    imports_by_string,
     longest_chain,
     measured,
     name_of,
-    strings,
     tree,
 )
 
@@ -39,17 +43,18 @@ LAYERS = (
 ELLIPTIC = re.compile(r"(What|Of|The same|That|Those|There)\b")
 """First words of a docstring that does not say what a thing is."""
 LAST = {
-    "lines": 33_446,
+    "code lines": 19_645,
     "modules": 176,
     "modules that the main job may import": 130,
-    "lines of these": 27_425,
+    "code lines of these": 16_046,
     "floors, all imports counted": 23,
     "functions of ten or more arguments": 0,
     "functions of eight lines or fewer, called once": 58,
     "columns by number in compiled code": 273,
-    "lines of code to a comment": 22.3,
+    "imports by string": 18,
+    COMMENTS: 5.25,
 }
-"""Measures of the last version. Lower them where they fall, and never raise one."""
+"""Measures of the last version. Store a better value when a measure improves, and never a worse one."""
 
 
 def folder(module: str) -> str:
@@ -88,14 +93,46 @@ def test_every_folder_is_a_layer():
 def test_no_measure_gets_worse():
     now = measured()
     assert now.keys() == LAST.keys()
-    assert not [f"{name}: {now[name]:g}, {last:g} before" for name, last in LAST.items() if now[name] > last]
+    worse = [
+        name for name, last in LAST.items() if (now[name] < last if name == COMMENTS else now[name] > last)
+    ]
+    assert not [f"{name}: {now[name]:g}, {LAST[name]:g} before" for name in worse]
+
+
+SAMPLE = '''"""A docstring,
+of two lines."""
+
+from os import (  # noqa: F401
+    path,
+)
+
+# A comment.
+limit = 1  # Another comment.
+"""A docstring of an attribute."""
+text = """a text that is code
+
+over three lines"""
+
+
+def draw():
+    """Draw a text that is no import, such as "maps:plot_map"."""
+    import sys
+
+    names = "maps:plot_map", "tpd.report.answer:answer", "a: b", "note:"
+    return names, sys
+'''
+"""A module of 6 lines of code and 2 lines with comments, with 2 imports by string."""
+
+
+def test_lines_are_counted_by_kind():
+    assert (code_lines(SAMPLE), comment_lines(SAMPLE), imports_by_string(SAMPLE)) == (6, 2, 2)
 
 
 def test_docstrings_say_what_a_thing_is():
     found = [
         f"{name_of(path)}:{s.lineno}: {str(s.value).splitlines()[0]}"
         for path in FILES
-        for s in strings(path)
+        for s in docstrings(tree(path))
         if ELLIPTIC.match(str(s.value).strip())
     ]
     assert not found, "\n".join(found)

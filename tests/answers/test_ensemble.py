@@ -132,7 +132,7 @@ def test_bad_subjects_are_refused():
 
 # The paper's Table 1: cases of which it says what happens, as shares over ensembles of runs. A block of
 # 0.1 m x 0.4 m, base motion 15 mm x cos(2 pi 2.5 Hz t) from rest, 20 s, Housner's impacts, no damping in the
-# hinge; the base's amplitude within 1 %, half of the starts sudden and half growing over 2 s. MuJoCo, Drake,
+# hinge; the base's amplitude within 1 %, half of the starts sudden and half growing over 2 s. MuJoCo,
 # Siconos and Chrono settle the bare block at 0.345 to 0.349 of arctan nu.
 
 BLOCK = tpd.Block(width=0.1, height=0.4, mass=16.224, restitution="housner")

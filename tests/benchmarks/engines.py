@@ -1,11 +1,8 @@
 """Designs in an independent engine: does it agree about the sign of the benefit?
 
-Paired runs in MuJoCo (`tpd[engines]`) and in Drake (`tpd[drake]`), each beside the equations (4); an engine
-that is not installed is left out. All blocks lose energy by Housner's impacts.
+Paired runs in MuJoCo (`tpd[engines]`) beside the equations (4). All blocks lose energy by Housner's impacts.
 """
 
-import importlib.util
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -15,7 +12,6 @@ from tests.benchmarks.stored import columns
 
 QUESTION = "Do rigid-body engines agree about the benefit of a design?"
 SEED = None
-ENGINES = {"mujoco": "mujoco", "drake": "pydrake"}
 
 
 def cases() -> Iterator[tuple[str, tpd.Scene, tpd.Pendulum]]:
@@ -34,19 +30,15 @@ def cases() -> Iterator[tuple[str, tpd.Scene, tpd.Pendulum]]:
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    """One row an engine and scene."""
+    """Return one row for each scene."""
     rows = []
-    for engine, package in ENGINES.items():
-        if importlib.util.find_spec(package) is None:
-            print(f"left out: {engine} is not installed", file=sys.stderr)
-            continue
-        for name, scene, hung in list(cases())[2 if quick else 0 :]:
-            found = getattr(tpd.engines, engine)(scene, hung)
-            row = {"engine": engine, "scene": name, "runs": len(found.with_engine[0].overturned)}
-            for key in ("with_engine", "finer", "with_equations"):
-                row[key] = [float(runs.overturned.mean()) for runs in getattr(found, key)]
-            row |= {"change": -found.benefit, "change by the equations": -found.expected_benefit}
-            rows.append(row | {"warning": (found.warning or "none").partition(":")[0]})
+    for name, scene, hung in list(cases())[2 if quick else 0 :]:
+        found = tpd.engines.mujoco(scene, hung)
+        row = {"engine": "mujoco", "scene": name, "runs": len(found.with_engine[0].overturned)}
+        for key in ("with_engine", "finer", "with_equations"):
+            row[key] = [float(runs.overturned.mean()) for runs in getattr(found, key)]
+        row |= {"change": -found.benefit, "change by the equations": -found.expected_benefit}
+        rows.append(row | {"warning": (found.warning or "none").partition(":")[0]})
     return rows
 
 

@@ -141,6 +141,7 @@ check | give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length
 check absent HUNG | absent has a scene and a pendulum: give it alone, or the options without it
 response --out LONG | cannot use xxx
 check HUNG --runs 0 | `--runs` must be a whole number, 1 or more, but is 0
+check HUNG --engine drake | argument --engine: invalid choice: 'drake'
 check HUNG --sliding 0.5 | --sliding is of --engine, which is not given
 map --x mu 0.1 50 --y lam 0.1 1.5 | `--x` must be at most 1, a bob as heavy as the block
 map X --y lam 0.1 3 | `--y` must be at most 2, a rod as long as the block

@@ -31,6 +31,15 @@ def test_words():
     assert meant("x", ["mass"], listing=False) == meant(3, ["mass"], listing=False) == ""
 
 
+def test_columns_of_a_table_are_aligned():
+    rows = [("", "with it", "x"), ("tilt", "1", ""), ("swing of it", "20", "3")]
+    assert formatting.aligned(rows) == [
+        "             with it  x",
+        "tilt               1",
+        "swing of it       20  3",
+    ]
+
+
 def test_a_result_shows_its_lines_and_its_table(monkeypatch):
     class Result(Printed, Tabular):
         def __str__(self):

@@ -3,7 +3,7 @@
 import io
 import time
 
-from tpd.core.progress import COMPILING, Bar, shown, shown_count
+from tpd.core.progress import COMPILING, Bar, shown, shown_count, unreported
 
 
 class Terminal(io.StringIO):
@@ -57,5 +57,6 @@ def test_true_is_a_bar_and_a_function_is_taken_as_it_is():
     assert seen == [("searching", 1, 2)]
     for nothing in (None, False):
         with shown(nothing) as report, shown_count(nothing, "mapping") as count:
-            assert report is None
-            assert count is None
+            assert report is unreported
+            report("searching", 1, 2)
+            count(1, 2)

@@ -125,8 +125,7 @@ def check(
     with shown(progress) as report:
         for i, name in enumerate(asked):
             done.append(_timed(name, p))
-            if report is not None:
-                report("checking", i + 1, len(asked))
+            report("checking", i + 1, len(asked))
     if not setup.hung:
         # The parameters of a bare block stand for a bob too light to be felt; its stroke means nothing.
         return Check(models=tuple(replace(r, stroke=math.nan) for r in done), limit=math.inf, bare=math.nan)

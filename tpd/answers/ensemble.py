@@ -347,8 +347,7 @@ def outcomes(
     ensemble = ensemble.seeded(0)
     if ensemble.restitution and isinstance(subject, Scene):
         check_restitution(subject)
-    if conditions is not None:
-        checks.instance("conditions", conditions, Conditions)
+    checks.optional("conditions", conditions, Conditions)
     rate = float(subject.rate) if isinstance(subject, Scene) else 1.0
     runs = plan(parameters_of(subject, pendulum), ensemble, rate, conditions)
     batch = {"p": runs.p, "y0": runs.y0, "begin": runs.begin, "ramp": runs.periods}

@@ -151,8 +151,7 @@ def verdict(
         ValueError: bad input, a pendulum beside parameters, or `bare` by other equations.
         RuntimeError: JAX is in 32-bit mode.
     """
-    if bare is not None:
-        checks.instance("bare", bare, Outcomes)
+    checks.optional("bare", bare, Outcomes)
     if isinstance(subject, Scene):
         checks.instance("pendulum", pendulum, Pendulum)
     elif isinstance(subject, Parameters):

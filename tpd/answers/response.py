@@ -226,8 +226,7 @@ def settled_response(
         for i, value in enumerate(line):
             steady = steady_state(as_arrays(axis.setup.at({axis.name: float(value)})))
             found.append((float(steady.amplitude), float(steady.stroke), status_name(steady.status)))
-            if report is not None:
-                report("responding", i + 1, len(line))
+            report("responding", i + 1, len(line))
     amplitude, stroke, status = map(np.array, zip(*found, strict=True))
     return Response(
         frequency=line,

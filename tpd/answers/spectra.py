@@ -62,8 +62,9 @@ class OverturningSpectrum(Tabular):
         return [c for c in (self.bare, self.hung) if c is not None]
 
 
-def _vector(name: str, values: Any) -> np.ndarray:
-    """Positive numbers as an array, checked."""
+def _vector(name: str, values: Any, usual: np.ndarray) -> np.ndarray:
+    """Positive numbers as an array, checked; the usual ones in place of None."""
+    values = usual if values is None else values
     return checks.positive(name, checks.array(name, values, (-1,), "a vector of numbers"), every=True)
 
 
@@ -98,13 +99,8 @@ def overturning_spectrum(
     checks.instance("block", block, Block)
     checks.instance("pulse", pulse, Pulse)
     checks.optional("pendulum", pendulum, Pendulum)
-    w = _vector(
-        "frequency_ratios", np.linspace(0.5, 10.0, 120) if frequency_ratios is None else frequency_ratios
-    )
-    a = _vector(
-        "acceleration_ratios",
-        np.linspace(0.5, 10.0, 120) if acceleration_ratios is None else acceleration_ratios,
-    )
+    w = _vector("frequency_ratios", frequency_ratios, np.linspace(0.5, 10.0, 120))
+    a = _vector("acceleration_ratios", acceleration_ratios, np.linspace(0.5, 10.0, 120))
     scene = Scene(block, pulse, gravity)
     rate, unit = single((scene.rate, scene.gravity * block.slenderness))
     # A pulse of unit size for each frequency; sizes are factors on it.
@@ -176,7 +172,7 @@ def rocking_spectrum(
     checks.instance("block", block, Block)
     checks.instance("motion", motion, GroundMotion)
     length_ratio = checks.positive("length_ratio", length_ratio)
-    times = _vector("periods", np.linspace(1.0, 12.0, 200) if periods is None else periods)
+    times = _vector("periods", periods, np.linspace(1.0, 12.0, 200))
     free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     scene = Scene(block, motion, gravity)
     hung = None

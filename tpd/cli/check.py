@@ -6,7 +6,6 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-from tpd import engines
 from tpd.answers.compare_models import MODELS, QUICK, check
 from tpd.cli import common
 from tpd.cli.interrupts import SOUND, UNSOUND
@@ -18,6 +17,7 @@ from tpd.design.ground.optimise import ground_problem, judged
 from tpd.design.job import Job
 from tpd.design.problem import Problem, check_cavity
 from tpd.design.suitability import Suitability, rests, suitability
+from tpd.engines import mujoco
 from tpd.report import answer, files, words
 from tpd.scene.scene import Pendulum
 
@@ -30,13 +30,12 @@ def run(options: argparse.Namespace) -> int:
     job, pendulum = common.case(options)
     if pendulum is None and options.design is None:
         raise ValueError("give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length")
-    given = {name: x for name in ("runs", "sliding", "seed") if (x := getattr(options, name)) is not None}
+    given = {name: x for name in ("runs", "sliding") if (x := getattr(options, name)) is not None}
     if "runs" in given:
         checks.count("--runs", options.runs)
     if options.seed is not None:
         checks.seed("--seed", options.seed)
     if options.engine is None:
-        given.pop("seed", None)
         if given:
             raise ValueError(f"--{next(iter(given))} is of --engine, which is not given")
         check_cavity(job.block, job.limits)
@@ -86,7 +85,7 @@ def _asked(job: Job, seed: int | None) -> Problem:
 def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace, how: dict[str, Any]) -> int:
     """Follow the design in an engine, and add the result to its report."""
     with Bar() as bar:
-        found = getattr(engines, options.engine)(job.scene, pendulum, progress=bar, **how)
+        found = mujoco(job.scene, pendulum, seed=options.seed or 0, progress=bar, **how)
     print(f"\n{found}\n")
     # A design of one's own has no report that the result could be put into.
     if options.design is not None:

@@ -16,33 +16,20 @@ KINDS = ("tower", "chimney", "column", "statue", "paper")
 """Scenes that there is a template of, see `tpd new`."""
 EXPORTED = {"mjcf": "model.xml", "opensees": "model.tcl", "csv": "histories.csv"}
 """Kinds of files that `tpd export` writes, and their names."""
+
+
+def _options(table: str, **metavars: str | tuple[str, ...]) -> tuple[Option, ...]:
+    """Options with the names of the keys that they set, by these names."""
+    return tuple(Option(f"--{key.replace('_', '-')}", table, key, x) for key, x in metavars.items())
+
+
 BLOCK = (
-    Option("--width", "block", "width", "M"),
-    Option("--height", "block", "height", "M"),
-    Option("--mass", "block", "mass", "KG"),
-    Option("--friction", "block", "friction", "K"),
-    Option("--restitution", "block", "restitution", "E"),
+    *_options("block", width="M", height="M", mass="KG", friction="K", restitution="E"),
     Option("--cavity", "block", "cavity_width", "M"),
 )
-HARMONIC = (
-    Option("--amplitude", "motion", "amplitude", "M"),
-    Option("--frequency", "motion", "frequency", "HZ"),
-)
-PULSE = (
-    Option("--pulse", "motion", "pulse", "KIND"),
-    Option("--pulse-frequency", "motion", "pulse_frequency", "HZ"),
-    Option("--cycles", "motion", "cycles", "N"),
-    Option("--phase", "motion", "phase", "RAD"),
-    Option("--pga", "motion", "pga", "G"),
-)
-READING = (
-    Option("--channel", "motion", "channel", "N"),
-    Option("--dt", "motion", "dt", "S"),
-    Option("--unit", "motion", "unit", "UNIT"),
-    Option("--baseline", "motion", "baseline", "WORD"),
-    Option("--columns", "motion", "columns", "NAME=N"),
-    Option("--skip", "motion", "skip", "N"),
-)
+HARMONIC = _options("motion", amplitude="M", frequency="HZ")
+PULSE = _options("motion", pulse="KIND", pulse_frequency="HZ", cycles="N", phase="RAD", pga="G")
+READING = _options("motion", channel="N", dt="S", unit="UNIT", baseline="WORD", columns="NAME=N", skip="N")
 _FACTOR: dict[str, Any] = {"one": True, "also": {"intensity": "scale"}, "help": "factor on a pulse or record"}
 RECORD = (
     Option("--record", "motion", "records", "FILE", one=True, help="record of an accelerograph"),
@@ -50,18 +37,14 @@ RECORD = (
     Option("--scale", "motion", "scales", "X", **_FACTOR),
 )
 RECORDS = (
-    Option("--records", "motion", "records", "FILE"),
-    Option("--scales", "motion", "scales", "X"),
-    Option("--intensity", "motion", "intensity", "WORD"),
-    Option("--event", "motion", "event", "NAME"),
+    *_options("motion", records="FILE", scales="X", intensity="WORD", event="NAME"),
     *READING,
-    Option("--scale", "motion", "scale", "X"),
+    *_options("motion", scale="X"),
 )
 HELD_OUT = Option("--held-out", "motion", "held_out", "X")
 NO_WALLS = Option("--no-walls", "limits", "room", value=False, help="do not ask for room between the walls")
 DESIGN = (
-    Option("--mass-ratio", "space", "mass_ratio", ("LO", "HI")),
-    Option("--length-ratio", "space", "length_ratio", ("LO", "HI")),
+    *_options("space", mass_ratio=("LO", "HI"), length_ratio=("LO", "HI")),
     Option("--damping", "space", "damping_ratio", "ZETA"),
     Option("--stroke", "limits", "stroke", "RAD"),
     Option("--bob", "bob", "shape", "WORD"),
@@ -76,11 +59,7 @@ CONDITIONS = (
     Option("--from-rest", "starts", "kind", value="rest", help=_REST),
 )
 SEARCH = (
-    Option("--method", "search", "method", "WORD"),
-    Option("--optimiser", "search", "optimiser", "WORD"),
-    Option("--searches", "search", "searches", "N"),
-    Option("--starts", "search", "starts", "N"),
-    Option("--steps", "search", "steps", "N"),
+    *_options("search", method="WORD", optimiser="WORD", searches="N", starts="N", steps="N"),
     Option("--at-least", "worth", "at_least", "X"),
     Option("--allowed", "worth", "strikes", "X"),
     Option("--seed", "search", "seed", "N"),
@@ -205,13 +184,13 @@ def _check(command: Parser) -> None:
     NO_WALLS.add(command)
     _switch(command, "--quick", "leave out the smoothed models, which take long to compile")
     _number(command, "--seed", "N", "of the runs (default: the job's, of an engine 0)", int)
-    engine = command.add_argument_group("an independent engine (extras: tpd[engines], tpd[drake])")
+    engine = command.add_argument_group("an independent engine (extra: tpd[engines])")
     text = (
         "follow paired runs in a rigid-body engine with contact and sliding in place of the models, and put "
         "the result into the report"
     )
-    engine.add_argument("--engine", choices=("mujoco", "drake"), help=text)
-    text = "of the ensemble of the engine (default 64; 16 of drake, which is slower)"
+    engine.add_argument("--engine", choices=("mujoco",), help=text)
+    text = "of the ensemble of the engine (default 64)"
     engine.add_argument("--runs", type=int, help=text)
     engine.add_argument("--sliding", type=float, help="coefficient of friction on the floor (default 0.6)")
 

@@ -23,6 +23,7 @@ import numpy as np
 from tpd.core import checks, files, process
 from tpd.core.batch import elements
 from tpd.core.fingerprints import fingerprint, of_environment
+from tpd.core.progress import unreported
 
 Results = dict[str, np.ndarray]
 Task = Callable[..., Results]
@@ -119,7 +120,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             found = stored(folder, key, len(starts))
         except OSError as error:
             raise ValueError(f"cannot use {folder} for the chunks of a batch: {error}") from None
-        report, sizes = progress or (lambda *_: None), [min(chunk, length - a) for a in starts]
+        report, sizes = progress or unreported, [min(chunk, length - a) for a in starts]
         if found:
             report(sum(sizes[i] for i in found), length)
         parts = {i: part_of(slice(a, a + chunk)) for i, a in enumerate(starts) if i not in found}

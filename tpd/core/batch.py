@@ -16,6 +16,7 @@ import numpy as np
 from jax.extend.core import jaxprs_in_params
 
 from tpd.core import checks
+from tpd.core.progress import unreported
 
 CHUNK = 256
 """Designs computed at once where all take the same work. Some hundred arrays of this length are alive at a
@@ -228,18 +229,17 @@ def shared(
         ValueError: workers below one.
     """
     cores = (os.cpu_count() or 1) if workers is None else checks.count("workers", workers)
+    report = progress or unreported
     # Small pieces, because some motions take a hundred times as long as others. Each writes rows of its
     # own, so that the order in which they end is no matter.
     size = max(piece[0], min(piece[1], -(-n // (4 * cores))))
     if size >= n:
         run(0, n)
-        if progress is not None:
-            progress(n, n)
+        report(n, n)
         return
     done = 0
     with _crew(min(cores, n)) as crew:
         parts = [crew.submit(run, i, min(i + size, n)) for i in range(0, n, size)]
         for part in as_completed(parts):
             done += part.result()
-            if progress is not None:
-                progress(done, n)
+            report(done, n)

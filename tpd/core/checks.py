@@ -173,12 +173,10 @@ def array(name: str, value: object, shape: tuple[int, ...], of: str) -> Any:
         )
         if fits and traced:
             return found
-        if (
-            fits
-            and found.dtype.kind in _REAL
-            and np.isfinite(found := np.ascontiguousarray(found, float)).all()
-        ):
-            return found
+        if fits and found.dtype.kind in _REAL:
+            known = np.ascontiguousarray(found, float)
+            if np.isfinite(known).all():
+                return known
     except (TypeError, ValueError, OverflowError, jax.errors.JAXTypeError):
         pass
     raise ValueError(f"`{name}` must be {of}, all finite, but is {shown(value)}")

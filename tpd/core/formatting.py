@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -75,6 +75,16 @@ class Tabular:
                 "`to_dataframe` needs pandas, which is not installed: `pip install tpd[pandas]`"
             ) from None
         return pd.DataFrame(self.columns())
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Format the rows of a table as lines: the first column to the left, the others to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for first, *others in rows:
+        cells = (cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))
+        lines.append("  ".join([first.ljust(widths[0]), *cells]).rstrip())
+    return lines
 
 
 def counted(names: np.ndarray) -> str:

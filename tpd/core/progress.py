@@ -19,6 +19,11 @@ Progress = Callable[[str, int, int], None]
 Count = Callable[[int, int], None]
 """Called with the units done and the units in all, where there is one stage."""
 
+
+def unreported(*_: object) -> None:
+    """Report progress to nobody."""
+
+
 COMPILING = "compiling (a minute or more the first time)"
 """Stage before the first report, and note on a stage of which nothing is done: a program is compiled before
 it runs."""
@@ -115,8 +120,8 @@ class Bar:
 
 
 @contextlib.contextmanager
-def shown(progress: Progress | bool | None) -> Iterator[Progress | None]:
-    """Give the function that an argument `progress` stands for: True is a `Bar`, False or None nothing.
+def shown(progress: Progress | bool | None) -> Iterator[Progress]:
+    """Give the function that an argument `progress` stands for: True is a `Bar`, False or None `unreported`.
 
     Raises:
         ValueError: neither a truth value nor a function.
@@ -125,7 +130,7 @@ def shown(progress: Progress | bool | None) -> Iterator[Progress | None]:
         with Bar() as bar:
             yield bar
     elif progress is None or progress is False:
-        yield None
+        yield unreported
     elif callable(progress):
         yield progress
     else:
@@ -135,11 +140,11 @@ def shown(progress: Progress | bool | None) -> Iterator[Progress | None]:
 
 
 @contextlib.contextmanager
-def shown_count(progress: Count | bool | None, stage: str) -> Iterator[Count | None]:
+def shown_count(progress: Count | bool | None, stage: str) -> Iterator[Count]:
     """As `shown`, for work of one stage, which reports the units done and the units in all."""
     if isinstance(progress, bool):
         with shown(progress) as bar:
-            yield None if bar is None else partial(bar, stage)
+            yield partial(bar, stage)
     else:
         with shown(progress) as function:  # type: ignore[arg-type]
             yield function  # type: ignore[misc]

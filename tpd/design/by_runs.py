@@ -3,14 +3,16 @@ both under other models of the block's losses."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from tpd.answers.ensemble import Ensemble, Outcomes, outcomes
 from tpd.answers.paired import Benefit, Verdict, benefit_of, verdict
-from tpd.core.progress import Progress
+from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import Worth
 from tpd.design.verified import LossCase, Reason, ReasonKind, Step, Verified
 from tpd.scene.bob import Bob
@@ -37,7 +39,8 @@ class PairedRuns:
         worth: Worth,
         progress: Progress | None,
     ) -> None:
-        self.scene, self.conditions, self.worth, self.progress = scene, conditions, worth, progress
+        self.scene, self.conditions, self.worth = scene, conditions, worth
+        self.progress = progress or unreported
         most = ensemble.size if worth.runs is None else worth.runs
         self.ensemble = replace(ensemble, size=min(ensemble.size, most))
         self._bare: Outcomes | None = None
@@ -77,12 +80,8 @@ class PairedRuns:
 
     @property
     def _runs(self) -> dict[str, Any]:
-        def after(done: int, of: int) -> None:
-            if self.progress is not None:
-                self.progress("paired runs", done, of)
-
-        common = {"ensemble": self.ensemble, "conditions": self.conditions, "progress": after}
-        return {**common, "equations": "nonlinear"}
+        common = {"ensemble": self.ensemble, "conditions": self.conditions, "equations": "nonlinear"}
+        return {**common, "progress": partial(self.progress, "paired runs")}
 
 
 def loss_models(scene: Scene) -> dict[str, Block]:
@@ -133,28 +132,27 @@ def reasons_by_runs(
     assert v.paired is not None
     assert v.benefit is not None
     found, gain, out = v.paired, v.benefit, []
+
+    def refuse(kind: ReasonKind, value: float, reference: float = math.nan, **more: Any) -> None:
+        out.append(Reason(step=step, kind=kind, value=value, reference=reference, **more))
+
     if found.harms:
-        worse, better, n = float(found.worse), float(found.better), gain.runs
-        out.append(Reason(step=step, kind=ReasonKind.overturns_more, value=worse, reference=better, total=n))
+        refuse(ReasonKind.overturns_more, float(found.worse), float(found.better), total=gain.runs)
     if v.strikes > worth.allowed:
-        out.append(Reason(step=step, kind=ReasonKind.strikes, value=v.strikes, reference=worth.allowed))
+        refuse(ReasonKind.strikes, v.strikes, worth.allowed)
     if gain.rests_less:
         rest, bare = (float(np.sum(o.status == "rest")) for o in (found.hung, found.bare))
-        out.append(Reason(step=step, kind=ReasonKind.rests_less, value=rest, reference=bare, total=gain.runs))
+        refuse(ReasonKind.rests_less, rest, bare, total=gain.runs)
     if gain.worse_conditions:
         # Of the conditions that the design makes worse the one that it makes worse by most.
         with_it, without = gain.by_condition
         worst = max(gain.worse_conditions, key=lambda i: with_it[i] - without[i])
-        kind, sizes = ReasonKind.worse_condition, (float(with_it[worst]), float(without[worst]))
-        at, total = conditions.label(worst), len(gain.worse_conditions)
-        out.append(
-            Reason(step=step, kind=kind, condition=at, value=sizes[0], reference=sizes[1], total=total)
-        )
+        where = {"condition": conditions.label(worst), "total": len(gain.worse_conditions)}
+        refuse(ReasonKind.worse_condition, float(with_it[worst]), float(without[worst]), **where)
     # Where no run has an answer there is no benefit either. In few runs the interval of a ratio of means may
     # lie above zero where that of their difference does not.
     if not (gain.value >= worth.at_least and gain.low > 0.0 and gain.changes[0].high < 0.0):
-        kind = ReasonKind.too_little_benefit
-        out.append(Reason(step=step, kind=kind, value=gain.value, low=gain.low, reference=worth.at_least))
+        refuse(ReasonKind.too_little_benefit, gain.value, worth.at_least, low=gain.low)
     if gain.ends:
         # The verdict hangs on runs without an answer where it is another one if they end otherwise.
         hung, verdicts = found.hung, {bool(out)}
@@ -165,6 +163,5 @@ def reasons_by_runs(
             end = replace(v, paired=paired, benefit=benefit, strikes=float(struck))
             verdicts.add(bool(reasons_by_runs(end, worth, conditions)))
         if len(verdicts) > 1:
-            kind, total = ReasonKind.undecided, gain.undecided + gain.runs
-            out.append(Reason(step=step, kind=kind, value=float(gain.undecided), total=total))
+            refuse(ReasonKind.undecided, float(gain.undecided), total=gain.undecided + gain.runs)
     return tuple(out)

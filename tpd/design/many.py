@@ -144,8 +144,7 @@ def optimise_all(
             parts = []
             for i in range(n):
                 parts.append(_designed(np.array([i]), *shared))
-                if report is not None:
-                    report(i + 1, n)
+                report(i + 1, n)
             found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         else:
             # A search takes seconds: each is a chunk of its own, so that none is lost with another one.

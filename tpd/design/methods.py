@@ -33,6 +33,7 @@ from jaxtyping import Array
 from scipy.optimize import Bounds, minimize
 
 from tpd.core import checks
+from tpd.core.progress import Count, unreported
 from tpd.design.ends import PENALTY, Book, Ends, Evaluate, Linearisation, Measure, joined
 from tpd.design.objective import Orbits
 from tpd.design.one_shot import OneShot
@@ -41,8 +42,8 @@ from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.theory.equations import Terms
 
-After = Callable[[int, int], None] | None
-"""Called with (units done, of how many)."""
+Known = Linearisation | None
+"""Values at the designs that a search begins with, if they have been computed before."""
 OPTIMISERS: dict[str, Callable[[Any], optax.GradientTransformation]] = {
     "adam": partial(optax.adam, b1=0.8, b2=0.95),
     "rmsprop": partial(optax.rmsprop, decay=0.95),
@@ -61,9 +62,9 @@ def descend(
     cap: float,
     risk: Measure,
     *,
-    known: Linearisation | None = None,
+    known: Known = None,
     steps: int = 40,
-    after: After = None,
+    after: Count = unreported,
 ) -> Ends:
     """Descend from all starts (m, d) by an optimiser of optax; every step evaluates every start once.
 
@@ -89,8 +90,7 @@ def descend(
         # A start whose value is infinite goes half way back to its best design.
         u = np.where(np.isfinite(value)[:, None], np.asarray(moved), 0.5 * (u + book.x))
         at = book.tried(u)
-        if after is not None:
-            after(step + 1, steps)
+        after(step + 1, steps)
     return book.ends(cap)
 
 
@@ -137,10 +137,10 @@ def minimise(
     cap: float,
     risk: Measure,
     *,
-    known: Linearisation | None = None,
+    known: Known = None,
     steps: int = 40,
     tolerance: float = 1e-6,
-    after: After = None,
+    after: Count = unreported,
 ) -> Ends:
     """Descend from every start (m, d); coordinates are scaled to bounds of 0 and 1.
 
@@ -161,8 +161,7 @@ def minimise(
         ended = np.isfinite(book.merit[0]) and _descend(book, cap, steps, tolerance)
         found = book.ends(cap)
         ends.append(found._replace(open=found.open & (not ended)))
-        if after is not None:
-            after(i + 1, len(starts))
+        after(i + 1, len(starts))
     return joined(ends)
 
 
@@ -245,7 +244,7 @@ class Method(ABC):
 
     @abstractmethod
     def search(
-        self, objective: Orbits, units: np.ndarray, *, known: Linearisation | None = None, after: After = None
+        self, objective: Orbits, units: np.ndarray, *, known: Known = None, after: Count = unreported
     ) -> Ends:
         """Search from all designs `units` (m, d), in shares of the bounds; `known` is what the objective
         gives there, if it has been asked before. See `minimise`."""
@@ -263,7 +262,7 @@ class Sequential(Method):
     steps: checks.Whole = field(default=40, kw_only=True)
 
     def search(
-        self, objective: Orbits, units: np.ndarray, *, known: Linearisation | None = None, after: After = None
+        self, objective: Orbits, units: np.ndarray, *, known: Known = None, after: Count = unreported
     ) -> Ends:
         """See `Method.search`."""
         risk = objective.risk
@@ -328,7 +327,7 @@ class Descent(Method):
             ) from error
 
     def search(
-        self, objective: Orbits, units: np.ndarray, *, known: Linearisation | None = None, after: After = None
+        self, objective: Orbits, units: np.ndarray, *, known: Known = None, after: Count = unreported
     ) -> Ends:
         """See `Method.search`. Where orbits are followed by smoothed signs, the ends are those of the exact
         solution, with the differences between both."""

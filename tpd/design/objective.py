@@ -6,11 +6,11 @@ so that its answer holds whatever the start."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tpd.core.progress import Count, unreported
 from tpd.design.criteria import (
     NEAR,
     NONE,
@@ -36,7 +36,6 @@ from tpd.scene.quantities import with_design
 from tpd.scene.scene import Scene
 from tpd.theory import uplift
 
-Count = Callable[[int, int], None]
 """Called with (units done, of how many)."""
 
 _PAIRS = 16_384
@@ -70,15 +69,14 @@ class Orbits:
     rest_counts: bool = False
     """Whether rest counts wherever it holds, though rocking attracts as well from other starts."""
 
-    def evaluate(self, designs: np.ndarray, progress: Count | None = None) -> Evaluation:
+    def evaluate(self, designs: np.ndarray, progress: Count = unreported) -> Evaluation:
         """Designs (mu, lam, zeta), shape (m, 3), under all conditions."""
         m, n = len(designs), len(self.conditions)
         # All at once would take memory for every orbit of every pair.
         size, parts = max(1, _PAIRS // n), []
         for i in range(0, m, size):
             parts.append(_evaluated(self.p, designs[i : i + size], self.conditions, self.rest_counts))
-            if progress is not None:
-                progress(min(i + size, m) * n, m * n)
+            progress(min(i + size, m) * n, m * n)
         joined = (np.concatenate(x) for x in zip(*(part[: len(OF_PAIRS)] for part in parts), strict=True))
         return Evaluation(*joined, design=designs)
 

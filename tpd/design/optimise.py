@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.batch import aside
-from tpd.core.progress import Progress, shown
+from tpd.core.progress import Progress, shown, unreported
 from tpd.design.criteria import DesignSpace, Limit, Risk, Worth
 from tpd.design.ground.optimise import ground_problem
 from tpd.design.ground.optimise import solve as solve_on_motions
@@ -22,7 +23,7 @@ from tpd.design.objective import margins
 from tpd.design.one_shot import OneShot
 from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
-from tpd.design.search import Multistart, stage
+from tpd.design.search import Multistart
 from tpd.design.survey import Survey, survey
 from tpd.design.verified import LossCase
 from tpd.design.verify import JUDGED, Verification, nearest_of, pendulum_of
@@ -161,7 +162,7 @@ def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
     # Ends that the exact solution confirms, and the best designs on the paths.
     ends = search.order(feasible=False)
     met = [search.designs[ends[~search.contradicted[ends]]], search.on_the_way(_PATHS)]
-    after = None if progress is None else stage(progress, "survey")
+    after = partial(progress or unreported, "survey")
     found.surveys = wide, fine = survey(
         verification.few, np.concatenate(met), problem.ensemble.periods, problem.seed, after
     )

@@ -71,8 +71,7 @@ def check_given(seed: checks.Whole, **given: Any) -> int:
     checks.require_x64()
     seed = checks.seed("seed", seed)
     for name, value in given.items():
-        if value is not None:
-            checks.instance(name, value, _KINDS[name])
+        checks.optional(name, value, _KINDS[name])
     return seed
 
 
@@ -166,8 +165,7 @@ class Problem(Question):
         given = {"space": space, "conditions": conditions, "starts": starts, "risk": risk}
         seed = check_given(seed, **given, ensemble=ensemble, worth=worth)
         checks.instance("scene", scene, Scene)
-        if method is not None:
-            checks.instance("method", method, Method)
+        checks.optional("method", method, Method)
         if not isinstance(scene.motion, Harmonic):
             raise ValueError(
                 "the motion of `scene` must be a harmonic: give pulses and records by "

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tpd.core.progress import Count, unreported
 from tpd.design.criteria import DesignSpace
 from tpd.design.screening import first_apart
 from tpd.design.surface import Observations, Surface, candidates, fit, likely, promise
@@ -184,7 +185,7 @@ def refine(
     strikes: float,
     rests: float,
     seed: int,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Count = unreported,
 ) -> tuple[Survey, Refinement | None]:
     """A survey with further designs, the best by runs from many starts first; and the surfaces through these
     runs, None where no design helps.
@@ -215,8 +216,7 @@ def refine(
         nonlocal count
         tried = []
         for design in some.designs:
-            if progress is not None:
-                progress(count + 1, total)
+            progress(count + 1, total)
             tried.append(run(design, count))
             count += 1
         here.add(some, tried)
@@ -230,6 +230,5 @@ def refine(
             found = found.joined(more)
             # Designs that help come first; one that breaks a limit from rest says where to try no more.
             attempt(more.at(np.argsort(~more.helps, kind="stable")[:_BATCH]))
-    if progress is not None:
-        progress(total, total)
+    progress(total, total)
     return found.at(here.order(found)), here

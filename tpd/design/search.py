@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from tpd.core.progress import Progress
+from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import stroke_limit
 from tpd.design.ends import Ends, Linearisation
 from tpd.design.methods import Descent, Method
-from tpd.design.objective import BACK_OFF, Count, Orbits
+from tpd.design.objective import BACK_OFF, Orbits
 from tpd.design.screening import best_apart, first_apart, screened_designs
 from tpd.design.verified import DesignStatus
 
@@ -55,7 +56,8 @@ class Multistart:
     """Searches of one method on one objective, group after group."""
 
     def __init__(self, objective: Orbits, method: Method, seed: int, progress: Progress | None) -> None:
-        self.objective, self.method, self.seed, self.progress = objective, method, seed, progress
+        self.objective, self.method, self.seed = objective, method, seed
+        self.progress = progress or unreported
         self.count, self.groups = method.searches, list[Ends]()
         self.description = f"{method.searches} designs"
         self.screened, self.screened_value = np.zeros((0, 3)), np.zeros(0)
@@ -75,8 +77,7 @@ class Multistart:
         objective = self.objective
         planned = max(self.method.screening, self.method.searches)
         designs = screened_designs(objective, planned, self.seed)
-        after = None if self.progress is None else stage(self.progress, "screening")
-        e = objective.evaluate(designs, after)
+        e = objective.evaluate(designs, partial(self.progress, "screening"))
         local = objective.linearised(e)
         # Designs slightly beyond a limit stay in the order: a search leads them back inside.
         excess = np.maximum(local.limit, 0.0).sum(axis=1)
@@ -90,8 +91,7 @@ class Multistart:
 
     def _search(self, units: np.ndarray, known: Linearisation, group: int, groups: int) -> Ends:
         def after(step: int, steps: int) -> None:
-            if self.progress is not None:
-                self.progress("searching", group * steps + step, groups * steps)
+            self.progress("searching", group * steps + step, groups * steps)
 
         return self.method.search(self.objective, units, known=known, after=after)
 
@@ -201,8 +201,3 @@ class Multistart:
         if g.local.value[i].max() <= 0.0:
             return DesignStatus.rests
         return DesignStatus.converged if inside.all() else DesignStatus.at_bound
-
-
-def stage(progress: Progress, name: str) -> Count:
-    """Progress of one stage."""
-    return lambda done, total: progress(name, done, total)

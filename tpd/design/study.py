@@ -10,7 +10,7 @@ import numpy as np
 
 from tpd.answers.response import Response, frequencies, settled_response
 from tpd.answers.steady_state import sampled, simulate
-from tpd.core.progress import Progress
+from tpd.core.progress import Progress, unreported
 from tpd.design.build import Build, FrontPoint, Moved, Study, TimeHistory, loads_of, pull_test
 from tpd.design.criteria import bob_of
 from tpd.design.objective import geometry_of
@@ -57,7 +57,8 @@ def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progr
     """
     harmonic = design if isinstance(design, HarmonicDesign) else None
     used = () if harmonic is None else usage(harmonic)
-    out = Study(build=build_of(design, moved_of(design, progress)), front=front, usage=used)
+    moved = moved_of(design, progress or unreported)
+    out = Study(build=build_of(design, moved), front=front, usage=used)
     if harmonic is None:
         return out
     # A response over frequency belongs to conditions that differ in the motion of the base alone.
@@ -171,7 +172,7 @@ def _strongest(design: Any) -> list[Any]:
     return [found[i] for i in order[:_MOTIONS]]
 
 
-def moved_of(design: Design, progress: Progress | None = None) -> tuple[Moved, ...]:
+def moved_of(design: Design, progress: Progress = unreported) -> tuple[Moved, ...]:
     """How the benefit moves with what is not known exactly, one quantity after the other, on the runs that
     judged; empty where no pendulum is offered."""
     if design.pendulum is None:
@@ -184,13 +185,11 @@ def moved_of(design: Design, progress: Progress | None = None) -> tuple[Moved, .
     same = design.saved_under(design.scene, Conditions(), _RUNS)
     out.append(Moved("", 0.0, same, same))
     for done, name in enumerate(names):
-        if progress is not None:
-            progress("what the benefit hangs on", done, len(names))
+        progress("what the benefit hangs on", done, len(names))
         width = _MOVED[name]
         sides = [design.saved_under(*_changed(design, name, sign * width), _RUNS) for sign in (-1.0, 1.0)]
         out.append(Moved(name, width, *sides))
-    if progress is not None:
-        progress("what the benefit hangs on", len(names), len(names))
+    progress("what the benefit hangs on", len(names), len(names))
     return tuple(out)
 
 

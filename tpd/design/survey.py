@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tpd.core.progress import Count, unreported
 from tpd.design.criteria import DesignSpace, Risk, Room, limit_of
 from tpd.design.objective import Orbits, blank
 from tpd.design.screening import first_apart
@@ -38,7 +39,6 @@ _RTOL = 1e-6
 """Relative tolerance of a step by the nonlinear equations: a survey only chooses what is verified."""
 _WORSE = 0.05
 """Share by which a condition may be worse before it counts against a design twice."""
-Count = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +155,7 @@ class Survey:
 
 
 def survey(
-    objective: Orbits, met: np.ndarray, periods: int, seed: int, progress: Count | None = None
+    objective: Orbits, met: np.ndarray, periods: int, seed: int, progress: Count = unreported
 ) -> tuple[Survey, Survey]:
     """Follow designs that searches met, and others, from rest.
 
@@ -179,8 +179,7 @@ def survey(
         first, before = before, before + len(designs)
 
         def after(done: int, _: int) -> None:
-            if progress is not None:
-                progress(first + min(done, len(designs)), total)
+            progress(first + min(done, len(designs)), total)
 
         return followed(objective, designs, periods, equations, after)
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from tpd.answers.ensemble import Outcomes, outcomes
 from tpd.answers.paired import FEWER, SIGNIFICANT, chance_of, severity
 from tpd.answers.steady_state import steady_state
-from tpd.core.progress import Progress
+from tpd.core.progress import Progress, unreported
 from tpd.design.by_runs import (
     JUDGES,
     TRIALS,
@@ -31,7 +32,7 @@ from tpd.design.objective import BACK_OFF, REST, Evaluation, Orbits, margins
 from tpd.design.problem import Problem
 from tpd.design.refine import RUNS, Refinement, Tried, refine
 from tpd.design.result import DesignStatus, Nearest
-from tpd.design.search import AT_BOUND, stage
+from tpd.design.search import AT_BOUND
 from tpd.design.survey import ON_THE_WAY, Survey, excess, followed
 from tpd.design.verified import Active, Bare, Motions, Reason, ReasonKind, Step, Verified
 from tpd.models.piecewise import Piecewise
@@ -117,7 +118,7 @@ class Verification:
     def __init__(self, problem: Problem, progress: Progress | None) -> None:
         self.scene, self.objective = problem.scene, problem.objective
         self.ensemble, self.worth = problem.ensemble, problem.worth
-        self.seed, self.progress = problem.seed, progress
+        self.seed, self.progress = problem.seed, progress or unreported
         objective = problem.objective
         self.few = objective.over(objective.conditions.subset(SURVEYED, problem.seed))
         self.first = problem.ensemble.seed or 0
@@ -300,8 +301,7 @@ class Verification:
                 left = [j for j in left if way[j] <= reach - _FURTHER] or left
             if not left:
                 break
-            if self.progress is not None:
-                self.progress("verifying", done + 1, VERIFIED)
+            self.progress("verifying", done + 1, VERIFIED)
             v = self.at_once(found.designs[left[0]])
             self.verified.append(v)
             if not v.reasons:
@@ -326,7 +326,7 @@ class Verification:
         if not found.helps.any():
             return found
         conditions, n, size = self.objective.conditions, len(self.few.conditions), self.runs.ensemble.size
-        after = None if self.progress is None else stage(self.progress, "trial runs")
+        after = partial(self.progress, "trial runs")
 
         def run(design: np.ndarray, i: int) -> Tried:
             mu, lam, zeta = design

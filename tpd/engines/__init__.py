@@ -4,24 +4,9 @@ An engine knows contact, sliding and bouncing, which the equations of the paper 
 events: its answers depend on its time step, hence two steps stand side by side.
 """
 
-from typing import TYPE_CHECKING, Any
-
+from tpd.engines.comparison import EngineVerdict as EngineVerdict
+from tpd.engines.comparison import mujoco as mujoco
 from tpd.engines.rigid_body import mjcf as mjcf
 from tpd.engines.rigid_body import opensees as opensees
 
-if TYPE_CHECKING:
-    from tpd.engines.comparison import EngineVerdict as EngineVerdict
-    from tpd.engines.comparison import drake as drake
-    from tpd.engines.comparison import mujoco as mujoco
-
-__all__ = ["EngineVerdict", "drake", "mjcf", "mujoco", "opensees"]
-
-if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> Any:
-        # The comparison loads the ensembles; the text of a model needs none of them.
-        if name in ("EngineVerdict", "drake", "mujoco"):
-            from tpd.engines import comparison
-
-            return getattr(comparison, name)
-        raise AttributeError(f"module 'tpd.engines' has no attribute {name!r}")
+__all__ = ["EngineVerdict", "mjcf", "mujoco", "opensees"]

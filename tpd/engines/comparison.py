@@ -12,10 +12,10 @@ import numpy as np
 from tpd.answers.ensemble import Ensemble, Plan, plan
 from tpd.answers.statistics import Share
 from tpd.core import checks
-from tpd.core.formatting import Printed, number
+from tpd.core.formatting import Printed, aligned, number
 from tpd.core.progress import Progress, shown
 from tpd.engines.rigid_body import SLIDING, RigidBody, body_of, parameters_under
-from tpd.engines.rollouts import MUJOCO, Engine, EngineRuns, as_table
+from tpd.engines.rollouts import EngineRuns, available, follow, free_rocking
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Harmonic, Pendulum, Scene
@@ -27,7 +27,6 @@ FINE = 16
 _FINER = 5
 """Divisor of the finer time step."""
 _PERIODS = 100
-_DRAKE_RUNS, _DRAKE_FINE, _DRAKE_PERIODS = 16, 4, 40
 _LAST = 10
 """Periods at the end of a run whose largest tilt counts as settled."""
 _FREE = 10.0
@@ -57,8 +56,6 @@ class EngineVerdict(Printed):
     """Velocity ratio measured by free rocking in the engine."""
     step: float
     """Time step, s."""
-    rubs: bool = True
-    """Whether the engine has the block's dry friction of rocking."""
 
     @property
     def benefit(self) -> float:
@@ -98,10 +95,8 @@ class EngineVerdict(Printed):
             said += f", {e:.3f} of the block."
         else:
             said += f" (Housner's), but {e:.3f} of the block: the losses are not the same."
-        if friction > 0.0 and self.rubs:
+        if friction > 0.0:
             said += " The block's friction of rocking comes on top of the engine's impacts."
-        elif friction > 0.0:
-            said += f" {self.engine} leaves out the block's friction of rocking."
         return said
 
     @property
@@ -120,11 +115,8 @@ class EngineVerdict(Printed):
     def table(self) -> str:
         """Shares and sizes as text."""
         few = len(self.finer[0].peak)
-        columns = (
-            ("", f"{self.engine}", f"its first {few}", "a fifth of its step", "equations (4)"),
-            *self._rows(few),
-        )
-        return as_table([tuple(row) for row in columns])
+        head = ["", self.engine, f"its first {few}", "a fifth of its step", "equations (4)"]
+        return "\n".join(aligned([head, *self._rows(few)]))
 
     def summary(self) -> dict[str, Any]:
         """Numbers for JSON."""
@@ -201,58 +193,22 @@ def mujoco(
         ValueError: bad input, MuJoCo is not installed, or its impacts are not Housner's.
         RuntimeError: JAX is in 32-bit mode.
     """
-    # Impacts of an engine are Housner's, whatever e scatters to.
-    ensemble = Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
-    return _verdict(MUJOCO, scene, pendulum, ensemble, FINE, sliding, workers, progress)
-
-
-def drake(
-    scene: Scene,
-    pendulum: Pendulum | None = None,
-    *,
-    runs: checks.Whole = _DRAKE_RUNS,
-    seed: checks.Whole = 0,
-    periods: checks.Whole = _DRAKE_PERIODS,
-    sliding: checks.Real = SLIDING,
-    workers: checks.Whole | None = None,
-    progress: Progress | bool | None = None,
-) -> EngineVerdict:
-    """Follow the paired runs of a verdict in Drake, and by the nonlinear equations (4).
-
-    Drake takes some ten times as long as MuJoCo, so that the defaults are fewer and shorter runs. It leaves
-    out the block's dry friction of rocking. Arguments and errors are those of `mujoco`.
-    """
-    from tpd.engines.drake_runs import DRAKE
-
-    ensemble = Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
-    return _verdict(DRAKE, scene, pendulum, ensemble, _DRAKE_FINE, sliding, workers, progress)
-
-
-def _verdict(
-    engine: Engine,
-    scene: Scene,
-    pendulum: Pendulum | None,
-    ensemble: Ensemble,
-    fine: int,
-    sliding: float,
-    workers: int | None,
-    progress: Progress | bool | None,
-) -> EngineVerdict:
-    """Runs of one engine; `fine` of them with the finer time step as well."""
     checks.require_x64()
     checks.instance("scene", scene, Scene)
     checks.optional("pendulum", pendulum, Pendulum)
     sliding = checks.positive("sliding", sliding)
-    version = engine.available()
+    # Impacts of an engine are Housner's, whatever e scatters to.
+    ensemble = Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
+    version = available()
     with shown(progress) as report:
-        case = _Case(engine, scene, ensemble, sliding, workers, report)
+        case = _Case(scene, ensemble, sliding, workers, report)
         e = case.restitution()
-        runs, few = ensemble.size, min(fine, ensemble.size)
+        few = min(FINE, runs)
         coarse = _pair(pendulum, lambda hung: case.runs(hung, 1, runs))
         finer = _pair(pendulum, lambda hung: case.runs(hung, _FINER, few))
         equations = _pair(pendulum, case.equations)
     return EngineVerdict(
-        engine=f"{engine.name} {version}",
+        engine=f"MuJoCo {version}",
         scene=scene,
         pendulum=pendulum,
         ensemble=ensemble,
@@ -262,28 +218,26 @@ def _verdict(
         with_equations=equations,
         restitution=e,
         step=case.bodies(None, 1)[0].step,
-        rubs=engine.rubs,
     )
 
 
 def _pair(
-    pendulum: Pendulum | None, follow: Callable[[Pendulum | None], EngineRuns]
+    pendulum: Pendulum | None, runs_with: Callable[[Pendulum | None], EngineRuns]
 ) -> tuple[EngineRuns, EngineRuns]:
     """Runs with the pendulum and without."""
-    bare = follow(None)
-    return (bare if pendulum is None else follow(pendulum)), bare
+    bare = runs_with(None)
+    return (bare if pendulum is None else runs_with(pendulum)), bare
 
 
 @dataclass(frozen=True)
 class _Case:
     """Runs of an ensemble in SI units."""
 
-    engine: Engine
     scene: Scene
     ensemble: Ensemble
     sliding: float
     workers: int | None
-    report: Progress | None
+    report: Progress
 
     def restitution(self) -> float:
         """Velocity ratio of the engine's impacts.
@@ -293,7 +247,7 @@ class _Case:
         """
         # An engine whose contact is too soft or too hard for its step has impacts of its own making.
         body = replace(self.bodies(None, _FINER)[0], friction=0.0)
-        e = self.engine.free_rocking(body)
+        e = free_rocking(body)
         if not abs(e - body.housner) <= MATCH:
             raise ValueError(
                 f"impacts of the engine must keep {body.housner:.3f} of the velocity (Housner), but a block "
@@ -321,12 +275,11 @@ class _Case:
         stage = f"engine, {what}" + (", finer step" if steps > 1 else "")
 
         def count(share: float) -> None:
-            if self.report is not None:
-                self.report(stage, round(share * few), few)
+            self.report(stage, round(share * few), few)
 
         # All runs are planned, also where few are followed: these are the same runs then.
         bodies = self.bodies(pendulum, steps)[:few]
-        return self.engine.follow(bodies, y, shaking, duration, late, workers=self.workers, progress=count)
+        return follow(bodies, y, shaking, duration, late, workers=self.workers, progress=count)
 
     def equations(self, pendulum: Pendulum | None) -> EngineRuns:
         """All runs by the nonlinear equations."""

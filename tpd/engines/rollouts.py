@@ -6,10 +6,11 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from tpd.core.progress import unreported
 from tpd.engines.rigid_body import RigidBody
 
 FALLEN = 1.3
@@ -21,17 +22,6 @@ _LIFTED = 1e-3
 
 Accelerations = Callable[[np.ndarray], np.ndarray]
 """Accelerations of the base (runs, steps), m/s^2, at times (steps,) from the start of the runs."""
-
-
-class Engine(NamedTuple):
-    """An engine: its name, and functions as those of this module."""
-
-    name: str
-    available: Callable[[], str]
-    follow: Callable[..., EngineRuns]
-    free_rocking: Callable[[RigidBody], float]
-    rubs: bool
-    """Whether it has the block's dry friction of rocking."""
 
 
 class EngineRuns(NamedTuple):
@@ -76,7 +66,7 @@ def follow(
     late: np.ndarray,
     *,
     workers: int | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] = unreported,
 ) -> EngineRuns:
     """Follow n runs of blocks of one size, with one time step.
 
@@ -109,8 +99,7 @@ def follow(
         found.see(left, np.asarray(passed), late, steps[left] - done)
         states[left], done = np.asarray(passed)[:, -1], done + n
         left = left[~found.overturned[left] & (steps[left] > done)]
-        if progress is not None:
-            progress(min(1.0, done / float(steps.max())) if left.size else 1.0)
+        progress(min(1.0, done / float(steps.max())) if left.size else 1.0)
     return found.runs()
 
 
@@ -179,7 +168,10 @@ def free_rocking(body: RigidBody) -> float:
     mujoco = import_module("mujoco")
     model = mujoco.MjModel.from_xml_string(body.mjcf())
     data = mujoco.MjData(model)
-    state, states = placed(body, let_go(body)), []
+    # Friction would take energy on the way, and a bob would carry some away.
+    assert max(body.bob, body.friction) == 0.0
+    half_of_toppling = 0.5 * math.atan2(body.half_width, body.half_height)
+    state, states = placed(body, np.array([half_of_toppling, 0.0, 0.0, 0.0])), []
     data.qpos[:], data.qvel[:] = state[:3], state[3:]
     after = around_impact(body)
     for _ in range(10_000_000):
@@ -190,13 +182,6 @@ def free_rocking(body: RigidBody) -> float:
         if after < 0:
             break
     return kept(body, np.array(states))
-
-
-def let_go(body: RigidBody) -> np.ndarray:
-    """Start (phi, psi, phi', psi') of free rocking: half of the toppling tilt, at rest."""
-    # Friction would take energy on the way, and a bob would carry some away.
-    assert max(body.bob, body.friction) == 0.0
-    return np.array([0.5 * math.atan2(body.half_width, body.half_height), 0.0, 0.0, 0.0])
 
 
 def around_impact(body: RigidBody) -> int:
@@ -215,18 +200,3 @@ def kept(body: RigidBody, states: np.ndarray) -> float:
     if not around <= crossed < len(states) - around:
         return math.nan
     return math.sqrt(energies[crossed + around] / energies[crossed - around])
-
-
-def as_table(rows: Sequence[tuple[str, ...]]) -> str:
-    """Rows of words as columns of text."""
-    widths: Any = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return "\n".join(
-        "  ".join(
-            cell.ljust(w) if i == 0 else cell.rjust(w)
-            for i, (cell, w) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    )
-
-
-MUJOCO = Engine("MuJoCo", available, follow, free_rocking, rubs=True)

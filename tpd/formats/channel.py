@@ -225,11 +225,6 @@ def plain(text: str) -> str:
     return {"gals": "gal", "g's": "g", "gs": "g", "milli-g": "mg", "cm/ss": "cm/s2"}.get(unit, unit)
 
 
-def looks_like(text: str) -> bool:
-    """Return whether a text has the form of a unit of acceleration, known or not: a length over s2."""
-    return bool(re.fullmatch(r"[a-zµ%]{1,12}/s2", plain(text)))
-
-
 def unit_of(text: str, line: int) -> str:
     """Return the unit of acceleration that a header states.
 

@@ -93,6 +93,14 @@ def numbers(found: Sequence[tuple[int, str]]) -> np.ndarray:
     return np.array([number(text, line) for line, text in found])
 
 
+def _stated(pattern: str, what: str, line: str, where: str) -> re.Match[str]:
+    """Return the match of a pattern in a line, whatever the case, or raise `UnreadableRecord`."""
+    found = re.search(pattern, line, flags=re.IGNORECASE)
+    if found is None:
+        raise UnreadableRecord(f"{where} must state {what}, but is {shown(line)}")
+    return found
+
+
 @dataclass(frozen=True)
 class Header:
     """Lines of text above samples."""
@@ -103,12 +111,7 @@ class Header:
 
     def match(self, line: int, pattern: str, what: str) -> re.Match[str]:
         """Return the match of a pattern, whatever the case, in a line, counted from 1."""
-        found = re.search(pattern, self.lines[line - 1], flags=re.IGNORECASE)
-        if found is None:
-            raise UnreadableRecord(
-                f"{self.where(line)} must state {what}, but is {shown(self.lines[line - 1])}"
-            )
-        return found
+        return _stated(pattern, what, self.lines[line - 1], self.where(line))
 
     def where(self, line: int) -> str:
         """Return the place of a line in the file, in words."""
@@ -185,10 +188,7 @@ class Cursor:
     def match(self, pattern: str, what: str) -> re.Match[str]:
         """Return the match of a pattern, whatever the case, in the next line."""
         line = self.next(what)
-        found = re.search(pattern, line, flags=re.IGNORECASE)
-        if found is None:
-            raise UnreadableRecord(f"line {self.at} must state {what}, but is {shown(line)}")
-        return found
+        return _stated(pattern, what, line, f"line {self.at}")
 
     def fixed(self, count: int, columns: int, width: int, what: str) -> np.ndarray:
         """Return `count` numbers in columns of a width, all lines full but the last.

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tpd.answers.paired import Change
-from tpd.core.formatting import number
+from tpd.core.formatting import aligned, number
 from tpd.design.criteria import LABELS
 from tpd.design.result import Comparison, Design, DesignStatus, HarmonicDesign
 from tpd.design.study import Study, build_of, usage
@@ -68,11 +68,7 @@ def _named(said: str, name: str) -> list[str]:
 
 
 def _table(of: Table) -> Iterator[str]:
-    cells = [list(of.head), *of.cells]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    for row in cells:
-        columns = (cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))
-        yield f"{'':{_NAME}}{row[0]:<{widths[0]}}  {'  '.join(columns)}".rstrip()
+    yield from (" " * _NAME + line for line in aligned([of.head, *of.cells]))
     yield from wrapped(of.caption, " " * _NAME, " " * _NAME)
 
 

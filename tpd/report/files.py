@@ -3,7 +3,6 @@ these the answer of an independent engine."""
 
 from __future__ import annotations
 
-import math
 import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -26,7 +25,6 @@ from tpd.scene.quantities import UNITS
 
 _TITLE = "By an independent engine"
 _MARK = "<!-- engine -->"
-_ENGINES = ("MuJoCo", "Drake")
 
 
 def write(
@@ -165,15 +163,13 @@ def response_csv(responses: Sequence[Response]) -> str:
     """
     first = responses[0]
     name = f"{first.name}_{UNITS[first.name]}" if first.name in UNITS else first.name
-    header, columns = [name], [first.frequency]
+    columns = {name: first.frequency}
     for label, r in zip(("without", "with"), responses, strict=False):
-        header += [f"{label}_status", f"{label}_amplitude_rad"]
-        columns += [r.status, r.amplitude]
+        columns |= {f"{label}_status": r.status, f"{label}_amplitude_rad": r.amplitude}
     if len(responses) > 1:
         # The bare block's stroke is that of a bob too light to be felt, and means nothing.
-        header.append("with_stroke_rad")
-        columns.append(responses[1].stroke)
-    return files.as_csv(header, zip(*(column.tolist() for column in columns), strict=True))
+        columns["with_stroke_rad"] = responses[1].stroke
+    return files.as_csv(columns, zip(*(column.tolist() for column in columns.values()), strict=True))
 
 
 def motion_csv(histories: Sequence[TimeHistory]) -> str:
@@ -183,18 +179,13 @@ def motion_csv(histories: Sequence[TimeHistory]) -> str:
     Args:
         histories: over the same times.
     """
-    header, columns = ["time_s"], [histories[0].time]
+    columns = {"time_s": histories[0].time}
     for h in histories:
-        label = "with" if h.with_pendulum else "without"
-        header.append(f"{label}_tilt_rad")
-        columns.append(h.tilt)
+        columns["with_tilt_rad" if h.with_pendulum else "without_tilt_rad"] = h.tilt
         # Without a pendulum the bob is one too light to be felt, and means nothing.
         if h.with_pendulum:
-            header.append("with_bob_rad")
-            columns.append(h.bob)
-    # An empty cell is read as missing by every program; a word such as "nan" is not.
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    return files.as_csv(header, ([x if math.isfinite(x) else "" for x in row] for row in rows))
+            columns["with_bob_rad"] = h.bob
+    return files.as_table(columns)
 
 
 def add_engine(directory: Path, verdict: Any) -> list[Path]:
@@ -211,7 +202,7 @@ def add_engine(directory: Path, verdict: Any) -> list[Path]:
 def _in_text(report: str, verdict: Any) -> str:
     # A second run replaces the first: its warning and its section are found by their words.
     lines = report.split(f"\n{_TITLE}\n")[0].rstrip("\n").split("\n")
-    if any(engine in lines[0] for engine in _ENGINES):
+    if "MuJoCo" in lines[0]:
         lines = lines[1:]
     head = [verdict.warning] if verdict.warning else []
     return "\n".join([*head, *lines, "", _TITLE, "-" * len(_TITLE), str(verdict)]) + "\n"

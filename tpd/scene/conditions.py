@@ -5,7 +5,7 @@ may have a ground motion of its own."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -55,12 +55,12 @@ class Conditions:
 
     def __post_init__(self) -> None:
         checks.instance("factors", self.factors, Mapping)
-        factors = {
-            n: checks.array(n, values, (-1,), "a vector of factors") for n, values in self.factors.items()
-        }
-        for name, values in factors.items():
+        for name in self.factors:
             checks.one_of("factors", name, FACTORS)
-            checks.positive(name, values, every=True)
+        factors = {
+            n: checks.positive(n, checks.array(n, x, (-1,), "a vector of factors"), every=True)
+            for n, x in self.factors.items()
+        }
         object.__setattr__(self, "factors", factors)
         checks.instance("motions", self.motions, tuple)
         if self.which is not None:
@@ -125,7 +125,7 @@ class Conditions:
         phrase = f"{most} of {n} conditions: {', '.join(self.description)}"
         which = None if self.which is None else self.which[chosen]
         factors = {k: v[chosen] for k, v in self.factors.items()}
-        return Conditions(factors, (phrase,), self.units, self.motions, which, self.intensity, self.scales)
+        return replace(self, factors=factors, description=(phrase,), which=which)
 
     @property
     def axis(self) -> str | None:

@@ -83,9 +83,8 @@ class Block:
 
     def __post_init__(self) -> None:
         _convert_numbers(self)
-        checks.positive("width", self.width, every=True)
-        checks.positive("height", self.height, every=True)
-        checks.positive("mass", self.mass, every=True)
+        for name in ("width", "height", "mass"):
+            checks.positive(name, getattr(self, name), every=True)
         check_proportions(self.width, self.height, self.mass)
         self._check_losses()
         if self.radius_of_gyration is not None:

@@ -214,10 +214,8 @@ def judge(
         ended = (x.ended(bare=not against, hung=against) for x in (linear, nonlinear))
         one = _judged(there, both, group, scales, *ended)
         # A run that stands may break a limit, which would be against the pendulum as well.
-        stands, unknown = (
-            float(np.sum(~(nonlinear.overturned | nonlinear.undecided)[1])),
-            found.unknown[1].sum(),
-        )
+        stands = float(np.sum(~(nonlinear.overturned | nonlinear.undecided)[1]))
+        unknown = found.unknown[1].sum()
         broken = found.strikes * stands + (unknown if against else 0.0)
         ends.append(replace(one, strikes=float(broken / max(stands + unknown, 1.0))))
     return replace(found, ends=tuple(ends))

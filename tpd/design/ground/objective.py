@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -11,6 +11,7 @@ import numpy as np
 
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
+from tpd.core.progress import Count
 from tpd.design.criteria import KINDS, STILL, Geometry, Limit, Size, bob_of, check_limits
 from tpd.design.objective import blank, geometry_under
 from tpd.records.intensity import intensity_of
@@ -18,7 +19,6 @@ from tpd.scene.conditions import Conditions, under_all
 from tpd.scene.parameters import Parameters
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
 
-Count = Callable[[int, int], None]
 _EVENTS = 20_000
 """Events of a motion beyond one for each piece: a bob that swings for long meets no more."""
 

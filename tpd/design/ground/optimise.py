@@ -12,7 +12,7 @@ import numpy as np
 
 from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
-from tpd.core.progress import Progress
+from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import DesignSpace, Limit, Risk, Room, Stroke, Worth, beyond_as_built
 from tpd.design.ground.design import GroundDesign, GroundVerdict, objective_of, verdict_of
 from tpd.design.ground.judgement import HELD_OUT, SCATTERED, Group, Judged, grouped, judge, scatter_of
@@ -85,8 +85,7 @@ def ground_problem(
     """
     seed = check_given(seed, space=space, risk=risk, ensemble=ensemble, worth=worth)
     checks.instance("scene", subject, (Scene, Block))
-    if method is not None:
-        checks.instance("method", method, GroundSearch)
+    checks.optional("method", method, GroundSearch)
     block = subject if isinstance(subject, Block) else subject.block
     gravity = STANDARD_GRAVITY if isinstance(subject, Block) else float(subject.gravity)
     listed = check_ground_limits(DEFAULT_LIMITS if limits is None else tuple(limits))
@@ -126,7 +125,7 @@ def ground_problem(
     )
 
 
-def solve(problem: GroundProblem, report: Progress | None) -> GroundDesign:
+def solve(problem: GroundProblem, report: Progress) -> GroundDesign:
     """Search, and judge the best design; see `ground_problem`."""
     objective, risk = problem.objective, problem.risk
     bare = objective.evaluate(np.array([[0.0, 1.0, 0.3]]))
@@ -137,7 +136,7 @@ def solve(problem: GroundProblem, report: Progress | None) -> GroundDesign:
         problem.space,
         problem.method,
         problem.seed,
-        None if report is None else partial(report, "search"),
+        partial(report, "search"),
     )
     # The closed form of uplift answers first: there may be nothing to search.
     if np.all(bare.tilt == 0.0):
@@ -225,7 +224,7 @@ def _unknown(count: int) -> GroundVerdict:
 
 
 def judged(
-    problem: GroundProblem, hung: Pendulum, report: Progress | None = None
+    problem: GroundProblem, hung: Pendulum, report: Progress = unreported
 ) -> tuple[tuple[Judged, ...], GroundVerdict]:
     """Judge a pendulum of one's own on the groups of a problem, and return these and the verdict."""
     block = problem.scene.block
@@ -234,7 +233,7 @@ def judged(
     return found, _with_body(problem, design, verdict_of(found, problem.worth))
 
 
-def _judged(problem: GroundProblem, design: np.ndarray, group: Group, report: Progress | None) -> Judged:
+def _judged(problem: GroundProblem, design: np.ndarray, group: Group, report: Progress) -> Judged:
     return judge(
         problem.objective,
         design,
@@ -242,7 +241,7 @@ def _judged(problem: GroundProblem, design: np.ndarray, group: Group, report: Pr
         [float(x) for x in np.unique(problem.conditions.scales)],
         scatter=scatter_of(problem.scene.block, problem.ensemble),
         seed=problem.seed,
-        progress=None if report is None else partial(report, f"judging: {group.name}"),
+        progress=partial(report, f"judging: {group.name}"),
     )
 
 

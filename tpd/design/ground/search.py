@@ -6,13 +6,13 @@ is worth following next, and which of all is the best: that of least trend, not 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from tpd.core import checks
+from tpd.core.progress import Count, unreported
 from tpd.design.criteria import DesignSpace, Risk
 from tpd.design.ground.objective import GroundObjective
 from tpd.design.surface import Observations, Surface, candidates, fit, promise
@@ -81,7 +81,7 @@ class Searcher:
     space: DesignSpace
     method: GroundSearch
     seed: int
-    progress: Callable[[int, int], None] | None = None
+    progress: Count = unreported
     names: tuple[str, ...] = ()
     """Limited quantities."""
     found: Evaluated | None = None
@@ -100,8 +100,7 @@ class Searcher:
             if self.found is not None:
                 one = Evaluated(*map(np.concatenate, zip(self.found, one, strict=True)))
             self.found = one
-            if self.progress is not None:
-                self.progress(i + 1, total)
+            self.progress(i + 1, total)
         self._fit(full=True)
 
     def best(self) -> int | None:
