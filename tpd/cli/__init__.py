@@ -41,7 +41,7 @@ def main(arguments: list[str] | None = None) -> int:
     # wait, and a shell has status 130 for it. Files are complete before they get their names.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     # Processes of a cluster that end with this one are no mistake that Python should warn of.
-    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
     from tpd.cli import interrupts
 
     with interrupts.lasting_output():
