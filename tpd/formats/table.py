@@ -7,7 +7,6 @@ it (records.md). A file with any other word is refused, and the message names th
 
 from __future__ import annotations
 
-import csv
 import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
@@ -36,6 +35,7 @@ from tpd.formats.text import (
     number,
     numbers,
     shown,
+    splitter,
     step_of,
 )
 
@@ -46,7 +46,6 @@ _LONGEST_STEP = 0.1
 _MARK = re.compile(r"^(?:[#%!*]+|/+)(?!\s*[,;])\s*")
 _RULE = re.compile(r"[\s\-=_+|~.*#]*")
 _CLOCK = re.compile(r"\D?\d{1,2}:\d{2}|\D?\d{4}[-/]\d{1,2}[-/]\d{1,2}")
-_COMMA = re.compile(r"[+-]?\d*,\d+(?:[EeDd][+-]?\d{1,3})?")
 _TWO_WORDS = re.compile(r"(?<=[a-z])(?=[A-Z](?:[^a-z]|$))|(?<=^a)(?=[xyz]$)")
 _BRACKET = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
 _TIMES = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0}
@@ -65,6 +64,7 @@ _NAMES = {
     "spectrum": r"periods?|periode|periodo|p?s[adv]|spectr\w+|freq|frequency|hz",
 }
 """Words that name the quantity of a column."""
+_NAMED = re.compile("|".join(_NAMES.values()), re.IGNORECASE).fullmatch
 _PROCESSING = r"raw|(?:un)?(?:corrected|processed|filtered)|v[123]"
 _PER_SECOND = r"(?:sps|samples\s*(?:/|per)\s*s(?:ec(?:ond)?)?)"
 _STATEMENTS = {
@@ -82,13 +82,14 @@ _STATEMENTS = {
 }
 """Forms of statements; the value is in the first group that matches."""
 _OPPOSITE = str.maketrans("swovd", "neezz")
+_GAPS = re.compile(r"[\s,;()\[\]]+")
 _FACTOR = re.compile(rf"\(10\s*(?:\^|\*\*)\s*([+-]?\d+)\s*(\D.*)\)|\((.+?)\s*[x*×]\s*({NUMBER})\)")
 """A power of ten before a unit, or a factor after it."""
 _SCALED = r"factor|scal|multipl|divi|gain|[%‰µ]|pct|milli|micro|per ?cent|tenth|hundred|thousand"
 """Words that may change the size of samples."""
 _NO_SOURCE = re.compile(
     rf"x[\d.]*|(?i:.*(?:{_SCALED}).*|dt|fs|step|rate|interval|[\d.]*(?:hz|sps)"
-    rf"|{_NAMES['velocity']}|{_NAMES['displacement']}|{_NAMES['spectrum']})"
+    rf"|{'|'.join(_TIMES)}|{_NAMES['velocity']}|{_NAMES['displacement']}|{_NAMES['spectrum']})"
 )
 """Words that say more than where a record comes from."""
 
@@ -139,12 +140,12 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
         UnreadableRecord: a piece of the header that the grammar does not explain, a contradiction, a cell
             that is no number, or times at unequal steps.
     """
-    split = _splitter(cursor.lines[how.skip :])
+    split = splitter(cursor.lines[how.skip :])
     used = [i - 1 for i in how.columns.values()] if isinstance(how.columns, Mapping) else []
     lines = [(i, line.strip()) for i, line in enumerate(cursor.lines, 1) if i > how.skip and line.strip()]
-    # Numbers above a line of words, such as those of the columns, belong to the header.
-    words = [not any(re.fullmatch(NUMBER, cell) for cell in split(line)) for _, line in lines[1:]] + [False]
-    starts = (k for k, (_, line) in enumerate(lines) if _is_row(split(line), used) and not words[k])
+    # Numbers above a line of names, such as those of the columns, belong to the header.
+    pairs = enumerate(zip(lines, [*lines[1:], (0, "")], strict=True))
+    starts = (k for k, (a, b) in pairs if _is_row(split(a[1]), used) and not any(map(_NAMED, split(b[1]))))
     first = next(starts, len(lines))
     head = lines[:first]
     if first == len(lines):
@@ -166,30 +167,6 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
         said = f"line {rows[0][0]} has {len(rows[0][1])} numbers, but no line above names the columns"
         raise UnreadableRecord(said, **_remedy(head, rows, how, rows[0][0] - 1, ""))
     return _channels(header, rows, how)
-
-
-def _splitter(lines: Sequence[str]) -> Callable[[str], list[str]]:
-    """How the lines of a file are split into cells, with points in place of decimal commas."""
-    last = [line for line in lines if line.strip()][-50:]
-    words = [word for line in last for word in line.split()]
-    separator = re.compile(r"\s*[,;]\s*|\s+")
-    if any(";" in line or "\t" in line for line in last):
-        separator = re.compile(r"\s*;\s*|\s+")
-    elif len(words) > len(last) and all(_COMMA.fullmatch(w) or re.fullmatch(NUMBER, w) for w in words):
-        # In "0,01  0,035" blanks separate the numbers; in "0,01,0,035" nothing tells.
-        separator = re.compile(r"\s+")
-
-    def split(line: str) -> list[str]:
-        # Spreadsheets end rows with a separator and put cells between quotation marks.
-        bare = line.strip().rstrip(", ;\t")
-        if '"' in bare:
-            mark = next((mark for mark in ";\t," if mark in bare), " ")
-            cells = [x.strip() for x in next(csv.reader([bare], delimiter=mark, skipinitialspace=True))]
-        else:
-            cells = separator.split(bare) if bare else []
-        return [x.replace(",", ".") if "," in x and _COMMA.fullmatch(x) else x for x in cells]
-
-    return split
 
 
 def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
@@ -302,8 +279,11 @@ def _statement(part: str) -> tuple[str, Any] | None:
             return (what, step * _TIMES[units.pop() if units else "s"]) if known and step > 0.0 else None
         if what == "source":
             for word in value.split():
-                said = plain(word) in FACTORS or word in _TIMES or _NO_SOURCE.fullmatch(word)
-                if said or (word != "up" and orientation(word)):
+                if (
+                    plain(word) in FACTORS
+                    or _NO_SOURCE.fullmatch(word)
+                    or orientation(word.replace("up", ""))
+                ):
                     raise _Unknown(word)
             return what, value
     return None
@@ -445,17 +425,12 @@ def _remedy(
         columns |= {f"NAME{k}" if len(left) > 1 or is_up else "acceleration": k for k in left}
     # The words of the columns that are used, or of the line, tell of a unit and a factor.
     used = " ".join(cell for k, cell in enumerate(names, 1) if k in columns.values()).strip() or above
-    said = {plain(x) for x in re.split(r"[\s,;()\[\]]+", used)} & {*FACTORS}
-    words = [
-        x for x in re.split(r"[\s,;()\[\]_]+", used if above == named else above) if plain(x) not in FACTORS
-    ]
+    said = {plain(word) for word in _GAPS.split(used)} & {*FACTORS}
+    rest = [word for word in _GAPS.split(used if above == named else above) if plain(word) not in FACTORS]
     found = _FACTOR.fullmatch(piece)
     if found and plain(found[2] or found[3]) in FACTORS:
-        options["scale"], said = (
-            10.0 ** int(found[1] or 0) * float(found[4] or 1),
-            {plain(found[2] or found[3])},
-        )
-    elif (piece[:1] == "(" and not said) or re.search(rf"(?i)\d|{_SCALED}", " ".join(words)):
+        options["scale"] = 10.0 ** int(found[1] or 0) * float(found[4] or 1)
+    elif (piece[:1] == "(" and not said) or re.search(rf"(?i)\d|{_SCALED}", " ".join(rest)):
         options["scale"] = "FACTOR"
     try:
         for _, text in (x for x in head if x[0] > line):

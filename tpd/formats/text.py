@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import math
 import re
 from collections.abc import Callable, Sequence
@@ -17,6 +18,7 @@ WHOLE = r"\d{1,9}"
 """A count. Python refuses to convert thousands of digits."""
 _NUMBER = re.compile(NUMBER)
 _PLAIN = re.compile(r"[\d.eE+\- ]+")
+_COMMA = re.compile(r"[+-]?\d*,\d+(?:[EeDd][+-]?\d{1,3})?")
 _MARKED = re.compile(r'(?<![^\s;,])"?[+-]?\d*[.,]\d[\d.,]*"?(?![^\s;,])')
 """Numbers with a mark in them, perhaps between quotation marks."""
 _THOUSANDS = re.compile(r'"?[+-]?[1-9]\d{0,2}(?:[.,]\d{3})+"?')
@@ -94,6 +96,30 @@ def numbers(found: Sequence[tuple[int, str]]) -> np.ndarray:
             if np.isfinite(values).all():
                 return values
     return np.array([number(text, line) for line, text in found])
+
+
+def splitter(lines: Sequence[str]) -> Callable[[str], list[str]]:
+    """Return how the lines of a file are split into cells, with points in place of decimal commas."""
+    last = [line for line in lines if line.strip()][-50:]
+    words = [word for line in last for word in line.split()]
+    separator = re.compile(r"\s*[,;]\s*|\s+")
+    if any(";" in line or "\t" in line for line in last):
+        separator = re.compile(r"\s*;\s*|\s+")
+    elif len(words) > len(last) and all(_COMMA.fullmatch(w) or re.fullmatch(NUMBER, w) for w in words):
+        # In "0,01  0,035" blanks separate the numbers; in "0,01,0,035" nothing tells.
+        separator = re.compile(r"\s+")
+
+    def split(line: str) -> list[str]:
+        # Spreadsheets end rows with a separator and put cells between quotation marks.
+        bare = line.strip().rstrip(", ;\t")
+        if '"' in bare:
+            mark = next((mark for mark in ";\t," if mark in bare), " ")
+            cells = [x.strip() for x in next(csv.reader([bare], delimiter=mark, skipinitialspace=True))]
+        else:
+            cells = separator.split(bare) if bare else []
+        return [x.replace(",", ".") if "," in x and _COMMA.fullmatch(x) else x for x in cells]
+
+    return split
 
 
 def no_thousands(text: str, split: Callable[[str], list[str]]) -> None:
