@@ -373,7 +373,10 @@ NOT_UNDERSTOOD = {
     "minutes": ("time (min),a (g)", r"has '\(min\)', .*columns={'a .g.': 2}, dt='STEP'$"),
     "an amplitude of Fourier": ("f (Hz),A (g)", "'f .Hz.' is of a response spectrum"),
     "a spectrum with its damping": ("T (s),SA(5%) (g)", "'SA.5%. .g.' is of a response spectrum"),
-    "a title of a spectrum": ("Response spectrum\nT (s),a (g)", "'Response spectrum' is of a response"),
+    "a title of a spectrum": (
+        "Response spectrum\nT (s),a (g)",
+        "a motion is needed, but line 1 is 'Response spectrum'",
+    ),
     "numbers of columns": ("1,2\nt (s),a (g)", "line 1 has '1', .*: skip=1, scale='FACTOR'$"),
 }
 
@@ -513,3 +516,27 @@ def test_times_have_their_place(tmp_path):
     text = in_table(columns=1)
     with pytest.raises(ValueError, match="`columns` must name times"):
         found(tmp_path, text, columns={"a (g)": 1, "T (s)": 2})
+
+
+@pytest.mark.mends("a velocity without a unit beside an acceleration was taken for a vertical acceleration")
+def test_a_lone_letter_beside_an_acceleration_is_refused(tmp_path):
+    for header in ("t,a,v,d", "t (s),a (g),x", "Time,Acc,V"):
+        text = in_table(header, columns=header.count(","))
+        with pytest.raises(UnreadableRecord, match="beside an acceleration may be a velocity"):
+            found(tmp_path, text, unit="g")
+        columns = {"t": 1, "a": 2}
+        assert len(found(tmp_path, text, unit="g", columns=columns)) == 1
+
+
+def test_lines_and_columns_that_are_not_there_are_named(tmp_path):
+    text = in_table("t (s),a (g)")
+    with pytest.raises(UnreadableRecord, match="must separate numbers after line 500"):
+        found(tmp_path, text, skip=500)
+    with pytest.raises(UnreadableRecord, match=r"no line has numbers in the columns {'t': 1, 'a': 7}"):
+        found(tmp_path, text, columns={"t": 1, "a": 7})
+
+
+def test_a_title_of_a_filter_or_of_matching_is_no_spectrum(tmp_path):
+    for title in ("Corner frequency", "Spectrum compatible", "Response spectrum compatible motion"):
+        with pytest.raises(UnreadableRecord, match=r"line 1 has .*: skip=1$"):
+            found(tmp_path, in_table(title, "t (s),a (g)"))

@@ -61,7 +61,7 @@ _NAMES = {
     "acceleration": r"a|acc(?:el)?\d?|acceler\w+|beschleunigung|aceleraci[oó]n|ch(?:annel)?\d{0,3}|ground",
     "velocity": r"vel|velocit\w+|velocidad|vitesse|geschwindigkeit",
     "displacement": r"d|dis|displ?|displacements?|d[ée]placement|desplazamiento|spostamento|verschiebung",
-    "spectrum": r"periods?|periode|periodo|p?s[adv]|spectr\w+|freq|frequency|hz",
+    "spectrum": r"periods?|periode|periodo|p?s[adv]|freq|frequency|hz",
 }
 """Words that name the quantity of a column."""
 _NAMED = re.compile("|".join(_NAMES.values()), re.IGNORECASE).fullmatch
@@ -88,7 +88,7 @@ _FACTOR = re.compile(rf"\(10\s*(?:\^|\*\*)\s*([+-]?\d+)\s*(\D.*)\)|\((.+?)\s*[x*
 _SCALED = r"factor|scal|multipl|divi|gain|[%‰µ]|pct|milli|micro|per ?cent|tenth|hundred|thousand"
 """Words that may change the size of samples."""
 _NO_SOURCE = re.compile(
-    rf"x[\d.]*|(?i:.*(?:{_SCALED}).*|dt|fs|step|rate|interval|[\d.]*(?:hz|sps)"
+    rf"x[\d.]*|(?i:.*(?:{_SCALED}|spectr).*|dt|fs|step|rate|interval|[\d.]*(?:hz|sps)"
     rf"|{'|'.join(_TIMES)}|{_NAMES['velocity']}|{_NAMES['displacement']}|{_NAMES['spectrum']})"
 )
 """Words that say more than where a record comes from."""
@@ -144,12 +144,13 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
     used = [i - 1 for i in how.columns.values()] if isinstance(how.columns, Mapping) else []
     lines = [(i, line.strip()) for i, line in enumerate(cursor.lines, 1) if i > how.skip and line.strip()]
     # Numbers above a line of names, such as those of the columns, belong to the header.
-    pairs = enumerate(zip(lines, [*lines[1:], (0, "")], strict=True))
+    pairs = enumerate(zip(lines, [*lines[1:], (0, "")], strict=False))
     starts = (k for k, (a, b) in pairs if _is_row(split(a[1]), used) and not any(map(_NAMED, split(b[1]))))
     first = next(starts, len(lines))
     head = lines[:first]
     if first == len(lines):
-        why = "commas, semicolons, tabs or blanks must separate the cells"
+        why = f"commas, semicolons, tabs or blanks must separate numbers after line {how.skip}"
+        why = f"no line has numbers in the columns {how.columns}" if used else why
         clock = (f"line {i} has a time of day, {shown(x)}" for i, x in lines if _CLOCK.match(x))
         raise UnreadableRecord(f"no known format, and no row of numbers: {next(clock, why)}")
     header, rows = _counted(_rows(cursor, lines[first][0], split), used)
@@ -300,7 +301,7 @@ def _column(cell: str, *, first: bool) -> _Column:
         raise _Unknown("an empty name")
     # A title of more words, or one with numbers, may be of a filter.
     spectral = any(re.fullmatch(_NAMES["spectrum"], word.lower()) for word in pieces)
-    if spectral and len(words) < 3 and not re.search(r"\d", bare):
+    if spectral and len(words) < 2 + (len(pieces) > len(words)) and not re.search(r"\d", bare):
         said = f"{shown(cell)} is of a response spectrum, not of a ground motion"
         raise NoAcceleration(said, "response spectrum")
     for i, word in enumerate(pieces):
@@ -357,6 +358,9 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
     if not accelerations or len(times) > 1:
         held = ", ".join(column.quantity for column in columns.values())
         raise NoAcceleration(f"the table must hold one time and some accelerations, but holds {held}", held)
+    lone = [cell for cell in header.cells if re.fullmatch(r"(?i)[vxyz]", cell)]
+    if lone and how.columns is None and not all(column.component for column in accelerations.values()):
+        raise UnreadableRecord(f"{shown(lone[0])} beside an acceleration may be a velocity: choose `columns`")
     others = [cell for i, cell in enumerate(header.cells) if i in {*columns} - {*accelerations, *times}]
     left = (f"left out of the table: {', '.join(others)}",) if others else ()
     found = []
