@@ -370,6 +370,7 @@ NOT_UNDERSTOOD = {
         "PGA = 120 gal\nt (s),strange acc (g)",
         "columns={'t .s.': 1, 'acceleration': 2}, scale='FACTOR', unit='g'$",
     ),
+    "a stated unit": ("UNIT : GAL\nt (s),made up", "'acceleration': 2}, unit='gal'$"),
     "minutes": ("time (min),a (g)", r"has '\(min\)', .*columns={'a .g.': 2}, dt='STEP'$"),
     "an amplitude of Fourier": ("f (Hz),A (g)", "'f .Hz.' is of a response spectrum"),
     "a spectrum with its damping": ("T (s),SA(5%) (g)", "'SA.5%. .g.' is of a response spectrum"),

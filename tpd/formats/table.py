@@ -7,6 +7,7 @@ it (records.md). A file with any other word is refused, and the message names th
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
@@ -82,7 +83,7 @@ _STATEMENTS = {
 }
 """Forms of statements; the value is in the first group that matches."""
 _OPPOSITE = str.maketrans("swovd", "neezz")
-_GAPS = re.compile(r"[\s,;()\[\]]+")
+_GAPS = re.compile(r"[\s,;:()\[\]]+")
 _FACTOR = re.compile(rf"\(10\s*(?:\^|\*\*)\s*([+-]?\d+)\s*(\D.*)\)|\((.+?)\s*[x*×]\s*({NUMBER})\)")
 """A power of ten before a unit, or a factor after it."""
 _SCALED = r"factor|scal|multipl|divi|gain|[%‰µ]|pct|milli|micro|per ?cent|tenth|hundred|thousand"
@@ -429,21 +430,20 @@ def _remedy(
         columns |= {f"NAME{k}" if len(left) > 1 or is_up else "acceleration": k for k in left}
     # The words of the columns that are used, or of the line, tell of a unit and a factor.
     used = " ".join(cell for k, cell in enumerate(names, 1) if k in columns.values()).strip() or above
-    said = {plain(word) for word in _GAPS.split(used)} & {*FACTORS}
+    stated = [text for _, text in head if re.match(r"\W*units?\b", text.lower())]
+    said = {plain(word) for word in _GAPS.split(" ".join([used, *stated]))} & {*FACTORS}
     rest = [word for word in _GAPS.split(used if above == named else above) if plain(word) not in FACTORS]
     found = _FACTOR.fullmatch(piece)
     if found and plain(found[2] or found[3]) in FACTORS:
         options["scale"] = 10.0 ** int(found[1] or 0) * float(found[4] or 1)
     elif (piece[:1] == "(" and not said) or re.search(rf"(?i)\d|{_SCALED}", " ".join(rest)):
         options["scale"] = "FACTOR"
-    try:
+    with contextlib.suppress(_Unknown, UnreadableRecord):
         for _, text in (x for x in head if x[0] > line):
             _understand(below, text, width)
         # Where the lines below it say enough, passing over this one is all that is needed.
         if (width == 1 or below.cells) and not is_up and _channels(below, rows, how):
             return {"skip": line} | options
-    except (_Unknown, UnreadableRecord):
-        pass
     options = {"skip": rows[0][0] - 1, "columns": columns or ROWS} | options
     if not units or not all(units):
         options["unit"] = how.unit or (said.pop() if len(said) == 1 else "UNIT")
