@@ -1,6 +1,7 @@
 """The job file: defaults, the objects that it becomes, and that a written job is read back unchanged."""
 
 import json
+import shlex
 import tomllib
 from pathlib import Path
 
@@ -303,3 +304,18 @@ def test_a_message_names_the_table_of_the_value(given, table):
     with pytest.raises(ValueError, match=rf"^\[{table}\] `") as error:
         jobs.job_of(given)
     assert str(error.value).count("[") == 1 or "[0." in str(error.value)
+
+
+def test_the_options_that_read_a_table_work_as_they_are_written(tmp_path):
+    """The message shows the numbers with all their digits, and its words are those of a shell."""
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{0.01 * i:.2f},{np.sin(0.3 * i):.5f}\n" for i in range(100))
+    path.write_text(f"time (s),acc (cm/s2 x 1.2345678)\n{rows}")
+    job = tmp_path / "job.toml"
+    job.write_text(f'[motion]\nrecords = ["{path}"]\n')
+    with pytest.raises(ValueError, match="options that read the file") as caught:
+        _ = jobs.Job.read(job).motions
+    said = str(caught.value).partition("options that read the file: ")[2]
+    assert shlex.split(said) == [
+        *("--skip", "1", "--columns", "time (s)=1", "acc=2", "--scale", "1.2345678", "--unit", "cm/s2")
+    ]
