@@ -1,5 +1,7 @@
 """Tables of text, as people have them."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -303,6 +305,19 @@ UNDERSTOOD = {
         in_table("t (s),a (m/s2)", times="{:.3f}", step=0.0025),
         [(0.0025, 1.0, "", UNKNOWN)],
     ),
+    "units without brackets below names": (
+        in_table("Time,Acc,Vel,Dis", "sec,m/s2,m/s,m", columns=3),
+        [(0.01, 1.0, "", "left out of the table: Vel (m/s), Dis (m)", UNKNOWN)],
+    ),
+    "longitudinal and transversal": (
+        in_table("time (s),L (g),T (g),vert. (g)", columns=3),
+        [(0.01, 9.80665, "L"), (0.01, 2 * 9.80665, "T"), (0.01, 3 * 9.80665, "vert.", UP)],
+    ),
+    "times in the second column": (
+        "no,t (s),a (m/s2)\n"
+        + "".join(f"{i},{0.01 * i:.2f},{x:.5f}\n" for i, x in enumerate(0.1 * shaking(200))),
+        [(0.01, 1.0, "", "left out of the table: no", UNKNOWN)],
+    ),
 }
 
 
@@ -332,6 +347,38 @@ NOT_UNDERSTOOD = {
     "two times": ("time (s),time (ms)", "must hold one time and some accelerations"),
     "no names": ("", "names the columns"),
     "a remark": ("made up\nt (s),a (g)", "line 1 has 'made', .*: skip=1$"),
+    "a factor of a power": ("time (s),acc (g x 10^3)", "scale='FACTOR', unit='g'$"),
+    "a power in small digits": ("time (s),acc (×10⁻³ g)", "scale='FACTOR', unit='g'$"),
+    "a factor of the name": ("time (s),acc x10 (g)", "'acceleration': 2}, scale='FACTOR', unit='g'$"),
+    "a factor in words": ("time (s),acc (milli g)", "'acc': 2}, scale='FACTOR', unit='g'$"),
+    "per cent in words": ("time (s),acc (% of g)", "scale='FACTOR', unit='g'$"),
+    "a small unit": ("time (s),acc (µg)", "scale='FACTOR', unit='UNIT'$"),
+    "minus": ("time (s),acc (-g)", "scale='FACTOR', unit='UNIT'$"),
+    "a unit with digits is no factor": ("temps (s);accélération (m/s2)", "'acceleration': 2}, unit='m/s2'$"),
+    "a gain beside a station": (
+        "Station: gain 10\ntime (s),acc (g)",
+        "has 'gain', .*: skip=1, scale='FACTOR'$",
+    ),
+    "a factor beside a record": ("Record: scaled x2\nt (s),a (g)", "has 'scaled', .* scale='FACTOR'$"),
+    "a quantity beside a record": ("Record: velocity\nt (s),a (g)", "has 'velocity'"),
+    "a vertical beside a station": (
+        "Station X Component UD\nt (s),a (g)",
+        "has 'UD'.*: skip=2, columns={'t .s.': 1, 'NAME2': 2}, unit='g'$",
+    ),
+    "a vertical above": ("UD\nt (s),a (g)", "'NAME2': 2}, unit='g'$"),
+    "a peak in another unit": (
+        "PGA = 120 gal\nt (s),strange acc (g)",
+        "columns={'t .s.': 1, 'acceleration': 2}, scale='FACTOR', unit='g'$",
+    ),
+    "a stated unit": ("UNIT : GAL\nt (s),made up", "'acceleration': 2}, unit='gal'$"),
+    "minutes": ("time (min),a (g)", r"has '\(min\)', .*columns={'a .g.': 2}, dt='STEP'$"),
+    "an amplitude of Fourier": ("f (Hz),A (g)", "'f .Hz.' is of a response spectrum"),
+    "a spectrum with its damping": ("T (s),SA(5%) (g)", "'SA.5%. .g.' is of a response spectrum"),
+    "a title of a spectrum": (
+        "Response spectrum\nT (s),a (g)",
+        "a motion is needed, but line 1 is 'Response spectrum'",
+    ),
+    "numbers of columns": ("1,2\nt (s),a (g)", "line 1 has '1', .*: skip=1, scale='FACTOR'$"),
 }
 
 
@@ -350,7 +397,8 @@ def test_a_word_that_the_grammar_does_not_explain_is_quoted(name, tmp_path):
             for key, value in options.items()
         }
         columns = options.get("columns", {}).items()
-        options |= {"columns": {name.replace("UNIT", "s"): i for name, i in columns}} if columns else {}
+        filled = {re.sub(r"NAME\d", "Z", name.replace("UNIT", "s")): i for name, i in columns}
+        options |= {"columns": filled} if columns else {}
         assert found(tmp_path, in_table(*header.splitlines()), **options)
 
 
@@ -415,3 +463,81 @@ def test_times_of_day_are_named(tmp_path):
     with pytest.raises(UnreadableRecord, match="line 2 has a time of day"):
         found(tmp_path, text)
     assert found(tmp_path, text, columns={"a": 2}, dt=0.01, unit="g", skip=1)[0][0] == 0.01
+
+
+COLUMNS_THAT_ARE_LEFT_OUT = {
+    "strain": ("t (s),acc (g),strain", {"t (s)": 1, "acc (g)": 2}),
+    "temperature": ("t (s),acc (g),temp (C)", {"t (s)": 1, "acc (g)": 2}),
+    "a vertical in a language that is not known": (
+        "t (s),N (g),E (m/s2),pystysuora (g)",
+        {"t (s)": 1, "N (g)": 2, "E (m/s2)": 3},
+    ),
+    "numbers of rows without a name": (",t (s),acc (g)", {"t (s)": 2, "acc (g)": 3}),
+    "two columns of one name": ("t (s),a (g),a (g)\nx,NS,EW", {"NS": 2, "EW": 3}),
+}
+
+
+@pytest.mark.mends("columns that are not understood had names that `columns` refused, or stopped the program")
+@pytest.mark.parametrize("name", COLUMNS_THAT_ARE_LEFT_OUT)
+def test_columns_that_are_not_understood_are_left_out_of_the_options(name, tmp_path):
+    header, columns = COLUMNS_THAT_ARE_LEFT_OUT[name]
+    n = header.splitlines()[0].count(",")
+    text = in_table(*header.splitlines(), columns=n)
+    if header.startswith(","):
+        rows = in_table(columns=1).splitlines()
+        text = "\n".join([header, *(f"{i},{row}" for i, row in enumerate(rows))]) + "\n"
+    with pytest.raises(UnreadableRecord, match="not understood") as caught:
+        found(tmp_path, text)
+    options = caught.value.options
+    assert columns.items() <= options["columns"].items()
+    assert len(options["columns"]) <= len(columns) + (name == "two columns of one name")
+    if name != "two columns of one name":
+        assert {row[1] for row in found(tmp_path, text, **options)} <= {1.0, 2.0, 9.80665, 2 * 9.80665}
+
+
+@pytest.mark.mends("separators of thousands were read as decimal ones, a thousand times too small")
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t (s);a (mg)\n0.00;12\n0.01;1,219\n0.02;-3,456\n",
+        "t (s)\ta (mg)\n0.00\t12\n0.01\t1,219\n0.02\t-345\n",
+        "t (s);a (mg)\n0,00;12\n0,01;1.219\n0,02;-345\n",
+        't (s),a (mg)\n0.00,12\n0.01,"1,219"\n0.02,-345\n',
+    ],
+)
+def test_separators_of_thousands_are_refused(text, tmp_path):
+    with pytest.raises(UnreadableRecord, match=r"1[.,]219.* may have a separator of thousands"):
+        read(tmp_path, text)
+    # Three decimals that no separator of thousands can have are decimals.
+    assert read(tmp_path, "t (s);a (mg)\n0,000;12\n0,005;1,219\n0,010;-345\n").dt == 0.005
+
+
+@pytest.mark.mends("a column of the user that is understood only in the first place stopped the program")
+def test_times_have_their_place(tmp_path):
+    text = in_table(columns=1)
+    with pytest.raises(ValueError, match="`columns` must name times"):
+        found(tmp_path, text, columns={"a (g)": 1, "T (s)": 2})
+
+
+@pytest.mark.mends("a velocity without a unit beside an acceleration was taken for a vertical acceleration")
+def test_a_lone_letter_beside_an_acceleration_is_refused(tmp_path):
+    for header in ("t,a,v,d", "t (s),a (g),x", "Time,Acc,V"):
+        text = in_table(header, columns=header.count(","))
+        with pytest.raises(UnreadableRecord, match="beside an acceleration may be a velocity"):
+            found(tmp_path, text, unit="g")
+        columns = {"t": 1, "a": 2}
+        assert len(found(tmp_path, text, unit="g", columns=columns)) == 1
+
+
+def test_lines_and_columns_that_are_not_there_are_named(tmp_path):
+    text = in_table("t (s),a (g)")
+    with pytest.raises(UnreadableRecord, match="must separate numbers after line 500"):
+        found(tmp_path, text, skip=500)
+    with pytest.raises(UnreadableRecord, match=r"no line has numbers in the columns {'t': 1, 'a': 7}"):
+        found(tmp_path, text, columns={"t": 1, "a": 7})
+
+
+def test_a_title_of_a_filter_or_of_matching_is_no_spectrum(tmp_path):
+    for title in ("Corner frequency", "Spectrum compatible", "Response spectrum compatible motion"):
+        with pytest.raises(UnreadableRecord, match=r"line 1 has .*: skip=1$"):
+            found(tmp_path, in_table(title, "t (s),a (g)"))

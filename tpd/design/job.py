@@ -506,7 +506,7 @@ def _words(value: Any) -> str:
     """The value of an option as it is written on the command line."""
     if isinstance(value, Mapping):
         return " ".join(shlex.quote(f"{name}={at}") for name, at in value.items())
-    return shlex.quote(value if isinstance(value, str) else f"{value:g}")
+    return shlex.quote(value if isinstance(value, str) else f"{value:.12g}")
 
 
 def _columns_of(pairs: Sequence[str]) -> dict[str, int] | str:

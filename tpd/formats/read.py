@@ -79,7 +79,9 @@ _NO_TEXT = (
 """Patterns at the beginning of files that are no plain text, what such a file is, and the remedy."""
 _START = 100_000
 """Bytes of the beginning that are searched, and of the end: an archive of zip ends with its list of files."""
-_SPECTRA = re.compile(r"\s*(?:\d\s+)?(?:response|fourier)\b.*\bspectra\b", re.IGNORECASE)
+_SPECTRA = re.compile(
+    r"\s*(?:\d\s+)?(?:response|fourier)\b.*\bspectr(?:a|um)\b(?!.*(?:compatible|match))", re.IGNORECASE
+)
 """The first line of a file of spectra, which agencies put beside those of accelerations."""
 Reader = Callable[[Cursor, str | None], list[Channel]]
 _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (

@@ -7,15 +7,13 @@ it (records.md). A file with any other word is refused, and the message names th
 
 from __future__ import annotations
 
-import csv
+import contextlib
 import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
-
-import numpy as np
 
 from tpd.formats.channel import (
     FACTORS,
@@ -25,9 +23,22 @@ from tpd.formats.channel import (
     agree_on_count,
     chosen,
     is_component,
+    orientation,
     plain,
 )
-from tpd.formats.text import NUMBER, Cursor, Decimal, NoAcceleration, UnreadableRecord, number, numbers, shown
+from tpd.formats.text import (
+    NUMBER,
+    Cursor,
+    Decimal,
+    NoAcceleration,
+    UnreadableRecord,
+    no_thousands,
+    number,
+    numbers,
+    shown,
+    splitter,
+    step_of,
+)
 
 ROWS = "rows"
 """In place of names of columns: the samples follow one another, row by row."""
@@ -36,7 +47,6 @@ _LONGEST_STEP = 0.1
 _MARK = re.compile(r"^(?:[#%!*]+|/+)(?!\s*[,;])\s*")
 _RULE = re.compile(r"[\s\-=_+|~.*#]*")
 _CLOCK = re.compile(r"\D?\d{1,2}:\d{2}|\D?\d{4}[-/]\d{1,2}[-/]\d{1,2}")
-_COMMA = re.compile(r"[+-]?\d*,\d+(?:[EeDd][+-]?\d{1,3})?")
 _TWO_WORDS = re.compile(r"(?<=[a-z])(?=[A-Z](?:[^a-z]|$))|(?<=^a)(?=[xyz]$)")
 _BRACKET = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
 _TIMES = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0}
@@ -52,9 +62,10 @@ _NAMES = {
     "acceleration": r"a|acc(?:el)?\d?|acceler\w+|beschleunigung|aceleraci[oó]n|ch(?:annel)?\d{0,3}|ground",
     "velocity": r"vel|velocit\w+|velocidad|vitesse|geschwindigkeit",
     "displacement": r"d|dis|displ?|displacements?|d[ée]placement|desplazamiento|spostamento|verschiebung",
-    "spectrum": r"periods?|periode|periodo|p?s[adv]|spectr\w+|freq|frequency|hz",
+    "spectrum": r"periods?|periode|periodo|p?s[adv]|freq|frequency|hz",
 }
 """Words that name the quantity of a column."""
+_NAMED = re.compile("|".join(_NAMES.values()), re.IGNORECASE).fullmatch
 _PROCESSING = r"raw|(?:un)?(?:corrected|processed|filtered)|v[123]"
 _PER_SECOND = r"(?:sps|samples\s*(?:/|per)\s*s(?:ec(?:ond)?)?)"
 _STATEMENTS = {
@@ -72,7 +83,16 @@ _STATEMENTS = {
 }
 """Forms of statements; the value is in the first group that matches."""
 _OPPOSITE = str.maketrans("swovd", "neezz")
-_FACTOR = re.compile(rf"10\s*(?:\^|\*\*)\s*([+-]?\d+)|(?:x|\*|×)\s*({NUMBER})(?![\w.])")
+_GAPS = re.compile(r"[\s,;:()\[\]]+")
+_FACTOR = re.compile(rf"\(10\s*(?:\^|\*\*)\s*([+-]?\d+)\s*(\D.*)\)|\((.+?)\s*[x*×]\s*({NUMBER})\)")
+"""A power of ten before a unit, or a factor after it."""
+_SCALED = r"factor|scal|multipl|divi|gain|[%‰µ]|pct|milli|micro|per ?cent|tenth|hundred|thousand"
+"""Words that may change the size of samples."""
+_NO_SOURCE = re.compile(
+    rf"x[\d.]*|(?i:.*(?:{_SCALED}|spectr).*|dt|fs|step|rate|interval|[\d.]*(?:hz|sps)"
+    rf"|{'|'.join(_TIMES)}|{_NAMES['velocity']}|{_NAMES['displacement']}|{_NAMES['spectrum']})"
+)
+"""Words that say more than where a record comes from."""
 
 
 @dataclass(frozen=True)
@@ -121,20 +141,26 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
         UnreadableRecord: a piece of the header that the grammar does not explain, a contradiction, a cell
             that is no number, or times at unequal steps.
     """
-    split = _splitter(cursor.lines[how.skip :])
+    split = splitter(cursor.lines[how.skip :])
     used = [i - 1 for i in how.columns.values()] if isinstance(how.columns, Mapping) else []
     lines = [(i, line.strip()) for i, line in enumerate(cursor.lines, 1) if i > how.skip and line.strip()]
-    first = next((k for k, (_, line) in enumerate(lines) if _is_row(split(line), used)), len(lines))
+    # Numbers above a line of names, such as those of the columns, belong to the header.
+    pairs = enumerate(zip(lines, [*lines[1:], (0, "")], strict=False))
+    starts = (k for k, (a, b) in pairs if _is_row(split(a[1]), used) and not any(map(_NAMED, split(b[1]))))
+    first = next(starts, len(lines))
     head = lines[:first]
     if first == len(lines):
-        clock = next((f": line {i} has a time of day, {shown(x)}" for i, x in lines if _CLOCK.match(x)), "")
-        raise UnreadableRecord(f"no known format, and no row of numbers after line {how.skip}{clock}")
+        why = f"commas, semicolons, tabs or blanks must separate numbers after line {how.skip}"
+        why = f"no line has numbers in the columns {how.columns}" if used else why
+        clock = (f"line {i} has a time of day, {shown(x)}" for i, x in lines if _CLOCK.match(x))
+        raise UnreadableRecord(f"no known format, and no row of numbers: {next(clock, why)}")
     header, rows = _counted(_rows(cursor, lines[first][0], split), used)
     for i, line in head:
         try:
             _understand(header, line, len(rows[0][1]))
         except _Unknown as error:
-            said = f"line {i} has {shown(str(error))}, which is not understood"
+            where = "" if _unknown_word([str(error)]) else f" above rows of {len(rows[0][1])} numbers"
+            said = f"line {i} has {shown(str(error))}, which is not understood{where}"
             raise UnreadableRecord(said, **_remedy(head, rows, how, i, str(error))) from None
     # A stated number of samples that is not that of the rows is that of all their cells.
     size = sum(len(cells) for _, cells in rows)
@@ -145,30 +171,6 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
     return _channels(header, rows, how)
 
 
-def _splitter(lines: Sequence[str]) -> Callable[[str], list[str]]:
-    """Return a function that splits a line into cells, with points in place of decimal commas."""
-    last = [line for line in lines if line.strip()][-50:]
-    words = [word for line in last for word in line.split()]
-    separator = re.compile(r"\s*[,;]\s*|\s+")
-    if any(";" in line or "\t" in line for line in last):
-        separator = re.compile(r"\s*;\s*|\s+")
-    elif len(words) > len(last) and all(_COMMA.fullmatch(w) or re.fullmatch(NUMBER, w) for w in words):
-        # In "0,01  0,035" blanks separate the numbers; in "0,01,0,035" nothing tells.
-        separator = re.compile(r"\s+")
-
-    def split(line: str) -> list[str]:
-        # Spreadsheets end rows with a separator and put cells between quotation marks.
-        bare = line.strip().rstrip(", ;\t")
-        if '"' in bare:
-            mark = ";" if ";" in bare else "\t" if "\t" in bare else ","
-            cells = [x.strip() for x in next(csv.reader([bare], delimiter=mark, skipinitialspace=True))]
-        else:
-            cells = separator.split(bare) if bare else []
-        return [x.replace(",", ".") if "," in x and _COMMA.fullmatch(x) else x for x in cells]
-
-    return split
-
-
 def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
     """Return whether all cells of a line, or those that are used, are numbers."""
     wanted = [cells[i] for i in used if i < len(cells)] if used else cells
@@ -177,6 +179,7 @@ def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
 
 def _rows(cursor: Cursor, first: int, split: Callable[[str], list[str]]) -> list[_Row]:
     """Return the rows from line `first` to the end of the file."""
+    no_thousands("\n".join(cursor.lines[first - 1 :]), split)
     lines = [(i, split(line)) for i, line in enumerate(cursor.lines[first - 1 :], first)]
     while not lines[-1][1]:
         lines.pop()
@@ -225,7 +228,7 @@ def _understand(header: _Header, line: str, width: int) -> None:
         header.cells = columns or _cells("  ".join(left), width, header)
         if not header.cells:
             # The smallest piece that is not understood says most.
-            raise _Unknown(next(filter(None, map(_unknown_word, left)), left[0]))
+            raise _Unknown(next(filter(None, (_unknown_word([part]) for part in left)), text))
         if columns:
             return
     for what, value in filter(None, statements):
@@ -235,13 +238,11 @@ def _understand(header: _Header, line: str, width: int) -> None:
 def _cells(text: str, width: int, header: _Header) -> list[str]:
     """Return the names of columns with the units that a line of units adds; none if a line is neither."""
     for cells in _split_names(text):
-        if len(cells) != width or any(map(_unknown_word, cells)):
-            continue
-        if not header.cells:
-            return cells
-        if all(_column(cell, first=True).unit for cell in cells):
-            merged = [f"{x} ({unit.strip('()[] ')})" for x, unit in zip(header.cells, cells, strict=True)]
-            return [] if any(map(_unknown_word, merged)) else merged
+        merged = [f"{x} ({y.strip('()[] ')})" for x, y in zip(header.cells, cells, strict=False)]
+        named = merged or cells
+        fits = len(cells) == width and not _unknown_word(named)
+        if fits and (not merged or all(_column(x, first=True).unit for x in merged)):
+            return named
     return []
 
 
@@ -254,10 +255,11 @@ def _split_names(text: str) -> list[list[str]]:
     return [[cell.strip(" \"'") for cell in cells] for cells in ways]
 
 
-def _unknown_word(cell: str) -> str:
-    """Return the piece of a cell that the grammar does not explain, or an empty text."""
+def _unknown_word(cells: Sequence[str], start: int = 0) -> str:
+    """Return the piece of cells, from column `start` on, that the grammar does not explain, or an empty text."""
     try:
-        _column(cell, first=True)
+        for i, cell in enumerate(cells, start):
+            _column(cell, first=i == 0)
     except _Unknown as error:
         return str(error)
     return ""
@@ -277,7 +279,14 @@ def _statement(part: str) -> tuple[str, Any] | None:
             units, step = {word.lower() for word in (found[1], found[3]) if word}, Decimal.of(found[2]).value
             known = units <= {*_TIMES} and len(units) == 1 if units else step <= _LONGEST_STEP
             return (what, step * _TIMES[units.pop() if units else "s"]) if known and step > 0.0 else None
-        if what == "source" and not any(plain(w) in FACTORS or w in (*_TIMES, "x") for w in value.split()):
+        if what == "source":
+            for word in value.split():
+                if (
+                    plain(word) in FACTORS
+                    or _NO_SOURCE.fullmatch(word)
+                    or orientation(word.replace("up", ""))
+                ):
+                    raise _Unknown(word)
             return what, value
     return None
 
@@ -289,6 +298,13 @@ def _column(cell: str, *, first: bool) -> _Column:
     words = [w for x in re.findall(r"[^\s_]+", bare) for w in ([x] if is_component(x) else x.split("-"))]
     quantities, units, names = set(), [], []
     pieces = [*words, *_BRACKET.findall(cell)]
+    if not pieces:
+        raise _Unknown("an empty name")
+    # A title of more words, or one with numbers, may be of a filter.
+    spectral = any(re.fullmatch(_NAMES["spectrum"], word.lower()) for word in pieces)
+    if spectral and len(words) < 2 + (len(pieces) > len(words)) and not re.search(r"\d", bare):
+        said = f"{shown(cell)} is of a response spectrum, not of a ground motion"
+        raise NoAcceleration(said, "response spectrum")
     for i, word in enumerate(pieces):
         low, unit, bracketed = word.strip(" .").lower(), plain(word), i >= len(words)
         named = next((quantity for quantity, form in _NAMES.items() if re.fullmatch(form, low)), "")
@@ -298,15 +314,12 @@ def _column(cell: str, *, first: bool) -> _Column:
             units.append(unit)
         elif re.fullmatch(_PROCESSING, low) and "acceleration" in quantities:
             continue
-        elif named and not bracketed and (not is_component(word) or (first and word in ("t", "T", "n"))):
+        elif named and not bracketed and (not is_component(word) or word == "t" or (first and word in "Tn")):
             quantities.add(named)
-        elif is_component(word) or (len(words) == 1 and re.fullmatch(r"(?!100)[0-3]\d\d", word)):
+        elif is_component(word.strip(" .")) or (len(words) == 1 and re.fullmatch(r"(?!100)[0-3]\d\d", word)):
             names.append(word.strip())
         elif low != "in" or plain("".join(pieces[i + 1 : i + 2])) not in FACTORS:
             raise _Unknown(f"({word})" if bracketed else next(w for w in cell.split() if word in w))
-    if "spectrum" in quantities:
-        said = f"the column {shown(cell)} is of a response spectrum, not of a ground motion"
-        raise NoAcceleration(said, "response spectrum")
     # V beside accelerations is the vertical, but v in m/s is the velocity.
     quantities |= {_QUANTITIES[unit] for unit in units}
     quantity = next(iter(quantities), "acceleration")
@@ -334,13 +347,21 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
             raise UnreadableRecord(f"line {line} must have {width} numbers, but has {shown(' '.join(cells))}")
     times = [i for i, column in columns.items() if column.quantity == "time"]
     for i in times[:1]:
-        step = _step([(line, cells[i]) for line, cells in rows], columns[i].unit, step)
+        unit = columns[i].unit
+        step = step_of([(line, cells[i]) for line, cells in rows], _TIMES[unit or "s"], step)
+        if unit is None and step > _LONGEST_STEP:
+            raise UnreadableRecord(
+                f"times with steps of {step:g} need a unit: name them 'time (s)' or 'time (ms)' in `columns`"
+            )
     if step is None:
         raise UnreadableRecord("the table states no times and no step: give `dt` in s, such as dt=0.01")
     accelerations = {i: column for i, column in columns.items() if column.quantity == "acceleration"}
     if not accelerations or len(times) > 1:
         held = ", ".join(column.quantity for column in columns.values())
         raise NoAcceleration(f"the table must hold one time and some accelerations, but holds {held}", held)
+    lone = [cell for cell in header.cells if re.fullmatch(r"(?i)[vxyz]", cell)]
+    if lone and how.columns is None and not all(column.component for column in accelerations.values()):
+        raise UnreadableRecord(f"{shown(lone[0])} beside an acceleration may be a velocity: choose `columns`")
     others = [cell for i, cell in enumerate(header.cells) if i in {*columns} - {*accelerations, *times}]
     left = (f"left out of the table: {', '.join(others)}",) if others else ()
     found = []
@@ -359,7 +380,7 @@ def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Co
     """Return the columns that the user names; they must agree with the header."""
     columns: dict[int, _Column] = {}
     for name, at in wanted.items():
-        if piece := _unknown_word(name):
+        if piece := _unknown_word([name], at - 1):
             raise ValueError(
                 f"`columns` must name times, accelerations or components, such as 'time (ms)', N and E, but "
                 f"has {shown(name)}, of which {shown(piece)} is not understood"
@@ -377,77 +398,55 @@ def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Co
     return columns
 
 
-def _step(times: Sequence[tuple[int, str]], unit: str | None, stated: float | None) -> float:
-    """Return the step (s) of times that are equally spaced, each rounded to the digits printed.
-
-    `unit` and `stated`, a step in s, are None where neither the header nor the user gives them.
-    """
-    t = _TIMES[unit or "s"] * numbers(times)
-    i = np.arange(1, len(t))
-    if len(t) < 2:
-        return 1.0 if stated is None else stated
-    # Twelve digits: 31.18/1559 is then 0.02, as it was meant.
-    noise = 1e-9 * float(np.max(np.abs(t)))
-    step = low = high = float(f"{(t[-1] - t[0]) / i[-1]:.12g}")
-    if step <= 0.0 or (np.abs(t[1:] - t[0] - step * i) > noise).any():
-        # Programs print a number of decimals or, as with %g, of significant digits, and may leave out zeros
-        # at the end. Times of single precision are off by two units of 24 binary digits.
-        last = _TIMES[unit or "s"] * np.array([Decimal.of(cell).unit for _, cell in times])
-        ahead = np.floor(np.log10(np.maximum(np.abs(t), last.min())) + 1e-12)
-        significant = np.max(ahead - np.round(np.log10(last)))
-        digits = np.maximum(np.maximum(10.0 ** (ahead - significant), last.min()), 2.4e-7 * np.abs(t))
-        margin = 0.51 * (digits[1:] + digits[0] * (t[0] != 0.0)) + noise
-        # All steps for which every time is rounded correctly.
-        low, high = float(np.max((t[1:] - t[0] - margin) / i)), float(np.min((t[1:] - t[0] + margin) / i))
-        if not 0.0 < low <= high:
-            usual = float(f"{np.median(np.diff(t)):.12g}")
-            k = int(np.argmax(np.abs(np.diff(t) - usual)))
-            said = (
-                f"that after line {times[k][0]} is {t[k + 1] - t[k]:.9g} s, and the usual one {usual:.9g} s"
-            )
-            raise UnreadableRecord(f"the times must have equal steps, but {said}")
-        # Of coarser times one may be missing, and several whole rates in Hz may fit.
-        if 2.1 * float(np.max(margin)) > high or (stated is None and high - low > low * high):
-            raise UnreadableRecord(
-                "the times have too few digits to show equal steps: leave them out of `columns` and give `dt`"
-            )
-        # Probably meant is a whole rate in Hz, or the step of fewest digits.
-        rounded = [1.0 / max(1, round(1.0 / step)), *(float(f"{step:.{n}g}") for n in range(1, 12))]
-        step = next((x for x in rounded if low <= x <= high), step)
-    if stated is not None and not low * (1.0 - 1e-6) <= stated <= high * (1.0 + 1e-6):
-        raise UnreadableRecord(f"a step of {stated:g} s is stated, but that of the times is {step:g} s")
-    if unit is None and step > _LONGEST_STEP:
-        raise UnreadableRecord(
-            f"times with steps of {step:g} need a unit: name them 'time (s)' or 'time (ms)'"
-        )
-    return step if stated is None else stated
-
-
 def _remedy(
     head: Sequence[tuple[int, str]], rows: Sequence[_Row], how: Options, line: int, piece: str
 ) -> dict[str, Any]:
-    """Return the options that read a table of which a piece in a line is not understood."""
-    width, below, options = len(rows[0][1]), _Header(), dict[str, Any]()
-    words = [plain(w) for text in (piece, *(x for _, x in head)) for w in re.split(r"[\s,;()\[\]]+", text)]
-    found = _FACTOR.search(piece) if any(word in FACTORS for word in words) else None
-    if found or re.search(r"\d|factor|scale|multipl", dict(head).get(line, "")):
-        options["scale"] = "FACTOR" if not found else 10.0 ** int(found[1]) if found[1] else float(found[2])
-    try:
+    """The options that read a table of which a piece in a line is not understood."""
+    width, below, above = len(rows[0][1]), _Header(), dict(head).get(line, "")
+    ways = ((text, cells) for _, text in head[::-1] for cells in _split_names(text) if len(cells) == width)
+    named, names = next(ways, ("", [""] * width))
+    # What stands above the names may say that all columns are vertical.
+    is_up = any(orientation(re.sub(r"\bup\b", "", x)) for _, x in head if x != named or width == 1)
+    columns, held, options = dict[str, int](), list[_Column](), dict[str, Any]()
+    for k, cell in enumerate(names):
+        name = _BRACKET.sub(" ", cell).strip() if _unknown_word([cell], k) else cell
+        says = None if _unknown_word([name], k) else _column(name, first=k == 0)
+        lost = {plain(unit) for unit in _BRACKET.findall(cell) if name != cell}
+        if says is None or lost & {*_QUANTITIES} or (lost and says.quantity == "time"):
+            continue
+        if name in columns or (is_up and says.quantity == "acceleration" and not says.component):
+            name, says = f"NAME{k + 1}", replace(says, unit=None)
+        columns[name] = k + 1
+        held.append(says)
+    first = [float(row[0]) for _, row in rows if re.fullmatch(NUMBER, row[0])]
+    # Whole numbers may be those of samples, and times of another unit are left out.
+    is_time = width > 1 and len(first) > 2 and first == sorted({*first}) and first[1] - first[0] != 1.0
+    if is_time and 1 not in columns.values() and not _BRACKET.search(names[0]):
+        columns = {"time (UNIT)": 1} | columns
+        held.append(_Column("time", "", None))
+    units = [column.unit for column in held if column.quantity == "acceleration"]
+    if not units and (named or width < 5 or is_time):
+        left = {*range(2 if is_time else 1, width + 1)} - {*columns.values()}
+        columns |= {f"NAME{k}" if len(left) > 1 or is_up else "acceleration": k for k in left}
+    # The words of the columns that are used, or of the line, tell of a unit and a factor.
+    used = " ".join(cell for k, cell in enumerate(names, 1) if k in columns.values()).strip() or above
+    stated = [text for _, text in head if re.match(r"\W*units?\b", text.lower())]
+    said = {plain(word) for word in _GAPS.split(" ".join([used, *stated]))} & {*FACTORS}
+    rest = [word for word in _GAPS.split(used if above == named else above) if plain(word) not in FACTORS]
+    found = _FACTOR.fullmatch(piece)
+    if found and plain(found[2] or found[3]) in FACTORS:
+        options["scale"] = 10.0 ** int(found[1] or 0) * float(found[4] or 1)
+    elif (piece[:1] == "(" and not said) or re.search(rf"(?i)\d|{_SCALED}", " ".join(rest)):
+        options["scale"] = "FACTOR"
+    with contextlib.suppress(_Unknown, UnreadableRecord):
         for _, text in (x for x in head if x[0] > line):
             _understand(below, text, width)
         # Where the lines below it say enough, passing over this one is all that is needed.
-        if (width == 1 or below.cells) and _channels(below, rows, how):
+        if (width == 1 or below.cells) and not is_up and _channels(below, rows, how):
             return {"skip": line} | options
-    except (_Unknown, UnreadableRecord):
-        pass
-    cells = (cells for _, text in head[::-1] for cells in _split_names(text) if len(cells) == width)
-    first = [float(row[0]) for _, row in rows[:3] if re.fullmatch(r"[\d.]+", row[0])]
-    names = ["time (UNIT)" if first == sorted({*first}) and width > 1 else "H1"]
-    names += ["acceleration"] if width == 2 else [f"H{k + 1}" for k in range(1, width)]
-    for k, name in enumerate(next(cells, ())):
-        names[k] = names[k] if _unknown_word(name) else name
-    words = [plain(w) for text in (piece, *(x for _, x in head)) for w in re.split(r"[\s,;()\[\]]+", text)]
-    options["unit"] = how.unit or next((word for word in words if word in FACTORS), "UNIT")
-    if not names[0].startswith("time (UNIT)") and _column(names[0], first=True).quantity != "time":
+    options = {"skip": rows[0][0] - 1, "columns": columns or ROWS} | options
+    if not units or not all(units):
+        options["unit"] = how.unit or (said.pop() if len(said) == 1 else "UNIT")
+    if "time" not in {column.quantity for column in held}:
         options["dt"] = how.dt or "STEP"
-    return {"skip": rows[0][0] - 1, "columns": {name: k + 1 for k, name in enumerate(names)}} | options
+    return options

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,6 +18,10 @@ WHOLE = r"\d{1,9}"
 """A count. Python refuses to convert thousands of digits."""
 _NUMBER = re.compile(NUMBER)
 _PLAIN = re.compile(r"[\d.eE+\- ]+")
+_COMMA = re.compile(r"[+-]?\d*,\d+(?:[EeDd][+-]?\d{1,3})?")
+_MARKED = re.compile(r'(?<![^\s;,])"?[+-]?\d*[.,]\d[\d.,]*"?(?![^\s;,])')
+"""Numbers with a mark in them, perhaps between quotation marks."""
+_THOUSANDS = re.compile(r'"?[+-]?[1-9]\d{0,2}(?:[.,]\d{3})+"?')
 _LONGEST = 50
 """Most characters of a file in a message."""
 
@@ -99,6 +104,88 @@ def _stated(pattern: str, what: str, line: str, where: str) -> re.Match[str]:
     if found is None:
         raise UnreadableRecord(f"{where} must state {what}, but is {shown(line)}")
     return found
+
+
+def splitter(lines: Sequence[str]) -> Callable[[str], list[str]]:
+    """Return how the lines of a file are split into cells, with points in place of decimal commas."""
+    last = [line for line in lines if line.strip()][-50:]
+    words = [word for line in last for word in line.split()]
+    separator = re.compile(r"\s*[,;]\s*|\s+")
+    if any(";" in line or "\t" in line for line in last):
+        separator = re.compile(r"\s*;\s*|\s+")
+    elif len(words) > len(last) and all(_COMMA.fullmatch(w) or re.fullmatch(NUMBER, w) for w in words):
+        # In "0,01  0,035" blanks separate the numbers; in "0,01,0,035" nothing tells.
+        separator = re.compile(r"\s+")
+
+    def split(line: str) -> list[str]:
+        # Spreadsheets end rows with a separator and put cells between quotation marks.
+        bare = line.strip().rstrip(", ;\t")
+        if '"' in bare:
+            mark = next((mark for mark in ";\t," if mark in bare), " ")
+            cells = [x.strip() for x in next(csv.reader([bare], delimiter=mark, skipinitialspace=True))]
+        else:
+            cells = separator.split(bare) if bare else []
+        return [x.replace(",", ".") if "," in x and _COMMA.fullmatch(x) else x for x in cells]
+
+    return split
+
+
+def no_thousands(text: str, split: Callable[[str], list[str]]) -> None:
+    """Raise `UnreadableRecord` if all commas within the numbers of a text, or all points beside such commas,
+    may separate thousands."""
+    words = _MARKED.findall(text)
+    commas = [word for word in words if "," in word and len(split(word)) == 1]
+    for marked in (commas, [word for word in words if commas and "," not in word]):
+        if marked and all(map(_THOUSANDS.fullmatch, marked)):
+            raise UnreadableRecord(
+                f"{shown(marked[0])} may have a separator of thousands or a decimal one: write the numbers "
+                "with decimal points and without separators of thousands"
+            )
+
+
+def step_of(times: Sequence[tuple[int, str]], scale: float, stated: float | None) -> float:
+    """Return the step (s) of times that are equally spaced, each rounded to the digits printed.
+
+    Args:
+        times: lines and texts.
+        scale: seconds of their unit.
+        stated: a step in s, None where neither the file nor the user gives one.
+    """
+    t = scale * numbers(times)
+    i = np.arange(1, len(t))
+    if len(t) < 2:
+        return 1.0 if stated is None else stated
+    # Twelve digits: 31.18/1559 is then 0.02, as it was meant.
+    noise = 1e-9 * float(np.max(np.abs(t)))
+    step = low = high = float(f"{(t[-1] - t[0]) / i[-1]:.12g}")
+    if step <= 0.0 or (np.abs(t[1:] - t[0] - step * i) > noise).any():
+        # Programs print a number of decimals or, as with %g, of significant digits, and may leave out zeros
+        # at the end. Times of single precision are off by two units of 24 binary digits.
+        last = scale * np.array([Decimal.of(cell).unit for _, cell in times])
+        ahead = np.floor(np.log10(np.maximum(np.abs(t), last.min())) + 1e-12)
+        significant = np.max(ahead - np.round(np.log10(last)))
+        digits = np.maximum(np.maximum(10.0 ** (ahead - significant), last.min()), 2.4e-7 * np.abs(t))
+        margin = 0.51 * (digits[1:] + digits[0] * (t[0] != 0.0)) + noise
+        # All steps for which every time is rounded correctly.
+        low, high = float(np.max((t[1:] - t[0] - margin) / i)), float(np.min((t[1:] - t[0] + margin) / i))
+        if not 0.0 < low <= high:
+            usual = float(f"{np.median(np.diff(t)):.12g}")
+            k = int(np.argmax(np.abs(np.diff(t) - usual)))
+            said = (
+                f"that after line {times[k][0]} is {t[k + 1] - t[k]:.9g} s, and the usual one {usual:.9g} s"
+            )
+            raise UnreadableRecord(f"the times must have equal steps, but {said}")
+        # Of coarser times one may be missing, and several whole rates in Hz may fit.
+        if 2.1 * float(np.max(margin)) > high or (stated is None and high - low > low * high):
+            raise UnreadableRecord(
+                "the times have too few digits to show equal steps: leave them out of `columns` and give `dt`"
+            )
+        # Probably meant is a whole rate in Hz, or the step of fewest digits.
+        rounded = [1.0 / max(1, round(1.0 / step)), *(float(f"{step:.{n}g}") for n in range(1, 12))]
+        step = next((x for x in rounded if low <= x <= high), step)
+    if stated is not None and not low * (1.0 - 1e-6) <= stated <= high * (1.0 + 1e-6):
+        raise UnreadableRecord(f"a step of {stated:g} s is stated, but that of the times is {step:g} s")
+    return step if stated is None else stated
 
 
 @dataclass(frozen=True)
