@@ -20,7 +20,8 @@ HEAD = """\
 
 All names of `tpd`, by what you want to do, as `python -m tests.api_reference` writes them from the source.
 Units are SI where nothing else is said, angles are in rad. What is not on this page may change.
-`Real` is a number, `Whole` is a whole number, and `Vector` is a sequence or an array of numbers.
+`Real` is a number, `Whole` a whole number, and `Vector` a list or an array of numbers. Numbers may be
+those of Python, NumPy or JAX, or arrays of one element.
 
 """
 GROUPS = {
@@ -119,11 +120,12 @@ class Reference:
             value = str(getattr(self.package[expression.canonical_path.removeprefix("tpd.")], "value", ""))
             return value if re.fullmatch(r"[-+\d.e_]+", value) else expression.name
         # Makers of fields: `field(default=1.0, ...)`, `_parameter(1.0)`.
-        made = re.match(r"(?:\w+\.)?(?:field|_\w+)\((.*)\)$", str(expression), flags=re.DOTALL)
+        made = re.match(r"(?:\w+\.)?(?:field|_\w+|setting)\((.*)\)$", str(expression), flags=re.DOTALL)
         if made is None:
             return str(expression)
-        given = re.search(r"default=([^,()]+)", made[1])
-        return given[1] if given else made[1] if re.fullmatch(r"[\w.]+", made[1]) else ""
+        # `setting` has the name, the check and the default.
+        given = re.search(r"default=([^,()]+)|^'\w+', [\w.]+, ([^,()]+)", made[1])
+        return (given[1] or given[2]) if given else made[1] if re.fullmatch(r"[\w.]+", made[1]) else ""
 
     def call(self, item: griffe.Function, name: str) -> list[str]:
         """Call of a function, on one line or with a line for each argument."""
@@ -226,8 +228,8 @@ class Reference:
             links = ", ".join(f"[`{name}`](#{name.lower()})" for name in names.split())
             index.append(f"- [{title}](#{title.lower().replace(' ', '-')}): {links}")
         body = re.sub(r"\n{3,}", "\n\n", "\n".join(self.lines)).strip()
-        # The page explains these names of types, whose module has no public name.
-        body = body.replace("checks.", "")
+        # The names of kinds of numbers stand without the module that has them.
+        body = re.sub(r"\bchecks\.(?=(Real|Whole|Vector)\b)", "", body)
         return HEAD + "\n".join(index) + f"\n\n{body}\n"
 
 

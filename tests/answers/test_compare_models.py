@@ -80,7 +80,10 @@ def test_objections(motion, objection):
 def test_bad_input_is_refused():
     with pytest.raises(ValueError, match="`stroke` must be positive and finite, but is 0"):
         check(paper_scene(), None, stroke=0.0)
-    with pytest.raises(ValueError, match=r"`models` must be of uplift, .* but has guess"):
+    for wrong in (np.array([0.1, 0.2]), np.zeros(0)):
+        with pytest.raises(ValueError, match="`stroke` must be a single number, but is"):
+            check(paper_scene(), None, stroke=wrong)
+    with pytest.raises(ValueError, match=r"`models` must be one of uplift, .* but is 'guess'"):
         check(paper_scene(), None, models=("guess",))
     assert MODELS[0] == "uplift"
     assert MODELS[-1] == "nonlinear"

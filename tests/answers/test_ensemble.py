@@ -113,6 +113,7 @@ def test_conditions_are_dealt_out_evenly():
         ({"tilt": -0.1}, r"`tilt` must be zero or positive, and finite, but is -0\.1"),
         ({"frequency": 0.6}, r"`frequency` must be between 0 and 0\.5, but is 0\.6"),
         ({"ramps": (1.0, -2.0)}, "`ramps` must be zero or positive, and finite, but is -2"),
+        ({"ramps": (1.0, 1e300)}, r"`ramps` must be between 0 and 100000, but is 1e\+300"),
     ],
 )
 def test_ensembles_that_make_no_sense_are_refused(wrong, message):

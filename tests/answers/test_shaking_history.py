@@ -76,6 +76,25 @@ def test_nothing_is_said_once_the_block_lies_and_bad_times_are_refused():
             shaking_history(SINE, times=times)
 
 
+@pytest.mark.mends("a start with a unit or a mask lost it, and a negative time of free motion was accepted")
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (
+            {"y0": np.ma.masked_array(np.zeros(4), [True, False, False, False])},
+            "`y0` must have no masked elements",
+        ),
+        ({"y0": np.zeros(2)}, "`y0` must be \\(phi, psi, phi', psi'\\), all finite, but is"),
+        ({"times": np.array([0, 1], "timedelta64[s]")}, "`times` must be a vector of increasing numbers"),
+        ({"free": -1.0}, "`free` must be between 0 and 100000 s, but is -1"),
+        ({"free": "x"}, "`free` must be a number, but is 'x'"),
+    ],
+)
+def test_bad_input_is_refused(wrong, said):
+    with pytest.raises(ValueError, match=said):
+        shaking_history(SINE, **wrong)
+
+
 @pytest.mark.mends("the last row of a history was no number where rounding put the last time beyond the end")
 @pytest.mark.parametrize("hung", [None, HUNG])
 @pytest.mark.parametrize("free", [0.0, 0.3, 3.0])

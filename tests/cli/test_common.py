@@ -41,6 +41,8 @@ def test_ground_motions_are_said_with_their_sizes_and_a_harmonic_by_its_scene():
     said, lines = common.motions(job_of(two))
     assert said == "2 records, each at pga_star 2, 3"
     assert [line.partition(",")[0] for line in lines] == ["record: el-centro", "record: loma-prieta"]
+    one = {"motion": {"records": ["el-centro"], "scales": [2, 3]}}
+    assert common.motions(job_of(one))[0] == "1 record, each at pga_star 2, 3"
     assert common.motions(job_of({})) == ("", ())
 
 

@@ -132,6 +132,15 @@ def test_without_friction_an_orbit_may_turn_back_between_two_impacts(x):
         assert o.slopes[0, j, 0, i] == pytest.approx(expected, rel=1e-6)
 
 
+def test_an_orbit_with_two_equal_turns_counts_once():
+    # Nothing takes energy here, so that a motion may be its own mirror image in time.
+    for xi in np.linspace(1.5375, 2.5, 27):
+        o = solve([(0.15, 0.1, 0.1, 0.0, 0.0, 0.1, xi, 1.0)])
+        found = o.amplitude[0, o.exists[0]]
+        assert len(found) == 2, xi
+        assert found[1] < 0.5 * found[0]
+
+
 def test_with_friction_no_orbit_that_turns_back_is_claimed():
     for x in TURNING_BACK:
         o = solve([(*x[:4], 0.01 * x[0], *x[5:])])

@@ -111,6 +111,25 @@ def test_the_spectral_accelerations_of_el_centro():
     assert spectral_acceleration(el_centro(), 1e-6) == pytest.approx(float(el_centro().pga), rel=1e-5)
 
 
+@pytest.mark.mends(
+    "a negative period had an answer, that of no number was nan, and an array raised a TypeError"
+)
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"period": -0.3}, r"`period` must be positive and finite, but is -0\.3"),
+        ({"period": math.nan}, "`period` must be positive and finite, but is nan"),
+        ({"period": [0.1, 0.2]}, r"`period` must be a number, but is \[0\.1, 0\.2\]"),
+        ({"period": np.array([0.1, 0.2])}, "`period` must be a single number, but is"),
+        ({"damping": 1.0}, r"`damping` must be between 0 and 0\.99, but is 1"),
+        ({"damping": None}, "`damping` must be a number, but is None"),
+    ],
+)
+def test_a_spectral_acceleration_of_bad_input_is_refused(wrong, said):
+    with pytest.raises(ValueError, match=said):
+        spectral_acceleration(**({"motion": PULSE, "period": 0.3} | wrong))
+
+
 def test_measures_that_do_not_exist():
     for wrong, said in (
         (("pgx", None), "`intensity` must be one of " + ", ".join(INTENSITIES)),

@@ -112,13 +112,12 @@ def check(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    if stroke != math.inf:
+    if not (isinstance(stroke, float) and stroke == math.inf):
         stroke = checks.positive("stroke", stroke)
     models = MODELS if models is None else models
     checks.instance("models", models, (tuple, list))
-    unknown = [name for name in models if name not in MODELS]
-    if unknown:
-        raise ValueError(f"`models` must be of {', '.join(MODELS)}, but has {', '.join(unknown)}")
+    for name in models:
+        checks.one_of("models", name, MODELS)
     setup = Setup.of(subject, pendulum)
     p, asked = as_arrays(setup.at({})), [r for r in MODELS if r in models or r == TOP]
     done = []

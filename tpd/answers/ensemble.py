@@ -33,6 +33,7 @@ from tpd.scene.conditions import (
     latin_hypercube,
     under,
 )
+from tpd.scene.ground_motion import LONGEST_FREE
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import parameters_of
 from tpd.scene.scene import Pendulum, Scene
@@ -121,7 +122,9 @@ class Ensemble:
         ramps = ramps if isinstance(ramps, (tuple, list)) or np.ndim(ramps) else (ramps,)
         if not len(ramps):
             raise ValueError("`ramps` must hold at least one duration, but is empty")
-        object.__setattr__(self, "ramps", tuple(checks.not_negative("ramps", ramp) for ramp in ramps))
+        object.__setattr__(
+            self, "ramps", tuple(checks.not_negative("ramps", ramp, 0.0, LONGEST_FREE) for ramp in ramps)
+        )
 
     @property
     def half_widths(self) -> dict[str, float]:

@@ -11,6 +11,7 @@ from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.exact.terms import SHAKEN, SLIP
 from tpd.models.compiled_shaken import REST_RATE
+from tpd.scene.ground_motion import LONGEST_FREE
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status, status_name
 
@@ -81,9 +82,9 @@ def shaking_history(
     scene: Scene,
     pendulum: Pendulum | None = None,
     *,
-    times: np.ndarray | None = None,
-    y0: np.ndarray | None = None,
-    free: float = FREE,
+    times: checks.Vector | None = None,
+    y0: checks.Vector | None = None,
+    free: checks.Real = FREE,
 ) -> ShakingHistory:
     """Follow a block through the pulse or record of its scene.
 
@@ -111,15 +112,15 @@ def shaking_history(
     row = rows_of(scene.block, pendulum, [scene.motion], float(scene.gravity))[0]
     rate, piece = float(scene.rate), float(scene.motion.piece)
     pieces = np.ascontiguousarray(-np.asarray(scene.motion.pieces(), dtype=float))
-    shaken = len(pieces) * piece
+    shaken, free = len(pieces) * piece, checks.within("free", free, 0.0, LONGEST_FREE, " s")
     if times is None:
         times = np.linspace(0.0, shaken + free, min(20_000, int(len(pieces) + free / piece) + 1))
-    clock = np.ascontiguousarray(times, dtype=float)
-    if clock.ndim != 1 or len(clock) < 2 or not np.all(np.diff(clock) > 0.0) or clock[0] < 0.0:
+    clock = checks.array("times", times, (-1,), "a vector of increasing numbers")
+    if len(clock) < 2 or not np.all(np.diff(clock) > 0.0) or clock[0] < 0.0:
         raise ValueError("`times` must be a vector of increasing numbers from 0 on, but are not")
     free = float(clock[-1]) - shaken if clock[-1] > shaken + free else free
     out = np.empty((len(clock), entry.STATES))
-    start = np.zeros(4) if y0 is None else np.asarray(y0, dtype=float) / [1.0, 1.0, rate, rate]
+    start = np.zeros(4) if y0 is None else checks.state(y0) / [1.0, 1.0, rate, rate]
     # No motion has more: each impact is one of its events.
     impacts, status = np.empty((len(pieces) + MAX_EVENTS, 2)), np.empty(1)
     sizes = {"periods": len(clock), "impacts": len(impacts), "pieces": len(pieces), "events": MAX_EVENTS}

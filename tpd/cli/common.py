@@ -128,7 +128,7 @@ def motions(job: jobs.Job) -> tuple[str, tuple[str, ...]]:
     if job.conditions is None or not job.conditions.motions:
         return "", ()
     found, stripes = job.conditions.motions, ", ".join(f"{x:g}" for x in job.conditions.scales)
-    what = shaken(found[0]) if job.kind == "pulse" else f"{len(found)} records"
+    what = shaken(found[0]) if job.kind == "pulse" else f"{len(found)} record{'s' * (len(found) > 1)}"
     groups = job.held_out if isinstance(job.held_out, dict) else {}
     held = [f"held out, {name}: {line}" for name, group in groups.items() for line in described(group)]
     return f"{what}, each at {job.conditions.intensity} {stripes}", (*job.told, *held, *job.held_notes)

@@ -26,7 +26,7 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError("give --records FILE, or a job of records: a harmonic has no end")
     asked, scene = job.full["motion"], job.scene
     files.claim(options.out, overwrite=options.overwrite)
-    common.say(scene, hung, f"{len(job.motions)} records", job.told)
+    common.say(scene, hung, f"{len(job.motions)} record{'s' * (len(job.motions) > 1)}", job.told)
     stripes = np.linspace(0.5, 8.0, 20) if asked["scales"] is None else np.array(asked["scales"])
     with Bar() as bar, common.cluster(options) as cluster:
         found = fragility(

@@ -93,6 +93,8 @@ WORK = np.dtype(
 _BROKEN, _WHOLE, _UNPROVED = range(3)
 """Outcomes of a path: no orbit; an orbit; or more events than `_LOOKS` looks at the motion can prove."""
 _LOOKS = 8192
+_EQUAL = 1e-11
+"""Relative difference below which two turns of an orbit are equally large."""
 _ON_TIME = 1e-6
 """Share of h by which an event may differ from that of the conditions."""
 _DENTS = RELATIVE
@@ -149,8 +151,9 @@ def _put_path(q, m, t, gamma, way, w, orbit):
             now = state_at(arc, here, time)
             turns = which == FIRST and q.k == 0.0 and time < lasts - _ON_TIME * m.span
             if turns:
-                # The orbit is counted once: from the largest of its turns.
-                if abs(now[TILT]) > sizes[_AMPLITUDE]:
+                # The orbit is counted once, from the largest of its turns. Without any loss it may have two that
+                # are equal, and rounding must not decide: the first of them is the one before the impact.
+                if abs(now[TILT]) > sizes[_AMPLITUDE] * (1.0 - _EQUAL if late else 1.0 + _EQUAL):
                     return _BROKEN
                 least_fall, mode.way = min(least_fall, q.xi * abs(now[TILT])), -mode.way
                 w.second = watch_block(q, arc, mode, arc.tilt, w)

@@ -16,7 +16,8 @@ from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Scene
 
 INTENSITIES = ("pga_star", "pgv_star", "pga", "pgv", "sa", "scale")
-_DAMPING = 0.05
+_DAMPING, _MOST_DAMPING = 0.05, 0.99
+"""Damping ratio of a spectrum by default, and the largest: a critically damped oscillator does not swing."""
 _FINE = 0.1
 """Longest interval (times omega) in which a quintic stands for the motion of an oscillator."""
 
@@ -69,7 +70,9 @@ def peak_velocity(motion: GroundMotion) -> float:
     return float(np.max(np.abs(velocities))) * float(motion.pga)
 
 
-def spectral_acceleration(motion: GroundMotion, period: float, damping: float = _DAMPING) -> float:
+def spectral_acceleration(
+    motion: GroundMotion, period: checks.Real, damping: checks.Real = _DAMPING
+) -> float:
     """Return the largest |omega^2 x| (m/s^2) of an oscillator of that period and a damping ratio below 1.
 
     The motion is exact at the ends of the pieces and at any time within them: the matrix exponential takes
@@ -78,7 +81,13 @@ def spectral_acceleration(motion: GroundMotion, period: float, damping: float = 
     long as a bound on the motion within them exceeds the largest value found. In intervals of less than a
     tenth of a radian the largest value is that of the quintic through the values, rates and accelerations at
     both ends, which is within 1e-10 of the motion.
+
+    Raises:
+        ValueError: a number out of range, or something else than a motion.
     """
+    checks.instance("motion", motion, GroundMotion)
+    period = checks.positive("period", period, 1e-6, 1e6, " s")
+    damping = checks.within("damping", damping, 0.0, _MOST_DAMPING)
     c = np.asarray(motion.pieces(), dtype=float)
     # The unit of time is 1/omega, so that the unit of length makes omega^2 x an acceleration.
     h, free = 2.0 * np.pi * float(motion.piece) / period, math.sqrt(1.0 - damping**2)
