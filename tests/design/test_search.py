@@ -74,7 +74,7 @@ def test_every_search_ends_with_a_status(search, changed, expected):
     parts = {name: np.full_like(getattr(g.local, name), given.pop(name)) for name in ("value", "limit")}
     ends = {name: np.full_like(getattr(g, name), value) for name, value in given.items()}
     one = Multistart(search.objective, METHOD, 0, None)
-    one.groups, one.count = [g._replace(local=g.local._replace(**parts), **ends)], 4
+    one.groups = [g._replace(local=g.local._replace(**parts), **ends)]
     assert one.statuses() == (expected,) * 4
 
 
@@ -83,7 +83,7 @@ def test_an_end_that_the_exact_solution_contradicts_is_left_out_unless_all_are(s
     g = search.groups[1]
     one = Multistart(search.objective, tpd.Descent(searches=4), 0, None)
     mismatch = np.array([[1e-6, 1e-4], [0.02, 0.0], [0.009, 0.3], [np.inf, 0.0]])
-    one.groups, one.count = [g._replace(mismatch=mismatch)], 4
+    one.groups = [g._replace(mismatch=mismatch)]
     assert one.contradicted.tolist() == [False, True, False, True]
     assert [status is DesignStatus.contradicted for status in one.statuses()] == [False, True, False, True]
     assert np.isinf(one.values[[1, 3]]).all()

@@ -58,7 +58,7 @@ class Multistart:
     def __init__(self, objective: Orbits, method: Method, seed: int, progress: Progress | None) -> None:
         self.objective, self.method, self.seed = objective, method, seed
         self.progress = progress or unreported
-        self.count, self.groups = method.searches, list[Ends]()
+        self.groups: list[Ends] = []
         self.description = f"{method.searches} designs"
         self.screened, self.screened_value = np.zeros((0, 3)), np.zeros(0)
         self.feasible = np.zeros(0, bool)
@@ -84,9 +84,8 @@ class Multistart:
         self.screened, self.screened_value = designs, objective.value(e) + excess
         self.feasible = excess == 0.0
         units = objective.space.scaled(designs)
-        chosen = best_apart(units, self.screened_value, self.count)
         # Fewer than asked for, where screened designs coincide.
-        self.count = len(chosen)
+        chosen = best_apart(units, self.screened_value, self.method.searches)
         return units[chosen], local.at(chosen)
 
     def _search(self, units: np.ndarray, known: Linearisation, group: int, groups: int) -> Ends:

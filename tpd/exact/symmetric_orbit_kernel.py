@@ -151,8 +151,8 @@ def _put_path(q, m, t, gamma, way, w, orbit):
             now = state_at(arc, here, time)
             turns = which == FIRST and q.k == 0.0 and time < lasts - _ON_TIME * m.span
             if turns:
-                # The orbit is counted once, from the largest of its turns. Without any loss it may have two that
-                # are equal, and rounding must not decide: the first of them is the one before the impact.
+                # The orbit is counted once, from the largest of its turns. Without any loss it may have two
+                # that are equal, and rounding must not decide: the first is the one before the impact.
                 if abs(now[TILT]) > sizes[_AMPLITUDE] * (1.0 - _EQUAL if late else 1.0 + _EQUAL):
                     return _BROKEN
                 least_fall, mode.way = min(least_fall, q.xi * abs(now[TILT])), -mode.way
