@@ -131,7 +131,7 @@ GUARDS = (
           "exact/steady:steady_state", never("EVENT_BOUND"),
           _tests("models/piecewise", "a_period_too_long_to_be_followed_is_told")),
     Guard("smoothing too sharp", "Smoothed: sharpness within bounds",
-          "models/smoothed:Smoothed.__check_init__", unchecked("sharpness"),
+          "core/checks:within", constant("low", -1.0),
           _smoothed("settings_out_of_range_are_refused")),
     Guard("smoothed impacts", "Smoothed: e < 1 is refused with nonlinear terms, and e = 0 with others",
           "models/smoothed:Smoothed.check", unchecked("e"),

@@ -256,7 +256,7 @@ def _split_names(text: str) -> list[list[str]]:
 
 
 def _unknown_word(cells: Sequence[str], start: int = 0) -> str:
-    """Return the piece of cells that the grammar does not explain, or an empty text. `start` is their column."""
+    """Return the piece of cells, from column `start` on, that is not understood, or an empty text."""
     try:
         for i, cell in enumerate(cells, start):
             _column(cell, first=i == 0)
