@@ -258,7 +258,7 @@ def tolerance(name: str, value: object) -> Any:
 
 
 def set_checked(thing: Any, check: Callable[..., Any], names: str, *bounds: Any) -> None:
-    """Put what a check returns in the place of fields of a frozen object; `names` are separated by spaces."""
+    """Replace fields of a frozen object by what a check returns; `names` are separated by spaces."""
     for name in names.split():
         object.__setattr__(thing, name, check(name, getattr(thing, name), *bounds))
 

@@ -168,7 +168,7 @@ def _asked(design: Any) -> dict[str, dict[str, Any]]:
         asked |= {
             "motion": vars(scene.motion),
             "worth": vars(design.worth),
-            # Runs of the search's own seed have another one where the job is asked with another.
+            # Runs without a seed of their own use the seed of the search.
             "ensemble": vars(design.ensemble)
             | ({"seed": None} if design.ensemble.seed == design.seed else {}),
         }

@@ -240,7 +240,7 @@ class Verification:
             struck = strikes_of(found, pendulum, self.scene.block, room.bob)
         v = replace(v, paired=found, benefit=benefit, strikes=struck)
         self.bare = replace(self.bare, paired=found.bare)
-        # A point that strikes in too many runs says it all.
+        # If the bob touches a wall in too many runs, that reason is enough.
         turned = turned_in(found.hung) if not struck > self.worth.allowed else np.zeros(0)
         built = self._as_built(v, step, turned)
         return replace(v, reasons=(*built, *reasons_by_runs(v, self.worth, self.objective.conditions, step)))

@@ -61,7 +61,7 @@ def write(
         for name, inside in _words(design, study, job_tables, job_toml, said)
     ]
     written.insert(0, files.place(directory / "report.txt", text(report)))
-    # Numbers are safe on disk, and said, before the pictures, which take longest, are drawn.
+    # Pictures take longest and may fail: the numbers are written, and the answer is printed, before them.
     then()
     drawn = {}
     for name in names(design, study):
