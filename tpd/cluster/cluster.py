@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import inspect
 import io
+import logging
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -187,6 +188,9 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             with self._settings({"distributed.scheduler.allowed-failures": _DEATHS}):
                 if self.dask is None:
                     how = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "preload": [_DEAF]}
+                    # After Ctrl-C a process would log that it has lost the others, with tracebacks. Work that
+                    # fails is an error here anyway.
+                    how["silence_logs"] = logging.CRITICAL
                     self._local = self._distributed.LocalCluster(n_workers=self.workers, **how)
                 try:
                     self._client = self._distributed.Client(self._local or self.dask, set_as_default=False)
