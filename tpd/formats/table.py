@@ -444,7 +444,7 @@ def _remedy(
         # Where the lines below it say enough, passing over this one is all that is needed.
         if (width == 1 or below.cells) and not is_up and _channels(below, rows, how):
             return {"skip": line} | options
-    options = {"skip": rows[0][0] - 1, "columns": columns or ROWS} | options
+    options = ({"skip": rows[0][0] - 1} if head else {}) | {"columns": columns or ROWS} | options
     if not units or not all(units):
         options["unit"] = how.unit or (said.pop() if len(said) == 1 else "UNIT")
     if "time" not in {column.quantity for column in held}:
