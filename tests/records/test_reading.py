@@ -9,6 +9,7 @@ import pytest
 from tests.formats.synthetic import cosmos, csmip_v1, csmip_v2, esm, geonet, knet, peer, shaking, smc
 from tpd import Record
 from tpd.design.ground.judgement import Role, grouped
+from tpd.formats.channel import UNKNOWN
 from tpd.records import el_centro, reading
 from tpd.records.reading import described, facts, read_motions, same_earthquakes, summary
 from tpd.scene.ground_motion import events_of
@@ -90,7 +91,11 @@ def test_records_of_a_folder_that_name_no_earthquake_are_of_one(tmp_path):
 def test_records_without_a_direction_are_said_and_none_is_an_error(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text(nameless(0, "acc"))
-    assert "1 state no orientation" in " ".join(read_motions([str(path)])[1])
+    # The note of a single record says it; of several records a sentence counts them.
+    (record,), said = read_motions([str(path)])
+    assert UNKNOWN in record.notes
+    assert said == []
+    assert "of 2 records 1 state no orientation" in " ".join(read_motions([str(path), "el-centro"])[1])
     folder = put(tmp_path / "up", up=NS.replace("HNE", "HNZ"))
     with pytest.raises(ValueError, match=r"no horizontal record in .*; `channel` takes one that is"):
         read_motions([folder])

@@ -214,7 +214,7 @@ def _unknown(found: Sequence[Any]) -> list[str]:
     """Sentences on how many records state no orientation, and how many no earthquake."""
     said = []
     flat = sum(UNKNOWN in getattr(record, "notes", ()) for record in found)
-    if flat:
+    if flat and len(found) > 1:
         said.append(f"note: of {len(found)} records {flat} state no orientation and are taken for horizontal")
     alone = sum(not getattr(record, "event", "") for record in found)
     if alone and len(found) > 1:
