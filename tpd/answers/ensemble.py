@@ -180,12 +180,14 @@ class Outcomes(Printed):
     """Settled |psi|, or the largest of the last periods."""
     ramp: np.ndarray
     """Seconds (or units of tau) over which the shaking grew."""
-    nu: np.ndarray | None = None
-    """Slenderness of the block in every run, as it scatters; None where it is not known."""
-    mu: np.ndarray | None = None
+    nu: np.ndarray
+    """Slenderness of the block in every run, as it scatters."""
+    mu: np.ndarray
     """Mass ratio of the pendulum."""
-    lam: np.ndarray | None = None
+    lam: np.ndarray
     """Length ratio."""
+    relative: np.ndarray | None = None
+    """Largest angle between rod and block; None where only both angles are known by themselves."""
     equations: str = "linear"
     """Equations by which the runs were followed, "linear" or "nonlinear"."""
 
@@ -204,18 +206,33 @@ class Outcomes(Printed):
         """Whether a run has no answer: it met the bound on events, or ended without finite numbers."""
         return np.isin(self.status, UNANSWERED)
 
+    @property
+    def stands(self) -> np.ndarray:
+        """Whether the block is known not to overturn in a run."""
+        return ~(self.lost | self.undecided)
+
+    @property
+    def severity(self) -> np.ndarray:
+        """Settled tilt over the slenderness, from 0 to 1; 1 where the block overturns, NaN where a run has no
+        answer."""
+        # A bound at 1 keeps means finite: an overturned block is as bad as one on its corner, and no worse.
+        tilt = np.where(self.lost, np.inf, self.amplitude) / self.nu
+        return np.where(self.undecided, np.nan, np.minimum(np.where(np.isnan(tilt), np.inf, tilt), 1.0))
+
+    @property
+    def turned(self) -> np.ndarray:
+        """Largest angle between rod and block, rad; where it is not known by itself the sum of the largest
+        bob angle and the largest tilt, which is never less."""
+        return self.peak_stroke + self.peak if self.relative is None else self.relative
+
     def _share(self, hits: np.ndarray) -> Share:
         return Share.of(hits[~self.undecided])
-
-    def at(self, rows: np.ndarray) -> Outcomes:
-        """Some of the runs."""
-        values = {name: getattr(self, name) for name in ("status", "ramp", "nu", "mu", "lam", *_SIZES)}
-        return replace(self, **{name: x[rows] for name, x in values.items() if x is not None})
 
     def ended(self, falls: bool) -> Outcomes:
         """The runs with an end for each that has none: an overturning, or rest."""
         size, name = (math.inf, Outcome.overturned) if falls else (0.0, Outcome.rest)
-        sizes = {of: np.where(self.undecided, size, getattr(self, of)) for of in _SIZES}
+        known = (of for of in (*_SIZES, "relative") if getattr(self, of) is not None)
+        sizes = {of: np.where(self.undecided, size, getattr(self, of)) for of in known}
         return replace(self, status=np.where(self.undecided, name, self.status), **sizes)
 
     @property
@@ -321,6 +338,7 @@ def outcomes(
     ensemble: Ensemble | None = None,
     conditions: Conditions | None = None,
     equations: Terms | str = Terms.linear,
+    rtol: checks.Real = 1e-8,
     workers: checks.Whole | None = None,
     cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | bool | None = None,
@@ -333,6 +351,7 @@ def outcomes(
         ensemble: default `Ensemble()`.
         conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
         equations: the linear ones by their exact solution, or the nonlinear ones by a compiled event loop.
+        rtol: relative tolerance of a step of the nonlinear equations.
         workers: threads; default the number of cores.
         cluster: processes or machines in place of threads.
         progress: True for a bar on stderr, or called with (runs done, of how many).
@@ -354,7 +373,7 @@ def outcomes(
     rate = float(subject.rate) if isinstance(subject, Scene) else 1.0
     runs = plan(parameters_of(subject, pendulum), ensemble, rate, conditions)
     batch = {"p": runs.p, "y0": runs.y0, "begin": runs.begin, "ramp": runs.periods}
-    shared = terms, ensemble.periods
+    shared = terms, ensemble.periods, rtol
     with shown_count(progress, "following") as report:
         if cluster is None:
             settled = _settled(batch, *shared, workers, report)
@@ -371,14 +390,19 @@ def outcomes(
 
 
 def _settled(
-    batch: dict[str, Any], terms: Terms, periods: int, workers: int | None = 1, progress: Any = None
+    batch: dict[str, Any],
+    terms: Terms,
+    periods: int,
+    rtol: float,
+    workers: int | None = 1,
+    progress: Any = None,
 ) -> dict[str, np.ndarray]:
     """Sizes and statuses, by their codes, of runs; in one thread on a cluster, whose processes share the
     cores."""
     p, y0, how = batch["p"], batch["y0"], {"begin": batch["begin"], "ramp": batch["ramp"]}
     how |= {"workers": workers, "progress": progress}
     if terms is Terms.nonlinear:
-        settled = settle_nonlinear(p, y0, periods=periods, **how)
+        settled = settle_nonlinear(p, y0, periods=periods, rtol=rtol, **how)
     else:
         settled = settle_all(p, y0, model=Piecewise(max_periods=periods), **how)
     sizes = {name: np.asarray(getattr(settled, name)) for name in _SIZES}

@@ -147,9 +147,12 @@ def _mean(values: np.ndarray, clusters: np.ndarray | None) -> Interval:
     return Interval(mean, mean - width, mean + width)
 
 
-def is_positive(values: np.ndarray, least: float = -1.0) -> bool:
-    """Whether the mean of independent values is above zero, at 5 %: Student's one-sided test or, where all
-    are alike, with the unseen share of others at the `least` value that there may be."""
+def is_positive(values: np.ndarray, least: float = -1.0, clusters: np.ndarray | None = None) -> bool:
+    """Whether the mean of values is above zero, at 5 %: Student's one-sided test between clusters or, where
+    all are alike, with the unseen share of others at the `least` value that there may be."""
+    if clusters is not None:
+        sizes = added_up(np.ones(len(values)), clusters)
+        values = added_up(values, clusters) / (sizes.mean() if sizes.size else 1.0)
     n = len(values)
     if n < 2:
         return False

@@ -1,10 +1,13 @@
-"""The main job: find the pendulum for a scene, and verify it."""
+"""The main job: find the pendulum for a scene, in three stages.
+
+*Search* yields candidates: under harmonic excitation from descents on the smoothed orbits, under ground
+motions from a sample of the space. *Refine* evaluates them and others by trial runs. *Validate* decides by
+paired runs that nothing else has used.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,42 +15,24 @@ import numpy as np
 from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
-from tpd.core.batch import aside
 from tpd.core.progress import Progress, shown, unreported
 from tpd.design.criteria import DesignSpace, Limit, Risk, Worth
-from tpd.design.ground.optimise import ground_problem
-from tpd.design.ground.optimise import solve as solve_on_motions
-from tpd.design.ground.search import GroundSearch
-from tpd.design.methods import Descent, Method, describe
-from tpd.design.objective import margins
-from tpd.design.one_shot import OneShot
+from tpd.design.descend import Descent
+from tpd.design.design import Design
+from tpd.design.ground_motion import GroundMotionProblem, GroundSearch
+from tpd.design.harmonic import HarmonicProblem
 from tpd.design.problem import Problem
-from tpd.design.result import Design, DesignStatus, HarmonicDesign
-from tpd.design.search import Multistart
-from tpd.design.survey import Survey, survey
-from tpd.design.verified import LossCase
-from tpd.design.verify import JUDGED, Verification, nearest_of, pendulum_of
-from tpd.models.compiled_linear import load_compiled
-from tpd.models.smoothed import Smoothed
+from tpd.design.reasons import DesignStatus
+from tpd.design.refine import apart, refine
+from tpd.design.validate import Validated, validate
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Scene
 
-_PATHS = 48
-"""Designs of the paths that are followed from rest."""
-SEARCHED = 64
-"""Most conditions under which the searches descend: their ends are followed and verified under others."""
-
-
-@dataclass
-class Found:
-    """Search, verification and all that they add to the answer, as it grows."""
-
-    search: Multistart
-    verification: Verification
-    status: DesignStatus = DesignStatus.no_uplift
-    surveys: tuple[Survey, ...] = ()
-    losses: tuple[LossCase, ...] = ()
+_SURER = 0.6
+"""Factor on what is uncertain about the limits of the next design, after one has been rejected."""
+_PROMISING = 0.3
+"""Share of the required benefit that the trend of a further design must promise."""
 
 
 def optimise(
@@ -58,121 +43,117 @@ def optimise(
     starts: Starts | None = None,
     risk: Risk | None = None,
     limits: Iterable[Limit] | None = None,
-    method: Method | GroundSearch | None = None,
+    method: Descent | GroundSearch | None = None,
     ensemble: Ensemble | None = None,
     worth: Worth | None = None,
     held_out: checks.Real | Mapping[str, Sequence[GroundMotion]] | None = None,
     seed: checks.Whole = 0,
     progress: Progress | bool | None = None,
 ) -> Design:
-    """Pendulum of least rocking under one or many conditions, verified.
+    """Find the pendulum of least rocking under one or many conditions, and validate it.
 
-    Under ground motions, `conditions=Conditions.records(...)`, see
-    `tpd.design.ground.optimise.ground_problem`; what follows is about harmonics. By default their conditions
-    are a neighbourhood of the scene's own shaking: ±5 % in frequency and +10 % in amplitude. Signs
-    and impacts are smoothed, diffrax integrates the equations (25), and optax descends on the gradients of
-    the steady amplitudes under all conditions, from the best of many screened designs; the exact solution
-    validates every end. Designs that the descents met, and others, are followed from rest by the linear and
-    the nonlinear equations, and the best are verified one after the other until one passes: paired runs of
-    the nonlinear equations must show the least benefit that `worth` asks for, and no harm. The one that
-    passes is judged by fresh runs, of another seed, which the answer quotes; the next is judged if they
-    refuse it, three at most.
+    By default the conditions are a neighbourhood of the scene's own excitation: ±5 % in frequency and +10 %
+    in amplitude. Under ground motions, `conditions=Conditions.records(...)`, see
+    `tpd.design.ground_motion.GroundMotionProblem`.
+
+    The search smooths signs and impacts, diffrax integrates the equations (25), and optax descends on the
+    gradients of the steady amplitudes; the exact gradients finish the best ends. Trial runs of the linear
+    equations then compare these designs and others, and a Gaussian process proposes further ones. The best
+    is validated by paired runs of the nonlinear equations: they must show the benefit that `worth` requires,
+    and no harm. At most three designs are validated, each by runs of its own.
 
     Args:
-        scene: block and base motion, SI; under ground motions a block alone will do.
+        scene: block and base motion, SI; under ground motions a block alone is enough.
         space: bounds of the search; default `DesignSpace()`.
         conditions: default `Conditions.around(scene)`.
         starts: default `Starts.any()`, the largest motion that attracts; with `Starts.rest()` rest counts
             wherever it holds.
         risk: default `Risk.worst()`.
         limits: objects of `tpd.limits`; default `limits.DEFAULT_LIMITS`; `limits.POINT_BOB` has no walls.
-        method: `Descent(...)` or `Sequential(...)`.
-        worth: least benefit and largest harm of a design that is offered; default `Worth()`.
-        ensemble: runs that verify; default `Ensemble()`, dealt out among the conditions.
+        method: `Descent(...)`; under ground motions `GroundSearch(...)`.
+        ensemble: validation runs, dealt out among the conditions; default `Ensemble(size=2048)`.
+        worth: least benefit and largest harm of a pendulum that is recommended; default `Worth()`.
         held_out: ground motions that the design is not tuned to, a share or groups by name; default 0.5.
         seed: of every random choice, also of the runs of an ensemble without a seed of its own.
         progress: True for a bar on stderr, or called with (stage, done, of how many).
 
     Returns:
-        A `HarmonicDesign`; under ground motions a `GroundDesign`.
+        The design, with its status, its trials and its validation runs.
 
     Raises:
         ValueError: bad input.
         RuntimeError: JAX is in 32-bit mode.
     """
-    asked: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
-    asked |= {"worth": worth, "seed": seed}
-    if isinstance(conditions, Conditions) and conditions.motions:
-        if starts is not None:
-            raise ValueError("`starts` is for harmonics, but the conditions are ground motions")
-        shaken = ground_problem(scene, conditions, space, held_out=held_out, **asked)
-        with shown(progress) as report:
-            return solve_on_motions(shaken, report)
-    if held_out is not None:
-        raise ValueError("`held_out` is for ground motions, but the conditions are harmonics")
-    if isinstance(scene, Block) or isinstance(method, GroundSearch):
-        raise ValueError("a block alone, and a `GroundSearch`, go with ground motions: `Conditions.records`")
-    problem = Problem.of(scene, space, conditions=conditions, starts=starts, **asked)
+    given: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
+    given |= {"worth": worth, "seed": seed}
+    problem = problem_of(scene, space, conditions=conditions, starts=starts, held_out=held_out, **given)
     with shown(progress) as report:
         return solve(problem, report)
 
 
-def solve(problem: Problem, progress: Progress | None = None) -> HarmonicDesign:
-    """Search and verify a problem; see `optimise`."""
-    # If the bare block lifts under no condition there may be nothing to search.
-    p = problem.orbits.p
-    if not np.all(margins(problem.orbits, np.array([[0.0, float(p.lam), float(p.zeta)]])) > 0.0):
-        # Compiled while the bare block is followed; not at once, since only one thread at a time can trace.
-        if isinstance(problem.method, Descent) and isinstance(problem.method.model, Smoothed):
-            OneShot(problem.orbits, problem.method.model).prepare()
-        aside(load_compiled)
-    objective, verification = problem.objective, Verification(problem, progress)
-    few = objective.over(objective.conditions.subset(SEARCHED, problem.seed))
-    search = Multistart(few, problem.method, problem.seed, progress)
-    if len(few.conditions) < len(objective.conditions):
-        search.description += f" under {len(few.conditions)} of the {len(objective.conditions)} conditions"
-    found = Found(search, verification)
-    if not verification.bare_rests:
-        search.run()
-        _verify(problem, found, progress)
-    verified = tuple(verification.verified)
-    offered = verified[-1] if found.status is DesignStatus.found else None
-    alike = None
-    if offered is not None and verification.refinement is not None:
-        alike = verification.refinement.alike(offered.design)
-    none = found.status is DesignStatus.none_feasible
-    return HarmonicDesign(
-        **problem.inputs,
-        status=found.status,
-        pendulum=None if offered is None else pendulum_of(problem.scene, offered),
-        verified=verified,
-        bare=verification.bare,
-        nearest=nearest_of(found.surveys[-1]) if none else None,
-        search=search.history,
-        surveys=found.surveys,
-        losses=found.losses,
-        alike=alike,
-        settings=describe(problem.method),
-    )
+def problem_of(
+    scene: Scene | Block,
+    space: DesignSpace | None = None,
+    *,
+    conditions: Conditions | None = None,
+    starts: Starts | None = None,
+    held_out: checks.Real | Mapping[str, Sequence[GroundMotion]] | None = None,
+    **given: Any,
+) -> Problem:
+    """Return the problem that arguments of `optimise` pose.
+
+    Raises:
+        ValueError: bad input.
+    """
+    checks.optional("conditions", conditions, Conditions)
+    if conditions is not None and conditions.motions:
+        if starts is not None:
+            raise ValueError("`starts` is for harmonics, but the conditions are ground motions")
+        return GroundMotionProblem.of(scene, conditions, space, held_out=held_out, **given)
+    if held_out is not None:
+        raise ValueError("`held_out` is for ground motions, but the conditions are harmonics")
+    if isinstance(scene, Block) or isinstance(given.get("method"), GroundSearch):
+        raise ValueError("a block alone, and a `GroundSearch`, go with ground motions: `Conditions.records`")
+    return HarmonicProblem.of(scene, space, conditions=conditions, starts=starts, **given)
 
 
-def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
-    """Follow many designs from rest, verify the best of them, and add what belongs to an offered one."""
-    search, verification = found.search, found.verification
-    # Ends that the exact solution confirms, and the best designs on the paths.
-    ends = search.order(feasible=False)
-    met = [search.designs[ends[~search.contradicted[ends]]], search.on_the_way(_PATHS)]
-    after = partial(progress or unreported, "survey")
-    found.surveys = wide, fine = survey(
-        verification.few, np.concatenate(met), problem.ensemble.periods, problem.seed, after
-    )
-    found.surveys = wide, fine = wide, verification.refined(fine)
-    for _ in range(JUDGED):
-        found.status = verification.best_of_survey(fine)
-        if found.status is DesignStatus.found:
-            found.status = verification.judge()
-        if found.status is not DesignStatus.refused or not verification.verified[-1].chosen_by:
+def solve(problem: Problem, progress: Progress = unreported) -> Design:
+    """Search, refine and validate; see `optimise`."""
+    if problem.stays_at_rest():
+        return Design(problem=problem, status=DesignStatus.no_uplift)
+    candidates, search = problem.candidates(progress)
+    refinement = refine(problem, candidates, progress)
+    status, validated = DesignStatus.none_feasible, list[Validated]()
+    for attempt in range(problem.attempts):
+        trials = refinement.trials()
+        pool = apart(problem, trials.designs[trials.feasible], [v.design for v in validated])
+        if not len(pool) or (validated and not _is_promising(problem, refinement, pool[0])):
             break
-    if found.status is DesignStatus.found:
-        winner = verification.verified[-1]
-        found.losses = verification.fresh.under_other_losses(pendulum_of(problem.scene, winner))
+        found = validate(problem, pool[0], attempt, progress=progress)
+        validated.append(found)
+        if not found.reasons:
+            status = problem.evidence
+            break
+        status = found.status
+        if found.decided is not None:
+            # These runs say more about the design than its trial, and something about its neighbours.
+            refinement.add(found.design, found.decided.with_pendulum)
+            refinement.likely = 1.0 - _SURER * (1.0 - refinement.likely)
+            refinement.fit()
+    best = validated[-1].design if validated and not validated[-1].reasons else None
+    return Design(
+        problem=problem,
+        status=status,
+        validated=tuple(validated),
+        trials=refinement.trials(),
+        search=search,
+        equivalent=None if best is None else refinement.equivalent(best),
+    )
+
+
+def _is_promising(problem: Problem, refinement: Any, design: np.ndarray) -> bool:
+    """Whether the trend of a design promises a part of the benefit that is required."""
+    if refinement.process is None:
+        return False
+    trend = float(refinement.process.at(problem.space.scaled(design[None]))[0][0])
+    return trend < (1.0 - _PROMISING * problem.worth.at_least) * refinement.without

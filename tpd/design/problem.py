@@ -1,39 +1,47 @@
-"""The question of a design: inputs, checked before anything is compiled, defaults, and the objective."""
+"""A design problem: the inputs of `tpd.optimise`, complete and checked, and the runs that answer it.
+
+`HarmonicProblem` and `GroundMotionProblem` say which designs are candidates, what a trial run and a paired
+run are, and what only their kind of excitation needs. Search, refinement, validation and report are written
+once, for `Problem`.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from tpd.answers.attractors import StartKind, Starts
-from tpd.answers.ensemble import Ensemble
+from tpd.answers.ensemble import Ensemble, Outcomes
+from tpd.answers.paired import PairedRuns
 from tpd.core import checks
+from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import (
-    DEFAULT_LIMITS,
+    STILL,
     DesignSpace,
+    Evaluation,
+    Geometry,
     Limit,
     Mass,
     Risk,
     Room,
     Worth,
-    check_limits,
     limit_of,
 )
-from tpd.design.methods import SMOOTHED, Descent, Method
-from tpd.design.objective import Orbits, geometry_of
-from tpd.models.piecewise import Piecewise
-from tpd.scene.conditions import Conditions, check_restitution, under_all
-from tpd.scene.parameters import as_arrays
-from tpd.scene.scene import Block, Harmonic, Scene, check_shaking
+from tpd.design.orbits import blank, geometry_of
+from tpd.design.reasons import DesignStatus
+from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.scene import Block, Pendulum, Scene, check_shaking
 
+MOST_MOTIONS = 24
+"""Most motions that are followed over time for the loads."""
 _KINDS = {
     "space": DesignSpace,
     "conditions": Conditions,
-    "starts": Starts,
     "risk": Risk,
     "ensemble": Ensemble,
     "worth": Worth,
@@ -41,28 +49,167 @@ _KINDS = {
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Question:
-    """Inputs of `tpd.optimise`, complete and checked."""
+class Problem(ABC):
+    """Inputs of `tpd.optimise`, complete and checked, and the runs that answer them."""
 
     scene: Scene
-    """On ground motions its motion is the first of them."""
+    """Under ground motions its motion is the first of them."""
     space: DesignSpace
     """Within the limit on the bob's mass, if there is one."""
     conditions: Conditions
-    """On ground motions those of the group that a design is tuned to."""
+    """Under ground motions those of the group that a design is tuned to."""
     risk: Risk
     limits: tuple[Limit, ...]
     method: Any
-    """A `Method`; on ground motions a `GroundSearch`."""
+    """Settings of the search."""
     ensemble: Ensemble
-    """On ground motions its widths are those of block and installation in the judgement."""
+    """Validation runs; under ground motions its half widths are those of block and installation."""
     worth: Worth
     seed: int
+    attempts: ClassVar[int]
+    """Most designs that are validated, each by runs of its own."""
+    holds_back: ClassVar[bool]
+    """Whether some validation runs take no part in the decision, and are those that are quoted."""
 
     @property
     def inputs(self) -> dict[str, Any]:
-        """All fields by their names: an answer repeats its question."""
+        """Arguments of `tpd.optimise` that pose this problem again, by name."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @property
+    @abstractmethod
+    def rounds(self) -> tuple[int, int]:
+        """Rounds of further trials after the candidates, and how many designs each has."""
+
+    @property
+    @abstractmethod
+    def allowed(self) -> float:
+        """Largest share of the runs in which the block stands that may exceed a limit."""
+
+    @property
+    def evidence(self) -> DesignStatus:
+        """Status of a design that passes the validation, as far as the excitation allows a verdict."""
+        return DesignStatus.found
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """Lengths of the block under all conditions, with the bob of the limits."""
+        return geometry_of(self.scene, self.conditions, self.limits)
+
+    def pendulum(self, design: np.ndarray) -> Pendulum:
+        """Return a design (mu, lam, zeta) in SI units."""
+        mu, lam, zeta = map(float, design)
+        return self.scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta)
+
+    def ratios(self, pendulum: Pendulum) -> np.ndarray:
+        """Return the design (mu, lam, zeta) of a pendulum in SI units."""
+        block = self.scene.block
+        ratios = pendulum.mass / block.mass, pendulum.length / block.half_height, pendulum.damping_ratio
+        return np.array([float(x) for x in ratios])
+
+    def exact(self, design: np.ndarray | None) -> Any:
+        """Return the exact motions of a design, or without a pendulum, under all conditions; None where only
+        runs answer."""
+        return None
+
+    @cached_property
+    def without_pendulum(self) -> Any:
+        """Exact motions without a pendulum; None where only runs answer."""
+        return self.exact(None)
+
+    @abstractmethod
+    def stays_at_rest(self) -> bool:
+        """Return whether the block without a pendulum ends at rest under all conditions."""
+
+    @abstractmethod
+    def candidates(self, progress: Progress) -> tuple[np.ndarray, Any]:
+        """Return designs that are worth a trial, (m, 3), and the history of the search that found them (None
+        where there was no search)."""
+
+    @abstractmethod
+    def trial_runs(self, design: np.ndarray | None, seed: int) -> Outcomes:
+        """Follow cheap runs of a design by the linear equations; of None without a pendulum."""
+
+    @abstractmethod
+    def paired_runs(
+        self,
+        design: np.ndarray,
+        seed: int,
+        *,
+        equations: str = "nonlinear",
+        scene: Scene | None = None,
+        more: Conditions | None = None,
+        progress: Progress = unreported,
+    ) -> PairedRuns:
+        """Follow runs with and without the pendulum of a design.
+
+        Args:
+            design: (mu, lam, zeta), shape (3,).
+            seed: of the runs, which are independent of those of all other seeds.
+            equations: the nonlinear ones validate; fewer and shorter runs by the linear ones compare.
+            scene: with another block or gravity; default that of the problem.
+            more: one further condition, on top of all others.
+            progress: called with (stage, runs done, of how many).
+        """
+
+    @abstractmethod
+    def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
+        """Return the motions of the conditions in which the rod of a design turns most, at most 24."""
+
+    def value_of(self, runs: Outcomes) -> float:
+        """Return the risk of the severities of runs that have an answer; NaN without any."""
+        known = runs.severity[~runs.undecided]
+        return float(self.risk.of(known)) if len(known) else np.nan
+
+    def fixed_sizes(self, designs: np.ndarray) -> dict[str, np.ndarray]:
+        """Return limited quantities over their limits that need no run, the largest of all conditions, by
+        name, (m,): of the bob that hangs at rest, and with harmonic excitation of the settled orbit."""
+        m, n = len(designs), len(self.conditions)
+        zeros = np.zeros((m, n))
+        at_rest = blank(m, n)._replace(tilt=zeros, stroke=zeros, design=designs)
+        return {
+            size.name: np.max(size.value, axis=1)
+            for limit in self.limits
+            if limit.of_motion
+            for size in limit.sizes(at_rest, self.geometry)
+        }
+
+    def sizes_in_runs(self, design: np.ndarray, runs: Outcomes) -> dict[str, np.ndarray]:
+        """Return limited quantities over their limits, by name, in each run in which the block stands."""
+        stands, g = runs.stands, self.geometry
+        nu, mu, lam = (np.asarray(x)[stands] for x in (runs.nu, runs.mu, runs.lam))
+        # The walls come nearer with the block's width.
+        own = replace(
+            g,
+            wall=0.5 * float(self.scene.block.room) * nu / float(self.scene.block.slenderness),
+            slenderness=nu,
+            mass_factor=mu / design[0],
+            length_factor=lam / design[1],
+        )
+
+        def motion(tilt: np.ndarray, stroke: np.ndarray, relative: np.ndarray | None) -> Evaluation:
+            shaped = {"tilt": tilt / runs.nu, "stroke": stroke, "relative": relative}
+            rows = {k: None if x is None else x[stands][None] for k, x in shaped.items()}
+            return blank(1, len(nu))._replace(**rows, design=design[None])
+
+        settled = motion(runs.amplitude, runs.stroke, runs.relative)
+        # The bob must keep off the walls from the first moment on, and not only in the settled motion.
+        largest = motion(runs.peak, runs.peak_stroke, runs.turned)
+        return {
+            size.name: size.value[0]
+            for limit in self.limits
+            if limit.of_motion
+            for size in limit.sizes(largest if isinstance(limit, Room) else settled, own)
+        }
+
+    def over_limit(self, design: np.ndarray, runs: Outcomes) -> tuple[float, str]:
+        """Return the share of the runs in which the block stands whose motion exceeds a limit, 0 without any
+        such run, and the name of the limit that most of them exceed."""
+        sizes = {name: x > 1.0 for name, x in self.sizes_in_runs(design, runs).items() if name not in STILL}
+        if not sizes or not runs.stands.any():
+            return 0.0, ""
+        worst = max(sizes, key=lambda name: float(np.mean(sizes[name])))
+        return float(np.mean(np.any(list(sizes.values()), axis=0))), worst
 
 
 def check_given(seed: checks.Whole, **given: Any) -> int:
@@ -76,7 +223,7 @@ def check_given(seed: checks.Whole, **given: Any) -> int:
 
 
 def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> DesignSpace:
-    """The space within the limit on the bob's mass, if there is one.
+    """Return the space within the limit on the bob's mass, if there is one.
 
     Raises:
         ValueError: a mass below the least bob of the space.
@@ -84,7 +231,7 @@ def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> 
     limit, (low, high) = limit_of(limits, Mass), space.mass_ratio
     if not isinstance(limit, Mass):
         return space
-    # A bound is kept exactly by every method; a constraint only to its tolerance.
+    # Every method keeps a bound exactly, and a constraint only to its tolerance.
     most = limit.kg / float(block.mass)
     if most <= low:
         raise ValueError(
@@ -95,7 +242,7 @@ def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> 
 
 
 def check_moves(scene: Scene, conditions: Conditions, space: DesignSpace) -> None:
-    """Raise `ValueError` where nothing shakes the block, or where a quantity scatters that is zero."""
+    """Raise `ValueError` where nothing moves the block, or where a quantity scatters that is zero."""
     if not scene.motion.amplitude > 0.0:
         raise ValueError(
             f"`amplitude` must be above 0 in a search, but is {scene.motion.amplitude:g}: nothing shakes the "
@@ -107,13 +254,13 @@ def check_moves(scene: Scene, conditions: Conditions, space: DesignSpace) -> Non
 
 
 def check_cavity(block: Block, limits: tuple[Limit, ...]) -> None:
-    """Raise `ValueError` where limits ask for room inside a block whose cavity is not stated."""
+    """Raise `ValueError` where limits need room inside a block whose cavity is not stated."""
     if limit_of(limits, Room) is None or block.cavity_width is not None:
         return
     raise ValueError(
         "`cavity_width`, the width in m between the walls that the bob swings within, must be given, but is "
         "not, and no pendulum hangs inside a solid block: state it (--cavity, or `cavity_width` in [block] "
-        "or of `Block`), or ask for no room (--no-walls, `room = false` in [limits], or limits without "
+        "or of `Block`), or leave out the walls (--no-walls, `room = false` in [limits], or limits without "
         "`Room`)"
     )
 
@@ -130,95 +277,3 @@ def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None 
             raise ValueError(f"`{name}` cannot scatter by a share of itself: it is 0")
         if name == "restitution":
             check_restitution(scene)
-
-
-_SMOOTH = 0.2
-"""Least velocity ratio of impacts under which descents smooth them."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Problem(Question):
-    """A question about harmonic shaking, with what the searches make small."""
-
-    starts: Starts
-
-    @staticmethod
-    def of(
-        scene: Scene,
-        space: DesignSpace | None = None,
-        *,
-        conditions: Conditions | None = None,
-        starts: Starts | None = None,
-        risk: Risk | None = None,
-        limits: Iterable[Limit] | None = None,
-        method: Method | None = None,
-        ensemble: Ensemble | None = None,
-        worth: Worth | None = None,
-        seed: checks.Whole = 0,
-    ) -> Problem:
-        """Problem of a scene; None stands for the default everywhere.
-
-        Raises:
-            ValueError: bad input.
-            RuntimeError: JAX is in 32-bit mode.
-        """
-        given = {"space": space, "conditions": conditions, "starts": starts, "risk": risk}
-        seed = check_given(seed, **given, ensemble=ensemble, worth=worth)
-        checks.instance("scene", scene, Scene)
-        checks.optional("method", method, Method)
-        if not isinstance(scene.motion, Harmonic):
-            raise ValueError(
-                "the motion of `scene` must be a harmonic: give pulses and records by "
-                "`conditions=tpd.Conditions.records(...)`"
-            )
-        conditions = Conditions.around(scene) if conditions is None else conditions
-        space = DesignSpace() if space is None else space
-        check_moves(scene, conditions, space)
-        # Housner's restitution is least with the heaviest bob.
-        heaviest = under_all(as_arrays(scene.parameters()), space.full(space.bounds[1])[None], conditions)
-        method = Descent() if method is None else method
-        if isinstance(method, Descent):
-            model = method.model
-            if model is None:
-                # Where impacts take much, the bias of smoothed ones comes near to the tolerance of the ends.
-                smooth = bool(np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH))
-                model = SMOOTHED if smooth else Piecewise()
-            model.check(heaviest)
-            method = replace(method, model=model)
-        limits = check_limits(DEFAULT_LIMITS if limits is None else limits)
-        check_cavity(scene.block, limits)
-        starts = Starts.any() if starts is None else starts
-        if starts.kind is StartKind.sampled:
-            raise ValueError(
-                "`starts` of a design must be Starts.any() or Starts.rest(), but is a sampled set: its runs "
-                "begin where `ensemble` says"
-            )
-        ensemble = (Ensemble() if ensemble is None else ensemble).seeded(seed)
-        if ensemble.restitution:
-            check_restitution(scene)
-        return Problem(
-            scene=scene,
-            space=within_mass(space, scene.block, limits),
-            conditions=conditions,
-            starts=starts,
-            risk=Risk.worst() if risk is None else risk,
-            limits=limits,
-            method=method,
-            ensemble=ensemble,
-            worth=Worth() if worth is None else worth,
-            seed=seed,
-        )
-
-    @cached_property
-    def orbits(self) -> Orbits:
-        """Symmetric orbits of designs under all conditions; nothing is compiled yet."""
-        scene, conditions = self.scene, self.conditions
-        common = as_arrays(scene.parameters()), conditions, self.space, self.risk, self.limits
-        return Orbits(
-            *common, geometry_of(scene, conditions, self.limits), self.starts.kind is StartKind.rest
-        )
-
-    @cached_property
-    def objective(self) -> Orbits:
-        """These, with the tilts of the bare block known to limits that compare with them."""
-        return self.orbits.against_bare()

@@ -1,36 +1,46 @@
-"""Many searches: lighter bobs for one block, the front of mass against benefit; and pendulums for many
-blocks, on the processes of a cluster or one after the other."""
+"""Many design problems: lighter bobs for one block, the Pareto front of mass against benefit; and pendulums
+for many blocks, on the processes of a cluster or one after the other."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tpd.answers.statistics import Interval
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
-from tpd.core.formatting import Printed, Tabular, counted, picture
+from tpd.core.formatting import Printed, Tabular, counted
 from tpd.core.progress import Progress, shown_count
-from tpd.design.build import FrontPoint
+from tpd.design.design import Design
 from tpd.design.optimise import optimise
-from tpd.design.result import Design, DesignStatus
-from tpd.scene.scene import Block, Scene
+from tpd.design.reasons import DesignStatus
+from tpd.scene.scene import Block, Pendulum, Scene
 
 _LEAST, _LIGHTER = 1.0 / 16.0, 3
 """Share of the largest mass at which a front begins, and how many lighter bobs it has by default."""
 
 
-class Front(tuple["FrontPoint", ...]):
+class FrontPoint(NamedTuple):
+    """Answer with a bob of at most a mass."""
+
+    most: float
+    """kg"""
+    status: str
+    """Name of the status."""
+    pendulum: Pendulum | None
+    """None where none is offered."""
+    saved: tuple[float, float, float]
+    """Share by which the mean tilt falls, and its interval of 95 %, on runs that no choice has seen; NaN
+    without a pendulum."""
+
+
+class Front(tuple[FrontPoint, ...]):
     """Answers with lighter bobs, the lightest first; the design itself comes last."""
 
     __slots__ = ()
-
-    def plot(self, *, ax: Any = None) -> Any:
-        """Draw the fall of the mean tilt over the bob's mass, with intervals, and return the axes."""
-        return picture("compare:plot_front")(self, ax)
 
 
 def front(
@@ -40,7 +50,7 @@ def front(
     method: Any = None,
     progress: Progress | None = None,
 ) -> Front:
-    """Answer the question of a design again with lighter bobs, each verified as the design itself.
+    """Solve the problem of a design again with lighter bobs, each validated as the design itself.
 
     Args:
         design: an answer of `tpd.optimise`.
@@ -73,7 +83,7 @@ def front(
 
 
 def _point(most: float, answer: Design) -> FrontPoint:
-    saved = answer.saved or Interval(np.nan, np.nan, np.nan)
+    saved = answer.benefit or Interval(np.nan, np.nan, np.nan)
     return FrontPoint(most, answer.status.name, answer.pendulum, (saved.mean, saved.low, saved.high))
 
 

@@ -1,9 +1,9 @@
-"""Response surface through noisy values: a Gaussian process.
+"""Gaussian process through noisy values at designs: their trend, and which design is worth a trial next.
 
 A mean over runs is a smooth trend with a fine structure on top, because a block that rocks for long forgets
-where it came from. The surface estimates the trend; its noise takes the fine structure and the luck in the
-runs (C. E. Rasmussen and C. K. I. Williams, Gaussian Processes for Machine Learning, 2006, chapters 2 and 5).
-It says as well which design is worth following next (expected improvement of the trend; D. R. Jones,
+its initial state. The process estimates the trend, and its noise absorbs the fine structure and the sampling
+error of the runs (C. E. Rasmussen and C. K. I. Williams, Gaussian Processes for Machine Learning, 2006,
+chapters 2 and 5). The next design is that of the largest expected improvement of the trend (D. R. Jones,
 M. Schonlau and W. J. Welch, J. Global Optim. 13, 1998).
 """
 
@@ -27,10 +27,8 @@ _AMPLITUDE = (0.5, 30.0)
 _CONSTANT = 10.0
 """Variance of the unknown mean, over that of the trend."""
 _JITTER = 1e-10
-_STEPS = 150
-"""Steps of the search for the numbers of the process."""
 _ANYWHERE, _NEAR = 1500, 500
-"""Designs that are compared on the surface: anywhere in the space, and near the best ones."""
+"""Designs that are compared by their trend: anywhere in the space, and near the best ones."""
 _WIDTHS = (0.03, 0.5)
 """Widths of those near the best, in shares of the space."""
 
@@ -43,7 +41,7 @@ class Observations(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Surface:
+class GaussianProcess:
     """A fitted process."""
 
     seen: Observations
@@ -68,65 +66,71 @@ class Surface:
 
 
 def _covariance(a: np.ndarray, b: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Squared exponential covariances of values at places (n, d) and (m, d), with that of an unknown mean."""
+    """Return squared exponential covariances of values at places (n, d) and (m, d), with that of an unknown
+    mean."""
     return np.exp(-0.5 * np.sum(((a[:, None] - b[None]) / lengths) ** 2, axis=-1)) + _CONSTANT
 
 
-def fit(seen: Observations, seed: int = 0, before: Surface | None = None, steps: int = _STEPS) -> Surface:
-    """The most likely process for observations.
+def fit(
+    seen: Observations, seed: int = 0, before: GaussianProcess | None = None, steps: int = 150
+) -> GaussianProcess:
+    """Return the most likely process for observations.
 
-    A seeded search for its few numbers, from those of the process `before` if there is one.
+    Args:
+        seen: designs and values.
+        seed: of the search for the few hyperparameters.
+        before: process of fewer observations, at whose hyperparameters the search begins.
+        steps: of the search.
     """
     d = seen.at.shape[1]
     middle, spread = float(np.mean(seen.value)), float(np.std(seen.value)) or 1.0
     low, high = np.log([*[_LENGTHS] * d, _AMPLITUDE, _NOISE]).T
     start = np.log([*[0.7] * d, 2.0, 0.1]) if before is None else before.numbers
     best = _at(seen, start, middle, spread)
-    # Few numbers and a likelihood of half a millisecond: no gradient is needed.
+    # Few hyperparameters and a likelihood that takes a millisecond: no gradient is needed.
     rng, width = np.random.default_rng([seed, len(seen.value)]), 0.8
     for _ in range(steps if len(seen.value) > 3 else 0):
-        # One is drawn more than is used, so that answers are those of the tables.
-        tried = np.clip(best.numbers + width * rng.standard_normal(d + 3)[:-1], low, high)
-        other = _at(seen, tried, middle, spread)
+        trial = np.clip(best.numbers + width * rng.standard_normal(d + 2), low, high)
+        other = _at(seen, trial, middle, spread)
         # One fifth of the steps should succeed (I. Rechenberg, Evolutionsstrategie, 1973).
         better = other.loss < best.loss
         best, width = (other if better else best), width * (1.5 if better else 0.9)
     return best
 
 
-def _at(seen: Observations, numbers: np.ndarray, middle: float, spread: float) -> Surface:
-    """Process of given numbers."""
+def _at(seen: Observations, numbers: np.ndarray, middle: float, spread: float) -> GaussianProcess:
+    """Return the process of given hyperparameters."""
     lengths, (size, noise) = np.exp(numbers[:-2]), np.exp(numbers[-2:])
     k = size**2 * _covariance(seen.at, seen.at, lengths)
     # Noise makes the matrix safe to factor as well.
     k[np.diag_indices_from(k)] += noise**2 + _JITTER
-    # Numbers for which the matrix is singular to rounding are as unlikely as can be.
+    # Hyperparameters for which the matrix is singular to rounding are as unlikely as can be.
     try:
         factor = np.linalg.cholesky(k)
     except np.linalg.LinAlgError:
-        return Surface(seen, numbers, middle, spread, np.eye(len(k)), np.zeros(len(k)), np.inf)
+        return GaussianProcess(seen, numbers, middle, spread, np.eye(len(k)), np.zeros(len(k)), np.inf)
     half = np.linalg.solve(factor, (seen.value - middle) / spread)
     weights = np.linalg.solve(factor.T, half)
     # Length scales near one are the most likely beforehand: the trend is smooth over the space.
     prior = 0.5 * np.sum((numbers[:-2] / 1.5) ** 2)
     loss = 0.5 * float(half @ half) + float(np.sum(np.log(np.diag(factor)))) + prior
-    return Surface(seen, numbers, middle, spread, factor, weights, loss)
+    return GaussianProcess(seen, numbers, middle, spread, factor, weights, loss)
 
 
-def candidates(rng: np.random.Generator, best: np.ndarray) -> np.ndarray:
-    """Designs to be compared on a surface, in shares of the space (m, d): some anywhere, and more closely
-    where the best ones (n, d) lie."""
+def proposals(rng: np.random.Generator, best: np.ndarray) -> np.ndarray:
+    """Draw designs to be compared by their trend, in shares of the space (m, d): some anywhere, and more
+    closely where the best ones (n, d) lie."""
     d = best.shape[1]
     near = best[rng.integers(0, len(best), _NEAR)]
-    # Of all widths, since nobody knows beforehand how far the best designs lie apart.
+    # Of all widths, since it is not known beforehand how far the best designs lie apart.
     low, high = np.log(_WIDTHS)
     width = np.exp(rng.uniform(low, high, (_NEAR, 1)))
     near = np.clip(near + width * rng.standard_normal((_NEAR, d)), 0.0, 1.0)
     return np.concatenate([rng.random((_ANYWHERE, d)), near])
 
 
-def likely(limits: Sequence[Surface], x: np.ndarray) -> np.ndarray:
-    """Probability that all limited quantities are below zero at places (m, d), as their surfaces see it."""
+def probability_below_zero(limits: Sequence[GaussianProcess], x: np.ndarray) -> np.ndarray:
+    """Return the probability that all limited quantities are below zero at places (m, d), by their trends."""
     out = np.ones(len(x))
     for limit in limits:
         middle, deviation = limit.at(x)
@@ -134,23 +138,9 @@ def likely(limits: Sequence[Surface], x: np.ndarray) -> np.ndarray:
     return out
 
 
-def promise(
-    surface: Surface, limits: Sequence[Surface], x: np.ndarray, best: float | None, last: bool
-) -> np.ndarray:
-    """How much places (m, d) promise, the more the better: by the improvement on the best value of the trend,
-    None where no design keeps to the limits yet; at `last` by the trend itself."""
-    keeps = likely(limits, x)
-    if best is None:
-        # Nothing to improve on yet.
-        return keeps
-    if last:
-        return np.where(keeps > 0.5, -surface.at(x)[0], -np.inf)
-    return keeps * improvement(surface, x, best)
-
-
-def improvement(surface: Surface, x: np.ndarray, best: float) -> np.ndarray:
-    """Expected improvement of the trend at places (m, d) on a value of it."""
-    mean, deviation = surface.at(x)
+def improvement(process: GaussianProcess, x: np.ndarray, best: float) -> np.ndarray:
+    """Return the expected improvement of the trend at places (m, d) on a value of it."""
+    mean, deviation = process.at(x)
     gain, s = best - mean, np.maximum(deviation, 1e-12)
     z = gain / s
     return gain * ndtr(z) + s * np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi)

@@ -1,0 +1,383 @@
+"""The pendulum as it is built, and what the report shows beside a design: loads, readings on site, how the
+benefit depends on what is not known exactly, motions from rest and responses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tpd.answers.paired import PairedRuns
+from tpd.answers.response import Response, frequencies, settled_response
+from tpd.answers.shaking_history import shaking_history
+from tpd.answers.statistics import Interval
+from tpd.answers.steady_state import sampled, simulate
+from tpd.core.progress import Progress, unreported
+from tpd.design.criteria import bob_of
+from tpd.design.design import Design
+from tpd.design.pareto import FrontPoint
+from tpd.models.piecewise import Piecewise
+from tpd.scene.bob import Bob
+from tpd.scene.conditions import Conditions
+from tpd.scene.parameters import as_arrays
+from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene
+from tpd.scene.status import status_name
+from tpd.theory import equivalent_friction, turning_tilts, uplift
+
+_BAND = frequencies(1.0, 0.7, 1.5, 41)
+"""Frequencies of a response, in shares of the scene's own."""
+_VARIED = {
+    "restitution": 0.5,
+    "friction": 0.5,
+    "slenderness": 0.05,
+    "amplitude": 0.1,
+    "frequency": 0.05,
+    "mass": 0.05,
+    "length": 0.05,
+    "damping": 0.4,
+}
+"""Shares by which a quantity is varied; of a restitution it is the loss, 1 - e."""
+_USUAL = 1.0 / 3.0
+"""Tilt over nu at which friction and impacts are made to lose the same energy."""
+_SEED = 3
+"""Number of the seed of the comparisons, after those of trials and validation."""
+STANDING = "stood", "rocked"
+"""Statuses of a block that stands at the end of a motion."""
+_PULLED, _HALF, _MOST = 0.1, 0.5, 400
+"""Tilt of a pull test over that of toppling, the share of it that is waited for, and most impacts counted."""
+
+
+class Loads(NamedTuple):
+    """Largest values over the motions in which the block stands, by the linear equations, without impacts.
+    They need not occur at once."""
+
+    tension: float
+    """Force along the rod, N."""
+    hinge: float
+    """Force of the hinge on the block, N."""
+    rate: float
+    """Angular rate between rod and block, rad/s."""
+    friction: float
+    """Horizontal over vertical force at the base: with a smaller coefficient of friction the base slides."""
+    motions: int
+    """Motions that were followed over time."""
+
+
+class PullTest(NamedTuple):
+    """The bare block is pulled at its top, released, and left alone: its losses follow from its turns."""
+
+    tilt: float
+    """rad; a tenth of that of toppling."""
+    sway: float
+    """Way of the top, m."""
+    force: float
+    """Horizontal force at the top that lifts the resting block, N."""
+    impacts: int
+    """Impacts until the tilt at a turn is at most half of the first; 0 if that takes too many, or friction
+    holds the block."""
+    seconds: float
+    """Time until then."""
+
+
+class Sensitivity(NamedTuple):
+    """Benefit where a quantity differs from what was stated, by paired runs of the linear equations."""
+
+    name: str
+    """Name in `tpd.scene.conditions.FACTORS`; empty for the stated quantities."""
+    width: float
+    """Share by which the quantity is varied to either side."""
+    low: Interval
+    """Fall of the mean tilt with the quantity less by its width."""
+    high: Interval
+
+
+class LossCase(NamedTuple):
+    """The pendulum where the block loses its energy in another way, by the linear equations."""
+
+    name: str
+    """"friction", "impacts" or "friction and impacts"."""
+    friction: float
+    velocity_ratio: float
+    """e without a pendulum."""
+    runs: PairedRuns
+
+
+@dataclass(frozen=True, kw_only=True)
+class Build:
+    """A pendulum as it is built; SI units."""
+
+    bob: Bob
+    mass: float
+    """Mass of the body, kg: a part of it swings as the point of the equations, the rest loads the top; NaN
+    where no body does that."""
+    dead: float
+    """Mass of body and rod that loads the top and does not swing, kg."""
+    bob_width: float
+    bob_height: float
+    rod: float
+    """From the hinge to the centre of the bob, that then swings as often as the point of the equations;
+    NaN where no rod does that."""
+    rod_share: float
+    """Mass of a steel rod for ten times the bob's weight, over that of the bob."""
+    depth: float
+    """From the hinge to the lower end of the bob that hangs."""
+    wall: float
+    """From the axis of the block to the wall; NaN where no cavity is known."""
+    reach: float
+    """How far the body comes from the axis in all but the allowed share of the runs of `Design.turned`; NaN
+    where none is known."""
+    frequency: float
+    """Own frequency without the damper in the block that stands, Hz."""
+    damping: float
+    """Moment of the hinge per angular rate, N m s/rad."""
+    rebound: float
+    """Angle that the pendulum reaches on the other side after a release, over that of the release."""
+    weight: float
+    """Weight of the bob on the top of the block, N."""
+    loads: Loads | None
+    """None where the block stands in none of the motions."""
+    lifts: tuple[float, float] | None
+    """Acceleration of the base over gravity at which the resting block lifts under the harmonic, with the
+    pendulum that has settled and without; None on ground motions."""
+    lifts_slow_fast: tuple[float, float]
+    """This with the pendulum under shakings that are very slow and very fast for it."""
+    pull: PullTest
+
+    @property
+    def damper_moment(self) -> float:
+        """Largest moment of the damper, N m; NaN without loads."""
+        return self.damping * self.loads.rate if self.loads else math.nan
+
+    @property
+    def damper_power(self) -> float:
+        """Largest power of the damper, W; NaN without loads."""
+        return self.damper_moment * self.loads.rate if self.loads else math.nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeHistory:
+    """One motion from rest under the scene's own shaking, shapes (times,)."""
+
+    with_pendulum: bool
+    time: np.ndarray
+    """s"""
+    tilt: np.ndarray
+    """phi, rad; NaN after an overturning, and where the model has no answer."""
+    bob: np.ndarray
+    """psi, rad."""
+    overturned: bool
+    """Whether the block overturns."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """What a report shows beside the design; None or empty where a part does not apply."""
+
+    build: Build | None = None
+    """None where no pendulum is offered."""
+    sensitivity: tuple[Sensitivity, ...] = ()
+    losses: tuple[LossCase, ...] = ()
+    histories: tuple[TimeHistory, ...] = ()
+    """First 24 periods from rest, with harmonic excitation."""
+    responses: tuple[Response, ...] = ()
+    """Over frequency from rest, without a pendulum and with the one that is offered; only where the
+    conditions differ in the motion of the base alone."""
+    front: tuple[FrontPoint, ...] = ()
+
+
+def study(
+    design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progress = unreported
+) -> Study:
+    """Compute everything that a report shows beside the design, once.
+
+    Args:
+        design: the answer of `optimise`.
+        front: the answer of `tpd.front`, to be shown as well.
+        progress: called with (stage, units done, of how many).
+
+    Raises:
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    out = Study(
+        build=build_of(design),
+        sensitivity=sensitivity_of(design, progress),
+        losses=losses_of(design, progress),
+        front=front,
+    )
+    scene, hung = design.scene, design.pendulum
+    if not isinstance(scene.motion, Harmonic):
+        return out
+    responses: tuple[Response, ...] = ()
+    if set(design.conditions.factors) <= {"amplitude", "frequency"}:
+        values = scene.motion.frequency * _BAND
+        cases = (None,) if hung is None else (None, hung)
+        how = {"progress": progress}
+        responses = tuple(
+            settled_response(scene, "frequency", values, pendulum=case, **how) for case in cases
+        )
+    return replace(out, histories=time_histories(scene, hung), responses=responses)
+
+
+def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory, ...]:
+    """Return histories from rest by the exact solution: without and, if there is one, with the pendulum."""
+    cases, out = (None,) if pendulum is None else (None, pendulum), []
+    for hung in cases:
+        p = as_arrays(scene.parameters(hung))
+        tau = sampled(p)
+        motion = simulate(p, np.zeros(4), tau, model=Piecewise())
+        tilt, bob = np.asarray(motion.ys).T[:2]
+        found = {"time": np.asarray(tau) / scene.rate, "tilt": tilt, "bob": bob}
+        falls = status_name(motion.status) == "overturned"
+        out.append(TimeHistory(with_pendulum=hung is not None, overturned=falls, **found))
+    return tuple(out)
+
+
+def build_of(design: Design) -> Build | None:
+    """Return the pendulum of a design as it is built; None where none is offered."""
+    hung, scene = design.pendulum, design.scene
+    if hung is None:
+        return None
+    bob, g = bob_of(design.limits), float(scene.gravity)
+    mass, length, zeta = float(hung.mass), float(hung.length), float(hung.damping_ratio)
+    block, mu = scene.block, mass / float(scene.block.mass)
+    body, rod = bob.built(mass, length, g)
+    half, rod_share = float(bob.half_height(body)), bob.rod_share(rod, g)
+    problem = design.problem
+    reach = bob.reach(body, rod, design.turned)
+    motions = problem.strongest_motions(problem.ratios(hung))
+    loads = loads_of([Scene(block, m, g) for m in motions], hung)
+    # Rod and hinge carry the whole body: the part that does not swing is taken to pull as the rest does.
+    up = body * (1.0 + rod_share) / mass if math.isfinite(body) else 1.0
+    # Both limits of |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`.
+    capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction or 0.0)
+    lifts = None
+    if isinstance(scene.motion, Harmonic):
+        both = scene.parameters(hung), scene.parameters()
+        with_it, without = (float(p.f / (1.0 - uplift(p).margin)) for p in both)
+        lifts = with_it, without
+    return Build(
+        bob=bob,
+        mass=body,
+        dead=body * (1.0 + rod_share) - mass,
+        bob_width=2.0 * float(bob.radius(body)),
+        bob_height=2.0 * half,
+        rod=rod,
+        rod_share=rod_share,
+        depth=rod + half,
+        wall=math.nan if block.cavity_width is None else 0.5 * float(block.cavity_width),
+        reach=float(np.quantile(reach, 1.0 - problem.allowed, method="higher"))
+        if np.size(reach)
+        else math.nan,
+        frequency=math.sqrt(g / length) / (2.0 * math.pi),
+        damping=float(hung.hinge_damping(g)),
+        rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,
+        weight=body * (1.0 + rod_share) * g,
+        loads=None if loads is None else loads._replace(tension=loads.tension * up, hinge=loads.hinge * up),
+        lifts=lifts,
+        lifts_slow_fast=(capacity / (1.0 + 2.0 * mu), capacity),
+        pull=pull_test(scene),
+    )
+
+
+def sensitivity_of(design: Design, progress: Progress = unreported) -> tuple[Sensitivity, ...]:
+    """Return how the benefit depends on what is not known exactly, one quantity after the other, on the same
+    runs of the linear equations; empty where no pendulum is offered."""
+    if design.pendulum is None:
+        return ()
+    scene = design.scene
+    absent = {
+        "restitution": float(scene.block.velocity_ratio) == 1.0,
+        "friction": not scene.block.friction,
+    }
+    names = [name for name in _VARIED if not absent.get(name, False)]
+    # The same runs with nothing varied: fewer than those that validate, they give another number.
+    same = _compared(design).benefit
+    out = [Sensitivity("", 0.0, same, same)]
+    for done, name in enumerate(names):
+        progress("sensitivity", done, len(names))
+        width = _VARIED[name]
+        low, high = (_compared(design, *_varied(scene, name, sign * width)) for sign in (-1.0, 1.0))
+        out.append(Sensitivity(name, width, low.benefit, high.benefit))
+    progress("sensitivity", len(names), len(names))
+    return tuple(out)
+
+
+def losses_of(design: Design, progress: Progress = unreported) -> tuple[LossCase, ...]:
+    """Return the pendulum where the block loses energy by friction alone, by impacts alone, and by both;
+    empty where none is offered."""
+    if design.pendulum is None:
+        return ()
+    out, models = [], loss_models(design.scene)
+    for done, (name, block) in enumerate(models.items()):
+        progress("other energy losses", done, len(models))
+        runs = _compared(design, Scene(block, design.scene.motion, design.scene.gravity))
+        out.append(LossCase(name, float(block.friction or 0.0), float(block.velocity_ratio), runs))
+    return tuple(out)
+
+
+def _compared(design: Design, scene: Scene | None = None, more: Conditions | None = None) -> PairedRuns:
+    """Paired runs of the linear equations in a changed scene or under a further condition."""
+    problem, hung = design.problem, design.pendulum
+    assert hung is not None
+    seed = int(np.random.SeedSequence([problem.ensemble.seed or problem.seed, _SEED]).generate_state(1)[0])
+    return problem.paired_runs(problem.ratios(hung), seed, equations="linear", scene=scene, more=more)
+
+
+def loss_models(scene: Scene) -> dict[str, Block]:
+    """Return the block with the losses of friction, of impacts and of both: its own where it has them, else a
+    friction that loses as much as the impacts, or Housner's impacts."""
+    block, p = scene.block, scene.parameters()
+    e = float(block.velocity_ratio)
+    k = float(block.friction or 0.0)
+    impacts = HOUSNER if block.restitution is None else block.restitution
+    friction = k or float(equivalent_friction(p, _USUAL * float(p.nu))) if e < 1.0 else k
+    return {
+        "friction": replace(block, friction=friction, restitution=None),
+        "impacts": replace(block, friction=0.0, restitution=impacts),
+        "friction and impacts": replace(block, friction=friction, restitution=impacts),
+    }
+
+
+def _varied(scene: Scene, name: str, share: float) -> tuple[Scene | None, Conditions | None]:
+    """Scene or further condition in which a quantity differs by a share."""
+    if name != "restitution":
+        return None, Conditions({name: np.array([1.0 + share])})
+    # A factor on e would exceed 1; and an e that follows the block's shape is moved as well.
+    e = 1.0 - (1.0 - float(scene.block.velocity_ratio)) * (1.0 + share)
+    block = replace(scene.block, restitution=max(e, 0.0))
+    return Scene(block, scene.motion, scene.gravity), None
+
+
+def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:
+    """Return the largest loads over the motions of scenes in which the block stands; None where it stands in none."""
+    found = [shaking_history(scene, pendulum) for scene in scenes]
+    # A block that falls takes its pendulum along.
+    stands = [h for h in found if status_name(h.status) in STANDING]
+    if not stands:
+        return None
+    each = np.array([(*h.loads(pendulum), h.needed_friction) for h in stands])
+    tension, hinge, rate, friction = map(float, each.max(axis=0))
+    return Loads(tension, hinge, rate, friction, len(stands))
+
+
+def pull_test(scene: Scene) -> PullTest:
+    """Return the pull-and-release test of the bare block: what to expect if it loses as much energy as was stated."""
+    block, g = scene.block, float(scene.gravity)
+    nu, k = float(block.slenderness), float(block.friction or 0.0)
+    tilt, rate, impacts = _PULLED * nu, float(scene.rate), 0
+    taus = np.zeros(1)
+    if tilt < nu - k:
+        turns, taus = turning_tilts(nu, k, float(block.velocity_ratio), tilt, _MOST)
+        reached = np.flatnonzero(turns <= _HALF * tilt)
+        impacts = int(reached[0]) if reached.size else 0
+    return PullTest(
+        tilt=tilt,
+        sway=tilt * float(block.height),
+        # The force acts at twice the height of the weight.
+        force=0.5 * (nu + k) * float(block.mass) * g,
+        impacts=impacts,
+        seconds=float(taus[impacts]) / rate if impacts else math.nan,
+    )

@@ -1,1 +1,0 @@
-"""Design of a pendulum on ground motions: pulses and records."""

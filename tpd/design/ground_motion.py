@@ -1,0 +1,426 @@
+"""Design problem under ground motions: pulses and records, some of which are held out for the validation.
+
+Two records of one earthquake are alike. Hence an earthquake is on one side only, and runs of one earthquake
+are no independent observations: they are the clusters of `tpd.answers.statistics`."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from tpd.answers.ensemble import Ensemble, Outcomes
+from tpd.answers.paired import PairedRuns
+from tpd.answers.transient import FREE, MAX_EVENTS
+from tpd.core import checks
+from tpd.core.progress import Progress, unreported
+from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Stroke, Worth, check_limits
+from tpd.design.problem import MOST_MOTIONS, Problem, check_cavity, check_given, within_mass
+from tpd.design.reasons import DesignStatus
+from tpd.models.compiled_nonlinear import shake_nonlinear
+from tpd.models.compiled_shaken import follow_all
+from tpd.records.intensity import intensity_of
+from tpd.scene.conditions import Conditions, check_restitution, latin_hypercube, under_all
+from tpd.scene.ground_motion import GroundMotion, events_of
+from tpd.scene.parameters import Parameters
+from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
+from tpd.scene.status import UNANSWERED, Outcome
+from tpd.theory.equations import Terms
+
+DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
+DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room())
+HELD_OUT = 0.5
+"""Share of the motions that a design is not tuned to by default."""
+LEAST_EARTHQUAKES = 5
+"""Earthquakes that a design must be tuned to, and as many that it must be validated on: of fewer the spread
+between earthquakes is hardly known."""
+SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
+"""Names of what is uncertain in validation runs: block and installation, as in the runs of an `Ensemble`."""
+_OUTCOMES = np.array(
+    [Outcome.stood, Outcome.rocked, Outcome.overturned, Outcome.event_bound, Outcome.failed]
+)
+"""Names of outcomes by the numbers of the compiled code, see `tpd.exact.terms`."""
+_EVENTS = 20_000
+"""Events of a trial run beyond one for each piece: a bob that swings for long needs no more."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundSearch:
+    """Trial runs of a search under ground motions.
+
+    Raises:
+        ValueError: a count below its least.
+    """
+
+    starts: checks.Whole = 32
+    """Designs spread over the space."""
+    steps: checks.Whole = 32
+    """Designs that follow where the trend promises most."""
+
+    def __post_init__(self) -> None:
+        checks.set_checked(self, checks.count, "starts", 4)
+        checks.set_checked(self, checks.count, "steps", 0)
+
+
+class Role(enum.Enum):
+    """Part of a group in the search."""
+
+    tuned = "tuned to"
+    held_out = "held out"
+
+
+@dataclass(frozen=True)
+class Group:
+    """Ground motions that are counted together."""
+
+    name: str
+    role: Role
+    motions: tuple[GroundMotion, ...]
+    events: np.ndarray = field(default=None)  # type: ignore[assignment]
+    """Number of the earthquake of every motion, shape (motions,), the same in all groups of a design; by
+    default of this group alone."""
+
+    def __post_init__(self) -> None:
+        if self.events is None:
+            object.__setattr__(self, "events", np.unique(events_of(self.motions), return_inverse=True)[1])
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class GroundMotionProblem(Problem):
+    """A design problem under ground motions."""
+
+    groups: tuple[Group, ...]
+    """Motions that the design is tuned to, and those that are held out."""
+    # The held-out earthquakes are few: only one design can be validated on them.
+    attempts: ClassVar[int] = 1
+    holds_back: ClassVar[bool] = False
+
+    @staticmethod
+    def of(
+        subject: Scene | Block,
+        conditions: Conditions,
+        space: DesignSpace | None = None,
+        *,
+        held_out: float | Mapping[str, Sequence[GroundMotion]] | None = None,
+        risk: Risk | None = None,
+        limits: Iterable[Limit] | None = None,
+        method: GroundSearch | None = None,
+        worth: Worth | None = None,
+        ensemble: Ensemble | None = None,
+        seed: checks.Whole = 0,
+    ) -> GroundMotionProblem:
+        """Return the problem of a block; None stands for the default everywhere.
+
+        Args:
+            subject: the block, or a scene with its gravity, whose motion is not used.
+            conditions: from `Conditions.records`.
+            space: bounds of the search; default `DesignSpace(damping_ratio=(0.05, 1))`.
+            held_out: share of the motions, whole earthquakes by a seeded choice, that the design is not tuned
+                to; or groups of other motions by name; default 0.5.
+            risk: of the severities of all trial runs; default `Risk.expected()`.
+            limits: default the stroke and the clearance between the walls, at all times.
+            method: numbers of trials.
+            worth: `strikes` is the share of the runs in which the block stands that may exceed a limit;
+                `at_least` the least share by which the mean tilt over all held-out motions must fall.
+            ensemble: its half widths are those of block and installation in the validation runs.
+            seed: of every random choice.
+
+        Raises:
+            ValueError: bad input.
+            RuntimeError: JAX is in 32-bit mode.
+        """
+        seed = check_given(seed, space=space, risk=risk, ensemble=ensemble, worth=worth)
+        checks.instance("scene", subject, (Scene, Block))
+        checks.optional("method", method, GroundSearch)
+        block = subject if isinstance(subject, Block) else subject.block
+        gravity = STANDARD_GRAVITY if isinstance(subject, Block) else float(subject.gravity)
+        listed = check_ground_limits(DEFAULT_LIMITS if limits is None else tuple(limits))
+        check_cavity(block, listed)
+        groups = grouped(conditions.motions, HELD_OUT if held_out is None else held_out, seed)
+        # By identity: two records may be equal, and belong to both sides.
+        kept = [i for i, m in enumerate(conditions.motions) if any(m is own for own in groups[0].motions)]
+        which = np.asarray(conditions.which)
+        rows = np.isin(which, kept)
+        inside = replace(
+            conditions,
+            factors={name: factor[rows] for name, factor in conditions.factors.items()},
+            motions=tuple(conditions.motions[i] for i in kept),
+            which=np.searchsorted(kept, which[rows]),
+        )
+        worth, ensemble = Worth() if worth is None else worth, Ensemble() if ensemble is None else ensemble
+        # A setting without effect would let somebody believe in it.
+        for given, usual, used in (
+            (worth, Worth(), ("at_least", "strikes", "worse")),
+            (ensemble, Ensemble(), SCATTERED),
+        ):
+            for f in fields(given):
+                if f.name not in used and getattr(given, f.name) != getattr(usual, f.name):
+                    name = type(given).__name__.lower()
+                    raise ValueError(
+                        f"`{name}.{f.name}` is for harmonics, but the conditions are ground motions"
+                    )
+        scene = Scene(block, inside.motions[0], gravity)
+        if ensemble.restitution:
+            check_restitution(scene)
+        return GroundMotionProblem(
+            scene=scene,
+            space=within_mass(DEFAULT_SPACE if space is None else space, block, listed),
+            conditions=inside,
+            risk=Risk.expected() if risk is None else risk,
+            limits=listed,
+            method=GroundSearch() if method is None else method,
+            ensemble=ensemble,
+            worth=worth,
+            seed=seed,
+            groups=groups,
+        )
+
+    @property
+    def inputs(self) -> dict[str, Any]:
+        """See `Problem.inputs`."""
+        held = {g.name: g.motions for g in self.groups if g.role is Role.held_out}
+        given = super().inputs
+        del given["groups"]
+        return given | {"held_out": held or 0.0}
+
+    @property
+    def rounds(self) -> tuple[int, int]:
+        """See `Problem.rounds`: one design after the other."""
+        return self.method.steps, 1
+
+    @property
+    def allowed(self) -> float:
+        """See `Problem.allowed`."""
+        return self.worth.broken
+
+    @property
+    def evidence(self) -> DesignStatus:
+        """See `Problem.evidence`."""
+        events = ([g.events for g in self.groups if g.role is role] for role in Role)
+        tuned, held = (len(np.unique(np.concatenate([*found, []]))) for found in events)
+        if not held:
+            return DesignStatus.tuned_only
+        return DesignStatus.found if min(tuned, held) >= LEAST_EARTHQUAKES else DesignStatus.too_few
+
+    def stays_at_rest(self) -> bool:
+        """See `Problem.stays_at_rest`: by the closed form of uplift within every piece of every motion."""
+        return bool(np.all(self.trial_runs(None, 0).peak == 0.0))
+
+    def candidates(self, progress: Progress) -> tuple[np.ndarray, None]:
+        """See `Problem.candidates`: designs spread over the space."""
+        rng = np.random.default_rng([self.seed, 7])
+        return self.space.unscaled(latin_hypercube(rng, self.method.starts, len(self.space.names))), None
+
+    def trial_runs(self, design: np.ndarray | None, seed: int) -> Outcomes:
+        """See `Problem.trial_runs`: every motion at every scale. The seed changes nothing."""
+        return self._followed(design, self.scene, self.conditions, Terms.linear.value)
+
+    def paired_runs(
+        self,
+        design: np.ndarray,
+        seed: int,
+        *,
+        equations: str = "nonlinear",
+        scene: Scene | None = None,
+        more: Conditions | None = None,
+        progress: Progress = unreported,
+    ) -> PairedRuns:
+        """See `Problem.paired_runs`: every motion of every group at every scale, with the same scattered
+        blocks in both cases. The benefit counts the motions that are held out, if there are any."""
+        scene = self.scene if scene is None else scene
+        scales = sorted(set(self.conditions.scales))
+        scatter = scatter_of(scene.block, self.ensemble)
+        if scene is not self.scene:
+            # A restitution that is changed does not scatter as well.
+            scatter.pop("restitution", None)
+        motions = [m for g in self.groups for m in g.motions]
+        conditions = Conditions.records(
+            motions, scales, intensity=self.conditions.intensity, scatter=scatter, seed=seed
+        )
+        conditions = conditions if more is None else conditions * more
+        cases = []
+        for name, hung in (("with the pendulum", design), ("without", None)):
+            after = partial(progress, f"validation runs {name}")
+            cases.append(self._followed(hung, scene, conditions, equations, seed, after))
+        sizes = [len(g.motions) * len(scales) for g in self.groups]
+        held = np.array([g.role is Role.held_out for g in self.groups])
+        group = np.repeat(np.arange(len(self.groups)), sizes)
+        return PairedRuns(
+            with_pendulum=cases[0],
+            without_pendulum=cases[1],
+            group=group,
+            labels=tuple(g.name for g in self.groups),
+            cluster=np.repeat(np.concatenate([g.events for g in self.groups]), len(scales)),
+            counted=held[group] if held.any() else None,
+            worse=self.worth.worse,
+        )
+
+    def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
+        """See `Problem.strongest_motions`."""
+        runs = self.trial_runs(design, 0)
+        order = np.argsort(-np.where(runs.stands, np.nan_to_num(runs.turned), -1.0))
+        known = [i for i in order if runs.stands[i]][:MOST_MOTIONS]
+        motions, which = self.conditions.motions, np.asarray(self.conditions.which)
+        factors = motion_factors(self.scene, self.conditions)
+        return [motions[int(which[i])].scaled(float(factors[i])) for i in known]
+
+    def _followed(
+        self,
+        design: np.ndarray | None,
+        scene: Scene,
+        conditions: Conditions,
+        equations: str,
+        seed: int = 0,
+        progress: Any = None,
+    ) -> Outcomes:
+        """Follow a design from rest through the motions of all conditions, and freely afterwards."""
+        nonlinear = equations == Terms.nonlinear.value
+        follow, most = (shake_nonlinear, MAX_EVENTS) if nonlinear else (follow_all, _EVENTS)
+        # A bob without mass does not act on the block, and shares its scattered properties.
+        row = np.array([0.0, 1.0, 0.3]) if design is None else design
+        q, rows = self._rows(row, scene, conditions)
+        pieces = [np.asarray(m.pieces(), dtype=float) for m in conditions.motions]
+        which, free = np.asarray(conditions.which), np.full(len(rows), FREE * float(scene.rate))
+        found, _ = follow(rows, pieces, which, free, max_events=most, progress=progress)
+        names = _OUTCOMES[found.status.astype(int)]
+        fell, unknown = names == Outcome.overturned, np.isin(names, UNANSWERED)
+
+        def size(x: np.ndarray) -> np.ndarray:
+            return np.where(unknown, np.nan, np.where(fell, np.inf, x))
+
+        tilt, swing = size(found.tilt), size(found.swing)
+        return Outcomes(
+            ensemble=replace(self.ensemble, size=len(rows), seed=seed),
+            status=names,
+            peak=tilt,
+            amplitude=tilt,
+            peak_stroke=swing,
+            stroke=swing,
+            relative=size(found.relative),
+            ramp=np.zeros(len(rows)),
+            equations=equations,
+            **{name: np.asarray(getattr(q, name)) for name in ("nu", "mu", "lam")},
+        )
+
+    def _rows(
+        self, design: np.ndarray, scene: Scene, conditions: Conditions
+    ) -> tuple[Parameters, np.ndarray]:
+        """Parameters of a design under all conditions, and as rows (n, 9) of the compiled code."""
+        which, motions = np.asarray(conditions.which), conditions.motions
+        factor = motion_factors(scene, conditions)
+        first = Scene(scene.block, motions[0], scene.gravity)
+        # The factor on the amplitude is in units of the intensity, and is applied motion by motion.
+        factors = {**conditions.factors, "amplitude": np.ones(len(which))}
+        q = under_all(first.ground_parameters(), design[None], replace(conditions, factors=factors))
+        f = np.array([float(x.pga) for x in motions]) / float(motions[0].pga)
+        h = np.array([float(x.piece) for x in motions]) * float(first.rate)
+        # A quicker motion passes its pieces sooner.
+        pieces = h[which] / conditions.column("frequency")
+        leaves: Any = (q.nu, q.mu, q.lam, q.zeta, q.k, q.f * f[which] * factor, pieces, q.rho, q.e)
+        return q, np.array(np.broadcast_arrays(*leaves), dtype=float).T.copy()
+
+
+def motion_factors(scene: Scene, conditions: Conditions) -> np.ndarray:
+    """Return the factor on its ground motion of every condition, (n,)."""
+    measure = intensity_of(conditions.intensity, scene.block, float(scene.gravity), None)
+    # A scale counts an intensity, which is proportional to the motion.
+    one = np.array([measure.value(m) for m in conditions.motions])
+    return conditions.column("amplitude") / one[np.asarray(conditions.which)]
+
+
+def check_ground_limits(limits: tuple[Limit, ...]) -> tuple[Limit, ...]:
+    """Return the limits in the order of a report.
+
+    Raises:
+        ValueError: a limit of settled motions, or none at all.
+    """
+    listed = check_limits(limits)
+    for limit in listed:
+        if not limit.of_motion:
+            names = ", ".join(kind.__name__ for kind in KINDS if kind.of_motion)
+            raise ValueError(f"`limits` of ground motions must be of {names}, but has {checks.shown(limit)}")
+    return listed
+
+
+def scatter_of(block: Block, ensemble: Ensemble) -> dict[str, float]:
+    """Return the relative half widths of what is uncertain in a block and its pendulum."""
+    widths = ensemble.widths(block.restitution)
+    absent = () if block.friction else ("friction",)
+    return {name: widths[name] for name in SCATTERED if widths[name] > 0.0 and name not in absent}
+
+
+def unnamed(motions: Sequence[GroundMotion]) -> int:
+    """Number of the records whose earthquake is not known."""
+    return sum(getattr(m, "event", None) == "" for m in motions)
+
+
+def grouped(
+    motions: Sequence[GroundMotion], held_out: float | Mapping[str, Sequence[GroundMotion]], seed: int
+) -> tuple[Group, ...]:
+    """The group that a design is tuned to, first, and those that are held out.
+
+    Args:
+        motions: of the conditions.
+        held_out: the share of the motions that are held out, whole earthquakes by a seeded choice; or groups
+            of other motions by name, without those of an earthquake that the design is tuned to.
+        seed: of the choice.
+
+    Raises:
+        ValueError: a share outside 0 to 0.9, a group without motions, or no motion left on one side.
+    """
+    if isinstance(held_out, Mapping):
+        return _others(motions, held_out)
+    share = checks.within("held_out", held_out, 0.0, 0.9)
+    names = events_of(motions)
+    events = np.random.default_rng([seed, 9]).permutation(np.unique(names))
+    # Whole earthquakes, one after the other, until there are enough; one of several remains.
+    out: set[str] = set()
+    for event in events[: max(1, len(events) - 1)]:
+        if sum(name in out for name in names) >= share * len(names):
+            break
+        out.add(str(event))
+    inside = tuple(m for m, name in zip(motions, names, strict=True) if name not in out)
+    outside = tuple(m for m, name in zip(motions, names, strict=True) if name in out)
+    if not inside:
+        raise ValueError(
+            f"`held_out` must leave an earthquake to be tuned to, but of {len(events)} all are held out: "
+            "give more records, name their earthquakes, or give 0, which holds out none"
+        )
+    numbers = np.unique(names, return_inverse=True)[1]
+    held = np.array([name in out for name in names])
+    tuned = Group("tuned to", Role.tuned, inside, numbers[~held])
+    return (tuned, Group("held out", Role.held_out, outside, numbers[held])) if outside else (tuned,)
+
+
+def _others(
+    motions: Sequence[GroundMotion], held_out: Mapping[str, Sequence[GroundMotion]]
+) -> tuple[Group, ...]:
+    # An earthquake that the search has seen is no test.
+    others = {}
+    for name, listed in held_out.items():
+        for i, motion in enumerate(listed):
+            checks.instance(f"held_out[{name!r}][{i}]", motion, GroundMotion)
+        # A motion without a name of its earthquake may be any: it stays.
+        events = events_of([*motions, *listed])
+        left = tuple(
+            m
+            for m, event in zip(listed, events[len(motions) :], strict=True)
+            if event not in events[: len(motions)]
+        )
+        if not left:
+            raise ValueError(
+                "`held_out` must hold motions of other earthquakes than the design is tuned to, but "
+                f"{name!r} has none"
+            )
+        others[name] = left
+    # Over all groups together: an earthquake, or copies of one motion, in two of them are still one.
+    every = [*motions, *(m for left in others.values() for m in left)]
+    numbers = np.unique(events_of(every), return_inverse=True)[1]
+    ends = np.cumsum([len(motions), *(len(left) for left in others.values())])
+    parts = np.split(numbers, ends[:-1])
+    held = (Group(n, Role.held_out, m, x) for (n, m), x in zip(others.items(), parts[1:], strict=True))
+    return (Group("tuned to", Role.tuned, tuple(motions), parts[0]), *held)

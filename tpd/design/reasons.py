@@ -1,0 +1,168 @@
+"""Outcomes of a design problem, and the reasons against a pendulum, as data and as sentences."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from tpd.answers.paired import FEWER
+
+
+class DesignStatus(enum.Enum):
+    """Outcome of a design problem, or of one of its descents; the value is a sentence of the report."""
+
+    def __new__(cls, sentence: str, remedy: str) -> DesignStatus:
+        """Make a member of its sentence, with what to do about it."""
+        made = object.__new__(cls)
+        made._value_ = sentence
+        made._remedy = remedy
+        return made
+
+    _remedy: str
+
+    found = (
+        "RECOMMENDED for the stated conditions: in validation runs of the nonlinear equations the block rocks "
+        "less with the pendulum, and no group of runs shows significant harm. This is not a safety "
+        "assessment.",
+        "Check it with earthquakes and with a contact engine before it is built.",
+    )
+    tuned_only = (
+        "TUNED TO THESE MOTIONS ONLY: there is no other earthquake to validate the pendulum on, so nothing is "
+        "claimed about the next earthquake.",
+        "Give records of other earthquakes, or a share that is held out.",
+    )
+    too_few = (
+        "TOO FEW EARTHQUAKES to validate a pendulum: nothing is claimed.",
+        "Give records of more earthquakes.",
+    )
+    undecided = (
+        "UNDECIDED: some runs have no answer, and the verdict depends on how they would have ended.",
+        "Give more runs or records, or a weaker excitation.",
+    )
+    refused = (
+        "NOT RECOMMENDED: no pendulum that the search found passes the validation.",
+        "Widen the design space, require less benefit, or give the bob more clearance.",
+    )
+    none_feasible = (
+        "NOT RECOMMENDED: no pendulum that was evaluated keeps to the limits.",
+        "Widen the design space, or loosen the limit that the nearest design exceeds.",
+    )
+    no_uplift = (
+        "NOT NEEDED: under all conditions the block without a pendulum stays or settles at rest. After a "
+        "strong enough push it may still rock or overturn.",
+        "Give a stronger excitation to see what the block can withstand.",
+    )
+    rests = "found designs with which the block settles at rest", "None is needed."
+    converged = "reached a minimum of the risk", "None is needed."
+    at_bound = "reached a bound of the design space", "Widen the design space there."
+    stroke_limited = "reached the stroke limit", "Allow a larger stroke, or more damping."
+    steps_exhausted = "was still improving when the steps ran out", "Give more steps."
+    contradicted = (
+        "ended on an orbit that the exact solution does not confirm",
+        "Descend on exact orbits: `Descent(model=Piecewise())`.",
+    )
+    infeasible = "found no design within the limits", "Widen the design space, or loosen a limit."
+
+    @property
+    def remedy(self) -> str:
+        """Sentence on how to go on."""
+        return self._remedy
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether the answer may be used: a validated pendulum, or none is needed."""
+        return self in (DesignStatus.found, DesignStatus.no_uplift)
+
+
+ANSWERS = tuple(DesignStatus.__members__)[:7]
+"""Names of the statuses that an answer may have; the others are those of its descents."""
+OFFERED = DesignStatus.found, DesignStatus.tuned_only
+"""Statuses with a pendulum."""
+
+
+class ReasonKind(enum.Enum):
+    """Why a pendulum is not recommended; the value is the sentence, with the numbers of a `Reason`."""
+
+    overturns_more = (
+        "the block overturns in {value:.0f} of {total} runs only with the pendulum, and in {reference:.0f} "
+        "only without it"
+    )
+    touches_wall = (
+        "the bob exceeds the limit on {limit} in {value:.1%} of the runs in which the block stands, and "
+        "{reference:.1%} are allowed"
+    )
+    breaks_limit = "the design exceeds the limit on {limit}: {value:.3g} times the limit"
+    as_built = "as built, the {limit} is {value:.4g}, and the limit is {reference:.4g}"
+    worse_condition = (
+        "the mean tilt is {value:.1%} of the slenderness with the pendulum, and {reference:.1%} without it, "
+        "for {condition}{others}"
+    )
+    rests_less = (
+        "the block ends at rest in {value:.0f} of {total} runs with the pendulum, and in {reference:.0f} "
+        "without it; the loss of one tenth is allowed"
+    )
+    too_little_benefit = (
+        "the mean tilt {falls} (95 % interval from {low:.1%}), and a reduction of {reference:.1%} is required"
+    )
+    undecided = "{value:.0f} of {total} runs have no answer, and the verdict depends on them"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reason:
+    """One reason against a pendulum, as data; `str` makes a sentence of it."""
+
+    kind: ReasonKind
+    condition: str = ""
+    """Label of the condition or the group of motions, if the reason belongs to one."""
+    limit: str = ""
+    """Name of the limit that is exceeded."""
+    value: float = math.nan
+    """A tilt over the slenderness, a count, a share, or a limited quantity over its limit."""
+    reference: float = math.nan
+    """The number that the value is compared with."""
+    low: float = math.nan
+    """Lower end of the 95 % interval of the value, where it has one."""
+    total: int = 0
+    """Number of the runs, or of the conditions."""
+
+    @property
+    def shortfall(self) -> float:
+        """By how much the requirement is missed: a share of the runs, of the tilt or of the limit."""
+        match self.kind:
+            case ReasonKind.overturns_more:
+                return abs(self.value - self.reference) / max(self.total, 1)
+            case ReasonKind.rests_less:
+                return ((1.0 - FEWER) * self.reference - self.value) / max(self.total, 1)
+            case ReasonKind.touches_wall | ReasonKind.worse_condition:
+                return self.value - self.reference
+            case ReasonKind.too_little_benefit:
+                # A benefit above the least one may be refused because it is not significant.
+                return max(self.reference - self.value, -self.low, 0.0)
+            case ReasonKind.breaks_limit:
+                return self.value - 1.0
+            case ReasonKind.as_built:
+                return self.value / self.reference - 1.0
+            case _:
+                return 1.0
+
+    def __str__(self) -> str:
+        fall = self.value if self.kind is ReasonKind.too_little_benefit else 0.0
+        return self.kind.value.format(
+            **vars(self),
+            falls=f"falls by {fall:.1%}" if fall >= 0.0 else f"increases by {-fall:.1%}",
+            others=f", and higher under {self.total - 1} other conditions" if self.total > 1 else "",
+        )
+
+
+GRAVE = (ReasonKind.overturns_more, ReasonKind.touches_wall)
+"""Reasons that are dangers: the block overturns, or the bob touches a wall."""
+
+
+def one_of_a_kind(reasons: Iterable[Reason]) -> list[Reason]:
+    """Return the first reason of each kind and limit, the dangers first."""
+    kinds: dict[tuple[ReasonKind, str], Reason] = {}
+    for reason in reasons:
+        kinds.setdefault((reason.kind, reason.limit), reason)
+    return sorted(kinds.values(), key=lambda reason: reason.kind not in GRAVE)

@@ -1,0 +1,198 @@
+"""Validation: a design by the exact solution, then by paired nonlinear runs that nothing else has used.
+
+Every design that is validated has new runs of its own. One half of them decides. The other half takes no
+part in any decision, so that the benefit that is quoted is unbiased.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tpd.answers.paired import PairedRuns
+from tpd.answers.statistics import SIGNIFICANT, chance_of
+from tpd.core.progress import Progress, unreported
+from tpd.design.criteria import beyond_as_built
+from tpd.design.problem import Problem
+from tpd.design.reasons import GRAVE, DesignStatus, Reason, ReasonKind, one_of_a_kind
+from tpd.scene.scene import Pendulum
+
+CERTAIN = 0.5
+"""Share of the required benefit that the lower end of its 95 % interval must exceed."""
+_ROUNDING = 1e-9
+"""Share by which rounding may exceed a limit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Validated:
+    """A design after its validation."""
+
+    design: np.ndarray
+    """(mu, lam, zeta)."""
+    pendulum: Pendulum
+    exact: Any
+    """`ExactMotions` under harmonic excitation, else None."""
+    decided: PairedRuns | None
+    """Runs that decide; None where a limit that needs no run rejects the design."""
+    quoted: PairedRuns | None
+    """Runs that no decision has used; None where the design is rejected before, or where the motions are too
+    few to hold some back."""
+    over_limit: float
+    """Share of the runs in which the block stands that exceed a limit."""
+    reasons: tuple[Reason, ...]
+    """Why it is not recommended; empty if it is."""
+
+    @property
+    def runs(self) -> PairedRuns | None:
+        """Runs that the report quotes."""
+        return self.decided if self.quoted is None else self.quoted
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """Sentences against the design, the dangers first."""
+        return tuple(map(str, one_of_a_kind(self.reasons)))
+
+    @property
+    def is_harmful(self) -> bool:
+        """Whether the block overturns more often, or the bob touches a wall too often."""
+        return any(reason.kind in GRAVE for reason in self.reasons)
+
+    @property
+    def status(self) -> DesignStatus:
+        """`undecided` if only runs without an answer speak against the design."""
+        kinds = {reason.kind for reason in self.reasons}
+        return DesignStatus.undecided if kinds == {ReasonKind.undecided} else DesignStatus.refused
+
+
+def validate(
+    problem: Problem,
+    design: np.ndarray,
+    attempt: int = 0,
+    *,
+    thorough: bool = False,
+    progress: Progress = unreported,
+) -> Validated:
+    """Validate one design.
+
+    Args:
+        problem: limits and requirements.
+        design: (mu, lam, zeta), shape (3,).
+        attempt: number of designs that were validated before, each by other runs.
+        thorough: whether runs follow also where a limit that needs no run rejects the design.
+        progress: called with (stage, runs done, of how many).
+    """
+    exact = problem.exact(design)
+    reasons = [*_fixed(problem, design), *_exact_harm(problem, exact), *_as_built(problem, design)]
+    decided = quoted = None
+    over = np.nan
+    if thorough or not reasons:
+        decided = problem.paired_runs(design, run_seed(problem, attempt, 0), progress=progress)
+        over, by_runs = _by_runs(problem, design, decided)
+        known = {reason.limit for reason in reasons if reason.limit}
+        reasons += [r for r in by_runs if r.limit not in known or not r.limit]
+    if decided is not None and not reasons and problem.holds_back:
+        quoted = problem.paired_runs(design, run_seed(problem, attempt, 1), progress=progress)
+        over, by_runs = _by_runs(problem, design, quoted, required=0.0)
+        reasons += by_runs
+    return Validated(
+        design=design,
+        pendulum=problem.pendulum(design),
+        exact=exact,
+        decided=decided,
+        quoted=quoted,
+        over_limit=float(over),
+        reasons=tuple(reasons),
+    )
+
+
+def run_seed(problem: Problem, attempt: int, part: int) -> int:
+    """Return the seed of validation runs, which no other stage uses."""
+    base = problem.ensemble.seed
+    sequence = np.random.SeedSequence([problem.seed if base is None else base, 2, attempt, part])
+    return int(sequence.generate_state(1)[0])
+
+
+def _fixed(problem: Problem, design: np.ndarray) -> list[Reason]:
+    """Limits that need no run."""
+    return [
+        Reason(kind=ReasonKind.breaks_limit, limit=name, value=float(x[0]))
+        for name, x in problem.fixed_sizes(design[None]).items()
+        if not x[0] <= 1.0 + _ROUNDING
+    ]
+
+
+def _exact_harm(problem: Problem, exact: Any) -> list[Reason]:
+    """Overturning from rest by the exact solution, under significantly more conditions (McNemar's test)."""
+    if exact is None:
+        return []
+    lost, without = exact.status == "overturned", problem.without_pendulum.status == "overturned"
+    worse, better, total = int(np.sum(lost & ~without)), int(np.sum(without & ~lost)), len(lost)
+    if not worse > better or (total > 1 and chance_of(worse, better) >= SIGNIFICANT):
+        return []
+    kind = ReasonKind.overturns_more
+    return [Reason(kind=kind, value=float(worse), reference=float(better), total=total)]
+
+
+def _as_built(problem: Problem, design: np.ndarray, turned: np.ndarray | None = None) -> list[Reason]:
+    """Limits that the body exceeds as built, in runs with such angles between rod and block."""
+    angles = np.zeros(0) if turned is None else turned
+    given = problem.limits, problem.scene, problem.pendulum(design), angles, problem.allowed
+    return [
+        Reason(kind=ReasonKind.as_built, limit=name, value=value, reference=limit)
+        for name, value, limit in beyond_as_built(*given)
+    ]
+
+
+def _by_runs(
+    problem: Problem, design: np.ndarray, runs: PairedRuns, required: float | None = None
+) -> tuple[float, list[Reason]]:
+    """Share of the standing runs that exceed a limit, and the reasons against a design by paired runs; with
+    one that depends on the runs without an answer, if it does."""
+    required = problem.worth.at_least if required is None else required
+    over, limit = problem.over_limit(design, runs.with_pendulum)
+    reasons = _reasons(problem, runs, over, limit, required)
+    if over <= problem.allowed:
+        # If the bob exceeds its limits in too many runs, that reason is enough.
+        turned = runs.with_pendulum.turned[runs.with_pendulum.stands]
+        reasons += _as_built(problem, design, turned)
+    if runs.ends:
+        stands = runs.with_pendulum.stands.sum()
+        unknown = runs.with_pendulum.undecided.sum()
+        verdicts = {bool(reasons)}
+        # A run that stands may exceed a limit, which is against the pendulum as well.
+        for end, more in zip(runs.ends, (unknown, 0), strict=True):
+            share = float((over * stands + more) / max(stands + unknown, 1))
+            verdicts.add(bool(_reasons(problem, end, share, limit, required)))
+        if len(verdicts) > 1:
+            kind, total = ReasonKind.undecided, len(runs.known)
+            reasons = [Reason(kind=kind, value=float(runs.undecided), total=total)]
+    return over, reasons
+
+
+def _reasons(problem: Problem, runs: PairedRuns, over: float, limit: str, required: float) -> list[Reason]:
+    """Reasons against a design by paired runs."""
+    out = list[Reason]()
+
+    def refuse(kind: ReasonKind, value: float, reference: float, **more: Any) -> None:
+        out.append(Reason(kind=kind, value=float(value), reference=float(reference), **more))
+
+    total, (worse, better) = int(runs.known.sum()), runs.only
+    if runs.overturns_more:
+        refuse(ReasonKind.overturns_more, worse, better, total=total)
+    if over > problem.allowed:
+        refuse(ReasonKind.touches_wall, over, problem.allowed, limit=limit)
+    if runs.rests_less:
+        rests = (np.sum(o.status[runs.known] == "rest") for o in (runs.with_pendulum, runs.without_pendulum))
+        refuse(ReasonKind.rests_less, *rests, total=total)
+    if runs.worse_groups:
+        first = runs.worse_groups[0]
+        where = {"condition": runs.labels[first], "total": len(runs.worse_groups)}
+        refuse(ReasonKind.worse_condition, *runs.by_group[:, first], **where)
+    gain = runs.benefit
+    # In few runs the interval of a ratio of means may lie above zero where that of their difference does not.
+    significant = gain.low > CERTAIN * required and runs.change("mean severity").high < 0.0
+    if not (significant and gain.mean >= required):
+        refuse(ReasonKind.too_little_benefit, gain.mean, required, low=gain.low)
+    return out
