@@ -60,10 +60,9 @@ if TYPE_CHECKING:
     from tpd.design.job import Job as Job
     from tpd.design.many import front as front
     from tpd.design.many import optimise_all as optimise_all
-    from tpd.design.methods import Descent as Descent
-    from tpd.design.methods import Sequential as Sequential
     from tpd.design.optimise import optimise as optimise
     from tpd.design.result import Design as Design
+    from tpd.design.settings import Descent as Descent
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.segmented import Segmented as Segmented
     from tpd.models.smoothed import Smoothed as Smoothed
@@ -110,9 +109,9 @@ _NAMES = {
     "design.ground.search": "GroundSearch",
     "design.job": "Job",
     "design.many": "front optimise_all",
-    "design.methods": "Descent Sequential",
     "design.optimise": "optimise",
     "design.result": "Design",
+    "design.settings": "Descent",
     "models.piecewise": "Piecewise",
     "models.segmented": "Segmented",
     "models.smoothed": "Smoothed",

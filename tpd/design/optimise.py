@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -18,12 +18,12 @@ from tpd.design.criteria import DesignSpace, Limit, Risk, Worth
 from tpd.design.ground.optimise import ground_problem
 from tpd.design.ground.optimise import solve as solve_on_motions
 from tpd.design.ground.search import GroundSearch
-from tpd.design.methods import Descent, Method, describe
-from tpd.design.objective import margins
-from tpd.design.one_shot import OneShot
+from tpd.design.orbits import margins
 from tpd.design.problem import Problem
 from tpd.design.result import Design, DesignStatus, HarmonicDesign
-from tpd.design.search import Multistart
+from tpd.design.search import Search, search
+from tpd.design.settings import Descent
+from tpd.design.smoothed_orbits import prepare_step
 from tpd.design.survey import Survey, survey
 from tpd.design.verified import LossCase
 from tpd.design.verify import JUDGED, Verification, nearest_of, pendulum_of
@@ -33,8 +33,6 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Scene
 
-_PATHS = 48
-"""Designs of the paths that are followed from rest."""
 SEARCHED = 64
 """Most conditions under which the searches descend: their ends are followed and verified under others."""
 
@@ -43,8 +41,8 @@ SEARCHED = 64
 class Found:
     """Search, verification and all that they add to the answer, as it grows."""
 
-    search: Multistart
     verification: Verification
+    search: Search = field(default_factory=Search)
     status: DesignStatus = DesignStatus.no_uplift
     surveys: tuple[Survey, ...] = ()
     losses: tuple[LossCase, ...] = ()
@@ -58,7 +56,7 @@ def optimise(
     starts: Starts | None = None,
     risk: Risk | None = None,
     limits: Iterable[Limit] | None = None,
-    method: Method | GroundSearch | None = None,
+    method: Descent | GroundSearch | None = None,
     ensemble: Ensemble | None = None,
     worth: Worth | None = None,
     held_out: checks.Real | Mapping[str, Sequence[GroundMotion]] | None = None,
@@ -86,7 +84,7 @@ def optimise(
             wherever it holds.
         risk: default `Risk.worst()`.
         limits: objects of `tpd.limits`; default `limits.DEFAULT_LIMITS`; `limits.POINT_BOB` has no walls.
-        method: `Descent(...)` or `Sequential(...)`.
+        method: settings of the search, `Descent(...)`.
         worth: least benefit and largest harm of a design that is offered; default `Worth()`.
         ensemble: runs that verify; default `Ensemble()`, dealt out among the conditions.
         held_out: ground motions that the design is not tuned to, a share or groups by name; default 0.5.
@@ -123,17 +121,17 @@ def solve(problem: Problem, progress: Progress | None = None) -> HarmonicDesign:
     p = problem.orbits.p
     if not np.all(margins(problem.orbits, np.array([[0.0, float(p.lam), float(p.zeta)]])) > 0.0):
         # Compiled while the bare block is followed; not at once, since only one thread at a time can trace.
-        if isinstance(problem.method, Descent) and isinstance(problem.method.model, Smoothed):
-            OneShot(problem.orbits, problem.method.model).prepare()
+        if isinstance(problem.method.model, Smoothed):
+            prepare_step(problem.orbits, problem.method.model)
         aside(load_compiled)
     objective, verification = problem.objective, Verification(problem, progress)
     few = objective.over(objective.conditions.subset(SEARCHED, problem.seed))
-    search = Multistart(few, problem.method, problem.seed, progress)
-    if len(few.conditions) < len(objective.conditions):
-        search.description += f" under {len(few.conditions)} of the {len(objective.conditions)} conditions"
-    found = Found(search, verification)
+    found = Found(verification)
     if not verification.bare_rests:
-        search.run()
+        found.search = search(few, problem.method, problem.seed, progress)
+        if len(few.conditions) < len(objective.conditions):
+            part = f" under {len(few.conditions)} of the {len(objective.conditions)} conditions"
+            found.search = replace(found.search, description=found.search.description + part)
         _verify(problem, found, progress)
     verified = tuple(verification.verified)
     offered = verified[-1] if found.status is DesignStatus.found else None
@@ -148,20 +146,19 @@ def solve(problem: Problem, progress: Progress | None = None) -> HarmonicDesign:
         verified=verified,
         bare=verification.bare,
         nearest=nearest_of(found.surveys[-1]) if none else None,
-        search=search.history,
+        search=found.search,
         surveys=found.surveys,
         losses=found.losses,
         alike=alike,
-        settings=describe(problem.method),
+        settings=problem.method.described,
     )
 
 
 def _verify(problem: Problem, found: Found, progress: Progress | None) -> None:
     """Follow many designs from rest, verify the best of them, and add what belongs to an offered one."""
-    search, verification = found.search, found.verification
+    verification = found.verification
     # Ends that the exact solution confirms, and the best designs on the paths.
-    ends = search.order(feasible=False)
-    met = [search.designs[ends[~search.contradicted[ends]]], search.on_the_way(_PATHS)]
+    met = [found.search.confirmed, found.search.passed]
     after = partial(progress or unreported, "survey")
     found.surveys = wide, fine = survey(
         verification.few, np.concatenate(met), problem.ensemble.periods, problem.seed, after

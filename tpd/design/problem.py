@@ -23,8 +23,9 @@ from tpd.design.criteria import (
     check_limits,
     limit_of,
 )
-from tpd.design.methods import SMOOTHED, Descent, Method
-from tpd.design.objective import Orbits, geometry_of
+from tpd.design.orbits import Orbits, geometry_of
+from tpd.design.settings import Descent
+from tpd.design.smoothed_orbits import SMOOTHED
 from tpd.models.piecewise import Piecewise
 from tpd.scene.conditions import Conditions, check_restitution, under_all
 from tpd.scene.parameters import as_arrays
@@ -53,7 +54,7 @@ class Question:
     risk: Risk
     limits: tuple[Limit, ...]
     method: Any
-    """A `Method`; on ground motions a `GroundSearch`."""
+    """A `Descent`; on ground motions a `GroundSearch`."""
     ensemble: Ensemble
     """On ground motions its widths are those of block and installation in the judgement."""
     worth: Worth
@@ -151,7 +152,7 @@ class Problem(Question):
         starts: Starts | None = None,
         risk: Risk | None = None,
         limits: Iterable[Limit] | None = None,
-        method: Method | None = None,
+        method: Descent | None = None,
         ensemble: Ensemble | None = None,
         worth: Worth | None = None,
         seed: checks.Whole = 0,
@@ -165,7 +166,7 @@ class Problem(Question):
         given = {"space": space, "conditions": conditions, "starts": starts, "risk": risk}
         seed = check_given(seed, **given, ensemble=ensemble, worth=worth)
         checks.instance("scene", scene, Scene)
-        checks.optional("method", method, Method)
+        checks.optional("method", method, Descent)
         if not isinstance(scene.motion, Harmonic):
             raise ValueError(
                 "the motion of `scene` must be a harmonic: give pulses and records by "
@@ -177,14 +178,13 @@ class Problem(Question):
         # Housner's restitution is least with the heaviest bob.
         heaviest = under_all(as_arrays(scene.parameters()), space.full(space.bounds[1])[None], conditions)
         method = Descent() if method is None else method
-        if isinstance(method, Descent):
-            model = method.model
-            if model is None:
-                # Where impacts take much, the bias of smoothed ones comes near to the tolerance of the ends.
-                smooth = bool(np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH))
-                model = SMOOTHED if smooth else Piecewise()
-            model.check(heaviest)
-            method = replace(method, model=model)
+        model: Any = method.model
+        if model is None:
+            # Where impacts take much, the bias of smoothed ones comes near to the tolerance of the ends.
+            smooth = bool(np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH))
+            model = SMOOTHED if smooth else Piecewise()
+        model.check(heaviest)
+        method = replace(method, model=model)
         limits = check_limits(DEFAULT_LIMITS if limits is None else limits)
         check_cavity(scene.block, limits)
         starts = Starts.any() if starts is None else starts

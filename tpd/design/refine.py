@@ -19,7 +19,7 @@ import numpy as np
 
 from tpd.core.progress import Count, unreported
 from tpd.design.criteria import DesignSpace
-from tpd.design.screening import first_apart
+from tpd.design.search import first_apart
 from tpd.design.surface import Observations, Surface, candidates, fit, likely, promise
 from tpd.design.survey import ON_THE_WAY, Survey
 

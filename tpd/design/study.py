@@ -13,7 +13,7 @@ from tpd.answers.steady_state import sampled, simulate
 from tpd.core.progress import Progress, unreported
 from tpd.design.build import Build, FrontPoint, Moved, Study, TimeHistory, loads_of, pull_test
 from tpd.design.criteria import bob_of
-from tpd.design.objective import geometry_of
+from tpd.design.orbits import geometry_of
 from tpd.design.result import Design, HarmonicDesign
 from tpd.models.piecewise import Piecewise
 from tpd.scene.conditions import Conditions

@@ -14,8 +14,8 @@ import numpy as np
 
 from tpd.core.progress import Count, unreported
 from tpd.design.criteria import DesignSpace, Risk, Room, limit_of
-from tpd.design.objective import Orbits, blank
-from tpd.design.screening import first_apart
+from tpd.design.orbits import Orbits, blank
+from tpd.design.search import first_apart
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 from tpd.models.rows import settle_all

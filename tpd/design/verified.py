@@ -13,12 +13,12 @@ from tpd.answers.ensemble import Outcomes
 from tpd.answers.paired import FEWER, Benefit, Verdict
 from tpd.answers.statistics import Share
 from tpd.design.criteria import Evaluation
+from tpd.design.descend import Active
 from tpd.design.survey import Survey
 
 
 class DesignStatus(enum.Enum):
-    """Outcome of a search for designs; the value is the sentence that a report opens with, or says of one of
-    its descents."""
+    """Outcome of a search for designs; the value is the sentence that a report opens with."""
 
     def __new__(cls, said: str, remedy: str) -> DesignStatus:
         """Make a member of its sentence, with what to do about it."""
@@ -58,16 +58,6 @@ class DesignStatus(enum.Enum):
         "Pushed hard enough it may rock or overturn all the same.",
         "Give a stronger shaking to see what the block stands.",
     )
-    rests = ("found designs that settle at rest; the uplift margin grew as far as it goes", "None is needed.")
-    converged = "reached a minimum of the risk", "None is needed."
-    at_bound = "reached the edge of the design space", "Widen the design space there."
-    stroke_limited = "reached the stroke limit", "Allow a larger stroke, or more damping."
-    steps_exhausted = "was still improving when the steps ran out", "Give more steps."
-    contradicted = (
-        "ended on an orbit that the exact solution does not confirm",
-        "Descend on exact orbits: `Descent(model=Piecewise())`, or `Sequential()`.",
-    )
-    infeasible = "met no design within the limits", "Widen the design space, or loosen a limit."
 
     @property
     def remedy(self) -> str:
@@ -80,8 +70,8 @@ class DesignStatus(enum.Enum):
         return self in (DesignStatus.found, DesignStatus.no_uplift)
 
 
-ANSWERS = tuple(DesignStatus.__members__)[:7]
-"""Names of the statuses that an answer may have; the others are of its descents."""
+ANSWERS = tuple(DesignStatus.__members__)
+"""Names of the statuses that an answer may have."""
 
 
 class Step(enum.Enum):
@@ -217,29 +207,6 @@ class Motions:
     """Largest modulus of the Floquet multipliers; NaN where unknown."""
     periods: np.ndarray
     """Forcing periods in one period of the motion."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Active:
-    """A condition, limit or bound that holds a design, with its weight in the optimality condition."""
-
-    kind: str
-    """"tilt", "limit", "lower bound" or "upper bound"."""
-    name: str
-    """Name of the limit or of the ratio."""
-    condition: str
-    """Label of the condition; empty for a bound."""
-    weight: float
-    """Weight of the condition or limit; for a bound the ratio's value."""
-
-    def __str__(self) -> str:
-        match self.kind:
-            case "tilt":
-                return f"tilt at {self.condition} ({self.weight:.2f})"
-            case "limit":
-                return f"limit on {self.name} at {self.condition}"
-            case _:
-                return f"{self.kind} of the {self.name} ratio, {self.weight:.4g}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,14 +27,13 @@ from tpd.design.by_runs import (
     turned_in,
 )
 from tpd.design.criteria import Mass, Room, beyond_as_built, limit_of
-from tpd.design.ends import Book, Ends
-from tpd.design.objective import BACK_OFF, REST, Evaluation, Orbits, margins
+from tpd.design.descend import active_constraints
+from tpd.design.orbits import REST, Evaluation, margins
 from tpd.design.problem import Problem
 from tpd.design.refine import RUNS, Refinement, Tried, refine
 from tpd.design.result import DesignStatus, Nearest
-from tpd.design.search import AT_BOUND
 from tpd.design.survey import ON_THE_WAY, Survey, excess, followed
-from tpd.design.verified import Active, Bare, Motions, Reason, ReasonKind, Step, Verified
+from tpd.design.verified import Bare, Motions, Reason, ReasonKind, Step, Verified
 from tpd.models.piecewise import Piecewise
 from tpd.models.rows import settle_all
 from tpd.scene.conditions import Conditions, under, under_all
@@ -57,46 +56,12 @@ SURVEYED = 24
 """Most conditions under which designs are followed from rest by the nonlinear equations."""
 _LONG, _FINE = 400, 1e-8
 """Most forcing periods of a motion from rest that verifies, and relative tolerance of its steps."""
-_AT_LIMIT = 1e-3
-"""Share of a limit that is left where the limit counts as met."""
 _ROUNDING = 1e-9
 """Share by which a limit may be passed by rounding."""
 _POLISHED = 32
 """Conditions up to which exact amplitudes are polished by Newton's method, to round-off."""
 HEIGHT = "rod and bob within the height"
 """Name of the limit that the height of the block sets, beside those of its cavity."""
-_MOST = 6
-"""Most conditions that are listed."""
-_LIGHT = 0.02
-"""Weight below which a condition does not count as holding the design."""
-
-
-def active(objective: Orbits, end: Ends, at_limit: float) -> tuple[Active, ...]:
-    """Active conditions, limits and bounds at one end; a limit counts as met within a share `at_limit` of
-    it."""
-    label, names, n = objective.conditions.label, objective.constraint_names(), len(objective.conditions)
-    (of_conditions,), (of_limits,) = (weights[:1] for weights in end.weights)
-    out: list[Active] = []
-    # For the mean all conditions weigh alike.
-    if objective.risk.share < 1.0:
-        # Weights sum to one: what is left out weighs less than a fiftieth.
-        for j in (int(j) for j in np.argsort(-of_conditions)[:_MOST] if of_conditions[j] > _LIGHT):
-            out.append(Active(kind="tilt", name="tilt", condition=label(j), weight=float(of_conditions[j])))
-    weights = of_limits.reshape(len(names), n)
-    excess = end.local.limit[0].reshape(len(names), n) - BACK_OFF
-    # A limit that is met may carry no weight where another one beside it does.
-    met = ((weights > 1e-4) | (excess > -at_limit)).any(axis=1)
-    for k in sorted(np.flatnonzero(met), key=lambda k: (-weights[k].sum(), -excess[k].max())):
-        # Under the condition that holds the design most.
-        at = label(int(np.lexsort((-excess[k], -weights[k]))[0]))
-        out.append(Active(kind="limit", name=names[k], condition=at, weight=float(weights[k].sum())))
-    design, bounds = objective.space.unscaled(end.x)[0], objective.space.bounds.T
-    for value, (least, most), name in zip(design, bounds, ("mass", "length", "damping"), strict=False):
-        for kind, bound in (("lower bound", least), ("upper bound", most)):
-            # A search that ends at a bound asks for another bound, not for another design.
-            if abs(value - bound) < AT_BOUND * (most - least):
-                out.append(Active(kind=kind, name=name, condition="", weight=float(value)))
-    return tuple(out)
 
 
 def nearest_of(found: Survey) -> Nearest:
@@ -156,9 +121,6 @@ class Verification:
         """A design before the first step."""
         o = self.objective
         e = o.evaluate(design[None])
-        end = Book(o.at, o.risk.of, o.space.scaled(design[None]), o.linearised(e)).ends(
-            o.risk.cap(len(o.conditions))
-        )
         return Verified(
             mass_ratio=float(design[0]),
             length_ratio=float(design[1]),
@@ -171,8 +133,8 @@ class Verification:
             paired=None,
             benefit=None,
             strikes=math.nan,
-            stationarity=float(end.stationarity[0]),
-            active=active(o, end, _AT_LIMIT),
+            stationarity=math.nan,
+            active=active_constraints(o, design),
             source="survey",
             reasons=(),
         )

@@ -13,7 +13,7 @@ from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.core.progress import Count
 from tpd.design.criteria import KINDS, STILL, Geometry, Limit, Size, bob_of, check_limits
-from tpd.design.objective import blank, geometry_under
+from tpd.design.orbits import blank, geometry_under
 from tpd.records.intensity import intensity_of
 from tpd.scene.conditions import Conditions, under_all
 from tpd.scene.parameters import Parameters
