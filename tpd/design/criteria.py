@@ -3,7 +3,7 @@
 A limit is a size that must not exceed one under every condition. A search takes any list of limits: it reads
 their sizes and the derivatives of these with respect to (mu, lam, zeta). A user's own limit is a frozen
 dataclass that is a subclass of `Limit`: with `name`, `sizes` and, if it needs more than the tilt, the bob's
-angle and the design, `of_motion = False`. A user's own objective is a subclass of `Objective` in the same way.
+angle and the design, `of_motion = False`. A user's own objective is a subclass of `Objective`.
 """
 
 from __future__ import annotations
@@ -225,8 +225,8 @@ class Evaluation(NamedTuple):
     """Designs under conditions: arrays (m, n), derivatives (m, n, 3) with respect to (mu, lam, zeta)."""
 
     merit: np.ndarray
-    """Value of the objective where the block rocks, by default the tilt over nu; minus the uplift margin where
-    it rests; above 1 where no motion attracts. Lower is better, and a resting design is better than any
+    """Value of the objective where the block rocks, by default the tilt over nu; minus the uplift margin
+    where it rests; above 1 where no motion attracts. Lower is better, and a resting design is better than any
     rocking one. All have derivatives but orbits near a fold."""
     merit_slope: np.ndarray
     tilt: np.ndarray

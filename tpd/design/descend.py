@@ -115,7 +115,7 @@ def descend(
     steps: int,
     after: Count = unreported,
 ) -> Ends:
-    """Descend from all starts (m, d) by an optimiser of optax; every step evaluates one design of each descent.
+    """Descend from all starts (m, d) by an optimiser of optax; every step evaluates one design of each.
 
     Args:
         optimiser: its steps are in shares of the bounds.
@@ -290,9 +290,9 @@ class Active(NamedTuple):
 def active_constraints(orbits: Orbits, design: np.ndarray, tolerance: float = 1e-3) -> tuple[Active, ...]:
     """Return the conditions, limits and bounds that hold a design (mu, lam, zeta).
 
-    Conditions are those whose merit is within `tolerance` of the worst merit, the worst first, unless the risk
-    is the mean over all conditions. A limit is active if the design uses at least 1 - tolerance of it; it comes
-    with the condition of the largest use, the most used limit first.
+    Conditions are those whose merit is within `tolerance` of the worst merit, the worst first, unless the
+    risk is the mean over all conditions. A limit is active if the design uses at least 1 - tolerance of it.
+    It comes with the condition of the largest use, the most used limit first.
     """
     e, label = orbits.evaluate(design[None]), orbits.conditions.label
     merit, out = e.merit[0], list[Active]()
@@ -302,7 +302,8 @@ def active_constraints(orbits: Orbits, design: np.ndarray, tolerance: float = 1e
     used = [(size.name, int(np.argmax(size.value[0])), float(size.value.max())) for size in orbits.sizes(e)]
     used.sort(key=lambda row: -row[2])
     out += [Active("limit", name, label(j), value) for name, j, value in used if value >= 1.0 - tolerance]
-    for value, (least, most), name in zip(design, orbits.space.bounds.T, ("mass", "length", "damping")):
+    bounds = zip(design, orbits.space.bounds.T, ("mass", "length", "damping"), strict=False)
+    for value, (least, most), name in bounds:
         for kind, bound in (("lower bound", least), ("upper bound", most)):
             if abs(value - bound) < AT_BOUND * (most - least):
                 out.append(Active(kind, name, "", float(bound)))

@@ -110,8 +110,8 @@ class Orbits:
         value, slope = np.asarray(size.value), np.asarray(size.slope)
         if value.shape != e.tilt.shape or slope.shape != e.tilt_slope.shape:
             raise ValueError(
-                f"`values` of the objective {self.objective.name} must have a value of shape {e.tilt.shape} and "
-                f"a slope of shape {e.tilt_slope.shape}, but has {value.shape} and {slope.shape}"
+                f"`values` of the objective {self.objective.name} must have a value of shape {e.tilt.shape} "
+                f"and a slope of shape {e.tilt_slope.shape}, but has {value.shape} and {slope.shape}"
             )
         rocks = e.kind <= NEAR
         slope = np.where(rocks[..., None], _finite(slope), e.merit_slope)

@@ -27,11 +27,11 @@ class Descent:
     model: object = field(default=None, kw_only=True)
     """`Smoothed()` follows the symmetric orbits with smoothed signs and impacts, the default; `Piecewise()`
     is these orbits themselves, with exact gradients."""
-    searches: checks.Whole = field(default=16, kw_only=True)
+    searches: checks.Whole = field(default=8, kw_only=True)
     """Designs from which a search begins."""
     screening: checks.Whole = field(default=512, kw_only=True)
     """Designs solved before the searches, to choose where they begin."""
-    steps: checks.Whole = field(default=40, kw_only=True)
+    steps: checks.Whole = field(default=20, kw_only=True)
     """Number of steps of each descent."""
     finish: checks.Whole = field(default=4, kw_only=True)
     """Number of ends of the descents that SLSQP finishes on the exact gradients; 0 for none."""
