@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from tpd.answers.ensemble import Ensemble as Ensemble
     from tpd.answers.ensemble import outcomes as outcomes
     from tpd.answers.fragility import fragility as fragility
-    from tpd.answers.paired import verdict as verdict
+    from tpd.answers.paired import paired_runs as paired_runs
     from tpd.answers.periodic_orbit import periodic_orbit as periodic_orbit
     from tpd.answers.response import branches as branches
     from tpd.answers.response import settled_response as settled_response
@@ -56,14 +56,13 @@ if TYPE_CHECKING:
     from tpd.design import criteria as limits  # noqa: F401
     from tpd.design.criteria import DesignSpace as DesignSpace
     from tpd.design.criteria import Risk as Risk
-    from tpd.design.ground.search import GroundSearch as GroundSearch
+    from tpd.design.ground_motion import GroundSearch as GroundSearch
     from tpd.design.job import Job as Job
-    from tpd.design.many import front as front
-    from tpd.design.many import optimise_all as optimise_all
-    from tpd.design.methods import Descent as Descent
-    from tpd.design.methods import Sequential as Sequential
+    from tpd.design.pareto import front as front
+    from tpd.design.pareto import optimise_all as optimise_all
     from tpd.design.optimise import optimise as optimise
-    from tpd.design.result import Design as Design
+    from tpd.design.design import Design as Design
+    from tpd.design.settings import Descent as Descent
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.segmented import Segmented as Segmented
     from tpd.models.smoothed import Smoothed as Smoothed
@@ -90,7 +89,7 @@ _NAMES = {
     "answers.design_map": "design_map",
     "answers.ensemble": "Ensemble outcomes",
     "answers.fragility": "fragility",
-    "answers.paired": "verdict",
+    "answers.paired": "paired_runs",
     "answers.periodic_orbit": "periodic_orbit",
     "answers.response": "branches settled_response",
     "answers.spectra": "overturning_spectrum rocking_spectrum",
@@ -107,12 +106,12 @@ _NAMES = {
     "scene.scene": "Block Harmonic Pendulum Scene paper_scene",
     "scene.status": "Status status_name",
     "design.criteria": "DesignSpace Risk",
-    "design.ground.search": "GroundSearch",
+    "design.ground_motion": "GroundSearch",
     "design.job": "Job",
-    "design.many": "front optimise_all",
-    "design.methods": "Descent Sequential",
+    "design.pareto": "front optimise_all",
     "design.optimise": "optimise",
-    "design.result": "Design",
+    "design.design": "Design",
+    "design.settings": "Descent",
     "models.piecewise": "Piecewise",
     "models.segmented": "Segmented",
     "models.smoothed": "Smoothed",

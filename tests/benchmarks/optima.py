@@ -1,4 +1,4 @@
-"""Does the gradient pay: `tpd.Sequential` and a descent of optax against derivative-free methods.
+"""Does the gradient pay: descents of optax, with and without a finish, against derivative-free methods.
 
 All minimise the same exact function of (mu, lam, zeta): the risk of the tilts under all conditions plus ten
 times the excess over a limit. A design counts once, screening included; its slopes do not count.
@@ -19,13 +19,16 @@ SEED, SEEDS = 0, 5
 """The first seed, and how many."""
 NEAR, BUDGET = 1e-3, 1000
 """Share of the best value that counts as found; designs after which restarts of the peers end."""
-OURS = {"screening": 32, "searches": 4, "steps": 16}
-METHODS = {"tpd, SLSQP": tpd.Sequential(**OURS), "optax, Adam": tpd.Descent("adam", **(OURS | {"steps": 60}))}
-"""Both search by exact orbits or smoothed signs from the same four designs of the screening."""
+OURS = {"screening": 32, "searches": 4, "steps": 20}
+METHODS = {
+    "optax and SLSQP finish": tpd.Descent(**OURS),
+    "optax alone": tpd.Descent(**(OURS | {"steps": 60, "finish": 0})),
+}
+"""Both descend on smoothed signs from the same four designs of the screening."""
 
 
 def problems() -> dict[str, Any]:
-    """Objectives by their names."""
+    """Problems by their names."""
     from tpd.design.problem import Problem
 
     scene = tpd.paper_scene()
@@ -42,7 +45,7 @@ def problems() -> dict[str, Any]:
         limits = tpd.limits.Stroke(stroke), tpd.limits.Reserve()
         conditions = tpd.Conditions.band(of, *band)
         asked = {"conditions": conditions, "starts": starts, "risk": tpd.Risk.worst(), "limits": limits}
-        out[name] = Problem.of(of, space, method=METHODS["tpd, SLSQP"], **asked).objective
+        out[name] = Problem.of(of, space, **asked)
     return out
 
 
@@ -53,7 +56,7 @@ class Ledger:
         self.objective, self.values = objective, []
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
-        from tpd.design.ends import merit_of
+        from tpd.design.descend import merit_of
 
         values = merit_of(self.objective.at(np.clip(np.atleast_2d(unit), 0.0, 1.0)), self.objective.risk.of)
         self.values.extend(float(v) for v in values)
@@ -68,28 +71,27 @@ class Ledger:
         return np.minimum.accumulate(self.values).tolist()
 
 
-def ours(objective: Any, seed: int, method: Any) -> list[float]:
-    """Screening, and searches from the best of it."""
-    from tpd.design.search import Multistart
+def ours(problem: Any, seed: int, method: Any) -> list[float]:
+    """Screening, descents from the best of it, and their finish."""
+    from tpd.design.search import search
 
-    search = Multistart(objective, method, seed, None)
-    search.run()
+    objective = problem.objective
+    found = search(objective, replace(method, model=problem.method.model), seed)
     screened = Ledger(objective)
-    screened(objective.space.scaled(search.screened))
+    screened(objective.space.scaled(found.screened))
     best = screened.path()
-    for found in search.groups:
-        # A step of all searches at once spends a design of each.
-        spent, merit = np.asarray(found.path_spent), found.path_merit.min(axis=1)
-        for before, after, value in zip(spent[:-1], spent[1:], merit[1:], strict=True):
-            best += [min(best[-1], float(value))] * int(after - before)
-    return best
+    # The history has one value for all descents, and one for the finish of all ends.
+    descents = method.steps * len(found.ends)
+    best += [best[-1]] * (descents - 1) + [min(best[-1], found.descended)]
+    finish = found.evaluations - len(found.screened) - descents
+    return best + ([best[-1]] * (finish - 1) + [min(best[-1], found.finished)] if finish else [])
 
 
-def simplex(objective: Any, seed: int) -> list[float]:
+def simplex(problem: Any, seed: int) -> list[float]:
     """Nelder and Mead's, from random designs again and again."""
     from scipy.optimize import minimize
 
-    ledger, rng = Ledger(objective), np.random.default_rng([seed, 1])
+    ledger, rng = Ledger(problem.objective), np.random.default_rng([seed, 1])
     while len(ledger.values) < BUDGET:
         corner = rng.random(3)
         first = np.concatenate([corner[None], corner + np.where(corner < 0.5, 0.25, -0.25) * np.eye(3)])
@@ -98,11 +100,11 @@ def simplex(objective: Any, seed: int) -> list[float]:
     return ledger.path()
 
 
-def adaptation(objective: Any, seed: int) -> list[float]:
+def adaptation(problem: Any, seed: int) -> list[float]:
     """CMA-ES, restarted with twice the population."""
     import cma
 
-    ledger, rng, restarts = Ledger(objective), np.random.default_rng([seed, 2]), 0
+    ledger, rng, restarts = Ledger(problem.objective), np.random.default_rng([seed, 2]), 0
     while len(ledger.values) < BUDGET:
         options = {"bounds": [0.0, 1.0], "seed": 1 + 100 * seed + restarts, "popsize": 7 * 2**restarts}
         strategy = cma.CMAEvolutionStrategy(rng.random(3), 0.3, options | {"tolfun": 1e-6, "verbose": -9})
@@ -116,12 +118,12 @@ def adaptation(objective: Any, seed: int) -> list[float]:
 def run(quick: bool) -> list[dict[str, Any]]:
     """One row a problem, method and seed: after which designs the best value fell, and to what."""
     ways: dict[str, Callable[[Any, int], list[float]]] = {
-        name: lambda o, seed, m=method: ours(o, seed, m) for name, method in METHODS.items()
+        name: lambda p, seed, m=method: ours(p, seed, m) for name, method in METHODS.items()
     }
     ways |= {"Nelder-Mead, restarted": simplex, "CMA-ES, restarted": adaptation}
     rows, found = [], problems()
     for name in list(found)[: 1 if quick else None]:
-        ours(found[name], SEED, METHODS["tpd, SLSQP"])
+        ours(found[name], SEED, METHODS["optax and SLSQP finish"])
         for method, way in list(ways.items())[:: 2 if quick else 1]:
             for seed in range(SEED, SEED + (1 if quick else SEEDS)):
                 begun = time.perf_counter()

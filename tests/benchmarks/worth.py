@@ -91,7 +91,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     scene, seconds = tpd.paper_scene(), []
     limits = (tpd.limits.Stroke(), tpd.limits.Reserve(), tpd.limits.Mass(3.0))
     given = {"conditions": tpd.Conditions.band(scene, 2.0, 3.5, 20), "limits": limits}
-    method = tpd.Sequential(searches=4, screening=32, steps=16) if quick else tpd.Sequential(searches=64)
+    method = tpd.Descent(searches=4, screening=32, steps=16) if quick else tpd.Descent(searches=64)
     space = tpd.DesignSpace(damping_ratio=(0.05, 0.4))
     for seed in range(2):
         begun = time.perf_counter()

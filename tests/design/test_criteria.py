@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy.optimize import linprog
+from tpd.design.objective import Evaluation, geometry_of
 
 import tpd
 from tests.design.conftest import WIDE
@@ -20,7 +21,6 @@ from tpd.design.criteria import (
     limit_of,
     stroke_limit,
 )
-from tpd.design.objective import Evaluation, geometry_of
 from tpd.design.problem import Problem
 from tpd.design.search import Multistart
 from tpd.report import words

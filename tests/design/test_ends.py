@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from scipy.optimize import linprog
+from tpd.design.ends import PENALTY, Book, Linearisation, merit_of
 
 import tpd
-from tpd.design.ends import PENALTY, Book, Linearisation, merit_of
 
 STEP = 1e-4
 AT = np.array([[0.5, 0.5, 0.5], [0.0, 1.0, 0.3], [1.0, 0.2, 1.0 - 0.3 * STEP]])

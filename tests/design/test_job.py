@@ -8,6 +8,7 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from tpd.design.methods import Descent
 
 import tpd
 from tests.formats.synthetic import shaking
@@ -18,7 +19,6 @@ from tpd.design import job as jobs
 from tpd.design.criteria import DesignSpace, Worth
 from tpd.design.ground.optimise import ground_problem
 from tpd.design.job_keys import SCHEMA
-from tpd.design.methods import Descent
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.records import el_centro, loma_prieta

@@ -5,11 +5,11 @@ from functools import partial
 import numpy as np
 import optax
 import pytest
+from tpd.design.methods import OPTIMISERS, descend, describe, minimise, named, smoothed_merit
+from tpd.design.objective import Orbits
 
 import tpd
 from tests.design.minimax import FREE, LIMITED, STARTS, WORST, in_unit_square, linearisations
-from tpd.design.methods import OPTIMISERS, descend, describe, minimise, named, smoothed_merit
-from tpd.design.objective import Orbits
 
 
 @pytest.fixture(scope="module")

@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tpd.design.objective import BACK_OFF, KINDS, REST, ROCKING, Orbits, geometry_of, margins
 
 import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
 from tests.reference import orbits_of
-from tpd.design.objective import BACK_OFF, KINDS, REST, ROCKING, Orbits, geometry_of, margins
 from tpd.scene.parameters import as_arrays
 
 GOOD = np.array([[0.15, 0.26, 0.35]])

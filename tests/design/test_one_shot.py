@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-
-from tests.design.test_objective import orbits
 from tpd.design.ends import merit_of
 from tpd.design.methods import descend, named
 from tpd.design.objective import NONE, REST, ROCKING
 from tpd.design.one_shot import OneShot
+
+from tests.design.test_objective import orbits
 from tpd.models.smoothed import Smoothed
 
 DESIGNS = np.array([[0.05, 0.5, 0.1], [0.1, 0.7, 0.1], [0.15, 0.4, 0.1]])

@@ -2,12 +2,12 @@
 
 import jax.numpy as jnp
 import numpy as np
+from tpd.design.objective import margins
+from tpd.design.screening import best_apart, first_apart, screened_designs, starting_designs, with_design
 
 import tpd
 from tests.design.conftest import SCENE
 from tests.design.test_objective import orbits
-from tpd.design.objective import margins
-from tpd.design.screening import best_apart, first_apart, screened_designs, starting_designs, with_design
 from tpd.scene.parameters import as_arrays
 from tpd.theory import uplift
 

@@ -59,7 +59,7 @@ CONDITIONS = (
     Option("--from-rest", "starts", "kind", value="rest", help=_REST),
 )
 SEARCH = (
-    *_options("search", method="WORD", optimiser="WORD", searches="N", starts="N", steps="N"),
+    *_options("search", optimiser="WORD", searches="N", starts="N", steps="N"),
     Option("--at-least", "worth", "at_least", "X"),
     Option("--allowed", "worth", "strikes", "X"),
     Option("--seed", "search", "seed", "N"),

@@ -3,7 +3,7 @@
 A limit is a size that must not exceed one under every condition. A search takes any list of limits: it reads
 their sizes and the derivatives of these with respect to (mu, lam, zeta). A user's own limit is a frozen
 dataclass that is a subclass of `Limit`: with `name`, `sizes` and, if it needs more than the tilt, the bob's
-angle and the design, `of_motion = False`.
+angle and the design, `of_motion = False`. A user's own objective is a subclass of `Objective`.
 """
 
 from __future__ import annotations
@@ -26,11 +26,13 @@ __all__ = [
     "Limit",
     "Mass",
     "Multiplier",
+    "Objective",
     "Offset",
     "RelativeStroke",
     "Reserve",
     "Risk",
     "Room",
+    "SteadyTilt",
     "Stroke",
     "Tilt",
     "Worsening",
@@ -168,14 +170,10 @@ class Worth:
     strikes: checks.Real | None = None
     """Largest share of the runs that stand in which the bob may strike a wall, on the way or settled; default
     0.01. On ground motions the share that may break a limit of any kind; default 0.1."""
-    runs: checks.Whole | None = None
-    """Most runs, with the pendulum and without, by the nonlinear equations; default all of the ensemble."""
 
     def __post_init__(self) -> None:
         shares = "at_least worse" if self.strikes is None else "at_least worse strikes"
         checks.set_checked(self, checks.within, shares, 0.0, 1.0)
-        if self.runs is not None:
-            checks.set_checked(self, checks.count, "runs")
 
     @property
     def allowed(self) -> float:
@@ -223,9 +221,9 @@ class Evaluation(NamedTuple):
     """Designs under conditions: arrays (m, n), derivatives (m, n, 3) with respect to (mu, lam, zeta)."""
 
     merit: np.ndarray
-    """Tilt over nu where the block rocks; minus the uplift margin where it rests; above 1 where it does not
-    settle. Lower is better, and a resting design is better than any rocking one. All have derivatives but
-    orbits near a fold."""
+    """Value of the objective where the block rocks, by default the tilt over nu; minus the uplift margin
+    where it rests; above 1 where no motion attracts. Lower is better, and a resting design is better than any
+    rocking one. All have derivatives but orbits near a fold."""
     merit_slope: np.ndarray
     tilt: np.ndarray
     """Largest |phi| over nu; 0 at rest. Where no motion attracts, that of the largest orbit, or infinite."""
@@ -242,7 +240,7 @@ class Evaluation(NamedTuple):
     `Margins`; 1 at rest."""
     reserve_slope: np.ndarray
     kind: np.ndarray
-    """Index into `tpd.design.objective.KINDS`."""
+    """Index into `tpd.design.orbits.KINDS`."""
     turn: np.ndarray
     """phi, psi, phase of the forcing and psi' at the upper turn of the orbit that counts, (m, n, 4)."""
     design: np.ndarray
@@ -261,7 +259,8 @@ class Evaluation(NamedTuple):
 
 
 class Size(NamedTuple):
-    """A limited quantity over its limit, under every condition: at most 1 where the limit is kept."""
+    """A quantity over its limit, or over its size of reference, under every condition: at most 1 where the
+    limit is kept."""
 
     name: str
     value: np.ndarray
@@ -295,6 +294,37 @@ class Limit(ABC):
     def set_angle(self) -> None:
         """Check that `angle` is positive and at most a right angle, where the bob is level with its hinge."""
         checks.at_most(self.name, self.set_number("angle"), 0.5 * np.pi, "a right angle in rad")
+
+
+@dataclass(frozen=True)
+class Objective(ABC):
+    """A quantity of a settled motion that a search makes small, under every condition.
+
+    Its values apply where a motion attracts and the block rocks. Elsewhere the search uses values of its own:
+    minus the uplift margin where the block rests, and more than 1 where no motion attracts. The quantity
+    must therefore be divided by a size of reference, so that its values are positive and below 1, except for
+    motions that are as bad as none. Limits, penalties and tolerances are made for such values as well.
+    """
+
+    name: ClassVar[str]
+    """Words for the quantity in reports."""
+    of_motion: ClassVar[bool] = True
+    """Whether the values follow from tilt, bob angle and design alone, so that a run of any model has one."""
+
+    @abstractmethod
+    def values(self, e: Evaluation, g: Geometry) -> Size:
+        """Quantity of m designs under n conditions over its size of reference, with its derivatives."""
+
+
+@dataclass(frozen=True)
+class SteadyTilt(Objective):
+    """Largest settled tilt over the slenderness: 1 is the tilt at which the block stands on its corner."""
+
+    name: ClassVar[str] = "tilt"
+
+    def values(self, e: Evaluation, g: Geometry) -> Size:
+        """The tilt over nu."""
+        return Size(self.name, e.tilt, e.tilt_slope)
 
 
 @dataclass(frozen=True)
@@ -580,6 +610,22 @@ def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
             raise ValueError(f"`limits` must hold one limit of a kind, but has two of {kind.__name__}")
     # Limits of the user's own come last.
     return tuple(sorted(listed, key=lambda x: KINDS.index(type(x)) if type(x) in KINDS else len(KINDS)))
+
+
+def check_objective(objective: object) -> Objective:
+    """Return the objective.
+
+    Raises:
+        ValueError: anything but an object of a dataclass with a `name` that is a subclass of `Objective`.
+    """
+    # Its numbers are what tells two searches apart, and its name what a report has.
+    whole = "__dataclass_fields__" in vars(type(objective)) and hasattr(objective, "name")
+    if isinstance(objective, Objective) and whole:
+        return objective
+    raise ValueError(
+        "`objective` must be an object of a dataclass with a `name` that is a subclass of "
+        f"`tpd.limits.Objective`, but is {checks.shown(objective)}"
+    )
 
 
 def _relative(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:

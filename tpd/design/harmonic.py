@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,11 +16,24 @@ from tpd.answers.steady_state import steady_state
 from tpd.core import checks
 from tpd.core.batch import aside
 from tpd.core.progress import Progress, unreported
-from tpd.design.criteria import DEFAULT_LIMITS, DesignSpace, Evaluation, Limit, Risk, Worth, check_limits
-from tpd.design.descend import Descent
-from tpd.design.orbits import REST, Orbits, margins
+from tpd.design.criteria import (
+    DEFAULT_LIMITS,
+    REST,
+    DesignSpace,
+    Evaluation,
+    Limit,
+    Objective,
+    Risk,
+    SteadyTilt,
+    Worth,
+    check_limits,
+    check_objective,
+)
+from tpd.design.orbits import Orbits, margins
 from tpd.design.problem import MOST_MOTIONS, Problem, check_cavity, check_given, check_moves, within_mass
-from tpd.design.search import Multistart, Search
+from tpd.design.search import Search, search
+from tpd.design.settings import Descent
+from tpd.design.smoothed_orbits import SMOOTHED, prepare_step
 from tpd.models.compiled_linear import load_compiled
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
@@ -58,8 +71,6 @@ _POLISHED = 32
 """Most conditions under which exact amplitudes are polished by Newton's method to round-off."""
 _SMOOTH = 0.2
 """Least velocity ratio of impacts under which descents smooth them."""
-SMOOTHED = Smoothed(rtol=1e-7)
-"""Model of a descent by default: the error control ignores derivatives, so it is tighter than for motions."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +103,8 @@ class HarmonicProblem(Problem):
     """A design problem under harmonic excitation."""
 
     starts: Starts
+    objective: Objective
+    """What the descents make small; the trials and the validation compare tilts."""
     attempts: ClassVar[int] = 3
     holds_back: ClassVar[bool] = True
 
@@ -104,6 +117,7 @@ class HarmonicProblem(Problem):
         starts: Starts | None = None,
         risk: Risk | None = None,
         limits: Iterable[Limit] | None = None,
+        objective: Objective | None = None,
         method: Descent | None = None,
         ensemble: Ensemble | None = None,
         worth: Worth | None = None,
@@ -135,7 +149,8 @@ class HarmonicProblem(Problem):
             # Where impacts lose much, the bias of smoothed ones comes near the tolerance of the ends.
             smooth = bool(np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH))
             method = replace(method, model=SMOOTHED if smooth else Piecewise())
-        method.model.check(heaviest)
+        model: Any = method.model
+        model.check(heaviest)
         limits = check_limits(DEFAULT_LIMITS if limits is None else limits)
         check_cavity(scene.block, limits)
         starts = Starts.any() if starts is None else starts
@@ -154,6 +169,7 @@ class HarmonicProblem(Problem):
             starts=starts,
             risk=Risk.worst() if risk is None else risk,
             limits=limits,
+            objective=SteadyTilt() if objective is None else check_objective(objective),
             method=method,
             ensemble=ensemble,
             worth=Worth() if worth is None else worth,
@@ -174,7 +190,7 @@ class HarmonicProblem(Problem):
     def orbits(self) -> Orbits:
         """Symmetric orbits of designs under all conditions."""
         common = as_arrays(self.scene.parameters()), self.conditions, self.space, self.risk, self.limits
-        orbits = Orbits(*common, self.geometry, self.starts.kind is StartKind.rest)
+        orbits = Orbits(*common, self.geometry, self.starts.kind is StartKind.rest, self.objective)
         # Limits that compare with the block without a pendulum know its tilts.
         return orbits.against_bare()
 
@@ -198,20 +214,21 @@ class HarmonicProblem(Problem):
         """See `Problem.candidates`: ends of the descents that the exact solution confirms, designs on their
         paths, and designs spread over the space."""
         few = self.orbits.over(self.conditions.subset(_SEARCHED, self.seed))
-        search = Multistart(few, self.method, self.seed, progress)
+        if isinstance(self.method.model, Smoothed):
+            prepare_step(few, self.method.model)
         # Trial runs need the compiled engine; it loads while the descents run.
         aside(load_compiled)
-        search.run()
-        ends = search.order(feasible=False)
-        ends = ends[~search.contradicted[ends]]
+        found = search(few, self.method, self.seed, progress)
+        if len(few.conditions) < len(self.conditions):
+            part = f" under {len(few.conditions)} of the {len(self.conditions)} conditions"
+            found = replace(found, description=found.description + part)
         rng = np.random.default_rng([self.seed, 9])
         drawn = self.space.unscaled(latin_hypercube(rng, _DRAWN, self.space.bounds.shape[1]))
         sizes = self.fixed_sizes(drawn)
         # Designs that exceed a limit without any run come last: some remain, to show what the limit costs.
         over = np.max([np.zeros(len(drawn)), *sizes.values()], axis=0) > 1.0
         spread = drawn[np.argsort(over, kind="stable")[:_SPREAD]]
-        designs = np.concatenate([search.designs[ends], search.on_the_way(_PATHS), spread])
-        return designs, search.history
+        return np.concatenate([found.confirmed, found.passed[:_PATHS], spread]), found
 
     def fixed_sizes(self, designs: np.ndarray) -> dict[str, np.ndarray]:
         """See `Problem.fixed_sizes`."""

@@ -18,10 +18,8 @@ from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.files import path_of
 from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Worsening, Worth
-from tpd.design.ground.judgement import SCATTERED
-from tpd.design.ground.search import GroundSearch
+from tpd.design.ground_motion import SCATTERED, GroundSearch
 from tpd.design.job_keys import (
-    METHODS,
     MODELS,
     PAPER,
     READING,
@@ -38,8 +36,8 @@ from tpd.design.job_keys import (
     size_of,
     widths_of,
 )
-from tpd.design.methods import Descent, Method
 from tpd.design.problem import check_moves, check_scatter
+from tpd.design.settings import Descent
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
 from tpd.records.intensity import intensity_of
@@ -284,10 +282,10 @@ class Job:
             return Worth(**self.full["worth"])
 
     @cached_property
-    def method(self) -> Method | GroundSearch:
-        """Method of the search."""
+    def method(self) -> Descent | GroundSearch:
+        """Settings of the search."""
         asked = self.full["search"]
-        kind: Any = GroundSearch if self.kind != "harmonic" else METHODS[asked["method"]]
+        kind: Any = GroundSearch if self.kind != "harmonic" else Descent
         given = {name: asked[name] for name in keys_of(kind) if asked[name] is not None}
         if kind is Descent and asked["model"] is not None:
             given["model"] = MODELS[asked["model"]]

@@ -26,9 +26,9 @@ from tpd.core.checks import shown
 from tpd.core.files import path_of, readable
 from tpd.core.formatting import meant
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, DesignSpace, Limit, Risk, Worth, limit_of
-from tpd.design.ground.judgement import HELD_OUT, SCATTERED
-from tpd.design.ground.search import DEFAULT_SPACE, GroundSearch
-from tpd.design.methods import SMOOTHED, Descent, Method, Sequential
+from tpd.design.ground_motion import DEFAULT_SPACE, HELD_OUT, SCATTERED, GroundSearch
+from tpd.design.settings import Descent
+from tpd.design.smoothed_orbits import SMOOTHED
 from tpd.models.piecewise import Piecewise
 from tpd.records.reading import BUILT_IN, SETS
 from tpd.scene.bob import Bob
@@ -44,7 +44,6 @@ SHAPE = "width", "height", "mass"
 """Keys of [block] that a block of one's own needs."""
 _Whole = Annotated[int, Meta(le=2**31 - 1)]
 """A count or a seed: beyond it random generators and arrays fail."""
-METHODS: dict[str, type[Method]] = {kind.name: kind for kind in (Descent, Sequential)}
 MODELS = {"smoothed": SMOOTHED, "piecewise": Piecewise()}
 
 
@@ -88,10 +87,10 @@ def _limit(kind: type[Limit]) -> Key:
     return Key(float | bool if is_number else bool, default, (kind, None))
 
 
-def _of_methods() -> dict[str, Key]:
-    """Keys of all methods; where they have different defaults these depend on the method."""
+def _of_searches() -> dict[str, Key]:
+    """Keys of both searches; where they have different defaults these depend on the search."""
     found: dict[str, Key] = {}
-    for kind in (Descent, Sequential, GroundSearch):
+    for kind in (Descent, GroundSearch):
         for name, key in keys_of(kind).items():
             other = found.setdefault(name, key)
             if other.default != key.default:
@@ -208,14 +207,13 @@ TABLES: dict[str, dict[str, Key]] = {
     "limits": {kind.name: _limit(kind) for kind in KINDS},
     "worth": keys_of(Worth),
     "search": {
-        "method": Key(Literal["descent", "sequential"], None, "method of the search (default descent)"),
         "model": Key(
             Literal["smoothed", "piecewise"],
             None,
-            "model whose gradients the method descent takes (default smoothed: signs and impacts smoothed, "
+            "model whose gradients the descents take (default smoothed: signs and impacts smoothed, "
             "orbits followed by diffrax; piecewise: the exact ones)",
         ),
-        **_of_methods(),
+        **_of_searches(),
         "seed": Key(_Whole, 0, "seed of every random choice, the runs that verify and judge included"),
         "pareto": Key(bool, False, "also find three lighter pendulums, each verified"),
     },
@@ -227,7 +225,7 @@ READING = ("channel", "dt", "unit", "baseline", "columns", "skip", "scale")
 _SHAKEN = ("pulse", "records")
 _USUAL = {("space", "damping_ratio"): DEFAULT_SPACE.damping_ratio, ("risk", "measure"): "expected"}
 _DEFAULTS: dict[str, dict[tuple[str, str], Any]] = {
-    "harmonic": {("search", "method"): "descent"},
+    "harmonic": {},
     "pulse": _USUAL | {("motion", "intensity"): "scale", ("motion", "scales"): (1.0,)},
     "records": _USUAL | {("motion", "intensity"): "pga_star", ("motion", "held_out"): HELD_OUT},
 }
@@ -242,7 +240,7 @@ _KINDS: dict[tuple[str, str], tuple[str, ...]] = {
     **{("limits", kind.name): ("harmonic",) for kind in KINDS if not kind.of_motion},
     **{
         ("search", name): ("harmonic",)
-        for name in ("method", "model", *_of_methods())
+        for name in ("model", *_of_searches())
         if name not in keys_of(GroundSearch)
     },
     **{("search", name): _SHAKEN for name in keys_of(GroundSearch) if name not in keys_of(Descent)},
@@ -255,7 +253,6 @@ _KINDS: dict[tuple[str, str], tuple[str, ...]] = {
 }
 """Kinds of motion under which a key has an effect; others have it under all."""
 MOTIONS = {"harmonic": "a harmonic motion", "pulse": "a pulse", "records": "records"}
-_DESCENT = ("`search.method` descent", lambda full: full["search"]["method"] == "descent")
 _CYCLIC = [name for name, kind in PULSES.items() if kind.periods is None]
 _FILE = ("a file of a record", lambda full: full["motion"]["records"] is None or _names_files(full))
 _SEVERAL = ("several conditions, [conditions] or [scatter]", lambda full: size_of(full) > 1)
@@ -281,7 +278,6 @@ _ONLY_WITH: dict[tuple[str, str], tuple[str, Callable[[Tables], bool]]] = {
     ("conditions", "samples"): ("a width in [scatter]", lambda full: bool(widths_of(full))),
     ("risk", "measure"): _SEVERAL,
     ("risk", "share"): ("`risk.measure` cvar", lambda full: full["risk"]["measure"] == "cvar"),
-    **{("search", name): _DESCENT for name in ("optimiser", "model", "tolerance")},
 }
 """Keys that have an effect only together with another one: this one in words, and whether a job has it."""
 

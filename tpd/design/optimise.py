@@ -16,14 +16,14 @@ from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.progress import Progress, shown, unreported
-from tpd.design.criteria import DesignSpace, Limit, Risk, Worth
-from tpd.design.descend import Descent
+from tpd.design.criteria import DesignSpace, Limit, Objective, Risk, Worth
 from tpd.design.design import Design
 from tpd.design.ground_motion import GroundMotionProblem, GroundSearch
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.design.refine import apart, refine
+from tpd.design.settings import Descent
 from tpd.design.validate import Validated, validate
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
@@ -43,6 +43,7 @@ def optimise(
     starts: Starts | None = None,
     risk: Risk | None = None,
     limits: Iterable[Limit] | None = None,
+    objective: Objective | None = None,
     method: Descent | GroundSearch | None = None,
     ensemble: Ensemble | None = None,
     worth: Worth | None = None,
@@ -70,6 +71,8 @@ def optimise(
             wherever it holds.
         risk: default `Risk.worst()`.
         limits: objects of `tpd.limits`; default `limits.DEFAULT_LIMITS`; `limits.POINT_BOB` has no walls.
+        objective: what the descents make small under harmonic excitation; default the settled tilt,
+            `limits.SteadyTilt()`.
         method: `Descent(...)`; under ground motions `GroundSearch(...)`.
         ensemble: validation runs, dealt out among the conditions; default `Ensemble(size=2048)`.
         worth: least benefit and largest harm of a pendulum that is recommended; default `Worth()`.
@@ -85,8 +88,8 @@ def optimise(
         RuntimeError: JAX is in 32-bit mode.
     """
     given: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
-    given |= {"worth": worth, "seed": seed}
-    problem = problem_of(scene, space, conditions=conditions, starts=starts, held_out=held_out, **given)
+    given |= {"worth": worth, "seed": seed, "held_out": held_out, "objective": objective}
+    problem = problem_of(scene, space, conditions=conditions, starts=starts, **given)
     with shown(progress) as report:
         return solve(problem, report)
 
@@ -98,6 +101,7 @@ def problem_of(
     conditions: Conditions | None = None,
     starts: Starts | None = None,
     held_out: checks.Real | Mapping[str, Sequence[GroundMotion]] | None = None,
+    objective: Objective | None = None,
     **given: Any,
 ) -> Problem:
     """Return the problem that arguments of `optimise` pose.
@@ -107,14 +111,17 @@ def problem_of(
     """
     checks.optional("conditions", conditions, Conditions)
     if conditions is not None and conditions.motions:
-        if starts is not None:
-            raise ValueError("`starts` is for harmonics, but the conditions are ground motions")
+        for name, value in (("starts", starts), ("objective", objective)):
+            if value is not None:
+                raise ValueError(f"`{name}` is for harmonics, but the conditions are ground motions")
         return GroundMotionProblem.of(scene, conditions, space, held_out=held_out, **given)
     if held_out is not None:
         raise ValueError("`held_out` is for ground motions, but the conditions are harmonics")
     if isinstance(scene, Block) or isinstance(given.get("method"), GroundSearch):
         raise ValueError("a block alone, and a `GroundSearch`, go with ground motions: `Conditions.records`")
-    return HarmonicProblem.of(scene, space, conditions=conditions, starts=starts, **given)
+    return HarmonicProblem.of(
+        scene, space, conditions=conditions, starts=starts, objective=objective, **given
+    )
 
 
 def solve(problem: Problem, progress: Progress = unreported) -> Design:

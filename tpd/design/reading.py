@@ -21,7 +21,6 @@ from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Room, limit_of
 from tpd.design.ground.judgement import SCATTERED, Role
 from tpd.design.job import Job, job_of
 from tpd.design.job_keys import MODELS, TABLES
-from tpd.design.methods import Method
 from tpd.design.problem import Question
 from tpd.design.result import StoredDesign
 from tpd.design.verified import ANSWERS, DesignStatus
@@ -152,8 +151,6 @@ def _asked(design: Any) -> dict[str, dict[str, Any]]:
     search = {name: value for name, value in vars(method).items() if name in TABLES["search"]}
     models = {repr(model): name for name, model in MODELS.items()}
     search |= {"model": models.get(repr(search.get("model"))), "seed": design.seed}
-    if isinstance(method, Method):
-        search["method"] = method.name
     measure = {0.0: "worst", 1.0: "expected"}.get(risk.share, "cvar")
     asked: dict[str, dict[str, Any]] = {
         "block": vars(scene.block),

@@ -11,7 +11,7 @@ from tpd.answers.paired import FEWER
 
 
 class DesignStatus(enum.Enum):
-    """Outcome of a design problem, or of one of its descents; the value is a sentence of the report."""
+    """Outcome of a design problem; the value is a sentence of the report."""
 
     def __new__(cls, sentence: str, remedy: str) -> DesignStatus:
         """Make a member of its sentence, with what to do about it."""
@@ -54,16 +54,6 @@ class DesignStatus(enum.Enum):
         "strong enough push it may still rock or overturn.",
         "Give a stronger excitation to see what the block can withstand.",
     )
-    rests = "found designs with which the block settles at rest", "None is needed."
-    converged = "reached a minimum of the risk", "None is needed."
-    at_bound = "reached a bound of the design space", "Widen the design space there."
-    stroke_limited = "reached the stroke limit", "Allow a larger stroke, or more damping."
-    steps_exhausted = "was still improving when the steps ran out", "Give more steps."
-    contradicted = (
-        "ended on an orbit that the exact solution does not confirm",
-        "Descend on exact orbits: `Descent(model=Piecewise())`.",
-    )
-    infeasible = "found no design within the limits", "Widen the design space, or loosen a limit."
 
     @property
     def remedy(self) -> str:
@@ -76,8 +66,6 @@ class DesignStatus(enum.Enum):
         return self in (DesignStatus.found, DesignStatus.no_uplift)
 
 
-ANSWERS = tuple(DesignStatus.__members__)[:7]
-"""Names of the statuses that an answer may have; the others are those of its descents."""
 OFFERED = DesignStatus.found, DesignStatus.tuned_only
 """Statuses with a pendulum."""
 

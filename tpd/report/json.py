@@ -18,7 +18,7 @@ from tpd.core import files
 from tpd.design.criteria import Limit
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.judgement import Judged
-from tpd.design.objective import KINDS
+from tpd.design.orbits import KINDS
 from tpd.design.reading import VERSION
 from tpd.design.result import Design, HarmonicDesign
 from tpd.design.study import Study

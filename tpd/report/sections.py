@@ -15,8 +15,9 @@ from tpd.design.criteria import LABELS
 from tpd.design.ground.design import GroundDesign
 from tpd.design.ground.judgement import Role
 from tpd.design.ground.search import SPARE
-from tpd.design.objective import KINDS
-from tpd.design.result import DesignStatus, HarmonicDesign
+from tpd.design.orbits import KINDS
+from tpd.design.result import HarmonicDesign
+from tpd.design.search import SearchStatus
 from tpd.design.study import Study
 from tpd.design.survey import ON_THE_WAY, Survey
 from tpd.design.verified import Bare, ReasonKind, Step, Verified
@@ -268,13 +269,13 @@ def _search(design: HarmonicDesign, figure: Sequence[Block]) -> list[Block]:
     search = design.search
     ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
     said = (
-        f"Method {design.method.name}: {search.evaluations} designs, from {search.description}, seed "
-        f"{design.seed}. Searches: {ends or 'none'}."
+        f"{search.evaluations} designs, from {search.description}, seed {design.seed}. Searches: "
+        f"{ends or 'none'}. {search.told}"
     )
     mismatch, lost = search.mismatch, int(np.sum(search.lost))
     if np.any(mismatch):
         told = zip(mismatch[:, 0], search.statuses, strict=False)
-        good = [np.isfinite(x) and status is not DesignStatus.contradicted for x, status in told]
+        good = [np.isfinite(x) and status is not SearchStatus.contradicted for x, status in told]
         tilt, slope = (float(x) for x in np.max(mismatch[: len(good)][good], axis=0, initial=0.0))
         said += (
             f" The exact solution confirms {sum(good)} of {len(mismatch)} ends: their tilts differ from "

@@ -1,12 +1,13 @@
-"""Objective of a search: the merit of a design under every condition, with exact derivatives.
+"""Symmetric orbits of designs under all conditions, with exact derivatives.
 
-The objective evaluates designs under all conditions, applies the risk measure, and states the limits as
-constraints. It asks for all symmetric period-one orbits in closed form, a hundred thousand designs a second,
-so that its answer holds whatever the start."""
+`Orbits` solves all symmetric period-one orbits of a design in closed form, so that its values hold for any
+initial state. It takes the objective of the orbit that counts under each condition, applies the risk measure
+over the conditions, and states the limits as constraints."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,12 +22,13 @@ from tpd.design.criteria import (
     Evaluation,
     Geometry,
     Limit,
+    Objective,
     Risk,
     Size,
+    SteadyTilt,
     Worsening,
     bob_of,
 )
-from tpd.design.ends import Linearisation
 from tpd.exact.terms import SIZES
 from tpd.models import compiled_orbits
 from tpd.scene.conditions import Conditions, under, under_all
@@ -35,8 +37,6 @@ from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import with_design
 from tpd.scene.scene import Scene
 from tpd.theory import uplift
-
-"""Called with (units done, of how many)."""
 
 _PAIRS = 16_384
 """Pairs of design and condition that are solved at once, about."""
@@ -54,6 +54,23 @@ OF_PAIRS = Evaluation._fields[: Evaluation._fields.index("design")]
 """Fields of an evaluation that belong to pairs of design and condition; they come first."""
 
 
+class Linearisation(NamedTuple):
+    """n functions and l constraints (<= 0) at m designs, and their slopes along d scaled coordinates."""
+
+    value: np.ndarray
+    """(m, n)"""
+    slope: np.ndarray
+    """(m, n, d)"""
+    limit: np.ndarray
+    """(m, l)"""
+    limit_slope: np.ndarray
+    """(m, l, d)"""
+
+    def at(self, rows: np.ndarray | slice) -> Linearisation:
+        """Linearisation at some of the designs."""
+        return Linearisation(*(x[rows] for x in self))
+
+
 @dataclass(frozen=True)
 class Orbits:
     """Risk of the merits under all conditions, and limits: of the largest attracting symmetric period-one
@@ -68,6 +85,7 @@ class Orbits:
     geometry: Geometry
     rest_counts: bool = False
     """Whether rest counts wherever it holds, though rocking attracts as well from other starts."""
+    objective: Objective = field(default_factory=SteadyTilt)
 
     def evaluate(self, designs: np.ndarray, progress: Count = unreported) -> Evaluation:
         """Designs (mu, lam, zeta), shape (m, 3), under all conditions."""
@@ -78,7 +96,26 @@ class Orbits:
             parts.append(_evaluated(self.p, designs[i : i + size], self.conditions, self.rest_counts))
             progress(min(i + size, m) * n, m * n)
         joined = (np.concatenate(x) for x in zip(*(part[: len(OF_PAIRS)] for part in parts), strict=True))
-        return Evaluation(*joined, design=designs)
+        return self.with_merits(Evaluation(*joined, design=designs))
+
+    def with_merits(self, e: Evaluation) -> Evaluation:
+        """The evaluation with the values of the objective as merits where the block rocks.
+
+        Raises:
+            ValueError: values or slopes of the user's objective of another shape.
+        """
+        with np.errstate(all="ignore"):
+            # Where the block does not rock, an orbit may be infinite or none.
+            size = self.objective.values(e, self.geometry)
+        value, slope = np.asarray(size.value), np.asarray(size.slope)
+        if value.shape != e.tilt.shape or slope.shape != e.tilt_slope.shape:
+            raise ValueError(
+                f"`values` of the objective {self.objective.name} must have a value of shape {e.tilt.shape} "
+                f"and a slope of shape {e.tilt_slope.shape}, but has {value.shape} and {slope.shape}"
+            )
+        rocks = e.kind <= NEAR
+        slope = np.where(rocks[..., None], _finite(slope), e.merit_slope)
+        return e._replace(merit=np.where(rocks, value, e.merit), merit_slope=slope)
 
     def over(self, conditions: Conditions) -> Orbits:
         """This objective under other conditions of the scene."""
@@ -113,10 +150,6 @@ class Orbits:
         slope = np.concatenate([np.zeros((m, 0, 3)), *(s.slope for s in sizes)], axis=1)
         # A quantity that is not finite breaks its limit, and no derivative says which way leads out.
         return np.where(np.isfinite(value), value, 10.0), np.where(np.isfinite(slope), slope, 0.0)
-
-    def constraint_names(self) -> list[str]:
-        """Names of the limited quantities, each the name of n constraints, in the order of `constraints`."""
-        return [size.name for size in self.sizes(blank(1, len(self.conditions)))]
 
     def linearised(self, e: Evaluation) -> Linearisation:
         """Merits, tightened constraints and their derivatives along the searched shares of the bounds."""
@@ -202,11 +235,11 @@ def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_
     tilt_slope = chosen(slopes["amplitude"] / nu[:, None], 0.0)
     multiplier = np.max(np.abs(o["multipliers"]), axis=-1)
     turn = np.stack([sizes["amplitude"], o["bob"], sizes["phase"], o["bob_rate"]], axis=-1)
-    # What does not attract is above any orbit that does, whose tilt is below one: a search must leave such
+    # What does not attract is above any orbit that does, whose merit is below one: a search must leave such
     # designs, and the uplift margin says which way leads to rest.
     nothing = np.where(kind == UNSTABLE, 1.0 + tilt, 2.0 - margin)
     out = Evaluation(
-        merit=np.where(kind <= NEAR, tilt, np.where(kind == REST, -margin, nothing)),
+        merit=np.where(kind == REST, -margin, nothing),
         merit_slope=np.where(moves[:, None], tilt_slope, -_finite(margin_slope)),
         tilt=tilt,
         tilt_slope=tilt_slope,
