@@ -54,17 +54,17 @@ if TYPE_CHECKING:
     from tpd.cluster.cluster import Cluster as Cluster
     from tpd.core.batch import in_chunks as in_chunks
     from tpd.design import criteria as limits  # noqa: F401
+    from tpd.design.as_built import study as study
     from tpd.design.criteria import DesignSpace as DesignSpace
     from tpd.design.criteria import Risk as Risk
+    from tpd.design.design import Design as Design
     from tpd.design.ground_motion import GroundSearch as GroundSearch
     from tpd.design.job import Job as Job
+    from tpd.design.optimise import optimise as optimise
     from tpd.design.pareto import front as front
     from tpd.design.pareto import optimise_all as optimise_all
-    from tpd.design.optimise import optimise as optimise
-    from tpd.design.design import Design as Design
-    from tpd.design.settings import Descent as Descent
     from tpd.design.reading import read_design as read_design
-    from tpd.design.as_built import study as study
+    from tpd.design.settings import Descent as Descent
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.segmented import Segmented as Segmented
     from tpd.models.smoothed import Smoothed as Smoothed

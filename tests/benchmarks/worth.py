@@ -42,6 +42,7 @@ class Judge:
 
     def __init__(self, scene: tpd.Scene, space: tpd.DesignSpace, size: int, seed: int) -> None:
         from tpd.design.by_runs import PairedRuns
+
         from tpd.design.criteria import Room, Worth, limit_of
         from tpd.design.problem import Problem
 

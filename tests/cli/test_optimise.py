@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tpd.design.result import DesignStatus
 
 import tpd
 from tests import designs
@@ -16,7 +17,6 @@ from tpd.cli import optimise
 from tpd.cli.new import template
 from tpd.design import job as jobs
 from tpd.design.problem import Problem
-from tpd.design.result import DesignStatus
 from tpd.records.reading import facts
 
 BAND = """

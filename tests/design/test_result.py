@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tpd.design.verified import Reason, ReasonKind, Step
 
 import tpd
 from tests import designs
-from tpd.design.verified import Reason, ReasonKind, Step
 from tpd.scene.conditions import Conditions
 
 

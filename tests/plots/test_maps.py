@@ -1,10 +1,10 @@
 """Maps and spectra draw themselves with labelled axes, and are tables."""
 
 import numpy as np
+from tpd.design.many import Designs
 
 import tpd
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
-from tpd.design.many import Designs
 
 BARE_SPECTRUM = np.array([[0, 1], [2, -1], [3, 0]])
 OVERTURNING = OverturningSpectrum(

@@ -8,11 +8,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tpd.design.study import Study
 
 import tpd
 from tests import designs
 from tpd.design.job import job_of
-from tpd.design.study import Study
 from tpd.report import files
 from tpd.report.files import add_engine, draw, motion_csv, response_csv, write
 

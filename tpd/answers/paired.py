@@ -120,7 +120,8 @@ class PairedRuns(Printed):
     def benefit(self) -> Interval:
         """Share by which the mean severity falls, with its 95 % interval; NaN without any pair."""
         rows = self._rows
-        return fall(*self.severity[:, rows], self._clusters(rows), least=LEAST)
+        with_it, without = self.severity[:, rows]
+        return fall(with_it, without, self._clusters(rows), least=LEAST)
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
@@ -132,14 +133,17 @@ class PairedRuns(Printed):
         rests = np.array([o.status[rows] == Outcome.rest for o in cases], dtype=float)
 
         def mean(name: str, values: np.ndarray) -> Change:
-            by = change(*values, self._clusters(rows))
+            by = change(values[0], values[1], self._clusters(rows))
             low, high = (x if np.isfinite(x) else np.nan for x in (by.low, by.high))
-            return Change(name, *(_of(np.mean, x) for x in values), low, high)
+            return Change(name, _of(np.mean, values[0]), _of(np.mean, values[1]), low, high)
+
+        def single(name: str, size: Callable[[np.ndarray], Any]) -> Change:
+            return Change(name, _of(size, pair[0]), _of(size, pair[1]), np.nan, np.nan)
 
         return (
             mean("mean severity", pair),
-            Change("median severity", *(_of(np.median, x) for x in pair), np.nan, np.nan),
-            Change("worst severity", *(_of(_worst_tenth, x) for x in pair), np.nan, np.nan),
+            single("median severity", np.median),
+            single("worst severity", _worst_tenth),
             mean("overturned", fell),
             mean("at rest", rests),
         )
@@ -163,11 +167,12 @@ class PairedRuns(Printed):
             return worse > better and chance_of(worse, better) < SIGNIFICANT
         groups = [self.known, *(self.known & (self.group == i) for i in range(len(self.labels)))]
         fell = [o.lost.astype(float) for o in (self.with_pendulum, self.without_pendulum)]
-        return any(change(*(x[rows] for x in fell), self._clusters(rows)).is_above for rows in groups)
+        return any(change(fell[0][rows], fell[1][rows], self._clusters(rows)).is_above for rows in groups)
 
     @cached_property
     def by_group(self) -> np.ndarray:
-        """Mean severity of every group with and without the pendulum, (2, groups); NaN where no run has it."""
+        """Mean severity of every group with and without the pendulum, (2, groups); NaN where no run has "
+        "it."""
         n, group = len(self.labels), self.group[self.known]
         count = np.bincount(group, minlength=n)
         sums = np.stack([np.bincount(group, weights=x[self.known], minlength=n) for x in self.severity])

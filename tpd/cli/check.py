@@ -1,4 +1,4 @@
-"""`tpd check`: a design, or a pendulum of one's own, by all models and as `tpd optimise` asks its designs."""
+"""`tpd check`: a design, or any pendulum, by all models and by the validation of `tpd optimise`."""
 
 from __future__ import annotations
 
@@ -12,17 +12,15 @@ from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.core.progress import Bar
-from tpd.design.criteria import Mass
-from tpd.design.ground.optimise import ground_problem, judged
+from tpd.design.criteria import Mass, stroke_limit
 from tpd.design.job import Job
+from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem, check_cavity
-from tpd.design.suitability import Suitability, rests, suitability
+from tpd.design.reasons import DesignStatus
+from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco
 from tpd.report import answer, files, words
 from tpd.scene.scene import Pendulum
-
-_WORTH = "Worth hanging under the stated conditions, as `tpd optimise` asks it: it helps, and it fits."
-_RESTS = "The report offers no pendulum, and under all conditions the bare block settles at rest."
 
 
 def run(options: argparse.Namespace) -> int:
@@ -47,39 +45,54 @@ def run(options: argparse.Namespace) -> int:
     models = QUICK if options.quick else MODELS
     with Bar() as bar:
         if pendulum is None:
-            said, is_sound = _bare(job, options.seed, models, bar)
-        elif job.kind == "harmonic":
-            # What `tpd optimise` asks of its designs.
-            found = suitability(
-                job.scene, pendulum, asked=_asked(job, options.seed), models=models, progress=bar
-            )
-            last = [f"{refusal}." for refusal in found.refusals] or [_WORTH]
-            said = [found.check.table(), "", *_around(found, job), found.counted, "", *last]
-            is_sound = not found.refusals
+            said, is_sound = _without(job, options.seed, models, bar)
         else:
-            # As `tpd optimise` judges its best design.
-            problem = replace(ground_problem(job.scene, **_settings(job)), limits=job.limits)
-            if options.seed is not None:
-                # The motions that are held out stay those of the job.
-                problem = replace(problem, seed=options.seed)
-            groups, verdict = judged(problem, pendulum, bar)
-            said = [*map(words.group, groups), "", *answer.judgement(verdict.status, verdict.reasons)]
-            is_sound = verdict.status.is_sound
+            said, is_sound = _validated(job, pendulum, options.seed, models, bar)
     print("\n".join(["", *said]))
     return SOUND if is_sound else UNSOUND
 
 
-def _settings(job: Job) -> dict[str, Any]:
-    """Arguments of `tpd.optimise`, without a limit on the mass: it narrows the space of a search, and a
-    pendulum of one's own may lie below it."""
-    return job.settings | {"limits": [limit for limit in job.limits if not isinstance(limit, Mass)]}
+def _problem(job: Job, seed: int | None) -> Problem:
+    """Problem of a job, on runs of another seed if there is one. The motions that are held out stay those of
+    the job. A limit on the mass does not narrow the space: the pendulum may lie below it."""
+    some = [limit for limit in job.limits if not isinstance(limit, Mass)]
+    settings: dict[str, Any] = job.settings | {"limits": some}
+    found = replace(problem_of(job.scene, **settings), limits=job.limits)
+    if seed is None:
+        return found
+    return replace(found, seed=seed, ensemble=replace(found.ensemble, seed=seed))
 
 
-def _asked(job: Job, seed: int | None) -> Problem:
-    """Problem that `tpd optimise` would ask of the designs of a job, on runs of another seed if there is
-    one."""
-    asked = replace(Problem.of(job.scene, **_settings(job)), limits=job.limits)
-    return asked if seed is None else replace(asked, seed=seed, ensemble=replace(asked.ensemble, seed=seed))
+def _validated(
+    job: Job, pendulum: Pendulum, seed: int | None, models: tuple[str, ...], bar: Bar
+) -> tuple[list[str], bool]:
+    """Lines on a pendulum: all models, and the validation that `tpd optimise` requires of its designs."""
+    said: list[str] = []
+    problem = _problem(job, seed)
+    if job.kind == "harmonic":
+        stroke = stroke_limit(job.limits)
+        said = [check(job.scene, pendulum, stroke=stroke, models=models, progress=bar).table(), ""]
+    if problem.stays_at_rest():
+        return [*said, DesignStatus.no_uplift.value], True
+    found = validate(problem, problem.ratios(pendulum), thorough=True, progress=bar)
+    said += _outside(found, job)
+    runs = found.runs
+    if runs is not None:
+        fell = runs.change("overturned")
+        said.append(
+            f"{runs.description}: {answer.reduction(runs)}; the block overturns in "
+            f"{fell.with_pendulum:.1%} of "
+            f"the runs with the pendulum, and in {fell.without_pendulum:.1%} without it. A limit is "
+            "exceeded in "
+            f"{found.over_limit:.1%} of the runs in which the block stands (at most {problem.allowed:.1%} "
+            "allowed)."
+        )
+        if runs.undecided:
+            said.append(f"{runs.undecided} runs have no answer and are left out.")
+        if runs.cluster is not None:
+            said += [words.group(runs, i) for i in range(len(runs.labels))]
+    status = found.status if found.reasons else problem.evidence
+    return [*said, "", *answer.judgement(status, found.refusals)], status.is_sound
 
 
 def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace, how: dict[str, Any]) -> int:
@@ -92,7 +105,7 @@ def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace,
         directory = options.design if options.design.is_dir() else options.design.parent
         print("\n".join(f"written: {path}" for path in files.add_engine(directory, found)))
     if pendulum is None:
-        print("The report offers no pendulum: only the bare block was followed.")
+        print("The report has no pendulum: only the block alone was simulated.")
         return UNSOUND
     # The engine must show the benefit itself; that the equations show it was asked before.
     sound = not found.warning and found.benefit > 0.0
@@ -101,23 +114,22 @@ def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace,
     return SOUND if sound else UNSOUND
 
 
-def _bare(job: Job, seed: int | None, models: tuple[str, ...], bar: Bar) -> tuple[list[str], bool]:
-    """Models of the bare block, which a report without a pendulum is about."""
+def _without(job: Job, seed: int | None, models: tuple[str, ...], bar: Bar) -> tuple[list[str], bool]:
+    """Lines on the block alone, which a report without a pendulum is about."""
     said: list[str] = []
     if job.kind == "harmonic":
         said = [check(job.scene, models=models, progress=bar).table(), ""]
-        # No pendulum is an answer only where none is needed, under all conditions of the job.
-        if rests(_asked(job, seed)):
-            return [*said, _RESTS], True
-    return [*said, "does not help: the report offers no pendulum."], False
+    # No pendulum is an answer only where none is needed, under all conditions of the job.
+    if _problem(job, seed).stays_at_rest():
+        return [*said, DesignStatus.no_uplift.value], True
+    return [*said, "NOT RECOMMENDED: the report has no pendulum."], False
 
 
-def _around(found: Suitability, job: Job) -> list[str]:
-    """Lines on the motions from rest, and on the space of the job."""
-    v, space = found.verified, job.space
-    said = [] if v.rest is None else [v.rest.told]
+def _outside(found: Validated, job: Job) -> list[str]:
+    """Lines on ratios that the space of the job does not contain."""
+    space, said = job.space, []
     bounds = {"mass": space.mass_ratio, "length": space.length_ratio, "damping": space.damping_ratio}
-    for x, (name, ends) in zip(v.design, bounds.items(), strict=True):
+    for x, (name, ends) in zip(found.design, bounds.items(), strict=True):
         low, high = ends if isinstance(ends, tuple) else (ends, ends)
         # A ratio of a pendulum in SI units may differ by rounding.
         if not low * (1.0 - 1e-9) <= x <= high * (1.0 + 1e-9):

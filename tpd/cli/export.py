@@ -15,7 +15,7 @@ from tpd.cli.grammar import EXPORTED
 from tpd.cli.interrupts import SOUND
 from tpd.cli.options import given
 from tpd.core import files
-from tpd.design.study import time_histories
+from tpd.design.as_built import time_histories
 from tpd.scene.scene import Pendulum, Scene
 
 

@@ -9,11 +9,11 @@ from tpd.cli import common
 from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import files
 from tpd.core.progress import Bar, say
-from tpd.design.many import front
+from tpd.design.as_built import Study, study
+from tpd.design.design import Design
 from tpd.design.optimise import optimise
+from tpd.design.pareto import front
 from tpd.design.problem import check_cavity
-from tpd.design.result import Design
-from tpd.design.study import Study, study
 from tpd.report import answer
 from tpd.report.files import write
 
@@ -53,6 +53,6 @@ def _say(options: argparse.Namespace, design: Design, shown: Study, lines: int) 
     elif options.verbose:
         print("\n" + (options.out / "report.txt").read_text(encoding="utf-8"), end="")
     elif options.quiet:
-        print(f"{answer.verdict(design).text}\n{options.out}")
+        print(f"{answer.verdict(design, shown).text}\n{options.out}")
     else:
         print("\n" + answer.answer(design, shown, options.out, lines))

@@ -15,7 +15,7 @@ from tpd.cli import common
 from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import files
 from tpd.core.formatting import number
-from tpd.design.study import TimeHistory
+from tpd.design.as_built import TimeHistory
 from tpd.models.segmented import Segmented
 from tpd.scene.status import Status, status_name
 

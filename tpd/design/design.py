@@ -177,7 +177,9 @@ class Design(Printed):
         lines, hung, runs = [self.status.value], self.pendulum, self.runs
         if hung is not None:
             size = f"{hung.mass:.4g} kg on a rod of {hung.length:.4g} m"
-            lines.append(f"  pendulum    equivalent point mass {size}, damping ratio {hung.damping_ratio:.3g}")
+            lines.append(
+                f"  pendulum    equivalent point mass {size}, damping ratio {hung.damping_ratio:.3g}"
+            )
         if runs is not None:
             fell = runs.change("overturned")
             shares = f"{fell.with_pendulum:.1%} with the pendulum, {fell.without_pendulum:.1%} without it"

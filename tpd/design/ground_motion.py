@@ -8,7 +8,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -40,9 +40,7 @@ LEAST_EARTHQUAKES = 5
 between earthquakes is hardly known."""
 SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
 """Names of what is uncertain in validation runs: block and installation, as in the runs of an `Ensemble`."""
-_OUTCOMES = np.array(
-    [Outcome.stood, Outcome.rocked, Outcome.overturned, Outcome.event_bound, Outcome.failed]
-)
+_OUTCOMES = np.array([Outcome.stood, Outcome.rocked, Outcome.overturned, Outcome.event_bound, Outcome.failed])
 """Names of outcomes by the numbers of the compiled code, see `tpd.exact.terms`."""
 _EVENTS = 20_000
 """Events of a trial run beyond one for each piece: a bob that swings for long needs no more."""
@@ -93,7 +91,7 @@ class Group:
 class GroundMotionProblem(Problem):
     """A design problem under ground motions."""
 
-    groups: tuple[Group, ...]
+    groups: tuple[Group, ...]  # type: ignore[misc]
     """Motions that the design is tuned to, and those that are held out."""
     # The held-out earthquakes are few: only one design can be validated on them.
     attempts: ClassVar[int] = 1
@@ -198,6 +196,11 @@ class GroundMotionProblem(Problem):
         return self.worth.broken
 
     @property
+    def scatter(self) -> dict[str, float]:
+        """See `Problem.scatter`: only block and installation scatter."""
+        return {name: width for name, width in super().scatter.items() if name in SCATTERED}
+
+    @property
     def evidence(self) -> DesignStatus:
         """See `Problem.evidence`."""
         events = ([g.events for g in self.groups if g.role is role] for role in Role)
@@ -233,7 +236,7 @@ class GroundMotionProblem(Problem):
         blocks in both cases. The benefit counts the motions that are held out, if there are any."""
         scene = self.scene if scene is None else scene
         scales = sorted(set(self.conditions.scales))
-        scatter = scatter_of(scene.block, self.ensemble)
+        scatter = self.scatter
         if scene is not self.scene:
             # A restitution that is changed does not scatter as well.
             scatter.pop("restitution", None)
@@ -344,18 +347,6 @@ def check_ground_limits(limits: tuple[Limit, ...]) -> tuple[Limit, ...]:
             names = ", ".join(kind.__name__ for kind in KINDS if kind.of_motion)
             raise ValueError(f"`limits` of ground motions must be of {names}, but has {checks.shown(limit)}")
     return listed
-
-
-def scatter_of(block: Block, ensemble: Ensemble) -> dict[str, float]:
-    """Return the relative half widths of what is uncertain in a block and its pendulum."""
-    widths = ensemble.widths(block.restitution)
-    absent = () if block.friction else ("friction",)
-    return {name: widths[name] for name in SCATTERED if widths[name] > 0.0 and name not in absent}
-
-
-def unnamed(motions: Sequence[GroundMotion]) -> int:
-    """Number of the records whose earthquake is not known."""
-    return sum(getattr(m, "event", None) == "" for m in motions)
 
 
 def grouped(

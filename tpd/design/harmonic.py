@@ -177,6 +177,11 @@ class HarmonicProblem(Problem):
         )
 
     @property
+    def rest_counts(self) -> bool:  # type: ignore[override]
+        """See `Problem.rest_counts`."""
+        return self.starts.kind is StartKind.rest
+
+    @property
     def rounds(self) -> tuple[int, int]:
         """See `Problem.rounds`."""
         return _ROUNDS
@@ -190,7 +195,7 @@ class HarmonicProblem(Problem):
     def orbits(self) -> Orbits:
         """Symmetric orbits of designs under all conditions."""
         common = as_arrays(self.scene.parameters()), self.conditions, self.space, self.risk, self.limits
-        orbits = Orbits(*common, self.geometry, self.starts.kind is StartKind.rest, self.objective)
+        orbits = Orbits(*common, self.geometry, self.rest_counts, self.objective)
         # Limits that compare with the block without a pendulum know its tilts.
         return orbits.against_bare()
 

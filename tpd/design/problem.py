@@ -68,6 +68,10 @@ class Problem(ABC):
     seed: int
     attempts: ClassVar[int]
     """Most designs that are validated, each by runs of its own."""
+    groups: ClassVar[tuple[Any, ...]] = ()
+    """Groups of ground motions; none under harmonic excitation."""
+    rest_counts: ClassVar[bool] = False
+    """Whether rest counts wherever it holds, though the block rocks from other initial states."""
     holds_back: ClassVar[bool]
     """Whether some validation runs take no part in the decision, and are those that are quoted."""
 
@@ -85,6 +89,13 @@ class Problem(ABC):
     @abstractmethod
     def allowed(self) -> float:
         """Largest share of the runs in which the block stands that may exceed a limit."""
+
+    @property
+    def scatter(self) -> dict[str, float]:
+        """Relative half widths of what scatters in the validation runs, by name."""
+        widths = self.ensemble.widths(self.scene.block.restitution)
+        absent = () if self.scene.block.friction else ("friction",)
+        return {name: width for name, width in widths.items() if width > 0.0 and name not in absent}
 
     @property
     def evidence(self) -> DesignStatus:

@@ -19,19 +19,19 @@ import numpy as np
 from tpd.answers.attractors import StartKind
 from tpd.core.files import path_of
 from tpd.core.formatting import Printed
-from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Room, limit_of
-from tpd.design.ground.judgement import SCATTERED, Role
+from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Room, SteadyTilt, limit_of
+from tpd.design.ground_motion import SCATTERED, Role
 from tpd.design.job import Job, job_of
 from tpd.design.job_keys import MODELS, TABLES
-from tpd.design.problem import Question
-from tpd.design.verified import ANSWERS, DesignStatus
+from tpd.design.problem import Problem
+from tpd.design.reasons import DesignStatus
 from tpd.records.reading import BUILT_IN
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse
 from tpd.scene.record import Record
 from tpd.scene.scene import Harmonic, Pendulum
 
-VERSION = 8
+VERSION = 9
 """Version of the file; it grows when a key that is read here changes its meaning or goes away."""
 _TYPES = {dict: "a table", str: "a text"}
 
@@ -127,22 +127,24 @@ def _pendulum(content: dict[str, Any]) -> Pendulum | None:
 
 def _status(content: dict[str, Any]) -> DesignStatus:
     name = _key(content, "status", str)
-    if name not in ANSWERS:
-        raise ValueError(f"`status` must be one of {', '.join(ANSWERS)}, but is {name!r}")
+    if name not in DesignStatus.__members__:
+        raise ValueError(f"`status` must be one of {', '.join(DesignStatus.__members__)}, but is {name!r}")
     return DesignStatus[name]
 
 
-def job_of_design(design: Question) -> Job:
-    """Return the job that asks the question of a design.
+def job_of_design(design: Problem) -> Job:
+    """Return the job that poses a problem again.
 
     Raises:
-        ValueError: a question that no job file can ask: motions or a limit that exist only in Python.
+        ValueError: a problem that no job file can describe: motions or a limit that exist only in Python.
     """
     scene, found = design.scene, _asked(design)
     try:
         job = job_of({table: _said(values) for table, values in found.items()})
     except ValueError as error:
         raise ValueError(f"a job file cannot say what this design was asked: {error}") from None
+    if getattr(design, "objective", SteadyTilt()) != SteadyTilt():
+        raise ValueError("a job file cannot state an objective, which exists only in Python")
     for name in ("space", "risk", "limits", "method", "ensemble", "worth", "seed"):
         # Models and optimisers of one kind are equal by what they print.
         if repr(getattr(job, name)) != repr(getattr(design, name)):

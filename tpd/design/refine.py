@@ -168,7 +168,8 @@ class Refinement:
         return np.max([np.zeros(len(designs)), *sizes.values()], axis=0) <= 1.0
 
     def order(self) -> np.ndarray:
-        """Return the order of the trials: those that are likely to keep to the limits first, then by trend."""
+        """Return the order of the trials: those that are likely to keep to the limits first, then by "
+        "trend."""
         designs = np.array(self.designs)
         x = self.problem.space.scaled(designs)
         if self.process is None:
@@ -216,7 +217,10 @@ class Refinement:
         """Return all trials as a table, the best first."""
         order = self.order()
         designs = np.array(self.designs)
-        fixed, names = self.problem.fixed_sizes(designs), list(dict.fromkeys(self.problem.fixed_sizes(designs)))
+        fixed, names = (
+            self.problem.fixed_sizes(designs),
+            list(dict.fromkeys(self.problem.fixed_sizes(designs))),
+        )
         quantiles = {name: np.exp(x) for name, x in self._quantiles().items()}
         # A design whose block stands in too few runs has no quantile: its tilt says enough.
         sizes = [np.fmax(fixed[name], quantiles.get(name, fixed[name])) for name in names]

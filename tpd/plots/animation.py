@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from PIL import Image
 
-from tpd.design.study import TimeHistory
+from tpd.design.as_built import TimeHistory
 from tpd.plots.drawing import BODY, corners, rod
 from tpd.plots.style import BLUE, INK, Picture, own_style
 from tpd.scene.scene import Harmonic, Pendulum, Scene

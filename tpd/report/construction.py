@@ -6,31 +6,31 @@ import math
 
 from tpd.answers.statistics import Interval
 from tpd.core.formatting import number
-from tpd.design.build import Build
-from tpd.design.ground.judgement import scatter_of
-from tpd.design.result import Design, DesignStatus
+from tpd.design.as_built import Build, Study
+from tpd.design.design import Design
+from tpd.design.reasons import DesignStatus
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
 from tpd.report.words import threshold
 
-_SAID = {
-    "": ("nothing moved", None),
-    "restitution": ("loss at an impact, 1 - e", "pull the object and release it, above"),
-    "friction": ("friction k of the rocking contact", "pull the object and release it, above"),
+_NAMES = {
+    "": ("as stated", None),
+    "restitution": ("loss at an impact, 1 - e", "pull the block and release it, above"),
+    "friction": ("friction k of the rocking contact", "pull the block and release it, above"),
     "slenderness": ("slenderness ν", "width of the base that bears, and height of the centroid"),
-    "amplitude": ("amplitude of the shaking", "the source of the motion"),
-    "frequency": ("frequency of the shaking", "the source of the motion"),
+    "amplitude": ("amplitude of the excitation", "the source of the motion"),
+    "frequency": ("frequency of the excitation", "the source of the motion"),
     "mass": ("mass of the bob", "weigh it"),
-    "length": ("rod, hinge to the bob's centre", "ten swings by a stop-watch, above"),
-    "damping": ("moment of the damper", "the first swing back, above"),
+    "length": ("rod, hinge to the bob's centre", "time ten swings, above"),
+    "damping": ("moment of the damper", "measure the first swing back, above"),
 }
-"""Words for a quantity that is moved, and how it is known."""
+"""Words for a quantity that is varied, and how it is measured."""
 
 
-def section(design: Design, build: Build | None) -> list[Block]:
-    """Blocks of the section; empty where no pendulum is offered."""
-    if build is None:
+def section(design: Design, study: Study) -> list[Block]:
+    """Return the blocks of the section; empty where no pendulum is offered."""
+    if study.build is None:
         return []
-    return [_sizes(design, build), _checks(build), *_moved(design, build)]
+    return [_sizes(design, study.build), _checks(study.build), *_sensitivity(design, study)]
 
 
 def _sizes(design: Design, build: Build) -> Table:
@@ -90,8 +90,10 @@ def _way(design: Design, build: Build) -> list[tuple[Cell, ...]]:
     """Row of the clear way; none where no run is known."""
     if not math.isfinite(build.reach):
         return []
-    runs = "of the runs that it is tuned to" if design.conditions.motions else "of the same runs"
-    said = f"of the body from the axis in all but {design.strikes_allowed:.0%} {runs} where the block stands"
+    share = 1.0 - design.problem.allowed
+    said = (
+        f"distance of the body from the axis in {share:.0%} of the validation runs in which the block stands"
+    )
     wall = f"; the wall is at {number(build.wall)} m" if math.isfinite(build.wall) else ""
     return [("clear way to either side", f"{number(build.reach)} m", said + wall)]
 
@@ -105,68 +107,63 @@ def _checks(build: Build) -> Listing:
         else f"it swings to {build.rebound:.0%} of the angle on the other side"
     )
     decay = (
-        f"about {pull.impacts} impacts ({pull.seconds:.2g} s) after the release it turns at half of this tilt"
+        f"about {pull.impacts} impacts ({pull.seconds:.2g} s) later its largest tilt is half of this tilt"
         if pull.impacts
         else "it stays there, or keeps more than half of this tilt for hundreds of impacts"
     )
     return Listing(
         (
-            f"The pendulum, damper off, in the standing block: ten swings take {ten:.3g} s. Within 1 % of "
-            "this the rod is within 2 %.",
-            f"The pendulum, damper on: pulled aside by some 0.1 rad and let go, {swings}.",
-            f"The object, before the pendulum is hung, held against toppling: {number(pull.force, 3)} N at "
-            "the top lift it, and ever less holds it the further it tilts, so that the way is controlled and "
-            f"not the force. Drawn until its top has moved by {number(1e3 * pull.sway, 3)} mm "
-            f"({pull.tilt:.2g} rad, a tenth of the tilt of toppling) and released, {decay}. With n impacts "
+            f"The pendulum without its damper, block at rest: ten swings take {ten:.3g} s. If the time "
+            "agrees "
+            "to 1 %, the rod agrees to 2 %.",
+            f"The pendulum with its damper: pull it aside by about 0.1 rad and release it; {swings}.",
+            f"The block without the pendulum, secured against toppling: a horizontal pull of "
+            f"{number(pull.force, 3)} N at the top starts uplift. The pull needed then decreases, so "
+            "control the "
+            f"displacement, not the force. Pull until the top has moved by {number(1e3 * pull.sway, 3)} mm "
+            f"({pull.tilt:.2g} rad, a tenth of the tilt of toppling) and release: {decay}. With n impacts "
             "from a tilt a to a tilt b, both over ν, without friction, e = [b (2 - b)/(a (2 - a))]^(1/(2n)). "
-            "Fewer impacts mean more loss; friction shows as a decay that quickens at small tilts.",
+            "Fewer impacts mean more loss; friction makes the decay faster at small tilts.",
         )
     )
 
 
-def _moved(design: Design, build: Build) -> list[Block]:
-    if not build.moved:
+def _sensitivity(design: Design, study: Study) -> list[Block]:
+    if not study.sensitivity:
         return []
-    judged = _judged(design)
+    validated = _validated(design)
     rows = tuple(
         (
-            _SAID[m.name][0],
-            f"±{judged[m.name]:.0%}" if m.name in judged else None,
+            _NAMES[m.name][0],
+            f"±{validated[m.name]:.0%}" if m.name in validated else None,
             f"±{m.width:.0%}" if m.width else None,
             _interval(m.low),
             _interval(m.high),
-            _SAID[m.name][1],
+            _NAMES[m.name][1],
         )
-        for m in build.moved
+        for m in study.sensitivity
     )
-    head = ("quantity", "within, in the runs", "moved by", "less tilt, lower", "less tilt, higher")
+    head = ("quantity", "tolerance", "varied by", "reduction, lower", "reduction, higher", "how to measure")
     caption = (
-        "Fall of the mean tilt (95 %) where one quantity alone is lower or higher, all on the same runs of "
-        "the nonlinear equations as the first row. The second column is the scatter in the runs that judged. "
-        "A restitution is moved as a number, without scatter."
+        "Reduction of the mean tilt (95 %) where one quantity alone is lower or higher, on the same runs "
+        "of the "
+        "linear equations as the first row. A restitution is varied as a number, without scatter."
     )
     if design.status is DesignStatus.found:
-        caption += (
-            " Built within the second column, which is the tolerance, it is the pendulum that was judged."
-        )
-    lost = [_SAID[m.name][0] for m in build.moved if not min(m.low.low, m.high.low) > 0.0]
-    said = (
-        f"Moved as in the third column the benefit is not shown for: {'; '.join(lost)}."
-        if lost
-        else "In none of these is the benefit lost."
-    )
-    return [Table((*head, "measure by"), rows, caption), Text(said)]
+        caption += " Column 2 gives the tolerances for which the benefit was validated."
+    lost = [_NAMES[m.name][0] for m in study.sensitivity if not min(m.low.low, m.high.low) > 0.0]
+    text = "The benefit remains significant in all of these cases."
+    if lost:
+        text = f"The benefit is no longer significant if these are varied as in column 3: {'; '.join(lost)}."
+    return [Table(head, rows, caption), Text(text)]
 
 
-def _judged(design: Design) -> dict[str, float]:
-    """Half widths of what scatters in the runs that judged; of a restitution that of the loss, 1 - e."""
-    block, e = design.scene.block, float(design.scene.block.velocity_ratio)
-    found = scatter_of(block, design.ensemble)
-    if not design.conditions.motions:
-        found |= {name: getattr(design.ensemble, name) for name in ("amplitude", "frequency")}
+def _validated(design: Design) -> dict[str, float]:
+    """Half widths of what scatters in the validation runs; of a restitution that of the loss, 1 - e."""
+    e, found = float(design.scene.block.velocity_ratio), dict(design.problem.scatter)
     if "restitution" in found and e < 1.0:
         found["restitution"] *= e / (1.0 - e)
-    return {name: width for name, width in found.items() if width}
+    return found
 
 
 def _interval(of: Interval) -> str:

@@ -1,5 +1,4 @@
-"""Content of a report as typed data, for designs of both kinds: what was found, how far to rely on it, how to
-repeat it.
+"""Content of a report as typed data: what was found, how far to rely on it, how to repeat it.
 
 Nothing is solved here: all numbers come from the design and its study.
 """
@@ -13,11 +12,9 @@ from pathlib import Path
 
 from tpd.core import files
 from tpd.core.formatting import number
-from tpd.design.build import FrontPoint
-from tpd.design.ground.design import GroundDesign
-from tpd.design.ground.judgement import scatter_of
-from tpd.design.result import Design, HarmonicDesign
-from tpd.design.study import Study
+from tpd.design.as_built import Study
+from tpd.design.design import Design
+from tpd.design.pareto import FrontPoint
 from tpd.report import answer, construction, sections, words
 from tpd.report.blocks import Block, Cell, Code, Figure, Listing, Report, Section, Severity, Table, Text
 from tpd.report.notes import notes
@@ -33,54 +30,51 @@ CAPTIONS = {
     "drawing.svg": (
         "The block on its base and its pendulum, to scale, with dimensions",
         "To scale; the pendulum to a larger scale as it is to be built. Dashed: the bob at the ends of its "
-        "swing. The rod differs from the length in the equations by the size of the bob and the mass of the"
-        " rod.",
+        "swing. The rod differs from the length in the equations because of the size of the bob and the mass "
+        "of the rod.",
     ),
     "animation.gif": (
         "Animation of the block on its moving base, without the pendulum and with it",
-        "First seconds from rest under the scene's own shaking, by the linear equations.",
+        "First seconds from rest under the scene's own excitation, linear equations.",
     ),
     "benefit.svg": (
         "Mean tilt with the pendulum (filled) and without (open), over all runs and under each condition",
-        "Paired runs of the nonlinear equations: the further a dot lies to the left of its square, the "
-        "better. Above the line: over all runs, the bar a 95 % interval of the difference. A tilt of 1 is "
-        "the slenderness, where the block topples; overturned runs count as 1.",
+        "Validation runs: the further a dot lies to the left of its square, the better. Above the line: all "
+        "runs, with the 95 % interval of the difference as a bar. A tilt of 1 is the slenderness, at "
+        "which the "
+        "block topples; overturned runs count as 1.",
     ),
     "response.svg": (
-        "Settled amplitude over frequency, and share of runs that overturn, bare (open) and hung (filled)",
-        "Above: the motion that the block settles into from rest, by the linear equations; triangles and "
-        "crosses: it overturns. Below: share that overturns of the runs from rest near each frequency, with"
-        " its 95 % interval: next to overturning a single run is chance. Dotted: the frequency of the "
-        "scene.",
+        "Settled amplitude over frequency, and share of runs that overturn, without (open) and with (filled)",
+        "Above: settled motion from rest, linear equations; triangles and crosses: the block overturns. "
+        "Below: "
+        "share of the runs from rest near each frequency that overturn, with its 95 % interval, because a "
+        "single run near overturning is chance. Dotted: the frequency of the scene.",
     ),
     "motion.svg": (
         "Tilt of the block without and with the pendulum, and angle of the rod, against time from rest",
-        "First periods from rest under the scene's own shaking, by the linear equations: grey without the "
-        "pendulum, blue with it. A block that stands here may overturn later. A limit on the stroke "
-        "(dotted) holds for the settled motion only.",
+        "First periods from rest under the scene's own excitation, linear equations: grey without the "
+        "pendulum, blue with it. A block that stands here may overturn later. A limit on the stroke (dotted) "
+        "applies to the settled motion only.",
     ),
     "search.png": (
         "Tilt over mass ratio and length ratio as a shaded field, with edges of the limits and the answer",
-        "The darker, the more the block tilts: the trend through the designs that the search followed from "
-        "rest by the linear equations, at the damping of the answer (the star). Hatched: a limit is broken;"
-        " each edge bears the name of its limit. Lines: ways of the descents.",
+        "The darker, the larger the mean tilt: trend of the trial runs, at the damping of the best design "
+        "(the "
+        "star). Hatched: a limit is exceeded; each edge has the name of its limit. Lines: paths of the "
+        "descents.",
     ),
     "conditions.svg": (
         "Tilt and bob angle over the quantity that the conditions differ in, with and without a pendulum",
-        "Lines: largest steady tilt of the motions that count. Near the top: the block overturns from rest.",
+        "Lines: largest steady tilt of the attracting orbits. Near the top: the block overturns from rest.",
     ),
     "front.svg": (
         "Fall of the mean tilt against the mass of the bob",
-        "The gain of each kilogramme: answers whose bob may be no heavier than a bound, over its own mass.",
-    ),
-    "groups.svg": (
-        "Share of motions that overturn the block over their intensity, without and with the pendulum",
-        "Marks: shares of the motions of each group by the nonlinear equations; curves: lognormal fits with"
-        " bands of 95 %. The title says the difference over all stripes, with its interval.",
+        "Each point is a design whose bob may be no heavier than a bound, plotted over its own mass.",
     ),
 }
 """Alternative text of every picture, and a caption that says what to see."""
-_PRINTED = ("Notes", "Build it", "Over the runs", "Other losses of energy", "Assumptions", "How to repeat it")
+_PRINTED = ("Notes", "Build it", "Validation runs", "Other energy losses", "Assumptions", "How to repeat it")
 """Sections that are printed: with the first screen some four pages."""
 
 
@@ -97,7 +91,7 @@ def content(
 
     Args:
         design: the answer of `optimise`.
-        study: everything else that is shown, from `tpd.design.study.study`.
+        study: everything else that is shown, from `tpd.study`.
         job_toml: the job file that repeats the run; left out if empty.
         directory: where the report lies, for the command that repeats the run.
         name: of the project, for the title.
@@ -110,26 +104,22 @@ def content(
     there = {n.partition(".")[0]: [Figure(n, *said)] if n in drawn else [] for n, said in CAPTIONS.items()}
     parts: dict[str, list[Block]] = {
         "Notes": [n for n in found if n.severity is not Severity.danger],
-        "Build it": construction.section(design, study.build),
-    }
-    if isinstance(design, HarmonicDesign):
-        parts |= sections.harmonic(design, study, there)
-    elif isinstance(design, GroundDesign):
-        parts |= sections.ground(design, there, said)
+        "Build it": construction.section(design, study),
+    } | sections.sections(design, study, there, said)
     front: list[Block] = [*there["front"], _front(study.front)] if study.front else []
     parts |= {
-        "What a kilogramme pays": front,
+        "Lighter pendulums": front,
         "Assumptions": [Listing(tuple(_assumptions(design)))],
         "How to repeat it": _repeat(design, job_toml, directory),
     }
-    told = design.comparison
+    runs = design.runs
     rows = (*(("project", name) for _ in range(bool(name))), *answer.pairs(design, study))
     return Report(
         title=words.title(design.scene, name, date),
-        verdict=answer.verdict(design),
+        verdict=answer.verdict(design, study),
         dangers=tuple(n for n in found if n.severity is Severity.danger),
         answer=Table(("", ""), tuple(rows)),
-        comparison=None if told is None else answer.comparison(told),
+        comparison=None if runs is None else answer.comparison(runs),
         figures=(*there["drawing"], *there["animation"]),
         sections=tuple(Section(t, tuple(b), t in _PRINTED) for t, b in parts.items() if b),
     )
@@ -137,18 +127,17 @@ def content(
 
 def names(design: Design, study: Study) -> tuple[str, ...]:
     """Names of the pictures that there is data for."""
-    there = {}
-    if isinstance(design, GroundDesign):
-        there |= {"groups.svg": bool(design.judged), "search.png": design.searched is not None}
-    elif isinstance(design, HarmonicDesign):
-        there |= {
-            "benefit.svg": design.best is not None and design.best.benefit is not None,
-            "conditions.svg": len(design.conditions) > 1 and design.conditions.axis is not None,
-            "search.png": len(design.search.screened) > 0,
-            "response.svg": bool(study.responses),
-            "motion.svg": bool(study.histories),
-        }
-    there |= {"front.svg": bool(study.front), "drawing.svg": True, "animation.gif": bool(study.histories)}
+    harmonic = design.problem.without_pendulum is not None
+    there = {
+        "benefit.svg": design.runs is not None,
+        "conditions.svg": harmonic and len(design.conditions) > 1 and design.conditions.axis is not None,
+        "search.png": design.trials is not None,
+        "response.svg": bool(study.responses),
+        "motion.svg": bool(study.histories),
+        "front.svg": bool(study.front),
+        "drawing.svg": True,
+        "animation.gif": bool(study.histories),
+    }
     return tuple(name for name, exists in there.items() if exists)
 
 
@@ -163,40 +152,40 @@ def _front(points: Sequence[FrontPoint]) -> Table:
         saved, low, high = p.saved
         fall = None if math.isnan(saved) else f"{saved:.0%} ({low:.0%} to {high:.0%})"
         rows.append((f"{number(p.most)} kg", f"{hung}{number(float(p.pendulum.damping_ratio))}", fall))
-    caption = "Every row is an answer of its own, verified by the same runs; the last is the design itself."
-    return Table(("bob at most", "answer", "less tilt (95 %)"), tuple(rows), caption)
+    caption = (
+        "Every row is a design of its own, with validation runs of its own; the last is the design itself."
+    )
+    return Table(("bob at most", "pendulum", "reduction of the mean tilt (95 %)"), tuple(rows), caption)
 
 
 def _assumptions(design: Design) -> list[str]:
-    scene, own = design.scene, design.scene.block.radius_of_gyration
+    scene, problem, own = design.scene, design.problem, design.scene.block.radius_of_gyration
     inertia = "uniform rectangle" if own is None else f"radius of gyration {number(own)} m about the centroid"
-    said = [
+    text = [
         f"A rigid block ({inertia}) that rocks about its two lower edges: it neither slides nor bounces.",
         f"Energy losses: {words.losses(scene.block)} (friction as a moment over M g b, e the ratio of the "
         "tilting rates after and before an impact on the base).",
         "A point bob on a massless rod from the middle of the top, with a viscous hinge.",
     ]
-    limits = "; ".join(map(words.limit, design.limits)) or "none"
+    limits = "; ".join(map(words.limit, problem.limits)) or "none"
+    scatter = ", ".join(f"{n} ±{w:.1%}" for n, w in problem.scatter.items()) or "nothing"
+    intensity = ""
     if design.conditions.motions:
-        scatter = ", ".join(f"{n} ±{w:.0%}" for n, w in scatter_of(scene.block, design.ensemble).items())
-        return [
-            *said,
-            f"{'; '.join(design.conditions.description)} ({_INTENSITIES[design.conditions.intensity]}).",
-            f"From rest. Judged with scatter of {scatter or 'nothing'}, each uniform, the same with the "
-            "pendulum and without.",
-            "Search by the linear equations, exact between the samples; verdict by the nonlinear equations.",
-            f"Limits, for all but {design.worth.broken:.0%} of the standing runs: {limits}.",
-        ]
-    more = "" if len(design.conditions) == 1 else ", before the conditions change it"
+        intensity = f" ({_INTENSITIES[design.conditions.intensity]})"
+        text.append(f"{'; '.join(design.conditions.description)}{intensity}, from rest.")
+    else:
+        more = "" if len(design.conditions) == 1 else ", before the conditions change it"
+        text.append(
+            f"A harmonic motion of the base, {number(scene.motion.amplitude)} m · sin(2π · "
+            f"{number(scene.motion.frequency)} Hz · t){more}, horizontal and in the plane; g = "
+            f"{number(scene.gravity)} m/s²."
+        )
     return [
-        *said,
-        f"A harmonic motion of the base, {number(scene.motion.amplitude)} m · sin(2π · "
-        f"{number(scene.motion.frequency)} Hz · t){more}, horizontal and in the plane; g = "
-        f"{number(scene.gravity)} m/s².",
-        "A start at rest at t = 0, where the motion begins suddenly, unless a section says otherwise.",
-        "Linear equations (25) of Collini et al. (2016), misprints corrected, solved exactly; nonlinear "
-        "equations (4) in the survey from rest, the refinement and the verification.",
-        f"Limits: {limits}.",
+        *text,
+        "Search and trial runs: linear equations (25) of Collini et al. (2016), misprints corrected, solved "
+        "exactly. Validation runs: nonlinear equations (4).",
+        f"Validation runs scatter {scatter}, each uniform, equal with and without the pendulum.",
+        f"Limits, for all but {problem.allowed:.0%} of the runs in which the block stands: {limits}.",
     ]
 
 

@@ -13,17 +13,16 @@ from typing import Any
 from tpd.answers.response import Response
 from tpd.core import checks, files
 from tpd.core.progress import Progress, shown
-from tpd.design.ground.design import GroundDesign
+from tpd.design.as_built import Study, TimeHistory
+from tpd.design.as_built import study as compute
+from tpd.design.design import Design
 from tpd.design.reading import job_of_design
-from tpd.design.result import Design, HarmonicDesign
-from tpd.design.study import Study, TimeHistory
-from tpd.design.study import study as compute
 from tpd.report.content import content, names
 from tpd.report.json import as_json
 from tpd.report.render import html, text
 from tpd.scene.quantities import UNITS
 
-_TITLE = "By an independent engine"
+_TITLE = "Independent contact engine"
 _MARK = "<!-- engine -->"
 
 
@@ -43,7 +42,7 @@ def write(
     Args:
         directory: made if it does not exist.
         design: the answer of `optimise`.
-        study: everything else that is shown, from `tpd.design.study.study`.
+        study: everything else that is shown, from `tpd.study`.
         job_tables: the job as plain tables, for design.json; empty where no job file says what was asked.
         job_toml: the job as a file that repeats the run, for scene.toml; empty where there is none.
         said: notes of the reader on the files of the records.
@@ -108,7 +107,7 @@ def write_report(
         found = compute(design, progress=report) if study is None else study
     # A user's own limit, or motions that exist only in Python, are in no job file.
     try:
-        job = job_of_design(design)
+        job = job_of_design(design.problem)
     except ValueError as error:
         warnings.warn(f"the report goes without scene.toml: {error}", stacklevel=2)
         return write(folder, design, found, {}, "")
@@ -126,21 +125,11 @@ def _words(
         yield "response.csv", response_csv(study.responses)
     if study.histories:
         yield "motion.csv", motion_csv(study.histories)
-    if isinstance(design, GroundDesign):
-        if design.searched is not None:
-            found = design.searched
-            head = ("mu", "lam", "zeta", "value", "overturned", "undecided", *design.names)
-            columns = found.designs, found.value, found.overturned, found.undecided, found.sizes
-            rows = ((*d, v, o, int(u), *s) for d, v, o, u, s in zip(*columns, strict=True))
-            yield "designs.csv", files.as_csv(head, rows)
-        if design.judged:
-            head = ("group", "intensity", "motions", "overturned_bare", "overturned_hung")
-            rows = (
-                (g.name, stripe, g.motions, *(int(x[i]) for x in (*g.counts, *g.unknown)))
-                for g in design.judged
-                for i, stripe in enumerate(g.stripes)
-            )
-            yield "groups.csv", files.as_csv((*head, "undecided_bare", "undecided_hung"), rows)
+    if (trials := design.trials) is not None:
+        head = ("mu", "lam", "zeta", "value", "trend", "overturned", "undecided", "feasible", *trials.names)
+        columns = trials.value, trials.trend, trials.overturned, trials.undecided, trials.feasible
+        rows = zip(trials.designs, *columns, trials.sizes, strict=True)
+        yield "trials.csv", files.as_csv(head, ((*d, *(x.item() for x in more), *s) for d, *more, s in rows))
 
 
 def draw(name: str, design: Design, study: Study) -> bytes:
@@ -160,13 +149,13 @@ def draw(name: str, design: Design, study: Study) -> bytes:
     match what:
         case "search":
             axes = plot(design)
-        case "benefit" | "conditions" | "groups" | "drawing":
+        case "benefit" | "conditions" | "drawing":
             axes = plot(design, what)
         case "response":
             axes = response.plot_response(study.responses or (), scene.motion.frequency)
         case "motion":
-            limit = design.stroke_limit if isinstance(design, HarmonicDesign) else float("inf")
-            axes = response.plot_motions(histories, scene.block.slenderness, stroke_limit=limit)
+            nu = scene.block.slenderness
+            axes = response.plot_motions(histories, nu, stroke_limit=design.stroke_limit)
         case "front":
             axes = compare.plot_front(study.front)
         case "animation":

@@ -6,13 +6,12 @@ import math
 
 import numpy as np
 
-from tpd.answers.attractors import Starts
+from tpd.answers.paired import PairedRuns
 from tpd.core.formatting import number
+from tpd.design.as_built import Study
 from tpd.design.criteria import KINDS, Limit, Room, limit_of
-from tpd.design.ground.design import GroundDesign
-from tpd.design.ground.judgement import Judged
-from tpd.design.result import Design, HarmonicDesign
-from tpd.design.study import Study
+from tpd.design.design import Design
+from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene, paper_scene
 
 _PAPER = "the paper's block (Collini et al. 2016)"
@@ -26,11 +25,11 @@ def angle(x: float) -> str:
     return f"{number(x)} rad ({number(math.degrees(x), 3)}°)"
 
 
-def source_of_tilts(design: HarmonicDesign) -> str:
-    """Motions that the search's tilts belong to, in words."""
-    if design.starts == Starts.rest():
-        return "rest wherever it holds, else the largest attracting symmetric motion"
-    return "the largest attracting symmetric motion, whichever start leads to it"
+def source_of_tilts(design: Design) -> str:
+    """Motions that the tilts of the search belong to, in words."""
+    if design.problem.rest_counts:
+        return "Rest wherever it holds, else the largest attracting symmetric orbit"
+    return "Largest attracting symmetric orbit, whichever initial state leads to it"
 
 
 def finite_max(values: np.ndarray) -> float:
@@ -48,9 +47,9 @@ def losses(block: Block) -> str:
     return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
 
 
-def risk(design: HarmonicDesign, value: float) -> str:
+def risk(design: Design, value: float) -> str:
     """A value of the risk measure, which is a tilt over nu where every motion that counts rocks."""
-    if design.risk.share > 0.0 and value <= 0.0:
+    if design.problem.risk.share > 0.0 and value <= 0.0:
         return f"{value:.4f} times nu, rest counted as less its uplift margin"
     if value <= 0.0:
         return f"none: at rest with {-value:.1%} of the lifting moment in reserve"
@@ -75,53 +74,46 @@ def missing(design: Design) -> list[str]:
     """Questions of an engineer that the search has left out."""
     parts = []
     if len(design.conditions) == 1:
-        parts.append("knows one shaking and none beside it")
-    if limit_of(design.limits, Room) is None:
-        parts.append("takes a bob without size and no walls")
+        parts.append("knows one excitation only and none nearby")
+    if limit_of(design.problem.limits, Room) is None:
+        parts.append("has a bob without size and no walls")
     return parts
 
 
-def best_of(design: Design) -> np.ndarray | None:
-    """(mu, lam, zeta) of the design that is offered or came nearest; None without any."""
-    if isinstance(design, GroundDesign):
-        return design.best
-    assert isinstance(design, HarmonicDesign)
-    if design.best is not None:
-        return design.best.design
-    return None if design.nearest is None else design.nearest.design
-
-
 def range_of_mass(design: Design) -> str:
-    """Masses of bobs that do as well, in brackets; empty where that is not known, or is the mass itself."""
-    if design.alike is None or design.pendulum is None:
+    """Masses of bobs that perform equally well; empty where that is not known, or is the mass itself."""
+    if design.equivalent is None or design.pendulum is None:
         return ""
-    low, high = (float(x) * float(design.scene.block.mass) for x in design.alike[:, 0])
-    if high - low < 0.02 * float(design.pendulum.mass):
+    low, high = (float(x) * float(design.scene.block.mass) for x in design.equivalent[:, 0])
+    # Both ends must differ after rounding.
+    if number(low, 2) == number(high, 2):
         return ""
-    return f" ({number(low, 2)} to {number(high, 2)} kg do as well)"
+    return f"; {number(low, 2)} to {number(high, 2)} kg perform equally well"
 
 
-def group(g: Judged) -> str:
-    """Line for a terminal about a group of motions, with the interval: a mean alone would claim too much."""
-    before, after = g.overturned
-    left = f"; {g.undecided} runs without an answer" if g.undecided else ""
+def group(runs: PairedRuns, i: int) -> str:
+    """Line for a terminal about a group of motions: its mean tilts over the slenderness."""
+    with_it, without = runs.by_group[:, i]
+    count = int(np.sum(runs.group == i))
     return (
-        f"  {g.name} ({g.motions} motions, {g.events} earthquakes): overturned {before:.1%} without and "
-        f"{after:.1%} with it, {g.difference.words()}{left}"
+        f"  {runs.labels[i]} ({count} runs): mean tilt {with_it:.1%} with the pendulum, {without:.1%} without"
     )
 
 
-def usage(design: Design, study: Study) -> dict[str, float]:
+def usage(design: Design) -> dict[str, float]:
     """Limited quantities of the best design over their limits."""
-    if isinstance(design, GroundDesign):
-        return {} if design.usage is None else dict(zip(design.names, map(float, design.usage), strict=True))
     # A reserve is bounded from below, so that a share of it says nothing.
-    return {name: x for name, x in study.usage if name != "reserve"}
+    return {name: x for name, x in design.usage.items() if name != "reserve"}
+
+
+def groups(design: Design) -> dict[str, tuple[GroundMotion, ...]]:
+    """Ground motions by the names of their groups; empty under harmonic excitation."""
+    return {g.name: g.motions for g in design.problem.groups}
 
 
 def bounds(design: Design) -> list[str]:
     """Bounds of the design space that the best design lies on: beyond them may be a better one."""
-    best, out = best_of(design), []
+    best, out = design.nearest, []
     if best is None:
         return out
     unit = design.space.scaled(np.asarray(best)[None])[0]
@@ -134,17 +126,20 @@ def bounds(design: Design) -> list[str]:
 
 def beside(study: Study) -> str:
     """Overturnings over frequency, from rest; empty without a response of both."""
-    if study.responses is None or len(study.responses) < 2:
+    if len(study.responses) < 2:
         return ""
     bare, hung = study.responses
-    band = f"from rest at {hung.frequency[0]:.3g} to {hung.frequency[-1]:.3g} Hz (linear)"
+    band = f"frequencies from {hung.frequency[0]:.3g} to {hung.frequency[-1]:.3g} Hz"
     if hung.overturning is None or bare.overturning is None:
         lost, lost_bare = (int(np.sum(r.status == "overturned")) for r in (hung, bare))
-        return f"{lost} of {hung.frequency.size} runs {band} overturn with it, {lost_bare} without"
-    shares = hung.overturning[0], bare.overturning[0]
-    with_it, without = (float(np.trapezoid(x, hung.frequency)) for x in shares)
-    width = float(np.ptp(hung.frequency))
-    return f"{with_it / width:.0%} of the runs {band} overturn with it, {without / width:.0%} without"
+        shares = f"{lost} of {hung.frequency.size}", str(lost_bare)
+    else:
+        width = float(np.ptp(hung.frequency))
+        areas = (
+            np.trapezoid(r.overturning[0], r.frequency) for r in (hung, bare) if r.overturning is not None
+        )
+        shares = tuple(f"{float(x) / width:.0%}" for x in areas)
+    return f"{band}: {shares[0]} of the runs from rest overturn with the pendulum, {shares[1]} without it"
 
 
 def title(scene: Scene, name: str = "", date: str = "") -> str:
@@ -188,12 +183,12 @@ def block_of(scene: Scene) -> str:
     return f"{_block(scene)}; topples at {_toppling(scene)}; {losses(scene.block)}"
 
 
-def shaking(design: Design) -> str:
-    """The shaking of a design in a sentence."""
+def excitation(design: Design) -> str:
+    """The excitation of a design in a sentence."""
     scene = design.scene
     if design.conditions.motions:
-        groups = ", ".join(f"{g.name} {len(g.motions)}" for g in getattr(design, "groups", ()))
-        return f"ground motions, from rest: {groups}"
+        listed = ", ".join(f"{name} {len(motions)}" for name, motions in groups(design).items())
+        return f"ground motions, from rest: {listed}"
     lifts = f"lifts above {number(threshold(scene), 3)} g"
     return f"{_motion(scene)}, {number(acceleration(scene), 3)} g ({lifts})"
 
