@@ -1,12 +1,11 @@
 """Shares, means, paired tests and lognormal curves of runs, with their confidence of 95 %.
 
 Runs of one cluster, such as an earthquake, are no independent observations: the variance is that between
-clusters (a cluster-robust variance), and the quantile is Student's. Distributions are those of
+clusters (a bias-reduced cluster-robust variance), and the quantile is Student's. Distributions are those of
 `scipy.special`, because `scipy.stats`, which the tests compare with, takes most of a second to load.
 
-Clusters that are all alike show no spread between them, and yet others may differ. The chance of n like ones
-is at most 1 - `_LEVEL` where the share of others is `unseen(n)` or more (the rule of three, one-sided and
-exact). So intervals reach as far as that share of others, whatever these are, could move the mean.
+Clusters that are all alike show no spread between them, and yet others may differ. `_limits_of_ratio` therefore
+adds two extreme runs to paired runs, and `is_positive` allows for the share `unseen(n)` of other runs.
 """
 
 from __future__ import annotations
@@ -199,7 +198,7 @@ def _limits_of_ratio(
     if a <= _ROUNDING * bottom**2:
         return -math.inf, math.inf
     width = math.sqrt(max(0.0, b**2 - a * c))
-    return (b - width) / a, (b + width) / a
+    return float((b - width) / a), float((b + width) / a)
 
 
 def degrees_of_freedom(shares: np.ndarray) -> float:
