@@ -15,11 +15,11 @@ from tpd.answers.statistics import (
     chance_of,
     chance_of_either,
     change,
+    degrees_of_freedom,
     fall,
     fit_lognormal,
     is_positive,
     mcnemar,
-    unseen,
 )
 
 
@@ -56,71 +56,83 @@ def changed(values, clusters=None):
     return change(np.asarray(values), np.zeros(len(values)), clusters)
 
 
-def test_intervals_are_those_of_clusters_and_student():
-    one = np.array([-0.1, 0.0, 0.1])
-    assert changed(one).high == pytest.approx(0.1 * stats.t.ppf(0.975, 2) / np.sqrt(3.0))
-    few = changed([0.0, -1.0, 0.0, 0.0], np.array([0, 0, 1, 1]))
-    assert (few.mean, few.low, few.high) == pytest.approx((-0.25, -1.0, 1.0))
+def explicit(tops, clusters):
+    """CR2 variance of the mean and its degrees of freedom, by full matrices."""
+    n, groups = len(tops), [np.flatnonzero(clusters == c) for c in np.unique(clusters)]
+    residual_maker = np.eye(n) - np.full((n, n), 1.0 / n)
+    residuals = residual_maker @ tops
+    rows, variance = [], 0.0
+    for g in groups:
+        values, vectors = np.linalg.eigh(residual_maker[np.ix_(g, g)])
+        adjusted = vectors @ np.diag(values**-0.5) @ vectors.T @ np.ones(len(g))
+        variance += (adjusted @ residuals[g]) ** 2 / n**2
+        rows.append(adjusted @ residual_maker[g])
+    products = np.array(rows) @ np.array(rows).T
+    return variance, np.trace(products) ** 2 / np.sum(products**2)
+
+
+@pytest.mark.mends("intervals of few clusters of different sizes held the truth in 88 to 94 % of the cases")
+def test_degrees_of_freedom_and_limits_are_those_of_explicit_matrices():
     rng = np.random.default_rng(3)
-    covered, clusters = 0, np.repeat(np.arange(8), 6)
-    for _ in range(400):
-        values = 0.1 * (np.repeat(rng.standard_normal(8), 6) + rng.standard_normal(48))
-        interval = changed(values, clusters)
-        covered += interval.low <= 0.0 <= interval.high
-    assert 0.92 < covered / 400 < 0.98
+    for n in (2, 5, 40):
+        assert degrees_of_freedom(np.full(n, 1.0 / n)) == pytest.approx(n - 1, rel=1e-12)
+    for sizes in ([2, 3, 1, 9, 4], [30, 50, 20, 10], [300, 500, 700]):
+        clusters = np.repeat(np.arange(len(sizes)), sizes)
+        values = np.clip(rng.normal(0.2, 0.3, len(clusters)), -1.0, 1.0)
+        variance, freedom = explicit(values, clusters)
+        assert degrees_of_freedom(np.array(sizes) / sum(sizes)) == pytest.approx(freedom, rel=1e-9)
+        # With many copies of each run the two added runs do not matter.
+        copies = 1000
+        found = changed(np.tile(values, copies), np.tile(clusters, copies))
+        width = stats.t.ppf(0.975, freedom) * math.sqrt(variance)
+        # CR2's factor and the shares of the clusters are those of the original runs.
+        assert found.high - found.mean == pytest.approx(min(width, 1.0 - found.mean), rel=1e-2)
 
 
-def test_of_a_single_cluster_nothing_is_known():
+@pytest.mark.mends("of 512 runs of which 2 % overturned, 88 % of the intervals held the truth")
+def test_exact_coverage_of_rare_differences_is_at_least_94_per_cent():
+    n, counts = 512, np.arange(61)
+    limits = [changed(np.arange(n) < k) for k in counts]
+    low, high = (np.array([getattr(x, side) for x in limits]) for side in ("low", "high"))
+    assert np.all(np.diff(low) > 0.0)
+    assert np.all(np.diff(high) > 0.0)
+    for p in np.linspace(0.0005, 0.05, 200):
+        held = (low <= p) & (p <= high)
+        assert stats.binom.pmf(counts, n, p) @ held > 0.94
+
+
+@pytest.mark.mends("six earthquakes that all ended alike gave a change of 0 with an interval from 0 to 0")
+@pytest.mark.parametrize("n", [2, 3, 6, 20, 512])
+def test_rare_differences_are_within_the_interval_of_clusters_that_saw_none(n):
+    for found in (changed(np.zeros(n)), changed(np.zeros(3 * n), np.repeat(np.arange(n), 3))):
+        assert found.low == pytest.approx(-found.high)
+        assert (1.0 - found.high) ** n < 0.06
+    cancel = changed(np.tile([1.0, -1.0], n), np.repeat(np.arange(n), 2))
+    assert cancel.high == pytest.approx(changed(np.zeros(n)).high)
+
+
+def test_limits_hold_the_mean_and_one_cluster_leaves_it_unknown():
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        n = int(rng.integers(2, 30))
+        hung, bare = np.clip(rng.normal(rng.random(2)[:, None], 0.5, (2, n)), 0.0, 1.0)
+        for found in (change(hung, bare), fall(hung, bare), fall(hung, bare, least=0.3)):
+            assert found.low <= found.mean <= found.high
     for found in (changed(np.ones(3), np.zeros(3, int)), fall(np.ones(2), np.ones(2), np.zeros(2, int))):
         assert math.isinf(found.low)
         assert "(unknown)" in found.words()
+    assert math.isnan(changed([]).mean)
     below = changed(np.full(40, -0.5), np.repeat(np.arange(20), 2))
     assert below.is_below
     assert not below.is_above
 
 
-@pytest.mark.mends("six earthquakes that all ended alike gave a change of 0 with an interval from 0 to 0")
-def test_an_interval_of_clusters_that_are_all_alike_reaches_as_far_as_the_rule_of_three():
-    for n in (2, 3, 6, 40, 512):
-        # The exact binomial limit of no event in n.
-        known = binomtest(0, n, alternative="less").proportion_ci(0.95, "exact").high
-        assert unseen(n) == pytest.approx(known, rel=1e-9)
-        quakes = np.repeat(np.arange(n), 3)
-        for value in (0.0, 1.0, -1.0, 0.3):
-            # Three motions of an earthquake are one observation.
-            for found in (changed(np.full(3 * n, value), quakes), changed(np.full(n, value))):
-                low, high = value - known * (1.0 + value), value + known * (1.0 - value)
-                assert (found.mean, found.low, found.high) == pytest.approx((value, low, high), abs=1e-12)
-    # Both overturn in all, or in none; rounding is no spread; and runs of one earthquake may cancel.
-    for x in (np.ones(18), np.zeros(18), np.full(18, 0.1)):
-        found = change(x, x, np.repeat(np.arange(6), 3))
-        assert (found.low, found.high) == pytest.approx((-unseen(6), unseen(6)))
-    assert changed(np.tile([1.0, -1.0], 6), np.repeat(np.arange(6), 2)).high == pytest.approx(unseen(6))
-    assert changed(np.tile([0.1, 0.2, 0.3], 6), np.repeat(np.arange(6), 3)).low < 0.2 - 1e-3
-
-
-@pytest.mark.mends("six earthquakes that all ended alike gave a change of 0 with an interval from 0 to 0")
-@pytest.mark.parametrize("n", [3, 6, 20])
-def test_rare_differences_are_within_the_interval_of_those_that_saw_none(n):
-    """An event in a share p of the earthquakes is excluded by 5 % of the samples at most."""
-    rng, nothing = np.random.default_rng(n), changed(np.zeros(n))
-    for p in (0.5 * unseen(n), 0.99 * unseen(n), 1.01 * unseen(n), 2.0 * unseen(n)):
-        none = ~(rng.random((20000, n)) < p).any(axis=1)
-        missed = np.mean(none & (p > nothing.high))
-        assert missed <= (0.0 if p < unseen(n) else 0.055)
-
-
 @pytest.mark.mends("a fall of runs that were all alike had an interval without a width")
-def test_a_fall_of_runs_that_are_all_alike_reaches_as_far_as_others_could_move_it():
-    share = unseen(6)
+def test_a_fall_of_runs_that_are_all_alike_has_a_width():
     for hung, bare in ((0.5, 1.0), (1.0, 1.0), (0.0, 1.0), (0.3, 0.2), (0.0, 0.0), (0.6, 0.0)):
         found = fall(np.full(18, hung), np.full(18, bare), np.repeat(np.arange(6), 3), least=0.02)
         assert found.low < found.mean <= found.high <= 1.0
         assert found.high - found.low > 0.3
-        # One more share, with the largest tilt of the one and none of the other.
-        worst = (1.0 - share) * np.array([hung, bare]) + share * np.array([1.0, 0.0])
-        assert found.low == pytest.approx((worst[1] - worst[0]) / max(worst[1], 0.02))
-    assert fall(np.zeros(6), np.zeros(6)).low < 0.0 < fall(np.zeros(6), np.zeros(6)).high
 
 
 @pytest.mark.mends("earthquakes that all ended alike gave a median whose interval had no width")
@@ -154,7 +166,7 @@ def test_a_fall_is_a_ratio_of_means_whose_interval_covers_the_truth():
         found = fall(hung, bare, clusters)
         assert found.mean == pytest.approx(1.0 - hung.mean() / bare.mean())
         hits += found.low <= 0.3 <= found.high
-    assert 0.91 < hits / 300 < 0.99
+    assert hits / 300 > 0.93
 
 
 def test_a_fall_from_next_to_nothing_is_counted_in_units_of_the_least_mean():

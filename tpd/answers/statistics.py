@@ -1,12 +1,11 @@
 """Shares, means, paired tests and lognormal curves of runs, with their confidence of 95 %.
 
 Runs of one cluster, such as an earthquake, are no independent observations: the variance is that between
-clusters (a cluster-robust variance), and the quantile is Student's. Distributions are those of
+clusters (a bias-reduced cluster-robust variance), and the quantile is Student's. Distributions are those of
 `scipy.special`, because `scipy.stats`, which the tests compare with, takes most of a second to load.
 
-Clusters that are all alike show no spread between them, and yet others may differ. The chance of n like ones
-is at most 1 - `_LEVEL` where the share of others is `unseen(n)` or more (the rule of three, one-sided and
-exact). So intervals reach as far as that share of others, whatever these are, could move the mean.
+Clusters that are all alike show no spread between them, and yet others may differ. `_limits_of_ratio` therefore
+adds two extreme runs to paired runs, and `is_positive` allows for the share `unseen(n)` of other runs.
 """
 
 from __future__ import annotations
@@ -22,6 +21,11 @@ from scipy.special import bdtr, betaincinv, erfcx, ndtr, ndtri, stdtrit
 SIGNIFICANT = 0.05
 """Chance below which a difference between two shares is not put down to luck."""
 _LEVEL = 0.95
+_WEIGHT = 1.2
+"""Weight, in runs, of each of the two runs that are added to paired runs. Where differences of one direction
+are rare, the worst coverage is 94.3 % with this weight and 93.2 % with a weight of 1."""
+_MANY = 1e12
+"""Degrees of freedom at which Student's distribution is the normal distribution."""
 _ROUNDING = 1e-12
 _DONE = 1e-8
 """Derivative of the likelihood of one outcome at its maximum, at most: some 1e-13 is usual."""
@@ -81,70 +85,138 @@ def unseen(n: int) -> float:
     return 1.0 - (1.0 - _LEVEL) ** (1.0 / n)
 
 
-def change(hung: np.ndarray, bare: np.ndarray, clusters: np.ndarray | None = None) -> Interval:
-    """Mean of what each run has with the pendulum less what it has without, numbers from 0 to 1. Of a single
-    cluster nothing is known: the interval is infinite; and without any run the mean is NaN.
+def change(
+    with_pendulum: np.ndarray, without_pendulum: np.ndarray, clusters: np.ndarray | None = None
+) -> Interval:
+    """Return the mean difference of paired runs, with the pendulum minus without, and its interval.
+
+    The interval is infinite if there are fewer than two clusters, and the mean of no runs is NaN.
 
     Args:
-        hung, bare: shape (runs,).
-        clusters: a number for each run, the same for runs that are alike; default each run its own.
+        with_pendulum: a number from 0 to 1 for each run, such as its severity, shape (runs,).
+        without_pendulum: the same for the runs without the pendulum, shape (runs,).
+        clusters: a number for each run, equal for runs that depend on each other; by default every run is
+            independent.
+
+    Example:
+        >>> overturned = np.array([True] * 30 + [False] * 70)
+        >>> change(np.zeros(100), overturned).words()
+        '-30.0% (-38.8% to -19.8%)'
     """
-    found = _mean(hung.astype(float) - bare, clusters)
-    if math.isinf(found.low):
-        return found
-    if _is_narrow(found):
-        others = unseen(_count(hung, clusters))
-        return Interval(
-            found.mean, found.mean - others * (found.mean + 1.0), found.mean + others * (1.0 - found.mean)
-        )
-    # Shares and tilts over that of toppling lie between nought and one, so that changes end at one.
-    return Interval(found.mean, max(-1.0, found.low), min(1.0, found.high))
+    differences = with_pendulum.astype(float) - without_pendulum
+    mean = float(differences.mean()) if differences.size else math.nan
+    low, high = _limits_of_ratio(differences, np.ones_like(differences), ((1.0, 1.0), (-1.0, 1.0)), clusters)
+    if math.isinf(low):
+        return Interval(mean, low, high)
+    return Interval(mean, max(-1.0, low), min(1.0, high))
 
 
 def fall(
-    hung: np.ndarray, bare: np.ndarray, clusters: np.ndarray | None = None, least: float = 0.0
+    with_pendulum: np.ndarray,
+    without_pendulum: np.ndarray,
+    clusters: np.ndarray | None = None,
+    least: float = 0.0,
 ) -> Interval:
-    """Share by which the mean of runs falls, a ratio of means, with the interval of its linearisation; 0
-    where both means are 0. A mean without the pendulum below `least` counts as that."""
-    if not bare.size:
+    """Return the share by which the mean of paired runs falls with the pendulum, and its interval.
+
+    The fall is (B - H) / B with the means B without and H with the pendulum; 0 if both means are 0. A mean B
+    below `least` counts as `least`. The interval is infinite if there are fewer than two clusters, and if B
+    is not significantly above zero. All numbers are NaN if there are no runs.
+
+    Args:
+        with_pendulum: a number from 0 to 1 for each run, such as its severity, shape (runs,).
+        without_pendulum: the same for the runs without the pendulum, shape (runs,).
+        clusters: see `change`.
+        least: smallest mean without the pendulum.
+
+    Example:
+        >>> overturned = np.array([True] * 30 + [False] * 70)
+        >>> fall(overturned & (np.arange(100) < 12), overturned).words()
+        '+60.0% (+37.2% to +77.0%)'
+    """
+    if not without_pendulum.size:
         return Interval(math.nan, math.nan, math.nan)
-    size = max(float(bare.mean()), least) or 1.0
-    ratio = float(bare.mean() - hung.mean()) / size
-    # A mean that counts as another number does not vary.
-    varies = ratio * bare if bare.mean() > least else np.full_like(bare, ratio * size)
-    around = _mean((bare - hung - varies) / size, clusters)
-    if math.isinf(around.low):
-        return Interval(ratio, around.low, around.high)
-    if _is_narrow(around):
-        # Others have the largest tilt with the pendulum and none without it, or none with it.
-        share = unseen(_count(hung, clusters))
-        with_it, without = (1.0 - share) * hung.mean(), (1.0 - share) * bare.mean()
-        low = (without - with_it - share) / (max(without, least) or 1.0)
-        return Interval(ratio, low, (without + share - with_it) / max(without + share, least))
-    return Interval(ratio, ratio + around.low, min(1.0, ratio + around.high))
+    falls = without_pendulum.astype(float) - with_pendulum
+    mean = float(without_pendulum.mean())
+    size = max(mean, least) or 1.0
+    if mean >= least:
+        # Of the two extreme runs one is severe only with the pendulum and the other only without it.
+        sizes, extremes = without_pendulum.astype(float), ((1.0, 1.0), (-1.0, 0.0))
+    else:
+        # A constant in place of the mean does not vary from run to run.
+        sizes, extremes = np.full_like(falls, size), ((1.0, size), (-1.0, size))
+    low, high = _limits_of_ratio(falls, sizes, extremes, clusters)
+    return Interval(float(falls.mean()) / size, low, high if math.isinf(low) else min(1.0, high))
 
 
-def _is_narrow(around: Interval) -> bool:
-    """Whether an interval has no width but rounding."""
-    return around.high - around.low < _ROUNDING
+def _limits_of_ratio(
+    tops: np.ndarray,
+    bottoms: np.ndarray,
+    extremes: tuple[tuple[float, float], tuple[float, float]],
+    clusters: np.ndarray | None,
+) -> tuple[float, float]:
+    """Return the 95 % limits of sum(tops) / sum(bottoms): Fieller's interval (E. C. Fieller, J. R. Statist.
+    Soc. B 16, 1954).
 
+    The limits hold the ratios r for which the mean of tops - r * bottoms is not significant. The variance of
+    this mean is the bias-reduced cluster-robust one (CR2) with the degrees of freedom of R. M. Bell and D. F.
+    McCaffrey (Survey Methodology 28, 2002), for clusters of different sizes.
 
-def _count(values: np.ndarray, clusters: np.ndarray | None) -> int:
-    """Number of independent observations."""
-    return len(values if clusters is None else np.unique(clusters))
+    Rare events make this variance too small if the sample has few of them, and zero if it has none. Therefore
+    two runs are added at the extremes, one in either direction, as D. G. Bonett and R. M. Price do for paired
+    proportions (J. Educ. Behav. Statist. 37, 2012). Their variance is known. Satterthwaite's rule gives the
+    degrees of freedom of the sum.
 
-
-def _mean(values: np.ndarray, clusters: np.ndarray | None) -> Interval:
-    """Mean of values, (runs,), with its interval."""
-    mean = float(np.mean(values)) if len(values) else math.nan
-    # Within a cluster the deviations add up, and only their sums are independent.
-    sums = added_up(values - mean, clusters)
-    # One cluster has no spread between clusters.
+    Args:
+        tops: shape (runs,).
+        bottoms: shape (runs,).
+        extremes: top and bottom of either added run.
+        clusters: see `change`.
+    """
+    sums = added_up(np.stack([tops, bottoms, np.ones_like(tops)], axis=1), clusters)
     if len(sums) < 2:
-        return Interval(mean, -math.inf, math.inf)
-    error = math.sqrt(len(sums) / (len(sums) - 1) * float(np.sum(sums**2))) / len(values)
-    width = float(stdtrit(len(sums) - 1, 0.5 * (1.0 + _LEVEL))) * error
-    return Interval(mean, mean - width, mean + width)
+        return -math.inf, math.inf
+    shares = sums[:, 2] / len(tops)
+    ratio = sums[:, 0].sum() / (sums[:, 1].sum() or 1.0)
+    # Clusters that are all alike say nothing about runs. Then the added runs weigh as much as a cluster.
+    is_alike = np.abs(sums[:, 0] - ratio * sums[:, 1]).max() < _ROUNDING * len(tops)
+    weight = _WEIGHT * (len(tops) / len(sums) if is_alike else 1.0)
+    added = weight * np.column_stack([extremes, np.ones(2)])
+    top, bottom, size = sums.sum(axis=0) + added.sum(axis=0)
+    # Deviations of the sums from what clusters of these sizes have on average, with the factor of CR2.
+    deviations = np.concatenate([sums, added])
+    deviations = deviations[:, :2] - np.outer(deviations[:, 2] / size, [top, bottom])
+    deviations[:-2] /= np.sqrt(1.0 - shares)[:, None]
+    squares = (deviations @ [1.0, -top / bottom]) ** 2
+    of_clusters = float(squares[:-2].sum())
+    freedom = math.inf
+    if not is_alike:
+        freedom = degrees_of_freedom(shares) * (float(squares.sum()) / of_clusters) ** 2
+    quantile = float(stdtrit(min(freedom, _MANY), 0.5 * (1.0 + _LEVEL)))
+    # (top - r bottom)^2 = quantile^2 times its variance, a quadratic equation in r.
+    (c, b), (_, a) = np.outer([top, bottom], [top, bottom]) - quantile**2 * deviations.T @ deviations
+    if a <= _ROUNDING * bottom**2:
+        return -math.inf, math.inf
+    width = math.sqrt(max(0.0, b**2 - a * c))
+    return float((b - width) / a), float((b + width) / a)
+
+
+def degrees_of_freedom(shares: np.ndarray) -> float:
+    """Return Bell and McCaffrey's degrees of freedom of a mean over clusters.
+
+    Clusters of equal size have their number minus one, and those of different sizes have fewer.
+
+    Args:
+        shares: share of the runs that each cluster has, shape (clusters,).
+
+    Example:
+        >>> [round(degrees_of_freedom(np.array(x)), 3) for x in ([0.25] * 4, [0.8, 0.1, 0.1])]
+        [3.0, 1.246]
+    """
+    # Covariances of the clusters' terms, over the trace: w_g on the diagonal and b_g b_h beside it, both
+    # squared and summed.
+    b = shares**2 / (1.0 - shares)
+    return float(1.0 / (np.sum(shares**2) + np.sum(b) ** 2 - np.sum(b**2)))
 
 
 def is_positive(values: np.ndarray, least: float = -1.0, clusters: np.ndarray | None = None) -> bool:
