@@ -225,7 +225,7 @@ READING = ("channel", "dt", "unit", "baseline", "columns", "skip", "scale")
 _SHAKEN = ("pulse", "records")
 _USUAL = {("space", "damping_ratio"): DEFAULT_SPACE.damping_ratio, ("risk", "measure"): "expected"}
 _DEFAULTS: dict[str, dict[tuple[str, str], Any]] = {
-    "harmonic": {},
+    "harmonic": {("ensemble", "size"): VALIDATION_RUNS},
     "pulse": _USUAL | {("motion", "intensity"): "scale", ("motion", "scales"): (1.0,)},
     "records": _USUAL | {("motion", "intensity"): "pga_star", ("motion", "held_out"): HELD_OUT},
 }

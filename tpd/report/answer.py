@@ -22,7 +22,7 @@ from tpd.report.notes import notes
 MOST = 25
 """Most lines: the command has printed block and motion in four lines before, so that a terminal has "
 "thirty."""
-_NAME = 13
+_NAME = 14
 """Columns of the names of rows."""
 _CHANGES = {
     "mean severity": "mean tilt over toppling",
