@@ -58,13 +58,13 @@ if TYPE_CHECKING:
     from tpd.design.criteria import DesignSpace as DesignSpace
     from tpd.design.criteria import Risk as Risk
     from tpd.design.design import Design as Design
-    from tpd.design.ground_motion import GroundSearch as GroundSearch
     from tpd.design.job import Job as Job
     from tpd.design.optimise import optimise as optimise
     from tpd.design.pareto import front as front
     from tpd.design.pareto import optimise_all as optimise_all
     from tpd.design.reading import read_design as read_design
     from tpd.design.settings import Descent as Descent
+    from tpd.design.settings import GroundSearch as GroundSearch
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.segmented import Segmented as Segmented
     from tpd.models.smoothed import Smoothed as Smoothed
@@ -110,12 +110,11 @@ _NAMES = {
     "scene.scene": "Block Harmonic Pendulum Scene paper_scene",
     "scene.status": "Status status_name",
     "design.criteria": "DesignSpace Risk",
-    "design.ground_motion": "GroundSearch",
     "design.job": "Job",
     "design.pareto": "front optimise_all",
     "design.optimise": "optimise",
     "design.design": "Design",
-    "design.settings": "Descent",
+    "design.settings": "Descent GroundSearch",
     "design.reading": "read_design",
     "design.as_built": "study",
     "models.piecewise": "Piecewise",

@@ -21,6 +21,7 @@ from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Stroke, Worth, check_limits
 from tpd.design.problem import MOST_MOTIONS, Problem, check_cavity, check_given, within_mass
 from tpd.design.reasons import DesignStatus
+from tpd.design.settings import DEFAULT_SPACE, HELD_OUT, SCATTERED, GroundSearch
 from tpd.models.compiled_nonlinear import shake_nonlinear
 from tpd.models.compiled_shaken import follow_all
 from tpd.records.intensity import intensity_of
@@ -31,37 +32,14 @@ from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.scene.status import UNANSWERED, Outcome
 from tpd.theory.equations import Terms
 
-DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
 DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room())
-HELD_OUT = 0.5
-"""Share of the motions that a design is not tuned to by default."""
 LEAST_EARTHQUAKES = 5
 """Earthquakes that a design must be tuned to, and as many that it must be validated on: of fewer the spread
 between earthquakes is hardly known."""
-SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
-"""Names of what is uncertain in validation runs: block and installation, as in the runs of an `Ensemble`."""
 _OUTCOMES = np.array([Outcome.stood, Outcome.rocked, Outcome.overturned, Outcome.event_bound, Outcome.failed])
 """Names of outcomes by the numbers of the compiled code, see `tpd.exact.terms`."""
 _EVENTS = 20_000
 """Events of a trial run beyond one for each piece: a bob that swings for long needs no more."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class GroundSearch:
-    """Trial runs of a search under ground motions.
-
-    Raises:
-        ValueError: a count below its least.
-    """
-
-    starts: checks.Whole = 32
-    """Designs spread over the space."""
-    steps: checks.Whole = 32
-    """Designs that follow where the trend promises most."""
-
-    def __post_init__(self) -> None:
-        checks.set_checked(self, checks.count, "starts", 4)
-        checks.set_checked(self, checks.count, "steps", 0)
 
 
 class Role(enum.Enum):

@@ -32,7 +32,7 @@ from tpd.design.criteria import (
 from tpd.design.orbits import Orbits, margins
 from tpd.design.problem import MOST_MOTIONS, Problem, check_cavity, check_given, check_moves, within_mass
 from tpd.design.search import Search, search
-from tpd.design.settings import Descent
+from tpd.design.settings import VALIDATION_RUNS, Descent
 from tpd.design.smoothed_orbits import SMOOTHED, prepare_step
 from tpd.models.compiled_linear import load_compiled
 from tpd.models.compiled_nonlinear import settle_nonlinear
@@ -46,8 +46,6 @@ from tpd.scene.scene import Harmonic, Scene
 from tpd.scene.status import names_of, status_name
 from tpd.theory.equations import Terms
 
-VALIDATION_RUNS = 2048
-"""Validation runs by default: half of them decide, and the other half is quoted."""
 TRIAL_RUNS, TRIAL_PERIODS = 128, 50
 """Runs of a trial, and their most forcing periods."""
 _ROUNDS = 6, 8

@@ -18,7 +18,6 @@ from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.files import path_of
 from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Worsening, Worth
-from tpd.design.ground_motion import SCATTERED, GroundSearch
 from tpd.design.job_keys import (
     MODELS,
     PAPER,
@@ -37,7 +36,7 @@ from tpd.design.job_keys import (
     widths_of,
 )
 from tpd.design.problem import check_moves, check_scatter
-from tpd.design.settings import Descent
+from tpd.design.settings import SCATTERED, Descent, GroundSearch
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
 from tpd.records.intensity import intensity_of

@@ -26,8 +26,14 @@ from tpd.core.checks import shown
 from tpd.core.files import path_of, readable
 from tpd.core.formatting import meant
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, DesignSpace, Limit, Risk, Worth, limit_of
-from tpd.design.ground_motion import DEFAULT_SPACE, HELD_OUT, SCATTERED, GroundSearch
-from tpd.design.settings import Descent
+from tpd.design.settings import (
+    DEFAULT_SPACE,
+    HELD_OUT,
+    SCATTERED,
+    VALIDATION_RUNS,
+    Descent,
+    GroundSearch,
+)
 from tpd.design.smoothed_orbits import SMOOTHED
 from tpd.models.piecewise import Piecewise
 from tpd.records.reading import BUILT_IN, SETS

@@ -18,12 +18,12 @@ from tpd.core import checks
 from tpd.core.progress import Progress, shown, unreported
 from tpd.design.criteria import DesignSpace, Limit, Objective, Risk, Worth
 from tpd.design.design import Design
-from tpd.design.ground_motion import GroundMotionProblem, GroundSearch
+from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.design.refine import apart, refine
-from tpd.design.settings import Descent
+from tpd.design.settings import Descent, GroundSearch
 from tpd.design.validate import Validated, validate
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion

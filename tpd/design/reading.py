@@ -20,11 +20,12 @@ from tpd.answers.attractors import StartKind
 from tpd.core.files import path_of
 from tpd.core.formatting import Printed
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Room, SteadyTilt, limit_of
-from tpd.design.ground_motion import SCATTERED, Role
+from tpd.design.ground_motion import Role
 from tpd.design.job import Job, job_of
 from tpd.design.job_keys import MODELS, TABLES
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
+from tpd.design.settings import SCATTERED
 from tpd.records.reading import BUILT_IN
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse

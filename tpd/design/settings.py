@@ -5,7 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from tpd.core import checks
+from tpd.design.criteria import DesignSpace
 
+DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
+"""Bounds of a search under ground motions."""
+HELD_OUT = 0.5
+"""Share of the ground motions that a design is not tuned to by default."""
+SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
+"""Names of what is uncertain in validation runs under ground motions: block and installation."""
+VALIDATION_RUNS = 2048
+"""Validation runs under harmonic excitation by default: half of them decide, the other half is quoted."""
 OPTIMISERS = ("adam", "rmsprop")
 """Optimisers of optax that have a name."""
 
@@ -96,3 +105,21 @@ def _check_model(model: object) -> None:
             "`model` must be Smoothed() with linear terms, or Piecewise(), whose symmetric orbits are known, "
             f"but is {checks.shown(model)}"
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundSearch:
+    """Trial runs of a search under ground motions.
+
+    Raises:
+        ValueError: a count below its least.
+    """
+
+    starts: checks.Whole = 32
+    """Designs spread over the space."""
+    steps: checks.Whole = 32
+    """Designs that follow where the trend promises most."""
+
+    def __post_init__(self) -> None:
+        checks.set_checked(self, checks.count, "starts", 4)
+        checks.set_checked(self, checks.count, "steps", 0)
