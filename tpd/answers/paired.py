@@ -143,7 +143,8 @@ class PairedRuns(Printed):
         return (
             mean("mean severity", pair),
             single("median severity", np.median),
-            single("worst severity", _worst_tenth),
+            # The mean of the worst tenth: the largest of all runs alone would say little.
+            single("worst severity", lambda x: np.sort(x)[-max(1, len(x) // 10) :].mean()),
             mean("overturned", fell),
             mean("at rest", rests),
         )
@@ -327,9 +328,3 @@ def paired_runs(
 def _of(size: Callable[[np.ndarray], Any], values: np.ndarray) -> float:
     """A size of values, NaN where there are none."""
     return float(size(values)) if len(values) else np.nan
-
-
-def _worst_tenth(x: np.ndarray) -> float:
-    """Mean of the worst tenth: the largest of all runs alone would say little."""
-    # Of few runs at least one.
-    return float(np.sort(x)[-max(1, len(x) // 10) :].mean())

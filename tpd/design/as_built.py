@@ -17,8 +17,7 @@ from tpd.answers.statistics import Interval
 from tpd.answers.steady_state import sampled, simulate
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import bob_of
-from tpd.design.design import Design
-from tpd.design.pareto import FrontPoint
+from tpd.design.design import Design, FrontPoint
 from tpd.models.piecewise import Piecewise
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions

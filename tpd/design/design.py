@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -187,3 +187,17 @@ class Design(Printed):
             lines.append(f"  overturned  {shares}")
         lines += [f"  reason      {said}" for said in self.refusals[:_MOST_REASONS]]
         return "\n".join(lines)
+
+
+class FrontPoint(NamedTuple):
+    """Answer with a bob of at most a certain mass."""
+
+    most: float
+    """kg"""
+    status: str
+    """Name of the status."""
+    pendulum: Pendulum | None
+    """None where none is offered."""
+    saved: tuple[float, float, float]
+    """Share by which the mean tilt falls, and its interval of 95 %, in validation runs; NaN
+    without a pendulum."""

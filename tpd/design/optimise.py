@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
@@ -134,8 +132,12 @@ def solve(problem: Problem, progress: Progress = unreported) -> Design:
     for attempt in range(problem.attempts):
         trials = refinement.trials()
         pool = apart(problem, trials.designs[trials.feasible], [v.design for v in validated])
-        if not len(pool) or (validated and not _is_promising(problem, refinement, pool[0])):
+        if not len(pool):
             break
+        if validated and refinement.process is not None:
+            trend = float(refinement.process.at(problem.space.scaled(pool[:1]))[0][0])
+            if trend > (1.0 - _PROMISING * problem.worth.at_least) * refinement.without:
+                break
         found = validate(problem, pool[0], attempt, progress=progress)
         validated.append(found)
         if not found.reasons:
@@ -156,11 +158,3 @@ def solve(problem: Problem, progress: Progress = unreported) -> Design:
         search=search,
         equivalent=None if best is None else refinement.equivalent(best),
     )
-
-
-def _is_promising(problem: Problem, refinement: Any, design: np.ndarray) -> bool:
-    """Whether the trend of a design promises a part of the benefit that is required."""
-    if refinement.process is None:
-        return False
-    trend = float(refinement.process.at(problem.space.scaled(design[None]))[0][0])
-    return trend < (1.0 - _PROMISING * problem.worth.at_least) * refinement.without

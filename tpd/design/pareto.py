@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,27 +14,13 @@ from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted
 from tpd.core.progress import Progress, shown_count
-from tpd.design.design import Design
+from tpd.design.design import Design, FrontPoint
 from tpd.design.optimise import optimise
 from tpd.design.reasons import DesignStatus
-from tpd.scene.scene import Block, Pendulum, Scene
+from tpd.scene.scene import Block, Scene
 
 _LEAST, _LIGHTER = 1.0 / 16.0, 3
 """Share of the largest mass at which a front begins, and how many lighter bobs it has by default."""
-
-
-class FrontPoint(NamedTuple):
-    """Answer with a bob of at most a mass."""
-
-    most: float
-    """kg"""
-    status: str
-    """Name of the status."""
-    pendulum: Pendulum | None
-    """None where none is offered."""
-    saved: tuple[float, float, float]
-    """Share by which the mean tilt falls, and its interval of 95 %, on runs that no choice has seen; NaN
-    without a pendulum."""
 
 
 class Front(tuple[FrontPoint, ...]):

@@ -84,7 +84,12 @@ def validate(
         progress: called with (stage, runs done, of how many).
     """
     exact = problem.exact(design)
-    reasons = [*_fixed(problem, design), *_exact_harm(problem, exact), *_as_built(problem, design)]
+    reasons = [
+        Reason(kind=ReasonKind.breaks_limit, limit=name, value=float(x[0]))
+        for name, x in problem.fixed_sizes(design[None]).items()
+        if not x[0] <= 1.0 + _ROUNDING
+    ]
+    reasons += [*_exact_harm(problem, exact), *_as_built(problem, design)]
     decided = quoted = None
     over = np.nan
     if thorough or not reasons:
@@ -112,15 +117,6 @@ def run_seed(problem: Problem, attempt: int, part: int) -> int:
     base = problem.ensemble.seed
     sequence = np.random.SeedSequence([problem.seed if base is None else base, 2, attempt, part])
     return int(sequence.generate_state(1)[0])
-
-
-def _fixed(problem: Problem, design: np.ndarray) -> list[Reason]:
-    """Limits that need no run."""
-    return [
-        Reason(kind=ReasonKind.breaks_limit, limit=name, value=float(x[0]))
-        for name, x in problem.fixed_sizes(design[None]).items()
-        if not x[0] <= 1.0 + _ROUNDING
-    ]
 
 
 def _exact_harm(problem: Problem, exact: Any) -> list[Reason]:

@@ -13,8 +13,7 @@ from pathlib import Path
 from tpd.core import files
 from tpd.core.formatting import number
 from tpd.design.as_built import Study
-from tpd.design.design import Design
-from tpd.design.pareto import FrontPoint
+from tpd.design.design import Design, FrontPoint
 from tpd.report import answer, construction, sections, words
 from tpd.report.blocks import Block, Cell, Code, Figure, Listing, Report, Section, Severity, Table, Text
 from tpd.report.notes import notes

@@ -27,19 +27,16 @@ SLOW = 0.95
 
 def notes(design: Design, study: Study) -> tuple[Note, ...]:
     """Return all notes on a design: dangers first, else in the order of the generators below."""
-    found = [*_losses(design), *_runs(design), *_responses(study), *_earthquakes(design)]
+    block, found = design.scene.block, list[Note]()
+    if float(block.velocity_ratio) == 1.0 and not block.friction:
+        found.append(note("The block loses no energy at all, unlike any real block. Give it a restitution."))
+    found += [*_runs(design), *_responses(study), *_earthquakes(design)]
     if design.pendulum is not None and design.best is not None and design.best.exact is not None:
         exact, bare = design.best.exact, design.problem.without_pendulum
         found += [*_from_rest(design, exact, bare), *_settled(exact), *_orbits(design, exact, bare)]
         if limit_of(design.problem.limits, Room) is None:
             found += _without_walls(design, exact, design.pendulum)
     return tuple(sorted(found, key=lambda n: n.severity.value))
-
-
-def _losses(design: Design) -> Iterator[Note]:
-    block = design.scene.block
-    if float(block.velocity_ratio) == 1.0 and not block.friction:
-        yield note("The block loses no energy at all, unlike any real block. Give it a restitution.")
 
 
 def _runs(design: Design) -> Iterator[Note]:

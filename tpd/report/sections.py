@@ -74,8 +74,12 @@ def over_runs(design: Design) -> list[Block]:
     for what, quantity in (("largest tilt", "peak"), ("settled tilt", "amplitude")):
         rows.append((f"{what}, 50, 90, 99 % of the runs (rad)", *(_quantiles(o, quantity) for o in cases)))
     rows.append(("bob's largest angle, 50, 90, 99 % (rad)", _quantiles(cases[0], "peak_stroke"), None))
+    by_width = dict[float, list[str]]()
+    for name, width in design.problem.scatter.items():
+        by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
+    listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
     caption = (
-        f"{runs.description}{_which(design)}. Scatter: {_scatter(design)}. In brackets: 95 % confidence. "
+        f"{runs.description}{_which(design)}. Scatter: {'; '.join(listed) or 'none'}. In brackets: 95 % confidence. "
         "Tilt: settled, 100 % where the block overturns or tilts to ν or further."
     )
     table = Table(("", "with pendulum", "without"), tuple(rows), caption)
@@ -95,15 +99,6 @@ def _which(design: Design) -> str:
     return (
         f", which no decision has used{before}. The runs that decided showed {best.decided.benefit_in_words}"
     )
-
-
-def _scatter(design: Design) -> str:
-    """Relative scatter of block, installation and excitation in the runs."""
-    by_width = dict[float, list[str]]()
-    for name, width in design.problem.scatter.items():
-        by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
-    listed = sorted(by_width.items())
-    return "; ".join(f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in listed) or "none"
 
 
 def _by_group(design: Design) -> list[Block]:
