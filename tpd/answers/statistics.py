@@ -4,8 +4,8 @@ Runs of one cluster, such as an earthquake, are no independent observations: the
 clusters (a bias-reduced cluster-robust variance), and the quantile is Student's. Distributions are those of
 `scipy.special`, because `scipy.stats`, which the tests compare with, takes most of a second to load.
 
-Clusters that are all alike show no spread between them, and yet others may differ. `_limits_of_ratio` therefore
-adds two extreme runs to paired runs, and `is_positive` allows for the share `unseen(n)` of other runs.
+Clusters that are all alike show no spread between them, and yet others may differ. `_limits_of_ratio`
+therefore adds two extreme runs to paired runs, and `is_positive` allows for the share `unseen(n)` of other runs.
 """
 
 from __future__ import annotations
