@@ -88,7 +88,7 @@ def test_the_smoothed_merit_has_these_slopes_and_tends_to_the_risk(cap):
         np.testing.assert_allclose(slope[:, i], (up - down) / 2e-6, rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("optimiser", ["adam", "rmsprop", optax.sgd(0.01)], ids=["adam", "rmsprop", "sgd"])
+@pytest.mark.parametrize("optimiser", ["adam", "rmsprop", optax.adam(0.01)], ids=["adam", "rmsprop", "own"])
 @pytest.mark.parametrize(("problem", "least"), [(FREE, 1.9522245), (LIMITED, 3.125)])
 def test_a_known_minimax_is_approached(optimiser, problem, least):
     asked, done = [], []
@@ -99,8 +99,7 @@ def test_a_known_minimax_is_approached(optimiser, problem, least):
 
     settings = tpd.Descent(optimiser, steps=160)
     ends = descended(recorded, settings, after=lambda *event: done.append(event))
-    named = isinstance(optimiser, str)
-    np.testing.assert_allclose(ends.merit, least, rtol=0.01 if named else 0.2)
+    np.testing.assert_allclose(ends.merit, least, rtol=0.03)
     assert np.all(ends.merit >= least * (1.0 - 1e-6))
     assert np.all((np.concatenate(asked) >= 0.0) & (np.concatenate(asked) <= 1.0))
     assert done == [(i, 160) for i in range(1, 161)]
@@ -113,8 +112,8 @@ def test_a_known_minimax_is_approached(optimiser, problem, least):
 
 
 def test_a_descent_without_a_value_goes_back_to_the_best_design():
-    """Beyond x = 0.6 nothing is known, and there the minimum lies. A descent ends at that edge, well below its
-    start (8.0), though not at the best place of the edge (2.97): no derivative leads along it."""
+    """Beyond x = 0.6 nothing is known, and there the minimum lies. A descent ends at that edge, well below
+    its start (8.0), though not at the best place of the edge (2.97): no derivative leads along it."""
 
     def holed(unit):
         at = FREE(unit)
