@@ -29,8 +29,7 @@ GROUPS = {
         "Block Pendulum Scene Harmonic Pulse Record records paper_scene Parameters Terms"
     ),
     "Design a pendulum": (
-        "optimise Design DesignSpace Conditions Risk limits Descent Sequential GroundSearch front "
-        "optimise_all Job"
+        "optimise Design DesignSpace Conditions Risk limits Descent GroundSearch front optimise_all Job"
     ),
     "Judge a pendulum": "check verdict Ensemble outcomes engines",
     "Pulses and earthquakes": ("transient critical_scale fragility overturning_spectrum rocking_spectrum"),

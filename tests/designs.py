@@ -4,6 +4,11 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
+from tpd.design.many import FrontPoint
+from tpd.design.result import DesignStatus, HarmonicDesign
+from tpd.design.study import Study, TimeHistory
+from tpd.design.survey import ON_THE_WAY, Survey
+from tpd.design.verified import Bare, LossCase, Motions, Reason, ReasonKind, Step, Verified
 
 import tpd
 from tpd.answers.attractors import Starts
@@ -11,11 +16,8 @@ from tpd.answers.ensemble import Ensemble, Outcomes
 from tpd.answers.paired import Benefit, Verdict, benefit_of
 from tpd.answers.response import Response
 from tpd.design.criteria import DEFAULT_LIMITS, POINT_BOB, DesignSpace, Evaluation, Risk, Worth
-from tpd.design.many import FrontPoint
-from tpd.design.result import DesignStatus, HarmonicDesign, Search
-from tpd.design.study import Study, TimeHistory
-from tpd.design.survey import ON_THE_WAY, Survey
-from tpd.design.verified import Active, Bare, LossCase, Motions, Reason, ReasonKind, Step, Verified
+from tpd.design.descend import Active
+from tpd.design.search import Search, SearchStatus
 from tpd.scene.conditions import Conditions
 
 SCENE = tpd.paper_scene()
@@ -107,7 +109,7 @@ def verified(**changes) -> Verified:
         "benefit": benefit(paired()),
         "strikes": 0.0,
         "stationarity": 1e-3,
-        "active": (Active(kind="limit", name="stroke", condition="the scene's own shaking", weight=0.5),),
+        "active": (Active("limit", "stroke", "the scene's own shaking", 1.0),),
         "source": "survey",
         "reasons": (),
     }
@@ -124,11 +126,13 @@ def search(**changes) -> Search:
         "paths": (screened[[0, 1]], screened[[2, 3, 4]]),
         "ends": np.array([RATIOS, screened[4]]),
         "end_values": np.array([0.16, np.inf]),
-        "statuses": (DesignStatus.stroke_limited, DesignStatus.infeasible),
+        "statuses": (SearchStatus.at_limit, SearchStatus.infeasible),
         "mismatch": np.array([[2e-6, 3e-5], [np.inf, 0.0]]),
         "lost": np.array([0, 4]),
         "evaluations": 100,
         "description": "60 designs screened",
+        "descended": 0.17,
+        "finished": 0.16,
     }
     return Search(**(values | changes))
 
@@ -175,7 +179,7 @@ def band(**changes) -> HarmonicDesign:
         margin=np.linspace(-0.5, 0.1, n),
         rest=survey("nonlinear", n).at(np.array([0])),
         benefit=benefit(paired(), n),
-        active=(Active(kind="tilt", name="", condition="1.5 Hz", weight=1.0),),
+        active=(Active("condition", "tilt", "1.5 Hz", 0.2),),
     )
     bare = Bare(
         value=0.6,

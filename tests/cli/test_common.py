@@ -111,7 +111,6 @@ job site.gravity = 0 | [site] `gravity` must be positive and finite, but is 0
 job space.mass_ratio = [0.1, true] | `space.mass_ratio` must be a pair of numbers, but is [0.1, True]
 job search.budget = 8 | unknown key `budget` in [search]; allowed are method, model, searches
 job ensemble.any_phase = 1 | `ensemble.any_phase` must be true or false, but is 1
-job search.method = 'sequential'; search.tolerance = 0.1 | `search.tolerance` goes with `search.method` descen
 job conditions.band = [2, 3]; conditions.frequencies = 1 | [conditions] `frequencies` must be a whole number,
 job conditions.band = [2, 3]; conditions.frequencies = 2000000 | a job must have at most 100000 conditions, bu
 job conditions.amplitudes = [] | [conditions] `amplitudes` must hold at least one number, but is empty
@@ -207,7 +206,7 @@ def no_search(monkeypatch, tmp_path):
     def run(*_: object) -> None:
         raise AssertionError("the input is not refused: a search has begun")
 
-    monkeypatch.setattr("tpd.design.search.Multistart.run", run)
+    monkeypatch.setattr("tpd.design.optimise.search", run)
     monkeypatch.chdir(tmp_path)
 
 

@@ -31,8 +31,8 @@ search={searches=3, seed=7}; conditions.amplitudes=[1, 1.1]
 --searches 3 --seed 7 --amplitudes 1 1.1
 search={method='descent', optimiser='rmsprop'}; conditions.band=[2, 3]
 --method descent --optimiser rmsprop --band 2 3
-search={method='sequential', steps=4, pareto=true}
---method sequential --steps 4 --pareto
+search={optimiser='rmsprop', steps=4, pareto=true}
+--optimiser rmsprop --steps 4 --pareto
 motion={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, cycles=2, phase=0.5}
 --pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 0.4 --cycles 2 --phase 0.5
 motion={records=['el-centro', 'b.txt'], scales=[2, 3], intensity='pga', held_out=0.3}; search.starts=8

@@ -370,7 +370,7 @@ ALIKE = {
     "repr((limits.Stroke(A), limits.Mass(A), limits.Worth(at_least=A), DesignSpace(damping_ratio=A)))": SHARE,
     "repr((Piecewise(tolerance=A), Smoothed(sharpness=A), Segmented(rtol=A), Auto(tolerance=A)))": SHARE,
     "repr(Piecewise(max_periods=A, lyapunov_periods=A))": COUNT,
-    "repr(Sequential(searches=A))": COUNT,
+    "repr(Descent(searches=A))": COUNT,
     "Conditions.around(scene, frequency=A).factor_rows()": SHARE,
 }
 """Calls with an array or a number A, and the numbers that A is in all forms."""

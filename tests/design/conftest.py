@@ -1,12 +1,12 @@
 """Designs that several modules look at: each is made once in a session."""
 
 import pytest
+from tpd.design.by_runs import PairedRuns
 
 import tpd
 from tests import designs
-from tpd.design.by_runs import PairedRuns
 from tpd.design.problem import Problem
-from tpd.design.search import Multistart
+from tpd.design.search import search as search_designs
 from tpd.scene.conditions import Conditions
 from tpd.scene.scene import Harmonic, Scene
 
@@ -29,7 +29,7 @@ SEVERAL = {
     "conditions": BAND,
     "limits": tpd.limits.POINT_BOB,
     "worth": ANY_WORTH,
-    "method": tpd.Sequential(searches=20, screening=64, steps=25),
+    "method": tpd.Descent(searches=20, screening=64, steps=25, model=tpd.Piecewise()),
     "ensemble": tpd.Ensemble(size=64, periods=40),
 }
 
@@ -46,17 +46,15 @@ def several():
     return tpd.optimise(SCENE, WIDE, **SEVERAL)
 
 
-FEW_STEPS = tpd.Sequential(searches=20, screening=48, steps=8)
+FEW_STEPS = tpd.Descent(searches=20, screening=48, steps=8, model=tpd.Piecewise())
 ORBIT_LIMITS = (tpd.limits.Stroke(0.5), tpd.limits.Reserve(0.05))
 
 
 @pytest.fixture(scope="session")
 def search():
-    """Multistart over the orbits under a band of frequencies; not verified."""
+    """Search over the orbits under a band of frequencies; not verified."""
     problem = Problem.of(SCENE, WIDE, conditions=BAND, limits=ORBIT_LIMITS, method=FEW_STEPS)
-    out = Multistart(problem.objective, FEW_STEPS, 0, None)
-    out.run()
-    return out
+    return problem.objective, search_designs(problem.objective, FEW_STEPS, 0)
 
 
 @pytest.fixture(scope="session")

@@ -8,8 +8,6 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
-from tpd.design.ground.optimise import ground_problem
-from tpd.design.methods import Descent
 
 import tpd
 from tests.formats.synthetic import shaking
@@ -19,6 +17,7 @@ from tpd.design import criteria
 from tpd.design import job as jobs
 from tpd.design.criteria import DesignSpace, Worth
 from tpd.design.job_keys import SCHEMA
+from tpd.design.settings import Descent
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.records import el_centro, loma_prieta
@@ -48,7 +47,7 @@ JOBS = {
     },
     "starts": {**BAND, "starts": {"kind": "rest"}},
     "descent": {**BAND, "search": {"method": "descent", "optimiser": "rmsprop", "tolerance": 0.05}},
-    "sequential": {"search": {"method": "sequential", "searches": 2, "screening": 3, "steps": 4}},
+    "few searches": {"search": {"searches": 2, "screening": 3, "steps": 4, "finish": 0}},
     "models": {"search": {"model": "piecewise"}},
     "exactly": EXACTLY,
     "bob": {
@@ -99,7 +98,7 @@ def test_without_tables_the_job_is_that_of_the_papers_block():
     assert (job.starts, jobs.job_of(JOBS["starts"]).starts) == (Starts.any(), Starts.rest())
     assert job.limits == criteria.DEFAULT_LIMITS == jobs.job_of(BAND).limits
     assert isinstance(job.method, Descent)
-    assert (job.method.searches, job.method.screening, job.method.steps) == (16, 512, 40)
+    assert (job.method.searches, job.method.screening, job.method.steps) == (8, 512, 20)
     assert (job.risk, job.ensemble, job.worth) == (criteria.Risk.worst(), Ensemble(seed=0), Worth())
     assert job.seed == 0
 
@@ -141,17 +140,13 @@ def test_keys_without_effect_are_not_written():
     assert tables["motion"] == {"kind": "harmonic", "amplitude": 0.015, "frequency": 2.5}
     assert set(jobs.job_of(BAND).tables["risk"]) == {"measure"}
     assert tables["search"]["optimiser"] == "adam"
-    sequential = jobs.job_of({"search": {"method": "sequential"}}).tables
-    assert not {"tolerance", "optimiser"} & set(sequential["search"])
 
 
 @pytest.mark.parametrize(
     ("given", "over", "dropped"),
     [
         ({"risk": {"measure": "cvar", "share": 0.2}, **BAND}, {"risk": {"measure": "worst"}}, "risk.share"),
-        ({"search": {"model": "piecewise"}}, {"search": {"method": "sequential"}}, "search.model"),
         (EXACTLY, BAND, "conditions.exactly"),
-        ({"search": {"optimiser": "rmsprop"}}, {"search": {"method": "sequential"}}, "search.optimiser"),
     ],
 )
 def test_what_an_option_makes_pointless_in_a_file_is_dropped(given, over, dropped):

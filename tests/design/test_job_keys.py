@@ -5,7 +5,6 @@ import json
 
 import jsonschema
 import pytest
-from tpd.design.methods import Descent
 
 from tests.design.test_job import refusal
 from tpd.answers.ensemble import Ensemble
@@ -13,6 +12,7 @@ from tpd.design import criteria
 from tpd.design import job as jobs
 from tpd.design.criteria import DesignSpace, Worth
 from tpd.design.job_keys import SCHEMA, TABLES, json_schema
+from tpd.design.settings import Descent
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import FACTORS
 from tpd.scene.scene import Block

@@ -59,7 +59,7 @@ def test_under_ground_motions_the_groups_stay(monkeypatch):
 def test_many_blocks_have_the_answer_of_each_and_statuses_by_name():
     calm, few = (
         tpd.Harmonic(amplitude=0.001, frequency=2.5),
-        tpd.Sequential(searches=3, screening=16, steps=3),
+        tpd.Descent(searches=3, screening=16, steps=3, model=tpd.Piecewise()),
     )
     scenes, counts = [tpd.Scene(SCENE.block, calm), tpd.Scene(SCENE.block, calm)], []
     found = tpd.optimise_all(scenes, method=few, limits=(), progress=lambda *e: counts.append(e))

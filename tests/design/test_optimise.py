@@ -4,19 +4,20 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tpd.design.result import DesignStatus
+from tpd.design.survey import ON_THE_WAY
+from tpd.design.verified import ReasonKind, Step
 
 import tpd
 from tests.design.conftest import ANY_WORTH, LIGHT, ONE, SCENE, WIDE
 from tpd.design import optimise
 from tpd.design.optimise import solve
 from tpd.design.problem import Problem
-from tpd.design.result import DesignStatus
-from tpd.design.survey import ON_THE_WAY
-from tpd.design.verified import ReasonKind, Step
+from tpd.design.search import SearchStatus
 
 CALM = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.001, frequency=2.5))
 """A shaking that lifts no block, and under which no orbit attracts."""
-FEW = tpd.Sequential(searches=3, screening=16, steps=3)
+FEW = tpd.Descent(searches=3, screening=16, steps=3, model=tpd.Piecewise())
 RUNS = tpd.Ensemble(size=16, periods=30)
 EXACTLY = {"conditions": tpd.Conditions.exactly(), "worth": ANY_WORTH}
 
@@ -128,7 +129,7 @@ def test_the_answer_is_better_than_anything_screened_and_comes_from_the_survey(s
     assert np.all(e.attracts)
     assert not winner.paired.harms
     assert winner.benefit.low > 0.0
-    assert DesignStatus.at_bound in several.search.statuses
+    assert SearchStatus.at_limit in several.search.statuses
     assert {v.source for v in several.verified} == {"survey"}
     # Runs from many starts order those that help.
     first, last = several.surveys

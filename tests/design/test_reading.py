@@ -111,7 +111,10 @@ CASES = {
     "defaults": {},
     "band": {"conditions": BAND, "risk": tpd.Risk.cvar(0.25), "seed": 4},
     "scatter": {"conditions": BAND * tpd.Conditions.scatter(8, 4, friction=0.1, mass=0.05), "seed": 4},
-    "sequential": {"method": tpd.Sequential(searches=3, steps=5), "starts": tpd.Starts.rest()},
+    "sequential": {
+        "method": tpd.Descent(searches=3, steps=5, model=tpd.Piecewise()),
+        "starts": tpd.Starts.rest(),
+    },
     "exact orbits": {"method": tpd.Descent("rmsprop", model=Piecewise(), tolerance=0.02)},
     "limits": {"limits": (limits.Stroke(0.3), limits.Room(tpd.limits.Bob(density=2000.0)), limits.Mass(5.0))},
     "point": {"conditions": tpd.Conditions(), "limits": limits.POINT_BOB},

@@ -6,19 +6,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tpd.design.by_runs import JUDGES
+from tpd.design.result import DesignStatus
+from tpd.design.survey import ON_THE_WAY, Survey
+from tpd.design.verified import Reason, ReasonKind, Step
+from tpd.design.verify import Verification, motions_from_rest, nearest_of, polished
 
 import tpd
 from tests import designs as designs_by_hand
 from tests.design.conftest import ANY_WORTH, BAND, FEW_STEPS, SCENE
-from tests.design.test_objective import GOOD, orbits
+from tests.design.test_orbits import GOOD, orbits
 from tpd.answers.ensemble import outcomes
 from tpd.design import optimise, verify
-from tpd.design.by_runs import JUDGES
 from tpd.design.problem import Problem
-from tpd.design.result import DesignStatus
-from tpd.design.survey import ON_THE_WAY, Survey
-from tpd.design.verified import Reason, ReasonKind, Step
-from tpd.design.verify import Verification, active, motions_from_rest, nearest_of, polished
 from tpd.scene.parameters import as_arrays
 from tpd.scene.status import SETTLED
 
@@ -339,37 +339,6 @@ def test_where_no_design_keeps_to_the_limits_none_is_verified_and_the_nearest_is
     assert {(r.step, r.kind) for r in best.broken} == {(Step.nonlinear, ReasonKind.breaks_limit)}
     assert [r.limit for r in best.broken] == ["stroke", ON_THE_WAY], "the largest excess comes first"
     assert [r.value for r in best.broken] == [pytest.approx(1.3), pytest.approx(1.1)]
-
-
-@pytest.fixture
-def end(search):
-    """One end with weights and excesses that a test may change."""
-    one, limits = search.groups[1], search.groups[1].local.limit.shape[1]
-    local = one.local.at(slice(0, 1))._replace(limit=np.full((1, limits), -0.5))
-    return one._replace(
-        x=np.full((1, 3), 0.5), local=local, weights=(np.zeros((1, 5)), np.zeros((1, limits)))
-    )
-
-
-def test_what_holds_a_design_is_listed_by_weight_and_by_how_near_it_is(search, end):
-    assert active(search.objective, end, 1e-3) == (), "nothing holds a design in the middle"
-    end.weights[0][0] = [0.3, 0.0, 0.01, 0.69, 0.0]
-    tilts = [f"tilt at {BAND.label(3)} (0.69)", f"tilt at {BAND.label(0)} (0.30)"]
-    assert [str(a) for a in active(search.objective, end, 1e-3)] == tilts
-    mean = dataclasses.replace(search.objective, risk=tpd.Risk.expected())
-    assert active(mean, end, 1e-3) == (), "in a mean all weigh alike"
-    end.weights[1][0, 6] = 2.0
-    end.local.limit[0, 3] = 1e-5 - 5e-4
-    end.local.limit[0, 4] = -2e-3
-    end.x[0] = [1.0, 0.5, 0.0]
-    found = active(mean, end, 1e-3)
-    assert found[0].weight == 2.0
-    assert [str(a) for a in found] == [
-        f"limit on reserve at {BAND.label(1)}",
-        f"limit on stroke at {BAND.label(3)}",
-        "upper bound of the mass ratio, 0.2",
-        "lower bound of the damping ratio, 0.05",
-    ]
 
 
 P = as_arrays(SCENE.parameters())

@@ -79,7 +79,8 @@ def over_runs(design: Design) -> list[Block]:
         by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
     listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
     caption = (
-        f"{runs.description}{_which(design)}. Scatter: {'; '.join(listed) or 'none'}. In brackets: 95 % confidence. "
+        f"{runs.description}{_which(design)}. Scatter: {'; '.join(listed) or 'none'}. In brackets: 95 % "
+        "confidence. "
         "Tilt: settled, 100 % where the block overturns or tilts to ν or further."
     )
     table = Table(("", "with pendulum", "without"), tuple(rows), caption)

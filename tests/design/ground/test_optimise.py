@@ -209,7 +209,7 @@ def test_a_block_that_stands_needs_no_pendulum_and_walls_too_close_for_any_bob_a
         (BLOCK, {"starts": tpd.Starts.rest()}, "`starts` is for harmonics"),
         (BLOCK, {"limits": (tpd.limits.Reserve(),)}, "`limits` of ground motions"),
         (BLOCK, {"held_out": 1.5}, "`held_out`"),
-        (BLOCK, {"method": tpd.Sequential()}, "`method` must be a GroundSearch"),
+        (BLOCK, {"method": tpd.Descent()}, "`method` must be a GroundSearch"),
         (tpd.paper_scene(), {"conditions": None, "held_out": 0.5}, "`held_out` is for ground motions"),
         (BLOCK, {"conditions": None}, "go with ground motions"),
     ],
