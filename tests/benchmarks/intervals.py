@@ -48,7 +48,8 @@ def in_earthquakes(rng: np.random.Generator, records: np.ndarray, middle: float)
     tilts = tilt[:, None] + SCALES
     noise = 0.1 * rng.standard_normal((2, *tilts.shape))
     severities = np.clip([0.75 * tilts + moved[:, None] + noise[0], tilts + noise[1]], 0.0, 1.0)
-    return Pairs(*severities.reshape(2, -1), np.repeat(quake, len(SCALES)))
+    with_pendulum, without_pendulum = severities.reshape(2, -1)
+    return Pairs(with_pendulum, without_pendulum, np.repeat(quake, len(SCALES)))
 
 
 def before(tops: np.ndarray, bottoms: np.ndarray, clusters: np.ndarray | None = None) -> Interval:
@@ -167,7 +168,7 @@ def population(rng: np.random.Generator, truth: float, runs: int = 200_000) -> n
     noise = SEVERITY["noise"] * rng.standard_normal((1 + CANDIDATES, runs))
     bare = np.clip(tilt + noise[0], 0.0, 1.0)
 
-    def hung(factor: float) -> np.ndarray:
+    def hung(factor: Any) -> np.ndarray:
         return np.clip(factor * tilt + noise[1:], 0.0, 1.0)
 
     factor = brentq(lambda x: 1.0 - hung(x).mean() / bare.mean() - truth, 0.1, 1.5)
@@ -232,7 +233,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     """All four parts."""
     rng = np.random.default_rng(SEED)
     size = 20 if quick else 1
-    parts = ((few, 2000), (rare, 2000), (curves, 1000), (rules, 1500))
+    parts = ((few, 2000), (rare, 1500), (curves, 1000), (rules, 1000))
     return [row for part, repeats in parts for row in part(rng, repeats // size)]
 
 

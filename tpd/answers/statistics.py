@@ -5,7 +5,7 @@ clusters (a bias-reduced cluster-robust variance), and the quantile is Student's
 `scipy.special`, because `scipy.stats`, which the tests compare with, takes most of a second to load.
 
 Clusters that are all alike show no spread between them, and yet others may differ. `_limits_of_ratio`
-therefore adds two extreme runs to paired runs, and `is_positive` allows for the share `unseen(n)` of other runs.
+therefore adds two extreme runs to paired runs, and `is_positive` allows for a share `unseen(n)` of others.
 """
 
 from __future__ import annotations

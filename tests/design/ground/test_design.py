@@ -10,8 +10,8 @@ from tpd.design.ground.judgement import Judged, Pairs, Role
 
 def test_the_verdict_follows_from_intervals_and_the_least_benefit():
     def group(role, shift, low, high):
-        pair = np.stack([np.full(12, 0.5), 0.5 + shift + np.repeat(0.01 * np.arange(-3, 3), 2)])
-        runs = Pairs(pair, pair, np.repeat(np.arange(6), 2))
+        pair = np.stack([np.full(120, 0.5), 0.5 + shift + np.repeat(0.01 * np.arange(-3, 3), 20)])
+        runs = Pairs(pair, pair, np.repeat(np.arange(6), 20))
         none = (Lognormal(1.0, 0.3, np.zeros((2, 2)), False),) * 2
         counts = dict.fromkeys(("counts", "unknown"), (np.zeros(2), np.zeros(2)))
         intervals = dict.fromkeys(("difference", "linear", "tilt"), Interval(shift, low, high))
