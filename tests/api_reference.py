@@ -30,8 +30,9 @@ GROUPS = {
     ),
     "Design a pendulum": (
         "optimise Design DesignSpace Conditions Risk limits Descent Sequential GroundSearch front "
-        "optimise_all Job"
+        "optimise_all Job study read_design"
     ),
+    "Show a result": "plot write_report",
     "Judge a pendulum": "check verdict Ensemble outcomes engines",
     "Pulses and earthquakes": ("transient critical_scale fragility overturning_spectrum rocking_spectrum"),
     "Motions under harmonic shaking": (

@@ -5,7 +5,7 @@ Names are imported on first use, so that `tpd --help` does not wait for JAX.
 The equations of the paper (Collini et al. 2016), corrected where it is misprinted (`tpd.theory.paper`), and
 the functions that compute them: `tests/test_equation_table.py` compares each with its equation. A folder
 imports only from those named before it: formats, core, cluster, scene, records, theory, exact, models,
-answers, engines, design, plot, report, cli.
+answers, engines, design, plots, report, cli.
 
 | equation | content | function |
 |---|---|---|
@@ -63,10 +63,14 @@ if TYPE_CHECKING:
     from tpd.design.methods import Descent as Descent
     from tpd.design.methods import Sequential as Sequential
     from tpd.design.optimise import optimise as optimise
+    from tpd.design.reading import read_design as read_design
     from tpd.design.result import Design as Design
+    from tpd.design.study import study as study
     from tpd.models.piecewise import Piecewise as Piecewise
     from tpd.models.segmented import Segmented as Segmented
     from tpd.models.smoothed import Smoothed as Smoothed
+    from tpd.plots.results import plot as plot
+    from tpd.report.files import write_report as write_report
     from tpd.scene.conditions import Conditions as Conditions
     from tpd.scene.ground_motion import Pulse as Pulse
     from tpd.scene.parameters import Parameters as Parameters
@@ -112,10 +116,14 @@ _NAMES = {
     "design.many": "front optimise_all",
     "design.methods": "Descent Sequential",
     "design.optimise": "optimise",
+    "design.reading": "read_design",
     "design.result": "Design",
+    "design.study": "study",
     "models.piecewise": "Piecewise",
     "models.segmented": "Segmented",
     "models.smoothed": "Smoothed",
+    "plots.results": "plot",
+    "report.files": "write_report",
 }
 """Names by the modules that they come from."""
 _HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
 
+import tpd
 from tests.reference import orbits_of
 from tpd import Parameters, Pendulum, design_map, paper_scene, status_name, steady_state
 from tpd.answers.design_map import DesignMap
@@ -143,15 +144,15 @@ def test_a_grid_may_use_up_what_the_other_axis_allows():
 
 def test_a_picture_colours_what_moves_hatches_the_rest_and_names_its_axes():
     m = over_motion()
-    ax = m.plot()
+    ax = tpd.plot(m)
     assert ax.get_xlabel() == "frequency of the base motion (Hz)"
     assert ax.get_ylabel() == "amplitude of the base motion (m)"
-    for axes, drawn in ((ax, m.status == "rocking"), (m.plot("stroke"), m.status != "unstable")):
+    for axes, drawn in ((ax, m.status == "rocking"), (tpd.plot(m, "stroke"), m.status != "unstable")):
         (mesh,) = [c for c in axes.collections if isinstance(c, QuadMesh)]
         shown = ~np.ma.getmaskarray(np.ma.masked_invalid(mesh.get_array())).reshape(m.status.shape)
         np.testing.assert_array_equal(shown, drawn)
     with pytest.raises(ValueError, match="`quantity` must be one of amplitude, stroke, margin"):
-        m.plot("status")
+        tpd.plot(m, "status")
     labels = {text.get_text() for text in ax.get_legend().get_texts()}
     assert labels == {"rest, no attracting orbit found", "orbits found, none attracts"}
     assert [t.get_text() for t in ax.texts] == ["uplift margin 0"]
@@ -175,5 +176,5 @@ def test_where_no_orbit_is_found_the_map_does_not_claim_that_there_is_none(x):
     assert m.margin.max() < 0.0
     # From a start a motion settles, or the block overturns: the map without one knows neither.
     assert "not_known" not in design_map(p, *axes, start=np.zeros(4)).counts
-    legend = m.plot().get_legend()
+    legend = tpd.plot(m).get_legend()
     assert [text.get_text() for text in legend.get_texts()] == ["no orbit found"]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import tpd
 from tpd import Parameters, Pendulum, branches, paper_scene, settled_response
 from tpd.answers.bifurcations import Bifurcation, Kind, bifurcations
 from tpd.answers.response import Branches, frequencies
@@ -111,11 +112,11 @@ def test_frequencies_are_close_near_the_own_one():
 
 
 def test_a_picture_draws_stable_solid_unstable_dashed_and_marks_what_is_lost():
-    (ax,) = bare().plot()
+    (ax,) = tpd.plot(bare())
     assert ax.get_xlabel() == r"frequency ratio $\xi$ = $\omega/\omega_0$ (-)"
     labels = [text.get_text() for text in ax.get_legend().get_texts()]
     assert labels == ["bare block", "stable", "unstable", "symmetry breaks", "begins to stick"]
-    tilt, bob = hung().plot(replace(hung()))
+    tilt, bob = tpd.plot(hung(), without=replace(hung()))
     assert tilt.get_ylabel() == r"largest tilt $|\varphi|$ (rad)"
     assert bob.get_ylabel() == r"largest bob angle $|\psi|$ (rad)"
     b, s = fold(), hung().sweep

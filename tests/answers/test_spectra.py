@@ -87,7 +87,7 @@ def test_without_any_answer_no_share_is_known(monkeypatch):
 @pytest.mark.mends("cells without an answer had the colour of those that stand")
 def test_cells_without_an_answer_are_drawn(monkeypatch):
     unanswered(monkeypatch, lambda rows: largest(rows) & (rows[:, 1] > 0.0))
-    bare, hung = spectrum(HUNG).plot()
+    bare, hung = tpd.plot(spectrum(HUNG))
     assert not bare.lines
     (crosses,) = hung.lines
     assert (crosses.get_label(), crosses.get_marker()) == ("no answer: 2 of 8", "x")
@@ -108,8 +108,8 @@ def test_a_block_without_an_answer_has_no_tilt(monkeypatch):
 
 @pytest.mark.mends("blocks without an answer were not drawn as such")
 def test_blocks_without_an_answer_are_drawn(monkeypatch):
-    assert not any("no answer" in line.get_label() for line in rocking().plot().lines)
+    assert not any("no answer" in line.get_label() for line in tpd.plot(rocking()).lines)
     unanswered(monkeypatch, lambda rows: middle(rows) & (rows[:, 1] > 0.0))
-    drawn = {line.get_label(): line for line in rocking().plot().lines}
+    drawn = {line.get_label(): line for line in tpd.plot(rocking()).lines}
     assert drawn["with the pendulum: no answer"].get_xdata().tolist() == [4.0]
     assert "bare block: no answer" not in drawn

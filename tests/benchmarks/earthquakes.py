@@ -60,8 +60,8 @@ def run(quick: bool) -> list[dict[str, Any]]:
 def _draw(found: Any) -> None:
     """The README's picture needs the runs themselves, which are not stored."""
     from tests.benchmarks.stored import PICTURES
-    from tpd.plot.compare import plot_groups
-    from tpd.plot.style import png
+    from tpd.plots.compare import plot_groups
+    from tpd.plots.style import png
 
     (PICTURES / "fragility.png").write_bytes(png(plot_groups(found)[0].figure))
 
@@ -79,7 +79,7 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Change of the mean tilt on motions held out, over height and slenderness."""
-    from tpd.plot.style import INK, new_axes
+    from tpd.plots.style import INK, new_axes
 
     ax = new_axes(size=(6.4, 3.8))
     change = np.full((len(SLENDERNESS), len(HEIGHTS)), np.nan)

@@ -159,7 +159,7 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Errors over the width: thin a scene, thick their median, dashed that of two widths."""
-    from tpd.plot.style import BLUE, GREY, INK, ORANGE, new_axes
+    from tpd.plots.style import BLUE, GREY, INK, ORANGE, new_axes
 
     axes = new_axes(2, (7.0, 7.4))
     widths = np.array(sorted({r["width"] for r in rows if r["what"] == "bias"}))

@@ -187,7 +187,7 @@ def pages() -> dict[Path, str]:
 
 def draw(names: Iterable[str] = NAMES) -> None:
     """Write the pages, and the pictures of benchmarks that have results."""
-    from tpd.plot.style import png
+    from tpd.plots.style import png
 
     RESULTS.mkdir(exist_ok=True)
     for path, text in pages().items():

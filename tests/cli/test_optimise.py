@@ -67,7 +67,7 @@ def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(answer
         "  report     out/report.html",
         "  again      tpd optimise --scene out/scene.toml --out out-again",
     ]
-    content, found = done.json("design.json"), tpd.Design.read("out")
+    content, found = done.json("design.json"), tpd.read_design("out")
     job = jobs.job_of(tomllib.loads(done.files["scene.toml"].read_text()))
     assert found.job == job == jobs.job_of(content["job"])
     assert job.seed == 3
@@ -150,7 +150,7 @@ def test_a_design_on_records_is_repeated_by_its_scene_alone(on_records, tmp_path
     assert again.status == 3
     assert json.loads(again.out) == first.json("design.json")
     assert again.files["scene.toml"].read_text() == first.files["scene.toml"].read_text()
-    stored = tpd.Design.read(folder / "first")
+    stored = tpd.read_design(folder / "first")
     assert stored.job.tables["motion"]["records"] == [str(folder / "mine"), "loma-prieta"]
     assert stored.job.block == jobs.job_of(jobs.read(folder / "job.toml")).block
 

@@ -10,7 +10,7 @@ import tpd
 from tests.cli.conftest import COLUMN, HUNG, call
 from tpd.cli import shake
 from tpd.core import files
-from tpd.plot import response
+from tpd.plots import response
 
 PULSE = "--pulse one-sine --pulse-frequency 1.2375 --pga"
 BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
@@ -88,7 +88,7 @@ def test_numbers_are_written_before_pictures_which_cost_one_sentence_each(run, m
     def broken(*_, **how):
         raise RuntimeError("no such font\nat all")
 
-    monkeypatch.setattr("tpd.plot.animation.animate", broken)
+    monkeypatch.setattr("tpd.plots.animation.animate", broken)
     with matplotlib.rc_context({"text.usetex": True, "font.family": ["No Such Font"]}):
         done = run("shake", COLUMN, PULSE, "0.4", "--free", "1")
     assert (done.status, done.err.count("tpd: ")) == (0, 1)

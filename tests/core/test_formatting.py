@@ -50,7 +50,6 @@ def test_a_result_shows_its_lines_and_its_table(monkeypatch):
 
     assert repr(Result()) == "tilt < 0.2 rad"
     assert Result()._repr_html_() == "<pre>tilt &lt; 0.2 rad</pre>"
-    assert formatting.above("core.formatting:number") is number
     frame = pytest.importorskip("pandas").DataFrame({"x": [1.0, 2.0]})
     assert Result().to_dataframe().equals(frame)
     real = builtins.__import__

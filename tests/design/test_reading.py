@@ -1,4 +1,4 @@
-"""Questions of designs as jobs, and `tpd.Design.read`: bit for bit, or one sentence on what is missing."""
+"""Questions of designs as jobs, and `tpd.read_design`: bit for bit, or one sentence on what is missing."""
 
 import dataclasses
 import json
@@ -54,7 +54,7 @@ def damaged(design, tmp_path):
     def read(**changes) -> StoredDesign:
         content = {k: v for k, v in (whole | changes).items() if v is not ...}
         (tmp_path / "design.json").write_text(json.dumps(content))
-        return tpd.Design.read(tmp_path)
+        return tpd.read_design(tmp_path)
 
     return read
 
@@ -71,7 +71,7 @@ def test_what_is_read_is_what_was_written(design, damaged, tmp_path):
     assert found.versions["tpd"] == tpd.__version__
     assert found.content["details"]["search"]["evaluations"] == design.search.evaluations
     assert found.path == tmp_path / "design.json"
-    assert tpd.Design.read(str(found.path)).job.scene == design.scene
+    assert tpd.read_design(str(found.path)).job.scene == design.scene
     assert str(found).splitlines()[0] == "Stored design: found"
     assert dataclasses.is_dataclass(found)
     assert damaged(pendulum=None).pendulum is None

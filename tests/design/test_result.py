@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+import tpd
 from tests import designs
 from tpd.design.verified import Reason, ReasonKind, Step
 from tpd.scene.conditions import Conditions
@@ -33,4 +34,4 @@ def test_of_several_refused_designs_the_one_that_misses_least_by_paired_runs_com
     assert design.swing == 0.0
     assert design.again(seed=7)["seed"] == 7
     with pytest.raises(ValueError, match="`what` must be one of landscape, drawing, benefit"):
-        design.plot("picture")
+        tpd.plot(design, "picture")

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import tpd
 from tests import designs
 from tpd.design.job import job_of
 from tpd.design.study import Study
@@ -37,19 +38,21 @@ def test_all_files_are_written_and_the_page_last(tmp_path, monkeypatch):
     assert page.count("<figure>") == 7
 
 
-def test_a_design_saves_its_report_with_the_job_where_one_says_what_was_asked(tmp_path, monkeypatch):
+def test_a_report_is_written_with_the_job_where_one_says_what_was_asked(tmp_path, monkeypatch):
     def unsaid(_):
         raise ValueError("a limit of one's own")
 
     monkeypatch.setattr(files, "draw", lambda *_: b"<svg/>")
     monkeypatch.setattr(files, "job_of_design", lambda _: job_of({}))
     design, study = designs.refused(), Study()
-    assert "scene.toml" in {path.name for path in design.save(tmp_path / "a", study=study)}
+    assert "scene.toml" in {path.name for path in tpd.write_report(design, tmp_path / "a", study=study)}
     with pytest.raises(ValueError, match="already holds files"):
-        design.save(tmp_path / "a", study=study)
+        tpd.write_report(design, tmp_path / "a", study=study)
     monkeypatch.setattr(files, "job_of_design", unsaid)
     with pytest.warns(UserWarning, match=r"the report goes without scene\.toml: a limit of one's own"):
-        assert "scene.toml" not in {path.name for path in design.save(tmp_path / "b", study=study)}
+        assert "scene.toml" not in {
+            path.name for path in tpd.write_report(design, tmp_path / "b", study=study)
+        }
 
 
 def test_pictures_of_lines_are_svg_and_fields_are_not_and_the_drawing_has_the_body_that_was_asked_for():
@@ -126,5 +129,5 @@ def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_n
     monkeypatch.setattr(files, "job_of_design", lambda _: job_of({}))
     monkeypatch.setenv("HOME", str(tmp_path))
     with pytest.warns(UserWarning, match=r"search\.png is not drawn: latex"):
-        written = designs.single().save("~/saved", study=Study())
+        written = tpd.write_report(designs.single(), "~/saved", study=Study())
     assert written[0] == tmp_path / "saved" / "report.txt"

@@ -14,7 +14,7 @@ import numpy as np
 from tpd.answers.symmetric_orbits import Orbits, all_symmetric_orbits
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
-from tpd.core.formatting import Printed, Tabular, counted, picture, span
+from tpd.core.formatting import Printed, Tabular, counted, span
 from tpd.core.progress import shown_count
 from tpd.models.rows import settle_all
 from tpd.models.settling import scale_of
@@ -66,14 +66,6 @@ class DesignMap(Printed, Tabular):
         """Number of designs of each status, the most frequent first."""
         names, counts = np.unique(self.status, return_counts=True)
         return {str(names[i]): int(counts[i]) for i in np.argsort(-counts, kind="stable")}
-
-    def plot(self, quantity: str = "amplitude", *, ax: Any = None) -> Any:
-        """Draw amplitude, stroke or margin in colour, hatched where there is none, and return the axes.
-
-        Raises:
-            ValueError: another quantity.
-        """
-        return picture("maps:plot_map")(self, quantity, ax=ax)
 
     def columns(self) -> dict[str, Any]:
         """A row for every design: both numbers, status, sizes in rad and uplift margin."""

@@ -20,7 +20,7 @@ from tpd.answers.statistics import Lognormal, fit_lognormal, mcnemar, median_wor
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
-from tpd.core.formatting import Tabular, picture
+from tpd.core.formatting import Tabular
 from tpd.records.intensity import intensity_of
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, events_of, refuse_zeros
 from tpd.scene.scene import Block, Pendulum
@@ -81,14 +81,6 @@ class Fragility(Tabular):
     those that both equations answer; NaN if there are none."""
     unanswered: tuple[int, int] | None = None
     """Runs that the nonlinear equations do not answer, bare and hung."""
-
-    def plot(self, state: str = "overturned", *, ax: Any = None) -> Any:
-        """Draw shares, curves and 95 % bands of one damage state, and return the axes.
-
-        Raises:
-            ValueError: a state that the fragility does not have.
-        """
-        return picture("compare:plot_fragility")(self, state, ax=ax)
 
     def columns(self) -> dict[str, Any]:
         """A row for every case, damage state and stripe: motions that reach it, with an answer and without,

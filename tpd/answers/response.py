@@ -13,7 +13,7 @@ from tpd.answers.bifurcations import Bifurcation, Sweep, along, bifurcations
 from tpd.answers.statistics import Share
 from tpd.answers.steady_state import steady_state
 from tpd.core import checks
-from tpd.core.formatting import Printed, Tabular, counted, picture, span
+from tpd.core.formatting import Printed, Tabular, counted, span
 from tpd.core.progress import Progress, shown
 from tpd.models.rows import settle_all
 from tpd.scene.parameters import Parameters, as_arrays
@@ -52,17 +52,6 @@ class Branches(Printed, Tabular):
     def name(self) -> str:
         """Name of the parameter or quantity that varies."""
         return self.sweep.name
-
-    def plot(self, without: Branches | None = None, *, axes: Any = None) -> Any:
-        """Draw all branches, stable ones solid, and return the axes, an array.
-
-        Args:
-            without: those of the bare block over the same name, drawn as well.
-            axes: one, or two with a pendulum; default those of a new figure.
-        """
-        cases = {} if without is None else {"bare block": without}
-        cases["with the pendulum" if self.hung else "bare block"] = self
-        return picture("response:plot_branches")(cases, axes)
 
     def columns(self) -> dict[str, Any]:
         """A row for every orbit: branch, value of the name, status, and sizes in rad."""
@@ -159,17 +148,6 @@ class Response(Printed, Tabular):
     """Share of the runs from rest near each value that overturn, and its 95 % interval, (3, n): of runs at
     values evenly over the whole range, those within a 25th of the range to either side. None of fewer than
     eight values."""
-
-    def plot(self, without: Response | None = None, *, own: float | None = None, axes: Any = None) -> Any:
-        """Draw the settled amplitude and the share of runs that overturn, and return the axes, an array.
-
-        Args:
-            without: response of the bare block, drawn as well; this one is then that with the pendulum.
-            own: value of the design, marked.
-            axes: two, or one to leave the shares out; default those of a new figure.
-        """
-        cases = (self,) if without is None else (without, self)
-        return picture("response:plot_response")(cases, own, axes=axes)
 
     def between(self, low: float, high: float) -> Response:
         """The part of this response from the value `low` to `high`; shares stay those of all runs."""

@@ -12,7 +12,7 @@ from tpd.answers.ground_batch import Progress, follow_rows, follow_scaled, rows_
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
-from tpd.core.formatting import Tabular, picture
+from tpd.core.formatting import Tabular
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion, Pulse
 from tpd.scene.parameters import single
 from tpd.scene.scene import Block, Pendulum, Scene
@@ -36,10 +36,6 @@ class OverturningSpectrum(Tabular):
     """Outcome of the bare block, shape (accelerations, frequencies)."""
     hung: np.ndarray | None
     """Outcome with the pendulum, same shape; None without one."""
-
-    def plot(self, *, axes: Any = None) -> Any:
-        """Draw what every pulse does, bare and with a pendulum side by side; returns the axes, an array."""
-        return picture("maps:plot_overturning_spectrum")(self, axes)
 
     def columns(self) -> dict[str, Any]:
         """A row for every pulse: both ratios, and the outcomes by their numbers."""
@@ -124,10 +120,6 @@ class RockingSpectrum(Tabular):
     """Largest |phi|/nu of the bare block; infinite where it overturns, NaN where nothing is known."""
     hung: np.ndarray | None
     """Largest |phi|/nu with the pendulum; None without one."""
-
-    def plot(self, *, ax: Any = None) -> Any:
-        """Draw the largest tilts, with marks where blocks overturn, and return the axes."""
-        return picture("maps:plot_rocking_spectrum")(self, ax)
 
     def columns(self) -> dict[str, Any]:
         """A row for every block: 2 pi/p in s, and the largest tilts over the slenderness."""

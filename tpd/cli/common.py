@@ -186,6 +186,13 @@ def inputs(scene: Scene, hung: Pendulum | None, job: jobs.Job | None = None) -> 
     return found if job is None else found | {"reading": summary(job.motions, job.notes)}
 
 
+def plot(result: Any, what: str | None = None) -> Any:
+    """Draw a result with `tpd.plot`; only the call imports Matplotlib."""
+    from tpd.plots.results import plot
+
+    return plot(result, what)
+
+
 def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, Callable[[], Any]]) -> None:
     """Write files into the directory of a command and print their names. The numbers are written before the
     first picture is drawn; a picture that cannot be drawn costs one sentence.
@@ -201,7 +208,7 @@ def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, C
     for name, draw in pictures.items():
         try:
             # Numbers do not wait for Matplotlib, which refuses some settings when it is imported.
-            from tpd.plot.style import own_style, png
+            from tpd.plots.style import own_style, png
 
             with own_style():
                 found = draw()

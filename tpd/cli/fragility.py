@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
             progress=lambda done, total: bar("following motions", done, total),
         )
     print(found)
-    pictures = {f"fragility_{name}.png": partial(found.plot, name) for name in found.bare}
+    pictures = {f"fragility_{name}.png": partial(common.plot, found, name) for name in found.bare}
     common.write(options.out, _tables(job, hung, found), pictures)
     return SOUND
 

@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     print("\n".join(f"{count:8} {status.replace('_', ' ')}" for status, count in m.counts.items()))
     if not options.from_rest:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest says")
-    pictures = {f"{name}.png": partial(m.plot, name) for name in ("amplitude", "stroke", "margin")}
+    pictures = {f"{name}.png": partial(common.plot, m, name) for name in ("amplitude", "stroke", "margin")}
     common.write(options.out, _tables(m, common.inputs(scene, hung)), pictures)
     return SOUND
 

@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     ]
 
     def draw(responses: dict[str, Response] | None = None) -> Any:
-        from tpd.plot.response import plot_branches, plot_response
+        from tpd.plots.response import plot_branches, plot_response
 
         return plot_branches(cases) if responses is None else plot_response(tuple(responses.values()), own)
 

@@ -68,14 +68,14 @@ def run(options: argparse.Namespace) -> int:
     tables = ("shake.json", content), *_tables(histories, films)
 
     def draw() -> Any:
-        from tpd.plot.response import plot_motions
+        from tpd.plots.response import plot_motions
 
         axes = plot_motions(list(histories.values()), float(scene.block.slenderness))
         axes[0].set_title("linear equations, exact between the samples", fontsize=9)
         return axes
 
     def film() -> bytes:
-        from tpd.plot.animation import animate
+        from tpd.plots.animation import animate
 
         # Six seconds before it and four after it.
         return animate(scene, hung, list(films.values()), start=max(0.0, middle - 6.0))

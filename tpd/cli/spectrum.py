@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
         "spectrum.csv": files.as_table(found.columns()),
         "spectrum.json": files.as_json(common.inputs(scene, hung, job) | content),
     }
-    common.write(options.out, tables.items(), {"spectrum.png": found.plot})
+    common.write(options.out, tables.items(), {"spectrum.png": partial(common.plot, found)})
     return SOUND
 
 

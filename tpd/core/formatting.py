@@ -1,13 +1,12 @@
-"""Numbers as text for reports and figures; what results show of themselves: text, pictures and tables."""
+"""Numbers as text for reports and figures; what results show of themselves: text and tables."""
 
 from __future__ import annotations
 
 import html
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,18 +40,6 @@ class Printed:
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(str(self), quote=False)}</pre>"
-
-
-def above(name: str) -> Callable[..., Any]:
-    """Function of a module of `tpd`, such as "plot.maps:plot_map", imported when it is called: results lie
-    below their pictures and reports, and do not wait for Matplotlib."""
-    module, _, function = name.partition(":")
-    return getattr(import_module(f"tpd.{module}"), function)
-
-
-def picture(name: str) -> Callable[..., Any]:
-    """Function of a module of `tpd.plot`; see `above`."""
-    return above(f"plot.{name}")
 
 
 class Tabular:

@@ -12,7 +12,7 @@ import numpy as np
 from tpd.answers.statistics import Interval
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
-from tpd.core.formatting import Printed, Tabular, counted, picture
+from tpd.core.formatting import Printed, Tabular, counted
 from tpd.core.progress import Progress, shown_count
 from tpd.design.build import FrontPoint
 from tpd.design.optimise import optimise
@@ -27,10 +27,6 @@ class Front(tuple["FrontPoint", ...]):
     """Answers with lighter bobs, the lightest first; the design itself comes last."""
 
     __slots__ = ()
-
-    def plot(self, *, ax: Any = None) -> Any:
-        """Draw the fall of the mean tilt over the bob's mass, with intervals, and return the axes."""
-        return picture("compare:plot_front")(self, ax)
 
 
 def front(

@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,13 @@ import numpy as np
 
 from tpd.answers.attractors import StartKind
 from tpd.core.files import path_of
+from tpd.core.formatting import Printed
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Room, limit_of
 from tpd.design.ground.judgement import SCATTERED, Role
 from tpd.design.job import Job, job_of
 from tpd.design.job_keys import MODELS, TABLES
 from tpd.design.methods import Method
 from tpd.design.problem import Question
-from tpd.design.result import StoredDesign
 from tpd.design.verified import ANSWERS, DesignStatus
 from tpd.records.reading import BUILT_IN
 from tpd.scene.conditions import Conditions
@@ -36,11 +37,43 @@ VERSION = 8
 _TYPES = {dict: "a table", str: "a text"}
 
 
+@dataclass(frozen=True, kw_only=True, repr=False)
+class StoredDesign(Printed):
+    """A design as its report holds it."""
+
+    path: Path
+    status: DesignStatus
+    pendulum: Pendulum | None
+    """None where no design is offered."""
+    tables: dict[str, Any]
+    """Tables of the job file that repeats the run."""
+    versions: dict[str, str]
+    """Versions of the packages that made the design, by name."""
+    content: dict[str, Any]
+    """The whole file."""
+
+    @cached_property
+    def job(self) -> Job:
+        """The question, a `Job`: scene, space, limits, and what else `tpd.optimise` takes. Records are read
+        again."""
+        return job_of(self.tables)
+
+    def __str__(self) -> str:
+        # The sentence of the report has the reasons for its verdict.
+        sentence = str(self.content.get("verdict", self.status.value))
+        lines = [f"Stored design: {self.status.name}", sentence]
+        if (hung := self.pendulum) is not None:
+            size = f"{hung.mass:.4g} kg on {hung.length:.4g} m, ζ = {hung.damping_ratio:.4g}"
+            lines.append(f"  pendulum    {size}")
+        return "\n".join(lines)
+
+
 def read_design(path: str | Path) -> StoredDesign:
-    """Return the design of a report's directory, or of its design.json.
+    """Return what the design.json of a report, or of the report's directory, holds of its design.
 
     Raises:
-        ValueError: as `tpd.Design.read`.
+        ValueError: a file that cannot be read, of another version, without a key, or with a value that is
+            not allowed.
     """
     file = path_of(path)
     try:

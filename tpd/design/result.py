@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from tpd.answers.attractors import Starts
 from tpd.answers.paired import Change
 from tpd.answers.statistics import Interval
-from tpd.core import checks
-from tpd.core.files import path_of
-from tpd.core.formatting import Printed, above, picture
-from tpd.core.progress import Progress
+from tpd.core.formatting import Printed
 from tpd.design.by_runs import PairedRuns, turned_in
 from tpd.design.criteria import stroke_limit
 from tpd.design.problem import Question
@@ -26,39 +22,8 @@ from tpd.design.verified import GRAVE, Bare, DesignStatus, LossCase, Nearest, Ve
 from tpd.scene.conditions import Conditions
 from tpd.scene.scene import Pendulum, Scene
 
-if TYPE_CHECKING:
-    from tpd.design.build import Study
-
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class StoredDesign(Printed):
-    """A design as its report holds it."""
-
-    path: Path
-    status: DesignStatus
-    pendulum: Pendulum | None
-    """None where no design is offered."""
-    tables: dict[str, Any]
-    """Tables of the job file that repeats the run."""
-    versions: dict[str, str]
-    """Versions of the packages that made the design, by name."""
-    content: dict[str, Any]
-    """The whole file."""
-
-    @cached_property
-    def job(self) -> Any:
-        """The question, a `Job`: scene, space, limits, and what else `tpd.optimise` takes. Records are read
-        again."""
-        return above("design.job:job_of")(self.tables)
-
-    def __str__(self) -> str:
-        # The sentence of the report has the reasons for its verdict.
-        sentence = str(self.content.get("verdict", self.status.value))
-        lines = [f"Stored design: {self.status.name}", sentence]
-        if (hung := self.pendulum) is not None:
-            size = f"{hung.mass:.4g} kg on {hung.length:.4g} m, ζ = {hung.damping_ratio:.4g}"
-            lines.append(f"  pendulum    {size}")
-        return "\n".join(lines)
+_LINES = 12
+"""Most lines of a design as text."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,86 +52,23 @@ class Design(Question, Printed):
     alike: np.ndarray | None = None
     """Least and largest (mu, lam, zeta), shape (2, 3), of designs that do as well as the one that is offered,
     as far as the runs of the search can tell; None where that is not known."""
-    pictures: ClassVar[dict[str, str]] = {
-        "landscape": "landscape:plot_landscape",
-        "drawing": "drawing:plot_design",
-    }
-    """Functions of `tpd.plot` by the words that `plot` takes."""
 
     @property
     def strikes_allowed(self) -> float:
         """Share of the standing runs that may strike a wall or, on ground motions, break a limit."""
         return self.worth.broken if self.conditions.motions else self.worth.allowed
 
-    @staticmethod
-    def read(path: str | Path) -> StoredDesign:
-        """Return what the design.json of a report, or of the report's directory, holds of its design.
-
-        Raises:
-            ValueError: a file that cannot be read, of another version, without a key, or with a value that
-                is not allowed.
-        """
-        # Who designs does not wait for readers of records and jobs.
-        return above("design.reading:read_design")(path)
-
-    def plot(self, what: str = "landscape", *, ax: Any = None) -> Any:
-        """Draw the design, and return the axes, an array where there are several.
-
-        Args:
-            what: "landscape", the tilt over mass and length ratio with the limits; "drawing", block and
-                pendulum to scale; under harmonic shaking "benefit", with and without the pendulum over paired
-                runs, and "conditions", over the one quantity that these differ in, and "motion", from
-                rest; under ground motions "groups", the fragility of each.
-            ax: one for the landscape and the benefit, two for conditions and motion, one for each group; none
-                for the drawing. Default those of a new figure.
-
-        Raises:
-            ValueError: another word, a design without what is to be drawn, or axes for the drawing.
-        """
-        checks.one_of("what", what, tuple(self.pictures))
-        return picture(self.pictures[what])(self, ax)
-
-    def study(self, *, progress: Progress | None = None) -> Study:
-        """Everything that a report shows beside the design: loads, how the benefit moves, motions, responses.
-
-        Args:
-            progress: called with (stage, done, of how many).
-        """
-        return above("design.study:study")(self, progress=progress)
-
-    def answer(self, study: Study | None = None) -> str:
-        """The answer in at most 25 lines, as `tpd optimise` prints it.
-
-        Args:
-            study: from `study`; by default what needs further runs is left out.
-        """
-        return above("report.answer:answer")(self, study)
-
     def __str__(self) -> str:
-        return self.answer()
-
-    def save(
-        self,
-        folder: str | Path,
-        *,
-        study: Study | None = None,
-        overwrite: bool = False,
-        progress: Progress | bool | None = None,
-    ) -> list[Path]:
-        """Write the report: page, text, numbers, pictures and, where one can say what was asked, the job file
-        that repeats it. Returns the files.
-
-        Args:
-            folder: of the report; made if it does not exist.
-            study: from `study`; made here by default.
-            overwrite: whether a report in the folder is replaced.
-            progress: True for a bar on stderr, or called with (stage, done, of how many).
-
-        Raises:
-            ValueError: a folder with a report, or that cannot be written.
-        """
-        how = {"study": study, "overwrite": overwrite, "progress": progress}
-        return above("report.files:save")(self, path_of(folder), **how)
+        size, benefit = self.pendulum, self.saved
+        parts = [self.status.value]
+        if size is not None:
+            rod = f"{size.mass:.4g} kg on {size.length:.4g} m"
+            parts.append(f"pendulum: {rod}, damping ratio {size.damping_ratio:.3g}")
+        if benefit is not None:
+            parts.append(f"reduction of the mean tilt (95 % interval): {benefit.words()}")
+        parts += [f"reason: {reason}" for reason in self.refusals]
+        lines = [line for part in parts for line in textwrap.wrap(part, 100, subsequent_indent="  ")]
+        return "\n".join(lines if len(lines) <= _LINES else [*lines[: _LINES - 1], "more: see `refusals`"])
 
     @property
     def swing(self) -> float:
@@ -231,12 +133,6 @@ class HarmonicDesign(Design):
     losses: tuple[LossCase, ...] = ()
     """The offered design under other models of the block's losses."""
     settings: dict[str, object] = field(default_factory=dict)
-    pictures: ClassVar[dict[str, str]] = {
-        **Design.pictures,
-        "benefit": "compare:plot_benefit",
-        "conditions": "compare:plot_conditions",
-        "motion": "response:plot_start",
-    }
 
     @property
     def winner(self) -> Verified | None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tpd.answers.response import Response
-from tpd.core import files
+from tpd.core import checks, files
 from tpd.core.progress import Progress, shown
 from tpd.design.ground.design import GroundDesign
 from tpd.design.reading import job_of_design
@@ -77,10 +77,32 @@ def write(
     return written
 
 
-def save(
-    design: Design, folder: Path, *, study: Study | None, overwrite: bool, progress: Progress | bool | None
+def write_report(
+    design: Design,
+    folder: str | Path,
+    *,
+    study: Study | None = None,
+    overwrite: bool = False,
+    progress: Progress | bool | None = None,
 ) -> list[Path]:
-    """See `Design.save`."""
+    """Write the report of a design: page, text, numbers, pictures and, if a job file can describe the
+    question, the job file that repeats the search. Returns the files.
+
+    Args:
+        design: the answer of `optimise`.
+        folder: directory of the report, which is made if it does not exist.
+        study: the answer of `tpd.study`; computed here by default.
+        overwrite: whether a report in the folder is replaced.
+        progress: True for a bar on stderr, or called with (stage, done, of how many).
+
+    Raises:
+        ValueError: something other than a design, or a folder that already holds a report or cannot be
+            written.
+    """
+    checks.instance("design", design, Design)
+    checks.optional("study", study, Study)
+    checks.flag("overwrite", overwrite)
+    folder = files.path_of(folder)
     files.claim(folder, overwrite=overwrite)
     with shown(progress) as report:
         found = compute(design, progress=report) if study is None else study
@@ -88,7 +110,7 @@ def save(
     try:
         job = job_of_design(design)
     except ValueError as error:
-        warnings.warn(f"the report goes without scene.toml: {error}", stacklevel=3)
+        warnings.warn(f"the report goes without scene.toml: {error}", stacklevel=2)
         return write(folder, design, found, {}, "")
     return write(folder, design, found, job.tables, job.toml)
 
@@ -128,17 +150,18 @@ def draw(name: str, design: Design, study: Study) -> bytes:
         ValueError: another name.
     """
     # A report in words does not wait for Matplotlib.
-    from tpd.plot import animation, compare, response
-    from tpd.plot.style import png, svg
+    from tpd.plots import animation, compare, response
+    from tpd.plots.results import plot
+    from tpd.plots.style import png, svg
 
     axes: Any
     scene, histories = design.scene, study.histories or ()
     what, _, kind = name.partition(".")
     match what:
         case "search":
-            axes = design.plot()
+            axes = plot(design)
         case "benefit" | "conditions" | "groups" | "drawing":
-            axes = design.plot(what)
+            axes = plot(design, what)
         case "response":
             axes = response.plot_response(study.responses or (), scene.motion.frequency)
         case "motion":

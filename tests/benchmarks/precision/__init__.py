@@ -112,7 +112,7 @@ def pictures(rows: list[Row]) -> dict[str, Any]:
 
 
 def _figure(rows: list[Row], kind: str) -> Any:
-    from tpd.plot.style import new_axes
+    from tpd.plots.style import new_axes
 
     axes = new_axes(2, (12.0, 8.6), columns=3)
     looks, theirs, dashes = cycle("osD^v"), cycle("x+1234"), cycle(("-", "--", ":", "-."))

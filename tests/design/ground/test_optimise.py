@@ -17,7 +17,7 @@ from tpd.design.ground.optimise import GroundProblem, judged
 from tpd.design.many import FrontPoint
 from tpd.design.result import DesignStatus
 from tpd.design.study import Study, moved_of, study
-from tpd.plot.compare import plot_groups
+from tpd.plots.compare import plot_groups
 from tpd.report.answer import verdict
 from tpd.report.blocks import Severity
 from tpd.report.content import content
@@ -172,7 +172,7 @@ def test_a_verdict_that_hangs_on_runs_without_an_answer_is_refused(records, monk
     figure = plot_groups(answer)[0].figure
     assert "runs without an answer" in figure.axes[0].get_title()
     assert len(figure.axes[0].collections) > 1
-    assert "runs without an answer" in {x.get_label() for x in answer.plot().lines}
+    assert "runs without an answer" in {x.get_label() for x in tpd.plot(answer).lines}
 
 
 def test_a_few_runs_without_an_answer_leave_a_verdict_that_does_not_hang_on_them(found):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -151,7 +151,6 @@ class GroundDesign(Design):
     swing_met: float
     """Largest angle between rod and block (rad) of the best design on the motions that it is tuned to, by the
     nonlinear equations, where the block stands; NaN where nothing was judged."""
-    pictures: ClassVar[dict[str, str]] = {**Design.pictures, "groups": "compare:plot_groups"}
 
     @property
     def swing(self) -> float:

@@ -20,7 +20,7 @@ ROCKING = RockingSpectrum(np.array([1.0, 2.0, 3.0]), np.array([0.1, np.inf, np.n
 def test_a_map_draws_each_quantity_and_has_a_row_for_every_design():
     axes = ("frequency", [2.0, 2.5, 3.0]), ("amplitude", [0.01, 0.015])
     design_map = tpd.design_map(tpd.paper_scene(), *axes)
-    ax = design_map.plot("margin")
+    ax = tpd.plot(design_map, "margin")
     assert ax.figure.axes[1].get_ylabel() == "uplift margin of the resting block (-)"
     table = design_map.to_dataframe()
     last = table.iloc[-1]
@@ -30,9 +30,9 @@ def test_a_map_draws_each_quantity_and_has_a_row_for_every_design():
 
 
 def test_spectra_draw_themselves_and_are_tables():
-    assert [ax.get_title() for ax in OVERTURNING.plot()] == ["bare block", "with the pendulum"]
+    assert [ax.get_title() for ax in tpd.plot(OVERTURNING)] == ["bare block", "with the pendulum"]
     assert OVERTURNING.to_dataframe().iloc[2].tolist() == [1.0, 4.0, 2, -1]
-    drawn = {line.get_label(): line.get_xdata().tolist() for line in ROCKING.plot().lines}
+    drawn = {line.get_label(): line.get_xdata().tolist() for line in tpd.plot(ROCKING).lines}
     assert drawn["bare block: overturns"] == [2.0]
     assert drawn["bare block: no answer"] == [3.0]
     assert ROCKING.to_dataframe().to_dict("list")["period_s"] == [1.0, 2.0, 3.0]

@@ -14,7 +14,7 @@ from tpd.answers.response import Branches, Response
 from tpd.answers.shaking_history import ShakingHistory
 from tpd.design.result import HarmonicDesign
 from tpd.design.study import TimeHistory, time_histories
-from tpd.plot.style import CASES, GREY, INK, LABELS, LINES, ORANGE, in_degrees, legend, new_axes, own_style
+from tpd.plots.style import CASES, GREY, INK, LABELS, LINES, ORANGE, in_degrees, legend, new_axes, own_style
 from tpd.scene.status import SETTLED
 
 _UNSTABLE = (0, (4, 2))

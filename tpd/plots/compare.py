@@ -17,7 +17,7 @@ from tpd.design.build import FrontPoint
 from tpd.design.ground.design import GroundDesign
 from tpd.design.result import HarmonicDesign
 from tpd.design.verified import Bare, Verified
-from tpd.plot.style import BLUE, CASES, GREY, INK, LABELS, ORANGE, in_degrees, legend, new_axes, own_style
+from tpd.plots.style import BLUE, CASES, GREY, INK, LABELS, ORANGE, in_degrees, legend, new_axes, own_style
 
 _MOST = 24
 """Most conditions that have a row of their own, evenly over all of them."""

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from tests import designs
-from tpd.plot.animation import animate, reel
+from tpd.plots.animation import animate, reel
 
 
 def test_the_animation_is_small_and_moves():

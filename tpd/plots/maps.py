@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from tpd.answers.design_map import DesignMap
 from tpd.answers.spectra import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum, RockingSpectrum
 from tpd.core import checks
-from tpd.plot.style import CASES, INK, LABELS, LINES, edge, legend, new_axes, own_style
+from tpd.plots.style import CASES, INK, LABELS, LINES, edge, legend, new_axes, own_style
 
 _MOVING = ("rocking", "sticking", "near_fold", "grazing")
 """Statuses of periodic motions, which have an amplitude."""

@@ -7,10 +7,10 @@ import pytest
 
 import tpd
 from tests import designs
-from tests.plot.shown import legend, lines
+from tests.plots.shown import legend, lines
 from tpd.answers.shaking_history import ShakingHistory
-from tpd.plot.response import plot_motions, plot_response
-from tpd.plot.style import new_axes
+from tpd.plots.response import plot_motions, plot_response
+from tpd.plots.style import new_axes
 
 SCENE = designs.SCENE
 VALUES = np.linspace(1.0, 4.0, 9)
@@ -98,11 +98,11 @@ def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
 
 def test_a_response_draws_itself_and_is_a_table_with_the_shares_of_runs_near_each_value():
     response = tpd.settled_response(SCENE, "frequency", VALUES, pendulum=designs.HUNG)
-    above, below = response.plot(designs.response(*np.full(9, 0.1), frequency=VALUES), own=2.5)
+    above, below = tpd.plot(response, without=designs.response(*np.full(9, 0.1), frequency=VALUES), own=2.5)
     assert legend(above) == {"bare block", "with the pendulum"}
     assert below.get_xlabel() == "frequency of the base motion (Hz)"
     with pytest.raises(TypeError, match="unexpected keyword argument 'axis'"):
-        response.plot(axis=None)
+        tpd.plot(response, axis=None)
     table = response.to_dataframe()
     names = ["frequency", "status", "amplitude_rad", "stroke_rad"]
     assert list(table.columns) == [*names, "share_overturned", "share_low", "share_high"]
@@ -127,7 +127,7 @@ def test_shares_are_those_of_runs_from_rest_near_each_value():
 
 def test_branches_draw_themselves_and_have_a_row_for_every_orbit():
     branches = tpd.branches(SCENE, "frequency", 2.0, 3.0, samples=12)
-    (ax,) = branches.plot()
+    (ax,) = tpd.plot(branches)
     assert "bare block" in legend(ax)
     table, s = branches.to_dataframe(), branches.sweep
     assert len(table) == sum(len(s.line(i)[0]) for i in range(s.branches)) > 0

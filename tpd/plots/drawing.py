@@ -15,7 +15,7 @@ from scipy.optimize import root_scalar
 from tpd.core.formatting import number
 from tpd.design.criteria import Room, limit_of
 from tpd.design.result import Design
-from tpd.plot.style import BLUE, GREY, INK, Picture, own_style
+from tpd.plots.style import BLUE, GREY, INK, Picture, own_style
 from tpd.scene.bob import Bob
 from tpd.scene.scene import Harmonic, Pendulum, Scene
 

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
+import tpd
 from tests import designs
-from tests.plot.shown import legend, lines, words
-from tpd.plot import landscape
-from tpd.plot.style import ORANGE
+from tests.plots.shown import legend, lines, words
+from tpd.plots import landscape
+from tpd.plots.style import ORANGE
 from tpd.scene.conditions import Conditions
 
 
 @pytest.mark.parametrize("case", [designs.single, designs.around, designs.refused])
 def test_one_landscape_serves_all_designs(case):
     design = case()
-    ax, offered = design.plot(), design.winner is not None
+    ax, offered = tpd.plot(design), design.winner is not None
     said = legend(ax)
     assert "ways of the descents" in said
     assert ("answer" in said, "best found, not offered" in said) == (offered, not offered)
@@ -44,7 +45,7 @@ def surveyed(tilt, excess):
 
 def test_the_landscape_is_the_trend_of_what_was_followed_and_its_edges_are_those_of_the_limits():
     design = surveyed(lambda x: 0.1 + 2.0 * x[:, 0], lambda x: np.exp(x[:, 1] - 0.8) - 1.0)
-    ax = design.plot()
+    ax = tpd.plot(design)
     edge = next(c for c in ax.collections if [to_hex(e) for e in c.get_edgecolor()] == [ORANGE])
     points = np.concatenate([path.vertices for path in edge.get_paths()])
     assert points[:, 1] == pytest.approx(0.8, abs=1e-3)
@@ -59,7 +60,7 @@ def test_the_landscape_is_the_trend_of_what_was_followed_and_its_edges_are_those
 def test_few_designs_and_a_field_without_slope_are_drawn(count):
     design = surveyed(lambda x: 1.0 + 0.0 * x[:, 0], lambda x: np.where(x[:, 1] > 0.5, np.nan, np.inf))
     few = dataclasses.replace(design, surveys=(design.surveys[0].at(np.arange(count)),))
-    ax = few.plot()
+    ax = tpd.plot(few)
     ax.figure.canvas.draw()
     # All of them break the limit: all is hatched.
     (beyond,) = (c for c in ax.collections if getattr(c, "hatches", None) == ["//"])
@@ -71,6 +72,6 @@ def test_few_designs_and_a_field_without_slope_are_drawn(count):
 
 def test_the_landscape_shows_where_a_block_stays_at_rest():
     design = surveyed(lambda x: x[:, 0], lambda x: 0.0 * x[:, 1] - 0.5)
-    assert "stays at rest" in words(design.plot().texts)
+    assert "stays at rest" in words(tpd.plot(design).texts)
     gentle = dataclasses.replace(design, conditions=Conditions.amplitudes(0.01))
-    assert "stays at rest" not in words(gentle.plot().texts)
+    assert "stays at rest" not in words(tpd.plot(gentle).texts)

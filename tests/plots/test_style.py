@@ -8,12 +8,12 @@ import pytest
 from matplotlib.figure import Figure
 
 from tests import designs
-from tpd.plot.animation import animate
-from tpd.plot.compare import plot_benefit, plot_conditions, plot_front
-from tpd.plot.drawing import plot_design
-from tpd.plot.landscape import plot_landscape
-from tpd.plot.response import plot_motions, plot_response
-from tpd.plot.style import CASES, LABELS, edge, in_degrees, legend, new_axes, png, svg
+from tpd.plots.animation import animate
+from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
+from tpd.plots.drawing import plot_design
+from tpd.plots.landscape import plot_landscape
+from tpd.plots.response import plot_motions, plot_response
+from tpd.plots.style import CASES, LABELS, edge, in_degrees, legend, new_axes, png, svg
 
 
 def test_files_repeat_and_words_stay_words():

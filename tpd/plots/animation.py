@@ -16,8 +16,8 @@ from matplotlib.patches import Polygon
 from PIL import Image
 
 from tpd.design.study import TimeHistory
-from tpd.plot.drawing import BODY, corners, rod
-from tpd.plot.style import BLUE, INK, Picture, own_style
+from tpd.plots.drawing import BODY, corners, rod
+from tpd.plots.style import BLUE, INK, Picture, own_style
 from tpd.scene.scene import Harmonic, Pendulum, Scene
 
 _RATE, _SECONDS, _LONG = 20, 6.0, 10.0

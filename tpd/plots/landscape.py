@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from tpd.design.ground.design import GroundDesign
 from tpd.design.objective import Orbits, geometry_of, margins
 from tpd.design.result import Design, HarmonicDesign
-from tpd.plot.style import HALO, INK, LABELS, ORANGE, edge, legend, new_axes, own_style
+from tpd.plots.style import HALO, INK, LABELS, ORANGE, edge, legend, new_axes, own_style
 from tpd.scene.parameters import as_arrays
 
 _GRID = 48

@@ -5,14 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
+import tpd
 from tests import designs
-from tests.plot.shown import legend, lines
+from tests.plots.shown import legend, lines
 from tpd.answers.fragility import Curve, Fragility
 from tpd.answers.statistics import fit_lognormal
 from tpd.design.criteria import Reserve
 from tpd.design.many import Front
-from tpd.plot.compare import plot_benefit, plot_conditions, plot_front
-from tpd.plot.style import new_axes
+from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
+from tpd.plots.style import new_axes
 from tpd.scene.conditions import Conditions
 
 
@@ -74,7 +75,7 @@ def test_the_front_has_every_answer_and_where_none_is_offered():
     assert lines(ax)["none is offered up to here"].get_xydata().tolist() == [[0.8112, 0.0]]
     own = new_axes()
     assert plot_front(designs.front(), own) is own
-    assert Front(designs.front()).plot().get_xlabel() == "mass of the bob (kg)"
+    assert tpd.plot(Front(designs.front())).get_xlabel() == "mass of the bob (kg)"
 
 
 def curve(counts) -> Curve:
@@ -100,10 +101,10 @@ FRAGILITY = Fragility(
 
 
 def test_a_fragility_draws_a_state_and_has_a_row_for_every_stripe():
-    ax = FRAGILITY.plot()
+    ax = tpd.plot(FRAGILITY)
     assert ax.get_xlabel() == "PGA (m/s^2)"
     with pytest.raises(ValueError, match="`state` must be one of overturned, but is 'half'"):
-        FRAGILITY.plot("half")
+        tpd.plot(FRAGILITY, "half")
     table = FRAGILITY.to_dataframe()
     assert table["case"].tolist() == ["bare"] * 3 + ["hung"] * 3
     assert table["stripe"].tolist() == [1.0, 2.0, 3.0] * 2

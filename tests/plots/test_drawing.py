@@ -9,7 +9,7 @@ from matplotlib.text import Text
 import tpd
 from tests import designs
 from tpd.core.formatting import number
-from tpd.plot.drawing import corners, plot_scene, rod
+from tpd.plots.drawing import corners, plot_scene, rod
 from tpd.scene.bob import Bob
 
 CHIMNEY = tpd.Scene(tpd.Block(width=1.0, height=10.0, mass=20e3), tpd.Harmonic(amplitude=0.15, frequency=0.8))
@@ -92,12 +92,12 @@ def test_a_body_that_swings_too_slowly_on_any_rod_is_not_called_built():
 
 def test_a_design_draws_itself_with_its_own_body_and_swing():
     design = designs.around()
-    detail = design.plot("drawing").figure.axes[1]
+    detail = tpd.plot(design, "drawing").figure.axes[1]
     assert any("settled stroke ±0.3 rad" in t.get_text() for t in detail.texts)
     with pytest.raises(ValueError, match="`ax` must be None for a drawing"):
-        design.plot("drawing", ax=detail)
+        tpd.plot(design, "drawing", ax=detail)
     with pytest.raises(ValueError, match="`what` must be one of landscape, drawing, benefit, conditions"):
-        design.plot("groups")
+        tpd.plot(design, "groups")
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3, -0.3, 0.5 * np.pi])

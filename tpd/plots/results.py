@@ -1,0 +1,126 @@
+"""`tpd.plot`: one function that draws every result that has a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from tpd.answers.design_map import DesignMap
+from tpd.answers.fragility import Fragility
+from tpd.answers.response import Branches, Response
+from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
+from tpd.core import checks
+from tpd.design.many import Front
+from tpd.design.result import Design, HarmonicDesign
+from tpd.plots import compare, drawing, landscape, maps, response
+from tpd.plots.style import CASES
+
+
+def plot(
+    result: Any,
+    what: str | None = None,
+    *,
+    quantity: str | None = None,
+    state: str | None = None,
+    without: Response | Branches | None = None,
+    own: float | None = None,
+    ax: Any = None,
+    axes: Any = None,
+) -> Any:
+    """Draw a result, and return the axes: an array where there are several.
+
+    Args:
+        result: a design, the answer of `front`, `design_map`, `settled_response`, `branches`, `fragility`,
+            `overturning_spectrum` or `rocking_spectrum`.
+        what: picture of a design: "landscape", the tilt over mass and length ratio with the limits, which is
+            the default; "drawing", block and pendulum to scale; under harmonic motion "benefit", the paired
+            runs with and without the pendulum, "conditions", the tilt over the one quantity in which the
+            conditions differ, and "motion", the motion from rest; under ground motions "groups", the
+            fragility of each group. For a map it is the quantity, for a fragility the damage state.
+        quantity: of a map: "amplitude" (the default), "stroke" or "margin".
+        state: damage state of a fragility; default "overturned".
+        without: response or branches of the bare block over the same quantity, which are drawn as well.
+        own: value of the design, which is marked in a response.
+        ax: axes to draw on, a sequence if the picture has several; default those of a new figure. A drawing
+            always has its own figure.
+        axes: another name of `ax` for a response, branches and an overturning spectrum.
+
+    Raises:
+        ValueError: a result without a picture, an argument that does not apply to the result, a word that is
+            not allowed, or a design without the data of the picture.
+    """
+    kind = next((kind for base, kind in _KINDS.items() if isinstance(result, base)), None)
+    if kind is None:
+        names = ", ".join(base.__name__ for base in _KINDS)
+        raise ValueError(f"`result` must have a picture ({names}), but is {checks.shown(result)}")
+    draw, *allowed = kind
+    stated = {"what": what, "quantity": quantity, "state": state, "without": without, "own": own}
+    options: dict[str, Any] = {}
+    for name, value in (stated | {"ax": ax, "axes": axes}).items():
+        if value is None:
+            continue
+        # `what` and `ax` are valid for all results; the plot functions have their own names for them.
+        target = next((x for x in (name, *_NAMES.get(name, ())) if x in allowed), "")
+        if not target:
+            of = type(result).__name__
+            raise ValueError(f"`{name}` does not apply to a {of}: allowed are {', '.join(allowed)}")
+        if target in options:
+            raise ValueError(f"`{name}` has two values: {checks.shown([options[target], value])}")
+        options[target] = value
+    for one in np.ravel(np.array(options.get(allowed[-1], []), dtype=object)):
+        checks.instance(allowed[-1], one, Axes)
+    return draw(result, **options)
+
+
+def _plot_design(design: Design, what: str = "landscape", ax: Any = None) -> Any:
+    pictures = _OF_HARMONIC if isinstance(design, HarmonicDesign) else _OF_GROUND
+    checks.one_of("what", what, tuple(pictures))
+    return pictures[what](design, ax)
+
+
+def _plot_response(
+    result: Response, without: Response | None = None, own: float | None = None, axes: Any = None
+) -> Any:
+    own = None if own is None else checks.number("own", own)
+    return response.plot_response([*_without(result, without), result], own, axes=axes)
+
+
+def _plot_branches(result: Branches, without: Branches | None = None, axes: Any = None) -> Any:
+    bare, hung = (str(case["label"]) for case in CASES)
+    cases = dict.fromkeys([bare], without) if _without(result, without) else {}
+    return response.plot_branches(cases | {hung if result.hung else bare: result}, axes)
+
+
+def _without(result: Any, without: Any) -> list[Any]:
+    """List of the result without the pendulum, if there is one, which must be over the same quantity."""
+    checks.optional("without", without, type(result))
+    if without is not None and without.name != result.name:
+        raise ValueError(f"`without` must be over `{result.name}`, but is over `{without.name}`")
+    return [] if without is None else [without]
+
+
+_EVERY = {"landscape": landscape.plot_landscape, "drawing": drawing.plot_design}
+_OF_HARMONIC: dict[str, Callable[[Any, Any], Any]] = {
+    **_EVERY,
+    "benefit": compare.plot_benefit,
+    "conditions": compare.plot_conditions,
+    "motion": response.plot_start,
+}
+_OF_GROUND: dict[str, Callable[[Any, Any], Any]] = {**_EVERY, "groups": compare.plot_groups}
+"""Pictures of a design by the words for `what`."""
+_NAMES = {"what": ("quantity", "state"), "ax": ("axes",)}
+"""Other names of the arguments that every result has."""
+_KINDS: dict[type, tuple[Any, ...]] = {
+    Design: (_plot_design, "what", "ax"),
+    Front: (compare.plot_front, "ax"),
+    DesignMap: (maps.plot_map, "quantity", "ax"),
+    Response: (_plot_response, "without", "own", "axes"),
+    Branches: (_plot_branches, "without", "axes"),
+    Fragility: (compare.plot_fragility, "state", "ax"),
+    OverturningSpectrum: (maps.plot_overturning_spectrum, "axes"),
+    RockingSpectrum: (maps.plot_rocking_spectrum, "ax"),
+}
+"""Plot function of each class of results, and the names of its arguments, the axes last."""
