@@ -29,8 +29,10 @@ GROUPS = {
         "Block Pendulum Scene Harmonic Pulse Record records paper_scene Parameters Terms"
     ),
     "Design a pendulum": (
-        "optimise Design DesignSpace Conditions Risk limits Descent GroundSearch front optimise_all Job"
+        "optimise Design DesignSpace Conditions Risk limits Descent GroundSearch front "
+        "optimise_all Job study read_design"
     ),
+    "Show a result": "plot write_report",
     "Judge a pendulum": "check verdict Ensemble outcomes engines",
     "Pulses and earthquakes": ("transient critical_scale fragility overturning_spectrum rocking_spectrum"),
     "Motions under harmonic shaking": (

@@ -85,6 +85,15 @@ def test_a_folder_imports_only_from_those_before_it():
     assert longest_chain(graph) <= 11
 
 
+@pytest.mark.parametrize("layer", ["answers", "design"])
+def test_results_import_neither_plots_nor_reports_also_not_by_name(layer):
+    for name, path in MODULES.items():
+        if folder(name) == layer:
+            above = {folder(other) for other in imports(path, everywhere=True)} & {"plots", "report", "cli"}
+            assert not above, name
+            assert not re.search("import_module|__import__", path.read_text(encoding="utf-8")), name
+
+
 def test_every_folder_is_a_layer():
     folders = {path.relative_to(ROOT).parts[0] for path in FILES if path.parent != ROOT}
     assert folders <= set(LAYERS)

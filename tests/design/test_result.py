@@ -4,6 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+
+import tpd
+from tests import designs
 from tpd.design.verified import Reason, ReasonKind, Step
 
 import tpd
@@ -35,3 +38,22 @@ def test_of_several_refused_designs_the_one_that_misses_least_by_paired_runs_com
     assert design.again(seed=7)["seed"] == 7
     with pytest.raises(ValueError, match="`what` must be one of landscape, drawing, benefit"):
         tpd.plot(design, "picture")
+
+
+def test_a_design_prints_its_verdict_pendulum_benefit_and_reasons_in_at_most_twelve_lines():
+    design = designs.around()
+    said = str(design).splitlines()
+    assert repr(design) == str(design)
+    assert " ".join(said).startswith("A PENDULUM WAS FOUND: over runs by the nonlinear equations")
+    assert any(line.startswith("pendulum: ") and "damping ratio" in line for line in said)
+    assert f"reduction of the mean tilt (95 % interval): {design.saved.words()}" in said
+    refused = designs.refused()
+    assert "reason: " + refused.refusals[0][:60] in str(refused)
+    reasons = [
+        Reason(step=Step.exact, kind=kind, value=0.02, reference=0.01, limit="stroke") for kind in ReasonKind
+    ]
+    many = dataclasses.replace(refused, verified=(designs.verified(reasons=tuple(reasons)),))
+    assert len(many.refusals) > 5
+    lines = str(many).splitlines()
+    assert len(lines) == 12
+    assert lines[-1] == "more: see `refusals`"

@@ -127,10 +127,3 @@ def test_what_was_not_asked_stands_with_its_command():
     assert "earthquakes: tpd fragility tpd-design --records el-centro loma-prieta" in said
     assert "--engine mujoco" in said
     assert "not asked" not in answer(*CASES["refused"], Path("tpd-design"))
-
-
-def test_a_design_prints_its_answer():
-    design = designs.around()
-    assert str(design) == repr(design) == design.answer()
-    assert design.answer().splitlines()[0] == verdict(design).text[: len(design.answer().splitlines()[0])]
-    assert design.answer(designs.study()) == answer(design, designs.study())

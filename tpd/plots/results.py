@@ -70,25 +70,30 @@ def plot(
         if target in options:
             raise ValueError(f"`{name}` has two values: {checks.shown([options[target], value])}")
         options[target] = value
+    # Matplotlib would fail later, with a message about its own attributes.
     for one in np.ravel(np.array(options.get(allowed[-1], []), dtype=object)):
         checks.instance(allowed[-1], one, Axes)
     return draw(result, **options)
 
 
-def _plot_design(design: Design, what: str = "landscape", ax: Any = None) -> Any:
+def draw_design(design: Design, what: str = "landscape", ax: Any = None) -> Any:
+    """Draw one picture of a design, see `plot`."""
+    # The message about a wrong word lists the words for this kind of design.
     pictures = _OF_GROUND if design.conditions.motions else _OF_HARMONIC
     checks.one_of("what", what, tuple(pictures))
     return pictures[what](design, ax)
 
 
-def _plot_response(
+def draw_response(
     result: Response, without: Response | None = None, own: float | None = None, axes: Any = None
 ) -> Any:
+    """Draw a response, and that of the bare block if there is one."""
     own = None if own is None else checks.number("own", own)
     return response.plot_response([*_without(result, without), result], own, axes=axes)
 
 
-def _plot_branches(result: Branches, without: Branches | None = None, axes: Any = None) -> Any:
+def draw_branches(result: Branches, without: Branches | None = None, axes: Any = None) -> Any:
+    """Draw branches, and those of the bare block if there are any."""
     bare, hung = (str(case["label"]) for case in CASES)
     cases = dict.fromkeys([bare], without) if _without(result, without) else {}
     return response.plot_branches(cases | {hung if result.hung else bare: result}, axes)
@@ -114,11 +119,11 @@ _OF_GROUND: dict[str, Callable[[Any, Any], Any]] = {**_EVERY, "groups": compare.
 _NAMES = {"what": ("quantity", "state"), "ax": ("axes",)}
 """Other names of the arguments that every result has."""
 _KINDS: dict[type, tuple[Any, ...]] = {
-    Design: (_plot_design, "what", "ax"),
+    Design: (draw_design, "what", "ax"),
     Front: (compare.plot_front, "ax"),
     DesignMap: (maps.plot_map, "quantity", "ax"),
-    Response: (_plot_response, "without", "own", "axes"),
-    Branches: (_plot_branches, "without", "axes"),
+    Response: (draw_response, "without", "own", "axes"),
+    Branches: (draw_branches, "without", "axes"),
     Fragility: (compare.plot_fragility, "state", "ax"),
     OverturningSpectrum: (maps.plot_overturning_spectrum, "axes"),
     RockingSpectrum: (maps.plot_rocking_spectrum, "ax"),
