@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from PIL import Image
 
-from tpd.design.study import TimeHistory
+from tpd.design.as_built import TimeHistory
 from tpd.plots.drawing import BODY, corners, rod
 from tpd.plots.style import BLUE, INK, Picture, own_style
 from tpd.scene.scene import Harmonic, Pendulum, Scene
@@ -141,7 +141,7 @@ def _stage(
         ax.set(xlim=(-side, side), ylim=(low, high), aspect="equal")
         ax.set_axis_off()
         # Axes would place a title of their own anew in every frame, and slowly.
-        title = "without pendulum" if r.pendulum is None else "with the pendulum"
+        title = "without pendulum" if r.pendulum is None else "with pendulum"
         figure.text((i + 0.5) / len(reels), 1.0 - 0.2 / whole, title, ha="center", fontsize=12)
         draws.append(_actor(ax, scene, r, film, base))
     clock = figure.text(0.5, 0.33 / whole, "", ha="center", fontsize=11)
