@@ -160,7 +160,7 @@ def _values(design: Design, name: str) -> tuple[np.ndarray, str]:
 @own_style()
 def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
     """Draw by how much the mean tilt falls with every pendulum that is recommended, over the mass of its bob,
-    with the interval; a cross at the largest mass up to which none is. The last point is the design itself."""
+    with the interval; a cross at the largest mass up to which none is. The last point is the design."""
     ax = cast(Axes, new_axes() if ax is None else ax)
     # A bob may be lighter than it had to be.
     mass = np.array([p.most if p.pendulum is None else float(p.pendulum.mass) for p in points])
@@ -171,7 +171,7 @@ def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
     style = {"color": BLUE, "marker": "o", "ms": 5, "ls": "", "elinewidth": 1.2, "capsize": 3}
     ax.errorbar(mass[offered], saved[offered], around, **style, label="recommended")
     if offered[-1]:
-        ax.plot(mass[-1], saved[-1], "*", ms=16, mfc=ORANGE, mec=INK, label="the design itself")
+        ax.plot(mass[-1], saved[-1], "*", ms=16, mfc=ORANGE, mec=INK, label="design")
     if refused.any():
         none = mass[refused]
         ax.plot(none, 0.0 * none, "x", ms=8, c=GREY, clip_on=False, label="none is recommended up to here")
