@@ -141,7 +141,7 @@ def _stage(
         ax.set(xlim=(-side, side), ylim=(low, high), aspect="equal")
         ax.set_axis_off()
         # Axes would place a title of their own anew in every frame, and slowly.
-        title = "without pendulum" if r.pendulum is None else "with the pendulum"
+        title = "without pendulum" if r.pendulum is None else "with pendulum"
         figure.text((i + 0.5) / len(reels), 1.0 - 0.2 / whole, title, ha="center", fontsize=12)
         draws.append(_actor(ax, scene, r, film, base))
     clock = figure.text(0.5, 0.33 / whole, "", ha="center", fontsize=11)

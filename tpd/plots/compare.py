@@ -1,5 +1,5 @@
-"""Pictures that compare a block with and without its pendulum, with intervals: benefit, conditions, front,
-fragility of one set of motions and of several groups."""
+"""Pictures that compare a block with and without its pendulum, with intervals: benefit, conditions, front and
+fragility."""
 
 from __future__ import annotations
 
@@ -10,47 +10,51 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tpd.answers.fragility import Fragility
-from tpd.answers.paired import Benefit
+from tpd.answers.paired import PairedRuns
 from tpd.answers.statistics import Lognormal
 from tpd.core import checks
-from tpd.design.build import FrontPoint
-from tpd.design.ground.design import GroundDesign
-from tpd.design.result import HarmonicDesign
-from tpd.design.verified import Bare, Verified
-from tpd.plots.style import BLUE, CASES, GREY, INK, LABELS, ORANGE, in_degrees, legend, new_axes, own_style
+from tpd.design.design import Design
+from tpd.design.harmonic import ExactMotions
+from tpd.design.pareto import FrontPoint
+from tpd.plots.style import (
+    BLUE,
+    CASES,
+    GREY,
+    INK,
+    LABELS,
+    NOT_RECOMMENDED,
+    ORANGE,
+    in_degrees,
+    legend,
+    new_axes,
+    own_style,
+)
 
 _MOST = 24
-"""Most conditions that have a row of their own, evenly over all of them."""
+"""Most groups of runs that have a row of their own, evenly over all of them."""
 _SHOWN = {
     "mean severity": "tilt, mean of all runs",
     "worst severity": "tilt, worst tenth",
     "overturned": "overturned",
-    "at rest": "at rest in the end",
+    "at rest": "at rest at the end",
 }
 """Changes over all runs, with their labels."""
 _QUANTITIES = {"length": "pendulum_length", "mass": "pendulum_mass", "damping": "pendulum_damping"}
 """Names of the pendulum's quantities, whose conditions have shorter ones."""
-_INTENSITIES = {
-    "pga_star": r"PGA / (g tan $\alpha$) (-)",
-    "pgv_star": r"p PGV / (g tan $\alpha$) (-)",
-    "pga": "PGA (m/s²)",
-    "pgv": "PGV (m/s)",
-    "scale": "factor on each motion (-)",
-}
 
 
 @own_style()
-def plot_benefit(design: HarmonicDesign, ax: Any = None) -> Any:
-    """Draw mean tilts over nu, and shares overturned and at rest, of the paired runs of the best design: over
-    all runs above the line, under every condition below it. A bar is the 95 % interval of the difference.
+def plot_benefit(design: Design, ax: Any = None) -> Any:
+    """Draw mean tilts over nu, and shares that overturn and that end at rest, of the validation runs of the
+    best design: of all counted runs above the line; below it the mean tilts under every condition or, under
+    ground motions, of every group. A bar is the 95 % interval of the difference.
 
     Raises:
-        ValueError: a design without paired runs.
+        ValueError: a design without validation runs.
     """
-    benefit = None if design.best is None else design.best.benefit
-    if benefit is None:
-        raise ValueError("`design` must have a design with paired runs, but has none")
-    rows = _rows(design, benefit)
+    if design.runs is None:
+        raise ValueError("`design` must have validation runs, but has none")
+    rows = _rows(design, design.runs)
     heights, values = np.arange(len(rows)), np.array([row[1:] for row in rows])
     bare, hung, low, high = values.T
     ax = new_axes(1, (7.4, 1.2 + 0.24 * len(rows))) if ax is None else ax
@@ -68,29 +72,30 @@ def plot_benefit(design: HarmonicDesign, ax: Any = None) -> Any:
     return ax
 
 
-def _rows(design: HarmonicDesign, benefit: Benefit) -> list[tuple[str, float, float, float, float]]:
-    """Label, size without and with it, and interval of their difference, NaN where it is not known."""
-    changes = {change.name: change for change in benefit.changes}
+def _rows(design: Design, runs: PairedRuns) -> list[tuple[str, float, float, float, float]]:
+    """Label, value without and with the pendulum, and interval of their difference, NaN where it is not
+    known."""
     rows = []
     for name, label in _SHOWN.items():
-        _, with_it, without, low, high = changes[name]
-        rows.append((label, without, with_it, low, high))
-    hung, bare = benefit.by_condition
-    known = np.flatnonzero(np.isfinite(hung))
-    if len(design.conditions) == 1:
+        _, with_pendulum, without, low, high = runs.change(name)
+        rows.append((label, without, with_pendulum, low, high))
+    if len(runs.labels) == 1:
         return rows
-    # Neighbouring frequencies stand together, the smaller amplitude first.
-    order = np.lexsort([design.conditions.column(n)[known] for n in ("amplitude", "frequency")])
-    known = known[order]
-    chosen = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), _MOST)).astype(int))]
-    label = design.conditions.label
+    with_pendulum, without = runs.by_group
+    shown = np.flatnonzero(np.isfinite(with_pendulum))
+    if runs.cluster is None:
+        # Neighbouring frequencies stand together, the smaller amplitude first.
+        columns = [design.conditions.column(name)[shown] for name in ("amplitude", "frequency")]
+        shown = shown[np.lexsort(columns)]
+    chosen = shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), _MOST)).astype(int))]
     return rows + [
-        (f"tilt, {label(i)}", float(bare[i]), float(hung[i]), np.nan, np.nan) for i in map(int, chosen)
+        (f"tilt, {runs.labels[i]}", float(without[i]), float(with_pendulum[i]), np.nan, np.nan)
+        for i in chosen
     ]
 
 
 @own_style()
-def plot_conditions(design: HarmonicDesign, axes: Any = None) -> Any:
+def plot_conditions(design: Design, axes: Any = None) -> Any:
     """Draw the steady tilt with the pendulum and without over what the conditions differ in, and below it the
     bob's angle; triangles and crosses are conditions under which the block overturns from rest.
 
@@ -103,28 +108,29 @@ def plot_conditions(design: HarmonicDesign, axes: Any = None) -> Any:
     name = design.conditions.axis
     if name is None:
         raise ValueError("`design` must have conditions that differ in one quantity")
+    best = None if design.best is None else design.best.exact
     axes = new_axes(2, (7.0, 5.6)) if axes is None else axes
     # Values that scatter come in no order.
     order = np.argsort(design.conditions.column(name), kind="stable")
     x, xlabel = _values(design, name)
     nu = design.scene.block.slenderness * design.conditions.column("slenderness")
-    cases: list[Bare | Verified] = [design.bare, *([design.best] if design.best else [])]
-    tilts = [_known(of, "tilt") * nu for of in cases]
+    cases = [design.problem.without_pendulum, *([] if best is None else [best])]
+    tilts = [_known(motions, "tilt") * nu for motions in cases]
     # The marks of overturning stand above all finite tilts, so the axis needs room there.
     top = 1.3 * float(np.nanmax(tilts, initial=0.0)) or 1.0
-    for i, (of, tilt, style) in enumerate(zip(cases, tilts, CASES, strict=False)):
-        refused = i == 1 and design.winner is None
-        label = "best found, not offered" if refused else style["label"]
+    for i, (motions, tilt, style) in enumerate(zip(cases, tilts, CASES, strict=False)):
+        rejected = i == 1 and design.pendulum is None
+        label = NOT_RECOMMENDED if rejected else style["label"]
         axes[0].plot(x[order], tilt[order], **style | {"label": label})
-        lost = x[of.exact.status == "overturned"]
+        lost = x[motions.status == "overturned"]
         if len(lost):
-            label = f"{style['label']}: overturns from rest"
+            label = f"{label}: overturns from rest"
             marks = style | {"ls": "", "marker": "^X"[i], "ms": 6.0, "label": label}
             axes[0].plot(lost, np.full(len(lost), top * (1.0 - 0.05 * i)), **marks)
     # A comparison of amplitudes begins at zero; a little less, so that resting designs are seen.
     axes[0].set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
-    if design.best is not None:
-        axes[1].plot(x[order], _known(design.best, "stroke")[order], **CASES[1] | {"label": "bob"})
+    if best is not None:
+        axes[1].plot(x[order], _known(best, "stroke")[order], **CASES[1] | {"label": "bob"})
     if np.isfinite(design.stroke_limit):
         axes[1].axhline(design.stroke_limit, color=ORANGE, lw=1.2, ls=":", label="stroke limit")
     axes[1].set(ylabel="largest bob angle (rad)", xlabel=xlabel)
@@ -135,13 +141,13 @@ def plot_conditions(design: HarmonicDesign, axes: Any = None) -> Any:
     return axes
 
 
-def _known(of: Bare | Verified, size: str) -> np.ndarray:
-    """A size of the motions to settle into, NaN under conditions without one, (n,)."""
-    e = of.evaluation
+def _known(motions: ExactMotions, size: str) -> np.ndarray:
+    """A size of the orbits to settle into, NaN under conditions without one, (n,)."""
+    e = motions.orbits
     return np.where(e.attracts[0] & np.isfinite(e.tilt[0]), getattr(e, size)[0], np.nan)
 
 
-def _values(design: HarmonicDesign, name: str) -> tuple[np.ndarray, str]:
+def _values(design: Design, name: str) -> tuple[np.ndarray, str]:
     """Values of what differs, in SI units where it has any, and their label."""
     factors, quantity = design.conditions.column(name), _QUANTITIES.get(name, name)
     if name == "slenderness":
@@ -153,8 +159,8 @@ def _values(design: HarmonicDesign, name: str) -> tuple[np.ndarray, str]:
 
 @own_style()
 def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
-    """Draw by how much the mean tilt falls with every bob that is offered, over its own mass, with the
-    interval; a cross at the largest mass up to which none is offered. The last point is the answer."""
+    """Draw by how much the mean tilt falls with every pendulum that is recommended, over the mass of its bob,
+    with the interval; a cross at the largest mass up to which none is. The last point is the design."""
     ax = cast(Axes, new_axes() if ax is None else ax)
     # A bob may be lighter than it had to be.
     mass = np.array([p.most if p.pendulum is None else float(p.pendulum.mass) for p in points])
@@ -163,12 +169,12 @@ def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
     offered, refused = np.isfinite(saved), np.array([p.pendulum is None for p in points])
     around = np.maximum([saved - low, high - saved], 0.0)[:, offered]
     style = {"color": BLUE, "marker": "o", "ms": 5, "ls": "", "elinewidth": 1.2, "capsize": 3}
-    ax.errorbar(mass[offered], saved[offered], around, **style, label="offered")
+    ax.errorbar(mass[offered], saved[offered], around, **style, label="recommended")
     if offered[-1]:
-        ax.plot(mass[-1], saved[-1], "*", ms=16, mfc=ORANGE, mec=INK, label="answer")
+        ax.plot(mass[-1], saved[-1], "*", ms=16, mfc=ORANGE, mec=INK, label="design")
     if refused.any():
         none = mass[refused]
-        ax.plot(none, 0.0 * none, "x", ms=8, c=GREY, clip_on=False, label="none is offered up to here")
+        ax.plot(none, 0.0 * none, "x", ms=8, c=GREY, clip_on=False, label="none is recommended up to here")
     ax.set(xlabel=LABELS["pendulum_mass"], ylabel="fall of the mean tilt (%), 95 %")
     # Masses are compared by their distance from none at all, as the benefits are.
     ax.set_xlim(left=0.0)
@@ -195,33 +201,6 @@ def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = No
     ax.set(xlabel=f"{fragility.intensity}{unit}", ylabel=f"share of motions: {state} (-)", ylim=(0.0, 1.0))
     legend(ax)
     return ax
-
-
-@own_style()
-def plot_groups(design: GroundDesign, axes: Any = None) -> Any:
-    """Draw the shares of each group that overturn at each stripe, without and with the pendulum, one panel
-    for each group: the fitted curve, its band of 95 % confidence and the shares themselves; a bar where runs
-    without an answer leave a share open.
-
-    Returns:
-        The axes, an array.
-    """
-    groups = design.judged
-    if axes is None:
-        size = (3.6 * max(len(groups), 2), 3.6)
-        axes = np.atleast_1d(new_axes(1, size, columns=len(groups)))
-    for ax, group in zip(axes, groups, strict=True):
-        fine = np.linspace(0.8 * group.stripes[0], 1.05 * group.stripes[-1], 200)
-        for i, (count, unknown, fit) in enumerate(zip(group.counts, group.unknown, group.fits, strict=True)):
-            _curve(ax, group.stripes, count, unknown, group.motions, fit, fine, i)
-        d = group.difference
-        said = f"{group.name}: {group.motions} motions, {group.events} earthquakes\noverturned {d.words()}"
-        unknown = f"\n{group.undecided} runs without an answer" if group.undecided else ""
-        ax.set_title(said + unknown, fontsize=9)
-        ax.set(xlabel=_INTENSITIES[design.conditions.intensity], ylim=(0.0, 1.0))
-    axes[0].set_ylabel("share of motions that overturn the block (-)")
-    legend(axes[0], loc="upper left")
-    return axes
 
 
 def _curve(

@@ -14,7 +14,7 @@ from scipy.optimize import root_scalar
 
 from tpd.core.formatting import number
 from tpd.design.criteria import Room, limit_of
-from tpd.design.result import Design
+from tpd.design.design import Design
 from tpd.plots.style import BLUE, GREY, INK, Picture, own_style
 from tpd.scene.bob import Bob
 from tpd.scene.scene import Harmonic, Pendulum, Scene
@@ -63,7 +63,7 @@ def plot_design(design: Design, ax: Axes | None = None) -> Axes:
     if ax is not None:
         raise ValueError("`ax` must be None for a drawing, which has a figure of its own, but is given")
     # Without the limit the search took a point; a body in the drawing would claim that it fits.
-    room = limit_of(design.limits, Room)
+    room = limit_of(design.problem.limits, Room)
     bob = room.bob if isinstance(room, Room) else None
     return plot_scene(design.scene, design.pendulum, stroke=design.swing, bob=bob)
 

@@ -12,8 +12,8 @@ import numpy as np
 from tpd.answers.bifurcations import Bifurcation, Kind
 from tpd.answers.response import Branches, Response
 from tpd.answers.shaking_history import ShakingHistory
-from tpd.design.result import HarmonicDesign
-from tpd.design.study import TimeHistory, time_histories
+from tpd.design.as_built import TimeHistory, time_histories
+from tpd.design.design import Design
 from tpd.plots.style import CASES, GREY, INK, LABELS, LINES, ORANGE, in_degrees, legend, new_axes, own_style
 from tpd.scene.status import SETTLED
 
@@ -227,7 +227,7 @@ def plot_motions(
     return axes
 
 
-def plot_start(design: HarmonicDesign, axes: Any = None) -> Any:
+def plot_start(design: Design, axes: Any = None) -> Any:
     """Draw the first periods from rest of a design, see `plot_motions`."""
     histories = time_histories(design.scene, design.pendulum)
     nu, limit = float(design.scene.block.slenderness), design.stroke_limit

@@ -36,10 +36,11 @@ def plot(
         result: a design, the answer of `front`, `design_map`, `settled_response`, `branches`, `fragility`,
             `overturning_spectrum` or `rocking_spectrum`.
         what: picture of a design: "landscape", the tilt over mass and length ratio with the limits, which is
-            the default; "drawing", block and pendulum to scale; under harmonic motion "benefit", the paired
-            runs with and without the pendulum, "conditions", the tilt over the one quantity in which the
-            conditions differ, and "motion", the motion from rest; under ground motions "groups", the
-            fragility of each group. For a map it is the quantity, for a fragility the damage state.
+            the default; "drawing", block and pendulum to scale; "benefit", the validation runs with and
+            without the pendulum, overall and for every condition or, under ground motions, every group; under
+            harmonic excitation also "conditions", the tilt over the one quantity in which the conditions
+            differ, and "motion", the motion from rest. For a map it is the quantity, for a fragility the
+            damage state.
         quantity: of a map: "amplitude" (the default), "stroke" or "margin".
         state: damage state of a fragility; default "overturned".
         without: response or branches of the bare block over the same quantity, which are drawn as well.
@@ -107,14 +108,15 @@ def _without(result: Any, without: Any) -> list[Any]:
     return [] if without is None else [without]
 
 
-_EVERY = {"landscape": landscape.plot_landscape, "drawing": drawing.plot_design}
-_OF_HARMONIC: dict[str, Callable[[Any, Any], Any]] = {
-    **_EVERY,
+_OF_GROUND: dict[str, Callable[[Any, Any], Any]] = {
+    "landscape": landscape.plot_landscape,
+    "drawing": drawing.plot_design,
     "benefit": compare.plot_benefit,
+}
+_OF_HARMONIC: dict[str, Callable[[Any, Any], Any]] = _OF_GROUND | {
     "conditions": compare.plot_conditions,
     "motion": response.plot_start,
 }
-_OF_GROUND: dict[str, Callable[[Any, Any], Any]] = {**_EVERY, "groups": compare.plot_groups}
 """Pictures of a design by the words for `what`."""
 _NAMES = {"what": ("quantity", "state"), "ax": ("axes",)}
 """Other names of the arguments that every result has."""

@@ -19,11 +19,13 @@ HALO: list[Any] = [withStroke(linewidth=2.5, foreground="white")]
 """Path effects of words over a field."""
 CASES: tuple[dict[str, Any], ...] = (
     {"color": GREY, "marker": "s", "ls": "--", "ms": 5.0, "mfc": "white", "mec": INK, "lw": 1.2}
-    | {"label": "bare block"},
+    | {"label": "without pendulum"},
     {"color": BLUE, "marker": "o", "ls": "-", "ms": 3.5, "mfc": BLUE, "mec": BLUE, "lw": 1.2}
-    | {"label": "with the pendulum"},
+    | {"label": "with pendulum"},
 )
-"""Lines of the bare block and of the block with a pendulum, which differ in grey as well."""
+"""Lines without and with the pendulum, which differ in grey as well."""
+NOT_RECOMMENDED = "best design, not recommended"
+"""Label of a design that is shown although it is not recommended."""
 LINES: tuple[dict[str, Any], ...] = tuple(
     {"color": case["color"], "label": case["label"], "lw": lw}
     for case, lw in zip(CASES, (2.2, 1.0), strict=True)
