@@ -4,9 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-
-import tpd
-from tests import designs
 from tpd.design.verified import Reason, ReasonKind, Step
 
 import tpd

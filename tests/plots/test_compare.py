@@ -12,7 +12,6 @@ from tests.plots.shown import legend, lines
 from tpd.answers.fragility import Curve, Fragility
 from tpd.answers.statistics import fit_lognormal
 from tpd.design.criteria import Reserve
-from tpd.design.many import Front
 from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
 from tpd.plots.style import new_axes
 from tpd.scene.conditions import Conditions

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from tests import designs
-from tpd.design.criteria import Room, Stroke
 from tpd.design.result import DesignStatus, Nearest
 from tpd.design.study import Study, build_of
 from tpd.design.verified import ReasonKind
+
+from tests import designs
+from tpd.design.criteria import Room, Stroke
 from tpd.report.answer import MOST, answer, verdict
 from tpd.report.blocks import Severity
 

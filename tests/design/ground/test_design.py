@@ -1,11 +1,11 @@
 """Verdicts on designs under ground motions."""
 
 import numpy as np
+from tpd.design.ground import design
+from tpd.design.ground.judgement import Judged, Pairs, Role
 
 import tpd
 from tpd.answers.statistics import Interval, Lognormal
-from tpd.design.ground import design
-from tpd.design.ground.judgement import Judged, Pairs, Role
 
 
 def test_the_verdict_follows_from_intervals_and_the_least_benefit():

@@ -13,6 +13,7 @@ from tpd.design.ground.optimise import GroundProblem, judged
 from tpd.design.many import FrontPoint
 from tpd.design.result import DesignStatus
 from tpd.design.study import Study, moved_of, study
+
 from tpd.plots.compare import plot_groups
 from tpd.report.answer import verdict
 from tpd.report.blocks import Severity
