@@ -24,6 +24,7 @@ from tpd.design.criteria import (
     Limit,
     Objective,
     Risk,
+    Room,
     SteadyTilt,
     Worth,
     check_limits,
@@ -189,6 +190,11 @@ class HarmonicProblem(Problem):
         """See `Problem.allowed`."""
         return self.worth.allowed
 
+    @property
+    def run_limits(self) -> tuple[Limit, ...]:
+        """See `Problem.run_limits`: the clearance. The other limits are those of the settled orbits."""
+        return tuple(limit for limit in self.limits if isinstance(limit, Room))
+
     @cached_property
     def orbits(self) -> Orbits:
         """Symmetric orbits of designs under all conditions."""
@@ -235,12 +241,13 @@ class HarmonicProblem(Problem):
 
     def fixed_sizes(self, designs: np.ndarray) -> dict[str, np.ndarray]:
         """See `Problem.fixed_sizes`."""
-        out = super().fixed_sizes(designs)
-        closed = [limit for limit in self.limits if not limit.of_motion]
-        if closed:
-            e = self.orbits.evaluate(designs)
-            for size in (size for limit in closed for size in limit.sizes(e, self.orbits.geometry)):
-                out[size.name] = np.nan_to_num(size.value.max(axis=1), nan=np.inf, posinf=np.inf)
+        out, e = super().fixed_sizes(designs), self.orbits.evaluate(designs)
+        for limit in self.limits:
+            for size in limit.sizes(e, self.orbits.geometry):
+                # Without a motion that attracts there is none to limit: the runs show what happens.
+                value = np.where(e.attracts | (not limit.of_motion), size.value, 0.0).max(axis=1)
+                value = np.nan_to_num(value, nan=np.inf, posinf=np.inf)
+                out[size.name] = np.maximum(out.get(size.name, value), value)
         return out
 
     def value_of(self, runs: Outcomes) -> float:

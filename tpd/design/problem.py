@@ -102,6 +102,11 @@ class Problem(ABC):
         """Status of a design that passes the validation, as far as the excitation allows a verdict."""
         return DesignStatus.found
 
+    @property
+    def run_limits(self) -> tuple[Limit, ...]:
+        """Limits that single runs must keep, all but the allowed share of them."""
+        return tuple(limit for limit in self.limits if limit.of_motion)
+
     @cached_property
     def geometry(self) -> Geometry:
         """Lengths of the block under all conditions, with the bob of the limits."""
@@ -208,8 +213,7 @@ class Problem(ABC):
         largest = motion(runs.peak, runs.peak_stroke, runs.turned)
         return {
             size.name: size.value[0]
-            for limit in self.limits
-            if limit.of_motion
+            for limit in self.run_limits
             for size in limit.sizes(largest if isinstance(limit, Room) else settled, own)
         }
 
