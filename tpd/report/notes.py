@@ -56,8 +56,8 @@ def _runs(design: Design) -> Iterator[Note]:
         if best.quoted is not None and best.decided is not None and runs.benefit.mean < least:
             # The runs that are quoted took no part in the decision: they may fall short by chance.
             yield note(
-                f"The runs that decided showed {best.decided.benefit_in_words}, at least the {least:.0%} that "
-                "are required. The runs that are quoted are independent of them and show less."
+                f"The runs that decided showed {best.decided.benefit_in_words}, at least the {least:.0%} "
+                "that are required. The runs that are quoted are independent of them and show less."
             )
         fell = runs.change("overturned")
         if not fell.high < 0.0:
