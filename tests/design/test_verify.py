@@ -52,9 +52,9 @@ class Refusing(Verification):
 @pytest.fixture(scope="module")
 def judged(search):
     """A verification that refuses the best end of a search, and what it says to that and to other designs."""
-    stern = Refusing(problem(search.objective), None)
-    stern.verified.append(stern.at_once(search.designs[search.order()[0]]))
-    met = np.concatenate([search.designs[search.order()], search.on_the_way(8)])
+    stern = Refusing(problem(search[0]), None)
+    stern.verified.append(stern.at_once(search[1].confirmed[0]))
+    met = np.concatenate([search[1].confirmed, search[1].passed[:8]])
     return stern, stern.best_of_survey(surveyed(met, np.linspace(0.1, 0.2, len(met))))
 
 
@@ -79,7 +79,7 @@ def test_after_a_refusal_other_designs_are_verified(judged, search):
     best, *others = stern.verified
     winner = others[-1]
     assert status is DesignStatus.found
-    assert best.value == pytest.approx(search.values.min(), rel=1e-9)
+    assert best.value == pytest.approx(search[1].end_values.min(), rel=1e-9)
     assert best.reasons[0].step is Step.benefit
     assert winner.reasons == ()
     assert best.value < winner.value < stern.bare.value
@@ -181,7 +181,7 @@ class Scripted(Verification):
 
 @pytest.fixture(scope="module")
 def base(search):
-    return verification(search.objective)
+    return verification(search[0])
 
 
 def scripted(base, refusals=0, kind=ReasonKind.too_little_benefit, unlucky=0) -> Scripted:
@@ -247,8 +247,8 @@ def test_after_a_refusal_by_fresh_runs_up_to_two_more_are_judged(base, search, m
     both = (surveyed(SPREAD, [0.1, 0.2, 0.3, 0.4]),) * 2
     monkeypatch.setattr(verify, "refine", lambda found, *_: (found, None))
     monkeypatch.setattr(optimise, "survey", lambda *_: both)
-    found = optimise.Found(search, stern)
-    optimise._verify(problem(search.objective), found, None)
+    found = optimise.Found(stern, search[1])
+    optimise._verify(problem(search[0]), found, None)
     assert found.status.name == status
     assert [v.mass_ratio for v in stern.verified] == [pytest.approx(x[0]) for x in SPREAD[:count]]
     assert [bool(v.reasons) for v in stern.verified] == [i < unlucky for i in range(count)]
@@ -300,11 +300,11 @@ def test_a_design_of_a_survey_keeps_to_limits_that_no_motion_from_rest_shows(bas
     made = scripted(base, 100)
     # The reserve is at most about one, so that no rocking design has twenty of it.
     limits = (tpd.limits.Stroke(1.5), tpd.limits.Reserve(20.0))
-    made.objective = dataclasses.replace(search.objective, limits=limits)
+    made.objective = dataclasses.replace(search[0], limits=limits)
     e = made.objective.evaluate(np.array(SPREAD[:1]))
     (reason,) = made._broken_in_closed_form(e)
     assert (reason.step, reason.kind, reason.limit) == (Step.exact, ReasonKind.breaks_limit, "reserve")
-    made.objective = dataclasses.replace(search.objective, limits=(tpd.limits.Stroke(1e-3),))
+    made.objective = dataclasses.replace(search[0], limits=(tpd.limits.Stroke(1e-3),))
     assert made._broken_in_closed_form(e) == [], "motions from rest are asked about the stroke elsewhere"
 
 
