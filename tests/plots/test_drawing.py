@@ -83,7 +83,7 @@ def test_the_room_to_the_wall_is_stated_and_the_angle_at_which_it_ends():
     text = said(wide, examples.PENDULUM, stroke=0.05, bob=bob)
     assert f"{number(room - rod * np.sin(0.05), 3)} m clear to the wall" in text
     assert f"meets at ±{np.arcsin(room / rod):.3g} rad" in text
-    assert "the bob strikes the wall" in said(wide, examples.PENDULUM, stroke=0.3, bob=bob)
+    assert "the bob touches the wall" in said(wide, examples.PENDULUM, stroke=0.3, bob=bob)
 
 
 def test_a_body_that_swings_too_slowly_on_any_rod_is_not_called_built():
