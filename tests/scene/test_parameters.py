@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tpd import Parameters
-from tpd.scene.parameters import as_arrays, check_parameters, pytree
+from tpd.scene.parameters import as_arrays, check_parameters
+from tpd.scene.pytrees import pytree
 
 P = Parameters(nu=0.25, mu=0.1, lam=0.4, zeta=0.2, k=0.0, f=0.3, xi=2.5, e=None)
 

@@ -13,8 +13,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from tpd.answers.attractors import Starts
-from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.files import path_of
 from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Worsening, Worth
@@ -43,8 +41,10 @@ from tpd.records.intensity import intensity_of
 from tpd.records.reading import described, read_motions
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.ensemble import Ensemble
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse, events_of
 from tpd.scene.scene import Block, Harmonic, Scene
+from tpd.scene.starts import Starts
 
 _MOST_CONDITIONS = 100_000
 """Beyond it the arrays of a search do not fit into the memory of a usual computer."""

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.attractors import StartKind
 from tpd.core.files import path_of
 from tpd.core.formatting import Printed
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Room, SteadyTilt, limit_of
@@ -31,6 +30,7 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse
 from tpd.scene.record import Record
 from tpd.scene.scene import Harmonic, Pendulum
+from tpd.scene.starts import StartKind
 
 VERSION = 9
 """Version of the file; it grows when a key that is read here changes its meaning or goes away."""
