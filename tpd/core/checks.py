@@ -55,9 +55,9 @@ def is_traced(value: object) -> bool:
     """Return True for a value that JAX traces."""
     if "jax" not in sys.modules:
         return False
-    import jax
+    from jax.core import Tracer
 
-    return isinstance(value, jax.core.Tracer)
+    return isinstance(value, Tracer)
 
 
 def is_concrete(value: object) -> bool:

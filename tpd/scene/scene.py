@@ -1,8 +1,9 @@
 """Block, base motion and pendulum in SI units, and the dimensionless parameters that follow from them.
 
 Every class here is a pytree whose leaves are its numbers (`tpd.scene.pytrees`): `jax.grad`, `jax.jit` and
-`jax.vmap` take a whole `Block`, `Harmonic`, `Pendulum` or `Scene` as an argument. Plain numbers and arrays are
-checked when an object is made; traced values pass unchecked. Symbols are those of the paper's (1) to (6) and (25).
+`jax.vmap` take a whole `Block`, `Harmonic`, `Pendulum` or `Scene` as an argument. Plain numbers and arrays
+are checked when an object is made; traced values pass unchecked. Symbols are those of the paper's (1) to (6)
+and (25).
 """
 
 from __future__ import annotations
