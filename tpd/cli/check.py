@@ -80,7 +80,7 @@ def _validated(
     if runs is not None:
         fell = runs.change("overturned")
         said.append(
-            f"{runs.description}: {answer.reduction(runs)}; the block overturns in "
+            f"{runs.description}: {words.reduction(runs)}; the block overturns in "
             f"{fell.with_pendulum:.1%} of "
             f"the runs with the pendulum, and in {fell.without_pendulum:.1%} without it. A limit is "
             "exceeded in "

@@ -247,7 +247,8 @@ class HarmonicProblem(Problem):
                 # Without a motion that attracts there is none to limit: the runs show what happens.
                 value = np.where(e.attracts | (not limit.of_motion), size.value, 0.0).max(axis=1)
                 value = np.nan_to_num(value, nan=np.inf, posinf=np.inf)
-                out[size.name] = np.maximum(out.get(size.name, value), value)
+                known = out.get(size.name)
+                out[size.name] = value if known is None else np.maximum(known, value)
         return out
 
     def value_of(self, runs: Outcomes) -> float:

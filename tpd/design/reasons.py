@@ -7,8 +7,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from tpd.answers.paired import FEWER
-
 
 class DesignStatus(enum.Enum):
     """Outcome of a design problem; the value is a sentence of the report."""
@@ -111,7 +109,7 @@ class Reason:
     reference: float = math.nan
     """The number that the value is compared with."""
     low: float = math.nan
-    """Lower end of the 95 % interval of the value, where it has one."""
+    """Lower end of the 95 % interval of the value, where it has one; of a count the least that is allowed."""
     total: int = 0
     """Number of the runs, or of the conditions."""
 
@@ -122,7 +120,7 @@ class Reason:
             case ReasonKind.overturns_more:
                 return abs(self.value - self.reference) / max(self.total, 1)
             case ReasonKind.rests_less:
-                return ((1.0 - FEWER) * self.reference - self.value) / max(self.total, 1)
+                return (self.low - self.value) / max(self.total, 1)
             case ReasonKind.touches_wall | ReasonKind.worse_condition:
                 return self.value - self.reference
             case ReasonKind.too_little_benefit:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.paired import PairedRuns
+from tpd.answers.paired import FEWER, PairedRuns
 from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import beyond_as_built
@@ -181,7 +181,8 @@ def _reasons(problem: Problem, runs: PairedRuns, over: float, limit: str, requir
         refuse(ReasonKind.touches_wall, over, problem.allowed, limit=limit)
     if runs.rests_less:
         rests = (np.sum(o.status[runs.known] == "rest") for o in (runs.with_pendulum, runs.without_pendulum))
-        refuse(ReasonKind.rests_less, *rests, total=total)
+        at_rest, without = rests
+        refuse(ReasonKind.rests_less, at_rest, without, total=total, low=float((1.0 - FEWER) * without))
     if runs.worse_groups:
         first = runs.worse_groups[0]
         where = {"condition": runs.labels[first], "total": len(runs.worse_groups)}
