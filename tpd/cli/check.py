@@ -12,10 +12,10 @@ from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.core.progress import Bar
-from tpd.design.criteria import Mass, stroke_limit
+from tpd.design.criteria import Mass, check_cavity, stroke_limit
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
-from tpd.design.problem import Problem, check_cavity
+from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco

@@ -15,9 +15,18 @@ from typing import Any
 
 from tpd.core import checks
 from tpd.core.files import path_of
-from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Worsening, Worth
+from tpd.design.criteria import (
+    KINDS,
+    DesignSpace,
+    Limit,
+    Risk,
+    Room,
+    Worsening,
+    Worth,
+    check_moves,
+    check_scatter,
+)
 from tpd.design.job_keys import (
-    MODELS,
     PAPER,
     READING,
     SHAPE,
@@ -33,7 +42,6 @@ from tpd.design.job_keys import (
     size_of,
     widths_of,
 )
-from tpd.design.problem import check_moves, check_scatter
 from tpd.design.settings import SCATTERED, Descent, GroundSearch
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
@@ -286,8 +294,6 @@ class Job:
         asked = self.full["search"]
         kind: Any = GroundSearch if self.kind != "harmonic" else Descent
         given = {name: asked[name] for name in keys_of(kind) if asked[name] is not None}
-        if kind is Descent and asked["model"] is not None:
-            given["model"] = MODELS[asked["model"]]
         with naming("search"):
             return kind(**given)
 

@@ -33,8 +33,6 @@ from tpd.design.settings import (
     Descent,
     GroundSearch,
 )
-from tpd.design.smoothed_orbits import SMOOTHED
-from tpd.models.piecewise import Piecewise
 from tpd.records.reading import BUILT_IN, SETS
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import FACTORS, MEASURES, Conditions
@@ -50,7 +48,6 @@ SHAPE = "width", "height", "mass"
 """Keys of [block] that a block of one's own needs."""
 _Whole = Annotated[int, Meta(le=2**31 - 1)]
 """A count or a seed: beyond it random generators and arrays fail."""
-MODELS = {"smoothed": SMOOTHED, "piecewise": Piecewise()}
 
 
 class Key(NamedTuple):
