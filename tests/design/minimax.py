@@ -3,9 +3,9 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from tpd.design.ends import Linearisation
 
 import tpd
+from tpd.design.orbits import Linearisation
 
 
 def linearisations(functions: Sequence[Callable], limits: Sequence[Callable] = ()) -> Callable:

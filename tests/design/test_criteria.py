@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy.optimize import linprog
-from tpd.design.objective import Evaluation, geometry_of
 
 import tpd
 from tests.design.conftest import WIDE
@@ -21,8 +20,9 @@ from tpd.design.criteria import (
     limit_of,
     stroke_limit,
 )
+from tpd.design.orbits import Evaluation, geometry_of
 from tpd.design.problem import Problem
-from tpd.design.search import Multistart
+from tpd.design.search import search
 from tpd.report import words
 from tpd.scene.bob import Bob
 
@@ -203,11 +203,10 @@ def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
     limits = check_limits((own, tpd.limits.Stroke(1.5)))
     assert limits == (tpd.limits.Stroke(1.5), own)
     assert words.limit(own) == "lighter kg = 1.0"
-    method = tpd.Sequential(searches=2, screening=16, steps=8)
+    method = tpd.Descent(searches=2, screening=16, steps=8, model=tpd.Piecewise())
     found = Problem.of(SCENE, WIDE, conditions=tpd.Conditions.exactly(), limits=limits, method=method)
-    search = Multistart(found.objective, method, 0, None)
-    search.run()
-    heaviest = search.designs[search.order()][:, 0].max() * SCENE.block.mass
+    history = search(found.objective, method, 0)
+    heaviest = history.ends[np.isfinite(history.end_values)][:, 0].max() * SCENE.block.mass
     assert 0.9 < heaviest <= 1.0
 
 

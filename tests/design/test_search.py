@@ -1,4 +1,4 @@
-"""Multistart: groups, order, statuses and designs on the paths."""
+"""The search: screening, starts, order and statuses of the ends, and what the finish adds."""
 
 import dataclasses
 
@@ -6,91 +6,117 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.design.conftest import FEW_STEPS as METHOD
 from tests.design.conftest import WIDE
-from tests.design.test_objective import orbits
-from tpd.design.result import DesignStatus
-from tpd.design.search import GROUP, Multistart
-
-
-def test_searches_run_in_groups_from_the_best_of_the_screening(search):
-    assert [len(g.x) for g in search.groups] == [GROUP, 4]
-    assert search.screened.shape == (48, 3)
-    assert len(search.units) == 20
-    begun = np.concatenate([g.path[0] for g in search.groups])
-    # Half of the bests of the screening are among the designs from which searches begin.
-    best = WIDE.scaled(search.screened[np.argsort(search.screened_value)[:1]])
-    assert np.abs(begun - best).sum(axis=1).min() < 1e-12
-    assert search.evaluations == 48 + sum(g.evaluations for g in search.groups)
+from tests.design.test_orbits import Both, orbits
+from tpd.design.orbits import Linearisation, margins
+from tpd.design.search import SearchStatus, _status, best_apart, first_apart, screened_designs
+from tpd.design.search import search as search_designs
 
 
 def test_ends_are_ordered_by_risk_and_a_broken_limit_is_infinite(search):
-    order = search.order()
-    assert np.all(np.diff(search.values[order]) >= 0.0)
-    assert set(order) == set(np.flatnonzero(np.isfinite(search.values)))
-    assert len(search.order(feasible=False)) == 20
-    e = search.objective.evaluate(search.designs)
-    kept = search.objective.constraints(e)[0].max(axis=1) <= 0.0
-    np.testing.assert_array_equal(np.isfinite(search.values), kept)
-    np.testing.assert_allclose(search.values[kept], search.objective.value(e)[kept], rtol=1e-10)
-    np.testing.assert_allclose(search.excess, search.objective.constraints(e)[0], atol=1e-9)
+    objective, found = search
+    assert found.screened.shape == (48, 3)
+    assert len(found.ends) == len(found.statuses) == 20
+    values = found.end_values[found.order]
+    assert np.all(np.diff(values[np.isfinite(values)]) >= 0.0)
+    e = objective.evaluate(found.ends)
+    kept = objective.constraints(e)[0].max(axis=1) <= 0.0
+    np.testing.assert_array_equal(np.isfinite(found.end_values), kept)
+    np.testing.assert_allclose(found.end_values[kept], objective.value(e)[kept], rtol=1e-10)
+    assert found.end_values.min() == pytest.approx(0.2726536, abs=1e-6), "as with 64 starts"
+
+
+def test_the_history_tells_what_the_finish_adds(search):
+    objective, found = search
+    assert found.finished < found.descended
+    assert found.told.startswith(f"The descents reach {found.descended:.4g}, and the finish lowers this by ")
+    alone = search_designs(objective, tpd.Descent(searches=20, screening=48, steps=8, finish=0), 0)
+    assert alone.finished == alone.descended
+    assert alone.told.endswith("the finish finds nothing better.")
 
 
 def test_designs_on_the_paths_lie_apart_from_each_other_and_from_the_ends(search):
-    passed = WIDE.scaled(search.on_the_way(8))
-    assert 0 < len(passed) <= 8
-    met = np.concatenate([search.units, passed])
-    for i in range(20, len(met)):
-        assert np.linalg.norm(met[:i] - met[i], axis=1).min() > 0.05
-    path = np.concatenate([g.path.reshape(-1, 3) for g in search.groups])
-    merit = np.concatenate([g.path_merit.ravel() for g in search.groups])
-    merits = [merit[np.isclose(path, x, atol=1e-9).all(axis=1)].min() for x in passed]
-    assert merits == sorted(merits)
+    _, found = search
+    every = WIDE.scaled(np.concatenate([found.ends, found.passed]))
+    assert 20 < len(every) <= 68
+    for i in range(20, len(every)):
+        assert np.linalg.norm(every[:i] - every[i], axis=1).min() > 0.05
 
 
 def test_a_search_may_begin_fewer_times_than_asked_for():
-    """Where nothing lifts, moved designs stay where they were: screened designs coincide."""
+    """Where the space is a point, screened designs coincide."""
     calm = orbits(conditions=tpd.Conditions.amplitudes(0.01, 0.02), limits=())
-    narrow = dataclasses.replace(calm, space=tpd.DesignSpace(length_ratio=(0.1, 0.2)))
-    out = Multistart(narrow, tpd.Sequential(searches=24, screening=24, steps=2), 0, None)
-    assert out.statuses() == ()
-    out.run()
-    assert len(out.statuses()) == len(out.units) < 24
+    out = search_designs(calm, tpd.Descent(searches=24, screening=24, steps=2, model=tpd.Piecewise()), 0)
+    assert len(out.statuses) == len(out.ends) <= 24
+    assert all(np.isfinite(out.end_values))
 
 
 @pytest.mark.parametrize(
     ("changed", "expected"),
     [
-        ({}, DesignStatus.converged),
-        ({"open": True}, DesignStatus.steps_exhausted),
-        ({"x": 0.0}, DesignStatus.at_bound),
-        ({"limit": -1e-4}, DesignStatus.stroke_limited),
-        ({"limit": 0.1}, DesignStatus.infeasible),
-        ({"value": -0.1}, DesignStatus.rests),
+        ({}, SearchStatus.converged),
+        ({"converged": False}, SearchStatus.steps_exhausted),
+        ({"x": 0.0}, SearchStatus.at_bound),
+        ({"limit": -1e-4}, SearchStatus.at_limit),
+        ({"limit": 0.1}, SearchStatus.infeasible),
+        ({"value": np.inf}, SearchStatus.infeasible),
+        ({"value": -0.1}, SearchStatus.rests),
+        ({"contradicted": True}, SearchStatus.contradicted),
     ],
 )
-def test_every_search_ends_with_a_status(search, changed, expected):
-    g, given = search.groups[1], {"value": 0.3, "limit": -0.5, "x": 0.5, "open": False, "steps": 3} | changed
-    parts = {name: np.full_like(getattr(g.local, name), given.pop(name)) for name in ("value", "limit")}
-    ends = {name: np.full_like(getattr(g, name), value) for name, value in given.items()}
-    one = Multistart(search.objective, METHOD, 0, None)
-    one.groups = [g._replace(local=g.local._replace(**parts), **ends)]
-    assert one.statuses() == (expected,) * 4
+def test_every_search_ends_with_a_status(changed, expected):
+    given = {"value": 0.3, "limit": -0.5, "x": 0.5, "converged": True, "contradicted": False} | changed
+    none = np.zeros((1, 2, 3))
+    at = Linearisation(np.full((1, 2), given["value"]), none, np.full((1, 2), given["limit"]), none)
+    assert _status(np.full(3, given["x"]), at, given["contradicted"], given["converged"]) is expected
 
 
-def test_an_end_that_the_exact_solution_contradicts_is_left_out_unless_all_are(search):
-    """Ends of a descent whose tolerance is a hundredth: two lie beyond it, one by another kind of orbit."""
-    g = search.groups[1]
-    one = Multistart(search.objective, tpd.Descent(searches=4), 0, None)
-    mismatch = np.array([[1e-6, 1e-4], [0.02, 0.0], [0.009, 0.3], [np.inf, 0.0]])
-    one.groups = [g._replace(mismatch=mismatch)]
-    assert one.contradicted.tolist() == [False, True, False, True]
-    assert [status is DesignStatus.contradicted for status in one.statuses()] == [False, True, False, True]
-    assert np.isinf(one.values[[1, 3]]).all()
-    kept = Multistart(search.objective, METHOD, 0, None)
-    kept.groups = [g]
-    np.testing.assert_array_equal(one.values[[0, 2]], kept.values[[0, 2]])
-    np.testing.assert_array_equal(one.history.mismatch, mismatch)
-    # Where all are, their exact values are still the best that is known.
-    one.groups = [g._replace(mismatch=np.full((4, 2), 0.5))]
-    np.testing.assert_array_equal(one.values, kept.values)
+def test_an_objective_of_the_user_moves_the_optimum_its_way():
+    """The more the bob's angle counts, the smaller it is at the optimum, and the larger the tilt."""
+    settings, sizes = tpd.Descent(searches=4, screening=64, steps=10, model=tpd.Piecewise()), []
+    for weight in (0.0, 0.3):
+        o = orbits(limits=tpd.limits.POINT_BOB[1:], objective=Both(weight))
+        found = search_designs(o, settings, 0)
+        e = o.evaluate(found.ends[found.order[:1]])
+        sizes.append((float(e.tilt.max()), float(e.stroke.max())))
+    assert sizes[0][0] < sizes[1][0]
+    assert sizes[0][1] > sizes[1][1]
+
+
+def test_values_that_are_not_divided_by_a_size_of_reference_are_rejected():
+    @dataclasses.dataclass(frozen=True)
+    class Newtons(Both):
+        def values(self, e, g):
+            return tpd.limits.Size("force", 1e3 * (1.0 + e.tilt), 1e3 * e.tilt_slope)
+
+    with pytest.raises(ValueError, match="objective tilt and swing must be between 0 and 1"):
+        search_designs(orbits(objective=Newtons(0.0)), tpd.Descent(screening=16), 0)
+
+
+def test_a_quarter_of_the_screened_designs_has_the_largest_margins():
+    objective = orbits()
+    designs = screened_designs(objective, 40, seed=2)
+    assert designs.shape == (40, 3)
+    np.testing.assert_array_equal(designs, screened_designs(objective, 40, seed=2))
+    assert not np.array_equal(designs, screened_designs(objective, 40, seed=3))
+    least = margins(objective, designs).min(axis=1)
+    assert least[30:].min() > np.median(least[:30])
+    assert screened_designs(objective, 1, seed=2).shape == (1, 3)
+
+
+def test_the_best_designs_that_lie_apart_come_first():
+    units = np.array([[0.5, 0.5], [0.51, 0.5], [0.9, 0.9], [0.1, 0.1], [0.505, 0.5]])
+    values = np.array([1.0, 2.0, 4.0, 3.0, 1.5])
+    np.testing.assert_array_equal(best_apart(units, values, 3), [0, 3, 2])
+    np.testing.assert_array_equal(best_apart(units, values, 5), [0, 3, 2, 4, 1])
+    # Designs that coincide count once.
+    np.testing.assert_array_equal(best_apart(units[[0, 0, 2]], values[[0, 0, 2]], 3), [0, 2])
+
+
+def test_the_first_of_an_order_that_are_no_neighbours():
+    units = np.array([[0.5, 0.5], [0.51, 0.5], [0.9, 0.9], [0.1, 0.1]])
+    order = np.array([1, 0, 3, 2])
+    assert first_apart(units, order, 4) == [1, 3, 2]
+    assert first_apart(units, order, 2) == [1, 3]
+    assert first_apart(units, order, 4, fixed=2) == [1, 0, 3, 2]
+    assert first_apart(units, order[:0], 4) == []

@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as arrays
 import tpd
 from tests.properties.bounded import bounded
 from tpd.design.problem import Problem
-from tpd.design.search import Multistart
+from tpd.design.search import search
 
 tilts = arrays.arrays(float, st.integers(1, 20), elements=st.floats(0.0, 1.0))
 shares = st.floats(0.01, 1.0)
@@ -122,7 +122,7 @@ def test_a_subset_of_conditions_is_of_them(count, most, seed):
 
 
 SCENE = tpd.paper_scene()
-METHOD = tpd.Sequential(searches=8, screening=48, steps=12)
+METHOD = tpd.Descent(searches=8, screening=48, steps=12, model=tpd.Piecewise())
 BAND = tpd.Conditions.band(SCENE, 2.0, 3.5, 4)
 
 
@@ -131,9 +131,7 @@ def optimum(stroke, heaviest):
     space = tpd.DesignSpace(mass_ratio=(0.01, heaviest), damping_ratio=(0.05, 0.4))
     limits = (tpd.limits.Stroke(stroke),)
     problem = Problem.of(SCENE, space, conditions=BAND, limits=limits, method=METHOD)
-    search = Multistart(problem.objective, METHOD, 0, None)
-    search.run()
-    best = float(np.min(search.values))
+    best = float(np.min(search(problem.objective, METHOD, 0).end_values))
     assert np.isfinite(best)
     return best
 

@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tpd.design.objective import BACK_OFF, KINDS, REST, ROCKING, Orbits, geometry_of, margins
 
 import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
 from tests.reference import orbits_of
+from tpd.design.orbits import BACK_OFF, KINDS, REST, ROCKING, Orbits, geometry_of, margins
 from tpd.scene.parameters import as_arrays
 
 GOOD = np.array([[0.15, 0.26, 0.35]])
@@ -64,7 +64,7 @@ def test_slopes_are_those_of_differences(objective):
 def test_constraints_have_names_and_are_tightened_for_a_search(objective):
     e, n = objective.evaluate(GOOD), len(BAND)
     names = ["stroke", "relative_stroke", "tilt", "offset", "room", "thickness", "reserve"]
-    assert objective.constraint_names() == names
+    assert [size.name for size in objective.sizes(e)] == names
     value, slope = objective.constraints(e)
     assert value.shape == (1, n * len(names))
     assert slope.shape == (*value.shape, 3)
@@ -128,3 +128,39 @@ def test_the_torus_margin_vanishes_where_a_pair_of_multipliers_leaves_the_circle
     assert sides[0][0] < 0.0 < sides[2][0]
     assert sides[0][1] > 1.0 > sides[2][1]
     assert abs(sides[1][0]) < 1e-3
+
+
+@dataclasses.dataclass(frozen=True)
+class Both(tpd.limits.Objective):
+    """Weighted sum of tilt and bob angle."""
+
+    weight: float
+    name = "tilt and swing"
+
+    def values(self, e, g):
+        w = self.weight
+        return tpd.limits.Size(self.name, e.tilt + w * e.stroke, e.tilt_slope + w * e.stroke_slope)
+
+
+def test_an_objective_of_the_user_applies_where_the_block_rocks():
+    conditions = tpd.Conditions.amplitudes(0.1, 1.0)
+    e, usual = (
+        orbits(conditions=conditions, **more).evaluate(GOOD) for more in ({"objective": Both(0.5)}, {})
+    )
+    assert [KINDS[kind] for kind in e.kind[0]] == ["rest", "rocking"]
+    np.testing.assert_array_equal(e.merit[0], [-e.margin[0, 0], e.tilt[0, 1] + 0.5 * e.stroke[0, 1]])
+    np.testing.assert_array_equal(e.merit_slope[0, 0], usual.merit_slope[0, 0])
+    of_user = orbits(objective=Both(0.5))
+    for i in range(3):
+        up, down = (of_user.at(UNIT + s * 1e-5 * np.eye(3)[i]).value for s in (1, -1))
+        np.testing.assert_allclose(of_user.at(UNIT).slope[..., i], (up - down) / 2e-5, rtol=1e-5, atol=1e-7)
+
+
+def test_values_of_another_shape_are_rejected():
+    @dataclasses.dataclass(frozen=True)
+    class Flat(Both):
+        def values(self, e, g):
+            return tpd.limits.Size(self.name, e.tilt[0], e.tilt_slope)
+
+    with pytest.raises(ValueError, match=r"must have a value of shape \(1, 5\) and a slope"):
+        orbits(objective=Flat(1.0)).evaluate(GOOD)

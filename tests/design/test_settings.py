@@ -1,0 +1,31 @@
+"""Settings of the search: what is rejected, and plain values."""
+
+import optax
+import pytest
+
+import tpd
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: tpd.Descent(screening=-1), "`screening` must be a whole number, 1 or more, but is -1"),
+        (lambda: tpd.Descent(steps=0), "`steps` must be a whole number, 1 or more, but is 0"),
+        (lambda: tpd.Descent(finish=-1), "`finish` must be a whole number, 0 or more, but is -1"),
+        (lambda: tpd.Descent(tolerance=0.0), "`tolerance` must be positive"),
+        (lambda: tpd.Descent("adan"), "`optimiser` must be one of adam, rmsprop, but is"),
+        (lambda: tpd.Descent(3), "`optimiser` must be a transformation of optax, or one of adam, rmsprop"),
+        (lambda: tpd.Descent(model=tpd.Segmented()), r"`model` must be Smoothed\(\) with linear terms"),
+        (lambda: tpd.Descent(model=tpd.Smoothed(terms=tpd.Terms.parametric)), "`model` must be Smoothed"),
+        (lambda: tpd.Descent(optax.lbfgs()), "`optimiser` must make its steps from gradients alone"),
+    ],
+)
+def test_bad_settings_are_rejected(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_settings_are_plain_values():
+    names = {"optimiser": "custom", "model": "None", "searches": 3, "finish": 0}
+    found = tpd.Descent(optax.sgd(0.05), searches=3, finish=0).described
+    assert found == names | {"screening": 512, "steps": 20, "tolerance": 0.01}
