@@ -56,11 +56,11 @@ def outcomes(tilt, stroke=0.0, peak=1.0, equations: str = "nonlinear", design=RA
     )
 
 
-def paired(with_pendulum, without, group=None, stroke=0.0, **more) -> PairedRuns:
+def paired(with_pendulum, without, group=None, stroke=0.0, design=RATIOS, **more) -> PairedRuns:
     """Paired runs of these settled tilts over nu."""
     group = np.zeros(len(with_pendulum), int) if group is None else np.asarray(group)
     labels = tuple(f"condition {i}" for i in range(int(group.max()) + 1))
-    cases = outcomes(with_pendulum, stroke), outcomes(without)
+    cases = outcomes(with_pendulum, stroke, design=design), outcomes(without)
     return PairedRuns(with_pendulum=cases[0], without_pendulum=cases[1], group=group, labels=labels, **more)
 
 
