@@ -1,0 +1,241 @@
+"""The main job: its stages and when they end, by problems made by hand, and small real problems."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests import designs
+from tests.designs import SCENE, SPACE, NoisyProblem, outcomes
+from tpd.design.design import Design
+from tpd.design.ground_motion import GroundMotionProblem
+from tpd.design.harmonic import HarmonicProblem
+from tpd.design.optimise import problem_of, solve
+from tpd.design.reasons import DesignStatus, ReasonKind
+from tpd.records import el_centro, loma_prieta
+
+CALM = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.001, frequency=2.5))
+"""An excitation that lifts no block, and under which no orbit attracts."""
+
+
+def same(a: Design, b: Design) -> bool:
+    """Whether two answers are the same to the last digit."""
+    first, second = (np.array([v.design for v in d.validated]) for d in (a, b))
+    return (
+        a.status is b.status
+        and np.array_equal(first, second)
+        and np.array_equal(a.trials.value, b.trials.value, equal_nan=True)
+        and [v.reasons for v in a.validated] == [v.reasons for v in b.validated]
+        and a.benefit == b.benefit
+    )
+
+
+class Harmful(NoisyProblem):
+    """The first validated designs overturn the block in the nonlinear equations; `method` is their number."""
+
+    def paired_runs(self, design, seed, **how):
+        found = super().paired_runs(design, seed, **how)
+        if sum(kind == "paired" for kind, _ in self.asked) > self.method:
+            return found
+        lost = np.where(np.arange(self.count) < 20, np.inf, 0.1)
+        return dataclasses.replace(found, with_pendulum=outcomes(lost, 0.1, design=design, seed=seed))
+
+
+def harmful(count, **given) -> Harmful:
+    return Harmful(**(NoisyProblem.of().inputs | {"method": count} | given))
+
+
+def test_the_best_design_of_the_trials_is_validated_and_recommended():
+    stages = []
+    found = solve(NoisyProblem.of(limits=()), lambda stage, *_: stages.append(stage))
+    assert found.status is DesignStatus.found
+    (best,) = found.validated
+    np.testing.assert_array_equal(best.design, found.trials.designs[0])
+    assert found.pendulum == best.pendulum
+    assert set(stages) == {"trial runs"}
+    low, high = found.equivalent
+    assert np.all((low <= best.design) & (best.design <= high))
+
+
+def test_no_stage_shares_runs_with_another():
+    problem = harmful(2)
+    solve(problem)
+    seeds = [seed for _, seed in problem.asked]
+    assert len(set(seeds)) == len(seeds)
+    assert [kind for kind, _ in problem.asked][-4:] == ["paired"] * 4, "two rejected, and one with both halves"
+
+
+@pytest.mark.parametrize(("count", "validated", "status"), [(1, 2, "found"), (2, 3, "found"), (9, 3, "refused")])
+def test_a_rejected_design_joins_the_trials_and_the_next_is_no_neighbour(count, validated, status):
+    found = solve(harmful(count))
+    assert (found.status.name, len(found.validated)) == (status, validated)
+    units = SPACE.scaled(np.array([v.design for v in found.validated]))
+    apart = np.linalg.norm(units[:, None] - units, axis=-1) + np.eye(validated)
+    assert apart.min() > 0.02
+    rejected = [v for v in found.validated if v.reasons]
+    assert {r.kind for v in rejected for r in v.reasons} == {ReasonKind.overturns_more}
+    # Their runs count in the trials beside those that chose them.
+    for v in rejected:
+        rows = np.all(found.trials.designs == v.design, axis=1)
+        assert rows.sum() == 2
+        assert found.trials.overturned[rows].max() == pytest.approx(20 / 64)
+    assert len(found.trials.designs) == 24 + 4 * 8 + len(rejected)
+    assert (found.pendulum is None, found.equivalent is None) == (status == "refused",) * 2
+
+
+def test_after_a_rejection_no_unpromising_design_is_validated():
+    """The trend must promise 30 % of the required benefit: here of all of the tilt, and then of one tenth."""
+    stopped = solve(harmful(9, worth=tpd.limits.Worth(at_least=1.0), limits=(tpd.limits.Tilt(0.9),)))
+    assert len(stopped.validated) == 3
+
+    class Little(Harmful):
+        def tilt(self, design):
+            return 0.59 + 0.01 * super().tilt(design)
+
+    found = solve(Little(**harmful(9).inputs))
+    assert (found.status, len(found.validated)) == (DesignStatus.refused, 1)
+
+
+def test_where_no_design_keeps_to_the_limits_none_is_validated():
+    problem = NoisyProblem.of(limits=(tpd.limits.Stroke(0.1),))
+    found = solve(problem)
+    assert (found.status, found.validated, found.pendulum) == (DesignStatus.none_feasible, (), None)
+    assert not [kind for kind, _ in problem.asked if kind == "paired"]
+    assert len(found.refusals) == 1
+    assert found.refusals[0].startswith("the design exceeds the limit on stroke: ")
+
+
+def test_where_the_block_rests_nothing_is_evaluated():
+    problem = NoisyProblem.of(calm=True)
+    found = solve(problem)
+    assert (found.status, found.trials, found.validated) == (DesignStatus.no_uplift, None, ())
+    assert problem.asked == []
+
+
+def test_runs_without_an_answer_leave_a_design_undecided():
+    """Most runs have no answer: the verdict depends on them, and the status says so."""
+    found = solve(NoisyProblem.of(unanswered=0.6))
+    assert found.status is DesignStatus.undecided
+    assert found.pendulum is None
+    assert all("runs have no answer" in said for said in found.refusals)
+    assert np.all(found.trials.undecided > 10)
+
+
+def test_the_status_of_a_design_that_passes_is_that_of_the_evidence():
+    class Few(NoisyProblem):
+        evidence = DesignStatus.too_few
+
+    found = solve(Few(**NoisyProblem.of().inputs))
+    assert found.status is DesignStatus.too_few
+    assert (found.pendulum, found.benefit, found.refusals) == (None, None, ())
+    assert found.validated[-1].reasons == ()
+
+
+def test_ctrl_c_is_an_exception():
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve(NoisyProblem.of(), stop)
+
+
+def test_a_harmonic_design_is_within_the_space_and_the_limits(harmonic):
+    assert harmonic.status is DesignStatus.found
+    best, (low, high) = harmonic.validated[-1], SPACE.bounds
+    assert np.all((best.design >= low - 1e-12) & (best.design <= high + 1e-12))
+    assert harmonic.pendulum.mass == pytest.approx(best.design[0] * SCENE.block.mass)
+    assert harmonic.usage["reserve"] <= 1.0
+    assert best.over_limit <= harmonic.problem.allowed
+    assert harmonic.usage["stroke"] <= 1.0
+    assert harmonic.benefit.low > 0.3, "sixty per cent with these settings"
+    # The same pairs again, by the nonlinear equations themselves.
+    runs = best.quoted
+    again = tpd.paired_runs(
+        SCENE,
+        harmonic.pendulum,
+        ensemble=runs.with_pendulum.ensemble,
+        conditions=harmonic.conditions,
+        equations="nonlinear",
+        rtol=1e-6,
+    )
+    np.testing.assert_array_equal(again.severity, runs.severity)
+    assert again.benefit == harmonic.benefit
+
+
+def test_one_seed_is_one_design_and_another_seed_has_other_runs(harmonic):
+    assert same(tpd.optimise(**harmonic.again()), harmonic)
+    other = designs.harmonic_design(1)
+    seeds = [
+        {runs.with_pendulum.ensemble.seed for v in d.validated for runs in (v.decided, v.quoted) if runs}
+        for d in (harmonic, other)
+    ]
+    assert not seeds[0] & seeds[1]
+    assert not same(other, harmonic)
+
+
+def test_a_rejected_design_says_why(rejected):
+    assert rejected.status is DesignStatus.refused
+    assert (rejected.pendulum, rejected.benefit) == (None, None)
+    assert {r.kind for v in rejected.validated for r in v.reasons} == {ReasonKind.too_little_benefit}
+    assert "a reduction of 97.0% is required" in rejected.refusals[0]
+    seeds = [v.decided.with_pendulum.ensemble.seed for v in rejected.validated]
+    assert len(set(seeds)) == len(seeds) > 1
+
+
+def test_a_design_on_ground_motions_is_validated_on_earthquakes_that_it_never_saw(ground):
+    assert ground.status is DesignStatus.found
+    (best,) = ground.validated
+    runs = best.runs
+    assert best.quoted is None
+    assert runs.labels == ("tuned to", "held out")
+    assert not set(runs.cluster[runs.group == 0]) & set(runs.cluster[runs.group == 1])
+    np.testing.assert_array_equal(runs.counted, runs.group == 1)
+    assert runs.description.endswith(", 5 earthquakes")
+    assert runs.with_pendulum.equations == "nonlinear"
+    held = runs.severity[:, runs.group == 1].mean(axis=1)
+    assert ground.benefit.mean == pytest.approx(1.0 - held[0] / held[1])
+    assert same(tpd.optimise(designs.BLOCK, seed=0, **designs.GROUND), ground)
+    assert same(tpd.optimise(**ground.again()), ground)
+
+
+def test_a_design_on_built_in_records_is_of_too_few_earthquakes():
+    motions = [el_centro(), loma_prieta()]
+    asked = {"method": tpd.GroundSearch(starts=6, steps=2), "limits": (tpd.limits.Stroke(),)}
+    found = tpd.optimise(designs.BLOCK, conditions=tpd.Conditions.records(motions, (2.0, 3.0)), **asked)
+    assert found.problem.evidence is DesignStatus.too_few
+    assert found.pendulum is None
+    assert found.status in (DesignStatus.too_few, DesignStatus.refused)
+    assert "inf" not in str(found)
+    assert "nan" not in str(found)
+
+
+def test_a_block_that_stays_at_rest_needs_no_pendulum():
+    given = {"conditions": tpd.Conditions.exactly(), "limits": tpd.limits.POINT_BOB}
+    found = tpd.optimise(CALM, SPACE, ensemble=tpd.Ensemble(size=16, periods=30), **given)
+    assert found.status is DesignStatus.no_uplift
+    assert str(found).startswith("NOT NEEDED: ")
+    weak = tpd.Conditions.records(designs.records()[:4], (0.5, 0.8))
+    asked = {"method": designs.GROUND["method"], "limits": designs.GROUND["limits"]}
+    assert tpd.optimise(designs.BLOCK, conditions=weak, **asked).status is DesignStatus.no_uplift
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings", "message"),
+    [
+        (designs.BLOCK, {"starts": tpd.Starts.rest()}, "`starts` is for harmonics"),
+        (designs.BLOCK, {"objective": tpd.limits.SteadyTilt()}, "`objective` is for harmonics"),
+        (SCENE, {"conditions": None, "held_out": 0.5}, "`held_out` is for ground motions"),
+        (designs.BLOCK, {"conditions": None}, "go with ground motions"),
+        (SCENE, {"conditions": None, "method": tpd.GroundSearch()}, "go with ground motions"),
+    ],
+)
+def test_a_problem_of_neither_kind_is_rejected(scene, settings, message):
+    with pytest.raises(ValueError, match=message):
+        tpd.optimise(scene, **({"conditions": designs.GROUND["conditions"]} | settings))
+
+
+def test_conditions_say_which_kind_of_problem_it_is():
+    assert isinstance(problem_of(SCENE, limits=tpd.limits.POINT_BOB), HarmonicProblem)
+    made = problem_of(designs.BLOCK, **designs.GROUND)
+    assert isinstance(made, GroundMotionProblem)

@@ -1,0 +1,65 @@
+"""What all problems share: ratios and sizes of a pendulum, the space within a limit on the mass, and checks."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.designs import RATIOS, SCENE, NoisyProblem
+from tpd.design.problem import check_cavity, check_moves, check_scatter, within_mass
+
+SOLID = dataclasses.replace(SCENE.block, cavity_width=None)
+
+
+def test_a_design_is_the_pendulum_of_its_ratios():
+    problem = NoisyProblem.of()
+    hung = problem.pendulum(np.array(RATIOS))
+    assert hung == SCENE.pendulum(mass_ratio=0.1, length_ratio=0.6, damping_ratio=0.1)
+    np.testing.assert_allclose(problem.ratios(hung), RATIOS, rtol=1e-15)
+    assert problem.inputs["scene"] is SCENE
+
+
+def test_sizes_that_need_no_run_are_those_of_the_bob_at_rest_under_all_conditions():
+    scattered = tpd.Conditions({"mass": np.array([0.9, 1.2]), "slenderness": np.array([1.0, 0.9])})
+    limits = (tpd.limits.Stroke(0.5), tpd.limits.Room(), tpd.limits.Mass(2.0))
+    problem = NoisyProblem.of(limits=limits, conditions=scattered)
+    found = problem.fixed_sizes(np.array([RATIOS, (0.2, 0.3, 0.1)]))
+    assert {name: x.shape for name, x in found.items()} == dict.fromkeys(found, (2,))
+    np.testing.assert_array_equal(found["stroke"], 0.0)
+    radius = float(tpd.limits.Bob().radius(1.2 * 0.1 * SCENE.block.mass))
+    assert found["room"][0] == pytest.approx(radius / (0.9 * 0.5 * SCENE.block.room))
+    body, _ = tpd.limits.Bob().built(0.1 * SCENE.block.mass, 0.6 * SCENE.block.half_height, SCENE.gravity)
+    assert found["mass"][0] == pytest.approx(float(body) / 2.0)
+
+
+def test_a_limit_on_the_mass_narrows_the_space():
+    space = tpd.DesignSpace()
+    found = within_mass(space, SCENE.block, (tpd.limits.Mass(0.8112),))
+    np.testing.assert_allclose(found.mass_ratio, (0.01, 0.05))
+    assert within_mass(space, SCENE.block, (tpd.limits.Mass(100.0),)) == space
+    assert within_mass(space, SCENE.block, ()) is space
+    with pytest.raises(ValueError, match=r"`mass` must be above the least bob .* but is 0\.1 kg"):
+        within_mass(space, SCENE.block, (tpd.limits.Mass(0.1),))
+
+
+def test_walls_need_a_cavity_that_is_stated():
+    with pytest.raises(ValueError, match=r"`cavity_width`.*must be given, but is not.*`Block`.*`Room`"):
+        check_cavity(SOLID, (tpd.limits.Room(),))
+    check_cavity(SOLID, tpd.limits.POINT_BOB)
+    check_cavity(SCENE.block, (tpd.limits.Room(),))
+
+
+def test_what_does_not_move_the_block_or_cannot_scatter_is_rejected():
+    still = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.0, frequency=2.5))
+    with pytest.raises(ValueError, match="`amplitude` must be above 0 in a search, but is 0"):
+        check_moves(still, tpd.Conditions(), tpd.DesignSpace())
+    with pytest.raises(ValueError, match=r"must make at most 10 g, but 1\.5 m at 2\.5 Hz make 37\.7 g"):
+        check_moves(SCENE, tpd.Conditions.amplitudes(1.0, 100.0), tpd.DesignSpace())
+    smooth = dataclasses.replace(SCENE, block=dataclasses.replace(SCENE.block, friction=0.0))
+    with pytest.raises(ValueError, match="`friction` cannot scatter by a share of itself: it is 0"):
+        check_moves(smooth, tpd.Conditions.scatter(4, friction=0.1), tpd.DesignSpace())
+    with pytest.raises(ValueError, match="`damping` cannot scatter"):
+        check_scatter(SCENE, ["damping"], tpd.DesignSpace(damping_ratio=0.0))
+    with pytest.raises(ValueError, match="`restitution` can scatter where it is a number"):
+        check_scatter(SCENE, ["restitution"])
