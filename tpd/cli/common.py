@@ -35,7 +35,7 @@ class Case(NamedTuple):
 
 
 @contextlib.contextmanager
-def cluster(options: argparse.Namespace) -> Iterator[Cluster | None]:
+def cluster(options: argparse.Namespace) -> Iterator[Any]:
     """Cluster that the options ask for, if any; its processes end with the block.
 
     Raises:
