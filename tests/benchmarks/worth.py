@@ -1,8 +1,8 @@
 """The default job against brute force, both evaluated by paired runs that neither has used.
 
-Brute force evaluates every design of a grid over (mu, lam, zeta) by paired runs of the nonlinear equations. It
-evaluates the best of those that exceed a limit of the motion in at most 1 % of the runs once more, by the runs
-that evaluate the default design.
+Brute force evaluates every design of a grid over (mu, lam, zeta) by paired runs of the nonlinear equations.
+The best of those that exceed a limit of the motion in at most 1 % of the runs are evaluated once more, by the
+runs that evaluate the default design.
 """
 
 import time
