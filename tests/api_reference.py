@@ -33,7 +33,7 @@ GROUPS = {
         "optimise_all Job study read_design"
     ),
     "Show a result": "plot write_report",
-    "Judge a pendulum": "check verdict Ensemble outcomes engines",
+    "Check a pendulum": "check paired_runs Ensemble outcomes engines",
     "Pulses and earthquakes": ("transient critical_scale fragility overturning_spectrum rocking_spectrum"),
     "Motions under harmonic shaking": (
         "steady_state simulate Starts attractors settled_response branches symmetric_orbits periodic_orbit "
@@ -46,9 +46,10 @@ GROUPS = {
 """Titles of the page, with the names below each."""
 BESIDE = {
     "Design": (
-        "design.result.HarmonicDesign",
-        "design.ground.design.GroundDesign",
-        "design.result.DesignStatus",
+        "design.reasons.DesignStatus",
+        "design.validate.Validated",
+        "design.refine.Trials",
+        "design.search.Search",
     ),
     "Auto": ("models.base.AbstractModel",),
 }

@@ -26,19 +26,24 @@ NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 DONE = " s of processor time"
 """End of the line of a notebook that ran."""
 SWITCH = "FULL = True"
-SMALL = {
-    "tpd.design.survey": {"_SPREAD": 128, "_DRAWN": 2048, "_FINER": 16, "_CENTRES": 4, "_AROUND": 6},
-    "tpd.design.refine": {"RUNS": 32, "_TRIED": 8, "_ROUNDS": 1},
-    "tpd.design.by_runs": {"_LOSS_RUNS": 32},
-    "tpd.design.study": {"_RUNS": 32},
+SMALL: dict[str, dict[str, object]] = {
+    "tpd.design.harmonic": {
+        "TRIAL_RUNS": 32,
+        "TRIAL_PERIODS": 20,
+        "_ROUNDS": (1, 4),
+        "_COMPARED": 32,
+        "_PATHS": 2,
+        "_SPREAD": 8,
+        "_DRAWN": 64,
+    },
 }
 """Sizes of a search that are no arguments, by module."""
 RUNS, RECORDS = 64, 2
-"""Runs that verify a design, and which of every so many records is kept."""
+"""Validation runs of a design, and which of every so many records is kept."""
 
 
 def make_small() -> None:
-    """Let the names that notebooks call search little, on exact gradients, and follow few records."""
+    """Let the functions that notebooks call search little, on exact gradients, and follow few records."""
     import tpd
 
     at_full, front_of, records_of = tpd.optimise, tpd.front, tpd.records.fema_p695
@@ -49,7 +54,8 @@ def make_small() -> None:
             method = replace(method or tpd.GroundSearch(), starts=8, steps=2)
         else:
             # The smoothed descent compiles for half a minute: it has its own tests.
-            method = replace(method or tpd.Descent(model=tpd.Piecewise()), searches=4, screening=64, steps=4)
+            small = {"model": tpd.Piecewise(), "searches": 4, "screening": 64, "steps": 4, "finish": 1}
+            method = replace(method or tpd.Descent(), **small)
             ensemble = replace(ensemble or tpd.Ensemble(), size=RUNS)
         return at_full(*args, method=method, ensemble=ensemble, conditions=conditions, **others)
 
@@ -59,7 +65,7 @@ def make_small() -> None:
     for module, sizes in SMALL.items():
         home = import_module(module)
         for name, size in sizes.items():
-            assert isinstance(getattr(home, name), int), f"{module} has no size {name}"
+            assert type(getattr(home, name)) is type(size), f"{module} has no size {name}"
             setattr(home, name, size)
 
 
