@@ -240,7 +240,7 @@ def build_of(design: Design) -> Build | None:
     hung, scene = design.pendulum, design.scene
     if hung is None:
         return None
-    bob, g = bob_of(design.limits), float(scene.gravity)
+    bob, g = bob_of(design.problem.limits), float(scene.gravity)
     mass, length, zeta = float(hung.mass), float(hung.length), float(hung.damping_ratio)
     block, mu = scene.block, mass / float(scene.block.mass)
     body, rod = bob.built(mass, length, g)
