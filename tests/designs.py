@@ -34,7 +34,9 @@ SMALL = {
 """Settings of a search of a few seconds."""
 
 
-def outcomes(tilt, stroke=0.0, peak=1.0, equations: str = "nonlinear", design=RATIOS, seed: int = 0) -> Outcomes:
+def outcomes(
+    tilt, stroke=0.0, peak=1.0, equations: str = "nonlinear", design=RATIOS, seed: int = 0
+) -> Outcomes:
     """Runs of these settled tilts over nu: 0 is rest, infinity an overturning, NaN no answer; and of these bob
     angles in rad. The largest angles on the way are `peak` times the settled ones."""
     tilt = np.asarray(tilt, dtype=float)
@@ -119,16 +121,16 @@ class NoisyProblem(Problem):
             return outcomes(0.6 + 0.1 * rng.standard_normal(self.count), equations=equations, seed=seed)
         tilt = np.clip(self.tilt(design) + 0.16 * rng.standard_normal(self.count), 0.01, 1.0)
         tilt = np.where(rng.random(self.count) < self.unanswered, np.nan, tilt)
-        swing = 0.5 * np.exp(SPACE.scaled(np.asarray(design))[0] - 0.5 + 0.02 * rng.standard_normal(self.count))
+        swing = 0.5 * np.exp(
+            SPACE.scaled(np.asarray(design))[0] - 0.5 + 0.02 * rng.standard_normal(self.count)
+        )
         return outcomes(tilt, swing, equations=equations, design=design, seed=seed)
 
     def trial_runs(self, design, seed):
         self.asked.append(("trial", seed))
         return self.runs(design, seed)
 
-    def paired_runs(
-        self, design, seed, *, equations="nonlinear", scene=None, more=None, progress=unreported
-    ):
+    def paired_runs(self, design, seed, *, equations="nonlinear", scene=None, more=None, progress=unreported):
         self.asked.append(("paired", seed))
         return PairedRuns(
             with_pendulum=self.runs(design, seed, equations),

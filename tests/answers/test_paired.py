@@ -15,7 +15,9 @@ PENDULUM = tpd.Pendulum(mass=3.2448, length=0.203, damping_ratio=0.1)
 
 def test_the_papers_block_is_safer_with_its_pendulum():
     asked, small = (tpd.paper_scene(), PENDULUM), tpd.Ensemble(size=96, periods=60)
-    linear, nonlinear = (tpd.paired_runs(*asked, ensemble=small, equations=e) for e in ("linear", "nonlinear"))
+    linear, nonlinear = (
+        tpd.paired_runs(*asked, ensemble=small, equations=e) for e in ("linear", "nonlinear")
+    )
     for found, equations in ((linear, "linear"), (nonlinear, "nonlinear")):
         assert found.with_pendulum.equations == found.without_pendulum.equations == equations
         assert found.description == f"96 paired runs of the {equations} equations, seed 0"
@@ -57,7 +59,9 @@ def test_runs_are_dealt_out_to_the_conditions_which_are_the_groups():
     assert found.labels == (band.label(0), band.label(1))
 
 
-@pytest.mark.parametrize(("only", "harm"), [((5, 0), True), ((4, 0), False), ((5, 5), False), ((0, 20), False)])
+@pytest.mark.parametrize(
+    ("only", "harm"), [((5, 0), True), ((4, 0), False), ((5, 5), False), ((0, 20), False)]
+)
 def test_more_overturning_is_a_significant_difference(only, harm):
     """McNemar's test: 5 runs of one kind and none of the other have a chance of 1 / 32."""
     run, (worse, better) = np.arange(100), only
@@ -83,7 +87,9 @@ def test_runs_of_one_earthquake_are_no_independent_observations():
     assert found["one"].benefit.high - found["one"].benefit.low > (
         found["independent"].benefit.high - found["independent"].benefit.low
     )
-    assert found["one"].description.endswith("40 paired runs of the nonlinear equations, seed 0, 31 earthquakes")
+    assert found["one"].description.endswith(
+        "40 paired runs of the nonlinear equations, seed 0, 31 earthquakes"
+    )
     # Harm to one group is harm, though all runs together show none.
     group, cluster = np.repeat([0, 1], 40), np.arange(80)
     with_it = np.where((group == 0) & (np.arange(80) < 10), np.inf, 0.4)

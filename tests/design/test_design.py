@@ -65,7 +65,9 @@ def test_where_none_keeps_to_the_limits_the_nearest_trial_is_shown():
     found = solve(NoisyProblem.of(limits=(tpd.limits.Stroke(0.1),)))
     i = int(np.argmin(found.trials.sizes.max(axis=1)))
     np.testing.assert_array_equal(found.nearest, found.trials.designs[i])
-    assert found.refusals == (str(Reason(kind=ReasonKind.breaks_limit, limit="stroke", value=found.trials.sizes[i, 0])),)
+    assert found.refusals == (
+        str(Reason(kind=ReasonKind.breaks_limit, limit="stroke", value=found.trials.sizes[i, 0])),
+    )
     assert found.risks[1] == found.trials.without_pendulum
 
 

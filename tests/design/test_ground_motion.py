@@ -70,7 +70,9 @@ def test_the_problem_is_that_of_the_group_that_is_tuned_to():
     assert made.scene.motion is tuned.motions[0]
     assert (made.attempts, made.holds_back, made.allowed) == (1, False, 0.1)
     assert made.rounds == (32, 1)
-    again = GroundMotionProblem.of(made.inputs.pop("scene"), **{k: v for k, v in made.inputs.items() if k != "scene"})
+    again = GroundMotionProblem.of(
+        made.inputs.pop("scene"), **{k: v for k, v in made.inputs.items() if k != "scene"}
+    )
     assert [g.motions for g in again.groups] == [g.motions for g in (tuned, held)]
     assert again.inputs["held_out"] == {"held out": held.motions}
     assert problem(held_out=0.0).inputs["held_out"] == 0.0
@@ -88,7 +90,9 @@ def test_trial_runs_are_single_motions():
         one = tpd.transient(tpd.Scene(BLOCK, motion), hung)
         assert found.lost[i] == (tpd.status_name(one.status) == "overturned")
         if not found.lost[i]:
-            assert found.severity[i] == pytest.approx(min(1.0, float(one.tilt / BLOCK.slenderness)), rel=1e-10)
+            assert found.severity[i] == pytest.approx(
+                min(1.0, float(one.tilt / BLOCK.slenderness)), rel=1e-10
+            )
             assert found.turned[i] == pytest.approx(float(one.relative), rel=1e-10)
     assert found.lost.any()
     assert found.stands.any()
@@ -153,9 +157,15 @@ def test_the_strongest_motions_are_those_of_the_largest_angle_in_which_the_block
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"worth": tpd.limits.Worth(strikes=0.2), "ensemble": tpd.Ensemble(size=4)}, "`ensemble.size` is for"),
+        (
+            {"worth": tpd.limits.Worth(strikes=0.2), "ensemble": tpd.Ensemble(size=4)},
+            "`ensemble.size` is for",
+        ),
         ({"ensemble": tpd.Ensemble(periods=4)}, "`ensemble.periods` is for harmonics"),
-        ({"limits": (tpd.limits.Reserve(),)}, "`limits` of ground motions must be of Stroke, .*Room, but has"),
+        (
+            {"limits": (tpd.limits.Reserve(),)},
+            "`limits` of ground motions must be of Stroke, .*Room, but has",
+        ),
         ({"held_out": 1.5}, "`held_out` must be between 0 and 0.9"),
         ({"block": dataclasses.replace(BLOCK, cavity_width=None)}, "`cavity_width`"),
         ({"limits": (tpd.limits.Mass(0.01),)}, "`mass` must be above the least bob"),

@@ -8,6 +8,7 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from tpd.design.ground.optimise import ground_problem
 from tpd.design.methods import Descent
 
 import tpd
@@ -17,7 +18,6 @@ from tpd.answers.ensemble import Ensemble
 from tpd.design import criteria
 from tpd.design import job as jobs
 from tpd.design.criteria import DesignSpace, Worth
-from tpd.design.ground.optimise import ground_problem
 from tpd.design.job_keys import SCHEMA
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed

@@ -63,10 +63,14 @@ def test_no_stage_shares_runs_with_another():
     solve(problem)
     seeds = [seed for _, seed in problem.asked]
     assert len(set(seeds)) == len(seeds)
-    assert [kind for kind, _ in problem.asked][-4:] == ["paired"] * 4, "two rejected, and one with both halves"
+    assert [kind for kind, _ in problem.asked][-4:] == ["paired"] * 4, (
+        "two rejected, and one with both halves"
+    )
 
 
-@pytest.mark.parametrize(("count", "validated", "status"), [(1, 2, "found"), (2, 3, "found"), (9, 3, "refused")])
+@pytest.mark.parametrize(
+    ("count", "validated", "status"), [(1, 2, "found"), (2, 3, "found"), (9, 3, "refused")]
+)
 def test_a_rejected_design_joins_the_trials_and_the_next_is_no_neighbour(count, validated, status):
     found = solve(harmful(count))
     assert (found.status.name, len(found.validated)) == (status, validated)

@@ -8,11 +8,11 @@ import tomllib
 
 import numpy as np
 import pytest
+from tpd.design.ground.optimise import ground_problem
 
 import tpd
 from tests import designs
 from tpd import limits
-from tpd.design.ground.optimise import ground_problem
 from tpd.design.job import job_of
 from tpd.design.problem import Problem
 from tpd.design.reading import StoredDesign, job_of_design, read_design

@@ -54,7 +54,9 @@ def test_a_sentence_has_no_number_that_is_none():
     """Of one earthquake there is no interval, and without an answer no benefit."""
     few = {"kind": ReasonKind.too_little_benefit, "reference": 0.1}
     said = str(Reason(value=0.73, low=-math.inf, **few))
-    assert said == "the mean tilt falls by 73.0% (95 % interval unknown), and a reduction of 10.0% is required"
+    assert (
+        said == "the mean tilt falls by 73.0% (95 % interval unknown), and a reduction of 10.0% is required"
+    )
     said = str(Reason(value=math.nan, low=math.nan, **few))
     assert said == "the change of the mean tilt is unknown, and a reduction of 10.0% is required"
     assert "increases by 10.0% (" in str(Reason(value=-0.1, low=-0.3, **few))

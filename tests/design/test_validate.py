@@ -77,7 +77,9 @@ def test_a_worse_condition_is_named_and_the_others_are_counted():
     assert kinds(validated(runs, worth=Worth(worse=0.4))) == []
 
 
-@pytest.mark.parametrize(("allowed", "kind"), [(None, ["touches_wall"]), (0.05, []), (0.049, ["touches_wall"])])
+@pytest.mark.parametrize(
+    ("allowed", "kind"), [(None, ["touches_wall"]), (0.05, []), (0.049, ["touches_wall"])]
+)
 def test_a_share_of_the_standing_runs_may_exceed_a_limit(allowed, kind):
     """Five of the hundred runs that stand swing beyond the limit, and more of those that overturn."""
     stroke = np.where(np.arange(110) < 15, 0.6, 0.4)
@@ -103,7 +105,9 @@ def test_a_bob_touches_a_wall_on_the_way_as_well():
         runs = paired([0.01] * 50, [0.5] * 50, stroke=0.4, design=DESIGN)
         # Bob and block turn to opposite sides at most.
         way = np.full(50, share * angle - 0.01 * float(SCENE.block.slenderness))
-        runs = dataclasses.replace(runs, with_pendulum=dataclasses.replace(runs.with_pendulum, peak_stroke=way))
+        runs = dataclasses.replace(
+            runs, with_pendulum=dataclasses.replace(runs.with_pendulum, peak_stroke=way)
+        )
         limits = (tpd.limits.Stroke(0.5), tpd.limits.Room())
         v = validated(runs, limits=limits)
         assert kinds(v) == kind
@@ -237,9 +241,7 @@ def test_sizes_in_runs_are_those_of_the_runs_own_block():
     reach = Bob().reach(float(hung.mass), float(hung.length), angle) / (0.5 * float(SCENE.block.room))
     np.testing.assert_allclose(found["room"], reach)
     narrow = dataclasses.replace(runs, nu=0.9 * runs.nu)
-    np.testing.assert_allclose(
-        problem.sizes_in_runs(DESIGN, narrow)["tilt"], np.array([0.2, 0.4]) / 0.9
-    )
+    np.testing.assert_allclose(problem.sizes_in_runs(DESIGN, narrow)["tilt"], np.array([0.2, 0.4]) / 0.9)
     wider = problem.sizes_in_runs(DESIGN, dataclasses.replace(runs, nu=1.1 * runs.nu))["room"]
     np.testing.assert_allclose(wider, reach / 1.1)
     assert problem.over_limit(DESIGN, runs) == (float(np.mean(reach > 1.0)), "room")

@@ -91,9 +91,7 @@ class ReasonKind(enum.Enum):
         "the block ends at rest in {value:.0f} of {total} runs with the pendulum, and in {reference:.0f} "
         "without it; the loss of one tenth is allowed"
     )
-    too_little_benefit = (
-        "the {falls}, and a reduction of {reference:.1%} is required"
-    )
+    too_little_benefit = "the {falls}, and a reduction of {reference:.1%} is required"
     undecided = "{value:.0f} of {total} runs have no answer, and the verdict depends on them"
 
 
