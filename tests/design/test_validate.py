@@ -1,4 +1,4 @@
-"""Validation: every reason against a design and its numbers, the runs that decide and those that are quoted."""
+"""Validation: every reason against a design, the runs that decide, and those that are quoted."""
 
 import dataclasses
 
