@@ -7,8 +7,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from tpd.answers.paired import FEWER
-
 
 class DesignStatus(enum.Enum):
     """Outcome of a design problem; the value is a sentence of the report."""
@@ -23,13 +21,15 @@ class DesignStatus(enum.Enum):
     _remedy: str
 
     found = (
-        "RECOMMENDED for the stated conditions: in validation runs of the nonlinear equations the block rocks "
+        "RECOMMENDED for the stated conditions: in validation runs of the nonlinear equations the block "
+        "rocks "
         "less with the pendulum, and no group of runs shows significant harm. This is not a safety "
         "assessment.",
         "Check it with earthquakes and with a contact engine before it is built.",
     )
     tuned_only = (
-        "TUNED TO THESE MOTIONS ONLY: there is no other earthquake to validate the pendulum on, so nothing is "
+        "TUNED TO THESE MOTIONS ONLY: there is no other earthquake to validate the pendulum on, so "
+        "nothing is "
         "claimed about the next earthquake.",
         "Give records of other earthquakes, or a share that is held out.",
     )
@@ -109,7 +109,7 @@ class Reason:
     reference: float = math.nan
     """The number that the value is compared with."""
     low: float = math.nan
-    """Lower end of the 95 % interval of the value, where it has one."""
+    """Lower end of the 95 % interval of the value, where it has one; of a count the least that is allowed."""
     total: int = 0
     """Number of the runs, or of the conditions."""
 
@@ -120,12 +120,12 @@ class Reason:
             case ReasonKind.overturns_more:
                 return abs(self.value - self.reference) / max(self.total, 1)
             case ReasonKind.rests_less:
-                return ((1.0 - FEWER) * self.reference - self.value) / max(self.total, 1)
+                return (self.low - self.value) / max(self.total, 1)
             case ReasonKind.touches_wall | ReasonKind.worse_condition:
                 return self.value - self.reference
             case ReasonKind.too_little_benefit:
                 # A benefit above the least one may be refused because it is not significant.
-                return max(self.reference - self.value, -self.low, 0.0)
+                return max(self.reference - self.value, -max(self.low, -1.0), 0.0)
             case ReasonKind.breaks_limit:
                 return self.value - 1.0
             case ReasonKind.as_built:
