@@ -65,7 +65,7 @@ def test_a_sentence_has_no_number_that_is_none():
     [
         ("touches_wall", {"value": 0.27, "reference": 0.01}, 0.26),
         ("overturns_more", {"value": 30.0, "reference": 10.0, "total": 40}, 0.5),
-        ("rests_less", {"value": 10.0, "reference": 30.0, "total": 40}, 0.425),
+        ("rests_less", {"value": 10.0, "reference": 30.0, "low": 27.0, "total": 40}, 0.425),
         ("worse_condition", {"value": 0.4, "reference": 0.3, "total": 2}, 0.1),
         ("breaks_limit", {"value": 1.2}, 0.2),
         ("as_built", {"value": 600.0, "reference": 500.0}, 0.2),
