@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from tpd.answers.paired import FEWER
+from tpd.design.criteria import LABELS
 
 
 class DesignStatus(enum.Enum):
@@ -80,7 +81,7 @@ class ReasonKind(enum.Enum):
         "only without it"
     )
     touches_wall = (
-        "the bob exceeds the limit on {limit} in {value:.1%} of the runs in which the block stands, and "
+        "the pendulum exceeds the limit on {limit} in {value:.1%} of the runs in which the block stands, and "
         "{reference:.1%} are allowed"
     )
     breaks_limit = "the design exceeds the limit on {limit}: {value:.3g} times the limit"
@@ -140,7 +141,7 @@ class Reason:
     def __str__(self) -> str:
         fall = self.value if self.kind is ReasonKind.too_little_benefit else 0.0
         return self.kind.value.format(
-            **vars(self),
+            **vars(self) | {"limit": LABELS.get(self.limit, self.limit)},
             falls=f"falls by {fall:.1%}" if fall >= 0.0 else f"increases by {-fall:.1%}",
             others=f", and higher under {self.total - 1} other conditions" if self.total > 1 else "",
         )

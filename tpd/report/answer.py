@@ -9,23 +9,22 @@ from pathlib import Path
 
 import numpy as np
 
-from tpd.answers.paired import Change, PairedRuns
+from tpd.answers.paired import PairedRuns
 from tpd.core.formatting import aligned, number
 from tpd.design.as_built import Study, build_of
-from tpd.design.criteria import LABELS
+from tpd.design.criteria import LABELS, Room, limit_of
 from tpd.design.design import Design
 from tpd.design.reasons import DesignStatus
 from tpd.report import words
-from tpd.report.blocks import Note, Severity, Table, danger, note, wrapped
+from tpd.report.blocks import NO_VALUE, Note, Severity, Table, danger, note, wrapped
 from tpd.report.notes import notes
 
 MOST = 25
-"""Most lines: the command has printed block and motion in four lines before, so that a terminal has "
-"thirty."""
+"""Most lines: with the four lines on block and motion that the command prints before, about thirty."""
 _NAME = 14
 """Columns of the names of rows."""
 _CHANGES = {
-    "mean severity": "mean tilt over toppling",
+    "mean severity": "mean tilt / toppling tilt",
     "median severity": "median tilt",
     "overturned": "overturned",
     "at rest": "at rest in the end",
@@ -46,31 +45,29 @@ def answer(
     further runs is left out as well."""
     study = Study(build=build_of(design)) if study is None else study
     first = [verdict(design, study), *dangers(design, study)]
-    lines = [line for one in first for line in wrapped(one.marked)]
+    parts = [wrapped(one.marked) for one in first]
     rows = [pair for pair in pairs(design, study) if pair[0] not in ("block", "motion")]
-    runs, shown = design.runs, False
+    runs, indent, shown = design.runs, " " * _NAME, False
     for name, text in rows:
         # The table stands after the pendulum, before what limits it.
         if runs is not None and name in ("clearance", "reason", "limits") and not shown:
-            shown = True
-            lines += _table(comparison(runs))
-        lines += _named(text, name)
-    more = list(_more(design, directory))
-    # A long list of reasons must not push away where the report lies.
-    room = most - sum(len(_named(text, name)) for name, text in more)
-    if len(lines) > room:
-        lines = [*lines[: room - 1], " " * _NAME + "(more in the report)"]
-    return "\n".join([*lines, *(line for name, text in more for line in _named(text, name))])
+            shown, table = True, comparison(runs)
+            cells = [indent + line for line in aligned([table.head, *table.cells])]
+            parts.append([*cells, *wrapped(table.caption, indent, indent)])
+        parts.append(_named(text, name))
+    last = [line for name, text in _more(design, directory) for line in _named(text, name)]
+    # A long list of reasons must not push away where the report lies. Rows are left out in whole: half a
+    # sentence may say the opposite.
+    if sum(map(len, parts)) + len(last) > most:
+        while len(parts) > 1 and sum(map(len, parts)) + len(last) >= most:
+            parts.pop()
+        last = [indent + "(more in the report)", *last]
+    return "\n".join([line for part in parts for line in part] + last)
 
 
 def _named(text: str, name: str) -> list[str]:
     """Lines of a sentence behind the name of its row."""
     return wrapped(text, f"  {name:<{_NAME - 2}}", " " * _NAME)
-
-
-def _table(of: Table) -> Iterator[str]:
-    yield from (" " * _NAME + line for line in aligned([of.head, *of.cells]))
-    yield from wrapped(of.caption, " " * _NAME, " " * _NAME)
 
 
 def verdict(design: Design, study: Study | None = None) -> Note:
@@ -177,26 +174,21 @@ def _pendulum(design: Design, study: Study) -> Iterator[tuple[str, str]]:
 
 def comparison(runs: PairedRuns) -> Table:
     """Return the changes with and without the pendulum, from one set of runs."""
-    rows = [
-        (_CHANGES[c.name], f"{c.with_pendulum:.{d}%}", f"{c.without_pendulum:.{d}%}", _points(c, d))
-        for c in runs.changes
-        # Tilts vary by more than a tenth of a per cent from one seed to the next; a share may be small.
-        for d in (0 if c.name in ("mean severity", "median severity") else 1,)
+    rows = []
+    for c in runs.changes:
         # Where no run ends at rest in either case there is nothing to compare.
-        if c.name in _CHANGES and not (c.name == "at rest" and c.with_pendulum == c.without_pendulum == 0.0)
-    ]
+        if c.name not in _CHANGES or (c.name == "at rest" and c.with_pendulum == c.without_pendulum == 0.0):
+            continue
+        # Tilts vary by more than a tenth of a per cent from one seed to the next; a share may be small.
+        d, points = 0 if "severity" in c.name else 1, NO_VALUE
+        if np.isfinite(c.low):
+            # What rounds to zero must not read "-0".
+            mean, low, high = (round(100.0 * x, d) + 0.0 for x in (c.difference, c.low, c.high))
+            points = f"{mean:+.{d}f} ({low:+.{d}f} to {high:+.{d}f})"
+        rows.append((_CHANGES[c.name], f"{c.with_pendulum:.{d}%}", f"{c.without_pendulum:.{d}%}", points))
     left = f"; {runs.undecided} runs without an answer are left out" if runs.undecided else ""
     caption = f"{runs.description}; an overturned block counts as toppled{left}"
     return Table(("", "with pendulum", "without", "difference, points (95 %)"), tuple(rows), caption)
-
-
-def _points(of: Change, digits: int) -> str:
-    """Difference in points of per cent with its interval; a dash where it has none."""
-    if not np.isfinite(of.low):
-        return "–"
-    # What rounds to zero must not read "-0".
-    mean, low, high = (round(100.0 * x, digits) + 0.0 for x in (of.difference, of.low, of.high))
-    return f"{mean:+.{digits}f} ({low:+.{digits}f} to {high:+.{digits}f})"
 
 
 def _clearance(design: Design, study: Study) -> str:
@@ -204,10 +196,13 @@ def _clearance(design: Design, study: Study) -> str:
     most = design.problem.allowed
     share = f"a limit is exceeded in {design.best.over_limit:.1%} of the runs in which the block stands "
     share += f"(at most {most:.0%} allowed)"
+    # Without walls in the search the distance to a wall that the bob passes through says nothing.
     build = study.build
-    if build is None or math.isnan(build.wall) or math.isnan(build.reach):
+    walls = limit_of(design.problem.limits, Room) is not None
+    if build is None or not walls or math.isnan(build.reach):
         return share
-    return f"{share}; {1 - most:.0%} of these runs stay within {number(build.reach, 3)} of {build.wall:.3g} m"
+    reach = f"the bob stays within {number(build.reach, 3)} m of the block's axis"
+    return f"{share}; in {1 - most:.0%} of them {reach}, and the wall is at {build.wall:.3g} m"
 
 
 def active_limits(design: Design, study: Study) -> str:

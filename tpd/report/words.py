@@ -74,9 +74,9 @@ def missing(design: Design) -> list[str]:
     """Questions of an engineer that the search has left out."""
     parts = []
     if len(design.conditions) == 1:
-        parts.append("knows one excitation only and none nearby")
+        parts.append("considered one excitation only")
     if limit_of(design.problem.limits, Room) is None:
-        parts.append("has a bob without size and no walls")
+        parts.append("assumed a bob without size, and no walls")
     return parts
 
 
