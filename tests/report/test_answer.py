@@ -13,7 +13,7 @@ from tpd.design.reasons import DesignStatus, Reason, ReasonKind
 from tpd.report.answer import MOST, answer, comparison, reduction, verdict
 from tpd.report.blocks import Severity
 
-MANY = tuple(replace(LITTLE, kind=ReasonKind.as_built, limit=f"limit {i} " * 12) for i in range(40))
+MANY = tuple(replace(LITTLE, kind=ReasonKind.as_built, limit="-".join([f"limit {i}"] * 12)) for i in range(40))
 
 
 def flat(text: str) -> str:

@@ -94,9 +94,7 @@ class ReasonKind(enum.Enum):
         "the block ends at rest in {value:.0f} of {total} runs with the pendulum, and in {reference:.0f} "
         "without it; the loss of one tenth is allowed"
     )
-    too_little_benefit = (
-        "the mean tilt {falls} (95 % interval from {low:.1%}), and a reduction of {reference:.1%} is required"
-    )
+    too_little_benefit = "the mean tilt {falls} ({certain}), and a reduction of {reference:.1%} is required"
     undecided = "{value:.0f} of {total} runs have no answer, and the verdict depends on them"
 
 
@@ -130,7 +128,7 @@ class Reason:
                 return self.value - self.reference
             case ReasonKind.too_little_benefit:
                 # A benefit above the least one may be refused because it is not significant.
-                return max(self.reference - self.value, -self.low, 0.0)
+                return max(self.reference - self.value, -max(self.low, -1.0), 0.0)
             case ReasonKind.breaks_limit:
                 return self.value - 1.0
             case ReasonKind.as_built:
@@ -143,6 +141,7 @@ class Reason:
         return self.kind.value.format(
             **vars(self) | {"limit": LABELS.get(self.limit, self.limit)},
             falls=f"falls by {fall:.1%}" if fall >= 0.0 else f"increases by {-fall:.1%}",
+            certain=f"95 % interval from {self.low:.1%}" if math.isfinite(self.low) else "not significant",
             others=f", and higher under {self.total - 1} other conditions" if self.total > 1 else "",
         )
 
