@@ -13,7 +13,9 @@ from tpd.design.reasons import DesignStatus, Reason, ReasonKind
 from tpd.report.answer import MOST, answer, comparison, reduction, verdict
 from tpd.report.blocks import Severity
 
-MANY = tuple(replace(LITTLE, kind=ReasonKind.as_built, limit="-".join([f"limit {i}"] * 12)) for i in range(40))
+MANY = tuple(
+    replace(LITTLE, kind=ReasonKind.as_built, limit="-".join([f"limit {i}"] * 12)) for i in range(40)
+)
 
 
 def flat(text: str) -> str:
@@ -73,7 +75,9 @@ def test_the_table_is_of_one_set_of_runs_and_agrees_with_the_verdict():
         assert row[1:3] == (f"{fell.with_pendulum:.1%}", f"{fell.without_pendulum:.1%}")
         # The points are the difference of the columns.
         if np.isfinite(fell.low):
-            assert float(row[3].split()[0]) == pytest.approx(float(row[1][:-1]) - float(row[2][:-1]), abs=0.11)
+            assert float(row[3].split()[0]) == pytest.approx(
+                float(row[1][:-1]) - float(row[2][:-1]), abs=0.11
+            )
     same = replace(harmonic().runs, with_pendulum=harmonic().runs.without_pendulum)
     assert "-0" not in str(comparison(same).rows)
 
@@ -92,7 +96,9 @@ def test_the_pendulum_is_the_one_that_is_built():
 
 
 def test_dangers_come_before_all_other_reasons_and_each_kind_once():
-    limits = [Reason(kind=ReasonKind.worse_condition, condition=f"{f} Hz", value=0.4, reference=0.3) for f in (1, 2)]
+    limits = [
+        Reason(kind=ReasonKind.worse_condition, condition=f"{f} Hz", value=0.4, reference=0.3) for f in (1, 2)
+    ]
     design = against(*limits, LITTLE, STRIKES)
     said = flat(answer(design, Study()))
     first = "DANGER: NOT RECOMMENDED: the pendulum exceeds the limit on clearance (bob to the wall) in 27.0%"
@@ -107,7 +113,9 @@ def test_dangers_come_before_all_other_reasons_and_each_kind_once():
 
 def test_the_best_design_misses_its_requirements_by_the_least():
     far, near = (
-        replace(harmonic().validated[-1], design=np.array([mu, 0.5, 0.1]), reasons=(replace(STRIKES, value=x),))
+        replace(
+            harmonic().validated[-1], design=np.array([mu, 0.5, 0.1]), reasons=(replace(STRIKES, value=x),)
+        )
         for mu, x in ((0.2, 1.0), (0.05, 0.02))
     )
     early = replace(far, decided=None, quoted=None, reasons=(LITTLE,))

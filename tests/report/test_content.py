@@ -32,7 +32,14 @@ def test_the_first_screen_has_verdict_dangers_answer_and_one_comparison():
 @pytest.mark.parametrize("kind", DESIGNS)
 def test_sections_stand_in_one_order_and_are_left_out_where_they_are_empty(kind):
     order = ["Notes", "Build it", "Validation runs", "Other energy losses", "What limits the design"]
-    order += ["Nearby frequencies", "Motion from rest", "Settled motion", "Search", "Rejected designs", "Records"]
+    order += [
+        "Nearby frequencies",
+        "Motion from rest",
+        "Settled motion",
+        "Search",
+        "Rejected designs",
+        "Records",
+    ]
     order += ["Lighter pendulums", "Assumptions", "How to repeat it"]
     report = content(DESIGNS[kind](), study(kind), "[block]\n")
     titles = [s.title for s in report.sections]
@@ -40,7 +47,14 @@ def test_sections_stand_in_one_order_and_are_left_out_where_they_are_empty(kind)
     assert ("Records" in titles) is (kind in ("ground", "tuned"))
     assert ("Build it" in titles) is (kind in ("harmonic", "tuned"))
     assert ("Settled motion" in titles) is (kind in ("harmonic", "rejected"))
-    printed = {"Notes", "Build it", "Validation runs", "Other energy losses", "Assumptions", "How to repeat it"}
+    printed = {
+        "Notes",
+        "Build it",
+        "Validation runs",
+        "Other energy losses",
+        "Assumptions",
+        "How to repeat it",
+    }
     assert {s.title for s in report.sections if s.printed} <= printed
     drawn = [b.name for s in report.sections for b in s.blocks if isinstance(b, Figure)]
     assert sorted(drawn + [f.name for f in report.figures]) == sorted(names(DESIGNS[kind](), study(kind)))
@@ -48,8 +62,13 @@ def test_sections_stand_in_one_order_and_are_left_out_where_they_are_empty(kind)
 
 
 def test_the_front_has_a_row_for_every_mass():
-    points = (FrontPoint(2.0, "none_feasible", None, (math.nan,) * 3), FrontPoint(5.0, "found", harmonic().pendulum, (0.3, 0.2, 0.4)))
-    (figure, table) = section(content(harmonic(), dataclasses.replace(study(), front=points)), "Lighter pendulums")
+    points = (
+        FrontPoint(2.0, "none_feasible", None, (math.nan,) * 3),
+        FrontPoint(5.0, "found", harmonic().pendulum, (0.3, 0.2, 0.4)),
+    )
+    (figure, table) = section(
+        content(harmonic(), dataclasses.replace(study(), front=points)), "Lighter pendulums"
+    )
     assert isinstance(figure, Figure)
     assert isinstance(table, Table)
     assert table.rows[0] == ("2 kg", "none feasible", None)

@@ -129,7 +129,14 @@ def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_n
     job = harmonic(), study(), {}, "[block]"
     then = lambda: there.extend(p.name for p in tmp_path.iterdir())  # noqa: E731
     written = write(tmp_path, *job, then=then, warn=said.append)
-    assert set(there) == {"report.txt", "design.json", "scene.toml", "response.csv", "motion.csv", "trials.csv"}
+    assert set(there) == {
+        "report.txt",
+        "design.json",
+        "scene.toml",
+        "response.csv",
+        "motion.csv",
+        "trials.csv",
+    }
     assert said == ["search.png is not drawn: latex was not able to process"]
     assert {"report.html", "drawing.svg"} < {p.name for p in written}
     assert "search.png" not in {p.name for p in tmp_path.iterdir()}

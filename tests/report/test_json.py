@@ -41,8 +41,13 @@ def test_every_design_is_what_the_schema_describes(kind):
 
 
 def test_designs_without_runs_and_with_a_front_are_described_as_well():
-    calm = dataclasses.replace(harmonic(), status=DesignStatus.no_uplift, validated=(), trials=None, search=None)
-    points = (FrontPoint(3.0, "refused", None, (math.nan,) * 3), FrontPoint(5.0, "found", harmonic().pendulum, (0.3, 0.2, 0.4)))
+    calm = dataclasses.replace(
+        harmonic(), status=DesignStatus.no_uplift, validated=(), trials=None, search=None
+    )
+    points = (
+        FrontPoint(3.0, "refused", None, (math.nan,) * 3),
+        FrontPoint(5.0, "found", harmonic().pendulum, (0.3, 0.2, 0.4)),
+    )
     for content in (written(calm), written(harmonic(), dataclasses.replace(study(), front=points))):
         VALIDATOR.validate(content)
 

@@ -32,7 +32,11 @@ def changed(design=None, exact=None, **more):
     if exact is not None:
         orbits = exact.pop("orbits", {})
         exact["orbits"] = best.exact.orbits._replace(**orbits)
-        more["exact"] = best.exact._replace(**exact) if hasattr(best.exact, "_replace") else dataclasses.replace(best.exact, **exact)
+        more["exact"] = (
+            best.exact._replace(**exact)
+            if hasattr(best.exact, "_replace")
+            else dataclasses.replace(best.exact, **exact)
+        )
     best = dataclasses.replace(best, **more)
     return dataclasses.replace(design, validated=(*design.validated[:-1], best))
 
@@ -142,7 +146,10 @@ def test_more_overturning_nearby_is_a_danger_where_chance_does_not_explain_it():
             "The block could rest with this pendulum under 10 of 10 conditions",
             {"margin": np.full(10, 0.1), "status": np.full(10, "rocking")},
         ),
-        ("Under 10 of 10 conditions no symmetric orbit that attracts", {"orbits": {"kind": np.full((1, 10), 3)}}),
+        (
+            "Under 10 of 10 conditions no symmetric orbit that attracts",
+            {"orbits": {"kind": np.full((1, 10), 3)}},
+        ),
         ("The worst settled tilt, which the descents reduce, is larger", {"value": 9.0}),
     ],
 )

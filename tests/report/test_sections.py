@@ -19,7 +19,9 @@ def rows(table) -> dict:
 def test_validation_runs_stand_with_their_intervals():
     table, chance, by_group = sections.over_runs(harmonic())
     runs = harmonic().runs
-    assert rows(table)["overturned"] == tuple(str(o.overturned) for o in (runs.with_pendulum, runs.without_pendulum))
+    assert rows(table)["overturned"] == tuple(
+        str(o.overturned) for o in (runs.with_pendulum, runs.without_pendulum)
+    )
     assert "overturned, sudden start" in rows(table)
     assert chance.text == runs.overturning_in_words
     assert [row[0] for row in by_group.rows] == list(runs.labels)
@@ -36,7 +38,9 @@ def test_a_group_that_is_worse_is_marked():
     case = dataclasses.replace(runs, with_pendulum=severe)
     found = dataclasses.replace(harmonic().validated[-1], quoted=case)
     table = sections.over_runs(dataclasses.replace(harmonic(), validated=(found,)))[-1]
-    assert [row[3] == "yes" for row in table.rows] == [i in case.worse_groups for i in range(len(case.labels))]
+    assert [row[3] == "yes" for row in table.rows] == [
+        i in case.worse_groups for i in range(len(case.labels))
+    ]
 
 
 def test_a_table_of_all_groups_does_not_claim_to_be_of_the_counted_runs():
@@ -74,7 +78,9 @@ def test_limits_that_keep_better_designs_out_are_named():
     # The best of all designs exceeds one limit: without this limit it is the best one.
     sizes = trials.sizes.copy()
     sizes[best, trials.names.index("stroke")] = 2.0
-    changed = dataclasses.replace(trials, sizes=sizes, feasible=trials.feasible & (np.arange(len(sizes)) != best))
+    changed = dataclasses.replace(
+        trials, sizes=sizes, feasible=trials.feasible & (np.arange(len(sizes)) != best)
+    )
     table = sections.limiting(dataclasses.replace(harmonic(), trials=changed))[1]
     assert list(rows(table)) == ["all limits", "without the limit on stroke"]
     assert "loosening the limit would gain" in table.caption

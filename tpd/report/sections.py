@@ -16,7 +16,7 @@ from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
 from tpd.design.orbits import KINDS
 from tpd.records.reading import facts, same_earthquakes
-from tpd.report import answer, words
+from tpd.report import words
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
 from tpd.scene.record import Record
 
@@ -79,7 +79,9 @@ def over_runs(design: Design) -> list[Block]:
         by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
     listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
     # The benefit counts only motions that are held out; this table has all runs.
-    of = runs.description if runs.counted is None else f"All {len(runs.known)} runs, of every group of motions"
+    of = (
+        runs.description if runs.counted is None else f"All {len(runs.known)} runs, of every group of motions"
+    )
     caption = (
         f"{of}{_which(design)}. Scatter: {'; '.join(listed) or 'none'}. In brackets: 95 % "
         "confidence. "
@@ -262,7 +264,9 @@ def rejected(design: Design) -> list[Block]:
         if v.reasons
     )
     return (
-        [Table(("μ", "λ", "ζ", "benefit", "reasons"), rows, "Designs that were validated and rejected.")] if rows else []
+        [Table(("μ", "λ", "ζ", "benefit", "reasons"), rows, "Designs that were validated and rejected.")]
+        if rows
+        else []
     )
 
 
