@@ -10,11 +10,14 @@ from typing import NamedTuple
 
 import pytest
 
-from tests import designs
+import tpd
+from tests.report.conftest import harmonic
 from tpd.cli import main
+from tpd.design.as_built import Study
 from tpd.report.json import as_json
 
 COLUMN = "--width 1 --height 6 --mass 9000 --friction 0 --restitution 0.9595"
+PENDULUM = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
 HUNG = "--pendulum-mass 450 --pendulum-length 0.9"
 
 
@@ -53,4 +56,4 @@ def run(tmp_path) -> Callable[..., Done]:
 
 def design_json(job: dict, hung: dict | None = None) -> str:
     """design.json of a job and a pendulum."""
-    return json.dumps(json.loads(as_json(designs.single(), designs.study(), job)) | {"pendulum": hung})
+    return json.dumps(json.loads(as_json(harmonic(), Study(), job)) | {"pendulum": hung})

@@ -40,17 +40,15 @@ def test_a_pendulum_that_helps_and_fits_is_confirmed(offered):
     assert said[0] == "Scene: a block of your own."
     assert said[4].startswith("  bob     540 kg on a rod of 0.515 m; μ = 0.03317, λ = 0.103, ζ = 0.5981")
     assert [line.split()[0] for line in said[6:11]] == ["model", "uplift", "one", "exact", "nonlinear"]
-    assert said[-1].startswith("Worth hanging under the stated conditions, as `tpd optimise` asks it: it ")
-    assert said[-3].startswith("Over 64 fresh paired runs of the nonlinear equations (seed 2): ")
-    assert any("of 10 conditions: " in line for line in said)
+    assert said[-1].startswith("RECOMMENDED for the stated conditions")
+    assert any("paired runs of the nonlinear equations" in line for line in said)
 
 
 @pytest.mark.mends("`tpd check` had no seed but that of an engine")
 def test_a_seed_chooses_the_runs_of_a_check(check, offered):
     status, said = check(OFFERED, "--seed", "5")
     assert status == 0
-    assert said[-3].startswith("Over 64 fresh paired runs of the nonlinear equations (seed 7): ")
-    assert said[-3].partition("): ")[2] != offered[1][-3].partition("): ")[2]
+    assert said[-5:] != offered[1][-5:]
     assert check(OFFERED, "--seed", "0")[1][-5:] == offered[1][-5:]
 
 
@@ -58,19 +56,16 @@ def test_a_seed_chooses_the_runs_of_a_check(check, offered):
 def test_the_last_line_says_why_not(check):
     status, said = check(STRIKING)
     assert status == 3
-    assert said[-1].startswith("does not fit: by the paired runs of the nonlinear equations the bob str")
-    assert " strikes a wall in 17 of the 63 that stand " in " ".join(said)
+    assert said[-1].startswith("NOT RECOMMENDED: the pendulum exceeds the limit on clearance")
     # Without walls there is no room to ask for.
-    status, said = check(STRIKING, "--no-walls")
-    assert status == 0
-    assert said[-3].endswith("No room for the bob is asked for.")
+    assert "exceeds the limit on clearance" not in "".join(check(STRIKING, "--no-walls")[1])
 
 
 def test_a_limit_on_the_mass_below_the_least_bob_of_the_space_is_no_bad_input(tmp_path):
     (tmp_path / "job.toml").write_text(CHIMNEY.replace("# mass = 800.0", "mass = 60.0"))
     done = call("check", "--scene", str(tmp_path / "job.toml"), "--quick", OFFERED)
     assert done.status == 3
-    assert "the mass of the bob in kg is 613.2, and the limit is 60." in " ".join(done.out.split())
+    assert ", and the limit is 60" in " ".join(done.out.split())
 
 
 def test_a_design_s_directory_is_checked_as_the_options_are(offered, tmp_path):
@@ -85,8 +80,11 @@ def test_a_design_s_directory_is_checked_as_the_options_are(offered, tmp_path):
 @pytest.mark.mends("a bare block that rests under the motion itself, and not beside it, needed no pendulum")
 def test_a_report_without_a_pendulum_is_confirmed_where_none_is_needed(tmp_path):
     # The block lifts at 0.3 g: the second motion itself has 0.29 g, and its neighbourhood 10 % more.
-    needless = "The report offers no pendulum, and under all conditions the bare"
-    for amplitude, status, said in ((0.001, 0, needless), (0.01153, 3, "does not help: ")):
+    needless = "NOT NEEDED: under all conditions"
+    for amplitude, status, said in (
+        (0.001, 0, needless),
+        (0.01153, 3, "NOT RECOMMENDED: the report has no pendulum."),
+    ):
         (tmp_path / "design.json").write_text(design_json({"motion": {"amplitude": amplitude}}))
         done = call("check", str(tmp_path), "--quick")
         assert done.status == status
@@ -101,5 +99,5 @@ def test_a_bob_that_exceeds_the_limit_on_the_mass_as_built_is_refused(tmp_path, 
     done = call("check", "--scene", str(tmp_path / "job.toml"), "--quick", *walls.split(), OFFERED)
     said = " ".join(done.out.split())
     assert done.status == 3
-    assert "does not fit: as built, the mass of the bob in kg is 6" in said
+    assert "as built, the mass of the bob in kg is 6" in said
     assert "and the limit is 560" in said

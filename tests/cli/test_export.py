@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tests import designs
-from tests.cli.conftest import call, design_json
+from tests.cli.conftest import PENDULUM, call, design_json
 
 
 @pytest.fixture
@@ -15,7 +14,7 @@ def report(tmp_path, monkeypatch):
     """Directory of a report."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "report").mkdir()
-    text = design_json({"block": {"friction": 0.05}}, vars(designs.HUNG))
+    text = design_json({"block": {"friction": 0.05}}, vars(PENDULUM))
     (tmp_path / "report" / "design.json").write_text(text)
     return "report"
 
@@ -30,7 +29,7 @@ def test_models_are_those_of_the_library(report, tmp_path):
     for kind, name in (("mjcf", "model.xml"), ("opensees", "model.tcl")):
         done = call("export", report, "--as", kind)
         assert (done.status, done.out.splitlines()[-1]) == (0, f"written: {name}")
-        assert (tmp_path / name).read_text() == getattr(tpd.engines, kind)(scene, designs.HUNG)
+        assert (tmp_path / name).read_text() == getattr(tpd.engines, kind)(scene, PENDULUM)
     ratios = "--mass-ratio 0.1 --length-ratio 0.6 --file own/model.tcl --sliding"
     assert call("export", "--as", "opensees", ratios, "0.7").status == 0
     hung = scene.pendulum(mass_ratio=0.1, length_ratio=0.6, damping_ratio=0.1)

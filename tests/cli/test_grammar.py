@@ -4,13 +4,14 @@ import re
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import tpd
-from tests import designs
 from tests.cli.conftest import call
+from tests.report.conftest import harmonic, study
 from tpd.cli import grammar, main, optimise, parser
 from tpd.cli.new import template
 
@@ -78,9 +79,9 @@ def test_the_help_explains_the_exit_statuses_and_ends_with_an_example(command, c
 def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     # A search takes long; its answer is made by hand.
-    monkeypatch.setattr(optimise, "optimise", lambda *_, **__: designs.single())
+    monkeypatch.setattr(optimise, "optimise", lambda *_, **__: harmonic())
     monkeypatch.setattr("tpd.report.files.draw", lambda *_: b"<svg/>")
-    monkeypatch.setattr(optimise, "study", lambda *_, **__: designs.study(histories=None))
+    monkeypatch.setattr(optimise, "study", lambda *_, **__: replace(study(), histories=()))
     # Nor are bifurcations searched for: they are in the tests of `tpd response`.
     monkeypatch.setattr("tpd.answers.response.bifurcations", lambda *_, **__: ())
     few = "[ensemble]\nsize = 16\nperiods = 20\n[search]\nscreening = 8\n"

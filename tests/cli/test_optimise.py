@@ -7,16 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tpd.design.result import DesignStatus
 
 import tpd
-from tests import designs
 from tests.cli.conftest import call
 from tests.formats.synthetic import peer, shaking
+from tests.report.conftest import SCENE, harmonic, rejected, study
 from tpd.cli import optimise
 from tpd.cli.new import template
 from tpd.design import job as jobs
-from tpd.design.problem import Problem
+from tpd.design.design import FrontPoint
+from tpd.design.optimise import problem_of
+from tpd.design.reasons import DesignStatus
 from tpd.records.reading import facts
 
 BAND = """
@@ -45,7 +46,7 @@ def answered(monkeypatch, tmp_path):
 
         monkeypatch.setattr(optimise, "optimise", search)
         monkeypatch.setattr("tpd.report.files.draw", lambda *_: b"<svg/>")
-        shown = designs.study(histories=None)
+        shown = replace(study(), histories=())
         monkeypatch.setattr(optimise, "study", lambda *_, front, **__: replace(shown, front=front))
         return call("optimise", *words, out=Path("out")), asked
 
@@ -54,7 +55,7 @@ def answered(monkeypatch, tmp_path):
 
 def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(answered, tmp_path):
     (tmp_path / "small.toml").write_text(BAND)
-    done, asked = answered(designs.single(), "--scene small.toml --seed 3")
+    done, asked = answered(harmonic(), "--scene small.toml --seed 3")
     assert (done.status, asked["seed"]) == (0, 3)
     assert done.files.keys() >= DATA
     assert len(done.out.splitlines()) <= 30
@@ -64,8 +65,8 @@ def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(answer
     report = done.files["report.txt"].read_text(encoding="utf-8")
     assert shown.split("\n  conditions ")[0] == report.split("\n\nblock  ")[0], "the verdict"
     assert shown.splitlines()[-2:] == [
-        "  report     out/report.html",
-        "  again      tpd optimise --scene out/scene.toml --out out-again",
+        "  report      out/report.html",
+        "  repeat      tpd optimise --scene out/scene.toml --out out-again",
     ]
     content, found = done.json("design.json"), tpd.read_design("out")
     job = jobs.job_of(tomllib.loads(done.files["scene.toml"].read_text()))
@@ -79,51 +80,52 @@ def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(answer
 @pytest.mark.parametrize("more", ["", "[ensemble]\nsize = 40\n", "[ensemble]\nseed = 0\n"])
 def test_a_seed_on_the_command_line_is_that_of_optimise(answered, tmp_path, more):
     (tmp_path / "small.toml").write_text(BAND + more)
-    asked = [answered(designs.single(), f"--scene small.toml --overwrite {x}")[1] for x in ("", "--seed 3")]
+    asked = [answered(harmonic(), f"--scene small.toml --overwrite {x}")[1] for x in ("", "--seed 3")]
     runs = [one["ensemble"] for one in asked]
     assert [one["seed"] for one in asked] == [0, 3]
     assert [one.seed for one in runs] == [0, 3]
     # The library's own: the default, and runs of another number.
     for given in (None, tpd.Ensemble(), tpd.Ensemble(size=runs[1].size)):
-        made = Problem.of(designs.SCENE, limits=[tpd.limits.Stroke()], seed=3, ensemble=given).ensemble
+        made = problem_of(SCENE, limits=[tpd.limits.Stroke()], seed=3, ensemble=given).ensemble
         assert made == replace(runs[1], size=made.size)
     np.testing.assert_array_equal(tpd.Ensemble().draws(), tpd.Ensemble(seed=0).draws())
     assert not np.array_equal(runs[1].draws(), runs[0].draws())
     # A seed of the runs alone is theirs, and a job that is asked again with another seed has other runs.
     (tmp_path / "other.toml").write_text(BAND + "[search]\nseed = 2\n[ensemble]\nseed = 5\n")
-    assert answered(designs.single(), "--scene other.toml --overwrite")[1]["ensemble"].seed == 5
-    again = answered(designs.single(), "--scene out/scene.toml --overwrite --seed 8")[1]
+    assert answered(harmonic(), "--scene other.toml --overwrite")[1]["ensemble"].seed == 5
+    again = answered(harmonic(), "--scene out/scene.toml --overwrite --seed 8")[1]
     assert (again["seed"], again["ensemble"].seed) == (8, 8)
 
 
 @pytest.mark.parametrize(
     ("design", "status"),
-    [(designs.refused(), 3), (designs.single(status=DesignStatus.no_uplift), 0)],
+    [(rejected(), 3), (replace(rejected(), status=DesignStatus.no_uplift), 0)],
 )
 def test_the_exit_status_is_that_of_the_answer(answered, design, status):
     assert answered(design)[0].status == status
 
 
 def test_quiet_json_and_verbose(answered):
-    done, _ = answered(designs.refused(), "--quiet")
+    done, _ = answered(rejected(), "--quiet")
     verdict, path = done.out.splitlines()
-    assert verdict.startswith("NO PENDULUM WORTH HANGING: ")
+    assert verdict.startswith("NOT RECOMMENDED: ")
     assert path == "out"
-    done, _ = answered(designs.refused(), "--json --overwrite")
+    done, _ = answered(rejected(), "--json --overwrite")
     assert json.loads(done.out) == done.json("design.json")
-    done, _ = answered(designs.refused(), "--verbose --overwrite")
+    done, _ = answered(rejected(), "--verbose --overwrite")
     assert done.out.endswith(done.files["report.txt"].read_text())
-    done, _ = answered(designs.refused())
+    done, _ = answered(rejected())
     assert done.status == 2
     assert "already holds files" in done.err
 
 
 def test_a_front_is_made_for_a_design_that_is_offered(answered, monkeypatch):
-    monkeypatch.setattr(optimise, "front", lambda *_, **__: designs.front())
-    done, _ = answered(designs.single(), "--pareto")
+    points = (FrontPoint(5.0, "found", harmonic().pendulum, (0.3, 0.2, 0.4)),)
+    monkeypatch.setattr(optimise, "front", lambda *_, **__: points)
+    done, _ = answered(harmonic(), "--pareto")
     assert "front.svg" in done.files
-    done, _ = answered(designs.refused(), "--pareto --overwrite")
-    assert "What a kilogramme pays" not in done.files["report.txt"].read_text()
+    done, _ = answered(rejected(), "--pareto --overwrite")
+    assert "Lighter pendulums" not in done.files["report.txt"].read_text()
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +146,7 @@ def test_a_design_on_records_is_repeated_by_its_scene_alone(on_records, tmp_path
     assert first.status == 3
     assert "\r" not in first.err, "no progress bar in a pipe"
     assert all(line.startswith("tpd") for line in first.err.splitlines())
-    assert first.out.startswith("NO PENDULUM WORTH HANGING: ")
+    assert first.out.startswith("NOT RECOMMENDED: ")
     monkeypatch.chdir(tmp_path)
     again = call("optimise --json --scene", str(folder / "first" / "scene.toml"), out=tmp_path / "again")
     assert again.status == 3
@@ -160,9 +162,9 @@ def test_a_pendulum_is_judged_on_the_records_of_a_job(on_records):
     done = call("check --scene", str(on_records[0] / "job.toml"), words)
     assert done.status == 3
     said = " ".join(done.out.split())
-    assert "tuned to (1 motions, 1 earthquakes): overturned 0.0% without and 0.0% with it" in said
-    assert "against it the best design is tuned to 1 and judged on 1, and 5 earthquakes on either" in said
-    assert done.out.splitlines()[-1].startswith("NO PENDULUM WORTH HANGING: on the motions that it is")
+    assert "tuned to (2 runs): mean tilt" in said
+    last = done.out.splitlines()[-1]
+    assert last.startswith(("NOT RECOMMENDED: ", "TOO FEW EARTHQUAKES"))
     assert "  motion  2 records, each at pga_star 2, 3" in done.out
 
 
@@ -181,7 +183,7 @@ def test_a_design_is_shaken_by_another_record(on_records, tmp_path):
 def test_the_report_says_what_was_read_of_every_record(on_records):
     first = on_records[1]
     quake, quakes = (tpd.Record.read(on_records[0] / "mine" / "quake.csv"), tpd.records.loma_prieta())
-    content = first.json("design.json")["details"]["reading"]
+    content = first.json("design.json")["reading"]
     assert {r["source"] for r in content["records"]} == {"quake.csv", "loma-prieta"}
     expected = {"quake.csv": facts(quake) | {"earthquake": "mine"}, "loma-prieta": facts(quakes)}
     assert {r.pop("group") for r in content["records"]} == {"tuned to", "held out"}
@@ -202,7 +204,7 @@ def test_the_terminal_shows_many_records_in_one_line(answered, tmp_path):
     (tmp_path / "quakes" / "a.AT2").write_text(text.replace("ACCELERATION", "VELOCITY"))
     block = template("column").partition("[motion]")[0]
     (tmp_path / "job.toml").write_text(block + '[motion]\nrecords = ["quakes"]\nscales = [1]\n')
-    done, _ = answered(designs.single(), "--scene job.toml")
+    done, _ = answered(harmonic(), "--scene job.toml")
     assert done.status == 0
     lines = done.out.splitlines()
     assert len(lines) <= 30

@@ -68,7 +68,7 @@ def test_motions_runs_and_spectra_are_those_of_one_process(cluster):
         spectrum = tpd.overturning_spectrum(SCENE.block, pulse, HUNG, cluster=c, **axes)
         rocking = tpd.rocking_spectrum(SCENE.block, pulse, periods=np.array([0.3, 0.6]), cluster=c)
         fragility = tpd.fragility(SCENE.block, motions, cluster=c, **stripes)
-        verdict = tpd.verdict(SCENE, HUNG, ensemble=few, cluster=c)
+        verdict = tpd.paired_runs(SCENE, HUNG, ensemble=few, cluster=c)
         axes_of_map = ("mu", np.linspace(0.05, 0.2, 3)), ("lam", np.array([0.3, 0.6]))
         from_rest = tpd.design_map(SCENE, *axes_of_map, pendulum=HUNG, start=np.zeros(4), cluster=c)
         numbers = {"bare": spectrum.bare, "hung": spectrum.hung, "tilt": rocking.bare}

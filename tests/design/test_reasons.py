@@ -1,4 +1,4 @@
-"""Statuses and reasons: a sentence for every kind with its numbers, and by how much a requirement is missed."""
+"""Statuses and reasons: a sentence for every kind with its numbers, and how far a requirement is missed."""
 
 import math
 
@@ -13,7 +13,8 @@ SENTENCES = {
     ),
     ReasonKind.touches_wall: (
         {"value": 0.03, "reference": 0.01, "limit": "room"},
-        "the bob exceeds the limit on room in 3.0% of the runs in which the block stands, and 1.0% are allowed",
+        "the bob exceeds the limit on room in 3.0% of the runs in which the block stands, and 1.0% are "
+        "allowed",
     ),
     ReasonKind.breaks_limit: (
         {"limit": "offset", "value": 1.0364},
@@ -30,8 +31,8 @@ SENTENCES = {
     ),
     ReasonKind.rests_less: (
         {"value": 3.0, "reference": 19.0, "total": 64},
-        "the block ends at rest in 3 of 64 runs with the pendulum, and in 19 without it; the loss of one tenth "
-        "is allowed",
+        "the block ends at rest in 3 of 64 runs with the pendulum, and in 19 without it; the loss of one "
+        "tenth is allowed",
     ),
     ReasonKind.too_little_benefit: (
         {"value": 0.034, "low": -0.01, "reference": 0.1},

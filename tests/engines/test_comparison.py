@@ -83,7 +83,7 @@ def test_a_disagreement_comes_before_the_answer(tmp_path):
         text, page = (tmp_path / "report.txt").read_text(), (tmp_path / "report.html").read_text()
         assert text.startswith(again.warning)
         assert text.count("DANGER") == 2
-        assert page.count("By an independent engine") == 1
+        assert page.count("Independent contact engine") == 1
         assert page.index("DANGER") < page.index("verdict")
     add_engine(tmp_path, sound)
     assert "Infinity" not in (tmp_path / "engine.json").read_text()

@@ -8,7 +8,7 @@ import pytest
 
 from tests.formats.synthetic import cosmos, csmip_v1, csmip_v2, esm, geonet, knet, peer, shaking, smc
 from tpd import Record
-from tpd.design.ground.judgement import Role, grouped
+from tpd.design.ground_motion import Role, grouped
 from tpd.formats.channel import UNKNOWN
 from tpd.records import el_centro, reading
 from tpd.records.reading import described, facts, read_motions, same_earthquakes, summary

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tpd.design.study import Study
 
 import tpd
-from tests import designs
+from tests.report.conftest import harmonic, rejected, study, tuned
+from tpd.design.as_built import Study, TimeHistory
 from tpd.design.job import job_of
 from tpd.report import files
 from tpd.report.files import add_engine, draw, motion_csv, response_csv, write
@@ -24,18 +24,20 @@ def read(text: str) -> tuple[list[str], list[list[str]]]:
 
 def test_all_files_are_written_and_the_page_last(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "draw", lambda name, *_: b"<svg/>" if name[-3:] == "svg" else b"GIF8")
-    study = designs.study(front=designs.front())
     toml = "[block]\nwidth = 0.1\n"
-    written = write(tmp_path / "out", designs.single(), study, {"block": {"width": 0.1}}, toml)
+    written = write(tmp_path / "out", harmonic(), study(), {"block": {"width": 0.1}}, toml)
     names = [path.name for path in written]
-    data = ["report.txt", "design.json", "scene.toml", "response.csv", "motion.csv"]
-    drawn = ["benefit.svg", "search.png", "response.svg", "motion.svg", "front.svg", "drawing.svg"]
+    data = ["report.txt", "design.json", "scene.toml", "response.csv", "motion.csv", "trials.csv"]
+    drawn = ["benefit.svg", "search.png", "response.svg", "motion.svg", "drawing.svg"]
     assert names == [*data, *drawn, "animation.gif", "report.html"]
+    head, rows = read((tmp_path / "out" / "trials.csv").read_text())
+    assert head[:3] == ["mu", "lam", "zeta"]
+    np.testing.assert_array_equal(np.array(rows)[:, :3].astype(float), harmonic().trials.designs)
     assert sorted(names) == sorted(path.name for path in (tmp_path / "out").iterdir())
     assert (tmp_path / "out" / "scene.toml").read_text() == toml
     page = (tmp_path / "out" / "report.html").read_text()
     assert "width = 0.1" in page
-    assert page.count("<figure>") == 7
+    assert page.count("<figure>") == 6
 
 
 def test_a_report_is_written_with_the_job_where_one_says_what_was_asked(tmp_path, monkeypatch):
@@ -44,7 +46,7 @@ def test_a_report_is_written_with_the_job_where_one_says_what_was_asked(tmp_path
 
     monkeypatch.setattr(files, "draw", lambda *_: b"<svg/>")
     monkeypatch.setattr(files, "job_of_design", lambda _: job_of({}))
-    design, study = designs.refused(), Study()
+    design, study = rejected(), Study()
     assert "scene.toml" in {path.name for path in tpd.write_report(design, tmp_path / "a", study=study)}
     with pytest.raises(ValueError, match="already holds files"):
         tpd.write_report(design, tmp_path / "a", study=study)
@@ -59,33 +61,38 @@ def test_a_report_is_written_with_the_job_where_one_says_what_was_asked(tmp_path
 
 
 def test_pictures_of_lines_are_svg_and_fields_are_not_and_the_drawing_has_the_body_that_was_asked_for():
-    for name in ("benefit", "conditions", "response", "motion"):
-        found = draw(f"{name}.svg", designs.band(), designs.study())
+    for name in ("benefit", "response", "motion"):
+        found = draw(f"{name}.svg", harmonic(), study())
         assert ElementTree.fromstring(found).tag.endswith("svg")
-    assert draw("search.png", designs.single(), Study()).startswith(b"\x89PNG")
-    found = draw("drawing.svg", designs.around(), Study())
-    assert found == draw("drawing.svg", designs.around(), Study())
-    words = re.sub(r"<[^>]+>", " ", found.decode())
-    assert "bob, 1.689 kg: ball" in words
-    assert "0.0744 m wide" in words
+    assert draw("search.png", harmonic(), Study()).startswith(b"\x89PNG")
+    found = draw("drawing.svg", harmonic(), Study())
+    assert found == draw("drawing.svg", harmonic(), Study())
+    words, build = re.sub(r"<[^>]+>", " ", found.decode()), study().build
+    assert f"bob, {build.mass:.4g} kg: ball" in words
+    assert f"{build.bob_width:.3g}" in words
     with pytest.raises(ValueError, match="`name` must be one of benefit"):
-        draw("other.svg", designs.single(), Study())
+        draw("other.svg", harmonic(), Study())
 
 
 def test_motions_and_responses_are_tables():
-    bare, hung = designs.study().histories
+    bare, hung = study().histories
     head, rows = read(motion_csv((bare, hung)))
     assert head == ["time_s", "without_tilt_rad", "with_tilt_rad", "with_bob_rad"]
     np.testing.assert_array_equal(np.array(rows, float).T, [bare.time, bare.tilt, hung.tilt, hung.bob])
     # After an overturning the cells are empty.
-    head, rows = read(motion_csv((designs.history(False, lost=True),)))
+    time = np.linspace(0.0, 10.0, 11)
+    tilt = np.where(time > 5.0, np.nan, 0.1)
+    lost = TimeHistory(with_pendulum=False, time=time, tilt=tilt, bob=tilt, overturned=True)
+    head, rows = read(motion_csv((lost,)))
     assert (head, rows[-1][1]) == (["time_s", "without_tilt_rad"], "")
     assert float(rows[-1][0]) > 9.0
-    bare, hung = designs.response(0.1, np.inf, 0.3), designs.response(0.1, 0.2, 0.3)
+    bare, hung = study().responses
     head, rows = read(response_csv((bare, hung)))
     sizes = ["without_status", "without_amplitude_rad", "with_status", "with_amplitude_rad"]
     assert head == ["frequency_Hz", *sizes, "with_stroke_rad"]
-    assert rows[1] == ["2.45", "rocking", "inf", "rocking", "0.2", "0.1"]
+    numbers = np.array([[row[i] for i in (0, 2, 4, 5)] for row in rows], float).T
+    np.testing.assert_array_equal(numbers, [bare.frequency, bare.amplitude, hung.amplitude, hung.stroke])
+    assert [row[3] for row in rows] == list(hung.status)
     assert read(response_csv((bare,)))[0] == ["frequency_Hz", *sizes[:2]]
 
 
@@ -108,7 +115,7 @@ def test_a_second_run_of_an_engine_replaces_the_first(tmp_path):
         text, page = (tmp_path / "report.txt").read_text(), (tmp_path / "report.html").read_text()
         assert text.startswith(warning or "verdict")
         assert text.count("table of MuJoCo & more") == page.count("table of MuJoCo &amp; more") == 1
-        assert text.count("By an independent engine\n") == 1
+        assert text.count("Independent contact engine\n") == 1
         assert page.count('<p class="danger">') == bool(warning)
         assert page.index("verdict</p>") < page.index("table of") < page.index("</body>")
 
@@ -122,15 +129,32 @@ def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_n
 
     monkeypatch.setattr(files, "draw", drawn)
     there, said = [], []
-    job = designs.single(), designs.study(), {}, "[block]"
+    job = harmonic(), study(), {}, "[block]"
     then = lambda: there.extend(p.name for p in tmp_path.iterdir())  # noqa: E731
     written = write(tmp_path, *job, then=then, warn=said.append)
-    assert set(there) == {"report.txt", "design.json", "scene.toml", "response.csv", "motion.csv"}
+    assert set(there) == {
+        "report.txt",
+        "design.json",
+        "scene.toml",
+        "response.csv",
+        "motion.csv",
+        "trials.csv",
+    }
     assert said == ["search.png is not drawn: latex was not able to process"]
     assert {"report.html", "drawing.svg"} < {p.name for p in written}
     assert "search.png" not in {p.name for p in tmp_path.iterdir()}
     monkeypatch.setattr(files, "job_of_design", lambda _: job_of({}))
     monkeypatch.setenv("HOME", str(tmp_path))
     with pytest.warns(UserWarning, match=r"search\.png is not drawn: latex"):
-        written = tpd.write_report(designs.single(), "~/saved", study=Study())
+        written = tpd.write_report(harmonic(), "~/saved", study=Study())
     assert written[0] == tmp_path / "saved" / "report.txt"
+
+
+def test_a_report_under_ground_motions_is_written_as_a_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "draw", lambda name, *_: b"<svg/>" if name[-3:] == "svg" else b"\x89PNG")
+    names = {path.name for path in tpd.write_report(tuned(), tmp_path)}
+    assert {"report.txt", "design.json", "scene.toml", "trials.csv", "report.html", "drawing.svg"} <= names
+    # The design of a report is read again with its job.
+    stored = tpd.read_design(tmp_path)
+    assert (stored.status, stored.pendulum) == (tuned().status, tuned().pendulum)
+    assert stored.job.tables["motion"]["records"] == ["loma-prieta"]

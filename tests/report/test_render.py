@@ -4,8 +4,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from tests import designs
-from tpd.design.study import build_of
+from tests.report.conftest import DESIGNS, harmonic, study
 from tpd.report.blocks import Code, Figure, Note, Report, Section, Table, Text, danger, note
 from tpd.report.content import content, names
 from tpd.report.render import html, text
@@ -54,32 +53,34 @@ def report(verdict: Note, *sections: Section) -> Report:
 
 
 def test_the_page_is_whole_and_needs_nothing_from_outside():
-    design, study = designs.single(), designs.study()
-    page = html(content(design, study, "[block]\n"), dict.fromkeys(names(design, study), PNG))
+    pictures = dict.fromkeys(names(harmonic(), study()), PNG)
+    page = html(content(harmonic(), study(), "[block]\n"), pictures)
     reader = read(page)
     assert "http:" not in page
     assert "https:" not in page
     assert not {"script", "link", "iframe"} & {tag for tag, _ in reader.tags}
     images = [attributes for tag, attributes in reader.tags if tag == "img"]
-    assert len(images) == 6
+    assert len(images) == len(pictures) == 6
     for image in images:
         assert image["src"].startswith("data:image/png;base64,")
         assert len(image["alt"]) > 20
     assert sum(tag == "figcaption" for tag, _ in reader.tags) == 6
 
 
-def test_page_and_text_say_the_same_in_the_same_order():
-    order = ["FOUND, BUT NOT TO BE HUNG AS IT IS", "DANGER: Once settled", "Build it", "1.622 kg"]
-    parts = ["0.12 m", "N m s/rad", "ten swings take", "jax", "1 met no design", "50.0% (", "growing for 2 s"]
-    for design in (designs.single(), designs.band()):
-        found = content(design, designs.study(responses=None, build=build_of(design)), "[block]\n")
-        page, words = read(html(found, {})).text, text(found)
-        assert words.startswith(order[0])
-        for said in (page, words):
-            places = [said.index(x) for x in (*order, "Assumptions", "Seed 3")]
-            assert places == sorted(places)
-            for part in (*parts, "40 paired runs of the nonlinear equations, seed 0"):
-                assert part in said
+@pytest.mark.parametrize("kind", DESIGNS)
+def test_page_and_text_say_the_same_in_the_same_order(kind):
+    found = content(DESIGNS[kind](), study(kind), "[block]\n")
+    said, report = (" ".join(x.split()) for x in (read(html(found, {})).text, text(found)))
+    assert report.startswith(found.verdict.marked)
+    # A section of pictures alone is not in the text.
+    titles = [s.title for s in found.sections if any(not isinstance(b, Figure) for b in s.blocks)]
+    for words in (said, report):
+        parts = [found.verdict.text, *titles, f"Seed {DESIGNS[kind]().seed}."]
+        last = words.index(found.verdict.text)
+        for part in parts[1:]:
+            last = words.index(part, last + 1)
+        assert all(cell in words for row in found.answer.cells for cell in row)
+        assert found.comparison.caption in words
 
 
 def test_severities_are_classes_and_all_but_the_first_screen_is_folded():

@@ -1,16 +1,14 @@
-"""Sections of harmonic designs: paired runs, losses, and what limits the design. Those on ground motions are
-tested with a design that was searched, in the tests of that search."""
+"""Sections of a report: runs, losses, limits, motions, search and rejected designs."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
-import tpd
-from tests import designs
-from tpd.design.verified import Reason, ReasonKind, Step
+from tests.report.conftest import DESIGNS, LITTLE, STRIKES, against, ground, harmonic, rejected, study
+from tpd.design.reasons import DesignStatus
 from tpd.report import sections
-from tpd.report.blocks import Table, Text
+from tpd.report.blocks import Table
 
 
 def rows(table) -> dict:
@@ -18,86 +16,102 @@ def rows(table) -> dict:
     return {row[0]: row[1:] for row in table.rows}
 
 
-def test_paired_runs_stand_with_their_intervals():
-    table, chance, by_condition = sections.over_runs(designs.around())
-    found = rows(table)
-    assert found["overturned"] == ("5.0% (1.4% to 16.5%)", "50.0% (35.2% to 64.8%)")
-    # Runs of odd numbers have shakings that grow: 1 of 20 overturns with the pendulum, 10 without.
-    assert found["overturned, growing for 2 s"][0].startswith("5.0%")
-    assert found["settled tilt, 50, 90, 99 % of the runs (rad)"][0] == "0.05, 0.05, overturned"
-    said = "0 runs overturn with the pendulum only and 18 without it only. Would chance alone do this?"
-    assert chance == Text(f"{said} Hardly: p = 7.6e-06.")
-    assert len(by_condition.rows) == 10
-    # Runs 0, 10, 20 and 30 are of the first condition; 0 overturns with the pendulum, 0 and 10 without.
-    assert rows(by_condition)["2.375 Hz"] == ("40%", "70%", None)
+def test_validation_runs_stand_with_their_intervals():
+    table, chance, by_group = sections.over_runs(harmonic())
+    runs = harmonic().runs
+    assert rows(table)["overturned"] == tuple(
+        str(o.overturned) for o in (runs.with_pendulum, runs.without_pendulum)
+    )
+    assert "overturned, sudden start" in rows(table)
+    assert chance.text == runs.overturning_in_words
+    assert [row[0] for row in by_group.rows] == list(runs.labels)
+    np.testing.assert_allclose(
+        [float(row[1][:-1]) for row in by_group.rows], 100 * runs.by_group[0], atol=0.5
+    )
+    assert {row[3] for row in by_group.rows} == {"no"}
+    assert table.caption.startswith(f"{runs.description}, which no decision has used")
 
 
-def test_conditions_that_get_worse_are_marked():
-    runs = designs.paired(lost=30, lost_bare=2, tilt=0.2)
-    winner = dataclasses.replace(designs.around().winner, paired=runs, benefit=designs.benefit(runs, 10))
-    table = sections.over_runs(designs.around(verified=(winner,)))[-1]
-    assert "worse" in {row[-1] for row in table.rows}
+def test_a_group_that_is_worse_is_marked():
+    runs = harmonic().runs
+    severe = dataclasses.replace(runs.with_pendulum, status=np.full(len(runs.group), "overturned"))
+    case = dataclasses.replace(runs, with_pendulum=severe)
+    found = dataclasses.replace(harmonic().validated[-1], quoted=case)
+    table = sections.over_runs(dataclasses.replace(harmonic(), validated=(found,)))[-1]
+    assert [row[3] == "yes" for row in table.rows] == [
+        i in case.worse_groups for i in range(len(case.labels))
+    ]
 
 
-def test_without_paired_runs_and_for_one_condition_there_is_less_to_show():
-    assert sections.over_runs(designs.refused()) == []
-    assert len(sections.over_runs(designs.single())) == 2
-    assert sections.other_losses(designs.single()) == sections.limiting(designs.single()) == []
+def test_a_table_of_all_groups_does_not_claim_to_be_of_the_counted_runs():
+    design = ground()
+    table, chance, _ = sections.over_runs(design)
+    assert design.runs.description.startswith("2 paired runs")
+    assert "1 earthquake" in design.runs.description
+    assert "1 earthquakes" not in design.runs.description
+    assert table.caption.startswith("All 4 runs, of every group of motions.")
+    # Runs of one earthquake are not independent.
+    assert "p =" not in chance.text
 
 
 def test_losses_have_a_row_each():
-    (table,) = sections.other_losses(designs.around())
+    (table,) = sections.other_losses(study())
     found = rows(table)
-    assert list(found) == ["friction", "impacts"]
-    assert found["impacts"][:2] == ("k = 0.05, e = 0.9", "0% less tilt (95 % interval -11% to 10%)")
-    assert found["impacts"][2] == "50.0% / 50.0%"
+    assert list(found) == ["friction", "impacts", "friction and impacts"]
+    for case in study().losses:
+        fell = case.runs.change("overturned")
+        shares = f"{fell.with_pendulum:.1%} / {fell.without_pendulum:.1%}"
+        assert found[case.name][1:3] == (case.runs.benefit_in_words, shares)
+    assert sections.other_losses(study("rejected")) == []
 
 
 def test_limits_that_keep_better_designs_out_are_named():
-    counts, table = sections.limiting(designs.around())
-    assert "Of 4 designs followed from rest by the linear equations 2 keep to all limits from" in counts.text
-    assert "1 exceed the limit on room on the way" in counts.text
-    kept, without = table.rows
-    assert kept[:2] == ("limits kept from rest", pytest.approx(1.6224))
-    assert without[1:3] == (pytest.approx(3.2448), pytest.approx(0.16))
-    assert kept[-1] == "30%"
-    assert without[-1] == "20%"
-
-
-def test_a_limit_without_which_the_best_design_is_the_same_has_no_row():
-    design = designs.around()
-    wide, *others = design.surveys
-    excess = wide.excess | {"stroke": np.array([-0.1, -0.1, 0.2, -0.1])}
-    surveys = (dataclasses.replace(wide, excess=excess), *others)
-    table = sections.limiting(dataclasses.replace(design, surveys=surveys))[-1]
-    assert "The best design is the same without the limit on stroke." in table.caption
-    named = ["limits kept from rest", "without the limit on room", "without any limit"]
-    assert [row[0] for row in table.rows] == named
-
-
-@pytest.mark.mends("a design was counted by its first reason alone")
-def test_every_reason_against_the_verified_is_counted():
-    both = designs.verified(reasons=(designs.LITTLE, designs.STRIKES))
-    counts = sections.limiting(designs.all_refused(both))[0]
-    assert "1 were refused: " in counts.text
-    assert "1 because the benefit is too small" in counts.text
-    assert "1 because the bob strikes a wall" in counts.text
-
-
-def test_the_runs_that_judged_are_named_beside_those_that_chose():
-    runs = designs.paired()
-    judges = dataclasses.replace(runs.hung, ensemble=tpd.Ensemble(size=40, seed=2))
-    winner = designs.verified(
-        paired=dataclasses.replace(runs, hung=judges),
-        benefit=designs.benefit(runs, 10),
-        chosen_by=designs.benefit(designs.paired(0), 10),
+    trials = harmonic().trials
+    text, table = sections.limiting(harmonic())
+    kept = int(trials.feasible.sum())
+    assert text.text.startswith(f"Of {len(trials.designs)} designs with trial runs {kept} keep to all limits")
+    (over,) = np.sum(trials.sizes[:, [trials.names.index("stroke")]] > 1.0, axis=0)
+    assert f"designs that exceed a limit: stroke {over}" in text.text
+    assert f"stroke {harmonic().usage['stroke']:.0%}" in text.text
+    best = trials.best_without()
+    assert rows(table)["all limits"][0] == pytest.approx(trials.designs[best, 0] * 16.224)
+    # The best of all designs exceeds one limit: without this limit it is the best one.
+    sizes = trials.sizes.copy()
+    sizes[best, trials.names.index("stroke")] = 2.0
+    changed = dataclasses.replace(
+        trials, sizes=sizes, feasible=trials.feasible & (np.arange(len(sizes)) != best)
     )
-    failed = dataclasses.replace(winner, reasons=(Reason(step=Step.judgement, kind=ReasonKind.strikes),))
-    caption = sections.over_runs(designs.around(verified=(failed, winner)))[0].caption
-    assert caption.startswith("40 fresh paired runs of the nonlinear equations, seed 2")
-    assert "; 1 before it failed by these runs, and each further try may pass by luck; those" in caption
-    assert "those that chose it, seed 0, gave 71% less tilt" in caption
-    alone = sections.over_runs(designs.around(verified=(winner,)))[0].caption
-    assert alone.startswith(
-        "40 fresh paired runs of the nonlinear equations, seed 2, which judged the design"
-    )
+    table = sections.limiting(dataclasses.replace(harmonic(), trials=changed))[1]
+    assert list(rows(table)) == ["all limits", "without the limit on stroke"]
+    assert "loosening the limit would gain" in table.caption
+
+
+def test_settled_motions_have_a_row_for_every_condition():
+    for design in (harmonic(), rejected()):
+        first, conditions = sections.settled(design, ())
+        assert [row[0] for row in conditions.rows] == [design.conditions.label(i) for i in range(10)]
+        assert ("came nearest and is not recommended" in conditions.caption) is (design.pendulum is None)
+        assert "worst tilt without a pendulum" in rows(first)
+    assert sections.settled(ground(), ()) == []
+
+
+@pytest.mark.parametrize("kind", DESIGNS)
+def test_the_search_and_the_designs_that_were_rejected_are_told(kind):
+    design = DESIGNS[kind]()
+    (text,) = sections.searched(design, ())
+    assert text.text.startswith(f"{len(design.trials.designs)} designs were evaluated by trial runs")
+    assert ("The descents began from" in text.text) is (design.search is not None)
+    tables = sections.rejected(design)
+    listed = [v for v in design.validated if v.reasons]
+    assert len(tables) == bool(listed)
+    for row, v in zip(tables[0].rows if tables else (), listed, strict=True):
+        # The benefit is that of the runs which the reasons are about.
+        assert row[3] == v.runs.benefit_in_words
+        assert row[4] == "; ".join(v.refusals)
+
+
+def test_dangers_come_first_among_the_reasons():
+    (table,) = sections.rejected(against(LITTLE, STRIKES))
+    assert table.rows[0][-1] == f"{STRIKES}; {LITTLE}"
+    calm = dataclasses.replace(harmonic(), status=DesignStatus.no_uplift, validated=(), trials=None)
+    assert [sections.over_runs(calm), sections.limiting(calm), sections.searched(calm, ())] == [[], [], []]

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 import tpd
-from tests import designs
+from tests.report.conftest import harmonic
 from tpd.design.criteria import Mass, Risk, Room
 from tpd.report import words
 from tpd.scene.bob import Bob
@@ -72,7 +72,8 @@ def test_a_value_of_the_risk_in_words():
         (1.2, {}, "no settled motion under the worst condition: by events the block may overturn"),
         (-0.1, {"risk": Risk.expected()}, "-0.1000 times nu, rest counted as less its uplift margin"),
     ):
-        assert words.risk(designs.band(**changes), value) == said
+        problem = dataclasses.replace(harmonic().problem, **changes)
+        assert words.risk(dataclasses.replace(harmonic(), problem=problem), value) == said
 
 
 def test_angles_that_are_infinite_or_unknown_are_told_apart():
@@ -86,5 +87,5 @@ def test_limits_in_words():
     assert words.limit(Room()) == "the bob, a solid ball of steel, keeps off the walls"
     wood = Room(Bob(shape="cylinder", density=700.0))
     assert "a solid cylinder of 700 kg/m³, 2 times as high as wide" in words.limit(wood)
-    said = [words.limit(limit) for limit in designs.single().limits]
+    said = [words.limit(limit) for limit in harmonic().problem.limits]
     assert said == ["stroke 0.5 rad", "reserve 0.05"]

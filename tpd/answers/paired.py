@@ -86,7 +86,8 @@ class PairedRuns(Printed):
         kind = f"{n} paired runs of the {self.with_pendulum.equations} equations, seed {e.seed or 0}"
         if self.cluster is None:
             return kind
-        return f"{kind}, {len(np.unique(self.cluster[self._rows]))} earthquakes"
+        events = len(np.unique(self.cluster[self._rows]))
+        return f"{kind}, {events} earthquake{'s' if events != 1 else ''}"
 
     @cached_property
     def severity(self) -> np.ndarray:
@@ -234,7 +235,8 @@ class PairedRuns(Printed):
         """Runs that overturn in one of the two cases only, and whether that is significant."""
         with_it, without = self.only
         said = f"{with_it} runs overturn only with the pendulum and {without} only without it"
-        if with_it == without:
+        # Runs of one earthquake are not independent, so that the counts have no such probability.
+        if with_it == without or self.cluster is not None:
             return f"{said}."
         chance = chance_of_either(with_it, without)
         size = "p < 1e-6" if chance < 1e-6 else f"p = {chance:.2g}"

@@ -195,7 +195,8 @@ def held(path: Path) -> Iterator[IO[bytes]]:
 
 
 def as_json(content: Any) -> str:
-    """Format as JSON with sorted keys; infinities and NaN become the words "infinite" and "nan"."""
+    """Format as JSON with sorted keys; infinities and NaN become words: "infinite", "-infinite" and
+    "nan"."""
     return json.dumps(_finite(content), indent=1, sort_keys=True, allow_nan=False) + "\n"
 
 
@@ -254,5 +255,6 @@ def _finite(value: Any) -> Any:
     if isinstance(value, str):
         return readable(value)
     if isinstance(value, float) and not math.isfinite(value):
-        return "nan" if math.isnan(value) else "infinite"
+        # The lower end of an unknown interval must not read as the upper one.
+        return {math.inf: "infinite", -math.inf: "-infinite"}.get(value, "nan")
     return value

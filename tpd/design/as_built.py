@@ -319,14 +319,20 @@ def _compared(design: Design, scene: Scene | None = None, more: Conditions | Non
     """Paired runs of the linear equations in a changed scene or under a further condition."""
     problem, hung = design.problem, design.pendulum
     assert hung is not None
-    seed = int(np.random.SeedSequence([problem.ensemble.seed or problem.seed, _SEED]).generate_state(1)[0])
+    seed = int(
+        np.random.SeedSequence(
+            [problem.seed if problem.ensemble.seed is None else problem.ensemble.seed, _SEED]
+        ).generate_state(1)[0]
+    )
     return problem.paired_runs(problem.ratios(hung), seed, equations="linear", scene=scene, more=more)
 
 
 def loss_models(scene: Scene) -> dict[str, Block]:
     """Return the block with the losses of friction, of impacts and of both: its own where it has them, else a
     friction that loses as much as the impacts, or Housner's impacts."""
-    block, p = scene.block, scene.parameters()
+    block = scene.block
+    # The losses are those of the block alone, whatever moves its base.
+    p = scene.parameters() if isinstance(scene.motion, Harmonic) else scene.ground_parameters()
     e = float(block.velocity_ratio)
     k = float(block.friction or 0.0)
     impacts = HOUSNER if block.restitution is None else block.restitution

@@ -436,7 +436,7 @@ class Room(Limit):
 
     bob: Bob = field(default_factory=Bob)
     name: ClassVar[str] = "room"
-    label: ClassVar[str] = "room (bob to the wall)"
+    label: ClassVar[str] = "clearance (bob to the wall)"
 
     def __post_init__(self) -> None:
         checks.instance("bob", self.bob, Bob)

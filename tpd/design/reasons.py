@@ -7,6 +7,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from tpd.design.criteria import LABELS
+
 
 class DesignStatus(enum.Enum):
     """Outcome of a design problem; the value is a sentence of the report."""
@@ -78,7 +80,7 @@ class ReasonKind(enum.Enum):
         "only without it"
     )
     touches_wall = (
-        "the bob exceeds the limit on {limit} in {value:.1%} of the runs in which the block stands, and "
+        "the pendulum exceeds the limit on {limit} in {value:.1%} of the runs in which the block stands, and "
         "{reference:.1%} are allowed"
     )
     breaks_limit = "the design exceeds the limit on {limit}: {value:.3g} times the limit"
@@ -145,7 +147,7 @@ class Reason:
 
     def __str__(self) -> str:
         return self.kind.value.format(
-            **vars(self),
+            **vars(self) | {"limit": LABELS.get(self.limit, self.limit)},
             falls=self._fall_in_words,
             others=f", and higher under {self.total - 1} other conditions" if self.total > 1 else "",
         )

@@ -9,16 +9,15 @@ from pathlib import Path
 
 from tpd.core.formatting import aligned, number
 from tpd.design.as_built import Study, build_of
-from tpd.design.criteria import LABELS
+from tpd.design.criteria import LABELS, Room, limit_of
 from tpd.design.design import Design
 from tpd.design.reasons import DesignStatus
 from tpd.report import words
-from tpd.report.blocks import Note, Severity, Table, danger, note, wrapped
+from tpd.report.blocks import Note, Severity, danger, note, wrapped
 from tpd.report.notes import notes
 
 MOST = 25
-"""Most lines: the command has printed block and motion in four lines before, so that a terminal has
-thirty."""
+"""Most lines: with the four lines on block and motion that the command prints before, about thirty."""
 _NAME = 14
 """Columns of the names of rows."""
 _USED = 0.95
@@ -36,31 +35,29 @@ def answer(
     further runs is left out as well."""
     study = Study(build=build_of(design)) if study is None else study
     first = [verdict(design, study), *dangers(design, study)]
-    lines = [line for one in first for line in wrapped(one.marked)]
+    parts = [wrapped(one.marked) for one in first]
     rows = [pair for pair in pairs(design, study) if pair[0] not in ("block", "motion")]
-    runs, shown = design.runs, False
+    runs, indent, shown = design.runs, " " * _NAME, False
     for name, text in rows:
         # The table stands after the pendulum, before what limits it.
         if runs is not None and name in ("clearance", "reason", "limits") and not shown:
-            shown = True
-            lines += _table(words.comparison(runs))
-        lines += _named(text, name)
-    more = list(_more(design, directory))
-    # A long list of reasons must not push away where the report lies.
-    room = most - sum(len(_named(text, name)) for name, text in more)
-    if len(lines) > room:
-        lines = [*lines[: room - 1], " " * _NAME + "(more in the report)"]
-    return "\n".join([*lines, *(line for name, text in more for line in _named(text, name))])
+            shown, table = True, words.comparison(runs)
+            cells = [indent + line for line in aligned([table.head, *table.cells])]
+            parts.append([*cells, *wrapped(table.caption, indent, indent)])
+        parts.append(_named(text, name))
+    last = [line for name, text in _more(design, directory) for line in _named(text, name)]
+    # A long list of reasons must not push away where the report lies. Rows are left out in whole: half a
+    # sentence may say the opposite.
+    if sum(map(len, parts)) + len(last) > most:
+        while len(parts) > 1 and sum(map(len, parts)) + len(last) >= most:
+            parts.pop()
+        last = [indent + "(more in the report)", *last]
+    return "\n".join([line for part in parts for line in part] + last)
 
 
 def _named(text: str, name: str) -> list[str]:
     """Lines of a sentence behind the name of its row."""
     return wrapped(text, f"  {name:<{_NAME - 2}}", " " * _NAME)
-
-
-def _table(of: Table) -> Iterator[str]:
-    yield from (" " * _NAME + line for line in aligned([of.head, *of.cells]))
-    yield from wrapped(of.caption, " " * _NAME, " " * _NAME)
 
 
 def verdict(design: Design, study: Study | None = None) -> Note:
@@ -152,10 +149,13 @@ def _clearance(design: Design, study: Study) -> str:
     most = design.problem.allowed
     share = f"a limit is exceeded in {design.best.over_limit:.1%} of the runs in which the block stands "
     share += f"(at most {most:.0%} allowed)"
+    # Without walls in the search the distance to a wall that the bob passes through says nothing.
     build = study.build
-    if build is None or math.isnan(build.wall) or math.isnan(build.reach):
+    walls = limit_of(design.problem.limits, Room) is not None
+    if build is None or not walls or math.isnan(build.reach):
         return share
-    return f"{share}; {1 - most:.0%} of these runs stay within {number(build.reach, 3)} of {build.wall:.3g} m"
+    reach = f"the bob stays within {number(build.reach, 3)} m of the block's axis"
+    return f"{share}; in {1 - most:.0%} of them {reach}, and the wall is at {build.wall:.3g} m"
 
 
 def active_limits(design: Design, study: Study) -> str:

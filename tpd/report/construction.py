@@ -71,11 +71,11 @@ def _sizes(design: Design, build: Build) -> Table:
     if build.lifts is not None:
         settled = f"; under the harmonic of the job {number(build.lifts[0])} g once the bob has settled"
     lifts = (
-        "shaking much slower, much faster than the pendulum, as a point; near its own frequency maybe less "
-        f"than both{settled}; {number(threshold(design.scene))} g without it"
+        "under motions of the base that are much slower, and much faster, than the pendulum; near its own "
+        f"frequency it may be less than both{settled}; {number(threshold(design.scene))} g without it"
     )
     rows.append(("acceleration that lifts the resting block", f"{number(slow)} g, {number(fast)} g", lifts))
-    forces = "There are no forces, since the block stands in none of the motions."
+    forces = "No forces are known, because the block stands in none of the motions."
     if loads is not None:
         forces = (
             f"Forces: the largest of {loads.motions} motions of the job in which the block stands (of "
@@ -83,7 +83,7 @@ def _sizes(design: Design, build: Build) -> Table:
             "nominal block, in proportion to the whole mass. Impacts of the block are left out: take a "
             "factor of safety."
         )
-    return Table(("part", "size", "remark"), tuple(rows), f"{forces} Costs are yours.")
+    return Table(("part", "size", "remark"), tuple(rows), forces)
 
 
 def _way(design: Design, build: Build) -> list[tuple[Cell, ...]]:
@@ -131,7 +131,10 @@ def _checks(build: Build) -> Listing:
 def _sensitivity(design: Design, study: Study) -> list[Block]:
     if not study.sensitivity:
         return []
-    validated = _validated(design)
+    e, validated = float(design.scene.block.velocity_ratio), dict(design.problem.scatter)
+    # A restitution scatters as a number; the table is about the loss, 1 - e.
+    if "restitution" in validated and e < 1.0:
+        validated["restitution"] *= e / (1.0 - e)
     rows = tuple(
         (
             _NAMES[m.name][0],
@@ -156,14 +159,6 @@ def _sensitivity(design: Design, study: Study) -> list[Block]:
     if lost:
         text = f"The benefit is no longer significant if these are varied as in column 3: {'; '.join(lost)}."
     return [Table(head, rows, caption), Text(text)]
-
-
-def _validated(design: Design) -> dict[str, float]:
-    """Half widths of what scatters in the validation runs; of a restitution that of the loss, 1 - e."""
-    e, found = float(design.scene.block.velocity_ratio), dict(design.problem.scatter)
-    if "restitution" in found and e < 1.0:
-        found["restitution"] *= e / (1.0 - e)
-    return found
 
 
 def _interval(of: Interval) -> str:

@@ -162,8 +162,8 @@ def _assumptions(design: Design) -> list[str]:
     inertia = "uniform rectangle" if own is None else f"radius of gyration {number(own)} m about the centroid"
     text = [
         f"A rigid block ({inertia}) that rocks about its two lower edges: it neither slides nor bounces.",
-        f"Energy losses: {words.losses(scene.block)} (friction as a moment over M g b, e the ratio of the "
-        "tilting rates after and before an impact on the base).",
+        "Energy losses (friction is a moment over M g b; e is the ratio of the tilting rates after and "
+        f"before an impact on the base): {words.losses(scene.block)}.",
         "A point bob on a massless rod from the middle of the top, with a viscous hinge.",
     ]
     limits = "; ".join(map(words.limit, problem.limits)) or "none"
@@ -183,7 +183,7 @@ def _assumptions(design: Design) -> list[str]:
         *text,
         "Search and trial runs: linear equations (25) of Collini et al. (2016), misprints corrected, solved "
         "exactly. Validation runs: nonlinear equations (4).",
-        f"Validation runs scatter {scatter}, each uniform, equal with and without the pendulum.",
+        f"Scatter of the validation runs: {scatter}, each uniform, and the same in both cases.",
         f"Limits, for all but {problem.allowed:.0%} of the runs in which the block stands: {limits}.",
     ]
 

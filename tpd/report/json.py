@@ -13,7 +13,6 @@ from tpd.answers.ensemble import Outcomes
 from tpd.answers.paired import PairedRuns
 from tpd.core import files
 from tpd.design.as_built import Study
-from tpd.design.criteria import Limit
 from tpd.design.design import Design
 from tpd.design.gaussian_process import GaussianProcess
 from tpd.design.orbits import KINDS
@@ -29,9 +28,12 @@ _EVALUATION = ("tilt", "stroke", "margin", "multiplier", "reserve")
 
 
 def as_json(design: Design, study: Study, job_tables: dict[str, Any], said: Sequence[str] = ()) -> str:
-    """The design as sorted JSON; infinite and unknown numbers are the words "infinite" and "nan"."""
+    """The design as sorted JSON; infinite and unknown numbers are words."""
     hung, gravity, problem = design.pendulum, float(design.scene.gravity), design.problem
     p = design.scene.parameters(hung) if design.problem.without_pendulum is not None else None
+    # A limit is its value, or true where it has none; one of the user's own has all its fields.
+    fields_of = {limit.name: vars(limit) for limit in problem.limits}
+    limits = {n: next(iter(x.values())) if len(x) == 1 else x or True for n, x in fields_of.items()}
     entries = {
         "version": VERSION,
         "status": design.status.name,
@@ -44,7 +46,7 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any], said: Sequ
         **{n: getattr(study, n) for n in ("build", "sensitivity", "losses", "responses", "front")},
         "risk": problem.risk,
         "worth": replace(problem.worth, strikes=problem.allowed),
-        "limits": {limit.name: _limit(limit) for limit in problem.limits},
+        "limits": limits,
         "usage": design.usage,
         "job": job_tables,
         "versions": files.versions(),
@@ -64,12 +66,6 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any], said: Sequ
         },
     }
     return files.as_json(plain(entries))
-
-
-def _limit(limit: Limit) -> Any:
-    """Value of a limit, or true where it has none; of a user's own all its fields."""
-    values = vars(limit)
-    return next(iter(values.values())) if len(values) == 1 else values or True
 
 
 def plain(x: Any) -> Any:

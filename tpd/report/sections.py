@@ -78,13 +78,17 @@ def over_runs(design: Design) -> list[Block]:
     for name, width in design.problem.scatter.items():
         by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
     listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
+    # The benefit counts only motions that are held out; this table has all runs.
+    of = (
+        runs.description if runs.counted is None else f"All {len(runs.known)} runs, of every group of motions"
+    )
     caption = (
-        f"{runs.description}{_which(design)}. Scatter: {'; '.join(listed) or 'none'}. In brackets: 95 % "
+        f"{of}{_which(design)}. Scatter: {'; '.join(listed) or 'none'}. In brackets: 95 % "
         "confidence. "
         "Tilt: settled, 100 % where the block overturns or tilts to ν or further."
     )
     table = Table(("", "with pendulum", "without"), tuple(rows), caption)
-    return [words.comparison(runs), table, Text(runs.overturning_in_words), *_by_group(design)]
+    return [table, Text(runs.overturning_in_words), *_by_group(design)]
 
 
 def _quantiles(o: Outcomes, quantity: str) -> str:
@@ -96,7 +100,7 @@ def _which(design: Design) -> str:
     best = design.best
     if best is None or best.quoted is None or best.decided is None:
         return ""
-    before = f"; {len(design.validated) - 1} designs were rejected before" if design.validated[1:] else ""
+    before = f"; designs rejected before: {len(design.validated) - 1}" if design.validated[1:] else ""
     return (
         f", which no decision has used{before}. The runs that decided showed {best.decided.benefit_in_words}"
     )
@@ -114,16 +118,16 @@ def _by_group(design: Design) -> list[Block]:
             runs.labels[i],
             f"{with_it[i]:.0%}",
             f"{without[i]:.0%}",
-            "worse" if i in runs.worse_groups else None,
+            "yes" if i in runs.worse_groups else "no",
         )
         for i in range(n)
         if not math.isnan(with_it[i])
     )
     caption = (
-        "Mean tilt over ν of the same runs. Worse: higher by more than "
-        f"{runs.worse:.0%}, statistically significant (5 %)."
+        "Mean tilt over ν of the same runs. Significantly worse: higher by more than "
+        f"{runs.worse:.0%}, at the 5 % level."
     )
-    return [Table(("condition", "with pendulum", "without", ""), rows, caption)]
+    return [Table(("condition", "with pendulum", "without", "significantly worse"), rows, caption)]
 
 
 def other_losses(study: Study) -> list[Block]:
@@ -152,7 +156,7 @@ def limiting(design: Design) -> list[Block]:
     counts = {
         LABELS.get(n, n): int(np.sum(x > 1.0)) for n, x in zip(trials.names, trials.sizes.T, strict=True)
     }
-    over = "; ".join(f"{n} exceed the limit on {name}" for name, n in counts.items() if n)
+    over = ", ".join(f"{name} {n}" for name, n in counts.items() if n)
     sentence = (
         f"Of {len(trials.designs)} designs with trial runs {int(trials.feasible.sum())} keep to all limits"
     )
@@ -165,11 +169,16 @@ def limiting(design: Design) -> list[Block]:
         if other != best:
             rows.append(_row(design, f"without the limit on {LABELS.get(name, name)}", other))
     head = ("", "bob (kg)", "length (m)", "ζ", "mean tilt over ν, trend")
-    caption = (
-        "Best trial, and the best one if a limit is left out: this is what loosening the limit would gain. "
-        f"Without a pendulum: {trials.without_pendulum:.1%}."
-    )
-    return [Text(f"{sentence}{f' ({over})' if over else ''}."), Table(head, tuple(rows[:_MOST]), caption)]
+    gain = "Best trial, and the best one if a limit is left out: this is what loosening the limit would gain."
+    if len(rows) == 1:
+        gain = "Best trial. No better one exceeds a single limit."
+    caption = f"{gain} Without a pendulum: {trials.without_pendulum:.1%}."
+    said = f"{sentence}{f'; designs that exceed a limit: {over}' if over else ''}."
+    used = ", ".join(f"{LABELS.get(n, n)} {x:.0%}" for n, x in words.usage(design).items())
+    if used:
+        share = f"{1.0 - design.problem.allowed:.0%} of the validation runs in which the block stands"
+        said += f" Share of each limit that the best design uses in {share}: {used}."
+    return [Text(said), Table(head, tuple(rows[:_MOST]), caption)]
 
 
 def _row(design: Design, name: str, i: int | None) -> tuple[Cell, ...]:
@@ -192,7 +201,6 @@ def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
     if with_it is not None:
         rows.append((f"{risk} tilt with the pendulum", words.risk(design, with_it.value)))
         rows.append(("stroke of the bob", words.angle(design.swing)))
-        rows += [(f"limit on {LABELS.get(k, k)}", f"{x:.0%} used") for k, x in words.usage(design).items()]
     out: list[Block] = [
         Table(("", "value"), tuple(rows), f"{words.source_of_tilts(design)}, linear equations."),
         *figure,
@@ -231,8 +239,8 @@ def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
     if search is not None and search.statuses:
         ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
         text += (
-            f" Descents: {search.evaluations} designs, from {search.description}, seed {design.seed}; "
-            f"{ends}. "
+            f" The descents began from {search.description} (seed {design.seed}) and evaluated "
+            f"{search.evaluations} designs. Ends: {ends}. "
             f"{search.told}"
         )
         sound, lost = len(search.confirmed), int(np.sum(search.lost))
@@ -249,14 +257,16 @@ def rejected(design: Design) -> list[Block]:
     rows = tuple(
         (
             *map(float, v.design),
-            None if v.decided is None else v.decided.benefit_in_words,
+            None if v.runs is None else v.runs.benefit_in_words,
             "; ".join(v.refusals),
         )
         for v in design.validated
         if v.reasons
     )
     return (
-        [Table(("μ", "λ", "ζ", "benefit", "reasons"), rows, "Designs that were validated.")] if rows else []
+        [Table(("μ", "λ", "ζ", "benefit", "reasons"), rows, "Designs that were validated and rejected.")]
+        if rows
+        else []
     )
 
 

@@ -6,17 +6,17 @@ import math
 
 import numpy as np
 
-from tpd.answers.paired import Change, PairedRuns
+from tpd.answers.paired import PairedRuns
 from tpd.core.formatting import number
 from tpd.design.as_built import Study
 from tpd.design.criteria import KINDS, Limit, Room, limit_of
 from tpd.design.design import Design
-from tpd.report.blocks import Table
+from tpd.report.blocks import NO_VALUE, Table
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene, paper_scene
 
 _CHANGES = {
-    "mean severity": "mean tilt over toppling",
+    "mean severity": "mean tilt / toppling tilt",
     "median severity": "median tilt",
     "overturned": "overturned",
     "at rest": "at rest in the end",
@@ -82,9 +82,9 @@ def missing(design: Design) -> list[str]:
     """Questions of an engineer that the search has left out."""
     parts = []
     if len(design.conditions) == 1:
-        parts.append("knows one excitation only and none nearby")
+        parts.append("considered one excitation only")
     if limit_of(design.problem.limits, Room) is None:
-        parts.append("has a bob without size and no walls")
+        parts.append("assumed a bob without size, and no walls")
     return parts
 
 
@@ -171,26 +171,21 @@ def percent(share: float) -> str:
 
 def comparison(runs: PairedRuns) -> Table:
     """Return the changes with and without the pendulum, from one set of runs."""
-    rows = [
-        (_CHANGES[c.name], f"{c.with_pendulum:.{d}%}", f"{c.without_pendulum:.{d}%}", _points(c, d))
-        for c in runs.changes
-        # Tilts vary by more than a tenth of a per cent from one seed to the next; a share may be small.
-        for d in (0 if c.name in ("mean severity", "median severity") else 1,)
+    rows = []
+    for c in runs.changes:
         # Where no run ends at rest in either case there is nothing to compare.
-        if c.name in _CHANGES and not (c.name == "at rest" and c.with_pendulum == c.without_pendulum == 0.0)
-    ]
+        if c.name not in _CHANGES or (c.name == "at rest" and c.with_pendulum == c.without_pendulum == 0.0):
+            continue
+        # Tilts vary by more than a tenth of a per cent from one seed to the next; a share may be small.
+        d, points = 0 if "severity" in c.name else 1, NO_VALUE
+        if np.isfinite(c.low):
+            # What rounds to zero must not read "-0".
+            mean, low, high = (round(100.0 * x, d) + 0.0 for x in (c.difference, c.low, c.high))
+            points = f"{mean:+.{d}f} ({low:+.{d}f} to {high:+.{d}f})"
+        rows.append((_CHANGES[c.name], f"{c.with_pendulum:.{d}%}", f"{c.without_pendulum:.{d}%}", points))
     left = f"; {runs.undecided} runs without an answer are left out" if runs.undecided else ""
     caption = f"{runs.description}; an overturned block counts as toppled{left}"
     return Table(("", "with pendulum", "without", "difference, points (95 %)"), tuple(rows), caption)
-
-
-def _points(of: Change, digits: int) -> str:
-    """Difference in points of per cent with its interval; a dash where it has none."""
-    if not np.isfinite(of.low):
-        return "–"
-    # What rounds to zero must not read "-0".
-    mean, low, high = (round(100.0 * x, digits) + 0.0 for x in (of.difference, of.low, of.high))
-    return f"{mean:+.{digits}f} ({low:+.{digits}f} to {high:+.{digits}f})"
 
 
 def title(scene: Scene, name: str = "", date: str = "") -> str:

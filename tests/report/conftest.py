@@ -1,0 +1,60 @@
+"""Small real designs of both kinds of excitation, each searched once in a session, with their studies."""
+
+import functools
+from dataclasses import replace
+
+import tpd
+from tpd.design.as_built import Study
+from tpd.design.design import Design
+from tpd.design.reasons import DesignStatus, Reason, ReasonKind
+
+SCENE = tpd.paper_scene()
+COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, cavity_width=1.0, restitution=0.9595)
+STRIKES = Reason(kind=ReasonKind.touches_wall, limit="room", value=0.27, reference=0.01)
+LITTLE = Reason(kind=ReasonKind.too_little_benefit, value=-0.02, reference=0.1, low=-0.1)
+
+
+@functools.cache
+def harmonic(at_least: float = 0.1) -> Design:
+    """A pendulum that is recommended for the paper's block, or rejected for less than a share of benefit."""
+    return tpd.optimise(
+        SCENE,
+        limits=tpd.limits.POINT_BOB,
+        method=tpd.Descent(searches=2, screening=32, steps=4, finish=1),
+        ensemble=tpd.Ensemble(size=64),
+        worth=tpd.limits.Worth(at_least=at_least),
+    )
+
+
+def rejected() -> Design:
+    """A search of which every design that was validated has too little benefit."""
+    return harmonic(0.9)
+
+
+@functools.cache
+def ground() -> Design:
+    """A search under two built-in records, too few for a verdict."""
+    records = tpd.records.el_centro(), tpd.records.loma_prieta()
+    conditions = tpd.Conditions.records(records, (2.0, 3.0))
+    return tpd.optimise(COLUMN, conditions=conditions, method=tpd.GroundSearch(starts=4, steps=2))
+
+
+@functools.cache
+def study(kind: str = "harmonic") -> Study:
+    """What the report of a design shows beside it."""
+    return tpd.study(DESIGNS[kind]())
+
+
+def tuned() -> Design:
+    """The design of `ground`, as if no earthquake had been held out."""
+    return replace(ground(), status=DesignStatus.tuned_only)
+
+
+def against(*reasons: Reason, design: Design | None = None) -> Design:
+    """A design with one validated pendulum, which is rejected for these reasons."""
+    design = harmonic() if design is None else design
+    bad = replace(design.validated[-1], reasons=reasons)
+    return replace(design, status=DesignStatus.refused, validated=(bad,))
+
+
+DESIGNS = {"harmonic": harmonic, "rejected": rejected, "ground": ground, "tuned": tuned}
