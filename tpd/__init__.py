@@ -32,13 +32,11 @@ if TYPE_CHECKING:
     from tpd import engines  # noqa: F401
     from tpd import records as records
     from tpd import theory as theory
-    from tpd.answers.attractors import Starts as Starts
     from tpd.answers.attractors import attractors as attractors
     from tpd.answers.auto import Auto as Auto
     from tpd.answers.compare_models import check as check
     from tpd.answers.critical_scale import critical_scale as critical_scale
     from tpd.answers.design_map import design_map as design_map
-    from tpd.answers.ensemble import Ensemble as Ensemble
     from tpd.answers.ensemble import outcomes as outcomes
     from tpd.answers.fragility import fragility as fragility
     from tpd.answers.paired import paired_runs as paired_runs
@@ -71,6 +69,7 @@ if TYPE_CHECKING:
     from tpd.plots.results import plot as plot
     from tpd.report.files import write_report as write_report
     from tpd.scene.conditions import Conditions as Conditions
+    from tpd.scene.ensemble import Ensemble as Ensemble
     from tpd.scene.ground_motion import Pulse as Pulse
     from tpd.scene.parameters import Parameters as Parameters
     from tpd.scene.record import Record as Record
@@ -79,6 +78,7 @@ if TYPE_CHECKING:
     from tpd.scene.scene import Pendulum as Pendulum
     from tpd.scene.scene import Scene as Scene
     from tpd.scene.scene import paper_scene as paper_scene
+    from tpd.scene.starts import Starts as Starts
     from tpd.scene.status import Status as Status
     from tpd.scene.status import status_name as status_name
     from tpd.theory.equations import Terms as Terms
@@ -86,12 +86,12 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 _NAMES = {
-    "answers.attractors": "Starts attractors",
+    "answers.attractors": "attractors",
     "answers.auto": "Auto",
     "answers.compare_models": "check",
     "answers.critical_scale": "critical_scale",
     "answers.design_map": "design_map",
-    "answers.ensemble": "Ensemble outcomes",
+    "answers.ensemble": "outcomes",
     "answers.fragility": "fragility",
     "answers.paired": "paired_runs",
     "answers.periodic_orbit": "periodic_orbit",
@@ -104,7 +104,9 @@ _NAMES = {
     "cluster.cluster": "Cluster",
     "scene.conditions": "Conditions",
     "theory.equations": "Terms",
+    "scene.ensemble": "Ensemble",
     "scene.ground_motion": "Pulse",
+    "scene.starts": "Starts",
     "scene.parameters": "Parameters",
     "scene.record": "Record",
     "scene.scene": "Block Harmonic Pendulum Scene paper_scene",
@@ -138,6 +140,8 @@ __all__ = sorted([*_HOMES, *_MODULES])  # pyright: ignore[reportUnsupportedDunde
 if not TYPE_CHECKING:
     # Seen by a checker of types it would make every misspelt name one that is not known but allowed.
     def __getattr__(name: str) -> Any:
+        # The classes of a scene are pytrees wherever a user of the package reaches them.
+        import_module("tpd.scene.pytrees")
         if name in _MODULES:
             value = import_module(f"tpd.{_MODULES[name]}")
         elif name in _HOMES:

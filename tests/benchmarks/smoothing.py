@@ -20,7 +20,7 @@ from tests.reference import HUNG, Answer, Case, exact, parameters
 from tests.reference import solver as solver_of
 from tpd import Parameters, Smoothed
 from tpd.models.smoothed import rocking_scale
-from tpd.scene.parameters import Number
+from tpd.scene.pytrees import Number
 from tpd.theory.equations import smoothed_rates
 
 QUESTION = "What does smoothing the signs cost, and from which step does an explicit solver fail?"

@@ -29,8 +29,8 @@ worth={at_least=0.2, strikes=0.05}
 --at-least 0.2 --allowed 0.05
 search={searches=3, seed=7}; conditions.amplitudes=[1, 1.1]
 --searches 3 --seed 7 --amplitudes 1 1.1
-search={method='descent', optimiser='rmsprop'}; conditions.band=[2, 3]
---method descent --optimiser rmsprop --band 2 3
+search={optimiser='rmsprop'}; conditions.band=[2, 3]
+--optimiser rmsprop --band 2 3
 search={optimiser='rmsprop', steps=4, pareto=true}
 --optimiser rmsprop --steps 4 --pareto
 motion={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, cycles=2, phase=0.5}

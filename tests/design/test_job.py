@@ -46,7 +46,7 @@ JOBS = {
         "search": {"seed": 3},
     },
     "starts": {**BAND, "starts": {"kind": "rest"}},
-    "descent": {**BAND, "search": {"method": "descent", "optimiser": "rmsprop", "tolerance": 0.05}},
+    "descent": {**BAND, "search": {"optimiser": "rmsprop", "tolerance": 0.05}},
     "few searches": {"search": {"searches": 2, "screening": 3, "steps": 4, "finish": 0}},
     "models": {"search": {"model": "piecewise"}},
     "exactly": EXACTLY,

@@ -1,194 +1,245 @@
-"""The main job: answers with one condition and with several, Ctrl-C, statuses."""
+"""The main job: its stages and when they end, by problems made by hand, and small real problems."""
 
 import dataclasses
 
 import numpy as np
 import pytest
-from tpd.design.result import DesignStatus
-from tpd.design.survey import ON_THE_WAY
-from tpd.design.verified import ReasonKind, Step
 
 import tpd
-from tests.design.conftest import ANY_WORTH, LIGHT, ONE, SCENE, WIDE
-from tpd.design import optimise
-from tpd.design.optimise import solve
-from tpd.design.problem import Problem
-from tpd.design.search import SearchStatus
+from tests import designs
+from tests.designs import SCENE, SPACE, NoisyProblem, outcomes
+from tpd.design.design import Design
+from tpd.design.ground_motion import GroundMotionProblem
+from tpd.design.harmonic import HarmonicProblem
+from tpd.design.optimise import problem_of, solve
+from tpd.design.reasons import DesignStatus, ReasonKind
+from tpd.records import el_centro, loma_prieta
 
 CALM = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.001, frequency=2.5))
-"""A shaking that lifts no block, and under which no orbit attracts."""
-FEW = tpd.Descent(searches=3, screening=16, steps=3, model=tpd.Piecewise())
-RUNS = tpd.Ensemble(size=16, periods=30)
-EXACTLY = {"conditions": tpd.Conditions.exactly(), "worth": ANY_WORTH}
+"""An excitation that lifts no block, and under which no orbit attracts."""
 
 
-def is_verified(design) -> bool:
-    """Whether an offered design has gone through every step, and nothing speaks against it."""
-    v = design.winner
-    through = all(step is not None for step in (v.rest, v.paired, v.benefit))
-    return through and v.reasons == () and v is design.verified[-1]
-
-
-def same(a, b) -> bool:
+def same(a: Design, b: Design) -> bool:
     """Whether two answers are the same to the last digit."""
-    designs = [np.array([v.design for v in d.verified]) for d in (a, b)]
+    first, second = (np.array([v.design for v in d.validated]) for d in (a, b))
     return (
         a.status is b.status
-        and np.array_equal(*designs)
-        and np.array_equal(a.search.ends, b.search.ends)
-        and np.array_equal(a.search.screened, b.search.screened)
-        and [v.reasons for v in a.verified] == [v.reasons for v in b.verified]
+        and np.array_equal(first, second)
+        and np.array_equal(a.trials.value, b.trials.value, equal_nan=True)
+        and [v.reasons for v in a.validated] == [v.reasons for v in b.validated]
+        and a.benefit == b.benefit
     )
 
 
-def test_the_answer_is_exact_and_within_the_limits(one):
-    assert one.status is DesignStatus.found
-    assert is_verified(one)
-    exact = tpd.steady_state(SCENE.parameters(one.pendulum))
-    assert float(exact.amplitude) == pytest.approx(one.amplitude, rel=1e-9)
-    assert float(exact.stroke) == pytest.approx(one.stroke, rel=1e-9)
-    low, high = LIGHT.bounds
-    assert np.all((one.winner.design[:2] >= low - 1e-12) & (one.winner.design[:2] <= high + 1e-12))
-    assert one.pendulum.mass == pytest.approx(one.winner.mass_ratio * SCENE.block.mass)
-    assert one.amplitude_without == pytest.approx(0.0833335, abs=1e-6)
-    assert one.amplitude < 0.95 * one.amplitude_without
-    assert np.all(one.search.mismatch[:, 0] < 1e-3), "the exact solution confirms the ends of the descents"
-    assert np.any(one.search.mismatch > 0.0)
-    assert one.search.screened.shape == (24, 3)
+class Harmful(NoisyProblem):
+    """The first validated designs overturn the block in the nonlinear equations; `method` is their number."""
+
+    def paired_runs(self, design, seed, **how):
+        found = super().paired_runs(design, seed, **how)
+        if sum(kind == "paired" for kind, _ in self.asked) > self.method:
+            return found
+        lost = np.where(np.arange(self.count) < 20, np.inf, 0.1)
+        return dataclasses.replace(found, with_pendulum=outcomes(lost, 0.1, design=design, seed=seed))
 
 
-def test_designs_followed_from_rest_are_verified_until_one_stands(one):
-    winner = one.verified[-1]
-    assert {v.source for v in one.verified} == {"survey"}
-    assert all(v.reasons for v in one.verified[:-1])
-    assert not winner.reasons
-    assert winner.value < 0.9 * one.bare.value
-    ((tilt,),) = winner.rest.severity
-    found = tpd.check(SCENE, one.pendulum, stroke=1.5, models=("uplift",))
-    assert found.objections == ()
-    assert found.top.amplitude / SCENE.block.slenderness == pytest.approx(tilt, rel=1e-5)
-    assert found.top.stroke / 1.5 == pytest.approx(1.0 + winner.rest.excess["stroke"][0], rel=1e-5)
+def harmful(count, **given) -> Harmful:
+    return Harmful(**(NoisyProblem.of().inputs | {"method": count} | given))
 
 
-def test_one_condition_is_the_same_however_it_is_given(one):
-    assert same(one, tpd.optimise(SCENE, LIGHT, **(ONE | {"conditions": tpd.Conditions()})))
+def test_the_best_design_of_the_trials_is_validated_and_recommended():
+    stages = []
+    found = solve(NoisyProblem.of(limits=()), lambda stage, *_: stages.append(stage))
+    assert found.status is DesignStatus.found
+    (best,) = found.validated
+    np.testing.assert_array_equal(best.design, found.trials.designs[0])
+    assert found.pendulum == best.pendulum
+    assert set(stages) == {"trial runs"}
+    low, high = found.equivalent
+    assert np.all((low <= best.design) & (best.design <= high))
 
 
-@pytest.mark.mends("Ctrl-C in Python became a design, which the caller had to look at")
-@pytest.mark.parametrize("stage", ["screening", "searching"])
-def test_ctrl_c_is_an_exception(stage):
-    def stop(now, *_):
-        if now == stage:
-            raise KeyboardInterrupt
+def test_no_stage_shares_runs_with_another():
+    problem = harmful(2)
+    solve(problem)
+    seeds = [seed for _, seed in problem.asked]
+    assert len(set(seeds)) == len(seeds)
+    assert [kind for kind, _ in problem.asked][-4:] == ["paired"] * 4, (
+        "two rejected, and one with both halves"
+    )
+
+
+@pytest.mark.parametrize(
+    ("count", "validated", "status"), [(1, 2, "found"), (2, 3, "found"), (9, 3, "refused")]
+)
+def test_a_rejected_design_joins_the_trials_and_the_next_is_no_neighbour(count, validated, status):
+    found = solve(harmful(count))
+    assert (found.status.name, len(found.validated)) == (status, validated)
+    units = SPACE.scaled(np.array([v.design for v in found.validated]))
+    apart = np.linalg.norm(units[:, None] - units, axis=-1) + np.eye(validated)
+    assert apart.min() > 0.02
+    rejected = [v for v in found.validated if v.reasons]
+    assert {r.kind for v in rejected for r in v.reasons} == {ReasonKind.overturns_more}
+    # Their runs count in the trials beside those that chose them.
+    for v in rejected:
+        rows = np.all(found.trials.designs == v.design, axis=1)
+        assert rows.sum() == 2
+        assert found.trials.overturned[rows].max() == pytest.approx(20 / 64)
+    assert len(found.trials.designs) == 24 + 4 * 8 + len(rejected)
+    assert (found.pendulum is None, found.equivalent is None) == (status == "refused",) * 2
+
+
+def test_after_a_rejection_no_unpromising_design_is_validated():
+    """The trend must promise 30 % of the required benefit: here of all of the tilt, and then of one tenth."""
+    stopped = solve(harmful(9, worth=tpd.limits.Worth(at_least=1.0), limits=(tpd.limits.Tilt(0.9),)))
+    assert len(stopped.validated) == 3
+
+    class Little(Harmful):
+        def tilt(self, design):
+            return 0.59 + 0.01 * super().tilt(design)
+
+    found = solve(Little(**harmful(9).inputs))
+    assert (found.status, len(found.validated)) == (DesignStatus.refused, 1)
+
+
+def test_where_no_design_keeps_to_the_limits_none_is_validated():
+    problem = NoisyProblem.of(limits=(tpd.limits.Stroke(0.1),))
+    found = solve(problem)
+    assert (found.status, found.validated, found.pendulum) == (DesignStatus.none_feasible, (), None)
+    assert not [kind for kind, _ in problem.asked if kind == "paired"]
+    assert len(found.refusals) == 1
+    assert found.refusals[0].startswith("the design exceeds the limit on stroke: ")
+
+
+def test_where_the_block_rests_nothing_is_evaluated():
+    problem = NoisyProblem.of(calm=True)
+    found = solve(problem)
+    assert (found.status, found.trials, found.validated) == (DesignStatus.no_uplift, None, ())
+    assert problem.asked == []
+
+
+def test_runs_without_an_answer_leave_a_design_undecided():
+    """Most runs have no answer: the verdict depends on them, and the status says so."""
+    found = solve(NoisyProblem.of(unanswered=0.6))
+    assert found.status is DesignStatus.undecided
+    assert found.pendulum is None
+    assert all("runs have no answer" in said for said in found.refusals)
+    assert np.all(found.trials.undecided > 10)
+
+
+def test_the_status_of_a_design_that_passes_is_that_of_the_evidence():
+    class Few(NoisyProblem):
+        evidence = DesignStatus.too_few
+
+    found = solve(Few(**NoisyProblem.of().inputs))
+    assert found.status is DesignStatus.too_few
+    assert (found.pendulum, found.benefit, found.refusals) == (None, None, ())
+    assert found.validated[-1].reasons == ()
+
+
+def test_ctrl_c_is_an_exception():
+    def stop(*_):
+        raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        tpd.optimise(SCENE, LIGHT, progress=stop, **ONE)
+        solve(NoisyProblem.of(), stop)
 
 
-def test_a_block_that_rests_needs_no_pendulum():
-    for given in ({"method": FEW}, {"method": ONE["method"], **EXACTLY}):
-        design = tpd.optimise(CALM, LIGHT, ensemble=RUNS, **given)
-        assert design.status is DesignStatus.no_uplift
-        assert design.search.statuses == (), "no search has begun"
-        assert (design.pendulum, design.verified) == (None, ())
-        assert design.amplitude == design.amplitude_without == 0.0
-        assert str(design).startswith("NO PENDULUM IS NEEDED FROM REST")
-
-
-def test_where_no_design_keeps_to_the_limits_the_nearest_is_told():
-    limits = (tpd.limits.Stroke(0.5), tpd.limits.Room(), tpd.limits.Reserve(0.05))
-    design = tpd.optimise(SCENE, LIGHT, method=FEW, limits=limits, ensemble=RUNS, **EXACTLY)
-    assert design.status is DesignStatus.none_feasible
-    assert design.pendulum is None
-    assert not np.isfinite(design.search.end_values).any()
-    assert {reason.kind for reason in design.nearest.broken} == {ReasonKind.breaks_limit}
-    assert {reason.limit for reason in design.nearest.broken} <= {"stroke", "room", "thickness", ON_THE_WAY}
-    assert min(reason.value for reason in design.nearest.broken) > 1.0
-
-
-def test_where_every_pendulum_rocks_more_none_is_offered():
-    """Long pendulums with little damping below resonance."""
-    space = tpd.DesignSpace(mass_ratio=(0.01, 0.012), length_ratio=(1.9, 2.0), damping_ratio=0.0)
-    soft = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.03, frequency=1.5))
-    design = tpd.optimise(soft, space, method=FEW, limits=(), ensemble=RUNS, **EXACTLY)
-    assert design.status is DesignStatus.refused
-    assert design.pendulum is None
-
-
-def test_the_answer_is_better_than_anything_screened_and_comes_from_the_survey(several):
-    assert several.status is DesignStatus.found
-    assert is_verified(several)
-    winner, e = several.winner, several.winner.evaluation
-    best = several.search.end_values.min()
-    assert best <= several.search.screened_value.min()
-    assert best < several.bare.value
-    assert best == pytest.approx(0.273, abs=2e-3), "as with 64 starts and 20 frequencies"
-    assert winner.exact.stroke[winner.exact.status == "rocking"].max() <= 0.5
-    assert e.merit.shape == (1, 5)
-    assert e.reserve.min() >= 0.05 * (1.0 - 1e-7)
-    assert np.all(e.attracts)
-    assert not winner.paired.harms
-    assert winner.benefit.low > 0.0
-    assert SearchStatus.at_limit in several.search.statuses
-    assert {v.source for v in several.verified} == {"survey"}
-    # Runs from many starts order those that help.
-    first, last = several.surveys
-    assert (first.equations, last.equations) == ("linear", "nonlinear")
-    known = np.abs(last.designs - several.verified[0].design).max(axis=1)
-    assert last.helps[np.argmin(known)]
-    assert known.min() < 1e-12
-    assert [case.name for case in several.losses] == ["friction", "impacts", "friction and impacts"]
-    low, high = several.alike
-    assert np.all((low <= winner.design) & (winner.design <= high))
-
-
-@pytest.mark.mends("the benefit was quoted from the runs that had chosen the design")
-def test_the_benefit_is_that_of_runs_that_no_choice_has_seen(several, one):
-    for design in (several, one):
-        judged = design.winner.paired
-        assert judged.hung.ensemble.seed == judged.bare.ensemble.seed == design.ensemble.seed + 2
-        assert design.bare.paired is judged.bare
-        assert design.winner.chosen_by.runs == design.winner.benefit.runs
-        # A refused design has the runs that refused it.
-        for v in design.verified[:-1]:
-            fresh = any(reason.step is Step.judgement for reason in v.reasons)
-            if v.paired is not None:
-                assert v.paired.hung.ensemble.seed == design.ensemble.seed + 2 * fresh
-
-
-def test_of_many_conditions_a_sample_is_searched_under(monkeypatch):
-    """The searches' ends are followed and verified under all of them."""
-    conditions = tpd.Conditions.scatter(6, friction=0.2, length=0.05, frequency=0.1)
-    asked = {"limits": tpd.limits.POINT_BOB, "method": FEW, "worth": ANY_WORTH, "ensemble": RUNS}
-    problem = Problem.of(SCENE, WIDE, conditions=conditions, **asked)
-    monkeypatch.setattr(optimise, "SEARCHED", 3)
-    design = solve(problem)
-    assert design.search.description == "3 designs under 3 of the 6 conditions"
-    assert design.verified[-1].evaluation.merit.shape == (1, 6)
-    assert same(solve(problem), design)
-
-
-@pytest.mark.mends("a limit on the bob's mass bound the equivalent point, and the body was heavier")
-def test_the_bodies_of_verified_designs_keep_the_limit_on_their_mass():
-    limits, kg = (tpd.limits.Stroke(1.5), tpd.limits.Mass(0.17), tpd.limits.Room()), 0.17
-    space = tpd.DesignSpace(mass_ratio=(0.006, 0.2), damping_ratio=(0.05, 0.4))
-    found = tpd.optimise(SCENE, space, **(ONE | {"limits": limits}))
-    points = [optimise.pendulum_of(SCENE, v) for v in found.verified]
-    built = [tpd.limits.Bob().built(p.mass, p.length, float(SCENE.gravity))[0] for p in points]
-    assert built
-    assert np.max(built) <= kg * (1.0 + 1e-9)
-
-
-@pytest.mark.mends("a body that exceeded a limit as built was offered")
-def test_a_design_that_exceeds_a_limit_as_built_is_refused_by_its_first_step():
-    limits = tpd.limits.Stroke(1.5), tpd.limits.Mass(1.0)
-    problem = Problem.of(SCENE, WIDE, **(ONE | {"limits": limits}))
-    v = optimise.Verification(problem, None).at_once(np.array([0.06, 0.5, 0.2]))
-    (reason,) = (r for r in v.reasons if r.kind is ReasonKind.as_built)
-    body = tpd.limits.Bob().built(
-        0.06 * SCENE.block.mass, 0.5 * SCENE.block.half_height, float(SCENE.gravity)
+def test_a_harmonic_design_is_within_the_space_and_the_limits(harmonic):
+    assert harmonic.status is DesignStatus.found
+    best, (low, high) = harmonic.validated[-1], SPACE.bounds
+    assert np.all((best.design >= low - 1e-12) & (best.design <= high + 1e-12))
+    assert harmonic.pendulum.mass == pytest.approx(best.design[0] * SCENE.block.mass)
+    assert harmonic.usage["reserve"] <= 1.0
+    assert best.over_limit <= harmonic.problem.allowed
+    assert harmonic.usage["stroke"] <= 1.0
+    assert harmonic.benefit.low > 0.3, "sixty per cent with these settings"
+    # The same pairs again, by the nonlinear equations themselves.
+    runs = best.quoted
+    again = tpd.paired_runs(
+        SCENE,
+        harmonic.pendulum,
+        ensemble=runs.with_pendulum.ensemble,
+        conditions=harmonic.conditions,
+        equations="nonlinear",
+        rtol=1e-6,
     )
-    assert 0.06 * SCENE.block.mass < 1.0 < body[0]
-    assert (reason.limit, reason.reference) == ("mass of the bob in kg", 1.0)
-    assert reason.value == pytest.approx(body[0])
-    assert v.paired is None
+    np.testing.assert_array_equal(again.severity, runs.severity)
+    assert again.benefit == harmonic.benefit
+
+
+def test_one_seed_is_one_design_and_another_seed_has_other_runs(harmonic):
+    assert same(tpd.optimise(**harmonic.again()), harmonic)
+    other = designs.harmonic_design(1)
+    seeds = [
+        {runs.with_pendulum.ensemble.seed for v in d.validated for runs in (v.decided, v.quoted) if runs}
+        for d in (harmonic, other)
+    ]
+    assert not seeds[0] & seeds[1]
+    assert not same(other, harmonic)
+
+
+def test_a_rejected_design_says_why(rejected):
+    assert rejected.status is DesignStatus.refused
+    assert (rejected.pendulum, rejected.benefit) == (None, None)
+    assert {r.kind for v in rejected.validated for r in v.reasons} == {ReasonKind.too_little_benefit}
+    assert "a reduction of 97.0% is required" in rejected.refusals[0]
+    seeds = [v.decided.with_pendulum.ensemble.seed for v in rejected.validated]
+    assert len(set(seeds)) == len(seeds) > 1
+
+
+def test_a_design_on_ground_motions_is_validated_on_earthquakes_that_it_never_saw(ground):
+    assert ground.status is DesignStatus.found
+    (best,) = ground.validated
+    runs = best.runs
+    assert best.quoted is None
+    assert runs.labels == ("tuned to", "held out")
+    assert not set(runs.cluster[runs.group == 0]) & set(runs.cluster[runs.group == 1])
+    np.testing.assert_array_equal(runs.counted, runs.group == 1)
+    assert runs.description.endswith(", 5 earthquakes")
+    assert runs.with_pendulum.equations == "nonlinear"
+    held = runs.severity[:, runs.group == 1].mean(axis=1)
+    assert ground.benefit.mean == pytest.approx(1.0 - held[0] / held[1])
+    assert same(tpd.optimise(designs.BLOCK, seed=0, **designs.GROUND), ground)
+    assert same(tpd.optimise(**ground.again()), ground)
+
+
+def test_a_design_on_built_in_records_is_of_too_few_earthquakes():
+    motions = [el_centro(), loma_prieta()]
+    asked = {"method": tpd.GroundSearch(starts=6, steps=2), "limits": (tpd.limits.Stroke(),)}
+    found = tpd.optimise(designs.BLOCK, conditions=tpd.Conditions.records(motions, (2.0, 3.0)), **asked)
+    assert found.problem.evidence is DesignStatus.too_few
+    assert found.pendulum is None
+    assert found.status in (DesignStatus.too_few, DesignStatus.refused)
+    assert "inf" not in str(found)
+    assert "nan" not in str(found)
+
+
+def test_a_block_that_stays_at_rest_needs_no_pendulum():
+    given = {"conditions": tpd.Conditions.exactly(), "limits": tpd.limits.POINT_BOB}
+    found = tpd.optimise(CALM, SPACE, ensemble=tpd.Ensemble(size=16, periods=30), **given)
+    assert found.status is DesignStatus.no_uplift
+    assert str(found).startswith("NOT NEEDED: ")
+    weak = tpd.Conditions.records(designs.records()[:4], (0.5, 0.8))
+    asked = {"method": designs.GROUND["method"], "limits": designs.GROUND["limits"]}
+    assert tpd.optimise(designs.BLOCK, conditions=weak, **asked).status is DesignStatus.no_uplift
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings", "message"),
+    [
+        (designs.BLOCK, {"starts": tpd.Starts.rest()}, "`starts` is for harmonics"),
+        (designs.BLOCK, {"objective": tpd.limits.SteadyTilt()}, "`objective` is for harmonics"),
+        (SCENE, {"conditions": None, "held_out": 0.5}, "`held_out` is for ground motions"),
+        (designs.BLOCK, {"conditions": None}, "go with ground motions"),
+        (SCENE, {"conditions": None, "method": tpd.GroundSearch()}, "go with ground motions"),
+    ],
+)
+def test_a_problem_of_neither_kind_is_rejected(scene, settings, message):
+    with pytest.raises(ValueError, match=message):
+        tpd.optimise(scene, **({"conditions": designs.GROUND["conditions"]} | settings))
+
+
+def test_conditions_say_which_kind_of_problem_it_is():
+    assert isinstance(problem_of(SCENE, limits=tpd.limits.POINT_BOB), HarmonicProblem)
+    made = problem_of(designs.BLOCK, **designs.GROUND)
+    assert isinstance(made, GroundMotionProblem)

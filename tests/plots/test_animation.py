@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests import designs
+from tests.plots import examples
 from tpd.plots.animation import animate, reel
 
 
 def test_the_animation_is_small_and_moves():
-    histories = (designs.history(False), designs.history(True, size=0.04))
-    film = animate(designs.SCENE, designs.HUNG, histories)
+    histories = (examples.history(False), examples.history(True, size=0.04))
+    film = animate(examples.SCENE, examples.PENDULUM, histories)
     assert len(film) < 3e6
     image = Image.open(io.BytesIO(film))
     assert image.format == "GIF"
@@ -30,7 +30,7 @@ def test_the_animation_is_small_and_moves():
 
 def test_an_overturned_block_lies_and_is_called_so():
     times = np.arange(100) / 20.0
-    found = reel(designs.history(False, lost=True), None, times)
+    found = reel(examples.history(False, overturns=True), None, times)
     assert found.lost[-1]
     assert not found.lost[0]
     assert np.abs(found.tilt).max() == pytest.approx(0.5 * np.pi)
@@ -41,7 +41,7 @@ def test_an_overturned_block_lies_and_is_called_so():
 
 @pytest.mark.mends("a block without an answer was drawn as one that had overturned")
 def test_a_block_without_an_answer_is_not_called_overturned():
-    history, times = designs.history(False, lost=True), np.arange(100) / 20.0
+    history, times = examples.history(False, overturns=True), np.arange(100) / 20.0
     found = reel(dataclasses.replace(history, overturned=False), None, times)
     assert not found.lost.any()
     assert np.isfinite(found.tilt).all()
@@ -49,8 +49,8 @@ def test_a_block_without_an_answer_is_not_called_overturned():
 
 
 def test_frames_are_the_time_history_between_its_samples():
-    history, times = designs.history(True), np.array([0.0, 1.003, 2.0])
-    found = reel(history, designs.HUNG, times)
+    history, times = examples.history(True), np.array([0.0, 1.003, 2.0])
+    found = reel(history, examples.PENDULUM, times)
     assert found.tilt == pytest.approx(np.interp(times, history.time, history.tilt))
     assert found.angle == pytest.approx(np.interp(times, history.time, history.bob))
     assert not found.lost.any()

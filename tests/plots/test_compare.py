@@ -4,78 +4,86 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tpd.design.many import Front
 
 import tpd
-from tests import designs
+from tests.plots.examples import FRONT
 from tests.plots.shown import legend, lines
 from tpd.answers.fragility import Curve, Fragility
 from tpd.answers.statistics import fit_lognormal
 from tpd.design.criteria import Reserve
+from tpd.design.reasons import DesignStatus
 from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
 from tpd.plots.style import new_axes
 from tpd.scene.conditions import Conditions
 
 
-def test_conditions_are_drawn_in_order_and_in_si_units():
-    design = designs.band()
-    shuffled = np.array([3, 1, 7, 0, 5, 2, 6, 4])
-    ax, below = plot_conditions(design)
-    frequency = lines(ax)["with the pendulum"].get_xdata()
-    assert frequency == pytest.approx(np.geomspace(1.5, 4.0, 8))
-    assert lines(ax)["with the pendulum"].get_ydata() == pytest.approx(0.25 * np.linspace(0.3, 0.0, 8))
-    assert lines(ax)["bare block: overturns from rest"].get_xdata() == pytest.approx([1.5])
-    assert lines(below)["bob"].get_ydata() == pytest.approx(np.linspace(0.45, 0.1, 8))
+def test_conditions_are_drawn_in_order_and_in_si_units(band):
+    ax, below = plot_conditions(band)
+    exact, drawn = band.best.exact, lines(ax)["with pendulum"]
+    # The fixture gives the highest frequency first.
+    assert drawn.get_xdata() == pytest.approx([2.25, 2.5, 2.75, 3.0])
+    nu = band.scene.block.slenderness
+    assert drawn.get_ydata() == pytest.approx(nu * exact.orbits.tilt[0, ::-1])
+    without = band.problem.without_pendulum.orbits
+    known = np.where(without.attracts[0], nu * without.tilt[0], np.nan)[::-1]
+    assert lines(ax)["without pendulum"].get_ydata() == pytest.approx(known, nan_ok=True)
+    assert lines(below)["bob"].get_ydata() == pytest.approx(exact.orbits.stroke[0, ::-1])
     assert below.get_xlabel() == "frequency of the base motion (Hz)"
     low, high = ax.get_ylim()
     assert -0.05 * high <= low <= 0.0
-    factors = {"frequency": design.conditions.column("frequency")[shuffled]}
-    e = design.winner.evaluation
-    winner = dataclasses.replace(design.winner, evaluation=e._replace(tilt=e.tilt[:, shuffled]))
-    mixed = dataclasses.replace(design, conditions=Conditions(factors), verified=(winner,))
-    assert lines(plot_conditions(mixed)[0])["with the pendulum"].get_xdata() == pytest.approx(frequency)
 
 
-def test_a_refused_design_is_labelled_as_such_and_without_a_limit_there_is_no_line_for_it():
-    design = designs.band(limits=(Reserve(),))
-    ax, below = plot_conditions(dataclasses.replace(design, pendulum=None, verified=design.verified[:1]))
-    assert "best found, not offered" in lines(ax)
-    assert "with the pendulum" not in lines(ax)
+def test_conditions_that_overturn_from_rest_and_a_design_that_is_not_recommended_are_marked(band):
+    exact = dataclasses.replace(band.best.exact, status=np.array(["overturned", *["rocking"] * 3]))
+    rejected = dataclasses.replace(band.best, exact=exact)
+    problem = dataclasses.replace(band.problem, limits=(Reserve(),))
+    changed = {"problem": problem, "status": DesignStatus.refused}
+    ax, below = plot_conditions(dataclasses.replace(band, validated=(rejected,), **changed))
+    assert "with pendulum" not in lines(ax)
+    assert lines(ax)["best design, not recommended: overturns from rest"].get_xdata() == pytest.approx([3.0])
+    # Without a limit on the stroke there is no line for it.
     assert "stroke limit" not in lines(below)
-    assert all(np.isfinite(line.get_ydata()).all() for line in below.lines)
-    _, empty = plot_conditions(dataclasses.replace(design, pendulum=None, verified=()))
+    _, empty = plot_conditions(dataclasses.replace(band, validated=(), **changed))
     assert empty.get_legend() is None
 
 
-def test_conditions_of_the_pendulum_are_in_si_units_where_there_is_one():
-    factors = {"length": np.linspace(0.9, 1.1, 8)}
-    _, below = plot_conditions(designs.band(conditions=Conditions(factors)))
+def test_conditions_of_the_pendulum_are_in_si_units_where_there_is_one(band, single):
+    factors = {"length": np.linspace(0.9, 1.1, 4)}
+    problem = dataclasses.replace(band.problem, conditions=Conditions(factors))
+    _, below = plot_conditions(dataclasses.replace(band, problem=problem))
     assert below.get_xlabel() == "length of the pendulum (m)"
-    assert lines(below)["bob"].get_xdata() == pytest.approx(0.12 * factors["length"])
+    assert lines(below)["bob"].get_xdata() == pytest.approx(band.pendulum.length * factors["length"])
     with pytest.raises(ValueError, match="must have conditions that differ in one quantity"):
-        plot_conditions(designs.single())
+        plot_conditions(single)
 
 
-def test_the_benefit_has_intervals_of_the_differences():
-    ax = plot_benefit(designs.single())
-    (mean,) = (x for x in designs.single().best.benefit.changes if x.name == "mean severity")
-    around = ax.collections[1].get_segments()[0][:, 0]
-    assert around == pytest.approx([mean.without + mean.low, mean.without + mean.high])
-    assert lines(ax)["bare block"].get_xdata()[0] == pytest.approx(mean.without)
-    assert lines(ax)["with the pendulum"].get_xdata()[0] == pytest.approx(mean.with_it)
-    with pytest.raises(ValueError, match="must have a design with paired runs"):
-        plot_benefit(designs.refused())
+def test_the_benefit_has_intervals_of_the_differences_and_a_row_for_every_group(band, under_pulses):
+    for design in (band, under_pulses):
+        ax, runs = tpd.plot(design, "benefit"), design.runs
+        mean, order = runs.change("mean severity"), np.argsort(design.conditions.column("frequency"))
+        around = ax.collections[1].get_segments()[0][:, 0]
+        ends = np.array([mean.without_pendulum + mean.low, mean.without_pendulum + mean.high])
+        assert around == pytest.approx(np.clip(ends, 0.0, 1.0))
+        order = order if runs.cluster is None else np.arange(len(runs.labels))
+        for i, label in enumerate(("with pendulum", "without pendulum")):
+            drawn = lines(ax)[label].get_xdata()
+            assert drawn[0] == mean[1 + i]
+            assert drawn[4:] == pytest.approx(runs.by_group[i, order])
+        rows = [t.get_text() for t in ax.get_yticklabels()]
+        assert rows[4:] == [f"tilt, {runs.labels[i]}" for i in order]
+    with pytest.raises(ValueError, match="`design` must have validation runs, but has none"):
+        plot_benefit(dataclasses.replace(band, validated=()))
 
 
-def test_the_front_has_every_answer_and_where_none_is_offered():
-    ax = plot_front(designs.front())
-    assert legend(ax) == {"offered", "answer", "none is offered up to here"}
+def test_the_front_has_every_design_and_where_none_is_recommended():
+    ax = plot_front(FRONT)
+    assert legend(ax) == {"recommended", "design", "none is recommended up to here"}
     assert ax.get_ylim()[0] == 0.0
-    assert lines(ax)["answer"].get_xydata().tolist() == [[1.6224, 50.0]]
-    assert lines(ax)["none is offered up to here"].get_xydata().tolist() == [[0.8112, 0.0]]
+    assert lines(ax)["design"].get_xydata().tolist() == [[1.6224, 50.0]]
+    assert lines(ax)["none is recommended up to here"].get_xydata().tolist() == [[0.8112, 0.0]]
     own = new_axes()
-    assert plot_front(designs.front(), own) is own
-    assert tpd.plot(Front(designs.front())).get_xlabel() == "mass of the bob (kg)"
+    assert plot_front(FRONT, own) is own
+    assert tpd.plot(FRONT).get_xlabel() == "mass of the bob (kg)"
 
 
 def curve(counts) -> Curve:

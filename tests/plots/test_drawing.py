@@ -7,7 +7,7 @@ import pytest
 from matplotlib.text import Text
 
 import tpd
-from tests import designs
+from tests.plots import examples
 from tpd.core.formatting import number
 from tpd.plots.drawing import corners, plot_scene, rod
 from tpd.scene.bob import Bob
@@ -18,7 +18,7 @@ CHIMNEY = tpd.Scene(tpd.Block(width=1.0, height=10.0, mass=20e3), tpd.Harmonic(a
 @pytest.mark.parametrize(
     ("scene", "pendulum"),
     [
-        (designs.SCENE, designs.HUNG),
+        (examples.SCENE, examples.PENDULUM),
         (CHIMNEY, tpd.Pendulum(mass=2e3, length=10.0, damping_ratio=0.1)),
         (CHIMNEY, tpd.Pendulum(mass=2e3, length=0.5, damping_ratio=0.1)),
         (CHIMNEY, None),
@@ -45,12 +45,14 @@ def said(scene, pendulum, **how) -> str:
     return " ".join(t.get_text() for t in plot_scene(scene, pendulum, **how).figure.axes[1].texts)
 
 
-CAVE = dataclasses.replace(designs.SCENE, block=dataclasses.replace(designs.SCENE.block, cavity_width=0.085))
+CAVE = dataclasses.replace(
+    examples.SCENE, block=dataclasses.replace(examples.SCENE.block, cavity_width=0.085)
+)
 
 
 @pytest.mark.parametrize("bob", [Bob(), Bob(shape="cylinder", aspect=2.0), Bob(density=2000.0)])
 def test_the_pendulum_is_drawn_as_it_is_built(bob):
-    whole, detail = plot_scene(CAVE, designs.HUNG, stroke=0.2, bob=bob).figure.axes
+    whole, detail = plot_scene(CAVE, examples.PENDULUM, stroke=0.2, bob=bob).figure.axes
     whole.figure.canvas.draw()
     mass, rod = bob.built(1.6224, 0.12, CAVE.gravity)
     half, radius = float(bob.half_height(mass)), float(bob.radius(mass))
@@ -78,10 +80,10 @@ def test_the_room_to_the_wall_is_stated_and_the_angle_at_which_it_ends():
     bob, wide = Bob(), dataclasses.replace(CAVE, block=dataclasses.replace(CAVE.block, cavity_width=0.095))
     mass, rod = bob.built(1.6224, 0.12, CAVE.gravity)
     room = 0.0475 - float(bob.radius(mass))
-    text = said(wide, designs.HUNG, stroke=0.05, bob=bob)
+    text = said(wide, examples.PENDULUM, stroke=0.05, bob=bob)
     assert f"{number(room - rod * np.sin(0.05), 3)} m clear to the wall" in text
     assert f"meets at ±{np.arcsin(room / rod):.3g} rad" in text
-    assert "the bob strikes the wall" in said(wide, designs.HUNG, stroke=0.3, bob=bob)
+    assert "the bob touches the wall" in said(wide, examples.PENDULUM, stroke=0.3, bob=bob)
 
 
 def test_a_body_that_swings_too_slowly_on_any_rod_is_not_called_built():
@@ -90,19 +92,22 @@ def test_a_body_that_swings_too_slowly_on_any_rod_is_not_called_built():
     assert "no body does it\n(0.12 m in the equations)" in said(CHIMNEY, slow)
 
 
-def test_a_design_draws_itself_with_its_own_body_and_swing():
-    design = designs.around()
-    detail = tpd.plot(design, "drawing").figure.axes[1]
-    assert any("settled stroke ±0.3 rad" in t.get_text() for t in detail.texts)
+def test_a_design_draws_itself_with_its_own_body_and_swing(single, under_pulses):
+    detail = tpd.plot(single, "drawing").figure.axes[1]
+    assert any(f"settled stroke ±{single.swing:.3g} rad" in t.get_text() for t in detail.texts)
     with pytest.raises(ValueError, match="`ax` must be None for a drawing"):
-        tpd.plot(design, "drawing", ax=detail)
-    with pytest.raises(ValueError, match="`what` must be one of landscape, drawing, benefit, conditions"):
-        tpd.plot(design, "groups")
+        tpd.plot(single, "drawing", ax=detail)
+    with pytest.raises(
+        ValueError, match="must be one of landscape, drawing, benefit, conditions, motion, but"
+    ):
+        tpd.plot(single, "groups")
+    with pytest.raises(ValueError, match="must be one of landscape, drawing, benefit, but is 'motion'"):
+        tpd.plot(under_pulses, "motion")
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3, -0.3, 0.5 * np.pi])
 def test_a_tilted_block_stands_on_its_corner(tilt):
-    block = corners(designs.SCENE, tilt, base=0.02)
+    block = corners(examples.SCENE, tilt, base=0.02)
     assert block[:, 1].min() == pytest.approx(0.0, abs=1e-12)
     pivot = block[0] if tilt > 0 else block[1]
     assert pivot == pytest.approx((0.02 + (-0.05 if tilt > 0 else 0.05), 0.0), abs=1e-12)

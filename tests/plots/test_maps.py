@@ -1,10 +1,10 @@
 """Maps and spectra draw themselves with labelled axes, and are tables."""
 
 import numpy as np
-from tpd.design.many import Designs
 
 import tpd
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
+from tpd.design.pareto import Designs
 
 BARE_SPECTRUM = np.array([[0, 1], [2, -1], [3, 0]])
 OVERTURNING = OverturningSpectrum(
@@ -30,11 +30,11 @@ def test_a_map_draws_each_quantity_and_has_a_row_for_every_design():
 
 
 def test_spectra_draw_themselves_and_are_tables():
-    assert [ax.get_title() for ax in tpd.plot(OVERTURNING)] == ["bare block", "with the pendulum"]
+    assert [ax.get_title() for ax in tpd.plot(OVERTURNING)] == ["without pendulum", "with pendulum"]
     assert OVERTURNING.to_dataframe().iloc[2].tolist() == [1.0, 4.0, 2, -1]
     drawn = {line.get_label(): line.get_xdata().tolist() for line in tpd.plot(ROCKING).lines}
-    assert drawn["bare block: overturns"] == [2.0]
-    assert drawn["bare block: no answer"] == [3.0]
+    assert drawn["without pendulum: overturns"] == [2.0]
+    assert drawn["without pendulum: no answer"] == [3.0]
     assert ROCKING.to_dataframe().to_dict("list")["period_s"] == [1.0, 2.0, 3.0]
     sizes = dict.fromkeys(("mass", "length", "damping_ratio", "value", "bare"), np.array([1.0, np.nan]))
     found = Designs(status=np.array(["found", "refused"]), **sizes)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import tpd
-from tests import designs
+from tests.plots import examples
 from tests.plots.shown import legend, lines
 from tpd.answers.shaking_history import ShakingHistory
 from tpd.plots.response import plot_motions, plot_response
 from tpd.plots.style import new_axes
 
-SCENE = designs.SCENE
+SCENE = examples.SCENE
 VALUES = np.linspace(1.0, 4.0, 9)
 
 
@@ -24,14 +24,14 @@ def near(ax, marker: str):
 
 def test_the_response_has_two_curves_with_what_is_lost_or_does_not_settle_apart():
     status = ["overturned", "rocking", "aperiodic"]
-    bare, hung = (designs.response(np.inf, 0.02, 0.01, status=status) for _ in range(2))
+    bare, hung = (examples.response(np.inf, 0.02, 0.01, status=status) for _ in range(2))
     (ax,) = plot_response((bare, hung), 2.5)
     for marker, level in (("^", 0.027), ("x", 0.95 * 0.027)):
         mark = near(ax, marker)
         assert (mark.get_xdata(), mark.get_ydata()) == (pytest.approx([2.4]), pytest.approx([level]))
     drawn = lines(ax)
-    assert drawn["bare block: not settled"].get_xdata() == pytest.approx([2.6])
-    bare, hung = drawn["bare block"], drawn["with the pendulum"]
+    assert drawn["without pendulum: not settled"].get_xdata() == pytest.approx([2.6])
+    bare, hung = drawn["without pendulum"], drawn["with pendulum"]
     # In grey as well.
     for look in ("marker", "linestyle", "markerfacecolor"):
         assert getattr(bare, f"get_{look}")() != getattr(hung, f"get_{look}")()
@@ -45,7 +45,7 @@ def test_the_response_has_two_curves_with_what_is_lost_or_does_not_settle_apart(
 
 def test_shares_of_runs_that_overturn_stand_below_the_amplitudes():
     values = np.array([[0.1, 0.5, 0.9], [0.0, 0.3, 0.7], [0.3, 0.7, 1.0]])
-    response = dataclasses.replace(designs.response(0.1, 0.2, 0.3), overturning=values)
+    response = dataclasses.replace(examples.response(0.1, 0.2, 0.3), overturning=values)
     above, below = plot_response((response,))
     (line,) = below.lines
     assert line.get_ydata().tolist() == [0.1, 0.5, 0.9]
@@ -57,18 +57,18 @@ def test_shares_of_runs_that_overturn_stand_below_the_amplitudes():
 
 
 def test_motions_share_their_axes_and_end_where_the_block_overturns():
-    study = designs.study()
-    tilt, rod = plot_motions(study.histories, 0.25, stroke_limit=0.5)
-    assert legend(tilt) == {"bare block", "with the pendulum"}
+    histories = examples.HISTORIES
+    tilt, rod = plot_motions(histories, 0.25, stroke_limit=0.5)
+    assert legend(tilt) == {"without pendulum", "with pendulum"}
     assert legend(rod) == {"limit on the settled stroke"}
-    assert lines(tilt)["bare block"].get_ydata() == pytest.approx(study.histories[0].tilt)
+    assert lines(tilt)["without pendulum"].get_ydata() == pytest.approx(histories[0].tilt)
     assert np.sum([line.get_ydata()[0] == 0.5 for line in rod.lines]) == 1
-    (alone,) = plot_motions((designs.history(False, lost=True),), 0.25)
+    (alone,) = plot_motions((examples.history(False, overturns=True),), 0.25)
     assert "overturns" in [t.get_text() for t in alone.texts]
-    assert np.nanmax(np.abs(lines(alone)["bare block"].get_ydata())) < 0.5
+    assert np.nanmax(np.abs(lines(alone)["without pendulum"].get_ydata())) < 0.5
     assert alone.get_xlim()[1] == pytest.approx(9.6)
     # Without a limit on the stroke there is no line for it.
-    assert plot_motions(study.histories, 0.25)[1].get_legend() is None
+    assert plot_motions(histories, 0.25)[1].get_legend() is None
 
 
 @pytest.mark.mends("a row without an answer was called an overturning")
@@ -80,7 +80,7 @@ def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
     base, tilt, friction = plot_motions((bare,), 0.25)
     assert base.lines[0].get_ydata().tolist() == one.tolist()
     assert friction.lines[0].get_ydata() == pytest.approx(0.25 * one)
-    assert legend(tilt) == {"bare block"}
+    assert legend(tilt) == {"without pendulum"}
     assert len(plot_motions((bare, dataclasses.replace(bare, swing=0.1 * one)), 0.25)) == 4
     # The outcome makes the mark: neither a row without an answer nor a large tilt that comes back.
     for tilts, status, marked in (
@@ -92,14 +92,14 @@ def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
     ):
         _, tilt, _ = plot_motions((dataclasses.replace(bare, tilt=tilts, status=status),), 0.25)
         assert ("overturns" in [t.get_text() for t in tilt.texts]) is marked
-        drawn = lines(tilt)["bare block"].get_ydata()
+        drawn = lines(tilt)["without pendulum"].get_ydata()
         assert np.isfinite(drawn).sum() == (5 if marked and tilts[5] > 0.5 else np.isfinite(tilts).sum())
 
 
 def test_a_response_draws_itself_and_is_a_table_with_the_shares_of_runs_near_each_value():
-    response = tpd.settled_response(SCENE, "frequency", VALUES, pendulum=designs.HUNG)
-    above, below = tpd.plot(response, without=designs.response(*np.full(9, 0.1), frequency=VALUES), own=2.5)
-    assert legend(above) == {"bare block", "with the pendulum"}
+    response = tpd.settled_response(SCENE, "frequency", VALUES, pendulum=examples.PENDULUM)
+    above, below = tpd.plot(response, without=examples.response(*np.full(9, 0.1), frequency=VALUES), own=2.5)
+    assert legend(above) == {"without pendulum", "with pendulum"}
     assert below.get_xlabel() == "frequency of the base motion (Hz)"
     with pytest.raises(TypeError, match="unexpected keyword argument 'axis'"):
         tpd.plot(response, axis=None)
@@ -128,7 +128,7 @@ def test_shares_are_those_of_runs_from_rest_near_each_value():
 def test_branches_draw_themselves_and_have_a_row_for_every_orbit():
     branches = tpd.branches(SCENE, "frequency", 2.0, 3.0, samples=12)
     (ax,) = tpd.plot(branches)
-    assert "bare block" in legend(ax)
+    assert "without pendulum" in legend(ax)
     table, s = branches.to_dataframe(), branches.sweep
     assert len(table) == sum(len(s.line(i)[0]) for i in range(s.branches)) > 0
     sizes = ["amplitude_rad", "stroke_rad", "phase_rad"]

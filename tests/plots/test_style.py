@@ -1,13 +1,14 @@
 """Pictures as files that repeat, and axes with two scales."""
 
 import io
+from typing import Any
 
 import matplotlib
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tests import designs
+from tests.plots import examples
 from tpd.plots.animation import animate
 from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
 from tpd.plots.drawing import plot_design
@@ -74,16 +75,17 @@ HOSTILE = {
     "interactive": True,
 }
 """Settings of a user that change or break a picture: no TeX is installed here that has all packages."""
-RESPONSE = designs.response(0.1, 0.2, 0.3)
-PICTURES = {
-    "response": lambda: plot_response((RESPONSE,), 2.5),
-    "motions": lambda: plot_motions(designs.study().histories, 0.25),
-    "front": lambda: plot_front(designs.front()),
-    "benefit": lambda: plot_benefit(designs.single()),
-    "conditions": lambda: plot_conditions(designs.band()),
-    "landscape": lambda: plot_landscape(designs.single()),
-    "drawing": lambda: plot_design(designs.around()),
+RESPONSE = examples.response(0.1, 0.2, 0.3)
+PICTURES: dict[str, Any] = {
+    "response": lambda _: plot_response((RESPONSE,), 2.5),
+    "motions": lambda _: plot_motions(examples.HISTORIES, 0.25),
+    "front": lambda _: plot_front(examples.FRONT),
+    "benefit": plot_benefit,
+    "conditions": plot_conditions,
+    "landscape": plot_landscape,
+    "drawing": plot_design,
 }
+"""Pictures of a design, which some do not need."""
 
 
 def pictures(draw) -> dict[str, bytes]:
@@ -103,21 +105,20 @@ def pictures(draw) -> dict[str, bytes]:
 
 @pytest.mark.parametrize("name", PICTURES)
 @pytest.mark.mends("`text.usetex` in the settings of a user ended a command with a traceback")
-def test_settings_of_a_user_change_no_picture_and_stay_as_they_are(name):
-    usual = pictures(PICTURES[name])
+def test_settings_of_a_user_change_no_picture_and_stay_as_they_are(name, band):
+    usual = pictures(lambda: PICTURES[name](band))
     with matplotlib.rc_context(HOSTILE):
         before = dict(matplotlib.rcParams)
-        found = pictures(PICTURES[name])
+        found = pictures(lambda: PICTURES[name](band))
         assert dict(matplotlib.rcParams) == before
     assert [kind for kind in usual if usual[kind] != found[kind]] == []
 
 
 def test_a_film_and_axes_of_the_user_do_not_depend_on_settings_either():
-    scene, histories = designs.single().scene, designs.study().histories
-    hung = designs.single().pendulum
-    usual = animate(scene, hung, histories)
+    film = examples.SCENE, examples.PENDULUM, examples.HISTORIES
+    usual = animate(*film)
     with matplotlib.rc_context(HOSTILE):
-        assert animate(scene, hung, histories) == usual
+        assert animate(*film) == usual
         ax = Figure().subplots()
-        plot_front(designs.front(), ax)
+        plot_front(examples.FRONT, ax)
         assert not any(text.get_usetex() for text in ax.get_legend().get_texts())

@@ -1,14 +1,13 @@
-"""The dimensionless parameters, and dataclasses of numbers as pytrees."""
+"""The dimensionless parameters."""
 
 import dataclasses
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from tpd import Parameters
-from tpd.scene.parameters import as_arrays, check_parameters, pytree
+from tpd.scene.parameters import as_arrays, check_parameters
 
 P = Parameters(nu=0.25, mu=0.1, lam=0.4, zeta=0.2, k=0.0, f=0.3, xi=2.5, e=None)
 
@@ -41,26 +40,3 @@ def test_parameters_are_asked_for_by_name():
     check_parameters(P)
     with pytest.raises(ValueError, match=r"`q` must be a Parameters, but is 3$"):
         check_parameters(3, "q")
-
-
-def test_a_dataclass_of_numbers_has_its_words_apart():
-    @pytree
-    @dataclasses.dataclass(frozen=True)
-    class Thing:
-        size: object
-        word: object = "a"
-
-        def __post_init__(self):
-            assert self.size is not None, "whatever JAX puts here is not checked"
-
-    doubled = jax.jit(lambda thing: jax.tree.map(lambda x: 2.0 * x, thing))(Thing(3.0))
-    assert (doubled.size, doubled.word) == (6.0, "a")
-    assert jax.tree.leaves(Thing(3.0, ("a", "b"))) == [3.0]
-    # The same field may hold a number.
-    assert jax.tree.leaves(Thing(3.0, 4.0)) == [3.0, 4.0]
-    assert jax.tree.structure(Thing(1.0)) != jax.tree.structure(Thing(1.0, "b"))
-    paths = [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path(Thing(3.0, 4.0))]
-    assert paths == [".size", ".word"]
-    assert jax.tree.map(lambda _: None, Thing(1.0)).size is None
-    stacked = jax.vmap(lambda thing: thing.size + 1.0)(Thing(jnp.arange(3.0)))
-    np.testing.assert_array_equal(stacked, [1.0, 2.0, 3.0])

@@ -24,7 +24,8 @@ from tpd.models.piecewise import Piecewise
 from tpd.models.segmented import Segmented
 from tpd.models.settling import scale_of
 from tpd.scene.impacts import linear_ratio, velocity_ratio
-from tpd.scene.parameters import Number, Parameters, State, as_arrays
+from tpd.scene.parameters import Parameters, as_arrays
+from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status, is_settled, status_name
 from tpd.theory.equations import Linear
 from tpd.theory.no_uplift import uplift

@@ -28,7 +28,8 @@ from tpd.exact.derivatives import refused
 from tpd.exact.terms import OVERTURNED, ROCKED, STOOD
 from tpd.models.compiled_linear import packed
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion, refuse_zeros
-from tpd.scene.parameters import Number, Parameters, single
+from tpd.scene.parameters import Parameters
+from tpd.scene.pytrees import Number, single
 from tpd.scene.scene import Pendulum, Scene
 
 SCAN = 0.02

@@ -11,7 +11,7 @@ from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.exact.terms import FAILED, OVERTURNED
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
-from tpd.scene.parameters import single
+from tpd.scene.pytrees import single
 from tpd.scene.scene import Block, Pendulum, Scene
 
 Progress = Callable[[int, int], None]

@@ -25,7 +25,8 @@ from tpd.exact.terms import GRAZING, NEAR_FOLD, SLIP, is_neutral
 from tpd.models.compiled_linear import NAMES
 from tpd.models.compiled_orbits import row_of
 from tpd.models.multiple_shooting import Cycle, Orbit, polish, recorded, traverse
-from tpd.scene.parameters import Parameters, as_arrays, check_parameters, single
+from tpd.scene.parameters import Parameters, as_arrays, check_parameters
+from tpd.scene.pytrees import single
 from tpd.scene.status import Status
 
 MAX_EVENTS = 64

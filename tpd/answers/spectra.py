@@ -14,7 +14,7 @@ from tpd.cluster.cluster import Cluster
 from tpd.core import checks
 from tpd.core.formatting import Tabular
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion, Pulse
-from tpd.scene.parameters import single
+from tpd.scene.pytrees import single
 from tpd.scene.scene import Block, Pendulum, Scene
 
 UNDECIDED, STANDS, ROCKS, OVERTURNS = -1, 0, 1, 2

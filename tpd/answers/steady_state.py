@@ -31,7 +31,8 @@ from tpd.exact.terms import GRAZING, NEAR_FOLD, RESIDUAL, STEADY_STATUSES, SYMME
 from tpd.models.base import AbstractChoice, AbstractModel, Settled
 from tpd.models.compiled_linear import fields, packed, packed_of, solve, unpacked
 from tpd.models.piecewise import Piecewise, is_exact
-from tpd.scene.parameters import Number, Parameters, State, as_arrays, check_parameters, single
+from tpd.scene.parameters import Parameters, as_arrays, check_parameters
+from tpd.scene.pytrees import Number, State, single
 from tpd.scene.status import SETTLED, Status, index_of, is_settled, status_name
 
 INEXACT = 0.05

@@ -22,7 +22,8 @@ from tpd.exact.derivatives import moved, once
 from tpd.exact.terms import ASKED, SIZES, STATUSES
 from tpd.models import compiled_orbits
 from tpd.models.calling import parts
-from tpd.scene.parameters import Number, Parameters, check_parameters
+from tpd.scene.parameters import Parameters, check_parameters
+from tpd.scene.pytrees import Number
 from tpd.scene.status import Status, index_of
 
 ORBITS = 3

@@ -20,7 +20,8 @@ from tpd.exact.terms import GRAZING, ROCKED, SHAKEN, STOOD
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
-from tpd.scene.parameters import Number, Parameters, single
+from tpd.scene.parameters import Parameters
+from tpd.scene.pytrees import Number, single
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status, index_of, status_name
 from tpd.theory.equations import Terms

@@ -47,21 +47,25 @@ def main(arguments: list[str] | None = None) -> int:
     with interrupts.lasting_output():
         read = parser().parse_args()
         warnings.showwarning = interrupts.warned
-        with interrupts.announced(read.does.format(**vars(read))):
-            return _run(read)
+        return _run(read, read.does.format(**vars(read)))
 
 
-def _run(read: argparse.Namespace) -> int:
-    """Run the command that was read; an error is one sentence."""
+def _run(read: argparse.Namespace, does: str = "") -> int:
+    """Run the command that was read, and print what it does unless an input is bad; an error is one
+    sentence."""
     out: Path | None = getattr(read, "out", None)
     made = None if out is None or os.path.exists(out) else out
     try:
-        # JAX is set up before any module imports it; a template needs none.
-        if read.command != "new":
-            from tpd.core import process
+        # A template needs nothing of this.
+        if read.command == "new":
+            return import_module("tpd.cli.new").run(read)
+        from tpd.cli import common, interrupts
 
-            process.use_64_bits()
-        return import_module(f"tpd.cli.{read.command}").run(read)
+        # All inputs are checked before JAX is imported, which takes seconds.
+        found = common.checked(read)
+        with interrupts.announced(does):
+            common.set_up(found)
+            return import_module(f"tpd.cli.{read.command}").run(read)
     except Exception as error:
         if made is not None:
             # What could not be written leaves no empty folder.

@@ -12,10 +12,10 @@ from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.core.progress import Bar
-from tpd.design.criteria import Mass, stroke_limit
+from tpd.design.criteria import Mass, check_cavity, stroke_limit
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
-from tpd.design.problem import Problem, check_cavity
+from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco
@@ -80,7 +80,7 @@ def _validated(
     if runs is not None:
         fell = runs.change("overturned")
         said.append(
-            f"{runs.description}: {answer.reduction(runs)}; the block overturns in "
+            f"{runs.description}: {words.reduction(runs)}; the block overturns in "
             f"{fell.with_pendulum:.1%} of "
             f"the runs with the pendulum, and in {fell.without_pendulum:.1%} without it. A limit is "
             "exceeded in "

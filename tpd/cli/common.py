@@ -13,13 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.cli.options import given
-from tpd.cluster.cluster import Cluster, ClusterError
-from tpd.core import checks, files, process, progress
+from tpd.core import checks, files, progress
 from tpd.design import job as jobs
+from tpd.design.criteria import check_cavity
 from tpd.design.reading import read_design
-from tpd.models import compiling
 from tpd.records.reading import described, summary
-from tpd.report import words
 from tpd.scene.scene import Block, Pendulum, Scene, check_damping
 
 MOST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as long as the block")}
@@ -37,7 +35,7 @@ class Case(NamedTuple):
 
 
 @contextlib.contextmanager
-def cluster(options: argparse.Namespace) -> Iterator[Cluster | None]:
+def cluster(options: argparse.Namespace) -> Iterator[Any]:
     """Cluster that the options ask for, if any; its processes end with the block.
 
     Raises:
@@ -46,6 +44,9 @@ def cluster(options: argparse.Namespace) -> Iterator[Cluster | None]:
     if options.workers is None and options.dask is None:
         yield None
         return
+    # Dask takes a second to import.
+    from tpd.cluster.cluster import Cluster, ClusterError
+
     # Beside the results and not among them: a directory of results is empty before they are there.
     out = options.out.resolve()
     folder = out.with_name(f"{out.name}.chunks")
@@ -73,7 +74,6 @@ def case(
         ValueError: a file that cannot be read or is not the design of a report of this version, options that
             describe another block or pendulum beside a design, or a value that is not allowed.
     """
-    folder = process.use_64_bits()
     stated = given(options) if over is None else over
     name = getattr(options, "design", None)
     if name is None:
@@ -85,11 +85,41 @@ def case(
             raise ValueError(f"{name} has a scene and a pendulum: give it alone, or the options without it")
         found = read_design(name)
         job, hung = jobs.job_of(jobs.merged(found.tables, stated)), found.pendulum
-    if folder is not None:
-        with contextlib.suppress(OSError):
-            what = compiling.HARMONIC if job.kind == "harmonic" else compiling.GROUND
-            compiling.compile_beside(folder, what)
     return Case(job, hung)
+
+
+def checked(options: argparse.Namespace) -> Case | None:
+    """Read and check all inputs of a command, and claim its folder, before anything heavy is imported; None
+    for a command without a job.
+
+    Raises:
+        ValueError: as `case`, and for a folder that holds results.
+    """
+    if not hasattr(options, "scene"):
+        return None
+    # What a command varies along an axis need not be given: the command itself checks that.
+    found = case(options, tuple(f"pendulum_{name}" for name in ("mass", "length", "damping")))
+    settings = found.job.settings if options.command in ("optimise", "check") else {}
+    _ = (
+        found.job.scene,
+        settings,
+        options.command == "optimise" and check_cavity(found.job.block, found.job.limits),
+    )
+    if (out := getattr(options, "out", None)) is not None:
+        files.claim(out, overwrite=options.overwrite)
+    return found
+
+
+def set_up(found: Case | None) -> None:
+    """Set JAX up before any module imports it, and begin to compile what the job needs."""
+    from tpd.core import process
+    from tpd.models import compiling
+
+    folder = process.use_64_bits()
+    if folder is not None and found is not None:
+        with contextlib.suppress(OSError):
+            what = compiling.HARMONIC if found.job.kind == "harmonic" else compiling.GROUND
+            compiling.compile_beside(folder, what)
 
 
 def harmonic(options: argparse.Namespace, varied: tuple[str, ...] = ()) -> tuple[Scene, Pendulum | None]:
@@ -111,6 +141,9 @@ def harmonic(options: argparse.Namespace, varied: tuple[str, ...] = ()) -> tuple
 def say(scene: Scene, hung: Pendulum | None = None, motion: str = "", notes: Iterable[str] = ()) -> None:
     """Print block, motion, losses and pendulum, if any, before any work: whose block it is must not be a
     surprise. A motion that is not harmonic is described by `motion`."""
+    # Words of the report stand above its designs.
+    from tpd.report import words
+
     lines = (*words.block_lines(scene), f"  motion  {motion}") if motion else words.scene_lines(scene)
     more = () if hung is None else (words.pendulum_line(scene, hung),)
     progress.say("\n".join((*notes, *lines, *more)), sys.stdout)

@@ -10,10 +10,10 @@ from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import files
 from tpd.core.progress import Bar, say
 from tpd.design.as_built import Study, study
+from tpd.design.criteria import check_cavity
 from tpd.design.design import Design
 from tpd.design.optimise import optimise
 from tpd.design.pareto import front
-from tpd.design.problem import check_cavity
 from tpd.report import answer
 from tpd.report.files import write
 

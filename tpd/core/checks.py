@@ -5,24 +5,30 @@ from __future__ import annotations
 import inspect
 import math
 import numbers
+import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
-import jax
-import jax.core
-import jax.numpy as jnp
 import numpy as np
 
 from tpd.core.formatting import meant
 
 if TYPE_CHECKING:
+    import jax
+
     Real: TypeAlias = float
     Whole: TypeAlias = int
     Vector: TypeAlias = Sequence[float] | np.ndarray | jax.Array
 else:
     # An array or a traced value passes as well, and the functions here refuse the rest in words of their own,
     # before and instead of a checker of types.
-    Real, Vector, Whole = Any, Any, int | np.integer | np.ndarray | jax.Array
+    @runtime_checkable
+    class _Array(Protocol):
+        """An array of NumPy or JAX, also a traced one, or a number of NumPy."""
+
+        dtype: Any
+
+    Real, Vector, Whole = Any, Any, int | _Array
 
 _SEEDS = 2**63 - 1
 """Largest number that begins a random sequence."""
@@ -36,16 +42,40 @@ _LONGEST = 80
 """Most characters of a value in a message."""
 
 
+def is_jax(value: object) -> bool:
+    """Return True for an array of JAX, traced or not. Before JAX is imported there is none."""
+    if "jax" not in sys.modules:
+        return False
+    import jax
+
+    return isinstance(value, jax.Array)
+
+
+def is_traced(value: object) -> bool:
+    """Return True for a value that JAX traces."""
+    if "jax" not in sys.modules:
+        return False
+    from jax.core import Tracer
+
+    return isinstance(value, Tracer)
+
+
 def is_concrete(value: object) -> bool:
     """Return True for a plain number or an array that is not traced."""
-    plain = isinstance(value, (int, float, np.generic, np.ndarray, jax.Array))
-    return plain and not isinstance(value, jax.core.Tracer)
+    is_plain = isinstance(value, (int, float, np.generic, np.ndarray))
+    return is_plain or (is_jax(value) and not is_traced(value))
 
 
 def namespace(*values: object) -> Any:
     """Return `numpy` for values that are known, and `jax.numpy` where one of them is traced: outside of a
     compiled function JAX compiles a program for each of its operations, and for each shape."""
-    return np if all(map(is_concrete, values)) else jnp
+    return np if all(map(is_concrete, values)) else _jax_numpy()
+
+
+def _jax_numpy() -> Any:
+    import jax.numpy
+
+    return jax.numpy
 
 
 def plain(name: str, value: Any, *, single: bool = False) -> Any:
@@ -65,13 +95,13 @@ def plain(name: str, value: Any, *, single: bool = False) -> Any:
     if type(value) is float:
         return value
     _check_meaning(name, value)
-    if not isinstance(value, (np.generic, np.ndarray, jax.Array)):
+    if not (isinstance(value, (np.generic, np.ndarray)) or is_jax(value)):
         return _as_float(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else value
     if value.dtype.kind not in _REAL:
         return value
     if single and value.size != 1:
         raise ValueError(f"`{name}` must be a single number, but is {shown(value)}")
-    if isinstance(value, jax.core.Tracer) or (isinstance(value, jax.Array) and not single):
+    if is_traced(value) or (is_jax(value) and not single):
         array = value if value.dtype == np.float64 else value.astype(float)
         return array.reshape(()) if single and array.ndim else array
     known = np.ascontiguousarray(value, dtype=float)
@@ -91,7 +121,7 @@ def _check_meaning(name: str, value: Any) -> None:
         for item in value:
             if type(item) is not float:
                 _check_meaning(name, item)
-    elif type(value) is np.ndarray or isinstance(value, (jax.Array, str)):
+    elif type(value) is np.ndarray or isinstance(value, str) or is_jax(value):
         # The usual cases, quickly.
         return
     elif np.ma.is_masked(value):
@@ -165,9 +195,9 @@ def array(name: str, value: object, shape: tuple[int, ...], of: str) -> Any:
         ValueError: anything else.
     """
     _check_meaning(name, value)
-    traced = any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(value))
+    traced = _holds_traced(value)
     try:
-        found: Any = jnp.asarray(value, dtype=float) if traced else np.asarray(value)
+        found: Any = _jax_numpy().asarray(value, dtype=float) if traced else np.asarray(value)
         fits = len(found.shape) == len(shape) and all(
             n == m or m < 0 < n for n, m in zip(found.shape, shape, strict=True)
         )
@@ -177,9 +207,15 @@ def array(name: str, value: object, shape: tuple[int, ...], of: str) -> Any:
             known = np.ascontiguousarray(found, float)
             if np.isfinite(known).all():
                 return known
-    except (TypeError, ValueError, OverflowError, jax.errors.JAXTypeError):
+    except (TypeError, ValueError, OverflowError):
+        # Errors of JAX about traced values are a TypeError as well.
         pass
     raise ValueError(f"`{name}` must be {of}, all finite, but is {shown(value)}")
+
+
+def _holds_traced(value: object) -> bool:
+    """Return True for a traced value, or nested lists with one."""
+    return is_traced(value) or (isinstance(value, (list, tuple)) and any(map(_holds_traced, value)))
 
 
 def state(value: Any) -> Any:
@@ -193,7 +229,7 @@ def _check(name: str, value: object, allowed: str, holds: Callable[[Any], Any], 
         # First, because NumPy takes longer for one number than following a motion does.
         return value
     value = plain(name, value, single=not every)
-    if isinstance(value, jax.core.Tracer):
+    if is_traced(value):
         # A traced value has no number yet: whoever traces answers for its range.
         return value
     known = np.asarray(value) if is_concrete(value) else np.asarray(None)
@@ -302,6 +338,8 @@ def interval(name: str, value: Any, low: float, high: float) -> tuple[float, flo
 
 def require_x64() -> None:
     """Raise `RuntimeError` unless JAX computes in 64 bits."""
+    import jax
+
     # Set here it would change the caller's other computations, so it is asked for instead.
     if not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
         raise RuntimeError(

@@ -17,7 +17,8 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.scene.bob import THICKEST, Bob
-from tpd.scene.scene import LARGEST_DAMPING, STANDARD_GRAVITY, Pendulum, Scene
+from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.scene import LARGEST_DAMPING, STANDARD_GRAVITY, Block, Pendulum, Scene, check_shaking
 
 __all__ = [
     "DEFAULT_LIMITS",
@@ -635,3 +636,41 @@ def _relative(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
         return e.relative, np.zeros((*e.relative.shape, 3))
     nu = g.slenderness[None, :]
     return e.stroke + e.tilt * nu, e.stroke_slope + e.tilt_slope * nu[..., None]
+
+
+def check_moves(scene: Scene, conditions: Conditions, space: DesignSpace) -> None:
+    """Raise `ValueError` where nothing moves the block, or where a quantity scatters that is zero."""
+    if not scene.motion.amplitude > 0.0:
+        raise ValueError(
+            f"`amplitude` must be above 0 in a search, but is {scene.motion.amplitude:g}: nothing shakes the "
+            "block"
+        )
+    check_scatter(scene, {name for name, v in conditions.factors.items() if np.ptp(v) > 0.0}, space)
+    motion, factor = scene.motion, conditions.column
+    check_shaking(motion.amplitude * factor("amplitude"), motion.frequency * factor("frequency"))
+
+
+def check_cavity(block: Block, limits: tuple[Limit, ...]) -> None:
+    """Raise `ValueError` where limits need room inside a block whose cavity is not stated."""
+    if limit_of(limits, Room) is None or block.cavity_width is not None:
+        return
+    raise ValueError(
+        "`cavity_width`, the width in m between the walls that the bob swings within, must be given, but is "
+        "not, and no pendulum hangs inside a solid block: state it (--cavity, or `cavity_width` in [block] "
+        "or of `Block`), or leave out the walls (--no-walls, `room = false` in [limits], or limits without "
+        "`Room`)"
+    )
+
+
+def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None = None) -> None:
+    """Raise `ValueError` for a name out of `FACTORS` of a quantity that is zero or absent: a factor on it
+    would change nothing."""
+    zero = {
+        "friction": scene.block.friction == 0.0,
+        "damping": space is not None and space.damping_ratio == 0.0,
+    }
+    for name in names:
+        if zero.get(name, False):
+            raise ValueError(f"`{name}` cannot scatter by a share of itself: it is 0")
+        if name == "restitution":
+            check_restitution(scene)

@@ -18,8 +18,18 @@ from tpd.answers.paired import PairedRuns
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
-from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Stroke, Worth, check_limits
-from tpd.design.problem import MOST_MOTIONS, Problem, check_cavity, check_given, within_mass
+from tpd.design.criteria import (
+    KINDS,
+    DesignSpace,
+    Limit,
+    Risk,
+    Room,
+    Stroke,
+    Worth,
+    check_cavity,
+    check_limits,
+)
+from tpd.design.problem import MOST_MOTIONS, Problem, check_given, within_mass
 from tpd.design.reasons import DesignStatus
 from tpd.design.settings import DEFAULT_SPACE, HELD_OUT, SCATTERED, GroundSearch
 from tpd.models.compiled_nonlinear import shake_nonlinear

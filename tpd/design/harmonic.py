@@ -24,13 +24,16 @@ from tpd.design.criteria import (
     Limit,
     Objective,
     Risk,
+    Room,
     SteadyTilt,
     Worth,
+    check_cavity,
     check_limits,
+    check_moves,
     check_objective,
 )
 from tpd.design.orbits import Orbits, margins
-from tpd.design.problem import MOST_MOTIONS, Problem, check_cavity, check_given, check_moves, within_mass
+from tpd.design.problem import MOST_MOTIONS, Problem, check_given, within_mass
 from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent
 from tpd.design.smoothed_orbits import SMOOTHED, prepare_step
@@ -101,6 +104,8 @@ class HarmonicProblem(Problem):
     """A design problem under harmonic excitation."""
 
     starts: Starts
+    model: Any
+    """Model whose gradients the descents take."""
     objective: Objective
     """What the descents make small; the trials and the validation compare tilts."""
     attempts: ClassVar[int] = 3
@@ -143,11 +148,9 @@ class HarmonicProblem(Problem):
         # Housner's restitution is least with the heaviest bob.
         heaviest = under_all(as_arrays(scene.parameters()), space.full(space.bounds[1])[None], conditions)
         method = Descent() if method is None else method
-        if method.model is None:
-            # Where impacts lose much, the bias of smoothed ones comes near the tolerance of the ends.
-            smooth = bool(np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH))
-            method = replace(method, model=SMOOTHED if smooth else Piecewise())
-        model: Any = method.model
+        # Where impacts lose much, the bias of smoothed ones comes near the tolerance of the ends.
+        smooth = bool(np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH))
+        model = _model_of(method.model, smooth)
         model.check(heaviest)
         limits = check_limits(DEFAULT_LIMITS if limits is None else limits)
         check_cavity(scene.block, limits)
@@ -169,6 +172,7 @@ class HarmonicProblem(Problem):
             limits=limits,
             objective=SteadyTilt() if objective is None else check_objective(objective),
             method=method,
+            model=model,
             ensemble=ensemble,
             worth=Worth() if worth is None else worth,
             seed=seed,
@@ -185,9 +189,19 @@ class HarmonicProblem(Problem):
         return _ROUNDS
 
     @property
+    def inputs(self) -> dict[str, Any]:
+        """See `Problem.inputs`: the model follows from the method."""
+        return {name: x for name, x in super().inputs.items() if name != "model"}
+
+    @property
     def allowed(self) -> float:
         """See `Problem.allowed`."""
         return self.worth.allowed
+
+    @property
+    def run_limits(self) -> tuple[Limit, ...]:
+        """See `Problem.run_limits`: the clearance. The other limits are those of the settled orbits."""
+        return tuple(limit for limit in self.limits if isinstance(limit, Room))
 
     @cached_property
     def orbits(self) -> Orbits:
@@ -217,11 +231,11 @@ class HarmonicProblem(Problem):
         """See `Problem.candidates`: ends of the descents that the exact solution confirms, designs on their
         paths, and designs spread over the space."""
         few = self.orbits.over(self.conditions.subset(_SEARCHED, self.seed))
-        if isinstance(self.method.model, Smoothed):
-            prepare_step(few, self.method.model)
+        if isinstance(self.model, Smoothed):
+            prepare_step(few, self.model)
         # Trial runs need the compiled engine; it loads while the descents run.
         aside(load_compiled)
-        found = search(few, self.method, self.seed, progress)
+        found = search(few, replace(self.method, model=self.model), self.seed, progress)
         if len(few.conditions) < len(self.conditions):
             part = f" under {len(few.conditions)} of the {len(self.conditions)} conditions"
             found = replace(found, description=found.description + part)
@@ -235,12 +249,14 @@ class HarmonicProblem(Problem):
 
     def fixed_sizes(self, designs: np.ndarray) -> dict[str, np.ndarray]:
         """See `Problem.fixed_sizes`."""
-        out = super().fixed_sizes(designs)
-        closed = [limit for limit in self.limits if not limit.of_motion]
-        if closed:
-            e = self.orbits.evaluate(designs)
-            for size in (size for limit in closed for size in limit.sizes(e, self.orbits.geometry)):
-                out[size.name] = np.nan_to_num(size.value.max(axis=1), nan=np.inf, posinf=np.inf)
+        out, e = super().fixed_sizes(designs), self.orbits.evaluate(designs)
+        for limit in self.limits:
+            for size in limit.sizes(e, self.orbits.geometry):
+                # Without a motion that attracts there is none to limit: the runs show what happens.
+                value = np.where(e.attracts | (not limit.of_motion), size.value, 0.0).max(axis=1)
+                value = np.nan_to_num(value, nan=np.inf, posinf=np.inf)
+                known = out.get(size.name)
+                out[size.name] = value if known is None else np.maximum(known, value)
         return out
 
     def value_of(self, runs: Outcomes) -> float:
@@ -336,3 +352,16 @@ class HarmonicProblem(Problem):
         stroke = self.orbits.evaluate(design[None]).stroke[0]
         order = np.argsort(-np.nan_to_num(stroke, posinf=-1.0, nan=-1.0), kind="stable")
         return [pulses[i] for i in order[:MOST_MOTIONS]]
+
+
+def _model_of(model: Any, smooth: bool) -> Any:
+    """Model of a descent; raise `ValueError` unless its symmetric orbits are known."""
+    named = {"smoothed": SMOOTHED, "piecewise": Piecewise(), None: SMOOTHED if smooth else Piecewise()}
+    if model is None or isinstance(model, str):
+        return named[model]
+    if isinstance(model, Piecewise) or (isinstance(model, Smoothed) and model.terms is Terms.linear):
+        return model
+    raise ValueError(
+        "`model` must be Smoothed() with linear terms, or Piecewise(), whose symmetric orbits are known, but "
+        f"is {checks.shown(model)}"
+    )

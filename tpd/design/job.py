@@ -13,13 +13,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from tpd.answers.attractors import Starts
-from tpd.answers.ensemble import Ensemble
 from tpd.core import checks
 from tpd.core.files import path_of
-from tpd.design.criteria import KINDS, DesignSpace, Limit, Risk, Room, Worsening, Worth
+from tpd.design.criteria import (
+    KINDS,
+    DesignSpace,
+    Limit,
+    Risk,
+    Room,
+    Worsening,
+    Worth,
+    check_moves,
+    check_scatter,
+)
 from tpd.design.job_keys import (
-    MODELS,
     PAPER,
     READING,
     SHAPE,
@@ -35,7 +42,6 @@ from tpd.design.job_keys import (
     size_of,
     widths_of,
 )
-from tpd.design.problem import check_moves, check_scatter
 from tpd.design.settings import SCATTERED, Descent, GroundSearch
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
@@ -43,8 +49,10 @@ from tpd.records.intensity import intensity_of
 from tpd.records.reading import described, read_motions
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.ensemble import Ensemble
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse, events_of
 from tpd.scene.scene import Block, Harmonic, Scene
+from tpd.scene.starts import Starts
 
 _MOST_CONDITIONS = 100_000
 """Beyond it the arrays of a search do not fit into the memory of a usual computer."""
@@ -286,8 +294,6 @@ class Job:
         asked = self.full["search"]
         kind: Any = GroundSearch if self.kind != "harmonic" else Descent
         given = {name: asked[name] for name in keys_of(kind) if asked[name] is not None}
-        if kind is Descent and asked["model"] is not None:
-            given["model"] = MODELS[asked["model"]]
         with naming("search"):
             return kind(**given)
 

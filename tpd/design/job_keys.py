@@ -21,7 +21,6 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 import msgspec
 from msgspec import Meta
 
-from tpd.answers.ensemble import Ensemble
 from tpd.core.checks import shown
 from tpd.core.files import path_of, readable
 from tpd.core.formatting import meant
@@ -34,11 +33,10 @@ from tpd.design.settings import (
     Descent,
     GroundSearch,
 )
-from tpd.design.smoothed_orbits import SMOOTHED
-from tpd.models.piecewise import Piecewise
 from tpd.records.reading import BUILT_IN, SETS
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import FACTORS, MEASURES, Conditions
+from tpd.scene.ensemble import Ensemble
 from tpd.scene.ground_motion import PULSES, Pulse
 from tpd.scene.scene import Block, Harmonic, Scene, paper_scene
 
@@ -50,7 +48,6 @@ SHAPE = "width", "height", "mass"
 """Keys of [block] that a block of one's own needs."""
 _Whole = Annotated[int, Meta(le=2**31 - 1)]
 """A count or a seed: beyond it random generators and arrays fail."""
-MODELS = {"smoothed": SMOOTHED, "piecewise": Piecewise()}
 
 
 class Key(NamedTuple):

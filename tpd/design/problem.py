@@ -8,7 +8,6 @@ once, for `Problem`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -33,9 +32,9 @@ from tpd.design.criteria import (
 )
 from tpd.design.orbits import blank, geometry_of
 from tpd.design.reasons import DesignStatus
-from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
-from tpd.scene.scene import Block, Pendulum, Scene, check_shaking
+from tpd.scene.scene import Block, Pendulum, Scene
 
 MOST_MOTIONS = 24
 """Most motions that are followed over time for the loads."""
@@ -101,6 +100,11 @@ class Problem(ABC):
     def evidence(self) -> DesignStatus:
         """Status of a design that passes the validation, as far as the excitation allows a verdict."""
         return DesignStatus.found
+
+    @property
+    def run_limits(self) -> tuple[Limit, ...]:
+        """Limits that single runs must keep, all but the allowed share of them."""
+        return tuple(limit for limit in self.limits if limit.of_motion)
 
     @cached_property
     def geometry(self) -> Geometry:
@@ -208,8 +212,7 @@ class Problem(ABC):
         largest = motion(runs.peak, runs.peak_stroke, runs.turned)
         return {
             size.name: size.value[0]
-            for limit in self.limits
-            if limit.of_motion
+            for limit in self.run_limits
             for size in limit.sizes(largest if isinstance(limit, Room) else settled, own)
         }
 
@@ -250,41 +253,3 @@ def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> 
             f"{limit.kg:g} kg"
         )
     return replace(space, mass_ratio=(low, min(high, most)))
-
-
-def check_moves(scene: Scene, conditions: Conditions, space: DesignSpace) -> None:
-    """Raise `ValueError` where nothing moves the block, or where a quantity scatters that is zero."""
-    if not scene.motion.amplitude > 0.0:
-        raise ValueError(
-            f"`amplitude` must be above 0 in a search, but is {scene.motion.amplitude:g}: nothing shakes the "
-            "block"
-        )
-    check_scatter(scene, {name for name, v in conditions.factors.items() if np.ptp(v) > 0.0}, space)
-    motion, factor = scene.motion, conditions.column
-    check_shaking(motion.amplitude * factor("amplitude"), motion.frequency * factor("frequency"))
-
-
-def check_cavity(block: Block, limits: tuple[Limit, ...]) -> None:
-    """Raise `ValueError` where limits need room inside a block whose cavity is not stated."""
-    if limit_of(limits, Room) is None or block.cavity_width is not None:
-        return
-    raise ValueError(
-        "`cavity_width`, the width in m between the walls that the bob swings within, must be given, but is "
-        "not, and no pendulum hangs inside a solid block: state it (--cavity, or `cavity_width` in [block] "
-        "or of `Block`), or leave out the walls (--no-walls, `room = false` in [limits], or limits without "
-        "`Room`)"
-    )
-
-
-def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None = None) -> None:
-    """Raise `ValueError` for a name out of `FACTORS` of a quantity that is zero or absent: a factor on it
-    would change nothing."""
-    zero = {
-        "friction": scene.block.friction == 0.0,
-        "damping": space is not None and space.damping_ratio == 0.0,
-    }
-    for name in names:
-        if zero.get(name, False):
-            raise ValueError(f"`{name}` cannot scatter by a share of itself: it is 0")
-        if name == "restitution":
-            check_restitution(scene)

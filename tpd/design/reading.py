@@ -16,14 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.attractors import StartKind
 from tpd.core.files import path_of
 from tpd.core.formatting import Printed
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, Room, SteadyTilt, limit_of
-from tpd.design.ground_motion import Role
 from tpd.design.job import Job, job_of
-from tpd.design.job_keys import MODELS, TABLES
-from tpd.design.problem import Problem
+from tpd.design.job_keys import TABLES
 from tpd.design.reasons import DesignStatus
 from tpd.design.settings import SCATTERED
 from tpd.records.reading import BUILT_IN
@@ -31,6 +28,7 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse
 from tpd.scene.record import Record
 from tpd.scene.scene import Harmonic, Pendulum
+from tpd.scene.starts import StartKind
 
 VERSION = 9
 """Version of the file; it grows when a key that is read here changes its meaning or goes away."""
@@ -133,7 +131,7 @@ def _status(content: dict[str, Any]) -> DesignStatus:
     return DesignStatus[name]
 
 
-def job_of_design(design: Problem) -> Job:
+def job_of_design(design: Any) -> Job:
     """Return the job that poses a problem again.
 
     Raises:
@@ -185,8 +183,9 @@ def _asked(design: Any) -> dict[str, dict[str, Any]]:
     if bob.get("shape") == "ball":
         bob.pop("aspect")
     search = {name: value for name, value in vars(method).items() if name in TABLES["search"]}
-    models = {repr(model): name for name, model in MODELS.items()}
-    search |= {"model": models.get(repr(search.get("model"))), "seed": design.seed}
+    if not isinstance(search.get("model"), str):
+        search["model"] = None
+    search["seed"] = design.seed
     measure = {0.0: "worst", 1.0: "expected"}.get(risk.share, "cvar")
     asked: dict[str, dict[str, Any]] = {
         "block": vars(scene.block),
@@ -233,7 +232,7 @@ def _with_conditions(asked: dict[str, dict[str, Any]], design: Any) -> dict[str,
 
 def _motion_of(design: Any) -> dict[str, Any]:
     """Table of the motions of a design, each of which must be a built-in record, or one pulse."""
-    groups = {g.name: [_name_of(m) for m in g.motions] for g in design.groups if g.role is Role.held_out}
+    groups = {g.name: [_name_of(m) for m in g.motions] for g in design.groups if g.role.name == "held_out"}
     motions, asked = design.conditions.motions, design.conditions
     size = {"scales": asked.scales, "intensity": asked.intensity}
     if len(motions) == 1 and isinstance(motions[0], Pulse) and not groups:

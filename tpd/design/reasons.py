@@ -7,8 +7,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from tpd.answers.paired import FEWER
-
 
 class DesignStatus(enum.Enum):
     """Outcome of a design problem; the value is a sentence of the report."""
@@ -93,9 +91,7 @@ class ReasonKind(enum.Enum):
         "the block ends at rest in {value:.0f} of {total} runs with the pendulum, and in {reference:.0f} "
         "without it; the loss of one tenth is allowed"
     )
-    too_little_benefit = (
-        "the mean tilt {falls} (95 % interval from {low:.1%}), and a reduction of {reference:.1%} is required"
-    )
+    too_little_benefit = "the {falls}, and a reduction of {reference:.1%} is required"
     undecided = "{value:.0f} of {total} runs have no answer, and the verdict depends on them"
 
 
@@ -113,7 +109,7 @@ class Reason:
     reference: float = math.nan
     """The number that the value is compared with."""
     low: float = math.nan
-    """Lower end of the 95 % interval of the value, where it has one."""
+    """Lower end of the 95 % interval of the value, where it has one; of a count the least that is allowed."""
     total: int = 0
     """Number of the runs, or of the conditions."""
 
@@ -124,12 +120,12 @@ class Reason:
             case ReasonKind.overturns_more:
                 return abs(self.value - self.reference) / max(self.total, 1)
             case ReasonKind.rests_less:
-                return ((1.0 - FEWER) * self.reference - self.value) / max(self.total, 1)
+                return (self.low - self.value) / max(self.total, 1)
             case ReasonKind.touches_wall | ReasonKind.worse_condition:
                 return self.value - self.reference
             case ReasonKind.too_little_benefit:
                 # A benefit above the least one may be refused because it is not significant.
-                return max(self.reference - self.value, -self.low, 0.0)
+                return max(self.reference - self.value, -max(self.low, -1.0), 0.0)
             case ReasonKind.breaks_limit:
                 return self.value - 1.0
             case ReasonKind.as_built:
@@ -137,11 +133,20 @@ class Reason:
             case _:
                 return 1.0
 
+    @property
+    def _fall_in_words(self) -> str:
+        """The value as a fall of the mean tilt, with its interval as far as it is known."""
+        if math.isnan(self.value):
+            return "change of the mean tilt is unknown"
+        # Of a single earthquake nothing is known but the mean.
+        low = f"from {self.low:.1%}" if math.isfinite(self.low) else "unknown"
+        falls = f"falls by {self.value:.1%}" if self.value >= 0.0 else f"increases by {-self.value:.1%}"
+        return f"mean tilt {falls} (95 % interval {low})"
+
     def __str__(self) -> str:
-        fall = self.value if self.kind is ReasonKind.too_little_benefit else 0.0
         return self.kind.value.format(
             **vars(self),
-            falls=f"falls by {fall:.1%}" if fall >= 0.0 else f"increases by {-fall:.1%}",
+            falls=self._fall_in_words,
             others=f", and higher under {self.total - 1} other conditions" if self.total > 1 else "",
         )
 

@@ -81,7 +81,7 @@ class Search:
     descended: float = np.inf
     """Least risk plus penalty of a broken limit after the descents."""
     finished: float = np.inf
-    """The same after the finish."""
+    """Least risk plus penalty of a broken limit after the finish."""
     description: str = ""
     """From how many designs, in words."""
 

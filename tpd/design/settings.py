@@ -15,6 +15,8 @@ SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution
 """Names of what is uncertain in validation runs under ground motions: block and installation."""
 VALIDATION_RUNS = 2048
 """Validation runs under harmonic excitation by default: half of them decide, the other half is quoted."""
+MODELS = ("smoothed", "piecewise")
+"""Models of a descent that have a name."""
 OPTIMISERS = ("adam", "rmsprop")
 """Optimisers of optax that have a name."""
 
@@ -33,9 +35,10 @@ class Descent:
 
     optimiser: str | object = "adam"
     """Optimiser: adam, rmsprop, or in Python a transformation of optax with steps in shares of the bounds."""
-    model: object = field(default=None, kw_only=True)
-    """`Smoothed()` follows the symmetric orbits with smoothed signs and impacts, the default; `Piecewise()`
-    is these orbits themselves, with exact gradients."""
+    model: str | object = field(default=None, kw_only=True)
+    """Model whose gradients the descents take: "smoothed" or `Smoothed(...)` follows the symmetric orbits
+    with smoothed signs and impacts, which is the default unless impacts lose much energy; "piecewise" or
+    `Piecewise()` is these orbits themselves, with exact gradients."""
     searches: checks.Whole = field(default=8, kw_only=True)
     """Designs from which a search begins."""
     screening: checks.Whole = field(default=512, kw_only=True)
@@ -56,8 +59,8 @@ class Descent:
             checks.one_of("optimiser", self.optimiser, OPTIMISERS)
         else:
             _check_transformation(self.optimiser)
-        if self.model is not None:
-            _check_model(self.model)
+        if isinstance(self.model, str):
+            checks.one_of("model", self.model, MODELS)
 
     @property
     def optimiser_name(self) -> str:
@@ -90,21 +93,6 @@ def _check_transformation(optimiser: object) -> None:
         raise ValueError(
             "`optimiser` must make its steps from gradients alone: give an optimiser without a line search"
         ) from error
-
-
-def _check_model(model: object) -> None:
-    """Raise `ValueError` unless the symmetric orbits of a model are known."""
-    # A model that was given has been imported before.
-    from tpd.models.piecewise import Piecewise
-    from tpd.models.smoothed import Smoothed
-    from tpd.theory.equations import Terms
-
-    smooth = isinstance(model, Smoothed) and model.terms is Terms.linear
-    if not smooth and not isinstance(model, Piecewise):
-        raise ValueError(
-            "`model` must be Smoothed() with linear terms, or Piecewise(), whose symmetric orbits are known, "
-            f"but is {checks.shown(model)}"
-        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.paired import PairedRuns
+from tpd.answers.paired import FEWER, PairedRuns
 from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import beyond_as_built
@@ -148,17 +148,19 @@ def _by_runs(
     one that depends on the runs without an answer, if it does."""
     required = problem.worth.at_least if required is None else required
     over, limit = problem.over_limit(design, runs.with_pendulum)
-    reasons = _reasons(problem, runs, over, limit, required)
+    reasons, built = _reasons(problem, runs, over, limit, required), list[Reason]()
     if over <= problem.allowed:
         # If the bob exceeds its limits in too many runs, that reason is enough.
         turned = runs.with_pendulum.turned[runs.with_pendulum.stands]
-        reasons += _as_built(problem, design, turned)
-    if runs.ends:
+        built = _as_built(problem, design, turned)
+    reasons += built
+    # A body that is too large as built stays so, however the runs without an answer end.
+    if runs.ends and not built:
         stands = runs.with_pendulum.stands.sum()
         unknown = runs.with_pendulum.undecided.sum()
         verdicts = {bool(reasons)}
-        # A run that stands may exceed a limit, which is against the pendulum as well.
-        for end, more in zip(runs.ends, (unknown, 0), strict=True):
+        # A run that stands may exceed a limit, if there is one, which is against the pendulum as well.
+        for end, more in zip(runs.ends, (unknown if limit else 0, 0), strict=True):
             share = float((over * stands + more) / max(stands + unknown, 1))
             verdicts.add(bool(_reasons(problem, end, share, limit, required)))
         if len(verdicts) > 1:
@@ -171,7 +173,7 @@ def _reasons(problem: Problem, runs: PairedRuns, over: float, limit: str, requir
     """Reasons against a design by paired runs."""
     out = list[Reason]()
 
-    def refuse(kind: ReasonKind, value: float, reference: float, **more: Any) -> None:
+    def refuse(kind: ReasonKind, value: Any, reference: Any, **more: Any) -> None:
         out.append(Reason(kind=kind, value=float(value), reference=float(reference), **more))
 
     total, (worse, better) = int(runs.known.sum()), runs.only
@@ -181,7 +183,8 @@ def _reasons(problem: Problem, runs: PairedRuns, over: float, limit: str, requir
         refuse(ReasonKind.touches_wall, over, problem.allowed, limit=limit)
     if runs.rests_less:
         rests = (np.sum(o.status[runs.known] == "rest") for o in (runs.with_pendulum, runs.without_pendulum))
-        refuse(ReasonKind.rests_less, *rests, total=total)
+        at_rest, without = rests
+        refuse(ReasonKind.rests_less, at_rest, without, total=total, low=float((1.0 - FEWER) * without))
     if runs.worse_groups:
         first = runs.worse_groups[0]
         where = {"condition": runs.labels[first], "total": len(runs.worse_groups)}

@@ -12,7 +12,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.exact.terms import REST, SLIP, STICK
-from tpd.scene.parameters import Number
+from tpd.scene.pytrees import Number
 
 
 class Mode(eqx.Module):

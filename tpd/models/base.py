@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 import equinox as eqx
 from jaxtyping import Array, Bool, Float, Int
 
-from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.parameters import Parameters
+from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status
 
 MOST_PERIODS = 800

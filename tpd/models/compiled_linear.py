@@ -21,7 +21,8 @@ from tpd.exact.derivatives import once
 from tpd.exact.terms import ENDS
 from tpd.models.base import Cycle, Settled
 from tpd.models.calling import Compiled, numbers_in, parts, shape
-from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.parameters import Parameters
+from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status, index_of
 
 Limits = tuple[int, int, float, float, int]

@@ -20,10 +20,9 @@ from tpd.models.calling import numbers_in, shape
 from tpd.models.compiled_linear import NONLINEAR
 from tpd.models.compiled_shaken import Followed, follow_rows, known, operands
 from tpd.models.rows import settle_rows
+from tpd.scene.ensemble import MOST_PERIODS
 from tpd.scene.parameters import Parameters
 
-MOST_PERIODS = 10_000
-"""Most forcing periods of a run. Ctrl-C waits for the runs that have begun."""
 TOLERANCE = 1e-6
 """Repetition error that counts as settled, see `tpd.exact.repetition.scales_of`."""
 REST_RATE = 1e-4

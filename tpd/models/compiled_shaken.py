@@ -20,7 +20,8 @@ from tpd.exact.derivatives import moved, once
 from tpd.exact.terms import TILT_PULL, TILT_RATE, XI
 from tpd.models.calling import Compiled, numbers_in, parts, shape
 from tpd.models.compiled_linear import EXACT, changed, fields, packed, settings_of
-from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.parameters import Parameters
+from tpd.scene.pytrees import Number, State
 
 _AT_END = 1e-12
 """Relative distance of two times that are the same but for rounding."""

@@ -30,7 +30,8 @@ from jaxtyping import Array, Float
 from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
 from tpd.models.smoothed import Field, Smoothed
 from tpd.scene.conditions import under
-from tpd.scene.parameters import Number, Parameters, as_arrays
+from tpd.scene.parameters import Parameters, as_arrays
+from tpd.scene.pytrees import Number
 from tpd.theory.equations import smoothed_rates
 
 _SAMPLES = 32

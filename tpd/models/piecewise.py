@@ -10,7 +10,8 @@ from jaxtyping import Array, Float
 from tpd.core import checks
 from tpd.models import compiled_linear
 from tpd.models.base import AbstractModel, Cycle, Settled, setting
-from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.parameters import Parameters
+from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status
 
 EXACT_PERIODS = 100_000

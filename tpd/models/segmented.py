@@ -24,7 +24,8 @@ from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
 from tpd.models.base import MOST_PERIODS, AbstractModel, Cycle, Settled, setting
 from tpd.models.settling import Period, cycle_by_events, settle
 from tpd.scene.impacts import bob_change, velocity_ratio
-from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.parameters import Parameters
+from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status
 from tpd.theory.equations import Equations, Terms
 

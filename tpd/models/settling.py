@@ -11,7 +11,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from tpd.exact.terms import SWING, TILT
 from tpd.models.base import Cycle, Settled
-from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.parameters import Parameters
+from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status
 
 LONGEST = 8

@@ -21,7 +21,8 @@ from tpd.models.compiled_linear import NONLINEAR
 from tpd.models.compiled_nonlinear import REST_RATE, TOLERANCE
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import Period, settle
-from tpd.scene.parameters import Number, Parameters, State
+from tpd.scene.parameters import Parameters
+from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status
 from tpd.theory.equations import Equations, Linear, Terms, smoothed_rates
 

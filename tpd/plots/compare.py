@@ -33,7 +33,7 @@ from tpd.plots.style import (
 _MOST = 24
 """Most groups of runs that have a row of their own, evenly over all of them."""
 _SHOWN = {
-    "mean severity": "tilt, mean of all runs",
+    "mean severity": "tilt, mean",
     "worst severity": "tilt, worst tenth",
     "overturned": "overturned",
     "at rest": "at rest at the end",

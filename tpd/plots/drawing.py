@@ -110,7 +110,7 @@ class _Hung(NamedTuple):
             return float(self.body.reach(self.mass, self.rod, angle)) - self.wall
 
         room = -short(self.angle)
-        said = f"{number(room, 3)} m clear to the wall" if room > 0.0 else "the bob strikes the wall"
+        said = f"{number(room, 3)} m clear to the wall" if room > 0.0 else "the bob touches the wall"
         if short(0.0) < 0.0 < short(0.5 * math.pi):
             touches = float(root_scalar(short, bracket=(0.0, 0.5 * math.pi)).root)
             said += f",\nwhich it meets at ±{touches:.3g} rad (±{math.degrees(touches):.3g}°)"

@@ -209,7 +209,7 @@ def plot_motions(
         if np.isfinite(stroke_limit):
             for side, label in ((-1.0, None), (1.0, "limit on the settled stroke")):
                 axes[first + 1].axhline(side * stroke_limit, color=ORANGE, lw=1.2, ls=":", label=label)
-            legend(axes[first + 1], loc="upper right")
+            legend(axes[first + 1])
     if shaken:
         axes[0].plot(shaken[0].times, shaken[0].base, color=INK, lw=0.7)
         axes[0].set_ylabel("base acceleration\n(m/s²)")

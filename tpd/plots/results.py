@@ -96,7 +96,7 @@ def draw_response(
 def draw_branches(result: Branches, without: Branches | None = None, axes: Any = None) -> Any:
     """Draw branches, and those of the bare block if there are any."""
     bare, hung = (str(case["label"]) for case in CASES)
-    cases = dict.fromkeys([bare], without) if _without(result, without) else {}
+    cases: dict[str, Branches] = dict(zip([bare], _without(result, without), strict=False))
     return response.plot_branches(cases | {hung if result.hung else bare: result}, axes)
 
 

@@ -7,9 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BPoly, PPoly
-from scipy.linalg import expm
-from scipy.special import factorial
 
 from tpd.core import checks
 from tpd.scene.ground_motion import GroundMotion
@@ -61,6 +58,8 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
 
 def peak_velocity(motion: GroundMotion) -> float:
     """Largest velocity of the base (m/s), which is at rest before the motion: at ends and turns of pieces."""
+    from scipy.interpolate import PPoly
+
     c, h = np.asarray(motion.pieces(), dtype=float), float(motion.piece)
     ends = h * np.arange(len(c) + 1)
     acceleration = PPoly((c / h ** np.arange(4)).T[::-1], ends)
@@ -85,6 +84,10 @@ def spectral_acceleration(
     Raises:
         ValueError: a number out of range, or something else than a motion.
     """
+    from scipy.interpolate import BPoly, PPoly
+    from scipy.linalg import expm
+    from scipy.special import factorial
+
     checks.instance("motion", motion, GroundMotion)
     period = checks.positive("period", period, 1e-6, 1e6, " s")
     damping = checks.within("damping", damping, 0.0, _MOST_DAMPING)

@@ -7,9 +7,6 @@ import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-
-from tpd.answers.paired import Change, PairedRuns
 from tpd.core.formatting import aligned, number
 from tpd.design.as_built import Study, build_of
 from tpd.design.criteria import LABELS
@@ -24,13 +21,6 @@ MOST = 25
 "thirty."""
 _NAME = 14
 """Columns of the names of rows."""
-_CHANGES = {
-    "mean severity": "mean tilt over toppling",
-    "median severity": "median tilt",
-    "overturned": "overturned",
-    "at rest": "at rest in the end",
-}
-"""Rows of the comparison, and their names."""
 _USED = 0.95
 """Share of a limit that is used where the limit counts as active."""
 _REASONED = DesignStatus.refused, DesignStatus.none_feasible, DesignStatus.undecided
@@ -53,7 +43,7 @@ def answer(
         # The table stands after the pendulum, before what limits it.
         if runs is not None and name in ("clearance", "reason", "limits") and not shown:
             shown = True
-            lines += _table(comparison(runs))
+            lines += _table(words.comparison(runs))
         lines += _named(text, name)
     more = list(_more(design, directory))
     # A long list of reasons must not push away where the report lies.
@@ -83,9 +73,9 @@ def verdict(design: Design, study: Study | None = None) -> Note:
             head = f"NOT TO BE BUILT AS IT IS, since the search {' and '.join(missing)}"
         losses = () if study is None else study.losses
         if against := [case for case in losses if not case.runs.benefit.low > 0.0]:
-            cases = " or ".join(f"{case.name} ({_percent(case.runs.benefit.mean)})" for case in against)
+            cases = " or ".join(f"{case.name} ({words.percent(case.runs.benefit.mean)})" for case in against)
             caution = f" THE BENEFIT DEPENDS ON THE LOSSES: it is not shown if they are {cases}."
-        return note(f"{head}: {reduction(runs)}.{caution} This is not a safety assessment.")
+        return note(f"{head}: {words.reduction(runs)}.{caution} This is not a safety assessment.")
     kind = danger if design.pendulum is None and design.is_harmful else note
     return kind(headline(design.status, design.refusals))
 
@@ -101,24 +91,6 @@ def judgement(status: DesignStatus, reasons: Sequence[str]) -> list[str]:
     """Return lines of a verdict: the reasons from the second on, and last the sentence."""
     others = reasons[status in _REASONED :]
     return [*(line for text in others for line in _named(text, "reason")), headline(status, reasons)]
-
-
-def reduction(runs: PairedRuns) -> str:
-    """Return the benefit as a sentence with its interval."""
-    size = runs.benefit
-    if math.isnan(size.mean):
-        return "the benefit is unknown"
-    # A share that rounds to zero must not read "-0 %".
-    less = size.mean > -0.005
-    mean, low, high = (size.mean, size.low, size.high) if less else (-size.mean, -size.high, -size.low)
-    around = ""
-    if math.isfinite(low):
-        around = f" (95 % interval {100 * low + 0.0:.0f} to {100 * high + 0.0:.0f} %)"
-    return f"the pendulum {'reduces' if less else 'increases'} the mean tilt by {_percent(abs(mean))}{around}"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share + 0.0:.0f} %"
 
 
 def dangers(design: Design, study: Study) -> list[Note]:
@@ -140,7 +112,7 @@ def pairs(design: Design, study: Study) -> Iterator[tuple[str, str]]:
     if design.pendulum is not None:
         yield "limits", active_limits(design, study)
     if study.losses:
-        cases = ", ".join(f"{c.name} {_percent(c.runs.benefit.mean)}" for c in study.losses)
+        cases = ", ".join(f"{c.name} {words.percent(c.runs.benefit.mean)}" for c in study.losses)
         pairs_ = study.losses[0].runs.pairs
         yield (
             "losses",
@@ -173,30 +145,6 @@ def _pendulum(design: Design, study: Study) -> Iterator[tuple[str, str]]:
     yield "damper", f"{number(build.damping, 3)} N m s/rad at the hinge, {number(zeta, 3)} of critical"
     period = number(1.0 / build.frequency, 3)
     yield "frequency", f"{number(build.frequency, 3)} Hz (period {period} s), undamped, block at rest"
-
-
-def comparison(runs: PairedRuns) -> Table:
-    """Return the changes with and without the pendulum, from one set of runs."""
-    rows = [
-        (_CHANGES[c.name], f"{c.with_pendulum:.{d}%}", f"{c.without_pendulum:.{d}%}", _points(c, d))
-        for c in runs.changes
-        # Tilts vary by more than a tenth of a per cent from one seed to the next; a share may be small.
-        for d in (0 if c.name in ("mean severity", "median severity") else 1,)
-        # Where no run ends at rest in either case there is nothing to compare.
-        if c.name in _CHANGES and not (c.name == "at rest" and c.with_pendulum == c.without_pendulum == 0.0)
-    ]
-    left = f"; {runs.undecided} runs without an answer are left out" if runs.undecided else ""
-    caption = f"{runs.description}; an overturned block counts as toppled{left}"
-    return Table(("", "with pendulum", "without", "difference, points (95 %)"), tuple(rows), caption)
-
-
-def _points(of: Change, digits: int) -> str:
-    """Difference in points of per cent with its interval; a dash where it has none."""
-    if not np.isfinite(of.low):
-        return "–"
-    # What rounds to zero must not read "-0".
-    mean, low, high = (round(100.0 * x, digits) + 0.0 for x in (of.difference, of.low, of.high))
-    return f"{mean:+.{digits}f} ({low:+.{digits}f} to {high:+.{digits}f})"
 
 
 def _clearance(design: Design, study: Study) -> str:

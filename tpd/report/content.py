@@ -118,7 +118,7 @@ def content(
         verdict=answer.verdict(design, study),
         dangers=tuple(n for n in found if n.severity is Severity.danger),
         answer=Table(("", ""), tuple(rows)),
-        comparison=None if runs is None else answer.comparison(runs),
+        comparison=None if runs is None else words.comparison(runs),
         figures=(*there["drawing"], *there["animation"]),
         sections=tuple(Section(t, tuple(b), t in _PRINTED) for t, b in parts.items() if b),
     )
@@ -130,7 +130,7 @@ def names(design: Design, study: Study) -> tuple[str, ...]:
     there = {
         "benefit.svg": design.runs is not None,
         "conditions.svg": harmonic and len(design.conditions) > 1 and design.conditions.axis is not None,
-        "search.png": design.trials is not None,
+        "search.png": design.trials is not None and design.trials.process is not None,
         "response.svg": bool(study.responses),
         "motion.svg": bool(study.histories),
         "front.svg": bool(study.front),

@@ -52,6 +52,13 @@ def _runs(design: Design) -> Iterator[Note]:
             yield danger(
                 f"A limit is exceeded in {best.over_limit:.1%} of the runs in which the block stands."
             )
+        least = design.problem.worth.at_least
+        if best.quoted is not None and best.decided is not None and runs.benefit.mean < least:
+            # The runs that are quoted took no part in the decision: they may fall short by chance.
+            yield note(
+                f"The runs that decided showed {best.decided.benefit_in_words}, at least the {least:.0%} "
+                "that are required. The runs that are quoted are independent of them and show less."
+            )
         fell = runs.change("overturned")
         if not fell.high < 0.0:
             yield note(

@@ -16,7 +16,7 @@ from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
 from tpd.design.orbits import KINDS
 from tpd.records.reading import facts, same_earthquakes
-from tpd.report import answer, words
+from tpd.report import words
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
 from tpd.scene.record import Record
 
@@ -84,7 +84,7 @@ def over_runs(design: Design) -> list[Block]:
         "Tilt: settled, 100 % where the block overturns or tilts to ν or further."
     )
     table = Table(("", "with pendulum", "without"), tuple(rows), caption)
-    return [answer.comparison(runs), table, Text(runs.overturning_in_words), *_by_group(design)]
+    return [words.comparison(runs), table, Text(runs.overturning_in_words), *_by_group(design)]
 
 
 def _quantiles(o: Outcomes, quantity: str) -> str:

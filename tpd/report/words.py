@@ -6,14 +6,22 @@ import math
 
 import numpy as np
 
-from tpd.answers.paired import PairedRuns
+from tpd.answers.paired import Change, PairedRuns
 from tpd.core.formatting import number
 from tpd.design.as_built import Study
 from tpd.design.criteria import KINDS, Limit, Room, limit_of
 from tpd.design.design import Design
+from tpd.report.blocks import Table
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene, paper_scene
 
+_CHANGES = {
+    "mean severity": "mean tilt over toppling",
+    "median severity": "median tilt",
+    "overturned": "overturned",
+    "at rest": "at rest in the end",
+}
+"""Rows of the comparison, and their names."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 
@@ -140,6 +148,49 @@ def beside(study: Study) -> str:
         )
         shares = tuple(f"{float(x) / width:.0%}" for x in areas)
     return f"{band}: {shares[0]} of the runs from rest overturn with the pendulum, {shares[1]} without it"
+
+
+def reduction(runs: PairedRuns) -> str:
+    """Return the benefit as a sentence with its interval."""
+    size = runs.benefit
+    if math.isnan(size.mean):
+        return "the benefit is unknown"
+    # A share that rounds to zero must not read "-0 %".
+    less = size.mean > -0.005
+    mean, low, high = (size.mean, size.low, size.high) if less else (-size.mean, -size.high, -size.low)
+    around = ""
+    if math.isfinite(low):
+        around = f" (95 % interval {100 * low + 0.0:.0f} to {100 * high + 0.0:.0f} %)"
+    return f"the pendulum {'reduces' if less else 'increases'} the mean tilt by {percent(abs(mean))}{around}"
+
+
+def percent(share: float) -> str:
+    """A share in whole per cent."""
+    return f"{100.0 * share + 0.0:.0f} %"
+
+
+def comparison(runs: PairedRuns) -> Table:
+    """Return the changes with and without the pendulum, from one set of runs."""
+    rows = [
+        (_CHANGES[c.name], f"{c.with_pendulum:.{d}%}", f"{c.without_pendulum:.{d}%}", _points(c, d))
+        for c in runs.changes
+        # Tilts vary by more than a tenth of a per cent from one seed to the next; a share may be small.
+        for d in (0 if c.name in ("mean severity", "median severity") else 1,)
+        # Where no run ends at rest in either case there is nothing to compare.
+        if c.name in _CHANGES and not (c.name == "at rest" and c.with_pendulum == c.without_pendulum == 0.0)
+    ]
+    left = f"; {runs.undecided} runs without an answer are left out" if runs.undecided else ""
+    caption = f"{runs.description}; an overturned block counts as toppled{left}"
+    return Table(("", "with pendulum", "without", "difference, points (95 %)"), tuple(rows), caption)
+
+
+def _points(of: Change, digits: int) -> str:
+    """Difference in points of per cent with its interval; a dash where it has none."""
+    if not np.isfinite(of.low):
+        return "–"
+    # What rounds to zero must not read "-0".
+    mean, low, high = (round(100.0 * x, digits) + 0.0 for x in (of.difference, of.low, of.high))
+    return f"{mean:+.{digits}f} ({low:+.{digits}f} to {high:+.{digits}f})"
 
 
 def title(scene: Scene, name: str = "", date: str = "") -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from tpd.core import checks
 from tpd.scene.ground_motion import GroundMotion, Pulse, refuse_zeros
@@ -317,12 +317,9 @@ def check_restitution(scene: Scene) -> None:
         raise ValueError(f"`restitution` can scatter where it is a number, but {why}")
 
 
-def under(
-    p: Parameters,
-    design: Float[Array | np.ndarray, "3 *m"],
-    factors: Float[Array | np.ndarray, "8 *n"],
-) -> Parameters:
-    """Return the parameters of one design (mu, lam, zeta) under one condition.
+def under(p: Parameters, design: Any, factors: Any) -> Parameters:
+    """Return the parameters of one design (mu, lam, zeta), along the first axis, under one condition, whose
+    factors are in the order of `FACTORS`.
 
     The base's amplitude of displacement stays, so f goes with the square of the frequency's factor. rho
     follows nu, and e follows nu, rho and mu, where they are tied; xi does not. e stays at most 1: an impact
@@ -344,7 +341,7 @@ def under(
     )
 
 
-def under_all(p: Parameters, designs: Float[Array | np.ndarray, "m 3"], conditions: Conditions) -> Parameters:
+def under_all(p: Parameters, designs: Any, conditions: Conditions) -> Parameters:
     """Return the parameters of m designs under all n conditions: leaves (m n,), the conditions varying
     fastest."""
     # rho and e become numbers here: each condition may have its own, and all leaves need the same length.

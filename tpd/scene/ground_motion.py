@@ -15,7 +15,6 @@ from tpd.core import checks
 from tpd.core.checks import Real
 from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.scene.earthquakes import is_one
-from tpd.scene.parameters import pytree
 
 LONGEST_FREE = 1e5
 """Longest free motion (s) that is followed after a ground motion."""
@@ -178,7 +177,6 @@ PULSES = {
 """Kinds of pulses by their names."""
 
 
-@pytree
 @dataclass(frozen=True, kw_only=True)
 class Pulse(GroundMotion):
     """A pulse of base acceleration; made by `one_sine`, `one_cosine`, `ricker` and `mavroeidis_papageorgiou`.

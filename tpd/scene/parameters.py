@@ -1,35 +1,23 @@
-"""The dimensionless parameters of the block-pendulum system, and pytrees of numbers."""
+"""The dimensionless parameters of the block-pendulum system."""
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-import equinox as eqx
-import jax
 import numpy as np
-from jax.tree_util import GetAttrKey
-from jaxtyping import Array, Float, Inexact
 
 from tpd.core import checks
 from tpd.scene.impacts import heaviest_of_housner, housner
 
 if TYPE_CHECKING:
-    Number = Float[Array, "..."] | float
-    State = Float[Array, "4"]
-    Given = Float[Array, "..."] | float
-else:
-    # Known numbers may be arrays of NumPy: see `checks.namespace`. To a checker of types these are JAX's. An
-    # imaginary part of theirs carries a derivative.
-    Number = Float[Array, "..."] | Inexact[np.ndarray, "..."] | float
-    State = Float[Array, "4"] | Float[np.ndarray, "4"]
-    Given = Any
-Numbers = tuple[Number, Number, Number, Number]
-"""A state (phi, psi, phi', psi'), one number each."""
+    from jaxtyping import Array, Float
 
-Class = TypeVar("Class", bound=type[Any])
-Static: TypeAlias = tuple[tuple[str, ...], tuple[tuple[str, Any], ...]]
-"""Names of the leaves, and the fields that hold a word or several, by name."""
+    Number = Float[Array, "..."] | float
+else:
+    # An array of NumPy or JAX, a traced value or a number: whoever checks types at run time does so where JAX
+    # is imported, see `tpd.scene.pytrees`.
+    Number = Any
 
 SLENDERNESS_LIMIT = 0.5
 """Widest block (width over height) the linear equations are offered for: they drop terms of
@@ -40,7 +28,8 @@ GREATEST = 1e12
 lose their meaning."""
 
 
-class Parameters(eqx.Module):
+@dataclass(frozen=True, init=False)
+class Parameters:
     """Dimensionless parameters of block, pendulum and shaking. Angles are in rad, time is tau = omega0 t.
 
     A pytree of numbers. Symbols are those of (25) in Collini et al. (2016), the paper behind this package.
@@ -74,21 +63,18 @@ class Parameters(eqx.Module):
     def __init__(
         self,
         *,
-        nu: Given,
-        mu: Given,
-        lam: Given,
-        zeta: Given,
-        k: Given,
-        f: Given,
-        xi: Given,
-        rho: Given | None = None,
-        e: Given | None = 1.0,
+        nu: Number,
+        mu: Number,
+        lam: Number,
+        zeta: Number,
+        k: Number,
+        f: Number,
+        xi: Number,
+        rho: Number | None = None,
+        e: Number | None = 1.0,
     ) -> None:
-        # At once: equinox's own way, field by field, takes longer than following a motion.
         given = {"nu": nu, "mu": mu, "lam": lam, "zeta": zeta, "k": k, "f": f, "xi": xi, "rho": rho, "e": e}
         vars(self).update({name: checks.plain(name, x) for name, x in given.items()})
-
-    def __check_init__(self) -> None:
         for name in ("nu", "lam", "xi"):
             checks.positive(name, getattr(self, name), 1.0 / GREATEST, GREATEST, every=True)
         for name in ("mu", "zeta", "k", "f"):
@@ -149,46 +135,17 @@ def check_parameters(p: object, name: str = "p") -> None:
         checks.instance(name, p, Parameters, ": take its `.parameters()`" if hasattr(p, "parameters") else "")
 
 
-def single(thing: Any, name: str = "p") -> Any:
-    """Return a number, or a pytree of numbers, where one-element arrays are the number in them.
-
-    Raises:
-        ValueError: arrays of several numbers.
-    """
-    return jax.tree.map(lambda x: checks.plain(name, x, single=True), thing)
+def unchecked(p: Parameters, **changed: Any) -> Parameters:
+    """Return the parameters with some of them replaced by whatever is given, such as values that are traced,
+    or numbers with imaginary parts."""
+    made = object.__new__(Parameters)
+    vars(made).update(vars(p), **changed)
+    return made
 
 
 def as_arrays(p: Parameters) -> Parameters:
-    """Parameters with 64-bit array leaves."""
+    """Parameters with 64-bit arrays in place of numbers."""
     # `eqx.filter_jit` takes Python floats as static and would compile again for every value.
     # Known numbers stay NumPy's: JAX would compile a program to make an array of its own of each.
-    return jax.tree.map(lambda x: checks.namespace(x).asarray(x, dtype=float), p)
-
-
-def _is_words(value: Any) -> bool:
-    """Whether a field holds a word, or a tuple of words only, such as an empty one."""
-    return isinstance(value, str) or (isinstance(value, tuple) and all(isinstance(v, str) for v in value))
-
-
-def pytree(cls: Class) -> Class:
-    """Register a frozen dataclass as a pytree: a field that holds words is static, any other is a leaf.
-
-    `jax.tree_util.register_dataclass` fixes the static fields once, and runs `__post_init__` on whatever JAX
-    puts in the place of a leaf. Here a word such as "housner" is static where it is used; nothing is checked.
-    """
-
-    def flatten_with_keys(thing: Any) -> tuple[tuple[tuple[Any, Any], ...], Static]:
-        held = {f.name: getattr(thing, f.name) for f in fields(cls)}
-        words = tuple((name, value) for name, value in held.items() if _is_words(value))
-        names = tuple(name for name, value in held.items() if not _is_words(value))
-        return tuple((GetAttrKey(name), held[name]) for name in names), (names, words)
-
-    def unflatten(static: Static, leaves: Any) -> Any:
-        # Not through the constructor: JAX puts objects of its own in the place of leaves.
-        thing, (names, words) = object.__new__(cls), static
-        for name, value in (*zip(names, leaves, strict=True), *words):
-            object.__setattr__(thing, name, value)
-        return thing
-
-    jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten)
-    return cls
+    held = {name: x for name, x in vars(p).items() if x is not None}
+    return unchecked(p, **{name: checks.namespace(x).asarray(x, dtype=float) for name, x in held.items()})

@@ -9,18 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Shaped
 
 from tpd.core import checks
 from tpd.scene.impacts import housner
-from tpd.scene.parameters import Parameters, uniform_inertia_ratio
+from tpd.scene.parameters import Parameters, unchecked, uniform_inertia_ratio
 from tpd.scene.scene import (
     Harmonic,
     Pendulum,
@@ -61,6 +56,8 @@ _BOUNDS = {
     "pendulum_length": ("height", "the height of the block"),
 }
 """Quantities of the pendulum that must not exceed one of the block, and that one in words."""
+_TINY = 1e-100
+"""Imaginary part along which a parameter is differentiated."""
 _OF_PENDULUM = ("mu", "lam", "zeta", "pendulum_mass", "pendulum_length", "pendulum_damping")
 
 
@@ -83,10 +80,10 @@ def parameters(x: Any) -> Parameters:
     return Parameters(**dict(zip(NAMES, x, strict=True)))
 
 
-def with_design(p: Parameters, design: Shaped[Array | np.ndarray, "3 *n"]) -> Parameters:
-    """Return the parameters with another pendulum (mu, lam, zeta), unchecked: also for traced values, and for
-    numbers with imaginary parts."""
-    return eqx.tree_at(lambda q: (q.mu, q.lam, q.zeta), p, (design[0], design[1], design[2]))
+def with_design(p: Parameters, design: Any) -> Parameters:
+    """Return the parameters with another pendulum (mu, lam, zeta) along the first axis, unchecked: also
+    for traced values, and for numbers with imaginary parts."""
+    return unchecked(p, mu=design[0], lam=design[1], zeta=design[2])
 
 
 @dataclass(frozen=True)
@@ -240,13 +237,7 @@ class Axis:
     def jacobian(self, value: float) -> np.ndarray:
         """Derivatives of the parameters with respect to the number that varies and to `others`, shape
         (9, 1 + len(others))."""
-        # Names are the keys of a dictionary that JAX differentiates: it returns one column for each of them.
-        varied = {**self.setup.values, self.name: value}
-        slopes = _slopes(varied, self.setup.scene)
-        return np.stack([np.asarray(slopes[n]) for n in (self.name, *self.others)], axis=1)
-
-
-@partial(jax.jit, static_argnums=1)
-@partial(jax.jacfwd, argnums=0)
-def _slopes(values: Mapping[str, Any], scene: bool) -> Float[Array, "9"]:
-    return jnp.stack([jnp.asarray(x) for x in Setup({}, scene, True).vector(values)])
+        # An imaginary part that is too small to change the real one carries the derivative exactly.
+        values = {**self.setup.values, self.name: value}
+        moved = ({**values, n: complex(values[n], _TINY)} for n in (self.name, *self.others))
+        return np.stack([np.imag(self.setup.vector(varied)) / _TINY for varied in moved], axis=1)

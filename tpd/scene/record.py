@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
-import jax
 import numpy as np
 
 from tpd.core import checks
@@ -19,7 +18,6 @@ from tpd.core.checks import Real
 from tpd.core.files import path_of
 from tpd.formats.channel import GREATEST_PEAK
 from tpd.scene.ground_motion import GroundMotion
-from tpd.scene.parameters import pytree
 
 STEPS = 1e-6, 1e3
 """Least and largest step between samples, s."""
@@ -28,7 +26,6 @@ if TYPE_CHECKING:
     from tpd.formats.channel import Channel
 
 
-@pytree
 @dataclass(frozen=True, eq=False)
 class Record(GroundMotion):
     """Horizontal base acceleration at equal steps: linear between samples, zero before the first and after
@@ -195,7 +192,7 @@ def _samples(value: Any) -> Any:
     found = checks.array("acceleration", value, (-1,), wanted)
     if len(found) < 2:
         raise ValueError(f"`acceleration` must be {wanted}, but is {checks.shown(value)}")
-    if isinstance(value, jax.Array):
+    if checks.is_jax(value):
         return checks.plain("acceleration", value)
     array = np.array(found)
     array.flags.writeable = False

@@ -1,8 +1,9 @@
 """Block, base motion and pendulum in SI units, and the dimensionless parameters that follow from them.
 
-Every class here is a pytree whose leaves are its numbers: `jax.grad`, `jax.jit` and `jax.vmap` take a whole
-`Block`, `Harmonic`, `Pendulum` or `Scene` as an argument. Plain numbers and arrays are checked when an object
-is made; traced values pass unchecked. Symbols are those of the paper's (1) to (6) and (25).
+Every class here is a pytree whose leaves are its numbers (`tpd.scene.pytrees`): `jax.grad`, `jax.jit` and
+`jax.vmap` take a whole `Block`, `Harmonic`, `Pendulum` or `Scene` as an argument. Plain numbers and arrays
+are checked when an object is made; traced values pass unchecked. Symbols are those of the paper's (1) to (6)
+and (25).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from tpd.core import checks
 from tpd.core.checks import Real
 from tpd.scene.ground_motion import FREQUENCIES, STANDARD_GRAVITY, GroundMotion
 from tpd.scene.impacts import housner
-from tpd.scene.parameters import SLENDERNESS_LIMIT, Parameters, pytree, uniform_inertia_ratio
+from tpd.scene.parameters import SLENDERNESS_LIMIT, Parameters, uniform_inertia_ratio
 
 HOUSNER = "housner"
 """Value of `Block.restitution` that ties e to block and bob by `tpd.scene.impacts.housner`."""
@@ -48,7 +49,6 @@ def _convert_numbers(thing: Any) -> None:
     checks.set_checked(thing, checks.plain, " ".join(f.name for f in fields(thing)))
 
 
-@pytree
 @dataclass(frozen=True, kw_only=True)
 class Block:
     """A rigid block, its base 2a wide and 2b high in the paper's symbols.
@@ -169,7 +169,6 @@ class Block:
         return 1.0 if self.restitution is None else self.restitution
 
 
-@pytree
 @dataclass(frozen=True, kw_only=True)
 class Pendulum:
     """A point bob on a rod from the middle of the block's top.
@@ -198,7 +197,6 @@ class Pendulum:
         return 2.0 * self.damping_ratio * self.mass * self.length**1.5 * gravity**0.5
 
 
-@pytree
 @dataclass(frozen=True, kw_only=True)
 class Harmonic:
     """Horizontal base motion x = amplitude sin(2 pi frequency t).
@@ -224,7 +222,6 @@ class Harmonic:
         return 2.0 * math.pi * self.frequency
 
 
-@pytree
 @dataclass(frozen=True)
 class Scene:
     """A block and the motion of its base: a `Harmonic`, a `Pulse` or a `Record`.

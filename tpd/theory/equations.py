@@ -28,7 +28,8 @@ from jaxtyping import Array, Float
 
 from tpd.core import checks
 from tpd.scene.impacts import linear_bob_change, linear_ratio
-from tpd.scene.parameters import Number, Numbers, Parameters, State
+from tpd.scene.parameters import Parameters
+from tpd.scene.pytrees import Number, Numbers, State
 
 
 class Linear(eqx.Module):

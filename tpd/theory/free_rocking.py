@@ -24,7 +24,8 @@ from jaxtyping import Array, Bool, Float
 
 from tpd.core import checks
 from tpd.scene.impacts import linear_ratio
-from tpd.scene.parameters import Number, Parameters, check_parameters
+from tpd.scene.parameters import Parameters, check_parameters
+from tpd.scene.pytrees import Number
 from tpd.theory.equations import Linear
 
 _SAMPLES = 128

@@ -23,7 +23,8 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.core import checks
-from tpd.scene.parameters import Number, Parameters, as_arrays, check_parameters
+from tpd.scene.parameters import Parameters, as_arrays, check_parameters
+from tpd.scene.pytrees import Number
 from tpd.theory.equations import Linear
 
 _Amplitude = Complex[Array, "..."] | complex

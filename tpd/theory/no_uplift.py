@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tpd.core import checks
-from tpd.scene.parameters import Number, Parameters, check_parameters
+from tpd.scene.parameters import Parameters, check_parameters
+from tpd.scene.pytrees import Number
 
 
 class Uplift(NamedTuple):

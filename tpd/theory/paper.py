@@ -44,7 +44,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from tpd.scene.parameters import Number, Parameters
+from tpd.scene.parameters import Parameters
+from tpd.scene.pytrees import Number
 
 
 def printed_free_amplitude(nu: Number, frequency: Number) -> Number:

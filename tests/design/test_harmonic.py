@@ -1,0 +1,146 @@
+"""Problems under harmonic excitation: defaults, exact motions, and the runs that evaluate and validate."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.design.conftest import BAND, SCENE, WIDE
+from tpd.answers.attractors import StartKind
+from tpd.core.progress import unreported
+from tpd.design.criteria import DEFAULT_LIMITS
+from tpd.design.harmonic import VALIDATION_RUNS, HarmonicProblem
+from tpd.design.reasons import DesignStatus
+
+LOSSY = tpd.Scene(dataclasses.replace(SCENE.block, friction=0.0, restitution="housner"), SCENE.motion)
+DESIGN = np.array([0.15, 0.26, 0.35])
+POINT = {"limits": tpd.limits.POINT_BOB, "ensemble": tpd.Ensemble(size=32, periods=20)}
+
+
+def problem(scene=SCENE, **given) -> HarmonicProblem:
+    return HarmonicProblem.of(scene, **given)
+
+
+def test_defaults_are_a_neighbourhood_and_all_limits():
+    made = problem()
+    around = tpd.Conditions.around(SCENE)
+    np.testing.assert_array_equal(made.conditions.factor_rows(), around.factor_rows())
+    assert isinstance(made.method.model, tpd.Smoothed)
+    assert made.starts.kind is StartKind.any
+    assert (made.limits, made.risk, made.space) == (DEFAULT_LIMITS, tpd.Risk.worst(), tpd.DesignSpace())
+    assert (made.ensemble.size, made.ensemble.seed) == (VALIDATION_RUNS, 0)
+    assert problem(seed=4).ensemble.seed == 4
+    assert problem(seed=4, ensemble=tpd.Ensemble(seed=2)).ensemble.seed == 2
+    assert not made.orbits.rest_counts
+    assert problem(starts=tpd.Starts.rest()).orbits.rest_counts
+    assert np.all(np.isfinite(made.orbits.geometry.bare_tilt)), "the limit on worsening needs it"
+    assert (made.evidence, made.allowed) == (DesignStatus.found, 0.01)
+
+
+def test_impacts_are_smoothed_unless_they_lose_nearly_all():
+    assert isinstance(problem(LOSSY).method.model, tpd.Smoothed)
+    almost = dataclasses.replace(LOSSY.block, restitution=0.05)
+    assert isinstance(problem(tpd.Scene(almost, SCENE.motion)).method.model, tpd.Piecewise)
+    none = tpd.Scene(dataclasses.replace(LOSSY.block, restitution=5e-4), SCENE.motion)
+    with pytest.raises(ValueError, match=r"`e` must be between 0\.001 and 1 in the smoothed model"):
+        problem(none, method=tpd.Descent(model=tpd.Smoothed()))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"starts": tpd.Starts(size=6)}, r"`starts` of a design must be Starts.any\(\) or Starts.rest\(\)"),
+        (
+            {"scene": tpd.Scene(SCENE.block, tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0))},
+            "a harmonic",
+        ),
+        ({"ensemble": tpd.Ensemble(restitution=0.1)}, "`restitution` can scatter where it is a number"),
+        ({"limits": (tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))}, "but has two of Tilt"),
+    ],
+)
+def test_bad_input_is_rejected(given, message):
+    with pytest.raises(ValueError, match=message):
+        problem(**given)
+
+
+def test_exact_motions_are_those_of_the_steady_state():
+    made = problem(conditions=BAND, **POINT)
+    found = made.exact(DESIGN)
+    for i, factor in enumerate(BAND.column("frequency")):
+        motion = dataclasses.replace(SCENE.motion, frequency=SCENE.motion.frequency * factor)
+        scene = dataclasses.replace(SCENE, motion=motion)
+        s = tpd.steady_state(scene.parameters(made.pendulum(DESIGN)))
+        assert found.status[i] == tpd.status_name(s.status)
+        assert found.amplitude[i] == pytest.approx(float(s.amplitude), rel=1e-12)
+        assert found.stroke[i] == pytest.approx(float(s.stroke), rel=1e-12)
+    assert np.all(found.peak >= 0.999 * found.amplitude)
+    assert found.value == pytest.approx(found.orbits.tilt.max())
+    hard = problem(conditions=tpd.Conditions.amplitudes(1.0, 6.0), **POINT).without_pendulum
+    assert hard.status.tolist() == ["rocking", "overturned"]
+    assert hard.amplitude[0] == pytest.approx(0.0833335, abs=1e-4)
+    assert hard.amplitude[1] == hard.stroke[1] == hard.peak[1] == np.inf
+
+
+def test_only_a_block_that_rests_under_all_conditions_needs_no_pendulum():
+    assert problem(conditions=tpd.Conditions.amplitudes(0.03, 0.06), **POINT).stays_at_rest()
+    assert not problem(conditions=tpd.Conditions.amplitudes(0.03, 1.0), **POINT).stays_at_rest()
+
+
+def test_trial_sizes_are_over_the_limits_of_the_settled_orbits_and_the_bob():
+    limits = (tpd.limits.Reserve(20.0), tpd.limits.Room(), tpd.limits.Worsening())
+    made = problem(space=WIDE, conditions=BAND, limits=limits)
+    found = made.fixed_sizes(np.array([DESIGN, [0.05, 1.95, 0.2]]))
+    assert set(found) == {"room", "thickness", "worsening", "reserve"}
+    # The reserve is at most about one, so that no rocking design has twenty of it.
+    assert np.all(found["reserve"] > 1.0)
+    e = made.orbits.evaluate(DESIGN[None])
+    assert found["reserve"][0] == pytest.approx(2.0 - e.reserve.min() / 20.0)
+    runs = made.trial_runs(DESIGN, 3)
+    assert set(made.sizes_in_runs(DESIGN, runs)) == {"room", "thickness"}
+
+
+def test_candidates_are_ends_designs_of_paths_and_designs_of_the_whole_space():
+    few = tpd.Descent(searches=2, screening=16, steps=2, finish=1, model=tpd.Piecewise())
+    conditions = tpd.Conditions.scatter(66, 0, friction=0.1)
+    made = problem(space=WIDE, conditions=conditions, method=few, **POINT)
+    designs, found = made.candidates(unreported)
+    assert found.description.endswith(" under 64 of the 66 conditions")
+    np.testing.assert_array_equal(designs[: len(found.confirmed)], found.confirmed)
+    assert len(designs) == len(found.confirmed) + min(16, len(found.passed)) + 48
+    low, high = WIDE.bounds
+    assert np.all((designs >= low - 1e-12) & (designs <= high + 1e-12))
+
+
+def test_trial_runs_are_of_the_linear_equations_and_of_their_seed():
+    made = problem(conditions=BAND, **POINT)
+    one, again, other = (made.trial_runs(DESIGN, seed) for seed in (1, 1, 2))
+    assert (one.equations, one.ensemble.size, one.ensemble.periods) == ("linear", 32, 20)
+    np.testing.assert_array_equal(one.amplitude, again.amplitude)
+    assert not set(one.nu[1:]) & set(other.nu[1:])
+    assert len(made.trial_runs(None, 1).status) == 8 * 32
+    assert made.value_of(one) == pytest.approx(np.mean(one.severity))
+
+
+def test_validation_runs_are_half_of_the_ensemble_by_the_nonlinear_equations():
+    events, made = [], problem(conditions=BAND, worth=tpd.limits.Worth(worse=0.2), **POINT)
+    found = made.paired_runs(DESIGN, 7, progress=lambda *e: events.append(e))
+    assert found.with_pendulum.equations == found.without_pendulum.equations == "nonlinear"
+    assert (len(found.group), len(found.labels), found.worse) == (16, 5, 0.2)
+    assert found.with_pendulum.ensemble.seed == found.without_pendulum.ensemble.seed == 7
+    np.testing.assert_array_equal(found.with_pendulum.nu, found.without_pendulum.nu)
+    assert found.cluster is None
+    assert {stage for stage, *_ in events} == {"paired runs"}
+    linear = made.paired_runs(DESIGN, 7, equations="linear", more=tpd.Conditions({"mass": np.array([1.5])}))
+    assert linear.with_pendulum.equations == "linear"
+    assert linear.with_pendulum.mu[0] == pytest.approx(1.5 * 0.15)
+
+
+def test_the_motions_of_the_largest_bob_angle_come_first():
+    """Not the strongest excitation, but the one near the pendulum's own frequency."""
+    made = problem(conditions=BAND, **POINT)
+    stroke = made.orbits.evaluate(DESIGN[None]).stroke[0]
+    frequencies = SCENE.motion.frequency * BAND.column("frequency")
+    found = made.strongest_motions(DESIGN)
+    expected = frequencies[np.argsort(-stroke)]
+    np.testing.assert_allclose([float(m.frequency) for m in found], expected)

@@ -1,0 +1,101 @@
+"""Statuses and reasons: a sentence for every kind with its numbers, and by how much a requirement is missed."""
+
+import math
+
+import pytest
+
+from tpd.design.reasons import DesignStatus, Reason, ReasonKind, one_of_a_kind
+
+SENTENCES = {
+    ReasonKind.overturns_more: (
+        {"value": 19.0, "reference": 3.0, "total": 64},
+        "the block overturns in 19 of 64 runs only with the pendulum, and in 3 only without it",
+    ),
+    ReasonKind.touches_wall: (
+        {"value": 0.03, "reference": 0.01, "limit": "room"},
+        "the bob exceeds the limit on room in 3.0% of the runs in which the block stands, and 1.0% are allowed",
+    ),
+    ReasonKind.breaks_limit: (
+        {"limit": "offset", "value": 1.0364},
+        "the design exceeds the limit on offset: 1.04 times the limit",
+    ),
+    ReasonKind.as_built: (
+        {"limit": "mass of the bob in kg", "value": 554.2, "reference": 500.0},
+        "as built, the mass of the bob in kg is 554.2, and the limit is 500",
+    ),
+    ReasonKind.worse_condition: (
+        {"value": 0.3, "reference": 0.2, "total": 3},
+        "the mean tilt is 30.0% of the slenderness with the pendulum, and 20.0% without it, for 2.5 Hz, and "
+        "higher under 2 other conditions",
+    ),
+    ReasonKind.rests_less: (
+        {"value": 3.0, "reference": 19.0, "total": 64},
+        "the block ends at rest in 3 of 64 runs with the pendulum, and in 19 without it; the loss of one tenth "
+        "is allowed",
+    ),
+    ReasonKind.too_little_benefit: (
+        {"value": 0.034, "low": -0.01, "reference": 0.1},
+        "the mean tilt falls by 3.4% (95 % interval from -1.0%), and a reduction of 10.0% is required",
+    ),
+    ReasonKind.undecided: (
+        {"value": 3.0, "total": 64},
+        "3 of 64 runs have no answer, and the verdict depends on them",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", ReasonKind)
+def test_a_reason_makes_a_sentence(kind):
+    given, sentence = SENTENCES[kind]
+    assert str(Reason(kind=kind, condition="2.5 Hz", **given)) == sentence
+
+
+def test_a_sentence_has_no_number_that_is_none():
+    """Of one earthquake there is no interval, and without an answer no benefit."""
+    few = {"kind": ReasonKind.too_little_benefit, "reference": 0.1}
+    said = str(Reason(value=0.73, low=-math.inf, **few))
+    assert (
+        said == "the mean tilt falls by 73.0% (95 % interval unknown), and a reduction of 10.0% is required"
+    )
+    said = str(Reason(value=math.nan, low=math.nan, **few))
+    assert said == "the change of the mean tilt is unknown, and a reduction of 10.0% is required"
+    assert "increases by 10.0% (" in str(Reason(value=-0.1, low=-0.3, **few))
+    # One condition alone is counted with no others.
+    alone = {"kind": ReasonKind.worse_condition, "condition": "2.5 Hz", "value": 0.3, "reference": 0.2}
+    assert str(Reason(total=1, **alone)).endswith("for 2.5 Hz")
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "missed"),
+    [
+        ("touches_wall", {"value": 0.27, "reference": 0.01}, 0.26),
+        ("overturns_more", {"value": 30.0, "reference": 10.0, "total": 40}, 0.5),
+        ("rests_less", {"value": 10.0, "reference": 30.0, "total": 40}, 0.425),
+        ("worse_condition", {"value": 0.4, "reference": 0.3, "total": 2}, 0.1),
+        ("breaks_limit", {"value": 1.2}, 0.2),
+        ("as_built", {"value": 600.0, "reference": 500.0}, 0.2),
+        ("undecided", {"value": 3.0, "total": 64}, 1.0),
+        # By what is required, or by what may be chance.
+        ("too_little_benefit", {"value": 0.08, "low": 0.02, "reference": 0.1}, 0.02),
+        ("too_little_benefit", {"value": 0.2, "low": -0.05, "reference": 0.1}, 0.05),
+        ("too_little_benefit", {"value": -0.1, "low": -0.3, "reference": 0.1}, 0.3),
+    ],
+)
+def test_by_how_much_a_requirement_is_missed(kind, given, missed):
+    assert Reason(kind=ReasonKind[kind], **given).shortfall == pytest.approx(missed)
+
+
+def test_one_reason_of_each_kind_and_limit_is_kept_the_dangers_first():
+    little = Reason(kind=ReasonKind.too_little_benefit, value=0.0, reference=0.1)
+    wall = Reason(kind=ReasonKind.touches_wall, limit="room", value=0.3)
+    stroke, again = (Reason(kind=ReasonKind.breaks_limit, limit="stroke", value=x) for x in (1.2, 1.4))
+    tilt = Reason(kind=ReasonKind.breaks_limit, limit="tilt", value=1.1)
+    assert one_of_a_kind([little, stroke, again, tilt, wall]) == [wall, little, stroke, tilt]
+
+
+def test_only_a_validated_design_or_none_needed_is_sound_and_every_status_has_a_remedy():
+    sound = {status for status in DesignStatus if status.is_sound}
+    assert sound == {DesignStatus.found, DesignStatus.no_uplift}
+    assert all(status.remedy.endswith(".") for status in DesignStatus)
+    assert all(status.value[:2].isupper() and status.value.endswith(".") for status in DesignStatus)
+    assert len({status.value for status in DesignStatus}) == len(DesignStatus) == 7

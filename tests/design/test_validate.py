@@ -1,0 +1,249 @@
+"""Validation: every reason against a design and its numbers, the runs that decide and those that are quoted."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.designs import SCENE, SPACE, NoisyProblem, outcomes, paired
+from tpd.answers.paired import PairedRuns
+from tpd.design.criteria import Worth
+from tpd.design.reasons import DesignStatus, ReasonKind
+from tpd.design.validate import run_seed, validate
+from tpd.scene.bob import Bob
+
+DESIGN = SPACE.unscaled(np.array([0.4, 0.5, 0.4]))
+
+
+class Scripted(NoisyProblem):
+    """Paired runs that are given, the same for all seeds."""
+
+    def paired_runs(self, design, seed, **how):
+        self.asked.append(("paired", seed))
+        return dataclasses.replace(self.method, worse=self.worth.worse)
+
+
+def validated(runs: PairedRuns, limits=(), **given):
+    problem = NoisyProblem.of(limits=limits)
+    return validate(Scripted(**(problem.inputs | {"method": runs} | given)), DESIGN)
+
+
+def kinds(v) -> list[str]:
+    return [reason.kind.name for reason in v.reasons]
+
+
+@pytest.mark.parametrize(
+    ("with_it", "without", "worth", "kind", "numbers"),
+    [
+        ([0.1] * 20, [0.3] * 20, {}, None, ()),
+        ([0.27, 0.29] * 40, [0.3] * 80, {"at_least": 0.05}, None, ()),
+        ([0.27, 0.29] * 40, [0.3] * 80, {}, "too_little_benefit", (1.0 - 0.28 / 0.3, 0.1, 0)),
+        ([np.inf] * 8 + [0.0] * 32, [0.5] * 39 + [np.inf], {}, "overturns_more", (8.0, 1.0, 40)),
+        ([0.1, 0.6] * 4, [0.6, 0.1] * 3 + [0.9] * 2, {}, "too_little_benefit", None),
+        ([0.01] * 10 + [0.1] * 10, [0.0] * 10 + [0.5] * 10, {}, "rests_less", (0.0, 10.0, 20)),
+    ],
+)
+def test_every_reason_of_the_runs_and_its_numbers(with_it, without, worth, kind, numbers):
+    v = validated(paired(with_it, without), worth=Worth(**worth))
+    assert kinds(v) == ([] if kind is None else [kind])
+    for reason in v.reasons:
+        if numbers is None:
+            assert reason.low <= 0.0 < reason.reference < reason.value, "it may be chance"
+        else:
+            assert (reason.value, reason.reference, reason.total) == pytest.approx(numbers)
+    assert v.status is DesignStatus.refused
+    assert len(v.refusals) == len(v.reasons)
+    assert v.is_harmful is (kind == "overturns_more")
+
+
+def test_identical_runs_are_no_benefit():
+    rng = np.random.default_rng(0).uniform(0.1, 0.9, 200)
+    for least in (0.1, 0.0):
+        v = validated(paired(rng, rng), worth=Worth(at_least=least))
+        assert kinds(v) == ["too_little_benefit"]
+        assert v.runs.benefit.low < v.runs.benefit.mean == 0.0 < v.runs.benefit.high
+
+
+def test_a_worse_condition_is_named_and_the_others_are_counted():
+    group = np.arange(40) % 4
+    with_it = np.array([0.1, 0.25, 0.4, 0.1])[group] * np.repeat(np.tile([0.98, 1.02], 5), 4)
+    runs = paired(with_it, np.array([0.5, 0.2, 0.3, 0.5])[group], group)
+    v = validated(runs)
+    (reason,) = v.reasons
+    assert reason.kind is ReasonKind.worse_condition
+    assert (reason.condition, reason.total) == ("condition 2", 2)
+    assert (reason.value, reason.reference) == (pytest.approx(0.4), pytest.approx(0.3))
+    assert kinds(validated(runs, worth=Worth(worse=0.4))) == []
+
+
+@pytest.mark.parametrize(
+    ("allowed", "kind"), [(None, ["touches_wall"]), (0.05, []), (0.049, ["touches_wall"])]
+)
+def test_a_share_of_the_standing_runs_may_exceed_a_limit(allowed, kind):
+    """Five of the hundred runs that stand swing beyond the limit, and more of those that overturn."""
+    stroke = np.where(np.arange(110) < 15, 0.6, 0.4)
+    with_it = np.where(np.arange(110) < 10, np.inf, 0.1)
+    v = validated(
+        paired(with_it, [np.inf] * 20 + [0.5] * 90, stroke=stroke),
+        limits=(tpd.limits.Stroke(0.5),),
+        worth=Worth(strikes=allowed),
+    )
+    assert kinds(v) == kind
+    assert v.over_limit == pytest.approx(0.05)
+    for reason in v.reasons:
+        assert (reason.limit, reason.value) == ("stroke", pytest.approx(0.05))
+    assert v.is_harmful is bool(kind)
+
+
+def test_a_bob_touches_a_wall_on_the_way_as_well():
+    """The largest angles count for the walls, the settled ones for the stroke."""
+    rod = float(NoisyProblem.of().pendulum(DESIGN).length)
+    radius = float(Bob().radius(NoisyProblem.of().pendulum(DESIGN).mass))
+    angle = float(np.arcsin((0.5 * SCENE.block.room - radius) / rod))
+    for share, kind in ((0.9, []), (1.1, ["touches_wall"])):
+        runs = paired([0.01] * 50, [0.5] * 50, stroke=0.4, design=DESIGN)
+        # Bob and block turn to opposite sides at most.
+        way = np.full(50, share * angle - 0.01 * float(SCENE.block.slenderness))
+        runs = dataclasses.replace(
+            runs, with_pendulum=dataclasses.replace(runs.with_pendulum, peak_stroke=way)
+        )
+        limits = (tpd.limits.Stroke(0.5), tpd.limits.Room())
+        v = validated(runs, limits=limits)
+        assert kinds(v) == kind
+        assert all(reason.limit == "room" for reason in v.reasons)
+
+
+def test_a_verdict_that_depends_on_runs_without_an_answer_is_undecided():
+    """Forty pairs show a benefit; ten more have no answer, and the block might overturn in all of them."""
+    v = validated(paired([0.1] * 40 + [np.nan] * 10, [0.3] * 50))
+    assert v.status is DesignStatus.undecided
+    assert v.refusals == ("10 of 50 runs have no answer, and the verdict depends on them",)
+    # One such run changes no verdict, whichever way it ends, and neither do ten beside a refusal.
+    assert kinds(validated(paired([0.1] * 49 + [np.nan], [0.3] * 50))) == []
+    assert kinds(validated(paired([0.5] * 190 + [np.nan] * 10, [0.3] * 200))) == [
+        "worse_condition",
+        "too_little_benefit",
+    ]
+    # Where a wall may be touched the run might have touched it.
+    limits = (tpd.limits.Stroke(0.5),)
+    assert kinds(validated(paired([0.1] * 49 + [np.nan], [0.3] * 50), limits=limits)) == ["undecided"]
+    over = paired([0.1] * 48 + [np.nan] * 2, [0.3] * 50, stroke=0.6)
+    assert kinds(validated(over, limits=limits)) == ["touches_wall"]
+
+
+def test_a_body_that_exceeds_a_limit_as_built_is_no_question_of_runs_without_an_answer():
+    """A body is wider than a ball of the point's mass: where the bob hardly swings it reaches further, in all
+    runs that have an answer."""
+    hung = NoisyProblem.of().pendulum(DESIGN)
+    body, rod = Bob().built(float(hung.mass), float(hung.length), float(SCENE.gravity))
+    point, built = (
+        float(Bob().reach(mass, length, 0.02)) for mass, length in ((hung.mass, hung.length), (body, rod))
+    )
+    assert point < built
+    block = dataclasses.replace(SCENE.block, cavity_width=point + built)
+    tilt = np.full(50, 0.01)
+    tilt[-1] = np.nan
+    runs = paired(tilt, [0.5] * 50, stroke=0.0175, design=DESIGN)
+    scene = dataclasses.replace(SCENE, block=block)
+    for allowed in (0.01, 0.05):
+        v = validated(runs, (tpd.limits.Room(),), scene=scene, worth=Worth(strikes=allowed))
+        assert kinds(v) == ["as_built"]
+        assert v.status is DesignStatus.refused
+
+
+def test_a_limit_on_the_mass_binds_the_built_body_before_any_run():
+    hung = NoisyProblem.of().pendulum(DESIGN)
+    body, _ = Bob().built(float(hung.mass), float(hung.length), float(SCENE.gravity))
+    assert body > float(hung.mass)
+    good = paired([0.1] * 40, [0.5] * 40)
+    v = validated(good, limits=(tpd.limits.Mass(0.5 * (body + float(hung.mass))),))
+    assert set(kinds(v)) == {"breaks_limit", "as_built"}
+    assert v.decided is v.quoted is v.runs is None
+    assert np.isnan(v.over_limit)
+    built = next(reason for reason in v.reasons if reason.kind is ReasonKind.as_built)
+    assert built.value == pytest.approx(body)
+    assert kinds(validated(good, limits=(tpd.limits.Mass(1.001 * body),))) == []
+
+
+def test_more_overturning_from_rest_by_the_exact_solution_is_a_reason():
+    class Exact(Scripted):
+        def exact(self, design):
+            lost, total = (0, self.count) if design is None else (self.seed, self.count)
+            status = np.where(np.arange(total) < lost, "overturned", "rocking")
+            return type("Motions", (), {"status": status})
+
+    for lost, total, harm in ((8, 8, True), (2, 8, False), (1, 1, True)):
+        given = NoisyProblem.of(limits=()).inputs
+        given |= {"method": paired([0.1] * 40, [0.5] * 40), "seed": lost, "count": total}
+        v = validate(Exact(**given), DESIGN)
+        assert kinds(v) == (["overturns_more"] if harm else [])
+        assert (v.runs is None) is harm
+        thorough = validate(Exact(**given), DESIGN, thorough=True)
+        assert thorough.decided is not None
+        assert kinds(thorough) == kinds(v)
+        assert (thorough.quoted is None) is harm
+
+
+def test_runs_that_decide_and_runs_that_are_quoted_are_disjoint():
+    problem = NoisyProblem.of()
+    found = [validate(problem, DESIGN, attempt) for attempt in range(3)]
+    seeds = [seed for _, seed in problem.asked]
+    assert all(v.reasons == () and v.runs is v.quoted for v in found)
+    assert len(set(seeds)) == len(seeds) == 6
+    assert seeds == [run_seed(problem, attempt, part) for attempt in range(3) for part in (0, 1)]
+    decided, quoted = found[0].decided.with_pendulum, found[0].quoted.with_pendulum
+    # Only the least tilt that a run may have is in both.
+    assert len(set(decided.amplitude) & set(quoted.amplitude)) <= 1
+    # Another seed of the problem counts unless the ensemble has one of its own.
+    free = [NoisyProblem.of(ensemble=tpd.Ensemble(size=64), seed=seed) for seed in (0, 1)]
+    assert run_seed(free[0], 0, 0) != run_seed(free[1], 0, 0)
+    assert run_seed(NoisyProblem.of(seed=1), 0, 0) == run_seed(problem, 0, 0)
+
+
+def test_quoted_runs_that_show_harm_reject_a_design_and_a_smaller_benefit_does_not():
+    """The runs that decided have the benefit; those that are quoted have half of it, or harm."""
+
+    class Twice(Scripted):
+        def paired_runs(self, design, seed, **how):
+            return self.method[seed == run_seed(self, 0, 1)]
+
+    good, less = paired([0.1] * 40, [0.5] * 40), paired([0.46, 0.48] * 40, [0.5] * 80)
+    harm = paired([np.inf] * 8 + [0.01] * 32, [0.5] * 40)
+    for quoted, expected in ((less, []), (harm, ["overturns_more"])):
+        given = NoisyProblem.of(limits=()).inputs | {"method": (good, quoted)}
+        v = validate(Twice(**given), DESIGN)
+        assert kinds(v) == expected
+        assert v.runs is quoted
+        assert v.runs.benefit.mean < v.decided.benefit.mean
+
+
+def test_where_no_runs_are_held_back_those_that_decide_are_quoted():
+    class Once(Scripted):
+        holds_back = False
+
+    given = NoisyProblem.of(limits=()).inputs | {"method": paired([0.1] * 40, [0.5] * 40)}
+    v = validate(Once(**given), DESIGN)
+    assert v.quoted is None
+    assert v.runs is v.decided
+    assert v.reasons == ()
+
+
+def test_sizes_in_runs_are_those_of_the_runs_own_block():
+    """The walls of a more slender block are nearer, and a longer rod reaches further."""
+    problem = NoisyProblem.of(limits=(tpd.limits.Room(), tpd.limits.Tilt(0.5)))
+    runs = outcomes([0.1, 0.2, np.inf, np.nan], 0.3, design=DESIGN)
+    found = problem.sizes_in_runs(DESIGN, runs)
+    assert {name: len(x) for name, x in found.items()} == {"room": 2, "thickness": 2, "tilt": 2}
+    np.testing.assert_allclose(found["tilt"], [0.2, 0.4])
+    hung = problem.pendulum(DESIGN)
+    angle = 0.3 + np.array([0.1, 0.2]) * float(SCENE.block.slenderness)
+    reach = Bob().reach(float(hung.mass), float(hung.length), angle) / (0.5 * float(SCENE.block.room))
+    np.testing.assert_allclose(found["room"], reach)
+    narrow = dataclasses.replace(runs, nu=0.9 * runs.nu)
+    np.testing.assert_allclose(problem.sizes_in_runs(DESIGN, narrow)["tilt"], np.array([0.2, 0.4]) / 0.9)
+    wider = problem.sizes_in_runs(DESIGN, dataclasses.replace(runs, nu=1.1 * runs.nu))["room"]
+    np.testing.assert_allclose(wider, reach / 1.1)
+    assert problem.over_limit(DESIGN, runs) == (float(np.mean(reach > 1.0)), "room")
+    none = outcomes([np.inf, np.nan], design=DESIGN)
+    assert problem.over_limit(DESIGN, none) == (0.0, "")

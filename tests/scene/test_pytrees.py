@@ -1,0 +1,72 @@
+"""Dataclasses of numbers as pytrees, and classes that are importable without JAX."""
+
+import dataclasses
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.scene.pytrees import pytree
+
+HEAVY = "jax", "diffrax", "optax", "equinox", "numba", "scipy", "matplotlib", "dask"
+LIGHT = (
+    *("core.checks", "design.criteria", "records", "records.intensity", "records.reading"),
+    *(
+        "scene.conditions",
+        "scene.ensemble",
+        "scene.quantities",
+        "scene.record",
+        "scene.scene",
+        "scene.starts",
+    ),
+)
+"""Modules of what is checked before JAX is imported."""
+
+
+def test_settings_are_made_and_checked_without_jax():
+    script = f"""
+import sys
+from importlib import import_module
+for name in {LIGHT}:
+    import_module(f"tpd.{{name}}")
+from tpd.scene.conditions import Conditions, under_all
+from tpd.scene.ensemble import Ensemble
+from tpd.scene.scene import paper_scene
+from tpd.scene.starts import Starts
+scene = paper_scene()
+under_all(scene.parameters(), [[0.1, 0.3, 0.1]], Conditions.around(scene))
+for make, wrong in ((Ensemble, {{"size": 0}}), (Starts, {{"tilt": "much"}})):
+    try:
+        make(**wrong)
+    except ValueError:
+        continue
+    raise SystemExit(f"{{wrong}} is allowed")
+print(sorted({{*sys.modules}} & {{*{HEAVY}}}))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    assert (done.stdout, done.stderr) == ("[]\n", "")
+
+
+def test_a_dataclass_of_numbers_has_its_words_apart():
+    @pytree
+    @dataclasses.dataclass(frozen=True)
+    class Thing:
+        size: object
+        word: object = "a"
+
+        def __post_init__(self):
+            assert self.size is not None, "whatever JAX puts here is not checked"
+
+    doubled = jax.jit(lambda thing: jax.tree.map(lambda x: 2.0 * x, thing))(Thing(3.0))
+    assert (doubled.size, doubled.word) == (6.0, "a")
+    assert jax.tree.leaves(Thing(3.0, ("a", "b"))) == [3.0]
+    # The same field may hold a number.
+    assert jax.tree.leaves(Thing(3.0, 4.0)) == [3.0, 4.0]
+    assert jax.tree.structure(Thing(1.0)) != jax.tree.structure(Thing(1.0, "b"))
+    paths = [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path(Thing(3.0, 4.0))]
+    assert paths == [".size", ".word"]
+    assert jax.tree.map(lambda _: None, Thing(1.0)).size is None
+    stacked = jax.vmap(lambda thing: thing.size + 1.0)(Thing(jnp.arange(3.0)))
+    np.testing.assert_array_equal(stacked, [1.0, 2.0, 3.0])
