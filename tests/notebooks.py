@@ -28,9 +28,9 @@ DONE = " s of processor time"
 SWITCH = "FULL = True"
 SMALL: dict[str, dict[str, object]] = {
     "tpd.design.harmonic": {
-        "TRIAL_RUNS": 32,
-        "TRIAL_PERIODS": 20,
-        "_ROUNDS": (1, 4),
+        "TRIAL_RUNS": 64,
+        "TRIAL_PERIODS": 30,
+        "_ROUNDS": (2, 4),
         "_COMPARED": 32,
         "_PATHS": 2,
         "_SPREAD": 8,
@@ -38,7 +38,7 @@ SMALL: dict[str, dict[str, object]] = {
     },
 }
 """Sizes of a search that are no arguments, by module."""
-RUNS, RECORDS = 64, 2
+RUNS, RECORDS = 512, 2
 """Validation runs of a design, and which of every so many records is kept."""
 
 

@@ -326,7 +326,8 @@ def _compared(design: Design, scene: Scene | None = None, more: Conditions | Non
 def loss_models(scene: Scene) -> dict[str, Block]:
     """Return the block with the losses of friction, of impacts and of both: its own where it has them, else a
     friction that loses as much as the impacts, or Housner's impacts."""
-    block, p = scene.block, scene.parameters()
+    block = scene.block
+    p = scene.parameters() if isinstance(scene.motion, Harmonic) else scene.ground_parameters()
     e = float(block.velocity_ratio)
     k = float(block.friction or 0.0)
     impacts = HOUSNER if block.restitution is None else block.restitution
