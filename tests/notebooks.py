@@ -27,15 +27,7 @@ DONE = " s of processor time"
 """End of the line of a notebook that ran."""
 SWITCH = "FULL = True"
 SMALL: dict[str, dict[str, object]] = {
-    "tpd.design.harmonic": {
-        "TRIAL_RUNS": 64,
-        "TRIAL_PERIODS": 30,
-        "_ROUNDS": (2, 4),
-        "_COMPARED": 32,
-        "_PATHS": 2,
-        "_SPREAD": 8,
-        "_DRAWN": 64,
-    },
+    "tpd.design.harmonic": {"_ROUNDS": (4, 6), "_COMPARED": 32, "_PATHS": 8, "_SPREAD": 32, "_DRAWN": 256},
 }
 """Sizes of a search that are no arguments, by module."""
 RUNS, RECORDS = 512, 2
