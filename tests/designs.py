@@ -37,8 +37,8 @@ SMALL = {
 def outcomes(
     tilt, stroke=0.0, peak=1.0, equations: str = "nonlinear", design=RATIOS, seed: int = 0
 ) -> Outcomes:
-    """Runs of these settled tilts over nu: 0 is rest, infinity an overturning, NaN no answer; and of these bob
-    angles in rad. The largest angles on the way are `peak` times the settled ones."""
+    """Runs of these settled tilts over nu: 0 is rest, infinity an overturning, NaN no answer; and of these
+    bob angles in rad. The largest angles on the way are `peak` times the settled ones."""
     tilt = np.asarray(tilt, dtype=float)
     status = np.where(np.isinf(tilt), "overturned", np.where(tilt == 0.0, "rest", "rocking"))
     status = np.where(np.isnan(tilt), "failed", status)

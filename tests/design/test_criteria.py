@@ -20,8 +20,8 @@ from tpd.design.criteria import (
     limit_of,
     stroke_limit,
 )
+from tpd.design.harmonic import HarmonicProblem
 from tpd.design.orbits import Evaluation, geometry_of
-from tpd.design.problem import Problem
 from tpd.design.search import search
 from tpd.report import words
 from tpd.scene.bob import Bob
@@ -204,8 +204,8 @@ def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
     assert limits == (tpd.limits.Stroke(1.5), own)
     assert words.limit(own) == "lighter kg = 1.0"
     method = tpd.Descent(searches=2, screening=16, steps=8, model=tpd.Piecewise())
-    found = Problem.of(SCENE, WIDE, conditions=tpd.Conditions.exactly(), limits=limits, method=method)
-    history = search(found.objective, method, 0)
+    found = HarmonicProblem.of(SCENE, WIDE, conditions=tpd.Conditions.exactly(), limits=limits, method=method)
+    history = search(found.orbits, method, 0)
     heaviest = history.ends[np.isfinite(history.end_values)][:, 0].max() * SCENE.block.mass
     assert 0.9 < heaviest <= 1.0
 
@@ -220,7 +220,7 @@ def test_a_fixed_damping_is_no_ratio_to_search_for():
 
 def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all():
     worth = Worth()
-    assert (worth.at_least, worth.worse, worth.strikes, worth.runs) == (0.1, 0.05, None, None)
+    assert (worth.at_least, worth.worse, worth.strikes) == (0.1, 0.05, None)
     assert (worth.allowed, worth.broken) == (0.01, 0.1)
     assert Worth(strikes=0.3).allowed == Worth(strikes=0.3).broken == 0.3
     for name in ("at_least", "worse", "strikes"):

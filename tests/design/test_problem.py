@@ -1,4 +1,5 @@
-"""What all problems share: ratios and sizes of a pendulum, the space within a limit on the mass, and checks."""
+"""What all problems share: ratios and sizes of a pendulum, the space within a limit on the mass, and
+checks."""
 
 import dataclasses
 

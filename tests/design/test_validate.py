@@ -1,4 +1,4 @@
-"""Validation: every reason against a design and its numbers, the runs that decide and those that are quoted."""
+"""Validation: every reason against a design, the runs that decide, and those that are quoted."""
 
 import dataclasses
 
@@ -37,11 +37,11 @@ def kinds(v) -> list[str]:
     ("with_it", "without", "worth", "kind", "numbers"),
     [
         ([0.1] * 20, [0.3] * 20, {}, None, ()),
-        ([0.27, 0.29] * 40, [0.3] * 80, {"at_least": 0.05}, None, ()),
+        ([0.27, 0.29] * 400, [0.3] * 800, {"at_least": 0.05}, None, ()),
         ([0.27, 0.29] * 40, [0.3] * 80, {}, "too_little_benefit", (1.0 - 0.28 / 0.3, 0.1, 0)),
         ([np.inf] * 8 + [0.0] * 32, [0.5] * 39 + [np.inf], {}, "overturns_more", (8.0, 1.0, 40)),
         ([0.1, 0.6] * 4, [0.6, 0.1] * 3 + [0.9] * 2, {}, "too_little_benefit", None),
-        ([0.01] * 10 + [0.1] * 10, [0.0] * 10 + [0.5] * 10, {}, "rests_less", (0.0, 10.0, 20)),
+        ([0.01] * 50 + [0.1] * 50, [0.0] * 50 + [0.5] * 50, {}, "rests_less", (0.0, 50.0, 100)),
     ],
 )
 def test_every_reason_of_the_runs_and_its_numbers(with_it, without, worth, kind, numbers):
@@ -208,7 +208,7 @@ def test_quoted_runs_that_show_harm_reject_a_design_and_a_smaller_benefit_does_n
         def paired_runs(self, design, seed, **how):
             return self.method[seed == run_seed(self, 0, 1)]
 
-    good, less = paired([0.1] * 40, [0.5] * 40), paired([0.46, 0.48] * 40, [0.5] * 80)
+    good, less = paired([0.1] * 40, [0.5] * 40), paired([0.4, 0.42] * 400, [0.5] * 800)
     harm = paired([np.inf] * 8 + [0.01] * 32, [0.5] * 40)
     for quoted, expected in ((less, []), (harm, ["overturns_more"])):
         given = NoisyProblem.of(limits=()).inputs | {"method": (good, quoted)}

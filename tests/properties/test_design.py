@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as arrays
 
 import tpd
 from tests.properties.bounded import bounded
-from tpd.design.problem import Problem
+from tpd.design.harmonic import HarmonicProblem
 from tpd.design.search import search
 
 tilts = arrays.arrays(float, st.integers(1, 20), elements=st.floats(0.0, 1.0))
@@ -130,8 +130,8 @@ def optimum(stroke, heaviest):
     """Least risk over nu of what the searches find on exact orbits within a limit and a space."""
     space = tpd.DesignSpace(mass_ratio=(0.01, heaviest), damping_ratio=(0.05, 0.4))
     limits = (tpd.limits.Stroke(stroke),)
-    problem = Problem.of(SCENE, space, conditions=BAND, limits=limits, method=METHOD)
-    best = float(np.min(search(problem.objective, METHOD, 0).end_values))
+    problem = HarmonicProblem.of(SCENE, space, conditions=BAND, limits=limits, method=METHOD)
+    best = float(np.min(search(problem.orbits, METHOD, 0).end_values))
     assert np.isfinite(best)
     return best
 

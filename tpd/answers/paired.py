@@ -172,8 +172,8 @@ class PairedRuns(Printed):
 
     @cached_property
     def by_group(self) -> np.ndarray:
-        """Mean severity of every group with and without the pendulum, (2, groups); NaN where no run has "
-        "it."""
+        """Mean severity of every group with and without the pendulum, (2, groups); NaN where no run has
+        it."""
         n, group = len(self.labels), self.group[self.known]
         count = np.bincount(group, minlength=n)
         sums = np.stack([np.bincount(group, weights=x[self.known], minlength=n) for x in self.severity])

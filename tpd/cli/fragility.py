@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.fragility import Fragility, fragility
-from tpd.cli import common
+from tpd.cli import common, outputs
 from tpd.cli.interrupts import SOUND
 from tpd.core import files
 from tpd.core.progress import Bar
@@ -41,8 +41,8 @@ def run(options: argparse.Namespace) -> int:
             progress=lambda done, total: bar("following motions", done, total),
         )
     print(found)
-    pictures = {f"fragility_{name}.png": partial(common.plot, found, name) for name in found.bare}
-    common.write(options.out, _tables(job, hung, found), pictures)
+    pictures = {f"fragility_{name}.png": partial(outputs.plot, found, name) for name in found.bare}
+    outputs.write(options.out, _tables(job, hung, found), pictures)
     return SOUND
 
 

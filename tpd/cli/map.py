@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.design_map import DesignMap, design_map
-from tpd.cli import common
+from tpd.cli import common, outputs
 from tpd.cli.interrupts import SOUND
 from tpd.core import checks, files
 from tpd.core.progress import Bar
@@ -42,8 +42,8 @@ def run(options: argparse.Namespace) -> int:
     print("\n".join(f"{count:8} {status.replace('_', ' ')}" for status, count in m.counts.items()))
     if not options.from_rest:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest says")
-    pictures = {f"{name}.png": partial(common.plot, m, name) for name in ("amplitude", "stroke", "margin")}
-    common.write(options.out, _tables(m, common.inputs(scene, hung)), pictures)
+    pictures = {f"{name}.png": partial(outputs.plot, m, name) for name in ("amplitude", "stroke", "margin")}
+    outputs.write(options.out, _tables(m, common.inputs(scene, hung)), pictures)
     return SOUND
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.response import Branches, Response, branches, frequencies, settled_response
-from tpd.cli import common
+from tpd.cli import common, outputs
 from tpd.cli.common import BARE
 from tpd.cli.interrupts import SOUND
 from tpd.core import checks, files
@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
         # Over the whole range the marks next to the own frequency hide each other.
         if tried:
             pictures["response_near.png"] = partial(draw, near)
-    common.write(options.out, tables, pictures)
+    outputs.write(options.out, tables, pictures)
     return SOUND
 
 

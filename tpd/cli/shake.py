@@ -11,7 +11,7 @@ import numpy as np
 
 from tpd.answers.shaking_history import STRONG, ShakingHistory, shaking_history
 from tpd.answers.transient import Transient, transient
-from tpd.cli import common
+from tpd.cli import common, outputs
 from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import files
 from tpd.core.formatting import number
@@ -80,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
         # Six seconds before it and four after it.
         return animate(scene, hung, list(films.values()), start=max(0.0, middle - 6.0))
 
-    common.write(options.out, tables, {"histories.png": draw, "animation.gif": film})
+    outputs.write(options.out, tables, {"histories.png": draw, "animation.gif": film})
     # With a pendulum it is the pendulum's outcome that counts.
     last = status_name(list(found.values())[-1][0].status)
     return SOUND if last in ("stood", "rocked") else UNSOUND

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum, overturning_spectrum, rocking_spectrum
-from tpd.cli import common
+from tpd.cli import common, outputs
 from tpd.cli.interrupts import SOUND
 from tpd.cli.options import given
 from tpd.core import checks, files
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
         "spectrum.csv": files.as_table(found.columns()),
         "spectrum.json": files.as_json(common.inputs(scene, hung, job) | content),
     }
-    common.write(options.out, tables.items(), {"spectrum.png": partial(common.plot, found)})
+    outputs.write(options.out, tables.items(), {"spectrum.png": partial(outputs.plot, found)})
     return SOUND
 
 

@@ -350,8 +350,8 @@ def _varied(scene: Scene, name: str, share: float) -> tuple[Scene | None, Condit
 
 
 def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:
-    """Return the largest loads over the motions of scenes in which the block stands; None where it "
-    "stands in none."""
+    """Return the largest loads over the motions of scenes in which the block stands; None where it
+    stands in none."""
     found = [shaking_history(scene, pendulum) for scene in scenes]
     # A block that falls takes its pendulum along.
     stands = [h for h in found if status_name(h.status) in STANDING]
@@ -363,8 +363,8 @@ def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:
 
 
 def pull_test(scene: Scene) -> PullTest:
-    """Return the pull-and-release test of the bare block: what to expect if it loses as much energy as "
-    "was stated."""
+    """Return the pull-and-release test of the bare block: what to expect if it loses as much energy as
+    was stated."""
     block, g = scene.block, float(scene.gravity)
     nu, k = float(block.slenderness), float(block.friction or 0.0)
     tilt, rate, impacts = _PULLED * nu, float(scene.rate), 0

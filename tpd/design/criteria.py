@@ -674,3 +674,22 @@ def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None 
             raise ValueError(f"`{name}` cannot scatter by a share of itself: it is 0")
         if name == "restitution":
             check_restitution(scene)
+
+
+def first_apart(
+    units: np.ndarray, order: np.ndarray, most: int, apart: float = 0.02, fixed: int = 0
+) -> list[int]:
+    """The first of an ordered list of designs that are no neighbours: at least `apart` from each other, in
+    shares of the bounds. The first `fixed` are taken in any case."""
+    taken = [int(i) for i in order[:fixed]]
+    nearest = np.min([np.full(len(units), np.inf), *(_distances(units, i) for i in taken)], axis=0)
+    for i in map(int, order[fixed:]):
+        if len(taken) < most and nearest[i] > apart:
+            taken.append(i)
+            nearest = np.minimum(nearest, _distances(units, i))
+    return taken
+
+
+def _distances(units: np.ndarray, i: int) -> np.ndarray:
+    """Distances of all designs from design i."""
+    return np.linalg.norm(units - units[i], axis=1)

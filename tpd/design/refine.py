@@ -18,7 +18,7 @@ import numpy as np
 from tpd.answers.ensemble import Outcomes
 from tpd.answers.paired import FEWER
 from tpd.core.progress import Progress
-from tpd.design.criteria import STILL
+from tpd.design.criteria import STILL, first_apart
 from tpd.design.gaussian_process import (
     GaussianProcess,
     Observations,
@@ -28,7 +28,6 @@ from tpd.design.gaussian_process import (
     proposals,
 )
 from tpd.design.problem import Problem
-from tpd.design.search import first_apart
 
 _APART = 0.02
 """Least distance of designs that are proposed or validated, in shares of the space."""
@@ -168,8 +167,8 @@ class Refinement:
         return np.max([np.zeros(len(designs)), *sizes.values()], axis=0) <= 1.0
 
     def order(self) -> np.ndarray:
-        """Return the order of the trials: those that are likely to keep to the limits first, then by "
-        "trend."""
+        """Return the order of the trials: those that are likely to keep to the limits first, then by
+        trend."""
         designs = np.array(self.designs)
         x = self.problem.space.scaled(designs)
         if self.process is None:

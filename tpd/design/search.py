@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from tpd.core.progress import Progress, unreported
-from tpd.design.criteria import NEAR, Evaluation
+from tpd.design.criteria import NEAR, Evaluation, first_apart
 from tpd.design.descend import AT_BOUND, Ends, descend, finish, merit_of, transformation
 from tpd.design.orbits import BACK_OFF, Linearisation, Orbits, margins
 from tpd.design.settings import Descent
@@ -249,22 +249,3 @@ def best_apart(units: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
         order = np.r_[chosen, order[~np.isin(order, chosen)]].astype(int)
         chosen = first_apart(units, order, count, apart, len(chosen))
     return np.array(chosen, dtype=int)
-
-
-def first_apart(
-    units: np.ndarray, order: np.ndarray, most: int, apart: float = 0.02, fixed: int = 0
-) -> list[int]:
-    """The first of an ordered list of designs that are no neighbours: at least `apart` from each other, in
-    shares of the bounds. The first `fixed` are taken in any case."""
-    taken = [int(i) for i in order[:fixed]]
-    nearest = np.min([np.full(len(units), np.inf), *(_distances(units, i) for i in taken)], axis=0)
-    for i in map(int, order[fixed:]):
-        if len(taken) < most and nearest[i] > apart:
-            taken.append(i)
-            nearest = np.minimum(nearest, _distances(units, i))
-    return taken
-
-
-def _distances(units: np.ndarray, i: int) -> np.ndarray:
-    """Distances of all designs from design i."""
-    return np.linalg.norm(units - units[i], axis=1)

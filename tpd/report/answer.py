@@ -17,8 +17,8 @@ from tpd.report.blocks import Note, Severity, Table, danger, note, wrapped
 from tpd.report.notes import notes
 
 MOST = 25
-"""Most lines: the command has printed block and motion in four lines before, so that a terminal has "
-"thirty."""
+"""Most lines: the command has printed block and motion in four lines before, so that a terminal has
+thirty."""
 _NAME = 14
 """Columns of the names of rows."""
 _USED = 0.95

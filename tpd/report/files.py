@@ -139,8 +139,7 @@ def draw(name: str, design: Design, study: Study) -> bytes:
         ValueError: another name.
     """
     # A report in words does not wait for Matplotlib.
-    from tpd.plots import animation, compare, response
-    from tpd.plots.results import plot
+    from tpd.plots import animation, compare, drawing, landscape, response
     from tpd.plots.style import png, svg
 
     axes: Any
@@ -148,9 +147,13 @@ def draw(name: str, design: Design, study: Study) -> bytes:
     what, _, kind = name.partition(".")
     match what:
         case "search":
-            axes = plot(design)
-        case "benefit" | "conditions" | "drawing":
-            axes = plot(design, what)
+            axes = landscape.plot_landscape(design)
+        case "benefit":
+            axes = compare.plot_benefit(design)
+        case "conditions":
+            axes = compare.plot_conditions(design)
+        case "drawing":
+            axes = drawing.plot_design(design)
         case "response":
             axes = response.plot_response(study.responses or (), scene.motion.frequency)
         case "motion":

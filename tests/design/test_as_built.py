@@ -1,0 +1,152 @@
+"""The pendulum as it is built: loads, the pull test, sensitivity, other losses, and motions of a report."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.designs import HUNG, SCENE
+from tpd.answers.shaking_history import shaking_history
+from tpd.design.as_built import (
+    build_of,
+    loads_of,
+    loss_models,
+    losses_of,
+    pull_test,
+    sensitivity_of,
+    time_histories,
+)
+from tpd.scene.parameters import as_arrays
+from tpd.scene.scene import Harmonic, Scene
+from tpd.theory import equivalent_friction, turning_tilts
+
+
+def free_block(**losses):
+    block = tpd.Block(width=0.1, height=0.4, mass=16.0, **losses)
+    return Scene(block, Harmonic(amplitude=0.0, frequency=1.0))
+
+
+@pytest.mark.parametrize(
+    "losses", [{"restitution": 0.95}, {"friction": 0.02}, {"friction": 0.02, "restitution": 0.95}]
+)
+def test_turns_of_a_free_block_are_those_of_the_exact_solution(losses):
+    """The exact solution of the linear equations from a tilt of a tenth of nu, without shaking."""
+    scene = free_block(**losses)
+    p = as_arrays(scene.parameters())
+    nu, k, e = float(p.nu), float(p.k), float(p.velocity_ratio)
+    turns, times = turning_tilts(nu, k, e, 0.1 * nu, 6)
+    # Just before and after a turn the tilt is smaller, at the turn it is the closed form's.
+    around = np.sort(np.concatenate([[0.0], times[1:5], times[1:5] - 0.01, times[1:5] + 0.01]))
+    found = tpd.simulate(p, np.array([0.1 * nu, 0.0, 0.0, 0.0]), around, model=tpd.Piecewise())
+    tilt = np.abs(np.asarray(found.ys)[1:, 0]).reshape(4, 3)
+    np.testing.assert_allclose(tilt[:, 1], turns[1:5], rtol=1e-9)
+    assert np.all(tilt[:, 1] >= tilt[:, [0, 2]].max(axis=1))
+
+
+def test_friction_holds_a_block_beyond_its_reach():
+    held = pull_test(free_block(friction=0.24))
+    assert (held.impacts, np.isnan(held.seconds)) == (0, True)
+    with pytest.raises(ValueError, match="`tilt`"):
+        turning_tilts(0.25, 0.24, 1.0, 0.025, 3)
+
+
+def test_the_pull_test_waits_for_half_of_the_tilt():
+    """e = 0.9 takes 1 - 0.81^n of the energy, which for a tenth of nu is nearly in proportion to the tilt."""
+    found = pull_test(free_block(restitution=0.9))
+    assert found.tilt == pytest.approx(0.025)
+    assert found.sway == pytest.approx(0.01)
+    assert found.force == pytest.approx(0.5 * 0.25 * 16.0 * 9.80665)
+    assert found.impacts == 4
+    none = pull_test(free_block(friction=0.0))
+    assert (none.impacts, np.isnan(none.seconds)) == (0, True)
+
+
+def test_loads_are_the_largest_of_the_motions_in_which_the_block_stands():
+    block = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution=0.95)
+    hung = tpd.Pendulum(mass=900.0, length=0.7, damping_ratio=0.3)
+    weak, strong, fatal = (
+        Scene(block, tpd.Pulse.one_sine(acceleration=a, frequency=0.8)) for a in (1.0, 2.0, 40.0)
+    )
+    each = [shaking_history(scene, hung).loads(hung) for scene in (weak, strong)]
+    found = loads_of([weak, strong, fatal], hung)
+    assert found.motions == 2
+    assert found[:3] == pytest.approx(np.max(each, axis=0))
+    assert loads_of([fatal], hung) is None
+
+
+def test_a_design_is_built_with_the_rod_of_the_body(harmonic, rejected):
+    found, hung = build_of(harmonic), harmonic.pendulum
+    g = float(SCENE.gravity)
+    assert found.frequency == pytest.approx(np.sqrt(g / hung.length) / (2.0 * np.pi))
+    assert found.damping == pytest.approx(float(hung.hinge_damping()))
+    assert found.depth == pytest.approx(found.rod + 0.5 * found.bob_height)
+    assert (found.mass, found.rod) == pytest.approx(found.bob.built(hung.mass, hung.length, g))
+    assert found.dead == pytest.approx(found.mass * (1.0 + found.rod_share) - hung.mass)
+    assert found.loads.tension > found.weight == pytest.approx((hung.mass + found.dead) * g)
+    # (1 + mu) nu + k, over 1 + 2 mu for a pendulum that moves with the block.
+    mu, nu, k = hung.mass / SCENE.block.mass, float(SCENE.block.slenderness), 0.05
+    most = (1.0 + mu) * nu + k
+    assert found.lifts_slow_fast == pytest.approx((most / (1.0 + 2.0 * mu), most))
+    assert found.lifts[1] == pytest.approx(nu + k)
+    assert build_of(rejected) is None
+
+
+def test_the_benefit_is_compared_on_both_sides_of_what_is_stated(harmonic, rejected):
+    found = {s.name: s for s in sensitivity_of(harmonic)}
+    assert set(found) == {
+        "",
+        "friction",
+        "slenderness",
+        "amplitude",
+        "frequency",
+        "mass",
+        "length",
+        "damping",
+    }
+    assert found[""].low == found[""].high
+    assert all(s.low != found[""].low for name, s in found.items() if name)
+    cases = losses_of(harmonic)
+    assert [case.name for case in cases] == ["friction", "impacts", "friction and impacts"]
+    # The first is the scene itself.
+    assert cases[0].runs.benefit.mean == pytest.approx(found[""].low.mean, abs=1e-12)
+    assert [case.velocity_ratio < 1.0 for case in cases] == [False, True, True]
+    assert sensitivity_of(rejected) == losses_of(rejected) == ()
+
+
+def test_on_ground_motions_the_comparison_is_of_the_motions_that_are_held_out(ground):
+    found = {s.name: s for s in sensitivity_of(ground)}
+    assert set(found) == {
+        "",
+        "restitution",
+        *["slenderness", "amplitude", "frequency", "mass", "length", "damping"],
+    }
+    assert build_of(ground).lifts is None
+
+
+@pytest.mark.parametrize(
+    ("e", "k", "friction", "impacts"),
+    [
+        (None, 0.05, 0.05, "housner"),
+        (0.9, 0.0, None, 0.9),
+        ("housner", 0.03, 0.03, "housner"),
+        (1.0, 0.0, 0.0, 1.0),
+    ],
+)
+def test_models_of_the_losses_have_those_of_the_block_or_as_large_ones(e, k, friction, impacts):
+    scene = dataclasses.replace(SCENE, block=dataclasses.replace(SCENE.block, restitution=e, friction=k))
+    p = scene.parameters()
+    friction = float(equivalent_friction(p, p.nu / 3.0)) if friction is None else friction
+    found = {name: (m.friction, m.restitution) for name, m in loss_models(scene).items()}
+    assert found == {
+        "friction": (pytest.approx(friction, rel=1e-12), None),
+        "impacts": (0.0, impacts),
+        "friction and impacts": (pytest.approx(friction, rel=1e-12), impacts),
+    }
+
+
+def test_time_histories_are_from_rest_with_and_without_the_pendulum():
+    found = time_histories(SCENE, HUNG)
+    assert [h.with_pendulum for h in found] == [False, True]
+    assert found[0].time[-1] == pytest.approx(24.0 / 2.5)
+    assert [h.with_pendulum for h in time_histories(SCENE, None)] == [False]

@@ -1,0 +1,89 @@
+"""The answer: what is offered, what came nearest, and its text."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.designs import NoisyProblem
+from tpd.answers.statistics import Interval
+from tpd.design.optimise import solve
+from tpd.design.reasons import DesignStatus, Reason, ReasonKind
+
+
+def test_a_recommended_design_offers_its_pendulum_and_quotes_its_runs(harmonic):
+    best = harmonic.best
+    assert best is harmonic.validated[-1]
+    assert harmonic.runs is best.quoted
+    assert harmonic.benefit == best.quoted.benefit
+    assert harmonic.risks == pytest.approx(best.quoted.severity.mean(axis=1))
+    np.testing.assert_array_equal(harmonic.nearest, best.design)
+    assert (harmonic.refusals, harmonic.is_harmful) == ((), False)
+    assert len(harmonic.turned) == best.quoted.with_pendulum.stands.sum()
+    assert 0.0 < harmonic.swing < 0.5 == harmonic.stroke_limit
+    lines = str(harmonic).splitlines()
+    assert lines[0].startswith("RECOMMENDED")
+    assert [line.split()[0] for line in lines[1:]] == ["pendulum", "benefit", "overturned"]
+
+
+def test_usage_is_the_quantile_that_the_allowed_share_exceeds(harmonic):
+    best = harmonic.best
+    sizes = harmonic.problem.sizes_in_runs(best.design, best.quoted.with_pendulum)["stroke"]
+    assert np.mean(sizes > harmonic.usage["stroke"]) <= harmonic.problem.allowed
+    assert np.mean(sizes >= harmonic.usage["stroke"]) > harmonic.problem.allowed
+    assert harmonic.usage["reserve"] == harmonic.problem.fixed_sizes(best.design[None])["reserve"][0]
+
+
+def test_of_rejected_designs_the_one_that_misses_least_is_shown(rejected):
+    misses = [sum(r.shortfall for r in v.reasons) for v in rejected.validated]
+    assert rejected.best is rejected.validated[int(np.argmin(misses))]
+    assert rejected.runs is rejected.best.decided
+    assert np.isnan(rejected.risks[0])
+    assert rejected.risks[1] == pytest.approx(rejected.runs.severity[1].mean())
+    assert (rejected.swing, rejected.equivalent) == (0.0, None)
+    assert "reason      the mean tilt falls by " in str(rejected)
+    # A design that was rejected before any run comes after those with runs, and a danger weighs its size.
+    early = dataclasses.replace(rejected.validated[0], decided=None, quoted=None, reasons=())
+    wall = Reason(kind=ReasonKind.touches_wall, limit="room", value=1.0, reference=0.01)
+    far = dataclasses.replace(rejected.validated[0], reasons=(wall,))
+    near = rejected.validated[1]
+    shown = dataclasses.replace(rejected, validated=(early, far, near))
+    assert shown.best is near
+    assert dataclasses.replace(rejected, validated=(far, early)).is_harmful
+
+
+def test_a_problem_without_an_answer_has_no_numbers():
+    found = solve(NoisyProblem.of(calm=True))
+    assert (found.pendulum, found.best, found.runs, found.benefit, found.nearest) == (None,) * 5
+    assert (found.refusals, found.usage, found.is_harmful, found.swing) == ((), {}, False, 0.0)
+    assert np.isnan(found.risks).all()
+    assert str(found) == DesignStatus.no_uplift.value
+
+
+def test_where_none_keeps_to_the_limits_the_nearest_trial_is_shown():
+    found = solve(NoisyProblem.of(limits=(tpd.limits.Stroke(0.1),)))
+    i = int(np.argmin(found.trials.sizes.max(axis=1)))
+    np.testing.assert_array_equal(found.nearest, found.trials.designs[i])
+    assert found.refusals == (
+        str(Reason(kind=ReasonKind.breaks_limit, limit="stroke", value=found.trials.sizes[i, 0])),
+    )
+    assert found.risks[1] == found.trials.without_pendulum
+
+
+def test_a_design_that_is_tuned_only_claims_no_benefit(ground):
+    tuned = dataclasses.replace(ground, status=DesignStatus.tuned_only)
+    assert tuned.pendulum is not None
+    assert tuned.benefit is None
+    assert isinstance(ground.benefit, Interval)
+    few = dataclasses.replace(ground, status=DesignStatus.too_few)
+    assert (few.pendulum, few.benefit) == (None, None)
+    assert ground.swing == pytest.approx(np.quantile(ground.turned, 0.9))
+
+
+def test_the_arguments_that_pose_a_problem_again(harmonic, ground):
+    space = tpd.DesignSpace(mass_ratio=(0.01, 0.05))
+    again = harmonic.again(space=space)
+    assert (again["space"], again["seed"], again["limits"]) == (space, 0, harmonic.problem.limits)
+    assert set(harmonic.again()) - set(ground.again()) == {"starts", "objective"}
+    assert set(ground.again()) - set(harmonic.again()) == {"held_out"}

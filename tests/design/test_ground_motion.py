@@ -1,0 +1,183 @@
+"""Problems under ground motions: groups of whole earthquakes, single motions, and what is no harmonic."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.designs import BLOCK, GROUND, noise, records
+from tpd.core.progress import unreported
+from tpd.design.ground_motion import GroundMotionProblem, Group, Role, grouped, motion_factors
+from tpd.design.reasons import DesignStatus
+from tpd.scene.ground_motion import events_of
+
+DESIGN = np.array([0.12, 0.4, 0.5])
+RECORDS = records()
+
+
+def problem(motions=RECORDS, scales=(1.3, 2.0, 5.0), block=BLOCK, **given) -> GroundMotionProblem:
+    limits = (tpd.limits.Stroke(), tpd.limits.Room())
+    return GroundMotionProblem.of(
+        block, tpd.Conditions.records(motions, scales), **({"limits": limits} | given)
+    )
+
+
+def test_an_earthquake_is_on_one_side_only():
+    for seed in range(5):
+        tuned, held = grouped(RECORDS, 0.5, seed)
+        assert (tuned.role, held.role) == (Role.tuned, Role.held_out)
+        assert not set(events_of(tuned.motions)) & set(events_of(held.motions))
+        assert not set(tuned.events) & set(held.events)
+        assert (len(tuned.motions), len(held.motions)) == (10, 10)
+    assert len(grouped(RECORDS, 0.0, 0)) == 1
+    others = grouped(RECORDS[:4], {"others": RECORDS[2:8]}, 0)
+    assert [m.name for m in others[1].motions] == [m.name for m in RECORDS[4:8]]
+    with pytest.raises(ValueError, match="all are held out"):
+        grouped(RECORDS[:2], 0.5, 0)
+    with pytest.raises(ValueError, match="other earthquakes"):
+        grouped(RECORDS[:2], {"same": RECORDS[:2]}, 0)
+
+
+def test_an_earthquake_has_one_number_in_all_groups():
+    """Copies of one record, scaled, are one earthquake, though none has a name."""
+    tuned, a, b, c = (noise(i) for i in range(4))
+    groups = grouped([tuned], {"x": [a, b], "y": [b.scaled(3.0), c]}, 0)
+    assert groups[1].events[1] == groups[2].events[0]
+    assert len({*groups[0].events, *groups[1].events, *groups[2].events}) == 4
+    assert Group("alone", Role.tuned, (a, a.scaled(2.0), b)).events.tolist() in ([0, 0, 1], [1, 1, 0])
+
+
+@pytest.mark.parametrize(
+    ("motions", "held_out", "evidence"),
+    [
+        (RECORDS, 0.5, "found"),
+        (RECORDS[:18], 0.5, "too_few"),
+        (RECORDS, 0.8, "too_few"),
+        (RECORDS, 0.0, "tuned_only"),
+        (RECORDS[:10], {"a": RECORDS[10:14], "b": RECORDS[14:]}, "found"),
+        (RECORDS[:10], {"a": RECORDS[:18]}, "too_few"),
+    ],
+)
+def test_five_earthquakes_on_either_side_are_needed_for_a_verdict(motions, held_out, evidence):
+    assert problem(motions, held_out=held_out).evidence is DesignStatus[evidence]
+
+
+def test_the_problem_is_that_of_the_group_that_is_tuned_to():
+    made = problem(seed=3)
+    tuned, held = made.groups
+    assert made.conditions.motions == tuned.motions
+    assert made.scene.motion is tuned.motions[0]
+    assert (made.attempts, made.holds_back, made.allowed) == (1, False, 0.1)
+    assert made.rounds == (32, 1)
+    again = GroundMotionProblem.of(
+        made.inputs.pop("scene"), **{k: v for k, v in made.inputs.items() if k != "scene"}
+    )
+    assert [g.motions for g in again.groups] == [g.motions for g in (tuned, held)]
+    assert again.inputs["held_out"] == {"held out": held.motions}
+    assert problem(held_out=0.0).inputs["held_out"] == 0.0
+    one, two = (problem(seed=seed).candidates(unreported)[0] for seed in (0, 1))
+    assert one.shape == (32, 3)
+    assert not np.array_equal(one, two)
+
+
+def test_trial_runs_are_single_motions():
+    made = problem(RECORDS[:4], held_out=0.0)
+    found, hung = made.trial_runs(DESIGN, 0), made.pendulum(DESIGN)
+    factors = motion_factors(made.scene, made.conditions)
+    for i, which in enumerate(made.conditions.which):
+        motion = made.conditions.motions[int(which)].scaled(float(factors[i]))
+        one = tpd.transient(tpd.Scene(BLOCK, motion), hung)
+        assert found.lost[i] == (tpd.status_name(one.status) == "overturned")
+        if not found.lost[i]:
+            assert found.severity[i] == pytest.approx(
+                min(1.0, float(one.tilt / BLOCK.slenderness)), rel=1e-10
+            )
+            assert found.turned[i] == pytest.approx(float(one.relative), rel=1e-10)
+    assert found.lost.any()
+    assert found.stands.any()
+    assert found.equations == "linear"
+    alone = made.trial_runs(None, 0)
+    np.testing.assert_array_equal(alone.nu, found.nu)
+
+
+def test_limits_hold_in_all_but_the_allowed_share_of_the_standing_runs():
+    made = problem(RECORDS[:4], held_out=0.0)
+    runs = made.trial_runs(DESIGN, 0)
+    sizes = made.sizes_in_runs(DESIGN, runs)
+    assert set(sizes) == {"stroke", "room", "thickness"}
+    np.testing.assert_allclose(sizes["stroke"], runs.stroke[runs.stands] / 0.5)
+    # At all times the angle between rod and block is known by itself, and is less than the sum of both.
+    assert np.all(runs.turned[runs.stands] <= (runs.peak + runs.peak_stroke)[runs.stands] + 1e-12)
+    over, name = made.over_limit(DESIGN, runs)
+    assert over == pytest.approx(np.mean((sizes["stroke"] > 1.0) | (sizes["room"] > 1.0)))
+    assert name in sizes
+
+
+def test_validation_runs_scatter_block_and_pendulum_alike_in_both_cases():
+    made = problem(ensemble=tpd.Ensemble(restitution=0.02))
+    found = made.paired_runs(DESIGN, 5)
+    assert found.labels == ("tuned to", "held out")
+    assert found.group.tolist() == [0] * 30 + [1] * 30
+    np.testing.assert_array_equal(found.counted, found.group == 1)
+    assert len(np.unique(found.cluster)) == 10
+    np.testing.assert_array_equal(found.with_pendulum.nu, found.without_pendulum.nu)
+    assert 0.01 < np.ptp(found.with_pendulum.nu) / float(BLOCK.slenderness) <= 0.04
+    other = made.paired_runs(DESIGN, 6)
+    assert not set(found.with_pendulum.nu) & set(other.with_pendulum.nu)
+    alone = problem(held_out=0.0).paired_runs(DESIGN, 5)
+    assert alone.counted is None
+    # One more condition is on top of all others.
+    more = made.paired_runs(DESIGN, 5, more=tpd.Conditions({"mass": np.array([1.5])}))
+    np.testing.assert_allclose(more.with_pendulum.mu, 1.5 * found.with_pendulum.mu)
+
+
+def test_runs_without_an_answer_are_neither_a_fall_nor_rest(monkeypatch):
+    made = problem(RECORDS[:4], held_out=0.0)
+    whole = made.paired_runs(DESIGN, 5)
+    monkeypatch.setattr("tpd.design.ground_motion.MAX_EVENTS", 160)
+    few = made.paired_runs(DESIGN, 5)
+    assert whole.undecided == 0 < few.undecided
+    unknown = few.with_pendulum.undecided
+    assert not np.any(few.with_pendulum.lost & unknown)
+    assert np.all(np.isnan(few.with_pendulum.severity) == unknown)
+    np.testing.assert_array_equal(few.severity[0, ~unknown], whole.severity[0, ~unknown])
+    assert few.pairs == len(few.group) - few.undecided
+    assert len(few.ends) == 2
+
+
+def test_the_strongest_motions_are_those_of_the_largest_angle_in_which_the_block_stands():
+    made = problem(RECORDS[:4], held_out=0.0)
+    runs, found = made.trial_runs(DESIGN, 0), made.strongest_motions(DESIGN)
+    assert len(found) == runs.stands.sum()
+    one = tpd.transient(tpd.Scene(BLOCK, found[0]), made.pendulum(DESIGN))
+    assert float(one.relative) == pytest.approx(runs.turned[runs.stands].max(), rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (
+            {"worth": tpd.limits.Worth(strikes=0.2), "ensemble": tpd.Ensemble(size=4)},
+            "`ensemble.size` is for",
+        ),
+        ({"ensemble": tpd.Ensemble(periods=4)}, "`ensemble.periods` is for harmonics"),
+        (
+            {"limits": (tpd.limits.Reserve(),)},
+            "`limits` of ground motions must be of Stroke, .*Room, but has",
+        ),
+        ({"held_out": 1.5}, "`held_out` must be between 0 and 0.9"),
+        ({"block": dataclasses.replace(BLOCK, cavity_width=None)}, "`cavity_width`"),
+        ({"limits": (tpd.limits.Mass(0.01),)}, "`mass` must be above the least bob"),
+    ],
+)
+def test_what_has_no_effect_or_makes_no_sense_is_rejected(given, message):
+    with pytest.raises(ValueError, match=message):
+        problem(**given)
+
+
+@pytest.mark.parametrize("name", ["starts", "steps"])
+def test_counts_of_trials_are_checked(name):
+    with pytest.raises(ValueError, match=f"`{name}` must be a whole number"):
+        tpd.GroundSearch(**{name: -1})
+    assert GROUND["method"].starts == 6
