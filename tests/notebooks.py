@@ -27,18 +27,10 @@ DONE = " s of processor time"
 """End of the line of a notebook that ran."""
 SWITCH = "FULL = True"
 SMALL: dict[str, dict[str, object]] = {
-    "tpd.design.harmonic": {
-        "TRIAL_RUNS": 32,
-        "TRIAL_PERIODS": 20,
-        "_ROUNDS": (1, 4),
-        "_COMPARED": 32,
-        "_PATHS": 2,
-        "_SPREAD": 8,
-        "_DRAWN": 64,
-    },
+    "tpd.design.harmonic": {"_ROUNDS": (4, 6), "_COMPARED": 32, "_PATHS": 8, "_SPREAD": 32, "_DRAWN": 256},
 }
 """Sizes of a search that are no arguments, by module."""
-RUNS, RECORDS = 64, 2
+RUNS, RECORDS = 512, 2
 """Validation runs of a design, and which of every so many records is kept."""
 
 

@@ -150,3 +150,10 @@ def test_time_histories_are_from_rest_with_and_without_the_pendulum():
     assert [h.with_pendulum for h in found] == [False, True]
     assert found[0].time[-1] == pytest.approx(24.0 / 2.5)
     assert [h.with_pendulum for h in time_histories(SCENE, None)] == [False]
+
+
+def test_losses_of_a_block_do_not_depend_on_the_kind_of_its_motion():
+    scene = free_block(restitution=0.95)
+    in_earthquake = Scene(scene.block, tpd.records.el_centro())
+    assert loss_models(in_earthquake) == loss_models(scene)
+    assert loss_models(in_earthquake)["friction"].friction > 0.0
