@@ -71,6 +71,8 @@ class Problem(ABC):
     """Groups of ground motions; none under harmonic excitation."""
     rest_counts: ClassVar[bool] = False
     """Whether rest counts wherever it holds, though the block rocks from other initial states."""
+    spare: ClassVar[float] = 0.0
+    """Share of every limit on runs that the trials leave unused."""
     holds_back: ClassVar[bool]
     """Whether some validation runs take no part in the decision, and are those that are quoted."""
 

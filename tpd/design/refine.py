@@ -128,7 +128,8 @@ class Refinement:
 
         self.process = fitted(known, values[known], self.process)
         # Sizes are positive and range over decades: their logarithms are smooth.
-        for name, x in self._quantiles().items():
+        for name, size in self._quantiles().items():
+            x = size - np.log1p(-self.problem.spare)
             rows = np.flatnonzero(np.isfinite(x))
             # A quantity that is far from its limit everywhere needs no process.
             if len(rows) >= 4 and np.any(x[rows] > -0.7):
