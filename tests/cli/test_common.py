@@ -206,7 +206,7 @@ def no_search(monkeypatch, tmp_path):
     def run(*_: object) -> None:
         raise AssertionError("the input is not refused: a search has begun")
 
-    monkeypatch.setattr("tpd.design.optimise.search", run)
+    monkeypatch.setattr("tpd.design.optimise.refine", run)
     monkeypatch.chdir(tmp_path)
 
 
@@ -337,3 +337,37 @@ def test_a_write_that_fails_leaves_no_empty_folder_of_its_own(tmp_path, monkeypa
     out.mkdir()
     assert call("optimise", out=out).status == 2
     assert out.exists()
+
+
+HEAVY = ("jax", "equinox", "optax", "diffrax", "numba", "scipy", "matplotlib", "dask")
+MISTAKES = (
+    ("optimise", "--scene", "missing.toml"),
+    ("optimise", "--scene", "misspelt.toml"),
+    ("optimise", "--out", "full"),
+    ("optimise", "--records", "missing", "--scales", "1"),
+    ("optimise", "--width", "-1"),
+    ("check", "missing"),
+    ("response", "--scene", "misspelt.toml"),
+    ("map", "--scene", "missing.toml", "--x", "mu", "0.01", "0.1", "--y", "lam", "0.1", "1"),
+    ("shake", "--record", "missing.at2"),
+    ("fragility", "--records", "missing"),
+    ("export", "missing", "--as", "csv"),
+)
+
+
+@pytest.mark.parametrize("command", MISTAKES, ids=" ".join)
+def test_a_mistake_is_refused_before_anything_heavy_is_imported(tmp_path, command):
+    (tmp_path / "misspelt.toml").write_text("[block]\nwidht = 1.0\n")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "report.html").write_text("a report")
+    program = (
+        "import sys\nfrom tpd.cli import main\n"
+        "try:\n    status = main()\nexcept SystemExit as stop:\n    status = stop.code\n"
+        f"print(status, sorted({HEAVY} & sys.modules.keys()))".replace(str(HEAVY), str(set(HEAVY)))
+    )
+    call = [sys.executable, "-c", program, *command]
+    done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stdout == "2 []\n", done.stdout + done.stderr
+    # One sentence, and no line on what the command does.
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert "searching" not in done.stderr

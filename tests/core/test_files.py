@@ -66,7 +66,7 @@ def test_folders_of_a_store_are_made_for_the_user_alone(tmp_path):
 
 def test_numbers_that_a_format_has_not_are_words_or_empty_cells():
     found = json.loads(files.as_json({"b": [math.inf, math.nan], "a": (1.5, {"x": -math.inf})}))
-    assert found == {"a": [1.5, {"x": "infinite"}], "b": ["infinite", "nan"]}
+    assert found == {"a": [1.5, {"x": "-infinite"}], "b": ["infinite", "nan"]}
     table = files.as_table({"x": np.array([0.1, np.nan]), "word": np.array(["a,b", "c"])})
     assert table == 'x,word\n0.1,"a,b"\n,c\n'
 

@@ -26,7 +26,7 @@ def test_defaults_are_a_neighbourhood_and_all_limits():
     made = problem()
     around = tpd.Conditions.around(SCENE)
     np.testing.assert_array_equal(made.conditions.factor_rows(), around.factor_rows())
-    assert isinstance(made.method.model, tpd.Smoothed)
+    assert isinstance(made.model, tpd.Smoothed)
     assert made.starts.kind is StartKind.any
     assert (made.limits, made.risk, made.space) == (DEFAULT_LIMITS, tpd.Risk.worst(), tpd.DesignSpace())
     assert (made.ensemble.size, made.ensemble.seed) == (VALIDATION_RUNS, 0)
@@ -39,12 +39,15 @@ def test_defaults_are_a_neighbourhood_and_all_limits():
 
 
 def test_impacts_are_smoothed_unless_they_lose_nearly_all():
-    assert isinstance(problem(LOSSY).method.model, tpd.Smoothed)
+    assert isinstance(problem(LOSSY).model, tpd.Smoothed)
     almost = dataclasses.replace(LOSSY.block, restitution=0.05)
-    assert isinstance(problem(tpd.Scene(almost, SCENE.motion)).method.model, tpd.Piecewise)
+    assert isinstance(problem(tpd.Scene(almost, SCENE.motion)).model, tpd.Piecewise)
     none = tpd.Scene(dataclasses.replace(LOSSY.block, restitution=5e-4), SCENE.motion)
     with pytest.raises(ValueError, match=r"`e` must be between 0\.001 and 1 in the smoothed model"):
         problem(none, method=tpd.Descent(model=tpd.Smoothed()))
+    for model in (tpd.Segmented(), tpd.Smoothed(terms=tpd.Terms.parametric)):
+        with pytest.raises(ValueError, match=r"`model` must be Smoothed\(\) with linear terms, or Piecewise"):
+            problem(LOSSY, method=tpd.Descent(model=model))
 
 
 @pytest.mark.parametrize(

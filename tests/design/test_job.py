@@ -16,10 +16,9 @@ from tpd.answers.ensemble import Ensemble
 from tpd.design import criteria
 from tpd.design import job as jobs
 from tpd.design.criteria import DesignSpace, Worth
+from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.job_keys import SCHEMA
 from tpd.design.settings import Descent
-from tpd.models.piecewise import Piecewise
-from tpd.models.smoothed import Smoothed
 from tpd.records import el_centro, loma_prieta
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions
@@ -56,7 +55,7 @@ JOBS = {
         "bob": {"shape": "cylinder", "density": 11340.0, "aspect": 1.5},
     },
     "limits": {"limits": {"room": False, "worsening": 0.2, "mass": 2.0, "reserve": 1e-5}},
-    "worth": {"worth": {"at_least": 0.2, "worse": 0.0, "strikes": 0.05, "runs": 64}},
+    "worth": {"worth": {"at_least": 0.2, "worse": 0.0, "strikes": 0.05}},
     "ensemble": {"ensemble": {"size": 64, "ramps": [1.0], "any_phase": False, "damping": 0.1}},
     "held out": {"motion": {**RECORDS, "records": ["el-centro"], "held_out": ["loma-prieta"]}},
     "scaled": {"motion": {**RECORDS, "held_out": 0.0, "pga": 0.3, "intensity": "scale"}},
@@ -112,8 +111,7 @@ def test_tables_become_objects():
     without = jobs.job_of(JOBS["limits"]).limits
     assert not any(isinstance(limit, criteria.Room) for limit in without)
     assert criteria.Worsening(0.2) in without
-    for name, model in (("smoothed", Smoothed), ("piecewise", Piecewise)):
-        assert isinstance(jobs.job_of({"search": {"model": name}}).method.model, model)
+    assert jobs.job_of({"search": {"model": "piecewise"}}).method.model == "piecewise"
     job = jobs.job_of(JOBS["robust"])
     band = Conditions.band(tpd.paper_scene(), 2.0, 3.5, 20)
     scatter = Conditions.scatter(16, 3, friction=0.2, length=0.02)
@@ -171,8 +169,7 @@ def test_the_kind_of_motion_follows_from_its_keys():
     assert [m.name for m in job.motions] == [m.name for m in (el_centro(), loma_prieta())]
     assert (job.conditions.intensity, job.conditions.scales, job.held_out) == ("pga_star", (2.0, 3.0), 0.5)
     assert job.scene == tpd.Scene(tpd.paper_scene().block, job.motions[0])
-    none = dict.fromkeys(("held_out", "risk", "limits", "method", "worth", "ensemble"))
-    asked = ground_problem(job.block, job.conditions, None, seed=0, **none)
+    asked = GroundMotionProblem.of(job.block, job.conditions)
     for name in ("space", "risk", "limits", "method", "worth", "ensemble"):
         assert getattr(job, name) == getattr(asked, name), name
 

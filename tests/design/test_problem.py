@@ -8,7 +8,8 @@ import pytest
 
 import tpd
 from tests.designs import RATIOS, SCENE, NoisyProblem
-from tpd.design.problem import check_cavity, check_moves, check_scatter, within_mass
+from tpd.design.criteria import check_cavity, check_moves, check_scatter
+from tpd.design.problem import within_mass
 
 SOLID = dataclasses.replace(SCENE.block, cavity_width=None)
 

@@ -8,15 +8,18 @@ import tomllib
 
 import numpy as np
 import pytest
-from tpd.design.ground.optimise import ground_problem
 
 import tpd
 from tests import designs
 from tpd import limits
+from tpd.design.as_built import Study, build_of
+from tpd.design.design import Design
+from tpd.design.ground_motion import GroundMotionProblem
+from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import job_of
-from tpd.design.problem import Problem
 from tpd.design.reading import StoredDesign, job_of_design, read_design
-from tpd.models.piecewise import Piecewise
+from tpd.design.reasons import DesignStatus
+from tpd.design.validate import Validated
 from tpd.report.json import as_json
 
 BLOCK = tpd.Block(
@@ -40,16 +43,25 @@ JOB = {
 @pytest.fixture(scope="module")
 def design():
     """A design of numbers that need all their digits."""
-    factors = {"frequency": np.array([0.1 + 0.2])}
-    conditions = tpd.Conditions(factors=factors, description=("one",))
-    changes = {"scene": SCENE, "limits": LIMITS, "pendulum": HUNG, "risk": tpd.Risk.cvar(1.0 / 3.0)}
-    return designs.single(conditions=conditions, **changes)
+    conditions = tpd.Conditions(factors={"frequency": np.array([0.1 + 0.2])}, description=("one",))
+    given = {"conditions": conditions, "limits": LIMITS, "risk": tpd.Risk.cvar(1.0 / 3.0)}
+    problem = HarmonicProblem.of(SCENE, **given)
+    runs = designs.paired([0.1, 0.2, 0.3], [0.3, 0.4, 0.5], design=problem.ratios(HUNG))
+    found = {
+        "design": problem.ratios(HUNG),
+        "pendulum": HUNG,
+        "exact": None,
+        "over_limit": 0.0,
+        "reasons": (),
+    }
+    found |= {"decided": runs, "quoted": None}
+    return Design(problem=problem, status=DesignStatus.found, validated=(Validated(**found),))
 
 
 @pytest.fixture
 def damaged(design, tmp_path):
     """Read a report of which one key is changed; a value that is absent takes the key away."""
-    whole = json.loads(as_json(design, designs.study(), JOB))
+    whole = json.loads(as_json(design, Study(build=build_of(design)), JOB))
 
     def read(**changes) -> StoredDesign:
         content = {k: v for k, v in (whole | changes).items() if v is not ...}
@@ -63,13 +75,13 @@ def test_what_is_read_is_what_was_written(design, damaged, tmp_path):
     found = damaged()
     for name in ("pendulum", "status"):
         assert getattr(found, name) == getattr(design, name), name
-    for name in ("scene", "limits", "seed"):
-        assert getattr(found.job, name) == getattr(design, name), name
+    for name in ("scene", "limits"):
+        assert getattr(found.job, name) == getattr(design.problem, name), name
+    assert found.job.seed == 3
     assert found.job.space == tpd.DesignSpace(mass_ratio=(0.01, 0.1 + 0.2), damping_ratio=(0.05, 0.4))
     np.testing.assert_array_equal(found.job.conditions.factors["amplitude"], [0.1 + 0.2])
-    assert found.content["details"]["amplitude_rad"] == design.amplitude
+    assert found.content["benefit"]["mean"] == design.benefit.mean
     assert found.versions["tpd"] == tpd.__version__
-    assert found.content["details"]["search"]["evaluations"] == design.search.evaluations
     assert found.path == tmp_path / "design.json"
     assert tpd.read_design(str(found.path)).job.scene == design.scene
     assert str(found).splitlines()[0] == "Stored design: found"
@@ -81,7 +93,7 @@ def test_what_is_read_is_what_was_written(design, damaged, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"version": 4}, "must be of version 8, but is of 4: run the job again"),
+        ({"version": 4}, "must be of version 9, but is of 4: run the job again"),
         ({"pendulum": ...}, "is not a design: it has no `pendulum`"),
         ({"job": ...}, "is not the design of a report: it has no `job`"),
         ({"status": "good"}, "`status` must be one of found, tuned_only, too_few"),
@@ -111,11 +123,11 @@ CASES = {
     "defaults": {},
     "band": {"conditions": BAND, "risk": tpd.Risk.cvar(0.25), "seed": 4},
     "scatter": {"conditions": BAND * tpd.Conditions.scatter(8, 4, friction=0.1, mass=0.05), "seed": 4},
-    "sequential": {
-        "method": tpd.Descent(searches=3, steps=5, model=tpd.Piecewise()),
+    "from rest": {
+        "method": tpd.Descent(searches=3, steps=5, model="piecewise"),
         "starts": tpd.Starts.rest(),
     },
-    "exact orbits": {"method": tpd.Descent("rmsprop", model=Piecewise(), tolerance=0.02)},
+    "exact orbits": {"method": tpd.Descent("rmsprop", model="piecewise", tolerance=0.02)},
     "limits": {"limits": (limits.Stroke(0.3), limits.Room(tpd.limits.Bob(density=2000.0)), limits.Mass(5.0))},
     "point": {"conditions": tpd.Conditions(), "limits": limits.POINT_BOB},
     "space": {"space": tpd.DesignSpace(mass_ratio=(0.02, 0.1), damping_ratio=(0.1, 0.4))},
@@ -127,10 +139,8 @@ CASES = {
 
 
 def answer(**asked):
-    """A design with the question of a scene."""
-    found = Problem.of(asked.pop("scene", ASKED), **asked)
-    fields = {name: getattr(found, name) for name in found.inputs}
-    return designs.single(**fields)
+    """Problem of a scene."""
+    return HarmonicProblem.of(asked.pop("scene", ASKED), **asked)
 
 
 @pytest.mark.parametrize("asked", CASES.values(), ids=CASES)
@@ -173,9 +183,8 @@ def test_what_no_file_can_say_is_refused(asked, sentence):
 
 def test_motions_that_exist_only_in_python_are_refused():
     record = tpd.Record(np.sin(np.arange(100) / 5.0), 0.01)
-    given = {"risk": None, "limits": None, "worth": None, "ensemble": None, "seed": 0, "method": None}
     conditions = tpd.Conditions.records([record], (2.0,))
-    asked = ground_problem(ASKED, conditions, None, held_out=0.0, **given)
+    asked = GroundMotionProblem.of(ASKED, conditions, held_out=0.0)
     with pytest.raises(ValueError, match="a job file cannot say motions that exist only in Python"):
         job_of_design(asked)
 

@@ -13,12 +13,12 @@ SENTENCES = {
     ),
     ReasonKind.touches_wall: (
         {"value": 0.03, "reference": 0.01, "limit": "room"},
-        "the bob exceeds the limit on room in 3.0% of the runs in which the block stands, and 1.0% are "
-        "allowed",
+        "the pendulum exceeds the limit on clearance (bob to the wall) in 3.0% of the runs in which the "
+        "block stands, and 1.0% are allowed",
     ),
     ReasonKind.breaks_limit: (
         {"limit": "offset", "value": 1.0364},
-        "the design exceeds the limit on offset: 1.04 times the limit",
+        "the design exceeds the limit on offset (bob from the axis): 1.04 times the limit",
     ),
     ReasonKind.as_built: (
         {"limit": "mass of the bob in kg", "value": 554.2, "reference": 500.0},

@@ -60,7 +60,7 @@ class Change(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class PairedRuns(Printed):
-    """The same runs with and without a pendulum; arrays of shape (runs,).
+    """Runs with a pendulum, and the same runs without it; arrays of shape (runs,).
 
     Benefit and changes are those of the counted runs that have an answer in both cases. The severity of a
     run is its settled tilt over the slenderness, at most 1, and 1 where the block overturns.

@@ -173,7 +173,7 @@ class TimeHistory:
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """What a report shows beside the design; None or empty where a part does not apply."""
+    """Everything that a report shows beside the design; None or empty where a part does not apply."""
 
     build: Build | None = None
     """None where no pendulum is offered."""

@@ -107,7 +107,7 @@ class HarmonicProblem(Problem):
     model: Any
     """Model whose gradients the descents take."""
     objective: Objective
-    """What the descents make small; the trials and the validation compare tilts."""
+    """Quantity that the descents make small; the trials and the validation compare tilts."""
     attempts: ClassVar[int] = 3
     holds_back: ClassVar[bool] = True
 
