@@ -109,7 +109,7 @@ job block.restitution = true | `block.restitution` must be a number or a text, b
 job project.name = 3 | `project.name` must be a text in one line of at most 100 characters, but is 3
 job site.gravity = 0 | [site] `gravity` must be positive and finite, but is 0
 job space.mass_ratio = [0.1, true] | `space.mass_ratio` must be a pair of numbers, but is [0.1, True]
-job search.budget = 8 | unknown key `budget` in [search]; allowed are method, model, searches
+job search.budget = 8 | unknown key `budget` in [search]; allowed are model, optimiser
 job ensemble.any_phase = 1 | `ensemble.any_phase` must be true or false, but is 1
 job conditions.band = [2, 3]; conditions.frequencies = 1 | [conditions] `frequencies` must be a whole number,
 job conditions.band = [2, 3]; conditions.frequencies = 2000000 | a job must have at most 100000 conditions, bu
@@ -261,7 +261,7 @@ def test_a_file_that_is_no_design_is_refused(capsys, tmp_path):
     for content, message in (
         ("not json", "is not a design in JSON"),
         ("\xff", "is not a design in JSON"),
-        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 8, but is of 7"),
+        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 9, but is of 7"),
     ):
         (tmp_path / "design.json").write_text(content, encoding="latin-1")
         for command in (("check", "."), ("response", "design.json"), ("export", ".", "--as", "mjcf")):

@@ -98,7 +98,11 @@ def test_without_tables_the_job_is_that_of_the_papers_block():
     assert job.limits == criteria.DEFAULT_LIMITS == jobs.job_of(BAND).limits
     assert isinstance(job.method, Descent)
     assert (job.method.searches, job.method.screening, job.method.steps) == (8, 512, 20)
-    assert (job.risk, job.ensemble, job.worth) == (criteria.Risk.worst(), Ensemble(seed=0), Worth())
+    assert (job.risk, job.ensemble, job.worth) == (
+        criteria.Risk.worst(),
+        Ensemble(size=2048, seed=0),
+        Worth(),
+    )
     assert job.seed == 0
 
 

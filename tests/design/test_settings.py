@@ -15,7 +15,7 @@ import tpd
         (lambda: tpd.Descent(tolerance=0.0), "`tolerance` must be positive"),
         (lambda: tpd.Descent("adan"), "`optimiser` must be one of adam, rmsprop, but is"),
         (lambda: tpd.Descent(3), "`optimiser` must be a transformation of optax, or one of adam, rmsprop"),
-        (lambda: tpd.Descent(model="sharp"), "`model` must be smoothed or piecewise"),
+        (lambda: tpd.Descent(model="sharp"), "`model` must be one of smoothed, piecewise"),
         (lambda: tpd.Descent(optax.lbfgs()), "`optimiser` must make its steps from gradients alone"),
     ],
 )
