@@ -68,9 +68,17 @@ def test_the_benefit_has_intervals_of_the_differences_and_a_row_for_every_group(
         for i, label in enumerate(("with pendulum", "without pendulum")):
             drawn = lines(ax)[label].get_xdata()
             assert drawn[0] == mean[1 + i]
-            assert drawn[4:] == pytest.approx(runs.by_group[i, order])
+            assert drawn[-len(order) :] == pytest.approx(runs.by_group[i, order])
         rows = [t.get_text() for t in ax.get_yticklabels()]
-        assert rows[4:] == [f"tilt, {runs.labels[i]}" for i in order]
+        # Under ground motions there is a row of rest only if a run ends at rest.
+        rest = ["at rest at the end"] if runs.cluster is None else []
+        assert rows[2:] == ["overturned", *rest, *(f"tilt, {runs.labels[i]}" for i in order)]
+        assert ax.lines[-1].get_ydata() == [len(rest) + 2.5] * 2
+    ended = dataclasses.replace(runs.with_pendulum, status=np.full(len(runs.group), "rest"))
+    decided = dataclasses.replace(runs, with_pendulum=ended)
+    resting = dataclasses.replace(under_pulses.best, decided=decided, quoted=None)
+    ax = plot_benefit(dataclasses.replace(under_pulses, validated=(resting,)))
+    assert "at rest at the end" in [t.get_text() for t in ax.get_yticklabels()]
     with pytest.raises(ValueError, match="`design` must have validation runs, but has none"):
         plot_benefit(dataclasses.replace(band, validated=()))
 

@@ -54,7 +54,7 @@ def plot_benefit(design: Design, ax: Any = None) -> Any:
     """
     if design.runs is None:
         raise ValueError("`design` must have validation runs, but has none")
-    rows = _rows(design, design.runs)
+    rows, above = _rows(design, design.runs)
     heights, values = np.arange(len(rows)), np.array([row[1:] for row in rows])
     bare, hung, low, high = values.T
     ax = new_axes(1, (7.4, 1.2 + 0.24 * len(rows))) if ax is None else ax
@@ -67,20 +67,23 @@ def plot_benefit(design: Design, ax: Any = None) -> Any:
     ax.set(xlim=(0.0, 1.0), xlabel="share of the runs; tilt as a share of the slenderness (-)")
     ax.invert_yaxis()
     ax.grid(axis="x", color=GREY, lw=0.4, alpha=0.6)
-    ax.axhline(len(_SHOWN) - 0.5, color=INK, lw=0.6)
+    ax.axhline(above - 0.5, color=INK, lw=0.6)
     legend(ax)
     return ax
 
 
-def _rows(design: Design, runs: PairedRuns) -> list[tuple[str, float, float, float, float]]:
+def _rows(design: Design, runs: PairedRuns) -> tuple[list[tuple[str, float, float, float, float]], int]:
     """Label, value without and with the pendulum, and interval of their difference, NaN where it is not
-    known."""
+    known; and how many of the rows are of all runs."""
     rows = []
     for name, label in _SHOWN.items():
         _, with_pendulum, without, low, high = runs.change(name)
-        rows.append((label, without, with_pendulum, low, high))
+        # Under ground motions the runs end with the record, so that no rest does not mean rocking.
+        if name != "at rest" or runs.cluster is None or (with_pendulum, without) != (0.0, 0.0):
+            rows.append((label, without, with_pendulum, low, high))
+    above = len(rows)
     if len(runs.labels) == 1:
-        return rows
+        return rows, above
     with_pendulum, without = runs.by_group
     shown = np.flatnonzero(np.isfinite(with_pendulum))
     if runs.cluster is None:
@@ -88,10 +91,11 @@ def _rows(design: Design, runs: PairedRuns) -> list[tuple[str, float, float, flo
         columns = [design.conditions.column(name)[shown] for name in ("amplitude", "frequency")]
         shown = shown[np.lexsort(columns)]
     chosen = shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), _MOST)).astype(int))]
-    return rows + [
+    groups = [
         (f"tilt, {runs.labels[i]}", float(without[i]), float(with_pendulum[i]), np.nan, np.nan)
         for i in chosen
     ]
+    return rows + groups, above
 
 
 @own_style()
