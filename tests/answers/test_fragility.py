@@ -118,16 +118,16 @@ def test_motions_without_an_answer_are_drawn(monkeypatch, found):
     taken(monkeypatch, True, 11.0)
     lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=HUNG, nonlinear=False)
     drawn = {c.get_label(): c for c in tpd.plot(lost).collections}
-    (bar,) = drawn["with the pendulum: 12 runs without an answer"].get_segments()
+    (bar,) = drawn["with pendulum: 12 runs without an answer"].get_segments()
     assert bar.tolist() == [[12.0, 0.0], [12.0, 1.0]]
-    assert not any(label.startswith("bare block: ") for label in drawn)
+    assert not any(label.startswith("without pendulum: ") for label in drawn)
 
 
 @pytest.mark.mends("beyond the stripes a curve and a band were drawn that no stripe sees")
 def test_separated_outcomes_are_drawn_as_far_as_they_are_known(found):
     # Rocking begins between two stripes.
     ax = tpd.plot(found, "rocking")
-    curve = next(line for line in ax.lines if line.get_label() == "bare block: median 1.1")
+    curve = next(line for line in ax.lines if line.get_label() == "without pendulum: median 1.1")
     x, y = curve.get_xdata(), curve.get_ydata()
     between = (x > 0.8) & (x < 1.5)
     assert np.isnan(y[between]).all()

@@ -115,7 +115,7 @@ def test_a_picture_draws_stable_solid_unstable_dashed_and_marks_what_is_lost():
     (ax,) = tpd.plot(bare())
     assert ax.get_xlabel() == r"frequency ratio $\xi$ = $\omega/\omega_0$ (-)"
     labels = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert labels == ["bare block", "stable", "unstable", "symmetry breaks", "begins to stick"]
+    assert labels == ["without pendulum", "stable", "unstable", "symmetry breaks", "begins to stick"]
     tilt, bob = tpd.plot(hung(), without=replace(hung()))
     assert tilt.get_ylabel() == r"largest tilt $|\varphi|$ (rad)"
     assert bob.get_ylabel() == r"largest bob angle $|\psi|$ (rad)"

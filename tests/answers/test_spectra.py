@@ -111,5 +111,5 @@ def test_blocks_without_an_answer_are_drawn(monkeypatch):
     assert not any("no answer" in line.get_label() for line in tpd.plot(rocking()).lines)
     unanswered(monkeypatch, lambda rows: middle(rows) & (rows[:, 1] > 0.0))
     drawn = {line.get_label(): line for line in tpd.plot(rocking()).lines}
-    assert drawn["with the pendulum: no answer"].get_xdata().tolist() == [4.0]
-    assert "bare block: no answer" not in drawn
+    assert drawn["with pendulum: no answer"].get_xdata().tolist() == [4.0]
+    assert "without pendulum: no answer" not in drawn

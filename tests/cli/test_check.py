@@ -8,7 +8,7 @@ from tests.cli.conftest import call, design_json
 from tpd.cli.new import template
 from tpd.design import job as jobs
 
-CHIMNEY = template("chimney").replace("at_least = 0.1 ", "runs = 64\nat_least = 0.1 ")
+CHIMNEY = template("chimney")+ "\n[ensemble]\nsize = 128\n"
 OFFERED = "--pendulum-mass 540 --pendulum-length 0.515 --pendulum-damping 0.5981"
 """A little less than what `tpd optimise` offers for this chimney."""
 STRIKING = "--pendulum-mass 774.3 --pendulum-length 0.5733 --pendulum-damping 0.5941"

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 import tpd
-from tests import designs
+from tpd.answers.response import settled_response
 from tpd.answers.spectra import RockingSpectrum
 from tpd.plots.style import new_axes
 
-RESPONSE = designs.response(*np.full(9, 0.1), frequency=np.linspace(1.0, 3.0, 9))
+SCENE = tpd.paper_scene()
+RESPONSE = settled_response(SCENE, "frequency", np.linspace(2.0, 3.0, 3))
+OTHER = settled_response(SCENE, "amplitude", np.array([0.01, 0.012]))
 SPECTRUM = RockingSpectrum(np.array([1.0, 2.0]), np.array([0.1, 0.2]), None)
 
 
@@ -18,32 +20,31 @@ def design_map():
     return tpd.design_map(tpd.paper_scene(), *axes)
 
 
-def test_every_result_takes_what_and_ax_and_the_names_of_its_own(design_map):
+def test_every_result_takes_what_and_ax_and_the_names_of_its_own(design_map, single):
     for how in ({"what": "stroke"}, {"quantity": "stroke"}):
         bar = tpd.plot(design_map, **how).figure.axes[1]
         assert bar.get_ylabel().startswith("largest bob angle")
     for name in ("ax", "axes"):
         own = new_axes()
         assert tpd.plot(RESPONSE, own=2.0, **{name: own})[0] is own
-    assert tpd.plot(designs.around(), "benefit").get_xlabel().startswith("share of the runs")
+    assert tpd.plot(single, "benefit").get_xlabel().startswith("share of the runs")
     assert tpd.plot(SPECTRUM, ax=own) is own
 
 
-def test_a_mistake_is_one_sentence(design_map):
-    around = designs.around()
+def test_a_mistake_is_one_sentence(design_map, single):
     for result, how, message in (
         (3, {}, r"`result` must have a picture \(Design, Front, .*, RockingSpectrum\), but is 3"),
         (tpd.Design, {}, "`result` must have a picture"),
-        (around, {"what": "groups"}, "`what` must be one of landscape, drawing, benefit"),
-        (around, {"state": "half"}, "`state` does not apply to a HarmonicDesign: allowed are what, ax"),
-        (around, {"axes": new_axes()}, "`axes` does not apply to a HarmonicDesign"),
+        (single, {"what": "groups"}, "`what` must be one of landscape, drawing, benefit"),
+        (single, {"state": "half"}, "`state` does not apply to a Design: allowed are what, ax"),
+        (single, {"axes": new_axes()}, "`axes` does not apply to a Design"),
         (design_map, {"what": "status"}, "`quantity` must be one of amplitude, stroke, margin"),
         (design_map, {"what": "stroke", "quantity": "margin"}, "`quantity` has two values"),
         (design_map, {"own": 2.0}, "`own` does not apply to a DesignMap: allowed are quantity, ax"),
         (design_map, {"ax": 3}, "`ax` must be a Axes, but is 3"),
         (SPECTRUM, {"what": "amplitude"}, "`what` does not apply to a RockingSpectrum: allowed are ax"),
         (RESPONSE, {"without": design_map}, "`without` must be a Response"),
-        (RESPONSE, {"without": designs.response(0.1, name="amplitude")}, "must be over `frequency`"),
+        (RESPONSE, {"without": OTHER}, "must be over `frequency`"),
         (RESPONSE, {"own": "1 Hz"}, "`own` must be finite, but is '1 Hz'"),
         (RESPONSE, {"axes": [new_axes(), 3]}, "`axes` must be a Axes, but is 3"),
     ):
