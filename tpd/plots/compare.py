@@ -47,7 +47,8 @@ _QUANTITIES = {"length": "pendulum_length", "mass": "pendulum_mass", "damping": 
 def plot_benefit(design: Design, ax: Any = None) -> Any:
     """Draw mean tilts over nu, and shares that overturn and that end at rest, of the validation runs of the
     best design: of all counted runs above the line; below it the mean tilts under every condition or, under
-    ground motions, of every group. A bar is the 95 % interval of the difference.
+    ground motions, of every group. A bar is the 95 % interval of the difference. Under ground
+    motions there is a row of rest only if a run ends at rest.
 
     Raises:
         ValueError: a design without validation runs.
