@@ -154,8 +154,8 @@ def noise(seed: int, event: str = "", n: int = 300) -> tpd.Record:
 
 @functools.cache
 def records() -> tuple[tpd.Record, ...]:
-    """Two records of each of ten earthquakes."""
-    return tuple(noise(seed, f"event {seed // 2}") for seed in range(20))
+    """Two records of each of thirty earthquakes."""
+    return tuple(noise(seed, f"event {seed // 2}") for seed in range(60))
 
 
 GROUND = {
@@ -180,5 +180,5 @@ def rejected_design() -> Design:
 
 @functools.cache
 def ground_design(seed: int = 0) -> Design:
-    """A pendulum that is tuned to five earthquakes and validated on five others."""
+    """A pendulum that is tuned to fifteen earthquakes and validated on fifteen others."""
     return tpd.optimise(BLOCK, seed=seed, **GROUND)

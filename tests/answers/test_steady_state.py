@@ -165,7 +165,7 @@ calls = """
     tpd.design_map(p, ("mu", values), ("lam", values)); tpd.settled_response(scene, "frequency", band)
     tpd.attractors(p, starts=tpd.Starts(size=4, seed=0)); tpd.optimise(scene, tpd.DesignSpace())
     tpd.optimise(scene, conditions=tpd.Conditions.band(scene, 2.0, 3.5))
-    tpd.verdict(scene, pendulum, ensemble=few); outcomes(scene, pendulum, ensemble=few)
+    tpd.paired_runs(scene, pendulum, ensemble=few); outcomes(scene, pendulum, ensemble=few)
     uplift(p); one_harmonic(p); one_harmonic_branches(p); neglected_harmonics(p); parametric_branches(p)
     free_motion(p); equivalent_friction(p, 0.05)
 """.replace(";", "\n").split("\n")

@@ -195,7 +195,7 @@ def test_a_design_on_ground_motions_is_validated_on_earthquakes_that_it_never_sa
     assert runs.labels == ("tuned to", "held out")
     assert not set(runs.cluster[runs.group == 0]) & set(runs.cluster[runs.group == 1])
     np.testing.assert_array_equal(runs.counted, runs.group == 1)
-    assert runs.description.endswith(", 5 earthquakes")
+    assert runs.description.endswith(", 15 earthquakes")
     assert runs.with_pendulum.equations == "nonlinear"
     held = runs.severity[:, runs.group == 1].mean(axis=1)
     assert ground.benefit.mean == pytest.approx(1.0 - held[0] / held[1])

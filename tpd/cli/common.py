@@ -92,13 +92,20 @@ def checked(options: argparse.Namespace) -> Case | None:
     Raises:
         ValueError: as `case`, and for a folder that holds results.
     """
-    if not hasattr(options, "scene"):
+    # A spectrum has pulses of all frequencies, and an exported model needs no motion: these commands fill in
+    # what is missing. What a command varies along an axis need not be given either.
+    varied, fills_in = tuple(f"pendulum_{name}" for name in ("mass", "length", "damping")), False
+    if options.command == "spectrum":
+        fills_in = "pulse" in given(options).get("motion", {})
+    elif options.command == "export":
+        fills_in = options.design is None
+    if fills_in or not hasattr(options, "scene"):
         return None
-    # What a command varies along an axis need not be given: the command itself checks that.
-    found = case(options, tuple(f"pendulum_{name}" for name in ("mass", "length", "damping")))
-    # Properties of a job are checked when they are read; a spectrum has pulses of all frequencies.
-    _ = found.job.settings if options.command in ("optimise", "check") else None
-    _ = found.job.scene if options.command != "spectrum" else None
+    if options.command in ("response", "map"):
+        harmonic(options, varied)
+    found = case(options, varied)
+    # Properties of a job are checked when they are read.
+    _ = found.job.settings if options.command in ("optimise", "check") else found.job.scene
     if options.command == "optimise":
         check_cavity(found.job.block, found.job.limits)
     if (out := getattr(options, "out", None)) is not None:

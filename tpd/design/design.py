@@ -12,7 +12,7 @@ import numpy as np
 from tpd.answers.paired import PairedRuns
 from tpd.answers.statistics import Interval
 from tpd.core.formatting import Printed
-from tpd.design.criteria import DesignSpace, stroke_limit
+from tpd.design.criteria import STILL, DesignSpace, stroke_limit
 from tpd.design.problem import Problem
 from tpd.design.reasons import OFFERED, DesignStatus, Reason, ReasonKind
 from tpd.design.refine import Trials
@@ -152,6 +152,9 @@ class Design(Printed):
         found = {name: float(x[0]) for name, x in problem.fixed_sizes(design[None]).items()}
         if self.runs is not None:
             for name, x in problem.sizes_in_runs(design, self.runs.with_pendulum).items():
+                if name in STILL:
+                    # The scatter of the body as it was made is no use of the limit by the motion.
+                    continue
                 level = float(np.quantile(x, 1.0 - problem.allowed, method="higher")) if x.size else 0.0
                 found[name] = max(found.get(name, 0.0), level)
         return found

@@ -28,7 +28,7 @@ _NAMES = {
 
 def section(design: Design, study: Study) -> list[Block]:
     """Return the blocks of the section; empty where no pendulum is offered."""
-    if study.build is None:
+    if study.build is None or design.pendulum is None:
         return []
     return [_sizes(design, study.build), _checks(study.build), *_sensitivity(design, study)]
 
