@@ -153,13 +153,14 @@ def noise(seed: int, event: str = "", n: int = 300) -> tpd.Record:
 
 
 @functools.cache
-def records() -> tuple[tpd.Record, ...]:
-    """Two records of each of thirty earthquakes."""
-    return tuple(noise(seed, f"event {seed // 2}") for seed in range(60))
+def records(count: int = 20) -> tuple[tpd.Record, ...]:
+    """Two records of each earthquake."""
+    return tuple(noise(seed, f"event {seed // 2}") for seed in range(count))
 
 
 GROUND = {
-    "conditions": Conditions.records(records(), (1.5, 2.5, 4.0)),
+    "conditions": Conditions.records(records(60), (1.5, 2.5, 4.0)),
+    "worth": tpd.limits.Worth(at_least=0.02),
     "method": tpd.GroundSearch(starts=6, steps=3),
     "limits": (tpd.limits.Stroke(),),
 }

@@ -15,7 +15,7 @@ from tpd.scene.ground_motion import events_of
 DESIGN = np.array([0.12, 0.4, 0.5])
 RECORDS = records()
 
-UNSCATTERED = tpd.Ensemble(friction=0.0, damping=0.0, slenderness=0.0, mass=0.0, length=0.0)
+UNSCATTERED = tpd.Ensemble(friction=0.0, restitution=0.0, damping=0.0, slenderness=0.0, mass=0.0, length=0.0)
 
 
 def problem(motions=RECORDS, scales=(1.3, 2.0, 5.0), block=BLOCK, **given) -> GroundMotionProblem:
