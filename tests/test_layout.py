@@ -43,16 +43,16 @@ LAYERS = (
 ELLIPTIC = re.compile(r"(What|Of|The same|That|Those|There)\b")
 """First words of a docstring that does not say what a thing is."""
 LAST = {
-    "code lines": 19_965,
-    "modules": 175,
-    "modules that the main job may import": 130,
-    "code lines of these": 16_538,
+    "code lines": 18_990,
+    "modules": 171,
+    "modules that the main job may import": 127,
+    "code lines of these": 15_665,
     "floors, all imports counted": 23,
     "functions of ten or more arguments": 0,
-    "functions of eight lines or fewer, called once": 56,
+    "functions of eight lines or fewer, called once": 54,
     "columns by number in compiled code": 273,
     "imports by string": 0,
-    COMMENTS: 5.32,
+    COMMENTS: 5.41,
 }
 """Measures of the last version. Store a better value when a measure improves, and never a worse one."""
 
