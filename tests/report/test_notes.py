@@ -130,7 +130,7 @@ def test_more_overturning_nearby_is_a_danger_where_chance_does_not_explain_it():
     assert not overturns_more(*pair((0.03125, 0.0, 0.0), (0.125, 0.0, 0.0))).any()
     note = only(harmonic(), "OVERTURNS more often", Study(responses=worse))
     assert note.severity is Severity.danger
-    start = "At 2.45 Hz the block OVERTURNS more often with the pendulum: at 2.45 Hz in 50% of the runs"
+    start = "At 2.45 Hz the block OVERTURNS more often with the pendulum: in 50% of the runs"
     assert note.text.startswith(f"{start} from rest, against 0% without it")
 
 

@@ -102,8 +102,8 @@ class Outcomes(Printed):
 
     @property
     def turned(self) -> np.ndarray:
-        """Largest angle between rod and block, rad; where it is not known by itself the sum of the largest
-        bob angle and the largest tilt, which is never less."""
+        """Largest angle between rod and block, rad. If a run does not record this angle, it is the sum of the
+        largest bob angle and the largest tilt, which is never less."""
         return self.peak_stroke + self.peak if self.relative is None else self.relative
 
     def _share(self, hits: np.ndarray) -> Share:

@@ -174,12 +174,14 @@ def _responses(study: Study) -> Iterator[Note]:
     if worse.any() and hung.overturning is not None and bare.overturning is not None:
         i = int(np.argmax(np.where(worse, hung.overturning[0] - bare.overturning[0], -1.0)))
         low, high = hung.frequency[worse][[0, -1]]
-        where = f"Between {low:.3g} and {high:.3g}" if high > low else f"At {low:.3g}"
+        where, worst = f"At {low:.3g} Hz", ""
+        if high > low:
+            where = f"Between {low:.3g} and {high:.3g} Hz"
+            worst = f"at {hung.frequency[i]:.3g} Hz "
         yield danger(
-            f"{where} Hz the block OVERTURNS more often with the pendulum: at {hung.frequency[i]:.3g} Hz in "
+            f"{where} the block OVERTURNS more often with the pendulum: {worst}in "
             f"{hung.overturning[0, i]:.0%} of the runs from rest, against {bare.overturning[0, i]:.0%} "
-            "without "
-            "it (linear equations, same base amplitude)."
+            "without it (linear equations, same base amplitude)."
         )
 
 
