@@ -24,15 +24,13 @@ class DesignStatus(enum.Enum):
 
     found = (
         "RECOMMENDED for the stated conditions: in validation runs of the nonlinear equations the block "
-        "rocks "
-        "less with the pendulum, and no group of runs shows significant harm. This is not a safety "
-        "assessment.",
+        "rocks less with the pendulum, and under no condition does it do significant harm. This is not a "
+        "safety assessment.",
         "Check it with earthquakes and with a contact engine before it is built.",
     )
     tuned_only = (
         "TUNED TO THESE MOTIONS ONLY: there is no other earthquake to validate the pendulum on, so "
-        "nothing is "
-        "claimed about the next earthquake.",
+        "nothing is claimed about the next earthquake.",
         "Give records of other earthquakes, or a share that is held out.",
     )
     too_few = (

@@ -109,12 +109,12 @@ def pairs(design: Design, study: Study) -> Iterator[tuple[str, str]]:
     if design.pendulum is not None:
         yield "limits", active_limits(design, study)
     if study.losses:
-        cases = ", ".join(f"{c.name} {words.percent(c.runs.benefit.mean)}" for c in study.losses)
-        pairs_ = study.losses[0].runs.pairs
-        yield (
-            "losses",
-            f"if the block loses energy differently, the reduction is: {cases} ({pairs_} runs each)",
-        )
+        cases = [f"{c.name} {words.percent(c.runs.benefit.mean)}" for c in study.losses]
+        # The linear equations may be more favourable than the nonlinear ones: like is compared with like.
+        stated = [f"as stated {words.percent(m.low.mean)}" for m in study.sensitivity if not m.name]
+        runs_each = study.losses[0].runs.pairs
+        listed = ", ".join([*stated, *cases])
+        yield "losses", f"reduction by the linear equations, {runs_each} runs each: {listed}"
     if beside := words.beside(study):
         yield "nearby", beside
 

@@ -114,8 +114,7 @@ def _checks(build: Build) -> Listing:
     return Listing(
         (
             f"The pendulum without its damper, block at rest: ten swings take {ten:.3g} s. If the time "
-            "agrees "
-            "to 1 %, the rod agrees to 2 %.",
+            "agrees to 1 %, the rod agrees to 2 %.",
             f"The pendulum with its damper: pull it aside by about 0.1 rad and release it; {swings}.",
             f"The block without the pendulum, secured against toppling: a horizontal pull of "
             f"{number(pull.force, 3)} N at the top starts uplift. The pull needed then decreases, so "
@@ -149,8 +148,7 @@ def _sensitivity(design: Design, study: Study) -> list[Block]:
     head = ("quantity", "tolerance", "varied by", "reduction, lower", "reduction, higher", "how to measure")
     caption = (
         "Reduction of the mean tilt (95 %) where one quantity alone is lower or higher, on the same runs "
-        "of the "
-        "linear equations as the first row. A restitution is varied as a number, without scatter."
+        "of the linear equations as the first row. A restitution is varied as a number, without scatter."
     )
     if design.status is DesignStatus.found:
         caption += " Column 2 gives the tolerances for which the benefit was validated."

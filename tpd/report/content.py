@@ -40,15 +40,13 @@ CAPTIONS = {
         "Mean tilt with the pendulum (filled) and without (open), over all runs and under each condition",
         "Validation runs: the further a dot lies to the left of its square, the better. Above the line: all "
         "runs, with the 95 % interval of the difference as a bar. A tilt of 1 is the slenderness, at "
-        "which the "
-        "block topples; overturned runs count as 1.",
+        "which the block topples; overturned runs count as 1.",
     ),
     "response.svg": (
         "Settled amplitude over frequency, and share of runs that overturn, without (open) and with (filled)",
         "Above: settled motion from rest, linear equations; triangles and crosses: the block overturns. "
-        "Below: "
-        "share of the runs from rest near each frequency that overturn, with its 95 % interval, because a "
-        "single run near overturning is chance. Dotted: the frequency of the scene.",
+        "Below: share of the runs from rest near each frequency that overturn, with its 95 % interval, "
+        "because a single run near overturning is chance. Dotted: the frequency of the scene.",
     ),
     "motion.svg": (
         "Tilt of the block without and with the pendulum, and angle of the rod, against time from rest",

@@ -68,8 +68,7 @@ def _runs(design: Design) -> Iterator[Note]:
     if runs.undecided:
         yield note(
             f"{runs.undecided} of {len(runs.known)} runs have no answer (too many events). They are left "
-            "out, "
-            "and a pendulum is recommended only if the verdict is the same whichever way they end."
+            "out, and a pendulum is recommended only if the verdict is the same whichever way they end."
         )
 
 
@@ -82,8 +81,7 @@ def _from_rest(design: Design, exact: ExactMotions, bare: ExactMotions) -> Itera
         yield (danger if harmed.size >= saved else note)(
             "By the linear equations, from rest, the block OVERTURNS with the pendulum under "
             f"{harmed.size} of {lost.size} conditions that it withstands without it; under {saved} "
-            "conditions "
-            f"it is the other way round. The first: {design.conditions.label(int(harmed[0]))}."
+            f"conditions it is the other way round. The first: {design.conditions.label(int(harmed[0]))}."
         )
 
 

@@ -84,8 +84,7 @@ def over_runs(design: Design) -> list[Block]:
     )
     caption = (
         f"{of}{_which(design)}. Scatter: {'; '.join(listed) or 'none'}. In brackets: 95 % "
-        "confidence. "
-        "Tilt: settled, 100 % where the block overturns or tilts to ν or further."
+        "confidence. Tilt: settled, 100 % where the block overturns or tilts to ν or further."
     )
     table = Table(("", "with pendulum", "without"), tuple(rows), caption)
     return [table, Text(runs.overturning_in_words), *_by_group(design)]
