@@ -13,6 +13,11 @@ from tpd.answers.statistics import fall
 PENDULUM = tpd.Pendulum(mass=3.2448, length=0.203, damping_ratio=0.1)
 
 
+def means(runs) -> list:
+    """Mean severity of every part, with the pendulum and without."""
+    return [[getattr(part, f"{case}_pendulum") for part in runs.parts] for case in ("with", "without")]
+
+
 def test_the_papers_block_is_safer_with_its_pendulum():
     asked, small = (tpd.paper_scene(), PENDULUM), tpd.Ensemble(size=96, periods=60)
     linear, nonlinear = (
@@ -27,7 +32,7 @@ def test_the_papers_block_is_safer_with_its_pendulum():
         assert found.benefit.low > 0.0
         assert found.table().startswith(f"{equations} equations")
     assert linear.with_pendulum.overturned.high < linear.without_pendulum.overturned.low
-    assert "growing for 2 s" in linear.table()
+    assert "starts over 2 s" in linear.table()
     assert str(linear.without_pendulum.overturned) in linear.table()
     assert str(linear) == "\n".join([linear.table(), linear.benefit_in_words, linear.overturning_in_words])
     # Chaotic motions: single runs differ, shares by two standard errors of 96 runs at most.
@@ -67,7 +72,7 @@ def test_more_overturning_is_a_significant_difference(only, harm):
     run, (worse, better) = np.arange(100), only
     with_it, without = run < worse, (run >= 50) & (run < 50 + better)
     found = paired(np.where(with_it, np.inf, 0.4), np.where(without, np.inf, 0.4))
-    assert (found.only, found.overturns_more) == (only, harm)
+    assert (found.only, found.overturns_more) == (only, ("", *only, 100) if harm else None)
     head = f"{worse} runs overturn only with the pendulum and {better} only without it"
     ends = {
         5: ": not statistically significant (p = 0.062).",
@@ -96,7 +101,7 @@ def test_runs_of_one_earthquake_are_no_independent_observations():
     without = np.where((group == 1) & (np.arange(80) < 60), np.inf, 0.4)
     both = paired(with_it, without, group, cluster=cluster)
     assert both.only == (10, 20)
-    assert both.overturns_more
+    assert both.overturns_more == ("condition 0", 10, 0, 40)
     assert not paired(with_it, without, np.zeros(80, int), cluster=cluster).overturns_more
 
 
@@ -108,7 +113,7 @@ def test_the_benefit_counts_the_counted_runs_and_the_harm_all_of_them():
     assert found.change("overturned").with_pendulum == 0.0
     assert found.only == (20, 0)
     assert found.overturns_more
-    assert found.worse_groups == (1,)
+    assert [part.label for part in found.worse_parts] == ["condition 1"]
 
 
 def test_runs_without_an_answer_are_left_out_counted_and_named():
@@ -118,7 +123,7 @@ def test_runs_without_an_answer_are_left_out_counted_and_named():
     # Two pairs remain: 0.1 and 0.2 with the pendulum, 0.4 and 1 without.
     assert found.benefit.mean == pytest.approx(1.0 - 0.3 / 1.4)
     assert (found.pairs, found.undecided, found.only) == (2, 3, (0, 1))
-    np.testing.assert_allclose(found.by_group, [[0.1, 0.2], [0.4, 1.0]])
+    np.testing.assert_allclose(means(found), [[0.1, 0.2], [0.4, 1.0]])
     assert found.with_pendulum.overturned.value == 0.0
     (row,) = (line for line in found.table().splitlines() if "without an answer" in line)
     assert row.split()[-2:] == ["2", "2"]
@@ -139,7 +144,7 @@ def test_no_pair_and_one_pair_have_a_benefit_of_their_own():
     assert [end.benefit.mean for end in found.ends] == [pytest.approx(-0.7 / 0.3), 1.0]
     one = paired([0.2], [0.4])
     assert (one.benefit.mean, one.pairs, one.benefit_in_words) == (0.5, 1, "50 % less tilt")
-    assert (one.worse_groups, np.isfinite(one.benefit.low)) == ((), False)
+    assert (one.worse_parts, np.isfinite(one.benefit.low)) == ((), False)
 
 
 def test_severity_is_the_tilt_over_nu_and_one_where_the_block_overturns():
@@ -171,7 +176,7 @@ def test_every_change_of_known_runs():
         assert c.difference == pytest.approx(c.with_pendulum - c.without_pendulum)
         # Of a median and of the worst tenth there is no interval.
         assert np.isnan(c.low) if c.name[:5] in ("media", "worst") else c.low <= c.difference <= c.high
-    assert (found.worse_groups, found.rests_less) == ((), False)
+    assert (found.worse_parts, found.rests_less) == ((), False)
     assert found.benefit_in_words.startswith("43 % less tilt (95 % interval ")
     worst = paired(np.arange(40) / 50, np.full(40, 0.9)).change("worst severity")
     assert worst.with_pendulum == pytest.approx(np.mean([36, 37, 38, 39]) / 50)
@@ -209,17 +214,37 @@ def test_a_group_is_worse_where_its_pairs_show_it():
     # One run in sixteen that is lost proves nothing about its group.
     with_it[-1] = np.inf
     found = paired(with_it, without, group, worse=0.05)
-    assert found.worse_groups == (2,)
-    means = [np.minimum(with_it, 1.0)[group == i].mean() for i in range(4)]
-    np.testing.assert_allclose(found.by_group, [means, [0.3] * 4])
+    assert [part.label for part in found.worse_parts] == ["condition 2"]
+    expected = [np.minimum(with_it, 1.0)[group == i].mean() for i in range(4)]
+    np.testing.assert_allclose(means(found), [expected, [0.3] * 4])
     assert found.summary()["worse_groups"] == ["condition 2"]
-    assert paired(with_it, without, group, worse=0.5).worse_groups == ()
+    assert paired(with_it, without, group, worse=0.5).worse_parts == ()
     # Next to a block at rest a small tilt is no worse group; and the largest increase comes first.
     group = np.repeat([0, 1, 2], 8)
     small = np.array([0.0005, 0.01, 0.02])[group] * np.tile([0.9, 1.1], 12)
-    assert paired(small, np.zeros(24), group).worse_groups == (2, 1)
-    with_it, without = paired([0.1, 0.1], [0.2, 0.2], [0, 2]).by_group
-    np.testing.assert_allclose([with_it, without], [[0.1, np.nan, 0.1], [0.2, np.nan, 0.2]])
+    worse = paired(small, np.zeros(24), group).worse_parts
+    assert [part.label for part in worse] == ["condition 2", "condition 1"]
+    np.testing.assert_allclose(
+        means(paired([0.1, 0.1], [0.2, 0.2], [0, 2])), [[0.1, np.nan, 0.1], [0.2, np.nan, 0.2]]
+    )
+
+
+def test_a_pendulum_that_harms_after_sudden_starts_only_is_not_hidden_by_the_mean():
+    """Half of the runs start suddenly. There the tilt rises from 0.4 to 0.5; it falls to 0.1 elsewhere."""
+    ramp = np.tile([0.0, 2.0], 256)
+    found = paired(np.where(ramp == 0.0, 0.5, 0.1), np.full(512, 0.4))
+    assert len(found.parts) == 1
+    assert not found.worse_parts
+    ramped = (dataclasses.replace(o, ramp=ramp) for o in (found.with_pendulum, found.without_pendulum))
+    found = dataclasses.replace(
+        found, **dict(zip(("with_pendulum", "without_pendulum"), ramped, strict=True))
+    )
+    assert found.benefit.mean == pytest.approx(0.25)
+    assert [part.label for part in found.parts] == ["condition 0", "sudden starts", "starts over 2 s"]
+    (worse,) = found.worse_parts
+    assert (worse.label, int(worse.rows.sum())) == ("sudden starts", 256)
+    assert (worse.with_pendulum, worse.without_pendulum) == pytest.approx((0.5, 0.4))
+    assert found.summary()["worse_groups"] == ["sudden starts"]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from tpd.design.reasons import DesignStatus, Reason, ReasonKind, one_of_a_kind
 SENTENCES = {
     ReasonKind.overturns_more: (
         {"value": 19.0, "reference": 3.0, "total": 64},
-        "the block overturns in 19 of 64 runs only with the pendulum, and in 3 only without it",
+        "the block overturns in 19 of 64 runs (2.5 Hz) only with the pendulum, and in 3 only without it",
     ),
     ReasonKind.touches_wall: (
         {"value": 0.03, "reference": 0.01, "limit": "room"},
@@ -56,6 +56,9 @@ def test_a_sentence_has_no_number_that_is_none():
     few = {"kind": ReasonKind.too_little_benefit, "reference": 0.1}
     assert "inf" not in str(Reason(value=0.73, low=-math.inf, **few))
     assert "increases by 10.0% (" in str(Reason(value=-0.1, low=-0.3, **few))
+    # All runs have no name.
+    every = {"kind": ReasonKind.overturns_more, "value": 2.0, "reference": 1.0, "total": 9}
+    assert "in 2 of 9 runs only with" in str(Reason(**every))
     # One condition alone is counted with no others.
     alone = {"kind": ReasonKind.worse_condition, "condition": "2.5 Hz", "value": 0.3, "reference": 0.2}
     assert str(Reason(total=1, **alone)).endswith("for 2.5 Hz")

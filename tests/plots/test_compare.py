@@ -65,14 +65,16 @@ def test_the_benefit_has_intervals_of_the_differences_and_a_row_for_every_group(
         ends = np.array([mean.without_pendulum + mean.low, mean.without_pendulum + mean.high])
         assert around == pytest.approx(np.clip(ends, 0.0, 1.0))
         order = order if runs.cluster is None else np.arange(len(runs.labels))
+        # The kinds of start follow the conditions.
+        parts = [runs.parts[i] for i in (*order, *range(len(order), len(runs.parts)))]
         for i, label in enumerate(("with pendulum", "without pendulum")):
             drawn = lines(ax)[label].get_xdata()
             assert drawn[0] == mean[1 + i]
-            assert drawn[-len(order) :] == pytest.approx(runs.by_group[i, order])
+            assert drawn[-len(parts) :] == pytest.approx([part[2 + i] for part in parts])
         rows = [t.get_text() for t in ax.get_yticklabels()]
         # Under ground motions there is a row of rest only if a run ends at rest.
         rest = ["at rest at the end"] if runs.cluster is None else []
-        assert rows[2:] == ["overturned", *rest, *(f"tilt, {runs.labels[i]}" for i in order)]
+        assert rows[2:] == ["overturned", *rest, *(f"tilt, {part.label}" for part in parts)]
         assert ax.lines[-1].get_ydata() == [len(rest) + 2.5] * 2
     ended = dataclasses.replace(runs.with_pendulum, status=np.full(len(runs.group), "rest"))
     decided = dataclasses.replace(runs, with_pendulum=ended)

@@ -153,8 +153,7 @@ class Outcomes(Printed):
         """Lines of a table: a name, and a share or quantiles as text."""
         out = [("overturned", str(self.overturned))]
         for ramp, share in self.by_ramp().items():
-            name = "sudden" if ramp == 0.0 else f"growing for {ramp:g} s"
-            out.append((f"  {name}", f"{share.value:.1%}"))
+            out.append((f"  {label_of_start(ramp)}", f"{share.value:.1%}"))
         out.append(("at rest in the end", str(self.at_rest)))
         for name, of in _QUANTILES.items():
             sizes = (f"{v:.4f}".replace("nan", "unknown").replace("inf", "lost") for v in self.quantiles(of))
@@ -169,6 +168,11 @@ class Outcomes(Printed):
         if self.undecided.any():
             lines.append(f"  {UNDECIDED_ROW:36}{self.undecided.sum():>26}")
         return "\n".join(lines)
+
+
+def label_of_start(ramp: float) -> str:
+    """Name the duration in seconds over which the shaking grows."""
+    return "sudden starts" if ramp == 0.0 else f"starts over {ramp:g} s"
 
 
 class Plan(NamedTuple):

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.answers.ensemble import UNDECIDED_ROW, Ensemble, Outcomes, outcomes
+from tpd.answers.ensemble import UNDECIDED_ROW, Ensemble, Outcomes, label_of_start, outcomes
 from tpd.answers.statistics import (
     SIGNIFICANT,
     Interval,
@@ -58,6 +58,30 @@ class Change(NamedTuple):
         return self.with_pendulum - self.without_pendulum
 
 
+class Overturned(NamedTuple):
+    """Runs of which significantly more overturn with the pendulum."""
+
+    label: str
+    """Of the group; empty for all runs."""
+    only_with: int
+    """Number of runs that overturn only with the pendulum."""
+    only_without: int
+    total: int
+
+
+class Part(NamedTuple):
+    """The runs of one condition, of one group of ground motions, or of one kind of start."""
+
+    label: str
+    rows: np.ndarray
+    """Whether a run belongs to the part and has both answers."""
+    with_pendulum: float
+    """Mean severity with the pendulum; NaN where no run has it."""
+    without_pendulum: float
+    is_worse: bool
+    """Whether the mean severity is significantly higher with the pendulum, by more than the allowed share."""
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class PairedRuns(Printed):
     """Runs with a pendulum, and the same runs without it; arrays of shape (runs,).
@@ -77,7 +101,7 @@ class PairedRuns(Printed):
     counted: np.ndarray | None = None
     """Whether the benefit counts a run; by default it counts all of them. The harm is that of all runs."""
     worse: float = WORSE
-    """Share by which the mean severity of a group may be higher with the pendulum."""
+    """Share by which the mean severity of a part may be higher with the pendulum."""
 
     @cached_property
     def description(self) -> str:
@@ -157,43 +181,57 @@ class PairedRuns(Printed):
     @cached_property
     def only(self) -> tuple[int, int]:
         """Numbers of runs that overturn only with the pendulum, and only without it."""
-        with_it, without = self.with_pendulum.lost[self.known], self.without_pendulum.lost[self.known]
+        return self._only(self.known)
+
+    def _only(self, rows: np.ndarray) -> tuple[int, int]:
+        """Numbers of some runs that overturn only with the pendulum, and only without it."""
+        with_it, without = self.with_pendulum.lost[rows], self.without_pendulum.lost[rows]
         return int(np.sum(with_it & ~without)), int(np.sum(without & ~with_it))
 
-    @property
-    def overturns_more(self) -> bool:
-        """Whether significantly more runs overturn with the pendulum: McNemar's test of independent runs,
-        else the interval between earthquakes, of all runs or of one group."""
+    @cached_property
+    def overturns_more(self) -> Overturned | None:
+        """Runs of which significantly more overturn with the pendulum; None if there are none.
+
+        All runs are compared, by McNemar's test if they are independent and otherwise by the interval between
+        earthquakes. Under earthquakes each group is compared as well.
+        """
         if self.cluster is None:
             worse, better = self.only
-            return worse > better and chance_of(worse, better) < SIGNIFICANT
-        groups = [self.known, *(self.known & (self.group == i) for i in range(len(self.labels)))]
+            is_harm = worse > better and chance_of(worse, better) < SIGNIFICANT
+            return Overturned("", worse, better, int(self.known.sum())) if is_harm else None
         fell = [o.lost.astype(float) for o in (self.with_pendulum, self.without_pendulum)]
-        return any(change(fell[0][rows], fell[1][rows], self._clusters(rows)).is_above for rows in groups)
+        for label, rows in (("", self.known), *((part.label, part.rows) for part in self.parts)):
+            if change(fell[0][rows], fell[1][rows], self._clusters(rows)).is_above:
+                return Overturned(label, *self._only(rows), int(rows.sum()))
+        return None
 
     @cached_property
-    def by_group(self) -> np.ndarray:
-        """Mean severity of every group with and without the pendulum, (2, groups); NaN where no run has
-        it."""
-        n, group = len(self.labels), self.group[self.known]
-        count = np.bincount(group, minlength=n)
-        sums = np.stack([np.bincount(group, weights=x[self.known], minlength=n) for x in self.severity])
-        return np.divide(sums, count, out=np.full_like(sums, np.nan), where=count > 0)
+    def parts(self) -> tuple[Part, ...]:
+        """The runs of each group and, where the shaking grows over several durations, of each of these.
 
-    @cached_property
-    def worse_groups(self) -> tuple[int, ...]:
-        """Groups whose mean severity is significantly higher with the pendulum by more than `worse`, the one
-        with the largest increase first."""
+        The benefit is a mean over all runs. A pendulum that helps where the shaking grows slowly and harms
+        where it begins suddenly must not be hidden by this mean.
+        """
+        ramps = np.unique(self.with_pendulum.ramp)
+        chosen = [(label, self.group == i) for i, label in enumerate(self.labels)]
+        if len(ramps) > 1:
+            chosen += [(label_of_start(ramp), self.with_pendulum.ramp == ramp) for ramp in ramps]
         # One chaotic run decides nothing: pairs must show at 5 % that the mean is higher by more.
         excess = self.severity[0] - (1.0 + self.worse) * self.severity[1] - LEAST * self.worse
         least = -1.0 - self.worse * (1.0 + LEAST)
-        found = []
-        for i in range(len(self.labels)):
-            rows = self.known & (self.group == i)
-            if is_positive(excess[rows], least, self._clusters(rows)):
-                found.append(i)
-        with_it, without = self.by_group
-        return tuple(sorted(found, key=lambda i: without[i] - with_it[i]))
+        found = list[Part]()
+        for label, of in chosen:
+            rows = self.known & of
+            with_it, without = (_of(np.mean, x[rows]) for x in self.severity)
+            is_worse = is_positive(excess[rows], least, self._clusters(rows))
+            found.append(Part(label, rows, with_it, without, is_worse))
+        return tuple(found)
+
+    @cached_property
+    def worse_parts(self) -> tuple[Part, ...]:
+        """Parts that are worse with the pendulum, the one with the largest increase first."""
+        worse = (part for part in self.parts if part.is_worse)
+        return tuple(sorted(worse, key=lambda part: part.without_pendulum - part.with_pendulum))
 
     @property
     def rests_less(self) -> bool:
@@ -245,7 +283,10 @@ class PairedRuns(Printed):
     def summary(self) -> dict[str, Any]:
         """Both cases, the benefit and the runs that differ, for JSON."""
         with_only, without_only = self.only
-        mean = dict(zip(("with", "without"), self.by_group.tolist(), strict=True))
+        mean = {
+            "with": [part.with_pendulum for part in self.parts],
+            "without": [part.without_pendulum for part in self.parts],
+        }
         return {
             "runs": self.description,
             "pairs": self.pairs,
@@ -254,9 +295,9 @@ class PairedRuns(Printed):
             "changes": self.changes,
             "overturned_only_with": with_only,
             "overturned_only_without": without_only,
-            "groups": list(self.labels),
+            "groups": [part.label for part in self.parts],
             "mean_severity": mean,
-            "worse_groups": [self.labels[i] for i in self.worse_groups],
+            "worse_groups": [part.label for part in self.worse_parts],
             "with": self.with_pendulum.summary(),
             "without": self.without_pendulum.summary(),
         }

@@ -89,7 +89,7 @@ def _validated(
         if runs.undecided:
             said.append(f"{runs.undecided} runs have no answer and are left out.")
         if runs.cluster is not None:
-            said += [words.group(runs, i) for i in range(len(runs.labels))]
+            said += [words.group(part) for part in runs.parts]
     status = found.status if found.reasons else problem.evidence
     return [*said, "", *answer.judgement(status, found.refusals)], status.is_sound
 

@@ -167,7 +167,8 @@ class Worth:
     at_least: checks.Real = 0.1
     """Least share by which the mean tilt over all runs must fall."""
     worse: checks.Real = 0.05
-    """Largest share by which the mean tilt under one condition may be above the bare block's."""
+    """Largest share by which the mean tilt under one condition, or after one kind of start, may be above that
+    without the pendulum."""
     strikes: checks.Real | None = None
     """Largest share of the runs that stand in which the bob may strike a wall, on the way or settled; default
     0.01. On ground motions the share that may break a limit of any kind; default 0.1."""

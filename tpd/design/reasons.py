@@ -74,8 +74,8 @@ class ReasonKind(enum.Enum):
     """Why a pendulum is not recommended; the value is the sentence, with the numbers of a `Reason`."""
 
     overturns_more = (
-        "the block overturns in {value:.0f} of {total} runs only with the pendulum, and in {reference:.0f} "
-        "only without it"
+        "the block overturns in {value:.0f} of {total} runs{of} only with the pendulum, and in "
+        "{reference:.0f} only without it"
     )
     touches_wall = (
         "the pendulum exceeds the limit on {limit} in {value:.1%} of the runs in which the block stands, and "
@@ -101,7 +101,7 @@ class Reason:
 
     kind: ReasonKind
     condition: str = ""
-    """Label of the condition or the group of motions, if the reason belongs to one."""
+    """Label of the condition, the group of motions or the kind of start, if the reason belongs to one."""
     limit: str = ""
     """Name of the limit that is exceeded."""
     value: float = math.nan
@@ -147,6 +147,7 @@ class Reason:
         return self.kind.value.format(
             **vars(self) | {"limit": LABELS.get(self.limit, self.limit)},
             falls=self._fall_in_words,
+            of=f" ({self.condition})" if self.condition else "",
             others=f", and higher under {self.total - 1} other conditions" if self.total > 1 else "",
         )
 

@@ -176,19 +176,20 @@ def _reasons(problem: Problem, runs: PairedRuns, over: float, limit: str, requir
     def refuse(kind: ReasonKind, value: Any, reference: Any, **more: Any) -> None:
         out.append(Reason(kind=kind, value=float(value), reference=float(reference), **more))
 
-    total, (worse, better) = int(runs.known.sum()), runs.only
-    if runs.overturns_more:
-        refuse(ReasonKind.overturns_more, worse, better, total=total)
+    total, harm = int(runs.known.sum()), runs.overturns_more
+    if harm is not None:
+        where = {"condition": harm.label, "total": harm.total}
+        refuse(ReasonKind.overturns_more, harm.only_with, harm.only_without, **where)
     if over > problem.allowed:
         refuse(ReasonKind.touches_wall, over, problem.allowed, limit=limit)
     if runs.rests_less:
         rests = (np.sum(o.status[runs.known] == "rest") for o in (runs.with_pendulum, runs.without_pendulum))
         at_rest, without = rests
         refuse(ReasonKind.rests_less, at_rest, without, total=total, low=float((1.0 - FEWER) * without))
-    if runs.worse_groups:
-        first = runs.worse_groups[0]
-        where = {"condition": runs.labels[first], "total": len(runs.worse_groups)}
-        refuse(ReasonKind.worse_condition, *runs.by_group[:, first], **where)
+    if runs.worse_parts:
+        first = runs.worse_parts[0]
+        where = {"condition": first.label, "total": len(runs.worse_parts)}
+        refuse(ReasonKind.worse_condition, first.with_pendulum, first.without_pendulum, **where)
     gain = runs.benefit
     # In few runs the interval of a ratio of means may lie above zero where that of their difference does not.
     significant = gain.low > CERTAIN * required and runs.change("mean severity").high < 0.0

@@ -47,8 +47,8 @@ _QUANTITIES = {"length": "pendulum_length", "mass": "pendulum_mass", "damping": 
 def plot_benefit(design: Design, ax: Any = None) -> Any:
     """Draw mean tilts over nu, and shares that overturn and that end at rest, of the validation runs of the
     best design: of all counted runs above the line; below it the mean tilts under every condition or, under
-    ground motions, of every group. A bar is the 95 % interval of the difference. Under ground
-    motions there is a row of rest only if a run ends at rest.
+    ground motions, of every group, and for every kind of start. A bar is the 95 % interval of the
+    difference. Under ground motions there is a row of rest only if a run ends at rest.
 
     Raises:
         ValueError: a design without validation runs.
@@ -83,20 +83,18 @@ def _rows(design: Design, runs: PairedRuns) -> tuple[list[tuple[str, float, floa
         if name != "at rest" or runs.cluster is None or (with_pendulum, without) != (0.0, 0.0):
             rows.append((label, without, with_pendulum, low, high))
     above = len(rows)
-    if len(runs.labels) == 1:
-        return rows, above
-    with_pendulum, without = runs.by_group
-    shown = np.flatnonzero(np.isfinite(with_pendulum))
+    known = np.array([np.isfinite(part.with_pendulum) for part in runs.parts])
+    starts = np.flatnonzero(known[len(runs.labels) :]) + len(runs.labels)
+    shown = np.flatnonzero(known[: len(runs.labels)])
     if runs.cluster is None:
         # Neighbouring frequencies stand together, the smaller amplitude first.
         columns = [design.conditions.column(name)[shown] for name in ("amplitude", "frequency")]
         shown = shown[np.lexsort(columns)]
     chosen = shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), _MOST)).astype(int))]
-    groups = [
-        (f"tilt, {runs.labels[i]}", float(without[i]), float(with_pendulum[i]), np.nan, np.nan)
-        for i in chosen
-    ]
-    return rows + groups, above
+    # The only condition is all runs.
+    parts = [runs.parts[i] for i in (*(chosen if len(runs.labels) > 1 else ()), *starts)]
+    by_part = [(f"tilt, {p.label}", p.without_pendulum, p.with_pendulum, np.nan, np.nan) for p in parts]
+    return rows + by_part, above
 
 
 @own_style()

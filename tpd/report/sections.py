@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from tpd.answers.ensemble import Outcomes
+from tpd.answers.ensemble import Outcomes, label_of_start
+from tpd.answers.paired import PairedRuns
 from tpd.core.formatting import number
 from tpd.design.as_built import Study
 from tpd.design.criteria import LABELS
@@ -67,8 +68,8 @@ def over_runs(design: Design) -> list[Block]:
     rows.append(("tilt over ν, worst tenth of the runs", *shares))
     if runs.cluster is None:
         for ramp in cases[0].by_ramp():
-            start = "overturned, sudden start" if ramp == 0.0 else f"overturned, start over {ramp:g} s"
-            rows.append((start, *(str(o.by_ramp()[ramp]) for o in cases)))
+            shares = (str(o.by_ramp()[ramp]) for o in cases)
+            rows.append((f"overturned, {label_of_start(ramp)}", *shares))
     rows.append(("overturned", *(str(o.overturned) for o in cases)))
     rows.append(("at rest in the end", *(str(o.at_rest) for o in cases)))
     for what, quantity in (("largest tilt", "peak"), ("settled tilt", "amplitude")):
@@ -87,7 +88,7 @@ def over_runs(design: Design) -> list[Block]:
         "confidence. Tilt: settled, 100 % where the block overturns or tilts to ν or further."
     )
     table = Table(("", "with pendulum", "without"), tuple(rows), caption)
-    return [table, Text(runs.overturning_in_words), *_by_group(design)]
+    return [table, Text(runs.overturning_in_words), *_by_part(runs)]
 
 
 def _quantiles(o: Outcomes, quantity: str) -> str:
@@ -105,23 +106,17 @@ def _which(design: Design) -> str:
     )
 
 
-def _by_group(design: Design) -> list[Block]:
-    """Mean tilt for every condition or group of motions; nothing for too many or one only."""
-    runs = design.runs
-    assert runs is not None
-    (with_it, without), n = runs.by_group, len(runs.labels)
-    if not 1 < n <= 32:
-        return []
+def _by_part(runs: PairedRuns) -> list[Block]:
+    """Mean tilt for every condition or group of motions, and every kind of start; nothing for one only."""
+    # The starts are the last parts, and remain where there are too many conditions for a table.
+    parts = runs.parts if len(runs.labels) <= 32 else runs.parts[len(runs.labels) :]
     rows = tuple(
-        (
-            runs.labels[i],
-            f"{with_it[i]:.0%}",
-            f"{without[i]:.0%}",
-            "yes" if i in runs.worse_groups else "no",
-        )
-        for i in range(n)
-        if not math.isnan(with_it[i])
+        (p.label, f"{p.with_pendulum:.0%}", f"{p.without_pendulum:.0%}", "yes" if p.is_worse else "no")
+        for p in parts
+        if not math.isnan(p.with_pendulum)
     )
+    if len(rows) < 2:
+        return []
     caption = (
         "Mean tilt over ν of the same runs. Significantly worse: higher by more than "
         f"{runs.worse:.0%}, at the 5 % level."

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tpd.answers.paired import PairedRuns
+from tpd.answers.paired import PairedRuns, Part
 from tpd.core.formatting import number
 from tpd.design.as_built import Study
 from tpd.design.criteria import KINDS, Limit, Room, limit_of
@@ -99,12 +99,11 @@ def range_of_mass(design: Design) -> str:
     return f"; {number(low, 2)} to {number(high, 2)} kg perform equally well"
 
 
-def group(runs: PairedRuns, i: int) -> str:
+def group(part: Part) -> str:
     """Line for a terminal about a group of motions: its mean tilts over the slenderness."""
-    with_it, without = runs.by_group[:, i]
-    count = int(np.sum(runs.group == i))
     return (
-        f"  {runs.labels[i]} ({count} runs): mean tilt {with_it:.1%} with the pendulum, {without:.1%} without"
+        f"  {part.label} ({part.rows.sum()} runs): mean tilt {part.with_pendulum:.1%} with the pendulum, "
+        f"{part.without_pendulum:.1%} without"
     )
 
 
