@@ -36,6 +36,8 @@ def test_defaults_are_a_neighbourhood_and_all_limits():
     assert problem(starts=tpd.Starts.rest()).orbits.rest_counts
     assert np.all(np.isfinite(made.orbits.geometry.bare_tilt)), "the limit on worsening needs it"
     assert (made.evidence, made.allowed) == (DesignStatus.found, 0.01)
+    # The runs, and not only the settled orbits, must keep to the limits on the motion.
+    assert [limit.name for limit in made.run_limits] == ["stroke", "room"]
 
 
 def test_impacts_are_smoothed_unless_they_lose_nearly_all():

@@ -38,7 +38,7 @@ def test_the_answer_has_at_most_25_lines_and_ends_with_the_report(kind):
     whole = flat(answer(design, about, Path("a folder"), most=1000))
     cut = flat("\n".join(said)).split(" (more in the report) ")
     assert all(part in whole for part in cut)
-    assert len(cut) == 1 or re.match(r"(reason|clearance|limits|losses|nearby) ", whole[len(cut[0]) + 1 :])
+    assert len(cut) == 1 or re.match(r"(reason|clearance|in runs|limits|losses|nearby) ", whole[len(cut[0]) + 1 :])
     assert not re.search(r"[+-]0(\.0+)?[ %)]|nan|inf\b", whole.replace("+0.0", ""))
 
 

@@ -24,7 +24,6 @@ from tpd.design.criteria import (
     Limit,
     Objective,
     Risk,
-    Room,
     SteadyTilt,
     Worth,
     check_cavity,
@@ -197,11 +196,6 @@ class HarmonicProblem(Problem):
     def allowed(self) -> float:
         """See `Problem.allowed`."""
         return self.worth.allowed
-
-    @property
-    def run_limits(self) -> tuple[Limit, ...]:
-        """See `Problem.run_limits`: the clearance. The other limits are those of the settled orbits."""
-        return tuple(limit for limit in self.limits if isinstance(limit, Room))
 
     @cached_property
     def orbits(self) -> Orbits:

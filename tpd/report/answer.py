@@ -102,7 +102,8 @@ def pairs(design: Design, study: Study) -> Iterator[tuple[str, str]]:
     yield "conditions", "; ".join(design.conditions.description) or "this motion exactly"
     yield from _pendulum(design, study)
     if design.runs is not None and design.best is not None and not math.isnan(design.best.over_limit):
-        yield "clearance", _clearance(design, study)
+        walls = limit_of(design.problem.limits, Room) is not None
+        yield "clearance" if walls else "in runs", _clearance(design, study)
     # The verdict has the first reason.
     for text in design.refusals[design.status in _REASONED :]:
         yield "reason", text
