@@ -1,4 +1,4 @@
-"""The answer in at most 25 lines: verdict, dangers, pendulum, one comparison, what limits it."""
+"""The answer in at most 27 lines: verdict, dangers, pendulum, one comparison, what limits it."""
 
 import re
 from dataclasses import replace
@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.designs import paired
 from tests.report.conftest import DESIGNS, LITTLE, STRIKES, against, ground, harmonic, rejected, study
 from tpd.design.as_built import Study, build_of
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind
@@ -24,11 +25,11 @@ def flat(text: str) -> str:
 
 
 @pytest.mark.parametrize("kind", [*DESIGNS, "many reasons"])
-def test_the_answer_has_at_most_25_lines_and_ends_with_the_report(kind):
+def test_the_answer_has_at_most_27_lines_and_ends_with_the_report(kind):
     design = against(*MANY) if kind == "many reasons" else DESIGNS[kind]()
     about = Study() if kind == "many reasons" else study(kind)
     said = answer(design, about, Path("a folder")).splitlines()
-    assert len(said) <= MOST == 25
+    assert len(said) <= MOST == 27
     assert max(map(len, said)) <= 100
     assert said[-1] == "  repeat      tpd optimise --scene 'a folder'/scene.toml --out 'a folder'-again"
     assert said[-2] == "  report      a folder/report.html"
@@ -38,7 +39,9 @@ def test_the_answer_has_at_most_25_lines_and_ends_with_the_report(kind):
     whole = flat(answer(design, about, Path("a folder"), most=1000))
     cut = flat("\n".join(said)).split(" (more in the report) ")
     assert all(part in whole for part in cut)
-    assert len(cut) == 1 or re.match(r"(reason|clearance|in runs|limits|losses|nearby) ", whole[len(cut[0]) + 1 :])
+    assert len(cut) == 1 or re.match(
+        r"(reason|clearance|in runs|limits|losses|nearby) ", whole[len(cut[0]) + 1 :]
+    )
     assert not re.search(r"[+-]0(\.0+)?[ %)]|nan|inf\b", whole.replace("+0.0", ""))
 
 
@@ -53,9 +56,14 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
     design = harmonic()
     size = design.benefit
     number = f"{100 * size.mean:.0f} % (95 % interval {100 * size.low:.0f} to {100 * size.high:.0f} %)"
-    sentence = f"the pendulum reduces the mean tilt by {number}. This is not a safety assessment."
+    sentence = f"The pendulum reduces the mean tilt by {number}. This is not a safety assessment."
+    fell = design.runs.change("overturned")
+    assert fell.without_pendulum > 0.01
     lacking = "NOT TO BE BUILT AS IT IS, since the search assumed a bob without size, and no walls: "
-    assert verdict(design).text == lacking + sentence
+    shares = [f"{100 * share:.1f} %" for share in (fell.without_pendulum, fell.with_pendulum)]
+    first = f"the block overturns in {shares[0]} of the runs without the pendulum, and in {shares[1]} with it"
+    assert verdict(design).text.startswith(f"{lacking}{first} (")
+    assert verdict(design).text.endswith(f"). {sentence}")
     no_benefit = replace(design.runs, with_pendulum=design.runs.without_pendulum)
     losses = (study().losses[0]._replace(runs=no_benefit), *study().losses[1:])
     said = "THE BENEFIT DEPENDS ON THE LOSSES: it is not shown if they are friction (0 %)."
@@ -64,7 +72,28 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
     swapped = replace(
         design.runs, with_pendulum=design.runs.without_pendulum, without_pendulum=design.runs.with_pendulum
     )
-    assert reduction(swapped).startswith("the pendulum increases the mean tilt by ")
+    assert "The pendulum increases the mean tilt by " in reduction(swapped)
+
+
+@pytest.mark.parametrize(
+    ("overturned", "first"),
+    [
+        ((0, 0), "the pendulum reduces the mean tilt by "),
+        ((0, 3), "the pendulum reduces the mean tilt by "),
+        (
+            (4, 8),
+            "the block overturns in 2.0 % of the runs without the pendulum, and in 1.0 % with it (no sign",
+        ),
+        (
+            (4, 80),
+            "the block overturns in 20.0 % of the runs without the pendulum, and in 1.0 % with it (95 % ",
+        ),
+    ],
+)
+def test_overturning_leads_if_it_is_at_least_one_per_cent_without_the_pendulum(overturned, first):
+    run = np.arange(400)
+    tilts = (np.where(run < n, np.inf, tilt) for n, tilt in zip(overturned, (0.2, 0.4), strict=True))
+    assert reduction(paired(*tilts)).startswith(first)
 
 
 def test_the_table_is_of_one_set_of_runs_and_agrees_with_the_verdict():

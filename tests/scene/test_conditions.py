@@ -135,7 +135,7 @@ def test_a_neighbourhood_holds_the_scenes_own_shaking_and_stronger_ones():
     np.testing.assert_allclose(np.unique(near.column("frequency")), [0.95, 0.975, 1.0, 1.025, 1.05])
     np.testing.assert_allclose(np.unique(near.column("amplitude")), [1.0, 1.1])
     assert (1.0,) * len(FACTORS) in rows(near)
-    assert near.description == ("5 frequencies within ±0.05 of 2.5 Hz", "amplitudes 1, 1.1 times the scene's")
+    assert near.description == ("5 frequencies from 2.38 to 2.62 Hz", "amplitudes 1, 1.1 times the scene's")
     other = Conditions.around(SCENE, frequency=0.2, amplitude=0.0, count=3)
     np.testing.assert_allclose(other.column("frequency"), [0.8, 1.0, 1.2])
     assert other.axis == "frequency"

@@ -78,13 +78,9 @@ def _validated(
     said += _outside(found, job)
     runs = found.runs
     if runs is not None:
-        fell = runs.change("overturned")
         said.append(
-            f"{runs.description}: {words.reduction(runs)}; the block overturns in "
-            f"{fell.with_pendulum:.1%} of "
-            f"the runs with the pendulum, and in {fell.without_pendulum:.1%} without it. A limit is "
-            f"exceeded in {found.over_limit:.1%} of the runs in which the block stands (at most "
-            f"{problem.allowed:.1%} allowed)."
+            f"{runs.description}: {words.reduction(runs)}. A limit is exceeded in {found.over_limit:.1%} of "
+            f"the runs in which the block stands (at most {problem.allowed:.1%} allowed)."
         )
         if runs.undecided:
             said.append(f"{runs.undecided} runs have no answer and are left out.")

@@ -16,7 +16,7 @@ from tpd.report import words
 from tpd.report.blocks import Note, Severity, danger, note, wrapped
 from tpd.report.notes import notes
 
-MOST = 25
+MOST = 27
 """Most lines: with the four lines on block and motion that the command prints before, about thirty."""
 _NAME = 14
 """Columns of the names of rows."""
@@ -40,7 +40,7 @@ def answer(
     runs, indent, shown = design.runs, " " * _NAME, False
     for name, text in rows:
         # The table stands after the pendulum, before what limits it.
-        if runs is not None and name in ("clearance", "reason", "limits") and not shown:
+        if runs is not None and name in ("clearance", "in runs", "reason", "limits") and not shown:
             shown, table = True, words.comparison(runs)
             cells = [indent + line for line in aligned([table.head, *table.cells])]
             parts.append([*cells, *wrapped(table.caption, indent, indent)])

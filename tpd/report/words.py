@@ -22,6 +22,9 @@ _CHANGES = {
     "at rest": "at rest in the end",
 }
 """Rows of the comparison, and their names."""
+_OVERTURNS = 0.01
+"""Share of the runs without a pendulum in which the block overturns, from which the overturning is the first
+thing to report."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 
@@ -150,8 +153,9 @@ def beside(study: Study) -> str:
 
 
 def reduction(runs: PairedRuns) -> str:
-    """Return the benefit as a sentence with its interval."""
-    size = runs.benefit
+    """Return what the pendulum changes as a sentence, with intervals: the overturning first, if the block
+    overturns in at least 1 % of the runs without the pendulum, and then the mean tilt."""
+    size, fell = runs.benefit, runs.change("overturned")
     if math.isnan(size.mean):
         return "the benefit is unknown"
     # A share that rounds to zero must not read "-0 %".
@@ -160,7 +164,17 @@ def reduction(runs: PairedRuns) -> str:
     around = ""
     if math.isfinite(low):
         around = f" (95 % interval {100 * low + 0.0:.0f} to {100 * high + 0.0:.0f} %)"
-    return f"the pendulum {'reduces' if less else 'increases'} the mean tilt by {percent(abs(mean))}{around}"
+    tilt = f"{'reduces' if less else 'increases'} the mean tilt by {percent(abs(mean))}{around}"
+    if fell.without_pendulum < _OVERTURNS:
+        return f"the pendulum {tilt}"
+    with_it, without = f"{100.0 * fell.with_pendulum:.1f} %", f"{100.0 * fell.without_pendulum:.1f} %"
+    shares = f"{without} of the runs without the pendulum, and in {with_it} with it"
+    if fell.low <= 0.0 <= fell.high or math.isnan(fell.low):
+        return f"the block overturns in {shares} (no significant change). The pendulum {tilt}"
+    low, high = sorted(100.0 * abs(x) for x in (fell.low, fell.high))
+    word = "fewer" if fell.high < 0.0 else "more"
+    points = f"95 % interval {low:.0f} to {high:.0f} points {word}"
+    return f"the block overturns in {shares} ({points}). The pendulum {tilt}"
 
 
 def percent(share: float) -> str:

@@ -188,7 +188,8 @@ class Conditions:
         amplitude = checks.within("amplitude", amplitude, 0.0, 1.0)
         count = checks.count("count", count, least=2)
         factors, own = 1.0 + frequency * np.linspace(-1.0, 1.0, count), scene.motion.frequency
-        phrase = f"{count} frequencies within ±{frequency:.3g} of {own:g} Hz"
+        low, high = own * (1.0 - frequency), own * (1.0 + frequency)
+        phrase = f"{count} frequencies from {low:.3g} to {high:.3g} Hz"
         near = Conditions({"frequency": factors}, (phrase,), {"frequency": (own, "Hz")})
         return near * Conditions.amplitudes(1.0, 1.0 + amplitude) if amplitude else near
 
