@@ -6,13 +6,13 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-from tpd.answers.compare_models import MODELS, QUICK, check
+from tpd.answers.compare_models import MODELS, QUICK
 from tpd.cli import common
 from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.core.progress import Bar
-from tpd.design.criteria import Mass, check_cavity, stroke_limit
+from tpd.design.criteria import Mass, check_cavity
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
@@ -23,9 +23,9 @@ from tpd.report import answer, files, words
 from tpd.scene.scene import Pendulum
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace, case: common.Case) -> int:
     """Solve the design by all models and print the results; return the exit status."""
-    job, pendulum = common.case(options)
+    job, pendulum = case
     if pendulum is None and options.design is None:
         raise ValueError("give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length")
     given = {name: x for name in ("runs", "sliding") if (x := getattr(options, name)) is not None}
@@ -37,9 +37,9 @@ def run(options: argparse.Namespace) -> int:
         if given:
             raise ValueError(f"--{next(iter(given))} is of --engine, which is not given")
         check_cavity(job.block, job.limits)
-    elif job.kind != "harmonic":
-        raise ValueError("--engine follows harmonic motion, and the job has ground motions")
-    common.say(job.scene, pendulum, *common.motions(job))
+    else:
+        _ = job.settled_scene("--engine", "--scene FILE")
+    common.say(job.scene, pendulum, job.in_words, job.all_told)
     if options.engine is not None:
         return _by_engine(job, pendulum, options, given)
     models = QUICK if options.quick else MODELS
@@ -67,11 +67,8 @@ def _validated(
     job: Job, pendulum: Pendulum, seed: int | None, models: tuple[str, ...], bar: Bar
 ) -> tuple[list[str], bool]:
     """Lines on a pendulum: all models, and the validation that `tpd optimise` requires of its designs."""
-    said: list[str] = []
     problem = _problem(job, seed)
-    if job.kind == "harmonic":
-        stroke = stroke_limit(job.limits)
-        said = [check(job.scene, pendulum, stroke=stroke, models=models, progress=bar).table(), ""]
+    said = problem.compare_models(pendulum, models, bar)
     if problem.stays_at_rest():
         return [*said, DesignStatus.no_uplift.value], True
     found = validate(problem, problem.ratios(pendulum), thorough=True, progress=bar)
@@ -115,11 +112,10 @@ def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace,
 
 def _without(job: Job, seed: int | None, models: tuple[str, ...], bar: Bar) -> tuple[list[str], bool]:
     """Lines on the block alone, which a report without a pendulum is about."""
-    said: list[str] = []
-    if job.kind == "harmonic":
-        said = [check(job.scene, models=models, progress=bar).table(), ""]
+    problem = _problem(job, seed)
+    said = problem.compare_models(None, models, bar)
     # No pendulum is an answer only where none is needed, under all conditions of the job.
-    if _problem(job, seed).stays_at_rest():
+    if problem.stays_at_rest():
         return [*said, DesignStatus.no_uplift.value], True
     return [*said, "NOT RECOMMENDED: the report has no pendulum."], False
 

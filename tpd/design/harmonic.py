@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tpd.answers.attractors import StartKind, Starts
+from tpd.answers.compare_models import check
 from tpd.answers.ensemble import Ensemble, Outcomes, outcomes
 from tpd.answers.paired import PairedRuns, paired_runs
 from tpd.answers.steady_state import steady_state
@@ -31,6 +32,8 @@ from tpd.design.criteria import (
     check_limits,
     check_moves,
     check_objective,
+    check_scatter,
+    stroke_limit,
 )
 from tpd.design.orbits import Orbits, margins
 from tpd.design.problem import MOST_MOTIONS, Problem, check_given, within_mass
@@ -45,7 +48,7 @@ from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, check_restitution, latin_hypercube, under, under_all
 from tpd.scene.ground_motion import GroundMotion, Pulse
 from tpd.scene.parameters import as_arrays
-from tpd.scene.scene import Harmonic, Scene
+from tpd.scene.scene import Harmonic, Pendulum, Scene
 from tpd.scene.status import names_of, status_name
 from tpd.theory.equations import Terms
 
@@ -144,7 +147,8 @@ class HarmonicProblem(Problem):
             )
         conditions = Conditions.around(scene) if conditions is None else conditions
         space = DesignSpace() if space is None else space
-        check_moves(scene, conditions, space)
+        check_moves(scene, conditions)
+        check_scatter(scene, {name for name, v in conditions.factors.items() if np.ptp(v) > 0.0}, space)
         # Housner's restitution is least with the heaviest bob.
         heaviest = under_all(as_arrays(scene.parameters()), space.full(space.bounds[1])[None], conditions)
         method = Descent() if method is None else method
@@ -336,6 +340,13 @@ class HarmonicProblem(Problem):
             multiplier=unknown,
             **{name: np.where(lost, np.inf, x) for name, x in sizes.items()},
         )
+
+    def compare_models(
+        self, pendulum: Pendulum | None, models: tuple[str, ...], progress: Progress
+    ) -> list[str]:
+        """See `Problem.compare_models`."""
+        how: dict[str, Any] = {"stroke": stroke_limit(self.limits), "models": models, "progress": progress}
+        return [check(self.scene, pendulum, **how).table(), ""]
 
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """See `Problem.strongest_motions`: trains of sines that begin at rest."""

@@ -173,6 +173,12 @@ class Problem(ABC):
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """Return the motions of the conditions in which the rod of a design turns most, at most 24."""
 
+    def compare_models(
+        self, pendulum: Pendulum | None, models: tuple[str, ...], progress: Progress
+    ) -> list[str]:
+        """Return lines on the settled motion of a pendulum by many models; none where nothing settles."""
+        return []
+
     def value_of(self, runs: Outcomes) -> float:
         """Return the risk of the severities of runs that have an answer; NaN without any."""
         known = runs.severity[~runs.undecided]
