@@ -11,8 +11,7 @@ from tpd.core import files
 from tpd.core.progress import Bar, say
 from tpd.design.as_built import Study, study
 from tpd.design.design import Design
-from tpd.design.optimise import optimise
-from tpd.design.pareto import front
+from tpd.design.optimise import front, optimise
 from tpd.report import answer
 from tpd.report.files import write
 

@@ -35,11 +35,10 @@ from tpd.design.criteria import (
     check_scatter,
     stroke_limit,
 )
-from tpd.design.orbits import Orbits, margins
+from tpd.design.orbits import SMOOTHED, Orbits, margins, prepare_step
 from tpd.design.problem import MOST_MOTIONS, Problem, check_given, within_mass
 from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent
-from tpd.design.smoothed_orbits import SMOOTHED, prepare_step
 from tpd.models.compiled_linear import load_compiled
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise

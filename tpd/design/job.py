@@ -191,7 +191,7 @@ class Job(ABC):
             )
         if len(scales) > 1:
             raise ValueError(f"the job has {len(scales)} sizes of its motion: give one by --scale X")
-        motion = motions[0]
+        motion = next(iter(motions))
         if motion.pga == 0.0 or scales[0] == 0.0:
             raise ValueError("the motion must have an acceleration, but is zero at all times")
         size = 1.0
