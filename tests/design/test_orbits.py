@@ -9,8 +9,8 @@ import pytest
 import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
 from tests.reference import orbits_of
-from tpd.design.criteria import NONE, REST, ROCKING
-from tpd.design.orbits import BACK_OFF, KINDS, SMOOTHED, Orbits, SmoothedOrbits, geometry_of, margins
+from tpd.design.criteria import NONE, REST, ROCKING, Geometry
+from tpd.design.orbits import BACK_OFF, KINDS, SMOOTHED, Orbits, SmoothedOrbits, margins
 from tpd.scene.parameters import as_arrays
 
 GOOD = np.array([[0.15, 0.26, 0.35]])
@@ -27,7 +27,7 @@ DESIGNS = np.array([[0.05, 0.5, 0.1], [0.1, 0.7, 0.1], [0.15, 0.4, 0.1]])
 
 
 def orbits(scene=SCENE, conditions=BAND, limits=LIMITS, **more) -> Orbits:
-    geometry = geometry_of(scene, conditions)
+    geometry = Geometry.of(scene, conditions)
     p = as_arrays(scene.parameters())
     return Orbits(p, conditions, WIDE, tpd.Risk.worst(), limits, geometry, **more)
 
@@ -110,7 +110,7 @@ def test_rest_counts_from_rest_though_rocking_attracts_from_elsewhere():
 
 def test_other_conditions_of_the_same_scene(objective):
     factors = {"slenderness": np.array([0.9, 1.1]), "mass": np.array([1.0, 1.2])}
-    other = objective.over(tpd.Conditions(factors))
+    other = orbits(conditions=tpd.Conditions(factors))
     np.testing.assert_allclose(other.geometry.slenderness, SCENE.block.slenderness * factors["slenderness"])
     np.testing.assert_array_equal(other.geometry.mass_factor, factors["mass"])
     assert other.evaluate(GOOD).merit.shape == (1, 2)

@@ -6,13 +6,14 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-from tpd.answers.compare_models import MODELS, QUICK
+from tpd.answers.compare_models import MODELS, QUICK, check
 from tpd.cli import common
 from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.core.progress import Bar
-from tpd.design.criteria import Mass, check_cavity
+from tpd.design.criteria import Mass, check_cavity, stroke_limit
+from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
@@ -44,10 +45,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         return _by_engine(job, pendulum, options, given)
     models = QUICK if options.quick else MODELS
     with Bar() as bar:
-        if pendulum is None:
-            said, is_sound = _without(job, options.seed, models, bar)
-        else:
-            said, is_sound = _validated(job, pendulum, options.seed, models, bar)
+        said, is_sound = _validated(job, pendulum, options.seed, models, bar)
     print("\n".join(["", *said]))
     return SOUND if is_sound else UNSOUND
 
@@ -64,13 +62,19 @@ def _problem(job: Job, seed: int | None) -> Problem:
 
 
 def _validated(
-    job: Job, pendulum: Pendulum, seed: int | None, models: tuple[str, ...], bar: Bar
+    job: Job, pendulum: Pendulum | None, seed: int | None, models: tuple[str, ...], bar: Bar
 ) -> tuple[list[str], bool]:
-    """Lines on a pendulum: all models, and the validation that `tpd optimise` requires of its designs."""
-    problem = _problem(job, seed)
-    said = problem.compare_models(pendulum, models, bar)
+    """Lines on a pendulum, or on the block alone where a report has none: all models, and the validation that
+    `tpd optimise` requires of its designs."""
+    problem, said = _problem(job, seed), list[str]()
+    if isinstance(problem, HarmonicProblem):
+        stroke = stroke_limit(job.limits)
+        said = [check(job.scene, pendulum, stroke=stroke, models=models, progress=bar).table(), ""]
+    # No pendulum is an answer only where none is needed, under all conditions of the job.
     if problem.stays_at_rest():
         return [*said, DesignStatus.no_uplift.value], True
+    if pendulum is None:
+        return [*said, "NOT RECOMMENDED: the report has no pendulum."], False
     found = validate(problem, problem.ratios(pendulum), thorough=True, progress=bar)
     said += _outside(found, job)
     runs = found.runs
@@ -108,16 +112,6 @@ def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace,
     if not sound and not found.warning:
         print(f"By {found.engine} the pendulum does not help.")
     return SOUND if sound else UNSOUND
-
-
-def _without(job: Job, seed: int | None, models: tuple[str, ...], bar: Bar) -> tuple[list[str], bool]:
-    """Lines on the block alone, which a report without a pendulum is about."""
-    problem = _problem(job, seed)
-    said = problem.compare_models(None, models, bar)
-    # No pendulum is an answer only where none is needed, under all conditions of the job.
-    if problem.stays_at_rest():
-        return [*said, DesignStatus.no_uplift.value], True
-    return [*said, "NOT RECOMMENDED: the report has no pendulum."], False
 
 
 def _outside(found: Validated, job: Job) -> list[str]:

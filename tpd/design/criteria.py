@@ -209,6 +209,21 @@ class Geometry:
     gravity: float = STANDARD_GRAVITY
     """m/s^2"""
 
+    @staticmethod
+    def of(scene: Scene, conditions: Conditions, limits: tuple[Limit, ...] = ()) -> Geometry:
+        """Geometry of a scene's block under all conditions, with the bob of the limits."""
+        block, slenderness = scene.block, conditions.column("slenderness")
+        return Geometry(
+            half_height=block.half_height,
+            block_mass=block.mass,
+            wall=0.5 * block.room * slenderness,
+            slenderness=block.slenderness * slenderness,
+            mass_factor=conditions.column("mass"),
+            length_factor=conditions.column("length"),
+            bob=bob_of(limits),
+            gravity=float(scene.gravity),
+        )
+
     def rod(self, designs: np.ndarray) -> np.ndarray:
         """Length of the rod, m, (m, n), of designs (m, 3)."""
         return self.half_height * designs[:, 1, None] * self.length_factor
@@ -248,6 +263,14 @@ class Evaluation(NamedTuple):
     """(m, 3)"""
     relative: np.ndarray | None = None
     """Largest |psi - phi|, rad, where it is known by itself."""
+
+    @staticmethod
+    def blank(m: int, n: int) -> Evaluation:
+        """Evaluation of m designs under n conditions with ones in place of sizes."""
+        one, slope = np.ones((m, n)), np.zeros((m, n, 3))
+        kind, turn = np.zeros((m, n), int), np.full((m, n, 4), np.nan)
+        sizes = one, slope, one, slope, one, slope
+        return Evaluation(*sizes, one, one, one, slope, kind, turn, np.ones((m, 3)))
 
     @property
     def attracts(self) -> np.ndarray:

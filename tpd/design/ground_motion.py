@@ -35,9 +35,11 @@ from tpd.design.settings import DEFAULT_SPACE, HELD_OUT, SCATTERED, GroundSearch
 from tpd.models.compiled_nonlinear import shake_nonlinear
 from tpd.models.compiled_shaken import follow_all
 from tpd.records.intensity import intensity_of
+from tpd.records.reading import BUILT_IN
 from tpd.scene.conditions import Conditions, check_restitution, latin_hypercube, under_all
-from tpd.scene.ground_motion import GroundMotion, events_of
+from tpd.scene.ground_motion import GroundMotion, Pulse, events_of
 from tpd.scene.parameters import Parameters
+from tpd.scene.record import Record
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.scene.status import UNANSWERED, Outcome
 from tpd.theory.equations import Terms
@@ -174,6 +176,25 @@ class GroundMotionProblem(Problem):
         given = super().inputs
         del given["groups"]
         return given | {"held_out": held or 0.0}
+
+    @property
+    def tables(self) -> dict[str, dict[str, Any]]:
+        """See `Problem.tables`: each motion must be a built-in record, or the only one a pulse."""
+        held = [_name_of(m) for g in self.groups for m in g.motions if g.role is Role.held_out]
+        motions, of = self.conditions.motions, self.conditions
+        motion: dict[str, Any] = {"scales": of.scales, "intensity": of.intensity}
+        if len(motions) == 1 and isinstance(pulse := motions[0], Pulse) and not held:
+            motion |= {"pulse": pulse.kind, "pulse_frequency": pulse.frequency}
+            motion["pga"] = float(pulse.pga) / STANDARD_GRAVITY
+            if "-" in pulse.kind[6:]:
+                motion |= {name: getattr(pulse, name) for name in ("cycles", "phase")}
+        else:
+            motion |= {"records": [_name_of(m) for m in motions], "held_out": held or 0.0}
+        return super().tables | {
+            "motion": motion,
+            "worth": {"at_least": self.worth.at_least, "strikes": self.worth.strikes},
+            "ensemble": {name: getattr(self.ensemble, name) for name in SCATTERED},
+        }
 
     @property
     def rounds(self) -> tuple[int, int]:
@@ -326,6 +347,17 @@ class GroundMotionProblem(Problem):
         pieces = h[which] / conditions.column("frequency")
         leaves: Any = (q.nu, q.mu, q.lam, q.zeta, q.k, q.f * f[which] * factor, pieces, q.rho, q.e)
         return q, np.array(np.broadcast_arrays(*leaves), dtype=float).T.copy()
+
+
+def _name_of(motion: GroundMotion) -> str:
+    """Name of a built-in record."""
+    for name, make in BUILT_IN.items():
+        known = make()
+        if isinstance(motion, Record) and motion.name == known.name and motion.pga == known.pga:
+            return name
+    raise ValueError(
+        "a job file cannot say motions that exist only in Python: it names files, folders and sets of records"
+    )
 
 
 def motion_factors(scene: Scene, conditions: Conditions) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -10,7 +11,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tpd.answers.attractors import StartKind, Starts
-from tpd.answers.compare_models import check
 from tpd.answers.ensemble import Ensemble, Outcomes, outcomes
 from tpd.answers.paired import PairedRuns, paired_runs
 from tpd.answers.steady_state import steady_state
@@ -33,8 +33,8 @@ from tpd.design.criteria import (
     check_moves,
     check_objective,
     check_scatter,
-    stroke_limit,
 )
+from tpd.design.job import Job
 from tpd.design.orbits import SMOOTHED, Orbits, margins, prepare_step
 from tpd.design.problem import MOST_MOTIONS, Problem, check_given, within_mass
 from tpd.design.search import Search, search
@@ -47,7 +47,7 @@ from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, check_restitution, latin_hypercube, under, under_all
 from tpd.scene.ground_motion import GroundMotion, Pulse
 from tpd.scene.parameters import as_arrays
-from tpd.scene.scene import Harmonic, Pendulum, Scene
+from tpd.scene.scene import Harmonic, Scene
 from tpd.scene.status import names_of, status_name
 from tpd.theory.equations import Terms
 
@@ -197,6 +197,48 @@ class HarmonicProblem(Problem):
         return {name: x for name, x in super().inputs.items() if name != "model"}
 
     @property
+    def job(self) -> Job:
+        """See `Problem.job`."""
+        job = super().job
+        if self.objective != SteadyTilt():
+            raise ValueError("a job file cannot state an objective, which exists only in Python")
+        conditions = Conditions.around(self.scene) if job.conditions is None else job.conditions
+        rows = conditions.factor_rows(), self.conditions.factor_rows()
+        if job.scene != self.scene or not np.array_equal(*rows):
+            raise ValueError(
+                "a job file cannot say the conditions of this design: it has bands, amplitudes and scatter, "
+                f"and these are {', '.join(self.conditions.description) or 'of Python'}"
+            )
+        return job
+
+    @property
+    def tables(self) -> dict[str, dict[str, Any]]:
+        """See `Problem.tables`; those of the conditions are from their factors and the phrases that describe
+        them."""
+        asked = super().tables | {
+            "motion": vars(self.scene.motion),
+            "worth": vars(self.worth),
+            # Runs without a seed of their own use the seed of the search.
+            "ensemble": vars(self.ensemble) | ({"seed": None} if self.ensemble.seed == self.seed else {}),
+            "starts": {"kind": "rest" if self.rest_counts else "any"},
+        }
+        found, phrases = self.conditions, " * ".join(self.conditions.description)
+        if np.array_equal(found.factor_rows(), Conditions.around(self.scene).factor_rows()):
+            return asked
+        if len(found) == 1 and not found.factors:
+            return asked | {"conditions": {"exactly": True}}
+        table: dict[str, Any] = {}
+        if said := re.search(r"(\d+) frequencies from (\S+) to (\S+) Hz", phrases):
+            table |= {"band": [float(said[2]), float(said[3])], "frequencies": int(said[1])}
+        if said := re.search(r"amplitudes ([^a-z]+) times", phrases):
+            table["amplitudes"] = [float(x) for x in said[1].split(",")]
+        scatter = {}
+        if said := re.search(r"(\d+) samples of", phrases):
+            table["samples"] = int(said[1])
+            scatter = {name: 0.01 * float(x) for name, x in re.findall(r"(\w+) within (\d+)%", phrases)}
+        return asked | {"conditions": table, "scatter": scatter}
+
+    @property
     def allowed(self) -> float:
         """See `Problem.allowed`."""
         return self.worth.allowed
@@ -233,7 +275,7 @@ class HarmonicProblem(Problem):
     def candidates(self, progress: Progress) -> tuple[np.ndarray, Search]:
         """See `Problem.candidates`: ends of the descents that the exact solution confirms, designs on their
         paths, and designs spread over the space."""
-        few = self.orbits.over(self.conditions.subset(_SEARCHED, self.seed))
+        few = replace(self, conditions=self.conditions.subset(_SEARCHED, self.seed)).orbits
         if isinstance(self.model, Smoothed):
             prepare_step(few, self.model)
         # Trial runs need the compiled engine; it loads while the descents run.
@@ -339,13 +381,6 @@ class HarmonicProblem(Problem):
             multiplier=unknown,
             **{name: np.where(lost, np.inf, x) for name, x in sizes.items()},
         )
-
-    def compare_models(
-        self, pendulum: Pendulum | None, models: tuple[str, ...], progress: Progress
-    ) -> list[str]:
-        """See `Problem.compare_models`."""
-        how: dict[str, Any] = {"stroke": stroke_limit(self.limits), "models": models, "progress": progress}
-        return [check(self.scene, pendulum, **how).table(), ""]
 
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """See `Problem.strongest_motions`: trains of sines that begin at rest."""

@@ -34,7 +34,6 @@ from tpd.design.criteria import (
     Size,
     SteadyTilt,
     Worsening,
-    bob_of,
 )
 from tpd.exact.terms import SIZES
 from tpd.models import compiled_orbits
@@ -44,7 +43,6 @@ from tpd.scene.conditions import Conditions, under, under_all
 from tpd.scene.impacts import housner
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import with_design
-from tpd.scene.scene import Scene
 from tpd.theory import uplift
 
 _PAIRS = 16_384
@@ -137,14 +135,6 @@ class Orbits:
         slope = np.where(rocks[..., None], _finite(slope), e.merit_slope)
         return e._replace(merit=np.where(rocks, value, e.merit), merit_slope=slope)
 
-    def over(self, conditions: Conditions) -> Orbits:
-        """This objective under other conditions of the scene."""
-        p, g = self.p, self.geometry
-        nominal = float(g.wall[0] / g.slenderness[0]) * float(p.nu)
-        geometry = geometry_under(float(p.nu), g.half_height, g.block_mass, nominal, conditions)
-        geometry = replace(geometry, bob=g.bob, gravity=g.gravity)
-        return replace(self, conditions=conditions, geometry=geometry).against_bare()
-
     def against_bare(self) -> Orbits:
         """This objective, with the tilts of the bare block known to limits that compare with them."""
         if not any(isinstance(limit, Worsening) for limit in self.limits):
@@ -183,36 +173,6 @@ class Orbits:
     def at(self, unit: np.ndarray) -> Linearisation:
         """Linearisation at designs in shares of the bounds, (m, d)."""
         return self.linearised(self.evaluate(self.space.unscaled(unit)))
-
-
-def blank(m: int, n: int) -> Evaluation:
-    """Evaluation of `m` designs under `n` conditions with ones in place of sizes."""
-    one, slope = np.ones((m, n)), np.zeros((m, n, 3))
-    kind, turn = np.zeros((m, n), int), np.full((m, n, 4), np.nan)
-    sizes = one, slope, one, slope, one, slope
-    return Evaluation(*sizes, one, one, one, slope, kind, turn, np.ones((m, 3)))
-
-
-def geometry_under(
-    nu: float, half_height: float, block_mass: float, wall: float, conditions: Conditions
-) -> Geometry:
-    """Geometry under all conditions of a block of slenderness `nu`, `wall` half the width inside (m)."""
-    slenderness = conditions.column("slenderness")
-    return Geometry(
-        half_height=half_height,
-        block_mass=block_mass,
-        wall=wall * slenderness,
-        slenderness=nu * slenderness,
-        mass_factor=conditions.column("mass"),
-        length_factor=conditions.column("length"),
-    )
-
-
-def geometry_of(scene: Scene, conditions: Conditions, limits: tuple[Limit, ...] = ()) -> Geometry:
-    """Geometry of a scene's block under all conditions, with the bob of the limits."""
-    block = scene.block
-    found = geometry_under(block.slenderness, block.half_height, block.mass, 0.5 * block.room, conditions)
-    return replace(found, bob=bob_of(limits), gravity=float(scene.gravity))
 
 
 _STEP = 1e-100
@@ -338,7 +298,7 @@ class SmoothedOrbits:
     def _step(self, designs: np.ndarray) -> Evaluation:
         """Half a period of every orbit that is followed; all others, and lost orbits, are left blank."""
         o, m = self.orbits, len(designs)
-        own = {name: np.array(getattr(blank(m, len(o.conditions)), name)) for name in OF_PAIRS}
+        own = {name: np.array(getattr(Evaluation.blank(m, len(o.conditions)), name)) for name in OF_PAIRS}
         e = Evaluation(**own | {"margin": margins(o, designs)}, design=designs)
         # The derivatives of the last step predict the orbit of the next design, to first order.
         self.turns = self.turns + np.einsum("mnud,md->mnu", self.slopes, designs - self.designs)
