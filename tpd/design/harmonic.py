@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, ClassVar
@@ -28,15 +27,13 @@ from tpd.design.criteria import (
     Room,
     SteadyTilt,
     Worth,
-    check_cavity,
-    check_limits,
     check_moves,
     check_objective,
     check_scatter,
 )
 from tpd.design.job import Job
 from tpd.design.orbits import SMOOTHED, Orbits, margins, prepare_step
-from tpd.design.problem import MOST_MOTIONS, Problem, check_given, within_mass
+from tpd.design.problem import MOST_MOTIONS, Problem, complete
 from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent
 from tpd.models.compiled_linear import load_compiled
@@ -44,7 +41,7 @@ from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 from tpd.models.rows import settle_all
 from tpd.models.smoothed import Smoothed
-from tpd.scene.conditions import Conditions, check_restitution, latin_hypercube, under, under_all
+from tpd.scene.conditions import Conditions, latin_hypercube, under, under_all
 from tpd.scene.ground_motion import GroundMotion, Pulse
 from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Harmonic, Scene
@@ -72,6 +69,16 @@ _CYCLES = 40
 """Periods of a harmonic from rest in which the loads are largest."""
 _POLISHED = 32
 """Most conditions under which exact amplitudes are polished by Newton's method to round-off."""
+_USUAL = {
+    "space": DesignSpace(),
+    "risk": Risk.worst(),
+    "limits": DEFAULT_LIMITS,
+    "method": Descent(),
+    "ensemble": Ensemble(size=VALIDATION_RUNS),
+    "worth": Worth(),
+    "seed": 0,
+}
+"""Inputs by default."""
 _SMOOTH = 0.2
 """Least velocity ratio of impacts under which descents smooth them."""
 
@@ -120,65 +127,50 @@ class HarmonicProblem(Problem):
         *,
         conditions: Conditions | None = None,
         starts: Starts | None = None,
-        risk: Risk | None = None,
-        limits: Iterable[Limit] | None = None,
         objective: Objective | None = None,
-        method: Descent | None = None,
-        ensemble: Ensemble | None = None,
-        worth: Worth | None = None,
-        seed: checks.Whole = 0,
+        **given: Any,
     ) -> HarmonicProblem:
-        """Return the problem of a scene; None stands for the default everywhere.
+        """Return the problem of a scene with arguments of `tpd.optimise`; None stands for the default
+        everywhere.
 
         Raises:
             ValueError: bad input.
             RuntimeError: JAX is in 32-bit mode.
         """
-        given = {"space": space, "conditions": conditions, "risk": risk}
-        seed = check_given(seed, **given, ensemble=ensemble, worth=worth)
         checks.instance("scene", scene, Scene)
-        checks.optional("method", method, Descent)
+        checks.optional("conditions", conditions, Conditions)
         checks.optional("starts", starts, Starts)
         if not isinstance(scene.motion, Harmonic):
             raise ValueError(
                 "the motion of `scene` must be a harmonic: give pulses and records by "
                 "`conditions=tpd.Conditions.records(...)`"
             )
+        found = complete(scene, _USUAL, given | {"space": space})
+        searched: DesignSpace = found["space"]
         conditions = Conditions.around(scene) if conditions is None else conditions
-        space = DesignSpace() if space is None else space
         check_moves(scene, conditions)
-        check_scatter(scene, {name for name, v in conditions.factors.items() if np.ptp(v) > 0.0}, space)
+        check_scatter(scene, {name for name, v in conditions.factors.items() if np.ptp(v) > 0.0}, searched)
         # Housner's restitution is least with the heaviest bob.
-        heaviest = under_all(as_arrays(scene.parameters()), space.full(space.bounds[1])[None], conditions)
-        method = Descent() if method is None else method
+        heaviest = under_all(
+            as_arrays(scene.parameters()), searched.full(searched.bounds[1])[None], conditions
+        )
         # Where impacts lose much, the bias of smoothed ones comes near the tolerance of the ends.
         smooth = bool(np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH))
-        model = _model_of(method.model, smooth)
+        model = _model_of(found["method"].model, smooth)
         model.check(heaviest)
-        limits = check_limits(DEFAULT_LIMITS if limits is None else limits)
-        check_cavity(scene.block, limits)
         starts = Starts.any() if starts is None else starts
         if starts.kind is StartKind.sampled:
             raise ValueError(
                 "`starts` of a design must be Starts.any() or Starts.rest(), but is a sampled set: its runs "
                 "begin where `ensemble` says"
             )
-        ensemble = (Ensemble(size=VALIDATION_RUNS) if ensemble is None else ensemble).seeded(seed)
-        if ensemble.restitution:
-            check_restitution(scene)
         return HarmonicProblem(
             scene=scene,
-            space=within_mass(space, scene.block, limits),
             conditions=conditions,
             starts=starts,
-            risk=Risk.worst() if risk is None else risk,
-            limits=limits,
             objective=SteadyTilt() if objective is None else check_objective(objective),
-            method=method,
             model=model,
-            ensemble=ensemble,
-            worth=Worth() if worth is None else worth,
-            seed=seed,
+            **found | {"ensemble": found["ensemble"].seeded(found["seed"])},
         )
 
     @property

@@ -31,24 +31,19 @@ from tpd.design.criteria import (
     Risk,
     Room,
     Worth,
+    check_cavity,
+    check_limits,
     limit_of,
 )
 from tpd.design.job import Job, job_of
 from tpd.design.job_keys import TABLES
 from tpd.design.reasons import DesignStatus
-from tpd.scene.conditions import Conditions
+from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Pendulum, Scene
 
 MOST_MOTIONS = 24
 """Most motions that are followed over time for the loads."""
-_KINDS = {
-    "space": DesignSpace,
-    "conditions": Conditions,
-    "risk": Risk,
-    "ensemble": Ensemble,
-    "worth": Worth,
-}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -190,6 +185,11 @@ class Problem(ABC):
         """Exact motions without a pendulum; None where only runs answer."""
         return self.exact(None)
 
+    def lifts(self, pendulum: Pendulum) -> tuple[float, float] | None:
+        """Return the base acceleration over gravity that lifts the resting block, with a pendulum that has
+        settled and without; None where no motion settles."""
+        return None
+
     @abstractmethod
     def stays_at_rest(self) -> bool:
         """Return whether the block without a pendulum ends at rest under all conditions."""
@@ -290,14 +290,26 @@ def _said(values: Mapping[str, Any]) -> dict[str, Any]:
     return {key: list(x) if isinstance(x, tuple) else x for key, x in plain.items() if x is not None}
 
 
-def check_given(seed: checks.Whole, **given: Any) -> int:
-    """Return the seed; raise unless JAX has 64 bits, it is a whole number, and each input is of its class.
-    None stands for a default."""
+def complete(scene: Scene, usual: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the inputs that all problems have, checked, with usual ones in place of None and of those that
+    are left out; the space is within the limit on the bob's mass.
+
+    Raises:
+        TypeError: a name that is not among the usual inputs.
+        ValueError: an input of another class than the usual one, or that does not fit the scene.
+        RuntimeError: JAX is in 32-bit mode.
+    """
     checks.require_x64()
-    seed = checks.seed("seed", seed)
-    for name, value in given.items():
-        checks.optional(name, value, _KINDS[name])
-    return seed
+    if unknown := given.keys() - usual.keys():
+        raise TypeError(f"a problem has no input `{min(unknown)}`, but {', '.join(usual)}")
+    found = {name: default if given.get(name) is None else given[name] for name, default in usual.items()}
+    for name in usual.keys() - {"limits", "seed"}:
+        checks.instance(name, found[name], type(usual[name]))
+    found |= {"seed": checks.seed("seed", found["seed"]), "limits": check_limits(found["limits"])}
+    check_cavity(scene.block, found["limits"])
+    if found["ensemble"].restitution:
+        check_restitution(scene)
+    return found | {"space": within_mass(found["space"], scene.block, found["limits"])}
 
 
 def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> DesignSpace:
