@@ -24,9 +24,9 @@ from tpd.report import answer, files, words
 from tpd.scene.scene import Pendulum
 
 
-def run(options: argparse.Namespace, case: common.Case) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Solve the design by all models and print the results; return the exit status."""
-    job, pendulum = case
+    job, pendulum = inputs
     if pendulum is None and options.design is None:
         raise ValueError("give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length")
     given = {name: x for name in ("runs", "sliding") if (x := getattr(options, name)) is not None}

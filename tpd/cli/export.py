@@ -18,7 +18,7 @@ from tpd.design.as_built import time_histories
 from tpd.scene.scene import Pendulum, Scene
 
 
-def run(options: argparse.Namespace, case: common.Case) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Write the file, and print what was exported; return the exit status."""
     if options.kind == "csv" and options.sliding is not None:
         raise ValueError("--sliding is of a model of MuJoCo or OpenSees, but --as is csv")
@@ -28,7 +28,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         raise ValueError(f"--file must name a file, but {file} is a directory")
     if file.exists() and not options.overwrite:
         raise ValueError(f"{file} exists already: choose another name with --file, or pass --overwrite")
-    job, hung = case
+    job, hung = inputs
     has_motion = options.kind != "mjcf"
     scene = job.single if has_motion else job.scene
     common.say(scene, hung, "" if has_motion else "none: give it to the actuators", job.told)

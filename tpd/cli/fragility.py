@@ -20,9 +20,9 @@ from tpd.records.reading import in_words
 from tpd.scene.scene import Pendulum
 
 
-def run(options: argparse.Namespace, case: common.Case) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow all motions, write tables and pictures, and print the medians; return the exit status."""
-    job, hung = case
+    job, hung = inputs
     asked, scene, motions = job.full["motion"], job.scene, job.ground_motions
     common.say(scene, hung, in_words(motions), job.told)
     stripes = np.linspace(0.5, 8.0, 20) if asked["scales"] is None else np.array(asked["scales"])

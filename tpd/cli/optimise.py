@@ -19,9 +19,9 @@ _LEAST = 12
 """Lines of the answer, however many there are on the records."""
 
 
-def run(options: argparse.Namespace, case: common.Case) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Search, verify, write the report and print the answer; return the exit status."""
-    job, told = case.job, case.job.all_told
+    job, told = inputs.job, inputs.job.all_told
     # The date of the report comes after the search; a bad setting of it must not.
     files.today()
     # Lines on the records shorten the answer, so that both fit on a terminal.

@@ -33,9 +33,9 @@ _SIZES = {
 _OF_A_PENDULUM = ("swing", "swing_time", "relative", "relative_time")
 
 
-def run(options: argparse.Namespace, case: common.Case) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow the block, write histories and pictures, and print what happened; return the exit status."""
-    job, hung = case
+    job, hung = inputs
     scene = job.under(job.shaking)
     common.say(scene, hung, notes=job.told)
     cases = common.cases(hung)

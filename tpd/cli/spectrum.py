@@ -20,9 +20,9 @@ from tpd.scene.scene import Pendulum, Scene
 _CASES = ("for the bare block", "with the pendulum")
 
 
-def run(options: argparse.Namespace, case: common.Case) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow all blocks, write table and picture; return the exit status."""
-    job, hung = case
+    job, hung = inputs
     checks.count("--points", options.points, least=2)
     for flag, value in (("--to", options.to), ("--sizes-to", options.sizes_to)):
         if value is not None:

@@ -44,8 +44,9 @@ from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, latin_hypercube, under, under_all
 from tpd.scene.ground_motion import GroundMotion, Pulse
 from tpd.scene.parameters import as_arrays
-from tpd.scene.scene import Harmonic, Scene
+from tpd.scene.scene import Harmonic, Pendulum, Scene
 from tpd.scene.status import names_of, status_name
+from tpd.theory import uplift
 from tpd.theory.equations import Terms
 
 TRIAL_RUNS, TRIAL_PERIODS = 128, 50
@@ -253,6 +254,12 @@ class HarmonicProblem(Problem):
         """A bob without mass, which the block does not feel."""
         p = self.orbits.p
         return np.array([0.0, float(p.lam), float(p.zeta)])
+
+    def lifts(self, pendulum: Pendulum) -> tuple[float, float]:
+        """See `Problem.lifts`."""
+        both = self.scene.parameters(pendulum), self.scene.parameters()
+        hung, without = (float(p.f / (1.0 - uplift(p).margin)) for p in both)
+        return hung, without
 
     def stays_at_rest(self) -> bool:
         """See `Problem.stays_at_rest`: by the exact orbits under all conditions and by the nonlinear
