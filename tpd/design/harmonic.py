@@ -12,7 +12,6 @@ import numpy as np
 from tpd.answers.attractors import StartKind, Starts
 from tpd.answers.ensemble import Ensemble, Outcomes, outcomes
 from tpd.answers.paired import PairedRuns, paired_runs
-from tpd.answers.steady_state import steady_state
 from tpd.core import checks
 from tpd.core.batch import aside
 from tpd.core.progress import Progress, unreported
@@ -32,7 +31,7 @@ from tpd.design.criteria import (
     check_scatter,
 )
 from tpd.design.job import Job
-from tpd.design.orbits import SMOOTHED, Orbits, margins, prepare_step
+from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
 from tpd.design.problem import MOST_MOTIONS, Problem, complete
 from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent
@@ -41,11 +40,11 @@ from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 from tpd.models.rows import settle_all
 from tpd.models.smoothed import Smoothed
-from tpd.scene.conditions import Conditions, latin_hypercube, under, under_all
+from tpd.scene.conditions import Conditions, latin_hypercube, under_all
 from tpd.scene.ground_motion import GroundMotion, Pulse
 from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Harmonic, Pendulum, Scene
-from tpd.scene.status import names_of, status_name
+from tpd.scene.status import names_of
 from tpd.theory import uplift
 from tpd.theory.equations import Terms
 
@@ -68,8 +67,8 @@ _RESTS = 24
 """Most conditions under which the nonlinear equations confirm that the block stays at rest."""
 _CYCLES = 40
 """Periods of a harmonic from rest in which the loads are largest."""
-_POLISHED = 32
-"""Most conditions under which exact amplitudes are polished by Newton's method to round-off."""
+_SAME = 1e-6
+"""Relative difference of tilts up to which a motion is the orbit."""
 _USUAL = {
     "space": DesignSpace(),
     "risk": Risk.worst(),
@@ -106,7 +105,7 @@ class ExactMotions:
     peak_stroke: np.ndarray
     """Largest |psi| from the beginning on."""
     multiplier: np.ndarray
-    """Largest modulus of the Floquet multipliers; NaN where unknown."""
+    """Largest modulus of the Floquet multipliers where the motion is the orbit; NaN elsewhere."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -360,24 +359,19 @@ class HarmonicProblem(Problem):
         e = orbits.evaluate(row[None])
         q = under_all(orbits.p, row[None], self.conditions)
         settled = settle_all(q, np.zeros((n, 4)), model=Piecewise(max_periods=self.ensemble.periods))
-        names, unknown = names_of(settled.status), np.full(n, np.nan)
+        names, lift = names_of(settled.status), uplift(q)
         sizes = {x: np.asarray(getattr(settled, x)) for x in ("amplitude", "stroke", "peak", "peak_stroke")}
-        if n <= _POLISHED:
-            steady = [
-                steady_state(as_arrays(under(orbits.p, row, factors)), model=Piecewise())
-                for factors in self.conditions.factor_rows()
-            ]
-            names = np.array([status_name(s.status) for s in steady])
-            columns = ("amplitude", "stroke", "multiplier")
-            amplitude, stroke, unknown = (np.array([float(getattr(s, x)) for s in steady]) for x in columns)
-            sizes |= {"amplitude": amplitude, "stroke": stroke}
+        # The run ends when the block rests, and the bob may still swing: its settled swing has a closed form.
+        sizes["stroke"] = np.where(names == "rest", lift.stroke, sizes["stroke"])
+        tilt = sizes["amplitude"] / np.asarray(q.nu)
+        is_orbit = (np.abs(tilt - e.tilt[0]) <= _SAME * tilt) & (tilt > 0.0)
         lost = names == "overturned"
         return ExactMotions(
             value=float(orbits.value(e)[0]),
             orbits=e,
-            margin=margins(orbits, row[None])[0],
+            margin=np.asarray(lift.margin),
             status=names,
-            multiplier=unknown,
+            multiplier=np.where(is_orbit, e.multiplier[0], np.nan),
             **{name: np.where(lost, np.inf, x) for name, x in sizes.items()},
         )
 

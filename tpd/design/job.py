@@ -130,10 +130,9 @@ class Job(ABC):
         """Block, motion and gravity; the motion is the first of the records."""
         return self.under(self.motions[0])
 
-    @property
     @abstractmethod
-    def site(self) -> Scene:
-        """The scene with its motion checked as far as no file is read: another motion stands for records."""
+    def check_motion(self) -> None:
+        """Raise `ValueError` for a motion that is not allowed, as far as that is known without its files."""
 
     @cached_property
     @abstractmethod
@@ -364,13 +363,11 @@ class HarmonicJob(Job):
 
     compiled, search, only, beside = compiling.HARMONIC, Descent, "starts", tuple(keys_of(Harmonic))
 
-    @property
-    def site(self) -> Scene:
-        """See `Job.site`."""
+    def check_motion(self) -> None:
+        """See `Job.check_motion`."""
         conditions = self.conditions or Conditions.exactly()
         with naming("motion"):
             check_moves(self.scene, conditions)
-        return self.scene
 
     @cached_property
     def _read(self) -> tuple[Sequence[Harmonic], Sequence[str]]:
@@ -430,12 +427,10 @@ class RecordsJob(Job):
 
     compiled, search, only = compiling.GROUND, GroundSearch, "held_out"
 
-    @property
-    def site(self) -> Scene:
-        """See `Job.site`."""
+    def check_motion(self) -> None:
+        """See `Job.check_motion`."""
         if not self.full["motion"]["records"]:
             raise ValueError("records need `motion.records` (--records FILE), which this job does not have")
-        return self.under(PAPER.motion)
 
     def settled_scene(self, asker: str, again: str) -> Scene:
         """See `Job.settled_scene`."""
@@ -483,10 +478,9 @@ class RecordsJob(Job):
 class PulseJob(RecordsJob):
     """A job of a pulse in place of records."""
 
-    @property
-    def site(self) -> Scene:
-        """See `Job.site`."""
-        return self.scene
+    def check_motion(self) -> None:
+        """See `Job.check_motion`."""
+        _ = self.motions
 
     @cached_property
     def _read(self) -> tuple[Sequence[GroundMotion], Sequence[str]]:
@@ -581,8 +575,8 @@ def job_of(given: Mapping[str, Any]) -> Job:
     with naming("search"):
         checks.count("seed", job.seed, least=0)
     # The block comes first: what is wrong with it is the reason for much else.
-    _ = job.block
-    site, ensemble = job.site, job.ensemble
+    site, ensemble = job.under(PAPER.motion), job.ensemble
+    job.check_motion()
     with naming("scatter"):
         check_scatter(site, widths_of(full), job.space)
     with naming("ensemble"):
