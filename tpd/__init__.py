@@ -57,9 +57,9 @@ if TYPE_CHECKING:
     from tpd.design.criteria import Risk as Risk
     from tpd.design.design import Design as Design
     from tpd.design.job import Job as Job
+    from tpd.design.optimise import front as front
     from tpd.design.optimise import optimise as optimise
-    from tpd.design.pareto import front as front
-    from tpd.design.pareto import optimise_all as optimise_all
+    from tpd.design.optimise import optimise_all as optimise_all
     from tpd.design.reading import read_design as read_design
     from tpd.design.settings import Descent as Descent
     from tpd.design.settings import GroundSearch as GroundSearch
@@ -113,8 +113,7 @@ _NAMES = {
     "scene.status": "Status status_name",
     "design.criteria": "DesignSpace Risk",
     "design.job": "Job",
-    "design.pareto": "front optimise_all",
-    "design.optimise": "optimise",
+    "design.optimise": "front optimise optimise_all",
     "design.design": "Design",
     "design.settings": "Descent GroundSearch",
     "design.reading": "read_design",

@@ -56,7 +56,7 @@ class Ledger:
         self.objective, self.values = objective, []
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
-        from tpd.design.descend import merit_of
+        from tpd.design.search import merit_of
 
         values = merit_of(self.objective.at(np.clip(np.atleast_2d(unit), 0.0, 1.0)), self.objective.risk.of)
         self.values.extend(float(v) for v in values)

@@ -20,9 +20,9 @@ from tpd.records.reading import facts
 MAP = "--x mu 0.01 0.2 --y lam 0.1 1.5"
 
 
-def pendulum(command: str, varied: tuple[str, ...] = ()) -> Pendulum | None:
+def pendulum(command: str) -> Pendulum | None:
     """The pendulum of a command for the paper's block."""
-    return common.pendulum(parser().parse_args(command.split()), paper_scene().block, varied)
+    return common.pendulum(parser().parse_args(command.split()), paper_scene().block)
 
 
 def test_a_pendulum_is_given_in_si_units_or_in_ratios():
@@ -31,19 +31,19 @@ def test_a_pendulum_is_given_in_si_units_or_in_ratios():
     assert pendulum("response --mass-ratio 0.05 --pendulum-length 0.1").mass == pytest.approx(0.8112)
     assert pendulum("response") is None
     # What a map varies need not be given.
-    assert pendulum(f"map {MAP}", ("mu", "lam")).damping_ratio == 0.1
+    assert pendulum(f"map {MAP}").damping_ratio == 0.1
     with pytest.raises(ValueError, match="half of the pendulum is missing: give --pendulum-length or"):
         pendulum("response --pendulum-mass 1")
 
 
 def test_ground_motions_are_said_with_their_sizes_and_a_harmonic_by_its_scene():
-    two = {"motion": {"records": ["el-centro", "loma-prieta"], "scales": [2, 3]}}
-    said, lines = common.motions(job_of(two))
-    assert said == "2 records, each at pga_star 2, 3"
-    assert [line.partition(",")[0] for line in lines] == ["record: el-centro", "record: loma-prieta"]
-    one = {"motion": {"records": ["el-centro"], "scales": [2, 3]}}
-    assert common.motions(job_of(one))[0] == "1 record, each at pga_star 2, 3"
-    assert common.motions(job_of({})) == ("", ())
+    records = {"records": ["el-centro", "loma-prieta"], "scales": [2, 3]}
+    two = job_of({"motion": records})
+    assert two.in_words == "2 records, each at pga_star 2, 3"
+    assert [line.partition(",")[0] for line in two.told] == ["record: el-centro", "record: loma-prieta"]
+    one = job_of({"motion": records | {"records": ["el-centro"]}})
+    assert one.in_words == "El Centro/NS, 3.127 m/s^2 at most, 31.18 s, each at pga_star 2, 3"
+    assert (job_of({}).in_words, job_of({}).told) == ("", ())
 
 
 def test_compiled_programs_can_be_stored():
@@ -155,10 +155,10 @@ job block.size.width = 1.0 | unknown key `size` in [block]
 job x = = 3 | is not valid TOML: Invalid value (at line 1, column 5)
 job [block]; [block] | is not valid TOML: Cannot declare
 job [[block]]; width = 1 | `block` must be a table, but is [{'width': 1}]
-shake | give either --record FILE or --pulse KIND, or a job of one
+shake | a harmonic has no end: give --record FILE or --pulse KIND
 shake SIZE --record nothing.csv | nothing.csv
 shake SIZE PULSE --pga 0 | [motion] `pga` must be positive
-fragility | give --records FILE, or a job of records: a harmonic has no end
+fragility | a harmonic has no end: give --record FILE or --pulse KIND
 new | required: KIND
 new tower --out /proc/nowhere/tower.toml | cannot write /proc/nowhere/tower.toml
 new towr | did you mean `tower`?
@@ -324,7 +324,7 @@ def test_every_command_shows_what_was_read_of_a_record(run, tmp_path, command):
 
 
 def test_a_write_that_fails_leaves_no_empty_folder_of_its_own(tmp_path, monkeypatch):
-    def full(options):
+    def full(options, _):
         options.out.mkdir(exist_ok=True)
         raise OSError(28, "No space left on device", str(options.out / "design.json"))
 

@@ -11,6 +11,7 @@ from tests.design.conftest import WIDE
 from tpd.design.criteria import (
     DEFAULT_LIMITS,
     KINDS,
+    Evaluation,
     Geometry,
     Limit,
     Size,
@@ -21,7 +22,6 @@ from tpd.design.criteria import (
     stroke_limit,
 )
 from tpd.design.harmonic import HarmonicProblem
-from tpd.design.orbits import Evaluation, geometry_of
 from tpd.design.search import search
 from tpd.report import words
 from tpd.scene.bob import Bob
@@ -97,7 +97,7 @@ def evaluation(design: np.ndarray) -> Evaluation:
 @pytest.fixture(scope="module")
 def geometry() -> Geometry:
     """Geometry, with a bare block that rocks at a tilt of 0.4 and 0.1 in shares of nu."""
-    return dataclasses.replace(geometry_of(SCENE, SCATTERED), bare_tilt=np.array([0.4, 0.1]))
+    return dataclasses.replace(Geometry.of(SCENE, SCATTERED), bare_tilt=np.array([0.4, 0.1]))
 
 
 def sizes(limit, design, geometry):
@@ -152,7 +152,7 @@ def test_limits_on_room_are_those_of_a_body_on_a_rod(geometry, bob):
 
 def test_the_room_is_that_of_the_cavity():
     block = dataclasses.replace(SCENE.block, cavity_width=0.06)
-    narrow = geometry_of(dataclasses.replace(SCENE, block=block), SCATTERED)
+    narrow = Geometry.of(dataclasses.replace(SCENE, block=block), SCATTERED)
     np.testing.assert_allclose(narrow.wall, 0.03 * np.array(FACTORS["slenderness"]))
 
 
@@ -164,7 +164,7 @@ def test_a_worsening_is_relative_to_the_bare_block(geometry):
     (size,) = worsening.sizes(e, calm)
     assert size.value[0, 0] == pytest.approx(e.tilt[0, 0] / (1.25 * 0.02))
     assert size.value[0, 1] == 0.0
-    (size,) = worsening.sizes(e, geometry_of(SCENE, SCATTERED))
+    (size,) = worsening.sizes(e, Geometry.of(SCENE, SCATTERED))
     np.testing.assert_array_equal(size.value, 0.0)
     np.testing.assert_array_equal(size.slope, 0.0)
     lost = e._replace(tilt=np.full((1, 2), np.inf))
@@ -257,7 +257,7 @@ def test_a_limit_on_the_mass_is_on_the_body_as_built(geometry):
     np.testing.assert_allclose(size.value, body / 2.0, rtol=1e-12)
     assert body > 1.02 * mass
     light = Bob(density=1000.0)
-    other = geometry_of(SCENE, SCATTERED, (tpd.limits.Room(light), tpd.limits.Mass(2.0)))
+    other = Geometry.of(SCENE, SCATTERED, (tpd.limits.Room(light), tpd.limits.Mass(2.0)))
     (lighter,) = tpd.limits.Mass(2.0).sizes(evaluation(design), other)
     assert lighter.value[0, 0] != size.value[0, 0]
     # Where no body swings as the point does, the mass of the point counts.

@@ -1,4 +1,5 @@
-"""Objective over exact orbits: values, derivatives, limits as constraints."""
+"""Objective over exact orbits: values, derivatives, limits as constraints; and orbits that are followed, or
+lost, as designs move."""
 
 import dataclasses
 
@@ -8,7 +9,8 @@ import pytest
 import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
 from tests.reference import orbits_of
-from tpd.design.orbits import BACK_OFF, KINDS, REST, ROCKING, Orbits, geometry_of, margins
+from tpd.design.criteria import NONE, REST, ROCKING, Geometry
+from tpd.design.orbits import BACK_OFF, KINDS, SMOOTHED, Orbits, SmoothedOrbits, margins
 from tpd.scene.parameters import as_arrays
 
 GOOD = np.array([[0.15, 0.26, 0.35]])
@@ -21,10 +23,11 @@ LIMITS = (
     tpd.limits.Room(),
     tpd.limits.Reserve(0.05),
 )
+DESIGNS = np.array([[0.05, 0.5, 0.1], [0.1, 0.7, 0.1], [0.15, 0.4, 0.1]])
 
 
 def orbits(scene=SCENE, conditions=BAND, limits=LIMITS, **more) -> Orbits:
-    geometry = geometry_of(scene, conditions)
+    geometry = Geometry.of(scene, conditions)
     p = as_arrays(scene.parameters())
     return Orbits(p, conditions, WIDE, tpd.Risk.worst(), limits, geometry, **more)
 
@@ -107,7 +110,7 @@ def test_rest_counts_from_rest_though_rocking_attracts_from_elsewhere():
 
 def test_other_conditions_of_the_same_scene(objective):
     factors = {"slenderness": np.array([0.9, 1.1]), "mass": np.array([1.0, 1.2])}
-    other = objective.over(tpd.Conditions(factors))
+    other = orbits(conditions=tpd.Conditions(factors))
     np.testing.assert_allclose(other.geometry.slenderness, SCENE.block.slenderness * factors["slenderness"])
     np.testing.assert_array_equal(other.geometry.mass_factor, factors["mass"])
     assert other.evaluate(GOOD).merit.shape == (1, 2)
@@ -164,3 +167,35 @@ def test_values_of_another_shape_are_rejected():
 
     with pytest.raises(ValueError, match=r"must have a value of shape \(1, 5\) and a slope"):
         orbits(objective=Flat(1.0)).evaluate(GOOD)
+
+
+@pytest.fixture
+def walk(objective):
+    return SmoothedOrbits(objective, SMOOTHED, objective.evaluate(DESIGNS))
+
+
+def test_steps_follow_the_exact_orbits_as_designs_move(walk, objective):
+    for share in (1.0, 1.01, 1.02, 1.02, 1.02):
+        e = walk.evaluate(DESIGNS * [share, share, 1.0])
+    exact = objective.evaluate(DESIGNS * [1.02, 1.02, 1.0])
+    np.testing.assert_array_equal(e.kind, exact.kind)
+    rocks = e.kind == ROCKING
+    assert rocks.any()
+    np.testing.assert_allclose(e.tilt[rocks], exact.tilt[rocks], rtol=1e-4)
+    np.testing.assert_allclose(e.stroke[rocks], exact.stroke[rocks], rtol=2e-3)
+    steep = np.abs(exact.tilt_slope[rocks]).max(axis=-1, keepdims=True)
+    assert np.max(np.abs(e.tilt_slope[rocks] - exact.tilt_slope[rocks]) / steep) < 0.02
+    assert walk.lost.sum() == 0
+
+
+def test_what_is_not_followed_is_the_exact_answer(walk, objective):
+    """A jump over half of the space loses orbits; the exact solution answers there and goes on."""
+    far = np.array([[0.19, 1.9, 0.1], [0.02, 0.15, 0.1], [0.05, 1.2, 0.1]])
+    e, exact = walk.evaluate(far), objective.evaluate(far)
+    assert walk.lost.sum() > 0
+    np.testing.assert_array_equal(e.kind, exact.kind)
+    again = walk.evaluate(far)
+    rocks = exact.kind == ROCKING
+    np.testing.assert_allclose(again.tilt[rocks], exact.tilt[rocks], rtol=1e-4)
+    others = (exact.kind == REST) | (exact.kind == NONE)
+    np.testing.assert_array_equal(again.merit[others], exact.merit[others])

@@ -1,14 +1,19 @@
-"""What all problems share: ratios and sizes of a pendulum, the space within a limit on the mass, and
-checks."""
+"""What all problems share: ratios and sizes of a pendulum, the space within a limit on the mass, checks, and
+the job that poses a problem again."""
 
 import dataclasses
+import tomllib
 
 import numpy as np
 import pytest
 
 import tpd
 from tests.designs import RATIOS, SCENE, NoisyProblem
+from tpd import limits
 from tpd.design.criteria import check_cavity, check_moves, check_scatter
+from tpd.design.ground_motion import GroundMotionProblem
+from tpd.design.harmonic import HarmonicProblem
+from tpd.design.job import job_of
 from tpd.design.problem import within_mass
 
 SOLID = dataclasses.replace(SCENE.block, cavity_width=None)
@@ -24,8 +29,8 @@ def test_a_design_is_the_pendulum_of_its_ratios():
 
 def test_sizes_that_need_no_run_are_those_of_the_bob_at_rest_under_all_conditions():
     scattered = tpd.Conditions({"mass": np.array([0.9, 1.2]), "slenderness": np.array([1.0, 0.9])})
-    limits = (tpd.limits.Stroke(0.5), tpd.limits.Room(), tpd.limits.Mass(2.0))
-    problem = NoisyProblem.of(limits=limits, conditions=scattered)
+    some = (limits.Stroke(0.5), limits.Room(), limits.Mass(2.0))
+    problem = NoisyProblem.of(limits=some, conditions=scattered)
     found = problem.fixed_sizes(np.array([RATIOS, (0.2, 0.3, 0.1)]))
     assert {name: x.shape for name, x in found.items()} == dict.fromkeys(found, (2,))
     np.testing.assert_array_equal(found["stroke"], 0.0)
@@ -55,13 +60,88 @@ def test_walls_need_a_cavity_that_is_stated():
 def test_what_does_not_move_the_block_or_cannot_scatter_is_rejected():
     still = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.0, frequency=2.5))
     with pytest.raises(ValueError, match="`amplitude` must be above 0 in a search, but is 0"):
-        check_moves(still, tpd.Conditions(), tpd.DesignSpace())
+        check_moves(still, tpd.Conditions())
     with pytest.raises(ValueError, match=r"must make at most 10 g, but 1\.5 m at 2\.5 Hz make 37\.7 g"):
-        check_moves(SCENE, tpd.Conditions.amplitudes(1.0, 100.0), tpd.DesignSpace())
+        check_moves(SCENE, tpd.Conditions.amplitudes(1.0, 100.0))
     smooth = dataclasses.replace(SCENE, block=dataclasses.replace(SCENE.block, friction=0.0))
     with pytest.raises(ValueError, match="`friction` cannot scatter by a share of itself: it is 0"):
-        check_moves(smooth, tpd.Conditions.scatter(4, friction=0.1), tpd.DesignSpace())
+        check_scatter(smooth, ["friction"])
     with pytest.raises(ValueError, match="`damping` cannot scatter"):
         check_scatter(SCENE, ["damping"], tpd.DesignSpace(damping_ratio=0.0))
     with pytest.raises(ValueError, match="`restitution` can scatter where it is a number"):
         check_scatter(SCENE, ["restitution"])
+
+
+ASKED = tpd.Scene(
+    tpd.Block(width=0.2, height=0.9, mass=60.0, restitution=0.9, cavity_width=0.15),
+    tpd.Harmonic(amplitude=0.03, frequency=2.0),
+)
+BAND = tpd.Conditions.band(ASKED, 1.5, 2.5, 3) * tpd.Conditions.amplitudes(1.0, 1.5)
+CASES = {
+    "defaults": {},
+    "band": {"conditions": BAND, "risk": tpd.Risk.cvar(0.25), "seed": 4},
+    "scatter": {"conditions": BAND * tpd.Conditions.scatter(8, 4, friction=0.1, mass=0.05), "seed": 4},
+    "from rest": {
+        "method": tpd.Descent(searches=3, steps=5, model="piecewise"),
+        "starts": tpd.Starts.rest(),
+    },
+    "exact orbits": {"method": tpd.Descent("rmsprop", model="piecewise", tolerance=0.02)},
+    "limits": {"limits": (limits.Stroke(0.3), limits.Room(tpd.limits.Bob(density=2000.0)), limits.Mass(5.0))},
+    "point": {"conditions": tpd.Conditions(), "limits": limits.POINT_BOB},
+    "space": {"space": tpd.DesignSpace(mass_ratio=(0.02, 0.1), damping_ratio=(0.1, 0.4))},
+    "worth": {
+        "worth": limits.Worth(at_least=0.2, strikes=0.05),
+        "ensemble": tpd.Ensemble(size=64, ramps=(1.0,)),
+    },
+}
+
+
+def answer(**asked):
+    """Problem of a scene."""
+    return HarmonicProblem.of(asked.pop("scene", ASKED), **asked)
+
+
+@pytest.mark.parametrize("asked", CASES.values(), ids=CASES)
+def test_the_job_of_a_design_asks_its_question(asked):
+    scene = ASKED
+    if "friction" in str(asked.get("conditions", "")):
+        scene = tpd.Scene(dataclasses.replace(ASKED.block, friction=0.05), ASKED.motion)
+    design = answer(scene=scene, **asked)
+    job = design.job
+    assert job_of(tomllib.loads(job.toml)) == job
+    again = answer(scene=job.scene, **job.settings)
+    for name in ("scene", "space", "starts", "risk", "limits", "worth", "ensemble", "seed"):
+        assert getattr(again, name) == getattr(design, name), name
+    assert repr(again.method) == repr(design.method)
+    np.testing.assert_array_equal(again.conditions.factor_rows(), design.conditions.factor_rows())
+
+
+@dataclasses.dataclass(frozen=True)
+class Own(limits.Limit):
+    name = "own"
+
+    def sizes(self, e, g):
+        return ()
+
+
+@pytest.mark.parametrize(
+    ("asked", "sentence"),
+    [
+        ({"limits": (limits.Stroke(), Own())}, "a job file cannot say the limit `own`, which exists only in"),
+        (
+            {"conditions": tpd.Conditions({"amplitude": np.array([1.0, 1.2])}, ("mine",))},
+            "a job file cannot say the conditions of this design: it has bands, amplitudes and scatter, and",
+        ),
+    ],
+)
+def test_what_no_file_can_say_is_refused(asked, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        _ = answer(**asked).job
+
+
+def test_motions_that_exist_only_in_python_are_refused():
+    record = tpd.Record(np.sin(np.arange(100) / 5.0), 0.01)
+    conditions = tpd.Conditions.records([record], (2.0,))
+    asked = GroundMotionProblem.of(ASKED, conditions, held_out=0.0)
+    with pytest.raises(ValueError, match="a job file cannot say motions that exist only in Python"):
+        _ = asked.job

@@ -1,23 +1,19 @@
-"""Questions of designs as jobs, and `tpd.read_design`: bit for bit, or one sentence on what is missing."""
+"""`tpd.read_design`: bit for bit, or one sentence on what is missing."""
 
 import dataclasses
 import json
 import math
 import re
-import tomllib
 
 import numpy as np
 import pytest
 
 import tpd
 from tests import designs
-from tpd import limits
 from tpd.design.as_built import Study, build_of
 from tpd.design.design import Design
-from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
-from tpd.design.job import job_of
-from tpd.design.reading import StoredDesign, job_of_design, read_design
+from tpd.design.reading import StoredDesign, read_design
 from tpd.design.reasons import DesignStatus
 from tpd.design.validate import Validated
 from tpd.report.json import as_json
@@ -112,81 +108,6 @@ def test_a_damaged_file_is_refused_in_one_sentence(damaged, changes, sentence):
         damaged(**changes)
     assert "design.json" in str(refusal.value)
     assert "\n" not in str(refusal.value)
-
-
-ASKED = tpd.Scene(
-    tpd.Block(width=0.2, height=0.9, mass=60.0, restitution=0.9, cavity_width=0.15),
-    tpd.Harmonic(amplitude=0.03, frequency=2.0),
-)
-BAND = tpd.Conditions.band(ASKED, 1.5, 2.5, 3) * tpd.Conditions.amplitudes(1.0, 1.5)
-CASES = {
-    "defaults": {},
-    "band": {"conditions": BAND, "risk": tpd.Risk.cvar(0.25), "seed": 4},
-    "scatter": {"conditions": BAND * tpd.Conditions.scatter(8, 4, friction=0.1, mass=0.05), "seed": 4},
-    "from rest": {
-        "method": tpd.Descent(searches=3, steps=5, model="piecewise"),
-        "starts": tpd.Starts.rest(),
-    },
-    "exact orbits": {"method": tpd.Descent("rmsprop", model="piecewise", tolerance=0.02)},
-    "limits": {"limits": (limits.Stroke(0.3), limits.Room(tpd.limits.Bob(density=2000.0)), limits.Mass(5.0))},
-    "point": {"conditions": tpd.Conditions(), "limits": limits.POINT_BOB},
-    "space": {"space": tpd.DesignSpace(mass_ratio=(0.02, 0.1), damping_ratio=(0.1, 0.4))},
-    "worth": {
-        "worth": limits.Worth(at_least=0.2, strikes=0.05),
-        "ensemble": tpd.Ensemble(size=64, ramps=(1.0,)),
-    },
-}
-
-
-def answer(**asked):
-    """Problem of a scene."""
-    return HarmonicProblem.of(asked.pop("scene", ASKED), **asked)
-
-
-@pytest.mark.parametrize("asked", CASES.values(), ids=CASES)
-def test_the_job_of_a_design_asks_its_question(asked):
-    scene = ASKED
-    if "friction" in str(asked.get("conditions", "")):
-        scene = tpd.Scene(dataclasses.replace(ASKED.block, friction=0.05), ASKED.motion)
-    design = answer(scene=scene, **asked)
-    job = job_of_design(design)
-    assert job_of(tomllib.loads(job.toml)) == job
-    again = answer(scene=job.scene, **job.settings)
-    for name in ("scene", "space", "starts", "risk", "limits", "worth", "ensemble", "seed"):
-        assert getattr(again, name) == getattr(design, name), name
-    assert repr(again.method) == repr(design.method)
-    np.testing.assert_array_equal(again.conditions.factor_rows(), design.conditions.factor_rows())
-
-
-@dataclasses.dataclass(frozen=True)
-class Own(limits.Limit):
-    name = "own"
-
-    def sizes(self, e, g):
-        return ()
-
-
-@pytest.mark.parametrize(
-    ("asked", "sentence"),
-    [
-        ({"limits": (limits.Stroke(), Own())}, "a job file cannot say the limit `own`, which exists only in"),
-        (
-            {"conditions": tpd.Conditions({"amplitude": np.array([1.0, 1.2])}, ("mine",))},
-            "a job file cannot say the conditions of this design: it has bands, amplitudes and scatter, and",
-        ),
-    ],
-)
-def test_what_no_file_can_say_is_refused(asked, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        job_of_design(answer(**asked))
-
-
-def test_motions_that_exist_only_in_python_are_refused():
-    record = tpd.Record(np.sin(np.arange(100) / 5.0), 0.01)
-    conditions = tpd.Conditions.records([record], (2.0,))
-    asked = GroundMotionProblem.of(ASKED, conditions, held_out=0.0)
-    with pytest.raises(ValueError, match="a job file cannot say motions that exist only in Python"):
-        job_of_design(asked)
 
 
 @pytest.mark.mends("~ stood for a folder of that name")

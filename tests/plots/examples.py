@@ -5,7 +5,7 @@ import numpy as np
 import tpd
 from tpd.answers.response import Response
 from tpd.design.as_built import TimeHistory
-from tpd.design.pareto import Front, FrontPoint
+from tpd.design.optimise import Front, FrontPoint
 
 SCENE = tpd.paper_scene()
 PENDULUM = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)

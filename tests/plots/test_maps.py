@@ -4,7 +4,7 @@ import numpy as np
 
 import tpd
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
-from tpd.design.pareto import Designs
+from tpd.design.optimise import Designs
 
 BARE_SPECTRUM = np.array([[0, 1], [2, -1], [3, 0]])
 OVERTURNING = OverturningSpectrum(

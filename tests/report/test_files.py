@@ -13,6 +13,7 @@ import tpd
 from tests.report.conftest import harmonic, rejected, study, tuned
 from tpd.design.as_built import Study, TimeHistory
 from tpd.design.job import job_of
+from tpd.design.problem import Problem
 from tpd.report import files
 from tpd.report.files import add_engine, draw, motion_csv, response_csv, write
 
@@ -45,12 +46,12 @@ def test_a_report_is_written_with_the_job_where_one_says_what_was_asked(tmp_path
         raise ValueError("a limit of one's own")
 
     monkeypatch.setattr(files, "draw", lambda *_: b"<svg/>")
-    monkeypatch.setattr(files, "job_of_design", lambda _: job_of({}))
+    monkeypatch.setattr(Problem, "job", property(lambda _: job_of({})))
     design, study = rejected(), Study()
     assert "scene.toml" in {path.name for path in tpd.write_report(design, tmp_path / "a", study=study)}
     with pytest.raises(ValueError, match="already holds files"):
         tpd.write_report(design, tmp_path / "a", study=study)
-    monkeypatch.setattr(files, "job_of_design", unsaid)
+    monkeypatch.setattr(Problem, "job", property(unsaid))
     with pytest.warns(UserWarning, match=r"the report goes without scene\.toml: a limit of one's own"):
         written = tpd.write_report(design, tmp_path / "b", study=study)
     assert "scene.toml" not in {path.name for path in written}
@@ -139,7 +140,7 @@ def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_n
     assert said == ["search.png is not drawn: latex was not able to process"]
     assert {"report.html", "drawing.svg"} < {p.name for p in written}
     assert "search.png" not in {p.name for p in tmp_path.iterdir()}
-    monkeypatch.setattr(files, "job_of_design", lambda _: job_of({}))
+    monkeypatch.setattr(Problem, "job", property(lambda _: job_of({})))
     monkeypatch.setenv("HOME", str(tmp_path))
     with pytest.warns(UserWarning, match=r"search\.png is not drawn: latex"):
         written = tpd.write_report(harmonic(), "~/saved", study=Study())

@@ -64,8 +64,8 @@ def _run(read: argparse.Namespace, does: str = "") -> int:
         # All inputs are checked before JAX is imported, which takes seconds.
         found = common.checked(read)
         with interrupts.announced(does):
-            common.set_up(found)
-            return import_module(f"tpd.cli.{read.command}").run(read)
+            common.set_up(found.job)
+            return import_module(f"tpd.cli.{read.command}").run(read, found)
     except Exception as error:
         if made is not None:
             # What could not be written leaves no empty folder.

@@ -13,6 +13,7 @@ from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.core.progress import Bar
 from tpd.design.criteria import Mass, check_cavity, stroke_limit
+from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
@@ -23,9 +24,9 @@ from tpd.report import answer, files, words
 from tpd.scene.scene import Pendulum
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Solve the design by all models and print the results; return the exit status."""
-    job, pendulum = common.case(options)
+    job, pendulum = inputs
     if pendulum is None and options.design is None:
         raise ValueError("give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length")
     given = {name: x for name in ("runs", "sliding") if (x := getattr(options, name)) is not None}
@@ -37,17 +38,14 @@ def run(options: argparse.Namespace) -> int:
         if given:
             raise ValueError(f"--{next(iter(given))} is of --engine, which is not given")
         check_cavity(job.block, job.limits)
-    elif job.kind != "harmonic":
-        raise ValueError("--engine follows harmonic motion, and the job has ground motions")
-    common.say(job.scene, pendulum, *common.motions(job))
+    else:
+        _ = job.settled_scene("--engine", "--scene FILE")
+    common.say(job.scene, pendulum, job.in_words, job.all_told)
     if options.engine is not None:
         return _by_engine(job, pendulum, options, given)
     models = QUICK if options.quick else MODELS
     with Bar() as bar:
-        if pendulum is None:
-            said, is_sound = _without(job, options.seed, models, bar)
-        else:
-            said, is_sound = _validated(job, pendulum, options.seed, models, bar)
+        said, is_sound = _validated(job, pendulum, options.seed, models, bar)
     print("\n".join(["", *said]))
     return SOUND if is_sound else UNSOUND
 
@@ -64,16 +62,19 @@ def _problem(job: Job, seed: int | None) -> Problem:
 
 
 def _validated(
-    job: Job, pendulum: Pendulum, seed: int | None, models: tuple[str, ...], bar: Bar
+    job: Job, pendulum: Pendulum | None, seed: int | None, models: tuple[str, ...], bar: Bar
 ) -> tuple[list[str], bool]:
-    """Lines on a pendulum: all models, and the validation that `tpd optimise` requires of its designs."""
-    said: list[str] = []
-    problem = _problem(job, seed)
-    if job.kind == "harmonic":
+    """Lines on a pendulum, or on the block alone where a report has none: all models, and the validation that
+    `tpd optimise` requires of its designs."""
+    problem, said = _problem(job, seed), list[str]()
+    if isinstance(problem, HarmonicProblem):
         stroke = stroke_limit(job.limits)
         said = [check(job.scene, pendulum, stroke=stroke, models=models, progress=bar).table(), ""]
+    # No pendulum is an answer only where none is needed, under all conditions of the job.
     if problem.stays_at_rest():
         return [*said, DesignStatus.no_uplift.value], True
+    if pendulum is None:
+        return [*said, "NOT RECOMMENDED: the report has no pendulum."], False
     found = validate(problem, problem.ratios(pendulum), thorough=True, progress=bar)
     said += _outside(found, job)
     runs = found.runs
@@ -107,17 +108,6 @@ def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace,
     if not sound and not found.warning:
         print(f"By {found.engine} the pendulum does not help.")
     return SOUND if sound else UNSOUND
-
-
-def _without(job: Job, seed: int | None, models: tuple[str, ...], bar: Bar) -> tuple[list[str], bool]:
-    """Lines on the block alone, which a report without a pendulum is about."""
-    said: list[str] = []
-    if job.kind == "harmonic":
-        said = [check(job.scene, models=models, progress=bar).table(), ""]
-    # No pendulum is an answer only where none is needed, under all conditions of the job.
-    if _problem(job, seed).stays_at_rest():
-        return [*said, DesignStatus.no_uplift.value], True
-    return [*said, "NOT RECOMMENDED: the report has no pendulum."], False
 
 
 def _outside(found: Validated, job: Job) -> list[str]:

@@ -9,12 +9,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from typing import Any, NamedTuple
 
-from tpd.cli.options import given
+from tpd.cli.options import given, put
 from tpd.core import checks, files, progress
 from tpd.design import job as jobs
 from tpd.design.criteria import check_cavity
 from tpd.design.reading import read_design
-from tpd.records.reading import described, summary
+from tpd.records.reading import summary
 from tpd.scene.scene import Block, Pendulum, Scene, check_damping
 
 MOST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as long as the block")}
@@ -57,53 +57,19 @@ def cluster(options: argparse.Namespace) -> Iterator[Any]:
         raise ValueError(str(error)) from None
 
 
-def case(
-    options: argparse.Namespace, varied: tuple[str, ...] = (), over: dict[str, dict[str, Any]] | None = None
-) -> Case:
-    """Job and pendulum of the design that the options name, or of a job file and the options.
-
-    Args:
-        options: as parsed.
-        varied: quantities of the pendulum that need not be given.
-        over: further tables, in place of those of the options.
+def checked(options: argparse.Namespace) -> Case:
+    """Read and check all inputs of a command, and claim its folder, before anything heavy is imported.
 
     Raises:
         ValueError: a file that cannot be read or is not the design of a report of this version, options that
-            describe another block or pendulum beside a design, or a value that is not allowed.
+            describe another block or pendulum beside a design, a value that is not allowed, a motion that the
+            command is not about, or a folder that holds results.
     """
-    stated = given(options) if over is None else over
-    name = getattr(options, "design", None)
-    if name is None:
-        job = jobs.job_of(jobs.merged({} if options.scene is None else jobs.read(options.scene), stated))
-        hung = pendulum(options, job.block, varied) if hasattr(options, "pendulum_mass") else None
-    else:
-        others = {"amplitude", "frequency"} & set(stated.get("motion", {})) or set(stated) - {"motion"}
-        if others or any(getattr(options, x, None) is not None for x in ("scene", *_PENDULUM)):
-            raise ValueError(f"{name} has a scene and a pendulum: give it alone, or the options without it")
-        found = read_design(name)
-        job, hung = jobs.job_of(jobs.merged(found.tables, stated)), found.pendulum
-    return Case(job, hung)
-
-
-def checked(options: argparse.Namespace) -> Case | None:
-    """Read and check all inputs of a command, and claim its folder, before anything heavy is imported; None
-    for a command without a job.
-
-    Raises:
-        ValueError: as `case`, and for a folder that holds results.
-    """
-    # A spectrum has pulses of all frequencies, and an exported model needs no motion: these commands fill in
-    # what is missing. What a command varies along an axis need not be given either.
-    varied, fills_in = tuple(f"pendulum_{name}" for name in ("mass", "length", "damping")), False
-    if options.command == "spectrum":
-        fills_in = "pulse" in given(options).get("motion", {})
-    elif options.command == "export":
-        fills_in = options.design is None
-    if fills_in or not hasattr(options, "scene"):
-        return None
+    _complete_motion(options)
+    found = case(options)
     if options.command in ("response", "map"):
-        harmonic(options, varied)
-    found = case(options, varied)
+        again = "--scene FILE" if options.design is None else f"--scene {options.design / 'scene.toml'}"
+        _ = found.job.settled_scene(f"`tpd {options.command}`", again)
     # Properties of a job are checked when they are read.
     _ = found.job.settings if options.command in ("optimise", "check") else found.job.scene
     if options.command == "optimise":
@@ -113,65 +79,59 @@ def checked(options: argparse.Namespace) -> Case | None:
     return found
 
 
-def set_up(found: Case | None) -> None:
+def _complete_motion(options: argparse.Namespace) -> None:
+    """Add the part of a motion that a job needs and a command does not."""
+    tables = given(options)
+    motion = tables.get("motion", {})
+    if options.command == "spectrum" and "pulse" in motion:
+        if idle := {"pulse_frequency", "pga"} & set(motion):
+            flag = f"--{min(idle).replace('_', '-')}"
+            raise ValueError(f"{flag} has no effect here: pulses of every frequency and size are tried")
+        put(options, "motion", {"pulse_frequency": 1.0})
+    elif options.command == "export" and options.kind == "mjcf" and not (options.design or motion):
+        # The model has no motion, but a job has.
+        put(options, "motion", {"pulse": "one-sine", "pulse_frequency": 1.0})
+
+
+def case(options: argparse.Namespace) -> Case:
+    """Job and pendulum of the design that the options name, or of a job file and the options.
+
+    Raises:
+        ValueError: see `checked`.
+    """
+    stated, name = given(options), getattr(options, "design", None)
+    if name is None:
+        job = jobs.job_of(jobs.merged({} if options.scene is None else jobs.read(options.scene), stated))
+        return Case(job, pendulum(options, job.block) if hasattr(options, "pendulum_mass") else None)
+    others = {"amplitude", "frequency"} & set(stated.get("motion", {})) or set(stated) - {"motion"}
+    if others or any(getattr(options, x, None) is not None for x in ("scene", *_PENDULUM)):
+        raise ValueError(f"{name} has a scene and a pendulum: give it alone, or the options without it")
+    found = read_design(name)
+    return Case(jobs.job_of(jobs.merged(found.tables, stated)), found.pendulum)
+
+
+def set_up(job: jobs.Job) -> None:
     """Set JAX up before any module imports it, and begin to compile what the job needs."""
     from tpd.core import process
     from tpd.models import compiling
 
-    folder = process.use_64_bits()
-    if folder is not None and found is not None:
+    if (folder := process.use_64_bits()) is not None:
         with contextlib.suppress(OSError):
-            what = compiling.HARMONIC if found.job.kind == "harmonic" else compiling.GROUND
-            compiling.compile_beside(folder, what)
-
-
-def harmonic(options: argparse.Namespace, varied: tuple[str, ...] = ()) -> tuple[Scene, Pendulum | None]:
-    """Scene and pendulum of the options, for the commands about settled motions.
-
-    Raises:
-        ValueError: as `case`, or a motion that is not harmonic.
-    """
-    job, hung = case(options, varied)
-    if job.kind != "harmonic":
-        name = "--scene FILE" if options.design is None else f"--scene {options.design / 'scene.toml'}"
-        raise ValueError(
-            f"`tpd {options.command}` is about harmonic motion, and the job has "
-            f"{'a pulse' if job.kind == 'pulse' else 'records'}: give {name} with --amplitude and --frequency"
-        )
-    return job.scene, hung
+            compiling.compile_beside(folder, job.compiled)
 
 
 def say(scene: Scene, hung: Pendulum | None = None, motion: str = "", notes: Iterable[str] = ()) -> None:
     """Print block, motion, losses and pendulum, if any, before any work: whose block it is must not be a
-    surprise. A motion that is not harmonic is described by `motion`."""
+    surprise. Other words for the motion can be given."""
     # Words of the report stand above its designs.
     from tpd.report import words
 
-    lines = (*words.block_lines(scene), f"  motion  {motion}") if motion else words.scene_lines(scene)
     more = () if hung is None else (words.pendulum_line(scene, hung),)
-    progress.say("\n".join((*notes, *lines, *more)), sys.stdout)
+    progress.say("\n".join((*notes, *words.scene_lines(scene, motion), *more)), sys.stdout)
 
 
-def shaken(motion: Any) -> str:
-    """A pulse or record in words."""
-    name = getattr(motion, "name", "") or getattr(motion, "kind", "motion")
-    return f"{name}, {float(motion.pga):.4g} m/s^2 at most, {float(motion.duration):.4g} s"
-
-
-def motions(job: jobs.Job) -> tuple[str, tuple[str, ...]]:
-    """Words for the ground motions of a job, and lines on its records, those that are held out included;
-    empty for a harmonic."""
-    if job.conditions is None or not job.conditions.motions:
-        return "", ()
-    found, stripes = job.conditions.motions, ", ".join(f"{x:g}" for x in job.conditions.scales)
-    what = shaken(found[0]) if job.kind == "pulse" else f"{len(found)} record{'s' * (len(found) > 1)}"
-    groups = job.held_out if isinstance(job.held_out, dict) else {}
-    held = [f"held out, {name}: {line}" for name, group in groups.items() for line in described(group)]
-    return f"{what}, each at {job.conditions.intensity} {stripes}", (*job.told, *held, *job.held_notes)
-
-
-def pendulum(options: argparse.Namespace, block: Block, varied: tuple[str, ...] = ()) -> Pendulum | None:
-    """Pendulum of the options, or None without one; a quantity that is varied need not be given.
+def pendulum(options: argparse.Namespace, block: Block) -> Pendulum | None:
+    """Pendulum of the options, or None without one; what a map varies need not be given.
 
     Raises:
         ValueError: a pendulum of which half is missing, a bob heavier than the block, a rod longer than it,
@@ -181,12 +141,14 @@ def pendulum(options: argparse.Namespace, block: Block, varied: tuple[str, ...] 
     mass = options.pendulum_mass if mu is None else mu * block.mass
     length = options.pendulum_length if lam is None else lam * block.half_height
     # A quantity that is varied takes its values from the axis; the one set here is only a placeholder.
-    if mass is None and {"pendulum_mass", "mu"} & set(varied):
+    axes = (getattr(options, name, None) for name in "xy")
+    varied = {axis[0].replace("-", "_") for axis in axes if axis}
+    if mass is None and {"pendulum_mass", "mu"} & varied:
         mass = block.mass
-    if length is None and {"pendulum_length", "lam"} & set(varied):
+    if length is None and {"pendulum_length", "lam"} & varied:
         length = block.half_height
     # Any of the three options asks for a pendulum, so a lone damping ratio is a mistake and not a bare block.
-    named = damping is not None or {"pendulum_damping", "zeta"} & set(varied)
+    named = damping is not None or {"pendulum_damping", "zeta"} & varied
     if mass is None and length is None and not named:
         return None
     if mass is None or length is None:

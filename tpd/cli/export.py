@@ -13,13 +13,12 @@ from tpd.answers.shaking_history import shaking_history
 from tpd.cli import common
 from tpd.cli.grammar import EXPORTED
 from tpd.cli.interrupts import SOUND
-from tpd.cli.options import given
 from tpd.core import files
 from tpd.design.as_built import time_histories
 from tpd.scene.scene import Pendulum, Scene
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Write the file, and print what was exported; return the exit status."""
     if options.kind == "csv" and options.sliding is not None:
         raise ValueError("--sliding is of a model of MuJoCo or OpenSees, but --as is csv")
@@ -29,16 +28,10 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError(f"--file must name a file, but {file} is a directory")
     if file.exists() and not options.overwrite:
         raise ValueError(f"{file} exists already: choose another name with --file, or pass --overwrite")
-    tables = dict(given(options))
-    if options.kind == "mjcf" and options.design is None and "motion" not in tables:
-        # The model has no motion, but a job has.
-        tables["motion"] = {"pulse": "one-sine", "pulse_frequency": 1.0}
-    job, hung = common.case(options, over=tables)
-    is_harmonic = job.kind == "harmonic"
-    scene = job.scene if is_harmonic or options.kind == "mjcf" else job.under(job.shaking)
-    motion = "" if is_harmonic else common.shaken(scene.motion)
-    motion = "none: give it to the actuators" if options.kind == "mjcf" else motion
-    common.say(scene, hung, motion, job.told)
+    job, hung = inputs
+    has_motion = options.kind != "mjcf"
+    scene = job.single if has_motion else job.scene
+    common.say(scene, hung, "" if has_motion else "none: give it to the actuators", job.told)
     if hung is None and options.design is not None:
         print("The report offers no pendulum: only the bare block is exported.")
     if options.kind == "csv":

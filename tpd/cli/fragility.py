@@ -16,22 +16,20 @@ from tpd.cli.interrupts import SOUND
 from tpd.core import files
 from tpd.core.progress import Bar
 from tpd.design.job import Job
+from tpd.records.reading import in_words
 from tpd.scene.scene import Pendulum
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow all motions, write tables and pictures, and print the medians; return the exit status."""
-    job, hung = common.case(options)
-    if job.kind == "harmonic":
-        raise ValueError("give --records FILE, or a job of records: a harmonic has no end")
-    asked, scene = job.full["motion"], job.scene
-    files.claim(options.out, overwrite=options.overwrite)
-    common.say(scene, hung, f"{len(job.motions)} record{'s' * (len(job.motions) > 1)}", job.told)
+    job, hung = inputs
+    asked, scene, motions = job.full["motion"], job.scene, job.ground_motions
+    common.say(scene, hung, in_words(motions), job.told)
     stripes = np.linspace(0.5, 8.0, 20) if asked["scales"] is None else np.array(asked["scales"])
     with Bar() as bar, common.cluster(options) as cluster:
         found = fragility(
             scene.block,
-            job.motions,
+            motions,
             scales=stripes,
             pendulum=hung,
             intensity=asked["intensity"],

@@ -19,13 +19,12 @@ _MOST_POINTS = 2000.0
 """Along each axis: four million designs take a minute and a gigabyte of memory."""
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Solve the grid, write it and print the counts of the statuses; return the exit status."""
     checks.count("--points", options.points, least=2)
     checks.within("--points", options.points, 2.0, _MOST_POINTS)
     x, y = (_axis(flag, given) for flag, given in (("--x", options.x), ("--y", options.y)))
-    scene, hung = common.harmonic(options, (x[0], y[0]))
-    files.claim(options.out, overwrite=options.overwrite)
+    scene, hung = inputs.job.scene, inputs.pendulum
     with Bar() as bar, common.cluster(options) as cluster:
         bar("mapping", 0, options.points**2)
         m = design_map(

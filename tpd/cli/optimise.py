@@ -10,10 +10,8 @@ from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import files
 from tpd.core.progress import Bar, say
 from tpd.design.as_built import Study, study
-from tpd.design.criteria import check_cavity
 from tpd.design.design import Design
-from tpd.design.optimise import optimise
-from tpd.design.pareto import front
+from tpd.design.optimise import front, optimise
 from tpd.report import answer
 from tpd.report.files import write
 
@@ -21,22 +19,16 @@ _LEAST = 12
 """Lines of the answer, however many there are on the records."""
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Search, verify, write the report and print the answer; return the exit status."""
-    # The job is checked as a whole before anything is written or compiled.
-    job, _ = common.case(options)
-    check_cavity(job.block, job.limits)
-    # Records are read here: bad files end the command before anything is claimed.
-    scene, settings = job.scene, job.settings
-    files.claim(options.out, overwrite=options.overwrite)
+    job, told = inputs.job, inputs.job.all_told
     # The date of the report comes after the search; a bad setting of it must not.
     files.today()
     # Lines on the records shorten the answer, so that both fit on a terminal.
-    motion, told = common.motions(job)
     if not (options.quiet or options.json):
-        common.say(scene, None, motion, told)
+        common.say(job.scene, None, job.in_words, told)
     with Bar() as bar:
-        design, points = optimise(scene, **settings, progress=bar), ()
+        design, points = optimise(job.scene, **job.settings, progress=bar), ()
         if job.full["search"]["pareto"] and design.pendulum is not None and design.status.name == "found":
             points = front(design, progress=bar)
         shown = study(design, front=points, progress=bar)

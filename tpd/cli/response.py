@@ -20,13 +20,12 @@ from tpd.report.files import response_csv
 from tpd.scene.scene import Scene
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow the branches, write them and print where they are lost; return the exit status."""
-    scene, hung = common.harmonic(options)
+    scene, hung = inputs.job.scene, inputs.pendulum
     name, low, high = _range(options, scene)
     if options.from_rest != 0:
         checks.count("--from-rest", options.from_rest, least=2)
-    files.claim(options.out, overwrite=options.overwrite)
     common.say(scene, hung)
     own, cases, settled = _own(scene, name), {}, {}
     hangings = common.cases(hung)

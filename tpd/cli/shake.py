@@ -33,13 +33,11 @@ _SIZES = {
 _OF_A_PENDULUM = ("swing", "swing_time", "relative", "relative_time")
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow the block, write histories and pictures, and print what happened; return the exit status."""
-    job, hung = common.case(options)
-    motion = job.shaking
-    scene = job.under(motion)
-    files.claim(options.out, overwrite=options.overwrite)
-    common.say(scene, hung, common.shaken(motion), job.told)
+    job, hung = inputs
+    scene = job.under(job.shaking)
+    common.say(scene, hung, notes=job.told)
     cases = common.cases(hung)
     free = options.free
     # The first of a pair decides: the linear equations are meant for small angles.

@@ -12,7 +12,6 @@ import numpy as np
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum, overturning_spectrum, rocking_spectrum
 from tpd.cli import common, outputs
 from tpd.cli.interrupts import SOUND
-from tpd.cli.options import given
 from tpd.core import checks, files
 from tpd.core.progress import Bar
 from tpd.scene.ground_motion import Pulse
@@ -21,27 +20,21 @@ from tpd.scene.scene import Pendulum, Scene
 _CASES = ("for the bare block", "with the pendulum")
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow all blocks, write table and picture; return the exit status."""
-    motion = given(options).get("motion", {})
-    if "pulse" in motion:
-        if idle := {"pulse_frequency", "pga"} & set(motion):
-            flag = f"--{min(idle).replace('_', '-')}"
-            raise ValueError(f"{flag} has no effect here: pulses of every frequency and size are tried")
-        motion["pulse_frequency"] = 1.0
-    job, hung = common.case(options)
+    job, hung = inputs
     checks.count("--points", options.points, least=2)
     for flag, value in (("--to", options.to), ("--sizes-to", options.sizes_to)):
         if value is not None:
             checks.positive(flag, value)
     scene = job.under(job.shaking)
-    if job.kind == "records" and options.sizes_to is not None:
+    is_pulse = isinstance(scene.motion, Pulse)
+    if not is_pulse and options.sizes_to is not None:
         raise ValueError("--sizes-to is of the sizes of a pulse, and the job has a record")
-    files.claim(options.out, overwrite=options.overwrite)
-    common.say(scene, hung, common.shaken(scene.motion), job.told)
+    common.say(scene, hung, notes=job.told)
     with Bar() as bar, common.cluster(options) as cluster:
         how = {"gravity": float(scene.gravity), "cluster": cluster}
-        make = _overturning if job.kind == "pulse" else _rocking
+        make = _overturning if is_pulse else _rocking
         found, content = make(options, scene, hung, how | {"progress": partial(bar, "following blocks")})
     tables = {
         "spectrum.csv": files.as_table(found.columns()),
@@ -55,7 +48,6 @@ def _overturning(
     options: argparse.Namespace, scene: Scene, hung: Pendulum | None, how: dict[str, Any]
 ) -> tuple[OverturningSpectrum, dict[str, Any]]:
     """Spectrum of a pulse, and its numbers for JSON."""
-    assert isinstance(scene.motion, Pulse)
     found = overturning_spectrum(
         scene.block,
         scene.motion,

@@ -22,9 +22,9 @@ from tpd.models.piecewise import Piecewise
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import as_arrays
-from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene
+from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
 from tpd.scene.status import status_name
-from tpd.theory import equivalent_friction, turning_tilts, uplift
+from tpd.theory import equivalent_friction, turning_tilts
 
 _BAND = frequencies(1.0, 0.7, 1.5, 41)
 """Frequencies of a response, in shares of the scene's own."""
@@ -250,11 +250,6 @@ def build_of(design: Design) -> Build | None:
     up = body * (1.0 + rod_share) / mass if math.isfinite(body) else 1.0
     # Both limits of |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`.
     capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction or 0.0)
-    lifts = None
-    if isinstance(scene.motion, Harmonic):
-        both = scene.parameters(hung), scene.parameters()
-        with_it, without = (float(p.f / (1.0 - uplift(p).margin)) for p in both)
-        lifts = with_it, without
     return Build(
         bob=bob,
         mass=body,
@@ -273,7 +268,7 @@ def build_of(design: Design) -> Build | None:
         rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,
         weight=body * (1.0 + rod_share) * g,
         loads=None if loads is None else loads._replace(tension=loads.tension * up, hinge=loads.hinge * up),
-        lifts=lifts,
+        lifts=problem.lifts(hung),
         lifts_slow_fast=(capacity / (1.0 + 2.0 * mu), capacity),
         pull=pull_test(scene),
     )
@@ -331,8 +326,8 @@ def loss_models(scene: Scene) -> dict[str, Block]:
     """Return the block with the losses of friction, of impacts and of both: its own where it has them, else a
     friction that loses as much as the impacts, or Housner's impacts."""
     block = scene.block
-    # The losses are those of the block alone, whatever moves its base.
-    p = scene.parameters() if isinstance(scene.motion, Harmonic) else scene.ground_parameters()
+    # The losses are those of the block alone, whatever moves its base: any harmonic serves.
+    p = Scene(block, paper_scene().motion, scene.gravity).parameters()
     e = float(block.velocity_ratio)
     k = float(block.friction or 0.0)
     impacts = HOUSNER if block.restitution is None else block.restitution

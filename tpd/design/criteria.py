@@ -210,6 +210,21 @@ class Geometry:
     gravity: float = STANDARD_GRAVITY
     """m/s^2"""
 
+    @staticmethod
+    def of(scene: Scene, conditions: Conditions, limits: tuple[Limit, ...] = ()) -> Geometry:
+        """Geometry of a scene's block under all conditions, with the bob of the limits."""
+        block, slenderness = scene.block, conditions.column("slenderness")
+        return Geometry(
+            half_height=block.half_height,
+            block_mass=block.mass,
+            wall=0.5 * block.room * slenderness,
+            slenderness=block.slenderness * slenderness,
+            mass_factor=conditions.column("mass"),
+            length_factor=conditions.column("length"),
+            bob=bob_of(limits),
+            gravity=float(scene.gravity),
+        )
+
     def rod(self, designs: np.ndarray) -> np.ndarray:
         """Length of the rod, m, (m, n), of designs (m, 3)."""
         return self.half_height * designs[:, 1, None] * self.length_factor
@@ -249,6 +264,14 @@ class Evaluation(NamedTuple):
     """(m, 3)"""
     relative: np.ndarray | None = None
     """Largest |psi - phi|, rad, where it is known by itself."""
+
+    @staticmethod
+    def blank(m: int, n: int) -> Evaluation:
+        """Evaluation of m designs under n conditions with ones in place of sizes."""
+        one, slope = np.ones((m, n)), np.zeros((m, n, 3))
+        kind, turn = np.zeros((m, n), int), np.full((m, n, 4), np.nan)
+        sizes = one, slope, one, slope, one, slope
+        return Evaluation(*sizes, one, one, one, slope, kind, turn, np.ones((m, 3)))
 
     @property
     def attracts(self) -> np.ndarray:
@@ -639,14 +662,13 @@ def _relative(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
     return e.stroke + e.tilt * nu, e.stroke_slope + e.tilt_slope * nu[..., None]
 
 
-def check_moves(scene: Scene, conditions: Conditions, space: DesignSpace) -> None:
-    """Raise `ValueError` where nothing moves the block, or where a quantity scatters that is zero."""
+def check_moves(scene: Scene, conditions: Conditions) -> None:
+    """Raise `ValueError` where nothing moves the block, or more than any base."""
     if not scene.motion.amplitude > 0.0:
         raise ValueError(
             f"`amplitude` must be above 0 in a search, but is {scene.motion.amplitude:g}: nothing shakes the "
             "block"
         )
-    check_scatter(scene, {name for name, v in conditions.factors.items() if np.ptp(v) > 0.0}, space)
     motion, factor = scene.motion, conditions.column
     check_shaking(motion.amplitude * factor("amplitude"), motion.frequency * factor("frequency"))
 

@@ -6,7 +6,7 @@ are no independent observations: they are the clusters of `tpd.answers.statistic
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any, ClassVar
@@ -26,23 +26,32 @@ from tpd.design.criteria import (
     Room,
     Stroke,
     Worth,
-    check_cavity,
-    check_limits,
 )
-from tpd.design.problem import MOST_MOTIONS, Problem, check_given, within_mass
+from tpd.design.problem import MOST_MOTIONS, Problem, complete
 from tpd.design.reasons import DesignStatus
 from tpd.design.settings import DEFAULT_SPACE, HELD_OUT, SCATTERED, GroundSearch
 from tpd.models.compiled_nonlinear import shake_nonlinear
 from tpd.models.compiled_shaken import follow_all
 from tpd.records.intensity import intensity_of
-from tpd.scene.conditions import Conditions, check_restitution, latin_hypercube, under_all
-from tpd.scene.ground_motion import GroundMotion, events_of
+from tpd.records.reading import BUILT_IN
+from tpd.scene.conditions import Conditions, latin_hypercube, under_all
+from tpd.scene.ground_motion import GroundMotion, Pulse, events_of
 from tpd.scene.parameters import Parameters
+from tpd.scene.record import Record
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.scene.status import UNANSWERED, Outcome
 from tpd.theory.equations import Terms
 
-DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room())
+_USUAL = {
+    "space": DEFAULT_SPACE,
+    "risk": Risk.expected(),
+    "limits": (Stroke(), Room()),
+    "method": GroundSearch(),
+    "ensemble": Ensemble(),
+    "worth": Worth(),
+    "seed": 0,
+}
+"""Inputs by default."""
 LEAST_EARTHQUAKES = 5
 """Earthquakes that a design must be tuned to, and as many that it must be validated on: of fewer the spread
 between earthquakes is hardly known."""
@@ -94,12 +103,7 @@ class GroundMotionProblem(Problem):
         space: DesignSpace | None = None,
         *,
         held_out: float | Mapping[str, Sequence[GroundMotion]] | None = None,
-        risk: Risk | None = None,
-        limits: Iterable[Limit] | None = None,
-        method: GroundSearch | None = None,
-        worth: Worth | None = None,
-        ensemble: Ensemble | None = None,
-        seed: checks.Whole = 0,
+        **given: Any,
     ) -> GroundMotionProblem:
         """Return the problem of a block; None stands for the default everywhere.
 
@@ -109,26 +113,22 @@ class GroundMotionProblem(Problem):
             space: bounds of the search; default `DesignSpace(damping_ratio=(0.05, 1))`.
             held_out: share of the motions, whole earthquakes by a seeded choice, that the design is not tuned
                 to; or groups of other motions by name; default 0.5.
-            risk: of the severities of all trial runs; default `Risk.expected()`.
-            limits: default the stroke and the clearance between the walls, at all times.
-            method: numbers of trials.
-            worth: `strikes` is the share of the runs in which the block stands that may exceed a limit;
-                `at_least` the least share by which the mean tilt over all held-out motions must fall.
-            ensemble: its half widths are those of block and installation in the validation runs.
-            seed: of every random choice.
+            given: further arguments of `tpd.optimise`. By default the risk is `Risk.expected()`, of the
+                severities of all trial runs, and the limits are the stroke and the clearance between the
+                walls, at all times. Of `worth`, `strikes` is the share of the runs in which the block stands
+                that may exceed a limit, and `at_least` the least share by which the mean tilt over all
+                held-out motions must fall. Of `ensemble` the half widths are those of block and installation
+                in the validation runs.
 
         Raises:
             ValueError: bad input.
             RuntimeError: JAX is in 32-bit mode.
         """
-        seed = check_given(seed, space=space, risk=risk, ensemble=ensemble, worth=worth)
         checks.instance("scene", subject, (Scene, Block))
-        checks.optional("method", method, GroundSearch)
-        block = subject if isinstance(subject, Block) else subject.block
-        gravity = STANDARD_GRAVITY if isinstance(subject, Block) else float(subject.gravity)
-        listed = check_ground_limits(DEFAULT_LIMITS if limits is None else tuple(limits))
-        check_cavity(block, listed)
-        groups = grouped(conditions.motions, HELD_OUT if held_out is None else held_out, seed)
+        scene = Scene(subject, conditions.motions[0]) if isinstance(subject, Block) else subject
+        found = complete(scene, _USUAL, given | {"space": space})
+        check_ground_limits(found["limits"])
+        groups = grouped(conditions.motions, HELD_OUT if held_out is None else held_out, found["seed"])
         # By identity: two records may be equal, and belong to both sides.
         kept = [i for i, m in enumerate(conditions.motions) if any(m is own for own in groups[0].motions)]
         which = np.asarray(conditions.which)
@@ -139,33 +139,15 @@ class GroundMotionProblem(Problem):
             motions=tuple(conditions.motions[i] for i in kept),
             which=np.searchsorted(kept, which[rows]),
         )
-        worth, ensemble = Worth() if worth is None else worth, Ensemble() if ensemble is None else ensemble
         # A setting without effect would let somebody believe in it.
-        for given, usual, used in (
-            (worth, Worth(), ("at_least", "strikes", "worse")),
-            (ensemble, Ensemble(), SCATTERED),
-        ):
-            for f in fields(given):
-                if f.name not in used and getattr(given, f.name) != getattr(usual, f.name):
-                    name = type(given).__name__.lower()
+        for name, used in {"worth": ("at_least", "strikes", "worse"), "ensemble": SCATTERED}.items():
+            for f in fields(found[name]):
+                if f.name not in used and getattr(found[name], f.name) != getattr(_USUAL[name], f.name):
                     raise ValueError(
                         f"`{name}.{f.name}` is for harmonics, but the conditions are ground motions"
                     )
-        scene = Scene(block, inside.motions[0], gravity)
-        if ensemble.restitution:
-            check_restitution(scene)
-        return GroundMotionProblem(
-            scene=scene,
-            space=within_mass(DEFAULT_SPACE if space is None else space, block, listed),
-            conditions=inside,
-            risk=Risk.expected() if risk is None else risk,
-            limits=listed,
-            method=GroundSearch() if method is None else method,
-            ensemble=ensemble,
-            worth=worth,
-            seed=seed,
-            groups=groups,
-        )
+        scene = Scene(scene.block, inside.motions[0], float(scene.gravity))
+        return GroundMotionProblem(scene=scene, conditions=inside, groups=groups, **found)
 
     @property
     def inputs(self) -> dict[str, Any]:
@@ -174,6 +156,25 @@ class GroundMotionProblem(Problem):
         given = super().inputs
         del given["groups"]
         return given | {"held_out": held or 0.0}
+
+    @property
+    def tables(self) -> dict[str, dict[str, Any]]:
+        """See `Problem.tables`: each motion must be a built-in record, or the only one a pulse."""
+        held = [_name_of(m) for g in self.groups for m in g.motions if g.role is Role.held_out]
+        motions, of = self.conditions.motions, self.conditions
+        motion: dict[str, Any] = {"scales": of.scales, "intensity": of.intensity}
+        if len(motions) == 1 and isinstance(pulse := motions[0], Pulse) and not held:
+            motion |= {"pulse": pulse.kind, "pulse_frequency": pulse.frequency}
+            motion["pga"] = float(pulse.pga) / STANDARD_GRAVITY
+            if "-" in pulse.kind[6:]:
+                motion |= {name: getattr(pulse, name) for name in ("cycles", "phase")}
+        else:
+            motion |= {"records": [_name_of(m) for m in motions], "held_out": held or 0.0}
+        return super().tables | {
+            "motion": motion,
+            "worth": {"at_least": self.worth.at_least, "strikes": self.worth.strikes},
+            "ensemble": {name: getattr(self.ensemble, name) for name in SCATTERED},
+        }
 
     @property
     def rounds(self) -> tuple[int, int]:
@@ -328,6 +329,17 @@ class GroundMotionProblem(Problem):
         return q, np.array(np.broadcast_arrays(*leaves), dtype=float).T.copy()
 
 
+def _name_of(motion: GroundMotion) -> str:
+    """Name of a built-in record."""
+    for name, make in BUILT_IN.items():
+        known = make()
+        if isinstance(motion, Record) and motion.name == known.name and motion.pga == known.pga:
+            return name
+    raise ValueError(
+        "a job file cannot say motions that exist only in Python: it names files, folders and sets of records"
+    )
+
+
 def motion_factors(scene: Scene, conditions: Conditions) -> np.ndarray:
     """Return the factor on its ground motion of every condition, (n,)."""
     measure = intensity_of(conditions.intensity, scene.block, float(scene.gravity), None)
@@ -336,18 +348,12 @@ def motion_factors(scene: Scene, conditions: Conditions) -> np.ndarray:
     return conditions.column("amplitude") / one[np.asarray(conditions.which)]
 
 
-def check_ground_limits(limits: tuple[Limit, ...]) -> tuple[Limit, ...]:
-    """Return the limits in the order of a report.
-
-    Raises:
-        ValueError: a limit of settled motions, or none at all.
-    """
-    listed = check_limits(limits)
-    for limit in listed:
+def check_ground_limits(limits: tuple[Limit, ...]) -> None:
+    """Raise `ValueError` for a limit of settled motions."""
+    for limit in limits:
         if not limit.of_motion:
             names = ", ".join(kind.__name__ for kind in KINDS if kind.of_motion)
             raise ValueError(f"`limits` of ground motions must be of {names}, but has {checks.shown(limit)}")
-    return listed
 
 
 def grouped(

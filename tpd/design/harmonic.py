@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, ClassVar
@@ -12,7 +12,6 @@ import numpy as np
 from tpd.answers.attractors import StartKind, Starts
 from tpd.answers.ensemble import Ensemble, Outcomes, outcomes
 from tpd.answers.paired import PairedRuns, paired_runs
-from tpd.answers.steady_state import steady_state
 from tpd.core import checks
 from tpd.core.batch import aside
 from tpd.core.progress import Progress, unreported
@@ -26,26 +25,26 @@ from tpd.design.criteria import (
     Risk,
     SteadyTilt,
     Worth,
-    check_cavity,
-    check_limits,
     check_moves,
     check_objective,
+    check_scatter,
 )
-from tpd.design.orbits import Orbits, margins
-from tpd.design.problem import MOST_MOTIONS, Problem, check_given, within_mass
+from tpd.design.job import Job
+from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
+from tpd.design.problem import MOST_MOTIONS, Problem, complete
 from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent
-from tpd.design.smoothed_orbits import SMOOTHED, prepare_step
 from tpd.models.compiled_linear import load_compiled
 from tpd.models.compiled_nonlinear import settle_nonlinear
 from tpd.models.piecewise import Piecewise
 from tpd.models.rows import settle_all
 from tpd.models.smoothed import Smoothed
-from tpd.scene.conditions import Conditions, check_restitution, latin_hypercube, under, under_all
+from tpd.scene.conditions import Conditions, latin_hypercube, under_all
 from tpd.scene.ground_motion import GroundMotion, Pulse
 from tpd.scene.parameters import as_arrays
-from tpd.scene.scene import Harmonic, Scene
-from tpd.scene.status import names_of, status_name
+from tpd.scene.scene import Harmonic, Pendulum, Scene
+from tpd.scene.status import names_of
+from tpd.theory import uplift
 from tpd.theory.equations import Terms
 
 TRIAL_RUNS, TRIAL_PERIODS = 128, 50
@@ -67,8 +66,18 @@ _RESTS = 24
 """Most conditions under which the nonlinear equations confirm that the block stays at rest."""
 _CYCLES = 40
 """Periods of a harmonic from rest in which the loads are largest."""
-_POLISHED = 32
-"""Most conditions under which exact amplitudes are polished by Newton's method to round-off."""
+_SAME = 1e-6
+"""Relative difference of tilts up to which a motion is the orbit."""
+_USUAL = {
+    "space": DesignSpace(),
+    "risk": Risk.worst(),
+    "limits": DEFAULT_LIMITS,
+    "method": Descent(),
+    "ensemble": Ensemble(size=VALIDATION_RUNS),
+    "worth": Worth(),
+    "seed": 0,
+}
+"""Inputs by default."""
 _SMOOTH = 0.2
 """Least velocity ratio of impacts under which descents smooth them."""
 
@@ -95,7 +104,7 @@ class ExactMotions:
     peak_stroke: np.ndarray
     """Largest |psi| from the beginning on."""
     multiplier: np.ndarray
-    """Largest modulus of the Floquet multipliers; NaN where unknown."""
+    """Largest modulus of the Floquet multipliers where the motion is the orbit; NaN elsewhere."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -117,64 +126,50 @@ class HarmonicProblem(Problem):
         *,
         conditions: Conditions | None = None,
         starts: Starts | None = None,
-        risk: Risk | None = None,
-        limits: Iterable[Limit] | None = None,
         objective: Objective | None = None,
-        method: Descent | None = None,
-        ensemble: Ensemble | None = None,
-        worth: Worth | None = None,
-        seed: checks.Whole = 0,
+        **given: Any,
     ) -> HarmonicProblem:
-        """Return the problem of a scene; None stands for the default everywhere.
+        """Return the problem of a scene with arguments of `tpd.optimise`; None stands for the default
+        everywhere.
 
         Raises:
             ValueError: bad input.
             RuntimeError: JAX is in 32-bit mode.
         """
-        given = {"space": space, "conditions": conditions, "risk": risk}
-        seed = check_given(seed, **given, ensemble=ensemble, worth=worth)
         checks.instance("scene", scene, Scene)
-        checks.optional("method", method, Descent)
+        checks.optional("conditions", conditions, Conditions)
         checks.optional("starts", starts, Starts)
         if not isinstance(scene.motion, Harmonic):
             raise ValueError(
                 "the motion of `scene` must be a harmonic: give pulses and records by "
                 "`conditions=tpd.Conditions.records(...)`"
             )
+        found = complete(scene, _USUAL, given | {"space": space})
+        searched: DesignSpace = found["space"]
         conditions = Conditions.around(scene) if conditions is None else conditions
-        space = DesignSpace() if space is None else space
-        check_moves(scene, conditions, space)
+        check_moves(scene, conditions)
+        check_scatter(scene, {name for name, v in conditions.factors.items() if np.ptp(v) > 0.0}, searched)
         # Housner's restitution is least with the heaviest bob.
-        heaviest = under_all(as_arrays(scene.parameters()), space.full(space.bounds[1])[None], conditions)
-        method = Descent() if method is None else method
+        heaviest = under_all(
+            as_arrays(scene.parameters()), searched.full(searched.bounds[1])[None], conditions
+        )
         # Where impacts lose much, the bias of smoothed ones comes near the tolerance of the ends.
         smooth = bool(np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH))
-        model = _model_of(method.model, smooth)
+        model = _model_of(found["method"].model, smooth)
         model.check(heaviest)
-        limits = check_limits(DEFAULT_LIMITS if limits is None else limits)
-        check_cavity(scene.block, limits)
         starts = Starts.any() if starts is None else starts
         if starts.kind is StartKind.sampled:
             raise ValueError(
                 "`starts` of a design must be Starts.any() or Starts.rest(), but is a sampled set: its runs "
                 "begin where `ensemble` says"
             )
-        ensemble = (Ensemble(size=VALIDATION_RUNS) if ensemble is None else ensemble).seeded(seed)
-        if ensemble.restitution:
-            check_restitution(scene)
         return HarmonicProblem(
             scene=scene,
-            space=within_mass(space, scene.block, limits),
             conditions=conditions,
             starts=starts,
-            risk=Risk.worst() if risk is None else risk,
-            limits=limits,
             objective=SteadyTilt() if objective is None else check_objective(objective),
-            method=method,
             model=model,
-            ensemble=ensemble,
-            worth=Worth() if worth is None else worth,
-            seed=seed,
+            **found | {"ensemble": found["ensemble"].seeded(found["seed"])},
         )
 
     @property
@@ -191,6 +186,48 @@ class HarmonicProblem(Problem):
     def inputs(self) -> dict[str, Any]:
         """See `Problem.inputs`: the model follows from the method."""
         return {name: x for name, x in super().inputs.items() if name != "model"}
+
+    @property
+    def job(self) -> Job:
+        """See `Problem.job`."""
+        job = super().job
+        if self.objective != SteadyTilt():
+            raise ValueError("a job file cannot state an objective, which exists only in Python")
+        conditions = Conditions.around(self.scene) if job.conditions is None else job.conditions
+        rows = conditions.factor_rows(), self.conditions.factor_rows()
+        if job.scene != self.scene or not np.array_equal(*rows):
+            raise ValueError(
+                "a job file cannot say the conditions of this design: it has bands, amplitudes and scatter, "
+                f"and these are {', '.join(self.conditions.description) or 'of Python'}"
+            )
+        return job
+
+    @property
+    def tables(self) -> dict[str, dict[str, Any]]:
+        """See `Problem.tables`; those of the conditions are from their factors and the phrases that describe
+        them."""
+        asked = super().tables | {
+            "motion": vars(self.scene.motion),
+            "worth": vars(self.worth),
+            # Runs without a seed of their own use the seed of the search.
+            "ensemble": vars(self.ensemble) | ({"seed": None} if self.ensemble.seed == self.seed else {}),
+            "starts": {"kind": "rest" if self.rest_counts else "any"},
+        }
+        found, phrases = self.conditions, " * ".join(self.conditions.description)
+        if np.array_equal(found.factor_rows(), Conditions.around(self.scene).factor_rows()):
+            return asked
+        if len(found) == 1 and not found.factors:
+            return asked | {"conditions": {"exactly": True}}
+        table: dict[str, Any] = {}
+        if said := re.search(r"(\d+) frequencies from (\S+) to (\S+) Hz", phrases):
+            table |= {"band": [float(said[2]), float(said[3])], "frequencies": int(said[1])}
+        if said := re.search(r"amplitudes ([^a-z]+) times", phrases):
+            table["amplitudes"] = [float(x) for x in said[1].split(",")]
+        scatter = {}
+        if said := re.search(r"(\d+) samples of", phrases):
+            table["samples"] = int(said[1])
+            scatter = {name: 0.01 * float(x) for name, x in re.findall(r"(\w+) within (\d+)%", phrases)}
+        return asked | {"conditions": table, "scatter": scatter}
 
     @property
     def allowed(self) -> float:
@@ -211,6 +248,12 @@ class HarmonicProblem(Problem):
         p = self.orbits.p
         return np.array([0.0, float(p.lam), float(p.zeta)])
 
+    def lifts(self, pendulum: Pendulum) -> tuple[float, float]:
+        """See `Problem.lifts`."""
+        both = self.scene.parameters(pendulum), self.scene.parameters()
+        hung, without = (float(p.f / (1.0 - uplift(p).margin)) for p in both)
+        return hung, without
+
     def stays_at_rest(self) -> bool:
         """See `Problem.stays_at_rest`: by the exact orbits under all conditions and by the nonlinear
         equations from rest under a choice of them."""
@@ -224,7 +267,7 @@ class HarmonicProblem(Problem):
     def candidates(self, progress: Progress) -> tuple[np.ndarray, Search]:
         """See `Problem.candidates`: ends of the descents that the exact solution confirms, designs on their
         paths, and designs spread over the space."""
-        few = self.orbits.over(self.conditions.subset(_SEARCHED, self.seed))
+        few = replace(self, conditions=self.conditions.subset(_SEARCHED, self.seed)).orbits
         if isinstance(self.model, Smoothed):
             prepare_step(few, self.model)
         # Trial runs need the compiled engine; it loads while the descents run.
@@ -310,24 +353,19 @@ class HarmonicProblem(Problem):
         e = orbits.evaluate(row[None])
         q = under_all(orbits.p, row[None], self.conditions)
         settled = settle_all(q, np.zeros((n, 4)), model=Piecewise(max_periods=self.ensemble.periods))
-        names, unknown = names_of(settled.status), np.full(n, np.nan)
+        names, lift = names_of(settled.status), uplift(q)
         sizes = {x: np.asarray(getattr(settled, x)) for x in ("amplitude", "stroke", "peak", "peak_stroke")}
-        if n <= _POLISHED:
-            steady = [
-                steady_state(as_arrays(under(orbits.p, row, factors)), model=Piecewise())
-                for factors in self.conditions.factor_rows()
-            ]
-            names = np.array([status_name(s.status) for s in steady])
-            columns = ("amplitude", "stroke", "multiplier")
-            amplitude, stroke, unknown = (np.array([float(getattr(s, x)) for s in steady]) for x in columns)
-            sizes |= {"amplitude": amplitude, "stroke": stroke}
+        # The run ends when the block rests, and the bob may still swing: its settled swing has a closed form.
+        sizes["stroke"] = np.where(names == "rest", lift.stroke, sizes["stroke"])
+        tilt = sizes["amplitude"] / np.asarray(q.nu)
+        is_orbit = (np.abs(tilt - e.tilt[0]) <= _SAME * tilt) & (tilt > 0.0)
         lost = names == "overturned"
         return ExactMotions(
             value=float(orbits.value(e)[0]),
             orbits=e,
-            margin=margins(orbits, row[None])[0],
+            margin=np.asarray(lift.margin),
             status=names,
-            multiplier=unknown,
+            multiplier=np.where(is_orbit, e.multiplier[0], np.nan),
             **{name: np.where(lost, np.inf, x) for name, x in sizes.items()},
         )
 

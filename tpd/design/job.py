@@ -6,12 +6,13 @@ import json
 import re
 import shlex
 import tomllib
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from tpd.core import checks
 from tpd.core.files import path_of
@@ -27,6 +28,7 @@ from tpd.design.criteria import (
     check_scatter,
 )
 from tpd.design.job_keys import (
+    MOTIONS,
     PAPER,
     READING,
     SHAPE,
@@ -45,8 +47,9 @@ from tpd.design.job_keys import (
 from tpd.design.settings import SCATTERED, Descent, GroundSearch
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
+from tpd.models import compiling
 from tpd.records.intensity import intensity_of
-from tpd.records.reading import described, read_motions
+from tpd.records.reading import described, in_words, read_motions
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ensemble import Ensemble
@@ -73,12 +76,20 @@ def naming(table: str, **keys: str) -> Iterator[None]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
-    """Arguments of `tpd.optimise` by the tables of a job file. Records are read when they are first asked
-    for."""
+class Job(ABC):
+    """Arguments of `tpd.optimise` by the tables of a job file. Each kind of motion has a class of its own.
+    Records are read when they are first asked for."""
 
     full: Tables
     """All keys of all tables; None for what is left out and has no default."""
+    compiled: ClassVar[tuple[str, ...]]
+    """Modules with the compiled code that the motions need."""
+    search: ClassVar[type[Descent | GroundSearch]]
+    """Class of the settings of the search."""
+    only: ClassVar[str]
+    """Argument of `tpd.optimise` that jobs of the other kinds do not have."""
+    beside: ClassVar[tuple[str, ...]] = ()
+    """Keys of [motion] that must be given beside a block of one's own."""
 
     @staticmethod
     def read(path: str | Path) -> Job:
@@ -117,64 +128,52 @@ class Job:
     @cached_property
     def scene(self) -> Scene:
         """Block, motion and gravity; the motion is the first of the records."""
-        return self.under(self.harmonic if self.kind == "harmonic" else self.motions[0])
+        return self.under(self.motions[0])
+
+    @abstractmethod
+    def check_motion(self) -> None:
+        """Raise `ValueError` for a motion that is not allowed, as far as that is known without its files."""
+
+    @cached_property
+    @abstractmethod
+    def _read(self) -> tuple[Sequence[Any], Sequence[str]]:
+        """The motions, and notes on them."""
 
     @property
-    def harmonic(self) -> Harmonic:
-        """The harmonic motion."""
-        with naming("motion"):
-            return Harmonic(**{name: self.full["motion"][name] for name in keys_of(Harmonic)})
-
-    @property
-    def motions(self) -> tuple[GroundMotion, ...]:
-        """The pulse or the records; none under a harmonic."""
-        return self._read[0]
+    def motions(self) -> tuple[Any, ...]:
+        """The harmonic, the pulse or the records."""
+        return tuple(self._read[0])
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on what was left out of the records, or assumed of them."""
-        return self._read[1]
+        return tuple(self._read[1])
 
     @property
     def told(self) -> tuple[str, ...]:
         """Lines for a terminal on the records that were read, and the notes."""
         return (*described(self.motions), *self.notes)
 
-    @cached_property
-    def _read(self) -> tuple[tuple[GroundMotion, ...], tuple[str, ...]]:
-        asked = self.full["motion"]
-        if self.kind == "harmonic":
-            return (), ()
-        if self.kind == "pulse":
-            if asked["pulse"] is None or asked["pulse_frequency"] is None:
-                raise ValueError(
-                    "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_frequency` "
-                    "(--pulse-frequency HZ)"
-                )
-            shape = {name: asked[name] for name in ("cycles", "phase")}
-            shape |= {"kind": asked["pulse"], "frequency": asked["pulse_frequency"]}
-            with naming("motion", kind="pulse", frequency="pulse_frequency", pga_g="pga"):
-                pulse = Pulse(acceleration=STANDARD_GRAVITY, **shape)
-                # Of 1 g where its size is not given.
-                return (pulse.scaled_to(pga_g=1.0 if asked["pga"] is None else asked["pga"]),), ()
-        found, notes = self._records(asked["records"], asked["event"])
-        if asked["pga"] is not None:
-            with naming("motion", pga_g="pga"):
-                found = [motion.scaled_to(pga_g=asked["pga"]) for motion in found]
-        return tuple(found), tuple(notes)
+    @property
+    def ground_motions(self) -> tuple[GroundMotion, ...]:
+        """The pulse or the records.
 
-    def _records(self, names: Sequence[str], events: Sequence[str] | None) -> Any:
-        how = {name: x for name in READING if (x := self.full["motion"][name]) is not None}
-        if "columns" in how:
-            how["columns"] = _columns_of(how["columns"])
-        try:
-            return read_motions(names, events=events, **how)
-        except UnreadableRecord as error:
-            flags = (f"--{name} {_words(value)}" for name, value in error.options.items())
-            more = "; options that read the file: " + " ".join(flags) if error.options else ""
-            raise ValueError(_in_words_of_jobs(error.args[0]) + more) from None
-        except ValueError as error:
-            raise ValueError(_in_words_of_jobs(str(error))) from None
+        Raises:
+            ValueError: a harmonic.
+        """
+        return self.motions
+
+    @abstractmethod
+    def settled_scene(self, asker: str, again: str) -> Scene:
+        """Return the scene, for answers about motions that settle.
+
+        Args:
+            asker: what needs such a motion.
+            again: option of the command line that gives block and pendulum without their motion.
+
+        Raises:
+            ValueError: a pulse or records.
+        """
 
     @property
     def shaking(self) -> GroundMotion:
@@ -184,17 +183,14 @@ class Job:
             ValueError: a harmonic, several records, or several sizes.
         """
         asked = self.full["motion"]
-        if self.kind == "harmonic":
+        motions, scales = self.ground_motions, asked["scales"] or (1.0,)
+        if len(motions) > 1:
             raise ValueError(
-                "give either --record FILE or --pulse KIND, or a job of one: a harmonic has no end"
+                f"the job has {len(motions)} records, but one is needed: --record FILE, --channel N"
             )
-        if len(self.motions) > 1:
-            raise ValueError(
-                f"the job has {len(self.motions)} records, but one is needed: --record FILE, --channel N"
-            )
-        motion, scales = next(iter(self.motions)), asked["scales"] or (1.0,)
         if len(scales) > 1:
             raise ValueError(f"the job has {len(scales)} sizes of its motion: give one by --scale X")
+        motion = next(iter(motions))
         if motion.pga == 0.0 or scales[0] == 0.0:
             raise ValueError("the motion must have an acceleration, but is zero at all times")
         size = 1.0
@@ -204,48 +200,31 @@ class Job:
             )
         return motion.scaled(scales[0] / size)
 
+    @property
+    def single(self) -> Scene:
+        """The scene under its only motion, at its only size.
+
+        Raises:
+            ValueError: several records, or several sizes.
+        """
+        return self.under(self.shaking)
+
     @cached_property
+    @abstractmethod
     def conditions(self) -> Conditions | None:
         """Each frequency with each amplitude and each sample, or each motion at each size; None for the
         neighbourhood of a harmonic."""
-        asked, out = self.full["conditions"], Conditions()
-        if self.kind != "harmonic":
-            shaken = self.full["motion"]
-            if shaken["scales"] is None:
-                raise ValueError(
-                    "a design on records needs `motion.scales` (--scales), the sizes that every record is "
-                    "scaled to; `tpd fragility` and `tpd shake` follow a design through records as they are"
-                )
-            with naming("motion"):
-                return Conditions.records(self.motions, shaken["scales"], intensity=shaken["intensity"])
-        if is_around(self.full):
-            return None
-        if size_of(self.full) > _MOST_CONDITIONS:
-            raise ValueError(
-                f"a job must have at most {_MOST_CONDITIONS} conditions, but has {size_of(self.full)}"
-            )
-        with naming("conditions", factors="amplitudes", count="frequencies"):
-            if asked["band"] is not None:
-                low, high = asked["band"]
-                out = out * Conditions.band(self.scene, low, high, asked["frequencies"])
-            # A factor of one is the scene itself: multiplying by it would only lengthen the description.
-            if asked["amplitudes"] != (1.0,):
-                out = out * Conditions.amplitudes(*asked["amplitudes"])
-        with naming("scatter", size="samples"):
-            if widths := widths_of(self.full):
-                out = out * Conditions.scatter(asked["samples"], self.seed, **widths)
-        return out
+
+    @property
+    def in_words(self) -> str:
+        """Words for the ground motions with their sizes; empty for a harmonic, which its scene describes."""
+        return ""
 
     @cached_property
     def space(self) -> DesignSpace:
         """Design space."""
         with naming("space"):
             return DesignSpace(**self.full["space"])
-
-    @cached_property
-    def starts(self) -> Starts:
-        """Initial states."""
-        return Starts.rest() if self.full["starts"]["kind"] == "rest" else Starts.any()
 
     @cached_property
     def risk(self) -> Risk:
@@ -271,9 +250,8 @@ class Job:
         bob = self.bob
         with naming("limits"):
             for kind in KINDS:
-                value = self.full["limits"][kind.name]
-                wanted = value is not None and value is not False and kind not in left_out
-                if not wanted or not (kind.of_motion or self.kind == "harmonic"):
+                value, needed = self.full["limits"][kind.name], lacks(self.full, "limits", kind.name)
+                if value is None or value is False or kind in left_out or needed:
                     continue
                 given: list[Any] = [bob] if kind is Room else [] if value is True else [value]
                 try:
@@ -292,62 +270,68 @@ class Job:
     def method(self) -> Descent | GroundSearch:
         """Settings of the search."""
         asked = self.full["search"]
-        kind: Any = GroundSearch if self.kind != "harmonic" else Descent
-        given = {name: asked[name] for name in keys_of(kind) if asked[name] is not None}
         with naming("search"):
-            return kind(**given)
+            return self.search(**{x: asked[x] for x in keys_of(self.search) if asked[x] is not None})
 
     @cached_property
+    @abstractmethod
     def ensemble(self) -> Ensemble:
         """Runs of the verification."""
-        with naming("ensemble"):
-            if self.kind == "harmonic":
-                return Ensemble(**self.full["ensemble"]).seeded(self.seed)
-        given: dict[str, Any] = {name: self.full["ensemble"][name] for name in SCATTERED} | widths_of(
-            self.full
-        )
-        with naming("scatter" if widths_of(self.full) else "ensemble"):
-            return Ensemble(**given)
+
+    @cached_property
+    def _held(self) -> tuple[float | dict[str, list[GroundMotion]], list[str]]:
+        asked, found, said = self.full["motion"]["held_out"], dict[str, list[GroundMotion]](), list[str]()
+        if not isinstance(asked, tuple):
+            return asked or 0.0, said
+        names = [Path(word).name or word for word in asked]
+        for word, name in zip(asked, names, strict=True):
+            # Two folders of one name have their whole paths.
+            group = word if names.count(name) > 1 else name
+            found[group], notes = self._records([word], None)
+            # Over both sides together: the comparison of the groups leaves these records out without a word.
+            events = events_of([*self.motions, *found[group]])
+            used, own = events[: len(self.motions)], events[len(self.motions) :]
+            if tuned := [m for m, event in zip(found[group], own, strict=True) if event in used]:
+                listed = ", ".join(getattr(m, "source", "") or getattr(m, "name", "") for m in tuned)
+                notes = [*notes, f"left out, since the design is tuned to their earthquakes: {listed}"]
+            said += [f"held out, {group}: {line}" for line in notes]
+        return found, said
+
+    def _records(self, names: Sequence[str], events: Sequence[str] | None) -> Any:
+        how = {name: x for name in READING if (x := self.full["motion"][name]) is not None}
+        if "columns" in how:
+            how["columns"] = _columns_of(how["columns"])
+        try:
+            return read_motions(names, events=events, **how)
+        except UnreadableRecord as error:
+            flags = (f"--{name} {_words(value)}" for name, value in error.options.items())
+            more = "; options that read the file: " + " ".join(flags) if error.options else ""
+            raise ValueError(_in_words_of_jobs(error.args[0]) + more) from None
+        except ValueError as error:
+            raise ValueError(_in_words_of_jobs(str(error))) from None
 
     @property
-    def held_out(self) -> float | dict[str, list[GroundMotion]] | None:
-        """Share of the records, or groups of others by name; None under a harmonic."""
-        held = self._held
-        return {name: found for name, (found, _) in held.items()} if isinstance(held, dict) else held
+    def held_out(self) -> float | dict[str, list[GroundMotion]]:
+        """Share of the records, or groups of others by name; 0 for none."""
+        return self._held[0]
 
     @property
     def held_notes(self) -> tuple[str, ...]:
         """Sentences on what was left out of the records that are held out, or assumed of them."""
-        held, said = self._held, []
-        # Over both sides together: the comparison of the groups leaves these records out without a word.
-        for name, (found, notes) in held.items() if isinstance(held, dict) else ():
-            events = events_of([*self.motions, *found])
-            used, own = events[: len(self.motions)], events[len(self.motions) :]
-            if tuned := [m for m, event in zip(found, own, strict=True) if event in used]:
-                listed = ", ".join(getattr(m, "source", "") or getattr(m, "name", "") for m in tuned)
-                notes = [*notes, f"left out, since the design is tuned to their earthquakes: {listed}"]
-            said += [f"held out, {name}: {line}" for line in notes]
-        return tuple(said)
+        return tuple(self._held[1])
 
-    @cached_property
-    def _held(self) -> Any:
-        """As `held_out`, with the notes of the reader on each group."""
-        asked = self.full["motion"]["held_out"]
-        if self.kind == "harmonic" or asked is None:
-            return None if self.kind == "harmonic" else 0.0
-        if isinstance(asked, float):
-            return asked
-        names = [Path(word).name or word for word in asked]
-        # Two folders of one name have their whole paths.
-        names = [word if names.count(name) > 1 else name for word, name in zip(asked, names, strict=True)]
-        return {name: self._records([word], None) for word, name in zip(asked, names, strict=True)}
+    @property
+    def all_told(self) -> tuple[str, ...]:
+        """As `told`, with the records that are held out."""
+        groups = self.held_out if isinstance(self.held_out, dict) else {}
+        held = [f"held out, {name}: {line}" for name, group in groups.items() for line in described(group)]
+        return (*self.told, *held, *self.held_notes)
 
     @property
     def settings(self) -> dict[str, Any]:
         """Arguments of `tpd.optimise` beside the scene."""
-        names = "space", "conditions", "risk", "limits", "method", "ensemble", "worth", "seed"
-        other = "starts" if self.kind == "harmonic" else "held_out"
-        return {name: getattr(self, name) for name in (*names, other)}
+        names = "space", "conditions", "risk", "limits", "method", "ensemble", "worth", "seed", self.only
+        return {name: getattr(self, name) for name in names}
 
     @property
     def tables(self) -> Tables:
@@ -372,6 +356,150 @@ class Job:
             # Lists, texts and numbers of TOML are written as those of JSON are.
             lines += ["", f"[{table}]", *(f"{key} = {json.dumps(value)}" for key, value in values.items())]
         return "\n".join(lines) + "\n"
+
+
+class HarmonicJob(Job):
+    """A job of harmonic motion."""
+
+    compiled, search, only, beside = compiling.HARMONIC, Descent, "starts", tuple(keys_of(Harmonic))
+
+    def check_motion(self) -> None:
+        """See `Job.check_motion`."""
+        conditions = self.conditions or Conditions.exactly()
+        with naming("motion"):
+            check_moves(self.scene, conditions)
+
+    @cached_property
+    def _read(self) -> tuple[Sequence[Harmonic], Sequence[str]]:
+        with naming("motion"):
+            return (Harmonic(**{name: self.full["motion"][name] for name in self.beside}),), ()
+
+    @property
+    def ground_motions(self) -> tuple[GroundMotion, ...]:
+        """See `Job.ground_motions`."""
+        raise ValueError("a harmonic has no end: give --record FILE or --pulse KIND, or a job of these")
+
+    @property
+    def single(self) -> Scene:
+        """See `Job.single`."""
+        return self.scene
+
+    def settled_scene(self, asker: str, again: str) -> Scene:
+        """See `Job.settled_scene`."""
+        return self.scene
+
+    @cached_property
+    def conditions(self) -> Conditions | None:
+        """See `Job.conditions`."""
+        asked, out = self.full["conditions"], Conditions()
+        if is_around(self.full):
+            return None
+        if size_of(self.full) > _MOST_CONDITIONS:
+            raise ValueError(
+                f"a job must have at most {_MOST_CONDITIONS} conditions, but has {size_of(self.full)}"
+            )
+        with naming("conditions", factors="amplitudes", count="frequencies"):
+            if asked["band"] is not None:
+                low, high = asked["band"]
+                out = out * Conditions.band(self.scene, low, high, asked["frequencies"])
+            # A factor of one is the scene itself: multiplying by it would only lengthen the description.
+            if asked["amplitudes"] != (1.0,):
+                out = out * Conditions.amplitudes(*asked["amplitudes"])
+        with naming("scatter", size="samples"):
+            if widths := widths_of(self.full):
+                out = out * Conditions.scatter(asked["samples"], self.seed, **widths)
+        return out
+
+    @cached_property
+    def starts(self) -> Starts:
+        """Initial states."""
+        return Starts.rest() if self.full["starts"]["kind"] == "rest" else Starts.any()
+
+    @cached_property
+    def ensemble(self) -> Ensemble:
+        """See `Job.ensemble`."""
+        with naming("ensemble"):
+            return Ensemble(**self.full["ensemble"]).seeded(self.seed)
+
+
+class RecordsJob(Job):
+    """A job of records."""
+
+    compiled, search, only = compiling.GROUND, GroundSearch, "held_out"
+
+    def check_motion(self) -> None:
+        """See `Job.check_motion`."""
+        if not self.full["motion"]["records"]:
+            raise ValueError("records need `motion.records` (--records FILE), which this job does not have")
+
+    def settled_scene(self, asker: str, again: str) -> Scene:
+        """See `Job.settled_scene`."""
+        raise ValueError(
+            f"{asker} is about harmonic motion, and the job has {MOTIONS[self.kind]}: give {again} with "
+            "--amplitude and --frequency"
+        )
+
+    @cached_property
+    def _read(self) -> tuple[Sequence[GroundMotion], Sequence[str]]:
+        asked = self.full["motion"]
+        found, notes = self._records(asked["records"], asked["event"])
+        if asked["pga"] is not None:
+            with naming("motion", pga_g="pga"):
+                found = [motion.scaled_to(pga_g=asked["pga"]) for motion in found]
+        return found, notes
+
+    @cached_property
+    def conditions(self) -> Conditions:
+        """See `Job.conditions`."""
+        asked = self.full["motion"]
+        if asked["scales"] is None:
+            raise ValueError(
+                "a design on records needs `motion.scales` (--scales), the sizes that every record is "
+                "scaled to; `tpd fragility` and `tpd shake` follow a design through records as they are"
+            )
+        with naming("motion"):
+            return Conditions.records(self.motions, asked["scales"], intensity=asked["intensity"])
+
+    @property
+    def in_words(self) -> str:
+        """See `Job.in_words`."""
+        scales = ", ".join(f"{x:g}" for x in self.conditions.scales)
+        return f"{in_words(self.motions)}, each at {self.conditions.intensity} {scales}"
+
+    @cached_property
+    def ensemble(self) -> Ensemble:
+        """See `Job.ensemble`."""
+        widths = widths_of(self.full)
+        given: dict[str, Any] = {name: self.full["ensemble"][name] for name in SCATTERED} | widths
+        with naming("scatter" if widths else "ensemble"):
+            return Ensemble(**given)
+
+
+class PulseJob(RecordsJob):
+    """A job of a pulse in place of records."""
+
+    def check_motion(self) -> None:
+        """See `Job.check_motion`."""
+        _ = self.motions
+
+    @cached_property
+    def _read(self) -> tuple[Sequence[GroundMotion], Sequence[str]]:
+        asked = self.full["motion"]
+        if asked["pulse"] is None or asked["pulse_frequency"] is None:
+            raise ValueError(
+                "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_frequency` "
+                "(--pulse-frequency HZ)"
+            )
+        shape = {name: asked[name] for name in ("cycles", "phase")}
+        shape |= {"kind": asked["pulse"], "frequency": asked["pulse_frequency"]}
+        with naming("motion", kind="pulse", frequency="pulse_frequency", pga_g="pga"):
+            pulse = Pulse(acceleration=STANDARD_GRAVITY, **shape)
+            # Of 1 g where its size is not given.
+            return (pulse.scaled_to(pga_g=1.0 if asked["pga"] is None else asked["pga"]),), ()
+
+
+_JOBS: dict[str, type[Job]] = {"harmonic": HarmonicJob, "pulse": PulseJob, "records": RecordsJob}
+"""Classes of jobs by the kind of motion."""
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -442,46 +570,36 @@ def job_of(given: Mapping[str, Any]) -> Job:
             needed = "" if is_usual or is_off else lacks(full, table, key)
             if needed:
                 raise ValueError(f"`{table}.{key}` goes with {needed}, which this job does not have")
-    _refuse_mixture(given, full["motion"]["kind"])
-    job = Job(full=full)
+    job = _JOBS[full["motion"]["kind"]](full=full)
+    _refuse_mixture(given, job.beside)
     with naming("search"):
         checks.count("seed", job.seed, least=0)
     # The block comes first: what is wrong with it is the reason for much else.
-    _ = job.block
-    site = job.under(job.harmonic if job.kind == "harmonic" else PAPER.motion)
-    conditions = job.conditions if job.kind == "harmonic" else None
-    if job.kind == "pulse":
-        _ = job.motions
-    if job.kind == "records" and not full["motion"]["records"]:
-        raise ValueError("records need `motion.records` (--records FILE), which this job does not have")
+    site, ensemble = job.under(PAPER.motion), job.ensemble
+    job.check_motion()
     with naming("scatter"):
         check_scatter(site, widths_of(full), job.space)
-    ensemble = job.ensemble
     with naming("ensemble"):
         if ensemble.restitution:
             check_restitution(site)
-    if job.kind == "harmonic":
-        with naming("motion"):
-            check_moves(site, conditions or Conditions.exactly(), job.space)
     _ = job.risk, job.limits, job.worth
     # Defaults depend on other keys: written out, a job keeps its meaning in a later version.
-    numbers = {name: getattr(job.method, name) for name in keys_of(type(job.method))}
+    numbers = {name: getattr(job.method, name) for name in keys_of(job.search)}
     filled = {"block": ("friction", "cavity_width"), "search": tuple(numbers)}
     found = {"block": vars(job.block), "search": numbers}
-    return Job(full={t: v | {k: found[t][k] for k in filled.get(t, ())} for t, v in full.items()})
+    return replace(job, full={t: v | {k: found[t][k] for k in filled.get(t, ())} for t, v in full.items()})
 
 
-def _refuse_mixture(given: Mapping[str, Any], kind: str) -> None:
+def _refuse_mixture(given: Mapping[str, Any], beside: Sequence[str]) -> None:
     """Refuse a block or its motion that is partly given and partly the paper's.
 
     Losses alone, or a motion alone, are variations of the paper's scene and are allowed.
     """
     block, motion = given.get("block", {}), given.get("motion", {})
     own = [key for key in (*SHAPE, "radius_of_gyration") if key in block]
-    harmonic = keys_of(Harmonic) if kind == "harmonic" else ()
     missing = {
         "block": [k for k in SHAPE if k not in block],
-        "motion": [k for k in harmonic if k not in motion],
+        "motion": [k for k in beside if k not in motion],
     }
     if not own or not any(missing.values()):
         return

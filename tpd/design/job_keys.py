@@ -301,7 +301,7 @@ def is_around(full: Tables) -> bool:
 def size_of(full: Tables) -> int:
     """Number of conditions."""
     asked = full["conditions"]
-    if full["motion"]["kind"] != "harmonic" or is_around(full):
+    if is_around(full):
         return len(Conditions.around(PAPER))
     frequencies = 1 if asked["band"] is None else asked["frequencies"]
     return frequencies * len(asked["amplitudes"]) * (asked["samples"] if widths_of(full) else 1)

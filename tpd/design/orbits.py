@@ -1,8 +1,14 @@
-"""Symmetric orbits of designs under all conditions, with exact derivatives.
+"""Symmetric orbits of designs under all conditions, with their derivatives: exact, or followed by steps.
 
 `Orbits` solves all symmetric period-one orbits of a design in closed form, so that its values hold for any
 initial state. It takes the objective of the orbit that counts under each condition, applies the risk measure
-over the conditions, and states the limits as constraints."""
+over the conditions, and states the limits as constraints.
+
+`SmoothedOrbits` does not settle an orbit again for every design that a descent evaluates. Each descent keeps,
+beside its design, the orbit under every condition. An evaluation integrates half a period of the smoothed
+equations by diffrax, with tangents, from the orbit of the design before, see `tpd.models.half_period`: one
+Newton step of the orbit, and the gradient. The exact solution gives the first orbits, and it takes over where
+there is none to follow: where the block rests, and where an orbit was lost."""
 
 from __future__ import annotations
 
@@ -11,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tpd.core.batch import in_chunks, prepare
 from tpd.core.progress import Count, unreported
 from tpd.design.criteria import (
     NEAR,
@@ -27,15 +34,15 @@ from tpd.design.criteria import (
     Size,
     SteadyTilt,
     Worsening,
-    bob_of,
 )
 from tpd.exact.terms import SIZES
 from tpd.models import compiled_orbits
+from tpd.models.half_period import half_period, newton
+from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, under, under_all
 from tpd.scene.impacts import housner
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import with_design
-from tpd.scene.scene import Scene
 from tpd.theory import uplift
 
 _PAIRS = 16_384
@@ -52,6 +59,17 @@ _RESERVE = ("fold", "symmetry", "torus")
 """Sizes of an orbit that are positive where it attracts."""
 OF_PAIRS = Evaluation._fields[: Evaluation._fields.index("design")]
 """Fields of an evaluation that belong to pairs of design and condition; they come first."""
+
+SMOOTHED = Smoothed(rtol=1e-7)
+"""Model of a descent by default: the error control ignores derivatives, so it is tighter than for motions."""
+_CHUNK = 32
+"""Orbits that take a step at once, on each core: all of them wait for the slowest."""
+_STEPS = 3
+"""Most steps of an orbit at one design: the first is enough where the design has moved little."""
+_NEAR, _ASTRAY = 0.01, 0.5
+"""Residual, in units of nu, below which a step is the last, and beyond which the orbit is lost."""
+_SAME = 0.01
+"""Relative difference of tilts beyond which two orbits are not the same."""
 
 
 class Linearisation(NamedTuple):
@@ -117,14 +135,6 @@ class Orbits:
         slope = np.where(rocks[..., None], _finite(slope), e.merit_slope)
         return e._replace(merit=np.where(rocks, value, e.merit), merit_slope=slope)
 
-    def over(self, conditions: Conditions) -> Orbits:
-        """This objective under other conditions of the scene."""
-        p, g = self.p, self.geometry
-        nominal = float(g.wall[0] / g.slenderness[0]) * float(p.nu)
-        geometry = geometry_under(float(p.nu), g.half_height, g.block_mass, nominal, conditions)
-        geometry = replace(geometry, bob=g.bob, gravity=g.gravity)
-        return replace(self, conditions=conditions, geometry=geometry).against_bare()
-
     def against_bare(self) -> Orbits:
         """This objective, with the tilts of the bare block known to limits that compare with them."""
         if not any(isinstance(limit, Worsening) for limit in self.limits):
@@ -163,36 +173,6 @@ class Orbits:
     def at(self, unit: np.ndarray) -> Linearisation:
         """Linearisation at designs in shares of the bounds, (m, d)."""
         return self.linearised(self.evaluate(self.space.unscaled(unit)))
-
-
-def blank(m: int, n: int) -> Evaluation:
-    """Evaluation of `m` designs under `n` conditions with ones in place of sizes."""
-    one, slope = np.ones((m, n)), np.zeros((m, n, 3))
-    kind, turn = np.zeros((m, n), int), np.full((m, n, 4), np.nan)
-    sizes = one, slope, one, slope, one, slope
-    return Evaluation(*sizes, one, one, one, slope, kind, turn, np.ones((m, 3)))
-
-
-def geometry_under(
-    nu: float, half_height: float, block_mass: float, wall: float, conditions: Conditions
-) -> Geometry:
-    """Geometry under all conditions of a block of slenderness `nu`, `wall` half the width inside (m)."""
-    slenderness = conditions.column("slenderness")
-    return Geometry(
-        half_height=half_height,
-        block_mass=block_mass,
-        wall=wall * slenderness,
-        slenderness=nu * slenderness,
-        mass_factor=conditions.column("mass"),
-        length_factor=conditions.column("length"),
-    )
-
-
-def geometry_of(scene: Scene, conditions: Conditions, limits: tuple[Limit, ...] = ()) -> Geometry:
-    """Geometry of a scene's block under all conditions, with the bob of the limits."""
-    block = scene.block
-    found = geometry_under(block.slenderness, block.half_height, block.mass, 0.5 * block.room, conditions)
-    return replace(found, bob=bob_of(limits), gravity=float(scene.gravity))
 
 
 _STEP = 1e-100
@@ -279,3 +259,81 @@ def margins(objective: Orbits, designs: np.ndarray) -> np.ndarray:
     rows = objective.conditions.factor_rows()
     # One condition after the other: all at once would take n times the memory.
     return np.stack([np.asarray(uplift(under(objective.p, designs.T, row)).margin) for row in rows], axis=1)
+
+
+class SmoothedOrbits:
+    """Designs of m descents and their orbits under all conditions, from an exact evaluation of the starts."""
+
+    def __init__(self, orbits: Orbits, model: Smoothed, e: Evaluation) -> None:
+        self.orbits, self.model, self.designs = orbits, model, e.design
+        self.turns, self.slopes = np.zeros((*e.kind.shape, 4)), np.zeros((*e.kind.shape, 4, 3))
+        self.follows = np.zeros(e.kind.shape, bool)
+        self.lost = np.zeros(len(e.design), int)
+        """Orbits that each descent has lost so far."""
+        self._take(e, np.arange(len(e.design)), e.kind == ROCKING)
+        # A step at the same design: its derivatives predict the orbit of the next one.
+        self._step(e.design)
+
+    def at(self, unit: np.ndarray) -> Linearisation:
+        """Linearisation at designs in shares of the bounds, (m, d), the next of each descent."""
+        return self.orbits.linearised(self.evaluate(self.orbits.space.unscaled(unit)))
+
+    def evaluate(self, designs: np.ndarray) -> Evaluation:
+        """Next designs (m, 3) of the descents, by a step of their orbits."""
+        e = self._step(designs)
+        # Where no orbit is followed the exact solution takes over, and says whether there is one by now.
+        rows = np.flatnonzero(~self.follows.all(axis=1))
+        if len(rows):
+            exact, mine = self.orbits.evaluate(designs[rows]), e.at(rows)
+            # Another orbit may count by now: it attracts and is larger, or the one that is followed does not.
+            other = (exact.kind != mine.kind) | (np.abs(exact.tilt - mine.tilt) > _SAME * exact.tilt)
+            other |= ~self.follows[rows]
+            for name in OF_PAIRS:
+                where = other.reshape(*other.shape, *(1,) * (getattr(mine, name).ndim - 2))
+                getattr(e, name)[rows] = np.where(where, getattr(exact, name), getattr(mine, name))
+            self.follows[rows] &= ~other
+            self._take(exact, rows, other & (exact.kind == ROCKING))
+        return e
+
+    def _step(self, designs: np.ndarray) -> Evaluation:
+        """Half a period of every orbit that is followed; all others, and lost orbits, are left blank."""
+        o, m = self.orbits, len(designs)
+        own = {name: np.array(getattr(Evaluation.blank(m, len(o.conditions)), name)) for name in OF_PAIRS}
+        e = Evaluation(**own | {"margin": margins(o, designs)}, design=designs)
+        # The derivatives of the last step predict the orbit of the next design, to first order.
+        self.turns = self.turns + np.einsum("mnud,md->mnu", self.slopes, designs - self.designs)
+        self.designs, todo, before = designs, self.follows.copy(), self.follows.copy()
+        for _ in range(_STEPS):
+            rows = np.nonzero(todo)
+            if not len(rows[0]):
+                break
+            batch = o.p, designs[rows[0]], o.conditions.factor_rows()[rows[1]], self.turns[rows]
+            step = newton(batch[3], in_chunks(half_period(self.model), batch, chunk=_CHUNK))
+            nu = o.geometry.slenderness[rows[1]]
+            self.turns[rows], self.slopes[rows] = step.turn, step.slope
+            e.tilt[rows], e.tilt_slope[rows] = step.turn[:, 0] / nu, step.slope[:, 0] / nu[:, None]
+            e.stroke[rows], e.stroke_slope[rows] = step.stroke, step.stroke_slope
+            e.multiplier[rows], e.reserve[rows] = step.multiplier, step.reserve
+            # One step is enough where the design has moved little: its error is the square of the residual.
+            lost = ~step.solved | (step.residual > _ASTRAY) | (step.turn[:, 0] <= 0.0)
+            self.follows[rows] = ~lost
+            todo[rows] = ~lost & (step.residual > _NEAR)
+        # The exact solution decides where a step has not come near an orbit, or near one that repels by now.
+        rests = (e.margin > 0.0) & o.rest_counts
+        self.follows &= ~todo & ~rests & (e.multiplier < 1.0)
+        self.lost += (before & ~self.follows & ~rests).sum(axis=1)
+        self.turns[~self.follows], self.slopes[~self.follows] = 0.0, 0.0
+        return o.with_merits(e)
+
+    def _take(self, e: Evaluation, descents: np.ndarray, new: np.ndarray) -> None:
+        """Follow the exact orbits of an evaluation of some descents from now on, where `new`."""
+        rows = np.nonzero(new)
+        self.turns[descents[rows[0]], rows[1]] = e.turn[rows]
+        self.slopes[descents[rows[0]], rows[1]] = 0.0
+        self.follows[descents[rows[0]], rows[1]] = True
+
+
+def prepare_step(orbits: Orbits, model: Smoothed) -> None:
+    """Begin to compile the step in a thread; the first evaluation waits for it."""
+    batch = orbits.p, np.zeros((1, 3)), orbits.conditions.factor_rows()[:1], np.zeros((1, 4))
+    prepare(half_period(model), batch, chunk=_CHUNK)

@@ -8,6 +8,7 @@ once, for `Problem`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -19,6 +20,8 @@ from tpd.answers.paired import PairedRuns
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import (
+    DEFAULT_LIMITS,
+    KINDS,
     STILL,
     DesignSpace,
     Evaluation,
@@ -28,23 +31,19 @@ from tpd.design.criteria import (
     Risk,
     Room,
     Worth,
+    check_cavity,
+    check_limits,
     limit_of,
 )
-from tpd.design.orbits import blank, geometry_of
+from tpd.design.job import Job, job_of
+from tpd.design.job_keys import TABLES
 from tpd.design.reasons import DesignStatus
-from tpd.scene.conditions import Conditions
+from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Pendulum, Scene
 
 MOST_MOTIONS = 24
 """Most motions that are followed over time for the loads."""
-_KINDS = {
-    "space": DesignSpace,
-    "conditions": Conditions,
-    "risk": Risk,
-    "ensemble": Ensemble,
-    "worth": Worth,
-}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -82,6 +81,58 @@ class Problem(ABC):
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
+    def job(self) -> Job:
+        """The job that poses this problem again.
+
+        Raises:
+            ValueError: a problem that no job file can describe: motions, a limit or an objective that exist
+                only in Python.
+        """
+        asked = self.tables
+        try:
+            job = job_of({table: _said(values) for table, values in asked.items()})
+        except ValueError as error:
+            raise ValueError(f"a job file cannot say what this design was asked: {error}") from None
+        for name in ("space", "risk", "limits", "method", "ensemble", "worth", "seed"):
+            # Models and optimisers of one kind are equal by what they print.
+            if repr(getattr(job, name)) != repr(getattr(self, name)):
+                raise ValueError(f"a job file cannot say the `{name}` of this design, {getattr(self, name)}")
+        return job
+
+    @property
+    def tables(self) -> dict[str, dict[str, Any]]:
+        """Tables of the job, as far as a file can say it."""
+        scene, risk = self.scene, self.risk
+        limits: dict[str, Any] = {
+            kind.name: False
+            for kind in KINDS
+            if limit_of(DEFAULT_LIMITS, kind) and limit_of(self.limits, kind) is None
+        }
+        bob = {}
+        for limit in self.limits:
+            if type(limit) not in KINDS:
+                raise ValueError(
+                    f"a job file cannot say the limit `{limit.name}`, which exists only in Python"
+                )
+            limits[limit.name] = next((x for x in vars(limit).values() if isinstance(x, (int, float))), True)
+            bob |= vars(limit.bob) if isinstance(limit, Room) else {}
+        if bob.get("shape") == "ball":
+            bob.pop("aspect")
+        search = {name: value for name, value in vars(self.method).items() if name in TABLES["search"]}
+        if not isinstance(search.get("model"), str):
+            search["model"] = None
+        measure = {0.0: "worst", 1.0: "expected"}.get(risk.share, "cvar")
+        return {
+            "block": vars(scene.block),
+            "site": {"gravity": scene.gravity},
+            "bob": bob,
+            "space": vars(self.space),
+            "risk": {"measure": measure, "share": risk.share if measure == "cvar" else None},
+            "limits": limits,
+            "search": search | {"seed": self.seed},
+        }
+
+    @property
     @abstractmethod
     def rounds(self) -> tuple[int, int]:
         """Rounds of further trials after the candidates, and how many designs each has."""
@@ -111,7 +162,7 @@ class Problem(ABC):
     @cached_property
     def geometry(self) -> Geometry:
         """Lengths of the block under all conditions, with the bob of the limits."""
-        return geometry_of(self.scene, self.conditions, self.limits)
+        return Geometry.of(self.scene, self.conditions, self.limits)
 
     def pendulum(self, design: np.ndarray) -> Pendulum:
         """Return a design (mu, lam, zeta) in SI units."""
@@ -133,6 +184,11 @@ class Problem(ABC):
     def without_pendulum(self) -> Any:
         """Exact motions without a pendulum; None where only runs answer."""
         return self.exact(None)
+
+    def lifts(self, pendulum: Pendulum) -> tuple[float, float] | None:
+        """Return the base acceleration over gravity that lifts the resting block, with a pendulum that has
+        settled and without; None where no motion settles."""
+        return None
 
     @abstractmethod
     def stays_at_rest(self) -> bool:
@@ -183,7 +239,7 @@ class Problem(ABC):
         name, (m,): of the bob that hangs at rest, and with harmonic excitation of the settled orbit."""
         m, n = len(designs), len(self.conditions)
         zeros = np.zeros((m, n))
-        at_rest = blank(m, n)._replace(tilt=zeros, stroke=zeros, design=designs)
+        at_rest = Evaluation.blank(m, n)._replace(tilt=zeros, stroke=zeros, design=designs)
         return {
             size.name: np.max(size.value, axis=1)
             for limit in self.limits
@@ -207,7 +263,7 @@ class Problem(ABC):
         def motion(tilt: np.ndarray, stroke: np.ndarray, relative: np.ndarray | None) -> Evaluation:
             shaped = {"tilt": tilt / runs.nu, "stroke": stroke, "relative": relative}
             rows = {k: None if x is None else x[stands][None] for k, x in shaped.items()}
-            return blank(1, len(nu))._replace(**rows, design=design[None])
+            return Evaluation.blank(1, len(nu))._replace(**rows, design=design[None])
 
         settled = motion(runs.amplitude, runs.stroke, runs.relative)
         # The bob must keep off the walls from the first moment on, and not only in the settled motion.
@@ -228,14 +284,32 @@ class Problem(ABC):
         return float(np.mean(np.any(list(sizes.values()), axis=0))), worst
 
 
-def check_given(seed: checks.Whole, **given: Any) -> int:
-    """Return the seed; raise unless JAX has 64 bits, it is a whole number, and each input is of its class.
-    None stands for a default."""
+def _said(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values that a file can hold, without those that are left out."""
+    plain = {key: x.tolist() if isinstance(x, np.generic) else x for key, x in values.items()}
+    return {key: list(x) if isinstance(x, tuple) else x for key, x in plain.items() if x is not None}
+
+
+def complete(scene: Scene, usual: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the inputs that all problems have, checked, with usual ones in place of None and of those that
+    are left out; the space is within the limit on the bob's mass.
+
+    Raises:
+        TypeError: a name that is not among the usual inputs.
+        ValueError: an input of another class than the usual one, or that does not fit the scene.
+        RuntimeError: JAX is in 32-bit mode.
+    """
     checks.require_x64()
-    seed = checks.seed("seed", seed)
-    for name, value in given.items():
-        checks.optional(name, value, _KINDS[name])
-    return seed
+    if unknown := given.keys() - usual.keys():
+        raise TypeError(f"a problem has no input `{min(unknown)}`, but {', '.join(usual)}")
+    found = {name: default if given.get(name) is None else given[name] for name, default in usual.items()}
+    for name in usual.keys() - {"limits", "seed"}:
+        checks.instance(name, found[name], type(usual[name]))
+    found |= {"seed": checks.seed("seed", found["seed"]), "limits": check_limits(found["limits"])}
+    check_cavity(scene.block, found["limits"])
+    if found["ensemble"].restitution:
+        check_restitution(scene)
+    return found | {"space": within_mass(found["space"], scene.block, found["limits"])}
 
 
 def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> DesignSpace:

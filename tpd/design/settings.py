@@ -26,7 +26,7 @@ class Descent:
     """Settings of the search: optax descends on smoothed gradients, and SciPy's SLSQP finishes on exact ones.
 
     By default signs and impacts are smoothed, diffrax integrates the equations (25), and design and orbit
-    converge together, see `tpd.design.smoothed_orbits`. The descents come near the optimum; a few steps of
+    converge together, see `tpd.design.orbits`. The descents come near the optimum; a few steps of
     SLSQP on the exact gradients then reach it from the best ends.
 
     Raises:

@@ -13,9 +13,8 @@ from tpd.answers.fragility import Fragility
 from tpd.answers.paired import PairedRuns
 from tpd.answers.statistics import Lognormal
 from tpd.core import checks
-from tpd.design.design import Design
+from tpd.design.design import Design, FrontPoint
 from tpd.design.harmonic import ExactMotions
-from tpd.design.pareto import FrontPoint
 from tpd.plots.style import (
     BLUE,
     CASES,

@@ -14,7 +14,7 @@ from tpd.answers.response import Branches, Response
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
 from tpd.core import checks
 from tpd.design.design import Design
-from tpd.design.pareto import Front
+from tpd.design.optimise import Front
 from tpd.plots import compare, drawing, landscape, maps, response
 from tpd.plots.style import CASES
 

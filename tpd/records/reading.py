@@ -183,7 +183,16 @@ def summary(motions: Sequence[GroundMotion], notes: Sequence[str] = ()) -> dict[
     return {"records": [facts(m) for m in motions if isinstance(m, Record)], "notes": list(notes)}
 
 
-def described(motions: Sequence[GroundMotion]) -> list[str]:
+def in_words(motions: Sequence[GroundMotion]) -> str:
+    """Return the name of a pulse or record with its size and duration; of several their number."""
+    if len(motions) > 1:
+        return f"{len(motions)} records"
+    motion = motions[0]
+    name = getattr(motion, "name", "") or getattr(motion, "kind", "motion")
+    return f"{name}, {float(motion.pga):.4g} m/s^2 at most, {float(motion.duration):.4g} s"
+
+
+def described(motions: Sequence[Any]) -> list[str]:
     """Lines for a terminal on the records that were read: one for each of a few, or one for all."""
     read = [facts(motion) for motion in motions if isinstance(motion, Record)]
     if len(read) > _FEW:

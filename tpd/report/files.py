@@ -16,7 +16,6 @@ from tpd.core.progress import Progress, shown
 from tpd.design.as_built import Study, TimeHistory
 from tpd.design.as_built import study as compute
 from tpd.design.design import Design
-from tpd.design.reading import job_of_design
 from tpd.report.content import content, names
 from tpd.report.json import as_json
 from tpd.report.render import html, text
@@ -107,7 +106,7 @@ def write_report(
         found = compute(design, progress=report) if study is None else study
     # A user's own limit, or motions that exist only in Python, are in no job file.
     try:
-        job = job_of_design(design.problem)
+        job = design.problem.job
     except ValueError as error:
         warnings.warn(f"the report goes without scene.toml: {error}", stacklevel=2)
         return write(folder, design, found, {}, "")

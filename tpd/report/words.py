@@ -11,9 +11,10 @@ from tpd.core.formatting import number
 from tpd.design.as_built import Study
 from tpd.design.criteria import KINDS, Limit, Room, limit_of
 from tpd.design.design import Design
+from tpd.records.reading import in_words
 from tpd.report.blocks import NO_VALUE, Table
 from tpd.scene.ground_motion import GroundMotion
-from tpd.scene.scene import HOUSNER, Block, Pendulum, Scene, paper_scene
+from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
 
 _CHANGES = {
     "mean severity": "mean tilt / toppling tilt",
@@ -227,14 +228,19 @@ def origin(scene: Scene) -> str:
     return f"{_PAPER} with the paper's motion and losses"
 
 
-def scene_lines(scene: Scene) -> tuple[str, ...]:
-    """Lines for a terminal; the first says whose block it is."""
-    limit, block, losses = f"{number(threshold(scene))} g", *block_lines(scene)
+def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
+    """Lines for a terminal; under a harmonic the first says whose block it is. Other words for the motion can
+    be given."""
+    shape = f"slenderness {number(float(scene.block.slenderness))}; topples at {_toppling(scene)}"
+    block, lost = f"  block   {_block(scene)}; {shape}", f"  losses  {losses(scene.block)}"
+    if motion or not isinstance(scene.motion, Harmonic):
+        return block, lost, f"  motion  {motion or in_words((scene.motion,))}"
+    limit = f"{number(threshold(scene))} g"
     lifts = f"not above {limit}, so the bare block stays at rest once it is at rest"
     if acceleration(scene) > threshold(scene):
         lifts = f"above {limit}, so the bare block at rest lifts"
     motion = f"  motion  {_motion(scene)}, {number(acceleration(scene))} g: {lifts}"
-    return f"Scene: {origin(scene)}.", block, motion, losses
+    return f"Scene: {origin(scene)}.", block, motion, lost
 
 
 def block_of(scene: Scene) -> str:
@@ -250,12 +256,6 @@ def excitation(design: Design) -> str:
         return f"ground motions, from rest: {listed}"
     lifts = f"lifts above {number(threshold(scene), 3)} g"
     return f"{_motion(scene)}, {number(acceleration(scene), 3)} g ({lifts})"
-
-
-def block_lines(scene: Scene) -> tuple[str, str]:
-    """Lines for a terminal about the block and its losses, whatever shakes it."""
-    shape = f"slenderness {number(float(scene.block.slenderness))}; topples at {_toppling(scene)}"
-    return f"  block   {_block(scene)}; {shape}", f"  losses  {losses(scene.block)}"
 
 
 def pendulum_line(scene: Scene, hung: Pendulum) -> str:
