@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -50,12 +50,18 @@ def available() -> str:
         ValueError: it is not installed.
     """
     try:
-        import mujoco
+        return str(_mujoco().__version__)
     except ImportError as error:
         raise ValueError(
             "the engine MuJoCo is not installed: pip install 'tpd[engines]' brings it"
         ) from error
-    return str(mujoco.__version__)
+
+
+def _mujoco() -> Any:
+    """Import MuJoCo, which is optional. Its types do not name what its compiled module has."""
+    import mujoco
+
+    return mujoco
 
 
 def follow(
@@ -79,10 +85,9 @@ def follow(
         workers: threads; default the number of cores.
         progress: called with the share that is done.
     """
-    # MuJoCo is optional, and is loaded only if an engine is used.
-    import mujoco
     from mujoco import rollout
 
+    mujoco = _mujoco()
     models = [mujoco.MjModel.from_xml_string(body.mjcf()) for body in bodies]
     threads = min(workers or os.cpu_count() or 1, len(models))
     datas = [mujoco.MjData(models[0]) for _ in range(threads)]
@@ -169,8 +174,7 @@ def free_rocking(body: RigidBody) -> float:
     """Return the velocity ratio of the first impact of a block without pendulum and friction, released from
     half of its toppling tilt: the square root of the ratio of the energies after and before the impact. NaN
     if there is no impact."""
-    import mujoco
-
+    mujoco = _mujoco()
     model = mujoco.MjModel.from_xml_string(body.mjcf())
     data = mujoco.MjData(model)
     assert max(body.bob, body.friction) == 0.0, "friction and a bob change the energy between impacts"
