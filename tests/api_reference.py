@@ -211,7 +211,8 @@ class Reference:
     def module(self, item: griffe.Module, name: str) -> None:
         """Public names of a module: what others are derived from, and what they return, comes first."""
         self.lines += [sentence(item), ""]
-        public = item.exports or [name for name, path in item.imports.items() if path.startswith("tpd.")]
+        imported = {name: m.target_path for name, m in item.members.items() if m.is_alias}
+        public = item.exports or [name for name, path in imported.items() if path.startswith("tpd.")]
         for inner in sorted(map(str, public), key=lambda x: (x not in ("Limit", "EngineVerdict"), x)):
             entry = item[inner].final_target if item[inner].is_alias else item[inner]
             if entry.path not in self.described:

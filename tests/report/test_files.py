@@ -96,9 +96,6 @@ def test_motions_and_responses_are_tables():
 class Verdict(SimpleNamespace):
     """Answer of an engine."""
 
-    def summary(self) -> dict:
-        return vars(self)
-
     def __str__(self) -> str:
         return f"table of {self.engine} & more"
 
@@ -108,7 +105,7 @@ def test_a_second_run_of_an_engine_replaces_the_first(tmp_path):
     (tmp_path / "report.html").write_text('<body>\n<p class="verdict note">verdict</p>\n</body>\n')
     for warning in ("DANGER: by MuJoCo it harms", ""):
         found = Verdict(engine="MuJoCo", warning=warning)
-        assert [p.name for p in add_engine(tmp_path, found)] == ["engine.json", "report.txt", "report.html"]
+        assert [p.name for p in add_engine(tmp_path, found)] == ["report.txt", "report.html"]
         text, page = (tmp_path / "report.txt").read_text(), (tmp_path / "report.html").read_text()
         assert text.startswith(warning or "verdict")
         assert text.count("table of MuJoCo & more") == page.count("table of MuJoCo &amp; more") == 1

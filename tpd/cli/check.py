@@ -99,7 +99,8 @@ def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace,
     # A design of one's own has no report that the result could be put into.
     if options.design is not None:
         directory = options.design if options.design.is_dir() else options.design.parent
-        print("\n".join(f"written: {path}" for path in files.add_engine(directory, found)))
+        for path in files.add_engine(directory, found):
+            print(f"written: {path}")
     if pendulum is None:
         print("The report has no pendulum: only the block alone was simulated.")
         return UNSOUND

@@ -33,6 +33,7 @@ __all__ = [
     "Reserve",
     "Risk",
     "Room",
+    "Size",
     "SteadyTilt",
     "Stroke",
     "Tilt",

@@ -20,7 +20,6 @@ from tpd.design.criteria import (
     REST,
     DesignSpace,
     Evaluation,
-    Limit,
     Objective,
     Risk,
     SteadyTilt,

@@ -118,21 +118,6 @@ class EngineVerdict(Printed):
         head = ["", self.engine, f"its first {few}", "a fifth of its step", "equations (4)"]
         return "\n".join(aligned([head, *self._rows(few)]))
 
-    def summary(self) -> dict[str, Any]:
-        """Numbers for JSON."""
-        names = {"engine": self.with_engine, "finer": self.finer, "equations": self.with_equations}
-        pairs = {
-            name: {
-                "with": {k: np.asarray(v).tolist() for k, v in hung._asdict().items()},
-                "without": {k: np.asarray(v).tolist() for k, v in bare._asdict().items()},
-            }
-            for name, (hung, bare) in names.items()
-        }
-        head = {"engine": self.engine, "seed": self.ensemble.seed, "runs": self.ensemble.size}
-        how = {"step": self.step, "sliding": self.sliding, "restitution": self.restitution}
-        verdict = {"benefit": self.benefit, "expected_benefit": self.expected_benefit}
-        return {**head, **how, **verdict, "warning": self.warning, "results": pairs}
-
     def __str__(self) -> str:
         e = self.ensemble
         head = (

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Sequence
-from importlib import import_module
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,11 +50,18 @@ def available() -> str:
         ValueError: it is not installed.
     """
     try:
-        return str(import_module("mujoco").__version__)
+        return str(_mujoco().__version__)
     except ImportError as error:
         raise ValueError(
             "the engine MuJoCo is not installed: pip install 'tpd[engines]' brings it"
         ) from error
+
+
+def _mujoco() -> Any:
+    """Import MuJoCo, which is optional. Its types do not name what its compiled module has."""
+    import mujoco
+
+    return mujoco
 
 
 def follow(
@@ -79,7 +85,9 @@ def follow(
         workers: threads; default the number of cores.
         progress: called with the share that is done.
     """
-    mujoco, rollout = import_module("mujoco"), import_module("mujoco.rollout")
+    from mujoco import rollout
+
+    mujoco = _mujoco()
     models = [mujoco.MjModel.from_xml_string(body.mjcf()) for body in bodies]
     threads = min(workers or os.cpu_count() or 1, len(models))
     datas = [mujoco.MjData(models[0]) for _ in range(threads)]
@@ -163,40 +171,27 @@ def placed(body: RigidBody, start: np.ndarray) -> np.ndarray:
 
 
 def free_rocking(body: RigidBody) -> float:
-    """Velocity ratio of the first impact of a bare block let go from half of its toppling tilt: the square
-    root of the share of the energy that is left."""
-    mujoco = import_module("mujoco")
+    """Return the velocity ratio of the first impact of a block without pendulum and friction, released from
+    half of its toppling tilt: the square root of the ratio of the energies after and before the impact. NaN
+    if there is no impact."""
+    mujoco = _mujoco()
     model = mujoco.MjModel.from_xml_string(body.mjcf())
     data = mujoco.MjData(model)
-    # Friction would take energy on the way, and a bob would carry some away.
-    assert max(body.bob, body.friction) == 0.0
+    assert max(body.bob, body.friction) == 0.0, "friction and a bob change the energy between impacts"
     half_of_toppling = 0.5 * math.atan2(body.half_width, body.half_height)
-    state, states = placed(body, np.array([half_of_toppling, 0.0, 0.0, 0.0])), []
+    state = placed(body, np.array([half_of_toppling, 0.0, 0.0, 0.0]))
     data.qpos[:], data.qvel[:] = state[:3], state[3:]
-    after = around_impact(body)
-    for _ in range(10_000_000):
+    # A contact of this stiffness ends after some time constants, in which the block hardly moves.
+    around = round(12.0 * body.contact_time / body.step)
+    energies, impact = [], math.inf
+    for step in range(10_000_000):
         mujoco.mj_step(model, data)
-        states.append([*data.qpos, *data.qvel])
+        (vx, vz, rate), height = data.qvel, data.qpos[1]
+        kinetic = 0.5 * body.mass * (vx**2 + vz**2) + 0.5 * body.inertia * rate**2
+        energies.append(float(kinetic + body.mass * body.gravity * height))
         if data.qpos[2] < 0.0:
-            after -= 1
-        if after < 0:
-            break
-    return kept(body, np.array(states))
-
-
-def around_impact(body: RigidBody) -> int:
-    """Time steps on either side of an impact in which it is over."""
-    # A contact of this stiffness is over after some time constants, in which the block hardly moves.
-    return round(12.0 * body.contact_time / body.step)
-
-
-def kept(body: RigidBody, states: np.ndarray) -> float:
-    """Velocity ratio of the first impact of free rocking, from positions and velocities (steps, 6); NaN
-    where there is none."""
-    w, v, around = states[:, :3], states[:, 3:], around_impact(body)
-    kinetic = 0.5 * body.mass * (v[:, 0] ** 2 + v[:, 1] ** 2) + 0.5 * body.inertia * v[:, 2] ** 2
-    energies = kinetic + body.mass * body.gravity * w[:, 1]
-    crossed = int(np.argmax(w[:, 2] < 0.0))
-    if not around <= crossed < len(states) - around:
-        return math.nan
-    return math.sqrt(energies[crossed + around] / energies[crossed - around])
+            impact = min(impact, step)
+        if step == impact + around:
+            # An impact right after the release leaves no motion before it to compare with.
+            return math.sqrt(energies[step] / energies[step - 2 * around]) if impact >= around else math.nan
+    return math.nan

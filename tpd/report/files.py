@@ -204,8 +204,8 @@ def motion_csv(histories: Sequence[TimeHistory]) -> str:
 
 def add_engine(directory: Path, verdict: Any) -> list[Path]:
     """Put the answer of an engine, an `EngineVerdict`, into the files of a report, in place of a former one:
-    a warning before the verdict, a section at the end, and all numbers in engine.json. Returns the files."""
-    written = [files.place(directory / "engine.json", files.as_json(verdict.summary()))]
+    a warning before the verdict, and a section at the end. Return the files that were changed."""
+    written = []
     for name, put in (("report.txt", _in_text), ("report.html", _in_page)):
         path = directory / name
         if path.exists():

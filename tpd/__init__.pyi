@@ -1,0 +1,57 @@
+"""Names at the top of the package, for type checkers and for the import on first use."""
+
+from . import engines as engines
+from . import limits as limits
+from . import records as records
+from . import theory as theory
+from .answers.attractors import attractors as attractors
+from .answers.auto import Auto as Auto
+from .answers.compare_models import check as check
+from .answers.critical_scale import critical_scale as critical_scale
+from .answers.design_map import design_map as design_map
+from .answers.ensemble import outcomes as outcomes
+from .answers.fragility import fragility as fragility
+from .answers.paired import paired_runs as paired_runs
+from .answers.periodic_orbit import periodic_orbit as periodic_orbit
+from .answers.response import branches as branches
+from .answers.response import settled_response as settled_response
+from .answers.spectra import overturning_spectrum as overturning_spectrum
+from .answers.spectra import rocking_spectrum as rocking_spectrum
+from .answers.steady_state import simulate as simulate
+from .answers.steady_state import steady_state as steady_state
+from .answers.symmetric_orbits import symmetric_orbits as symmetric_orbits
+from .answers.transient import transient as transient
+from .cluster.cluster import Cluster as Cluster
+from .core.batch import in_chunks as in_chunks
+from .design.as_built import study as study
+from .design.criteria import DesignSpace as DesignSpace
+from .design.criteria import Risk as Risk
+from .design.design import Design as Design
+from .design.job import Job as Job
+from .design.optimise import front as front
+from .design.optimise import optimise as optimise
+from .design.optimise import optimise_all as optimise_all
+from .design.reading import read_design as read_design
+from .design.settings import Descent as Descent
+from .design.settings import GroundSearch as GroundSearch
+from .models.piecewise import Piecewise as Piecewise
+from .models.segmented import Segmented as Segmented
+from .models.smoothed import Smoothed as Smoothed
+from .plots.results import plot as plot
+from .report.files import write_report as write_report
+from .scene.conditions import Conditions as Conditions
+from .scene.ensemble import Ensemble as Ensemble
+from .scene.ground_motion import Pulse as Pulse
+from .scene.parameters import Parameters as Parameters
+from .scene.record import Record as Record
+from .scene.scene import Block as Block
+from .scene.scene import Harmonic as Harmonic
+from .scene.scene import Pendulum as Pendulum
+from .scene.scene import Scene as Scene
+from .scene.scene import paper_scene as paper_scene
+from .scene.starts import Starts as Starts
+from .scene.status import Status as Status
+from .scene.status import status_name as status_name
+from .theory.equations import Terms as Terms
+
+__version__: str
