@@ -62,7 +62,7 @@ class Overturned(NamedTuple):
     """Runs of which significantly more overturn with the pendulum."""
 
     label: str
-    """Of the group; empty for all runs."""
+    """Name of the part; empty for all runs."""
     only_with: int
     """Number of runs that overturn only with the pendulum."""
     only_without: int
