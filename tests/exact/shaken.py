@@ -10,6 +10,7 @@ import tpd
 from tests.truth import GRAVITY, el_centro
 from tpd.answers.ground_batch import rows_of
 from tpd.exact.follow import OVERTURNED, ROCKED, STOOD
+from tpd.exact.terms import XI
 from tpd.models.compiled_shaken import Followed, follow_all
 
 SMALL = tpd.Block(width=0.5, height=2.5, mass=1000.0, friction=0.0, restitution=0.9)
@@ -26,7 +27,7 @@ class Case(NamedTuple):
 def operands(cases: list[Case]) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
     """Rows of parameters, pieces, and units of tau in a second."""
     rows = np.array([rows_of(c.block, c.pendulum, [c.motion], GRAVITY)[0] for c in cases])
-    rates = rows[:, 6] / np.array([float(case.motion.piece) for case in cases])
+    rates = rows[:, XI] / np.array([float(case.motion.piece) for case in cases])
     return rows, [np.asarray(case.motion.pieces(), dtype=float) for case in cases], rates
 
 

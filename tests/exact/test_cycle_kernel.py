@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.reference import along, parameters
-from tpd.models.compiled_orbits import row_of
+from tpd.exact.rows import row_of
 from tpd.models.multiple_shooting import polish, recorded, traverse
 
 SCENES = {

@@ -8,6 +8,7 @@ from tests.exact.shaken import SMALL, Case, changed, decided, motions, operands,
 from tests.reference import EventDriven
 from tests.truth import GRAVITY, digits, el_centro, shaken
 from tpd.exact.follow import EVENT_BOUND, OVERTURNED, ROCKED, STOOD
+from tpd.exact.terms import LAM, MU, NU, XI, ZETA, E, F, K
 from tpd.models.compiled_nonlinear import shake_nonlinear
 from tpd.models.compiled_shaken import follow_all
 
@@ -37,9 +38,11 @@ def test_motions_under_records_are_those_of_the_event_loop(nonlinear):
             run = shake_nonlinear if nonlinear else follow_all
             options = {"rtol": 1e-11} if nonlinear else {}
             found = run(rows, pieces, np.zeros(1, int), np.full(1, 2.0), **options)[0]
-            x, h = rows[0], rows[0, 6]
-            eta = -x[5] * np.append(pieces[0][:, 0], pieces[0][-1].sum())
-            loop = EventDriven([*x[:6], 1.0, x[8]], nonlinear=nonlinear, samples=(eta, h))
+            x, h = rows[0], rows[0, XI]
+            eta = -x[F] * np.append(pieces[0][:, 0], pieces[0][-1].sum())
+            loop = EventDriven(
+                [*x[[NU, MU, LAM, ZETA, K, F]], 1.0, x[E]], nonlinear=nonlinear, samples=(eta, h)
+            )
             times = np.array([0.0, len(pieces[0]) * h + 2.0])
             expected = loop.run(np.zeros(4), times, quiet=1e-4 if nonlinear else 2e-7)
             assert rates[0] == pytest.approx(h / 0.1)

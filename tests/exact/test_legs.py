@@ -6,6 +6,8 @@ import pytest
 import tpd
 from tests.exact.shaken import Case, operands, record
 from tests.reference import differences
+from tpd.exact.rows import row_of
+from tpd.exact.terms import XI
 from tpd.models.compiled_shaken import follow_all
 
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.01, restitution=0.9595)
@@ -42,9 +44,10 @@ def test_every_number_has_the_derivatives_of_differences(motion):
 
 def test_pieces_longer_than_an_arc_may_be_have_the_derivatives_of_differences():
     # Under a block that stays at rest the bob swings through pieces that take many arcs each.
-    x = np.array([0.3, 0.1, 0.4, 0.05, 0.1, 0.1, 25.0, 0.7, 0.9])
+    p = tpd.Parameters(nu=0.3, mu=0.1, lam=0.4, zeta=0.05, k=0.1, f=0.1, xi=25.0, rho=0.7, e=0.9)
+    x = row_of(p)
     pieces = np.array([[0.0, 0.5, 0.0, 0.0], [0.5, -1.0, 0.0, 0.0]])
     _, by = results(x, np.zeros(4), pieces, free=0.0)
-    expected = differences(lambda z: results(z, np.zeros(4), pieces, free=0.0)[0][4], x, 6, share=1e-5)
+    expected = differences(lambda z: results(z, np.zeros(4), pieces, free=0.0)[0][4], x, XI, share=1e-5)
     assert abs(expected) > 1e-5
-    assert by[4, 6] == pytest.approx(expected, rel=1e-6)
+    assert by[4, XI] == pytest.approx(expected, rel=1e-6)

@@ -8,6 +8,7 @@ import pytest
 from tests.exact.test_trajectory import SAMPLES, clock, states
 from tests.reference import REST, SLOW, box, exact, parameters
 from tpd import Piecewise, Status, paper_scene
+from tpd.exact.rows import row_of
 from tpd.exact.terms import LANDING
 from tpd.models import compiled_linear
 from tpd.models.multiple_shooting import Events, events
@@ -76,9 +77,7 @@ def test_a_slow_decay_is_taken_to_its_orbit():
 
 def hops(x, tilt, quiet):
     """Impacts of a block let go at a tilt until it is captured at rest, below a speed in units of nu."""
-    p = parameters(x)
-    numbers = np.array([*x[:7], p.inertia_ratio, p.velocity_ratio])
-    found = events(numbers, np.array([tilt, 0.0, 0.0, 0.0]), 4, 256, quiet)
+    found = events(row_of(parameters(x)), np.array([tilt, 0.0, 0.0, 0.0]), 4, 256, quiet)
     assert isinstance(found, Events)
     assert found.resting
     return int(np.sum(found.endings == LANDING))

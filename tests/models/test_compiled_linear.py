@@ -7,15 +7,8 @@ import pytest
 
 from tests.reference import HUNG, LEANING, parameters
 from tpd import Piecewise, status_name, steady_state
-from tpd.models.compiled_linear import cycle, packed, settle, unpacked
+from tpd.models.compiled_linear import cycle, settle
 from tpd.scene.parameters import as_arrays
-
-
-def test_parameters_come_back_with_ratios_of_their_own():
-    p = as_arrays(parameters((*HUNG[0].x, 0.8)))
-    q = unpacked(packed(p))
-    assert float(q.rho) == float(p.inertia_ratio)
-    np.testing.assert_array_equal(packed(q), packed(p))
 
 
 def test_reverse_and_forward_mode_agree():

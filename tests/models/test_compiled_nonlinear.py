@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import tpd
+from tpd.exact.rows import ground_row_of
 from tpd.models.compiled_nonlinear import follow_nonlinear, settle_nonlinear, settle_one, shake_nonlinear
-from tpd.models.compiled_shaken import row_of
 from tpd.scene.status import names_of
 
 HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
@@ -80,7 +80,7 @@ def test_a_ground_motion_under_jax_is_that_of_the_batch_and_has_no_derivatives()
     def tilt(free):
         return follow_nonlinear(p, pieces, free, y0, 1000, rtol=1e-8, rest_rate=1e-4).tilt
 
-    batch, _ = shake_nonlinear(row_of(p)[None], [pieces], np.zeros(1, int), np.full(1, 3.0))
+    batch, _ = shake_nonlinear(ground_row_of(p)[None], [pieces], np.zeros(1, int), np.full(1, 3.0))
     assert float(tilt(3.0)) == batch.tilt[0] > 0.01
     assert math.isnan(jax.grad(tilt)(3.0))
 

@@ -7,10 +7,11 @@ import pytest
 
 from tests.exact.orbits import ROWS
 from tests.reference import parameters
+from tpd.exact.rows import row_of
 from tpd.exact.terms import SIZES
 from tpd.models import compiled_orbits
 
-X = np.array([compiled_orbits.row_of(parameters(row["parameters"])) for row in ROWS[:40]])
+X = np.array([row_of(parameters(row["parameters"])) for row in ROWS[:40]])
 
 
 def test_a_batch_is_its_designs_on_any_number_of_threads():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.reference import HUNG, exact, parameters
+from tpd.exact.rows import row_of
 from tpd.models import exact_entry as entry
-from tpd.models.compiled_linear import packed
 from tpd.models.rows import settle_all
 from tpd.scene.parameters import as_arrays
 
@@ -13,7 +13,7 @@ from tpd.scene.parameters import as_arrays
 def test_the_steady_state_is_where_the_motion_settles():
     p, steady, limits = as_arrays(parameters(HUNG[0].x)), np.zeros(1, entry.STEADY), {"periods": 500}
     limits |= {"events": 500, "rest_rate": 2e-7, "tolerance": 1e-8, "lyapunov": 100}
-    row = np.asarray(packed(p))[None].copy()
+    row = row_of(p)[None].copy()
     entry.run(
         0, 1, np.array([entry.settings(task=entry.STEADY_STATE, **limits)]), row, np.zeros((1, 4)), steady
     )

@@ -25,8 +25,8 @@ from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.core.checks import Real
 from tpd.exact.derivatives import refused
-from tpd.exact.terms import OVERTURNED, ROCKED, STOOD
-from tpd.models.compiled_linear import packed
+from tpd.exact.rows import ground_row_of
+from tpd.exact.terms import OVERTURNED, ROCKED, STOOD, F
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion, refuse_zeros
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, single
@@ -126,7 +126,7 @@ def critical_scale(
     def scanned(x: Any, c: Any, late: Any, ends: Any) -> tuple[np.ndarray, ...]:
         return _scanned(np.asarray(x), np.asarray(c), float(late), np.asarray(ends), scan)
 
-    held = jax.tree.map(stop_gradient, (packed(p), pieces, jnp.asarray(late), ends))
+    held = jax.tree.map(stop_gradient, (ground_row_of(p), pieces, jnp.asarray(late), ends))
     first, tongues, undecided = jax.pure_callback(scanned, shapes, *held, vmap_method="sequential")
     scale = _with_slope(p, pieces, late, first)
     return CriticalScale(scale, tongues, scan, held[3][1], undecided)
@@ -158,12 +158,9 @@ def _scanned(
     """First crossing of a scan, all tongues, and the intervals without an answer."""
     from tpd.models.compiled_shaken import follow_all
 
-    row = x.copy()
-    row[6] = 2.0 * np.pi / row[6]
-
     def status(scales: np.ndarray) -> np.ndarray:
-        rows = np.repeat(row[None], scales.size, axis=0)
-        rows[:, 5] *= scales.ravel()
+        rows = np.repeat(x[None], scales.size, axis=0)
+        rows[:, F] *= scales.ravel()
         which, free = np.zeros(scales.size, dtype=int), np.full(scales.size, late)
         found, _ = follow_all(rows, [c], which, free, brief=True)
         return found.status.reshape(scales.shape)

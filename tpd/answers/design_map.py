@@ -18,8 +18,8 @@ from tpd.core.formatting import Printed, Tabular, counted, span
 from tpd.core.progress import shown_count
 from tpd.models.rows import settle_all
 from tpd.models.settling import scale_of
-from tpd.scene.parameters import Parameters
-from tpd.scene.quantities import NAMES, UNITS, Setup, parameters
+from tpd.scene.parameters import NAMES, Parameters, from_row
+from tpd.scene.quantities import UNITS, Setup
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Outcome, codes_of, names_by_code, names_of
 from tpd.theory.no_uplift import uplift
@@ -138,7 +138,7 @@ def design_map(
     # All designs on the grid, row by row, leaves of shape (ny nx,).
     across, up = np.meshgrid(xs, ys)
     vector = setup.vector({x_name: across.ravel(), y_name: up.ravel()})
-    designs = parameters([jnp.broadcast_to(jnp.asarray(v), across.size) for v in vector])
+    designs = from_row([jnp.broadcast_to(jnp.asarray(v), across.size) for v in vector])
     wanted = "four numbers (phi, psi, phi', psi')"
     y0 = None if start is None else checks.array("start", start, (4,), wanted)
     with shown_count(progress, "mapping") as report:

@@ -9,7 +9,8 @@ import numpy as np
 
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
-from tpd.exact.terms import FAILED, OVERTURNED
+from tpd.exact.rows import ground_row_of
+from tpd.exact.terms import FAILED, MU, OVERTURNED, F
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
 from tpd.scene.pytrees import single
 from tpd.scene.scene import Block, Pendulum, Scene
@@ -40,11 +41,9 @@ def rows_of(
     block: Block, pendulum: Pendulum | None, motions: Sequence[GroundMotion], gravity: float
 ) -> np.ndarray:
     """Parameters of the compiled code for each of the motions at its own size, shape (motions, 9)."""
-    from tpd.models.compiled_shaken import row_of
-
     # Numbers of NumPy throughout: no program is compiled for them.
     shaken = (Scene(block, motion, gravity).ground_parameters(pendulum) for motion in motions)
-    return np.array([row_of(single(p)) for p in shaken])
+    return np.array([ground_row_of(p) for p in map(single, shaken)])
 
 
 def follow_scaled(
@@ -88,7 +87,7 @@ def follow_scaled(
     # Rows of one record stand together, so that a thread finds its samples in the cache.
     which = np.repeat(np.arange(len(motions)), factors[0].size)
     x = np.concatenate([rows_of(block, hung, motions, gravity)[which] for hung in pendulums])
-    x[:, 5] *= np.tile(factors.ravel(), len(pendulums))
+    x[:, F] *= np.tile(factors.ravel(), len(pendulums))
     records = [np.asarray(m.pieces(), dtype=float) for m in motions]
     late = np.full(len(x), free * single(Scene(block, motions[0], gravity).rate))
     batch = {"x": x, "which": np.tile(which, len(pendulums)), "free": late}
@@ -142,7 +141,7 @@ def _followed(
         from tpd.models.compiled_shaken import follow_all
     x, how = batch["x"], {"brief": brief, "workers": workers, "progress": progress}
     found, _ = follow_all(x, records, batch["which"], batch["free"], **how)
-    status, hung = found.status.astype(int), x[:, 1] > 0.0
+    status, hung = found.status.astype(int), x[:, MU] > 0.0
     return {
         "tilt": found.tilt,
         "swing": np.where(hung, found.swing, 0.0),

@@ -21,11 +21,10 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.core import checks
 from tpd.exact.derivatives import with_slopes
-from tpd.exact.terms import GRAZING, NEAR_FOLD, SLIP, is_neutral
-from tpd.models.compiled_linear import NAMES
-from tpd.models.compiled_orbits import row_of
+from tpd.exact.rows import row_of
+from tpd.exact.terms import GRAZING, NEAR_FOLD, SLIP, XI, is_neutral
 from tpd.models.multiple_shooting import Cycle, Orbit, polish, recorded, traverse
-from tpd.scene.parameters import Parameters, as_arrays, check_parameters
+from tpd.scene.parameters import NAMES, Parameters, as_arrays, check_parameters
 from tpd.scene.pytrees import single
 from tpd.scene.status import Status
 
@@ -173,7 +172,7 @@ def _carried_over(x: np.ndarray, periods: int, *sequence: np.ndarray) -> Start:
     count = int(many)
     if count == 0 or not np.all(np.isfinite([*x, *states.flat])):
         return "no_orbit"
-    stretched = 2.0 * np.pi * periods / (x[6] * np.sum(durations)) * durations
+    stretched = 2.0 * np.pi * periods / (x[XI] * np.sum(durations)) * durations
     return Cycle(np.stack(modes)[:, :count], np.column_stack([states, phases, stretched])[:count])
 
 
@@ -257,7 +256,7 @@ def _solved(start: Callable[..., Start], size: int, *given: ArrayLike) -> tuple[
 def _looked_up(x: np.ndarray, orbit: Orbit, span: float) -> tuple[np.ndarray, np.ndarray]:
     """Amplitude, largest |psi| and state at tau = 0 modulo the period, and their derivatives in the nine
     parameters."""
-    arcs, by, xi = orbit.arcs, orbit.by, x[6]
+    arcs, by, xi = orbit.arcs, orbit.by, x[XI]
     begun = arcs[:, 4] / xi
     whole = np.ceil(begun / span) * span
     # A tilt is monotone on its arcs, hence largest where one begins.
@@ -267,7 +266,7 @@ def _looked_up(x: np.ndarray, orbit: Orbit, span: float) -> tuple[np.ndarray, np
     share, short, moved = orbit.met["at"][j] / arcs[j, 5], arcs[[i, j]], by[[i, j]]
     short[:, 5] = whole[i] - begun[i], share * arcs[j, 5]
     moved[0, 5], moved[1, 5] = -by[i, 4] / xi, share * by[j, 5]
-    moved[0, 5, 6] -= (whole[i] - begun[i]) / xi
+    moved[0, 5, XI] -= (whole[i] - begun[i]) / xi
     links = orbit.links[[i, j]]
     links["ending"] = -1.0
     ends, slopes, _ = traverse(x + 1j * np.eye(9), links, short + 1j * np.moveaxis(moved, -1, 0))

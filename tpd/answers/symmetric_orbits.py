@@ -19,6 +19,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.core import checks
 from tpd.exact.derivatives import moved, once
+from tpd.exact.rows import row_of
 from tpd.exact.terms import ASKED, SIZES, STATUSES
 from tpd.models import compiled_orbits
 from tpd.models.calling import parts
@@ -98,7 +99,7 @@ def symmetric_orbits(p: Parameters) -> Orbits:
     """
     checks.require_x64()
     check_parameters(p)
-    x = compiled_orbits.row_of(p)
+    x = row_of(p)
     if x.size > 9:
         raise ValueError("`p` must be single numbers: `jax.vmap` and `all_symmetric_orbits` take batches")
     x = x.reshape(9)
@@ -122,7 +123,7 @@ def all_symmetric_orbits(
         ValueError: workers below one.
     """
     checks.require_x64()
-    orbits = compiled_orbits.solve_all(compiled_orbits.row_of(p), workers=workers, progress=progress)
+    orbits = compiled_orbits.solve_all(row_of(p), workers=workers, progress=progress)
     return _orbits(_leaves(orbits.view(float).reshape(*orbits.shape, -1)))
 
 

@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 from tpd.core import checks
 from tpd.core.checks import Real, Whole
 from tpd.exact.derivatives import refused
+from tpd.exact.rows import ground_row_of
 from tpd.exact.terms import GRAZING, ROCKED, SHAKEN, STOOD
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
@@ -189,7 +190,7 @@ def _followed(model: Any, p: Parameters, *motion: Any, known: bool) -> Any:
     Raises:
         ValueError: a model that does not follow such a motion.
     """
-    from tpd.models.compiled_shaken import follow, follow_all, row_of
+    from tpd.models.compiled_shaken import follow, follow_all
 
     limits: dict[str, Any] = {}
     if not isinstance(model, Piecewise):
@@ -210,6 +211,6 @@ def _followed(model: Any, p: Parameters, *motion: Any, known: bool) -> Any:
     if not known:
         return follow(p, *motion, **limits)
     pieces, free, start, most = motion
-    one = np.zeros(1, int), np.array([free], dtype=float)
+    one = ground_row_of(p)[None], [pieces], np.zeros(1, int), np.array([free], dtype=float)
     limits |= {"y0": np.array(start)[None], "max_events": most, "workers": 1}
-    return jax.tree.map(lambda x: x[0], follow_all(row_of(p)[None], [pieces], *one, **limits)[0])
+    return jax.tree.map(lambda x: x[0], follow_all(*one, **limits)[0])

@@ -32,12 +32,13 @@ from tpd.design.criteria import (
 from tpd.design.problem import MOST_MOTIONS, Problem, check_given, within_mass
 from tpd.design.reasons import DesignStatus
 from tpd.design.settings import DEFAULT_SPACE, HELD_OUT, SCATTERED, GroundSearch
+from tpd.exact.rows import row_of
 from tpd.models.compiled_nonlinear import shake_nonlinear
 from tpd.models.compiled_shaken import follow_all
 from tpd.records.intensity import intensity_of
 from tpd.scene.conditions import Conditions, check_restitution, latin_hypercube, under_all
 from tpd.scene.ground_motion import GroundMotion, events_of
-from tpd.scene.parameters import Parameters
+from tpd.scene.parameters import Parameters, unchecked
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.scene.status import UNANSWERED, Outcome
 from tpd.theory.equations import Terms
@@ -324,8 +325,7 @@ class GroundMotionProblem(Problem):
         h = np.array([float(x.piece) for x in motions]) * float(first.rate)
         # A quicker motion passes its pieces sooner.
         pieces = h[which] / conditions.column("frequency")
-        leaves: Any = (q.nu, q.mu, q.lam, q.zeta, q.k, q.f * f[which] * factor, pieces, q.rho, q.e)
-        return q, np.array(np.broadcast_arrays(*leaves), dtype=float).T.copy()
+        return q, row_of(unchecked(q, f=q.f * f[which] * factor), piece=pieces)
 
 
 def motion_factors(scene: Scene, conditions: Conditions) -> np.ndarray:

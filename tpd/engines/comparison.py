@@ -16,6 +16,7 @@ from tpd.core.formatting import Printed, aligned, number
 from tpd.core.progress import Progress, shown
 from tpd.engines.rigid_body import SLIDING, RigidBody, body_of, parameters_under
 from tpd.engines.rollouts import EngineRuns, available, follow, free_rocking
+from tpd.exact.rows import row_of
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Harmonic, Pendulum, Scene
@@ -289,10 +290,8 @@ class _Case:
         runs, n = self.plan(pendulum), self.ensemble.size
         if isinstance(self.scene.motion, GroundMotion):
             # The time scale of a ground motion is its own: the scatter of a frequency is for harmonics.
-            q: Any = runs.p
             h = np.full(n, float(self.scene.motion.piece) * float(self.scene.rate))
-            columns = np.broadcast_arrays(q.nu, q.mu, q.lam, q.zeta, q.k, q.f, h, q.rho, q.e)
-            x = np.array(columns, dtype=float).T.copy()
+            x = row_of(runs.p, piece=h)
             pieces = [np.asarray(self.scene.motion.pieces(), dtype=float)]
             late = np.full(n, _FREE * float(self.scene.rate))
             found, _ = shake_nonlinear(x, pieces, np.zeros(n, dtype=int), late, y0=runs.y0)

@@ -233,7 +233,7 @@ def coefficients(x, q):
 
 @compiled
 def plant(x, q):
-    """Fill a plant with the coefficients of (nu, mu, lam, zeta, k, f, xi, rho, e)."""
+    """Fill a plant with the coefficients of a row of parameters."""
     coefficients(x, q)
     nu, mu, lam, f, xi, rho = x[NU], x[MU], x[LAM], x[F], x[XI], x[RHO]
     m11, m12, m21, m22, c1, c2, up = q.m11, q.m12, q.m21, q.m22, q.c1, q.c2, q.up

@@ -7,7 +7,6 @@ as `tpd.models.calling` says, with derivatives of its own; `settle_all` follows 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import lru_cache, partial
 from typing import Any
 
@@ -18,6 +17,7 @@ from jaxtyping import Array, Float
 
 from tpd.exact.contact import Mode
 from tpd.exact.derivatives import once
+from tpd.exact.rows import packed, row_of
 from tpd.exact.terms import ENDS
 from tpd.models.base import Cycle, Settled
 from tpd.models.calling import Compiled, numbers_in, parts, shape
@@ -27,16 +27,15 @@ from tpd.scene.status import Status, index_of
 
 Limits = tuple[int, int, float, float, int]
 """Limits as `tpd.models.piecewise.Piecewise` has them."""
-NAMES = "nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e"
-"""Names of parameters in the order in which the compiled code takes them."""
+TRIAL = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.0, rho=0.7, e=0.9)
+"""Parameters of the motion that tells whether XLA can call the compiled code."""
 
 
 def _trial(entry: Any) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
     """A motion that is followed for one period."""
-    x = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 2.0, 0.7, 0.9])
     limits = {"periods": 1.0, "events": 100.0, "rest_rate": 2e-7, "rtol": 1e-8}
     settings = np.array(entry.settings(task=entry.SETTLE, **limits))
-    return (shape(numbers_in(entry.SETTLED)),), (settings, x, np.zeros(4), np.zeros(2))
+    return (shape(numbers_in(entry.SETTLED)),), (settings, row_of(TRIAL), np.zeros(4), np.zeros(2))
 
 
 EXACT = Compiled("tpd.models.exact_entry", "tpd_exact", "the linear equations", _trial)
@@ -45,33 +44,11 @@ NONLINEAR = Compiled("tpd.models.nonlinear_entry", "tpd_nonlinear", "the nonline
 """Entrance to that of the nonlinear equations, which has the tasks `SETTLE` and `SHAKE`."""
 
 
-def fields(p: Parameters) -> tuple[Any, ...]:
-    """Parameters in the order of `NAMES`, with inertia and velocity ratios of their own."""
-    # From where they are kept: by its name a field of an equinox module takes five times as long.
-    *first, rho, e = map(vars(p).__getitem__, NAMES)
-    return *first, p.inertia_ratio if rho is None else rho, p.velocity_ratio if e is None else e
-
-
-def packed(p: Parameters) -> Float[Array, "9"]:
-    """Parameters as the compiled code takes them."""
-    return packed_of(fields(p))
-
-
-def packed_of(values: Iterable[Any]) -> Float[Array, "n"]:
-    """Numbers, some of them traced, as one array."""
-    return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in values])
-
-
-def unpacked(x: Array) -> Parameters:
-    """Traced parameters with inertia and velocity ratios of their own, from what `packed` gives."""
-    return Parameters(**dict(zip(NAMES, x, strict=True)))
-
-
 def settings_of(task: str, of: Compiled = EXACT, **values: Any) -> Array:
     """A row of settings, see `tpd.models.custom_call.FIELDS`."""
     entry = of.entry()
     row = entry.settings(task=getattr(entry, task), **values)
-    return packed_of(row)
+    return packed(row)
 
 
 def changed(settings: Array, name: str, value: float) -> Array:
@@ -93,7 +70,7 @@ def settle(p: Parameters, y0: State, *limits: Any, of: Compiled = EXACT) -> Sett
     differentiable. `limits` are the first four of `Piecewise`."""
     entry, names = of.entry(), ("periods", "events", "tolerance", "rest_rate")
     s = settings_of("SETTLE", of, rtol=1e-8, **dict(zip(names, limits, strict=True)))
-    x, y = jax.lax.stop_gradient(packed(p)), jax.lax.stop_gradient(y0)
+    x, y = jax.lax.stop_gradient(row_of(p)), jax.lax.stop_gradient(y0)
     (out,) = of((shape(numbers_in(entry.SETTLED)),), s, x, y, jnp.zeros(2))
     return settled_of(out, entry.SETTLED)
 
@@ -121,7 +98,7 @@ def solve(x: Any, y0: Any, limits: Limits) -> Any:
     """The steady state of a motion: its numbers in the order of `tpd.exact.steady.STEADY`.
 
     Args:
-        x, y0: parameters as `packed` has them, and the state at tau = 0. Of NumPy's arrays the answer is one
+        x, y0: parameters as `row_of` has them, and the state at tau = 0. Of NumPy's arrays the answer is one
             as well, and no program of JAX is asked.
         limits: those of `Piecewise`.
     """
@@ -170,7 +147,7 @@ def cycle(p: Parameters, settled: Settled, y: State, max_events: int, rest_rate:
     m = settled.memory
     s = settings_of("PERIODS", periods=settled.periods, events=max_events, rest_rate=rest_rate)
     mode = jnp.stack([jnp.asarray(v, dtype=jnp.float64) for v in (m.kind, m.tilt_sign, m.rate_sign)])
-    out, record = _cycle(packed(p), y, mode, s), EXACT.entry().CYCLE
+    out, record = _cycle(row_of(p), y, mode, s), EXACT.entry().CYCLE
     of, still = parts(out, record), parts(jax.lax.stop_gradient(out), record)
     rest = still.crossing, still.asymmetry, still.closed != 0.0
     return Cycle(of.end, of.amplitude, of.stroke, _mode_of(still), *rest)
@@ -209,7 +186,7 @@ def trajectory(
 ) -> tuple[Float[Array, "times 4"], Status]:
     """The states at `times`, from `y0` at `times[0]`."""
     s = settings_of("TRAJECTORY", periods=times.size, events=max_events, rest_rate=rest_rate)
-    ys, status = _trajectory(packed(p), y0, times, s)
+    ys, status = _trajectory(row_of(p), y0, times, s)
     (code,) = jax.lax.stop_gradient(status)
     return ys, _status_of(code)
 

@@ -1,7 +1,6 @@
 """Symmetric period-one orbits by compiled scalar code: batches on the host, one call under XLA.
 
-Parameters are rows (nu, mu, lam, zeta, k, f, xi, rho, e) with inertia and velocity ratios of their own, as in
-`tpd.models.compiled_linear`. An orbit is a record with the fields of
+Parameters are rows, see `tpd.exact.rows.row_of`. An orbit is a record with the fields of
 `tpd.exact.symmetric_orbit_kernel.ORBIT`."""
 
 from __future__ import annotations
@@ -12,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.core import checks
+from tpd.exact.rows import row_of
 from tpd.exact.terms import STATUSES
 from tpd.models.calling import Compiled, shape
-from tpd.models.compiled_linear import fields
-from tpd.scene.parameters import Parameters
+from tpd.models.compiled_linear import TRIAL
 
 _PIECE = 16, 256
 """Designs of one piece of work, at least and at most: each takes some 10 µs, and a thread is not worth
@@ -27,19 +26,12 @@ def load() -> Any:
     return _CODE.entry()
 
 
-_TRIED = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 2.0, 0.7, 0.9]), np.array([0.7, 0.3, 0.0])
+_TRIED = row_of(TRIAL), np.array([0.7, 0.3, 0.0])
 """A way from turn to turn, to be tried: of an orbit, places that mean nothing are left as they were."""
 _CODE = Compiled(
     *("tpd.models.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits"),
     lambda entry: ((shape(entry.SURVEYED),), (_settings(entry.SURVEY), *_TRIED)),
 )
-
-
-def row_of(p: Parameters) -> Any:
-    """Parameters as the compiled code takes them: the last axis of an array, of NumPy's where all are
-    known."""
-    xp = checks.namespace(*fields(p))
-    return xp.stack(xp.broadcast_arrays(*(xp.asarray(x, dtype=float) for x in fields(p))), axis=-1)
 
 
 def _settings(what: int, directions: int = 0, asked: tuple[int, int] = (0, 0)) -> np.ndarray:

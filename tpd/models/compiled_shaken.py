@@ -17,9 +17,10 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from tpd.exact.derivatives import moved, once
+from tpd.exact.rows import ground_row_of
 from tpd.exact.terms import TILT_PULL, TILT_RATE, XI
 from tpd.models.calling import Compiled, numbers_in, parts, shape
-from tpd.models.compiled_linear import EXACT, changed, fields, packed, settings_of
+from tpd.models.compiled_linear import EXACT, changed, settings_of
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State
 
@@ -145,7 +146,7 @@ def follow(p: Parameters, pieces: Array, free: Number, y0: State, max_events: in
 def operands(of: Compiled, p: Parameters, pieces: Any, y0: State, **limits: Any) -> tuple[Array, ...]:
     """Parameters, start, pieces and settings of a motion as the compiled code takes them."""
     # It takes the duration of a piece, and eta is minus the acceleration of the base.
-    x = packed(p).at[XI].set(2.0 * jnp.pi / jnp.asarray(p.xi, dtype=jnp.float64))
+    x = jnp.asarray(ground_row_of(p))
     settings = settings_of("SHAKE", of, pieces=pieces.shape[-2], record=-1.0, **limits)
     return x, jnp.asarray(y0), -jnp.asarray(pieces), settings
 
@@ -156,14 +157,6 @@ def known(out: Any) -> Followed:
     sizes, end = [of.sizes[..., k] for k in range(3)], of.state[..., :TILT_PULL]
     counted = of.status, of.impacts, of.lifted, of.fell, of.crossing
     return Followed._make((*sizes, of.times, end, of.growing, *counted))
-
-
-def row_of(p: Parameters) -> Float[np.ndarray, "9"]:
-    """Known parameters of `Scene.ground_parameters` as the compiled code takes them: with the duration of a
-    piece in the place of the frequency."""
-    x = np.array(fields(p), dtype=float)
-    x[XI] = 2.0 * np.pi / x[XI]
-    return x
 
 
 def follow_all(
@@ -182,7 +175,8 @@ def follow_all(
     """Follow n motions on all cores.
 
     Args:
-        parameters: (nu, mu, lam, zeta, k, f, h, rho, e) of each, with h the duration of a piece in tau.
+        parameters: a row of each, with the duration of a piece in the place of the frequency, see
+            `tpd.exact.rows.row_of`.
         records: the pieces of each ground motion, `GroundMotion.pieces`; they are not copied for each motion.
         which: index of the ground motion of each.
         free: time of free motion after the ground motion, tau.

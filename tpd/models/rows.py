@@ -9,12 +9,13 @@ import jax
 import numpy as np
 
 from tpd.core import checks
+from tpd.exact.rows import row_of
 from tpd.exact.terms import XI
 from tpd.models.base import Settled
 from tpd.models.calling import Compiled
-from tpd.models.compiled_linear import EXACT, fields, settled_of
+from tpd.models.compiled_linear import EXACT, settled_of
 from tpd.models.piecewise import Piecewise
-from tpd.scene.parameters import Parameters
+from tpd.scene.parameters import NAMES, Parameters
 
 
 def _rows_of(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray, ...]:
@@ -27,14 +28,13 @@ def _rows_of(p: Parameters, y0: Any, begin: Any, ramp: Any) -> tuple[np.ndarray,
             f"`p`, `begin` and `ramp` must have shape (n,) and `y0` (n, 4), but have {shapes} and "
             f"{starts.shape}"
         )
-    *columns, begins, ramps = (
-        np.array(np.broadcast_to(np.asarray(x, dtype=float), n)) for x in (*fields(p), begin, ramp)
-    )
-    late = (begins < 0.0) | (begins * columns[XI] > 2.0 * np.pi * (1.0 + 1e-12))
+    rows, begins, ramps = np.empty((n, len(NAMES))), np.empty(n), np.empty(n)
+    rows[:], begins[:], ramps[:] = row_of(p), begin, ramp
+    late = (begins < 0.0) | (begins * rows[:, XI] > 2.0 * np.pi * (1.0 + 1e-12))
     if np.any(late | ~np.isfinite(begins)):
         raise ValueError(f"`begin` must lie within the first forcing period, but is {begins[late]}")
     checks.not_negative("ramp", ramps, every=True)
-    return starts, np.array(np.transpose(columns), order="C"), begins, ramps
+    return starts, rows, begins, ramps
 
 
 def settle_rows(
