@@ -31,7 +31,7 @@ batch = import_module("tpd.core.batch")
 OPTIONS = " ".join(f"--{name}={str(value).lower()}" for name, value in batch.OPTIONS)
 os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {OPTIONS}"
 
-compiling = import_module("tpd.models.compiling")
+compiling = import_module("tpd.exact.compiling")
 
 
 def pytest_configure(config):

@@ -30,9 +30,9 @@ def results() -> dict[str, Any]:
     from tpd.answers.ensemble import plan
     from tpd.answers.ground_batch import follow_scaled
     from tpd.design.orbits import Orbits, geometry_of
+    from tpd.exact.orbits import orbit_slopes, solve_orbits
     from tpd.exact.rows import row_of
-    from tpd.models import compiled_orbits
-    from tpd.models.compiled_nonlinear import settle_nonlinear
+    from tpd.exact.runs import HarmonicForcing, follow
     from tpd.scene.parameters import NAMES, Parameters
 
     def leaves(tree: Any) -> list[float]:
@@ -51,8 +51,8 @@ def results() -> dict[str, Any]:
     pendulum = tpd.Pendulum(mass=80.0, length=0.5, damping_ratio=0.1)
     steady = tpd.steady_state(p)
     row = row_of(p)
-    orbits = compiled_orbits.solve_all(row[None])
-    slopes = compiled_orbits.slopes_all(row[None], orbits, np.eye(len(NAMES))[None], (0, 11))[0, 0]
+    orbits = solve_orbits(row[None])
+    slopes = orbit_slopes(row[None], orbits, np.eye(len(NAMES))[None], (0, 11))[0, 0]
     runs = plan(p, tpd.Ensemble(size=3))
     shaken = (
         follow_scaled(scene.block, [pendulum], [scene.motion], np.array([[1.0]]), free=2.0, nonlinear=n)
@@ -74,7 +74,7 @@ def results() -> dict[str, Any]:
         "objective": leaves(objective.evaluate(np.array([[0.15, 0.26, 0.35]]))),
         "gradient of an orbit": leaves(jax.grad(on_orbit)(VALUES)),
         "periodic": leaves(tpd.periodic_orbit(p, steady.state)),
-        "nonlinear": leaves(settle_nonlinear(p, np.zeros((1, 4)), periods=5)),
+        "nonlinear": leaves(follow(tpd.Terms.nonlinear, row[None], HarmonicForcing(5))),
         "ensemble": leaves(runs),
         "shaken": [leaves(one) for one in shaken],
         "bifurcations": [
@@ -95,7 +95,7 @@ def interpret() -> None:
     """Let Python run what Numba compiles, from its entrances on."""
     import numba
 
-    from tpd.models import custom_call
+    from tpd.exact import custom_call
 
     def records(make: Any) -> Any:
         def made(*args: Any, **options: Any) -> np.ndarray:
@@ -113,9 +113,9 @@ def interpret() -> None:
     np.empty, np.zeros = records(np.empty), records(np.zeros)
     custom_call.at = at
     numba.cfunc = lambda *_, **__: lambda function: SimpleNamespace(address=0)  # type: ignore[assignment]
-    from tpd.models import exact_entry, nonlinear_entry, orbit_entry
+    from tpd.exact import linear_entry, nonlinear_entry, orbit_entry
 
-    for entry in (exact_entry, nonlinear_entry, orbit_entry):
+    for entry in (linear_entry, nonlinear_entry, orbit_entry):
 
         def run(first: int, last: int, *buffers: np.ndarray, entry: Any = entry) -> None:
             entry._run([*buffers, *[np.empty(0)] * (8 - len(buffers))], first, last)

@@ -10,8 +10,8 @@ import tpd
 from tests.truth import GRAVITY, el_centro
 from tpd.answers.ground_batch import rows_of
 from tpd.exact.follow import OVERTURNED, ROCKED, STOOD
+from tpd.exact.runs import Followed, GroundForcing, follow
 from tpd.exact.terms import XI
-from tpd.models.compiled_shaken import Followed, follow_all
 
 SMALL = tpd.Block(width=0.5, height=2.5, mass=1000.0, friction=0.0, restitution=0.9)
 
@@ -34,7 +34,9 @@ def operands(cases: list[Case]) -> tuple[np.ndarray, list[np.ndarray], np.ndarra
 def motions(cases: list[Case], free: float = 5.0, **options: Any) -> Followed:
     """All the motions, followed freely for `free` seconds after their ends; times in s."""
     rows, pieces, rates = operands(cases)
-    found, _ = follow_all(rows, pieces, np.arange(len(cases)), free * rates, **options)
+    found = follow(
+        tpd.Terms.linear, rows, GroundForcing(pieces, free * rates, np.arange(len(cases))), **options
+    )
     return found._replace(times=found.times / rates[:, None], lifted=found.lifted / rates)
 
 

@@ -1,7 +1,7 @@
 """The symmetric period-one orbits as one parameter varies, joined to branches, and their bifurcations.
 
 At a bifurcation one more function of crossing time, phase and parameter vanishes beside the two conditions of
-the orbit (`tpd.models.compiled_orbits.Vanishing`): a square system in closed form, which Newton's method
+the orbit (`tpd.exact.orbits.Vanishing`): a square system in closed form, which Newton's method
 solves to round-off. A sweep supplies the initial guesses, and the orbits that it finds on both sides have to
 agree with the bifurcation."""
 
@@ -19,8 +19,8 @@ import numpy as np
 from tpd.answers.symmetric_orbits import ORBITS, Margins, Orbits, all_symmetric_orbits
 from tpd.core import checks
 from tpd.core.formatting import Printed
+from tpd.exact.orbits import survey, vanishing
 from tpd.exact.terms import XI
-from tpd.models.compiled_orbits import survey, vanishing
 from tpd.scene.parameters import Parameters, from_row
 from tpd.scene.quantities import UNITS, Axis
 from tpd.scene.scene import Pendulum, Scene

@@ -9,11 +9,14 @@ import numpy as np
 
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
+from tpd.exact import runs
 from tpd.exact.rows import ground_row_of
+from tpd.exact.runs import GroundForcing
 from tpd.exact.terms import FAILED, MU, OVERTURNED, F
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
 from tpd.scene.pytrees import single
 from tpd.scene.scene import Block, Pendulum, Scene
+from tpd.theory.equations import Terms
 
 Progress = Callable[[int, int], None]
 _PIECES = 1 << 21
@@ -135,12 +138,9 @@ def _followed(
     progress: Progress | None = None,
 ) -> dict[str, np.ndarray]:
     """Fields of `Runs` of motions: rows of parameters, index of the record and free time of each."""
-    if nonlinear:
-        from tpd.models.compiled_nonlinear import shake_nonlinear as follow_all
-    else:
-        from tpd.models.compiled_shaken import follow_all
     x, how = batch["x"], {"brief": brief, "workers": workers, "progress": progress}
-    found, _ = follow_all(x, records, batch["which"], batch["free"], **how)
+    forcing = GroundForcing(records, batch["free"], batch["which"])
+    found = runs.follow(Terms.nonlinear if nonlinear else Terms.linear, x, forcing, **how)
     status, hung = found.status.astype(int), x[:, MU] > 0.0
     return {
         "tilt": found.tilt,

@@ -27,10 +27,11 @@ from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, ref
 from tpd.core import checks
 from tpd.core.formatting import counted_periods, number
 from tpd.exact.derivatives import joined, refused
+from tpd.exact.linear import solve
 from tpd.exact.rows import numbers_of, packed
+from tpd.exact.runs import Settled
 from tpd.exact.terms import GRAZING, NEAR_FOLD, RESIDUAL, STEADY_STATUSES, SYMMETRIC, is_neutral
-from tpd.models.base import AbstractChoice, AbstractModel, Settled
-from tpd.models.compiled_linear import solve
+from tpd.models.base import AbstractChoice, AbstractModel
 from tpd.models.piecewise import Piecewise, is_exact
 from tpd.scene.parameters import Parameters, as_arrays, check_parameters, from_row
 from tpd.scene.pytrees import Number, State, single

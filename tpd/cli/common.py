@@ -116,7 +116,7 @@ def checked(options: argparse.Namespace) -> Case | None:
 def set_up(found: Case | None) -> None:
     """Set JAX up before any module imports it, and begin to compile what the job needs."""
     from tpd.core import process
-    from tpd.models import compiling
+    from tpd.exact import compiling
 
     folder = process.use_64_bits()
     if folder is not None and found is not None:

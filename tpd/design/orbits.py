@@ -29,9 +29,9 @@ from tpd.design.criteria import (
     Worsening,
     bob_of,
 )
+from tpd.exact.orbits import orbit_slopes, solve_orbits
 from tpd.exact.rows import row_of
 from tpd.exact.terms import LAM, MU, SIZES, ZETA, E
-from tpd.models import compiled_orbits
 from tpd.scene.conditions import Conditions, under, under_all
 from tpd.scene.impacts import housner
 from tpd.scene.parameters import Parameters
@@ -207,12 +207,12 @@ def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_
     m, n = len(designs), len(conditions)
     q = under_all(p, designs, conditions)
     x, along = row_of(q), _directions(p, q, conditions, m)
-    orbits = compiled_orbits.solve_all(x)
+    orbits = solve_orbits(x)
     kinds = _KIND_OF[orbits["status"].astype(int)]
     # Orbits come sorted by amplitude, the largest first: of equal kinds the largest counts.
     best = np.argmin(kinds, axis=1)
     one = np.take_along_axis(orbits, best[:, None], axis=1)
-    slope = compiled_orbits.slopes_all(x, one, along, (0, SIZES["torus"] + 1))[:, 0]
+    slope = orbit_slopes(x, one, along, (0, SIZES["torus"] + 1))[:, 0]
     o = one[:, 0]
     sizes, slopes = ({name: of[..., at] for name, at in SIZES.items()} for of in (o["sizes"], slope))
     lift, design, still = uplift(q), np.stack([q.mu, q.lam, q.zeta]), []

@@ -7,6 +7,8 @@ from typing import Any
 import numba
 import numpy as np
 
+from tpd.exact.compiling import checksum
+from tpd.exact.custom_call import api_version, at, on_host, places_in, rows_of
 from tpd.exact.motion import FIRST_PIECE
 from tpd.exact.plant import part, stored
 from tpd.exact.symmetric_orbit_kernel import (
@@ -22,12 +24,10 @@ from tpd.exact.symmetric_orbit_kernel import (
     survey,
     vanishing,
 )
-from tpd.models.compiling import checksum
-from tpd.models.custom_call import api_version, at, on_host, places_in, rows_of
 
 SOLVE, DIFFERENTIATE, VANISH, SURVEY = range(4)
 """Tasks."""
-SETTINGS = np.dtype([(name, np.float64) for name in ("what", "directions", "begin", "end")])
+SETTINGS = np.dtype([(name, np.float64) for name in ("task", "directions", "begin", "end")])
 """A row of settings: the task; for derivatives the number of directions, and the range of sizes that are
 asked for."""
 SURVEYED = SAMPLES + 3
@@ -40,7 +40,7 @@ def _run(a, first, last):
     `vanishing`; the same and numbers of `survey`."""
     settings, design, third, fourth, fifth, _, _, _ = places_in(a)
     s, x, memory = at(settings, (last,), SETTINGS), at(design, (last, 9), np.float64), np.empty(1, WORK)
-    what, count, work = s[first].what, int(s[first].directions), memory[FIRST_PIECE]
+    what, count, work = s[first].task, int(s[first].directions), memory[FIRST_PIECE]
     if what == SOLVE:
         orbits = at(third, (last, ORBITS), ORBIT)
         for n in range(first, last):
@@ -72,10 +72,10 @@ def _entrance(version: int, api: int) -> Any:
             _run(a, first, last)
         return version if by_host else 0
 
-    # Numbers from outside the function are part of the key of Numba's store, see `exact_entry`.
+    # Numbers from outside the function are part of the key of Numba's store, see `linear_entry`.
     return stored(call, numba.cfunc, "int64(int64)")
 
 
-CALL = _entrance(checksum("orbit_"), api_version())
+CALL = _entrance(checksum(), api_version())
 """The entrance, an FFI handler of XLA's."""
 run = on_host(CALL)

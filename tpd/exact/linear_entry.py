@@ -9,7 +9,21 @@ import numba
 import numpy as np
 
 from tpd.exact.arcs import Load, arc_from, beginning, state_at, steady
+from tpd.exact.compiling import checksum
 from tpd.exact.contact_kernel import decide, sign
+from tpd.exact.custom_call import (
+    BEGIN,
+    FIELDS,
+    RAMP,
+    SETTINGS,
+    api_version,
+    at,
+    on_host,
+    pieces,
+    places_in,
+    rows_of,
+    usual,
+)
 from tpd.exact.cycle_kernel import LINK, SURVEY, survey, traverse
 from tpd.exact.follow import FOLLOWED, put_results, through
 from tpd.exact.legs import (
@@ -32,21 +46,6 @@ from tpd.exact.settle import settle
 from tpd.exact.steady import SPARE, STEADY, first_of, memory, steady_state
 from tpd.exact.terms import FAILED, SWING_PULL, TILT, TILT_PULL, TILT_RATE
 from tpd.exact.trajectory import trajectory
-from tpd.models.compiling import checksum
-from tpd.models.custom_call import (
-    BEGIN,
-    FIELDS,
-    RAMP,
-    SETTINGS,
-    api_version,
-    at,
-    on_host,
-    pieces,
-    places_in,
-    rows_of,
-    settings,
-    usual,
-)
 
 __all__ = [
     "CALL",
@@ -58,7 +57,6 @@ __all__ = [
     "SETTLED",
     "STATES",
     "STEADY",
-    "settings",
 ]
 
 SETTLE, PERIODS, TRAJECTORY, SHAKE, HISTORY, LEGS_OF, ARCS, STEADY_STATE = range(8)
@@ -269,7 +267,7 @@ def _entrance(version: int, api: int) -> Any:
     return stored(call, numba.cfunc, "int64(int64)")
 
 
-CALL = _entrance(checksum("exact_"), api_version())
+CALL = _entrance(checksum(), api_version())
 """The entrance, an FFI handler of XLA's."""
 run = on_host(CALL)
 """Function that answers the host: first and last row, then the operands and results of a task."""

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import solve_banded
 
+from tpd.exact.calling import LINEAR
 from tpd.exact.terms import RELEASE, REST, SLIP, XI
-from tpd.models import compiling
 
 _STEPS = 21
 """Most steps of Newton's method."""
@@ -65,10 +65,7 @@ class Orbit(NamedTuple):
 
 def _run(task: str, rows: int, settings: dict[str, Any], *buffers: np.ndarray) -> None:
     """Have the compiled code do a task."""
-    compiling.load("tpd.models.exact_entry")
-    from tpd.models import exact_entry as entry
-
-    entry.run(0, rows, np.array([entry.settings(task=getattr(entry, task), **settings)]), *buffers)
+    LINEAR.entry().run(0, rows, np.array([LINEAR.settings(task, **settings)]), *buffers)
 
 
 def events(x: np.ndarray, y0: np.ndarray, periods: int, most: int, rest_rate: float) -> Events | str:
@@ -76,8 +73,8 @@ def events(x: np.ndarray, y0: np.ndarray, periods: int, most: int, rest_rate: fl
     the name of the status of a motion that has more or is lost."""
     from tpd.exact.events import END, FIRST, SECOND
     from tpd.exact.follow import EXHAUSTED, LOST
+    from tpd.exact.linear_entry import ENDED
     from tpd.exact.motion import LEG
-    from tpd.models.exact_entry import ENDED
 
     legs, ended = np.empty(0, LEG), np.array([(2.0 * most, 0.0)], ENDED)
     limits = {"periods": periods, "events": most, "rest_rate": rest_rate}

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from tpd.core import files
-from tpd.models import compiling
+from tpd.exact import compiling
 
 
 @pytest.mark.mends("what the processes that compile have to say was lost")
@@ -47,7 +47,7 @@ if sys.argv[0] == "-c":
 def test_a_process_that_compiles_ends_with_the_command(tmp_path, number):
     (tmp_path / "endless.py").write_text(ENDLESS)
     work = "import signal, sys, time; signal.signal(signal.SIGINT, signal.SIG_DFL)\n"
-    work += "from pathlib import Path; from tpd.models import compiling\n"
+    work += "from pathlib import Path; from tpd.exact import compiling\n"
     work += "compiling.compile_beside(Path(sys.argv[1]), ('endless',)); time.sleep(600)"
     with socket.create_server(("127.0.0.1", 0)) as told:
         told.settimeout(60.0)

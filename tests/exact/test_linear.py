@@ -7,7 +7,7 @@ import pytest
 
 from tests.reference import HUNG, LEANING, parameters
 from tpd import Piecewise, status_name, steady_state
-from tpd.models.compiled_linear import cycle, settle
+from tpd.exact.linear import cycle, settle
 from tpd.scene.parameters import as_arrays
 
 

@@ -15,8 +15,22 @@ import numba
 import numpy as np
 
 from tpd.exact import follow, repetition
+from tpd.exact import nonlinear_series as series
 from tpd.exact.arcs import forcing_at, load_at, span_of, steady
+from tpd.exact.compiling import checksum
 from tpd.exact.contact_kernel import bob_change, mode_of, sign, velocity_ratio
+from tpd.exact.custom_call import (
+    BEGIN,
+    RAMP,
+    SETTINGS,
+    api_version,
+    at,
+    on_host,
+    pieces,
+    places_in,
+    rows_of,
+    usual,
+)
 from tpd.exact.follow import ARRIVED, EXHAUSTED, FOLLOWED, LOST, forcing_now, put_results
 from tpd.exact.motion import (
     FIRST_PIECE,
@@ -35,26 +49,11 @@ from tpd.exact.motion import (
 from tpd.exact.plant import PLANT, compiled, part, stored
 from tpd.exact.repetition import LONGEST, SETTLED
 from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_RATE, TILT, TILT_RATE
-from tpd.models import nonlinear_series as series
-from tpd.models.compiling import checksum
-from tpd.models.custom_call import (
-    BEGIN,
-    RAMP,
-    SETTINGS,
-    api_version,
-    at,
-    on_host,
-    pieces,
-    places_in,
-    rows_of,
-    settings,
-    usual,
-)
 
-__all__ = ["CALL", "FOLLOWED", "SETTINGS", "SETTLED", "run", "settings"]
+__all__ = ["CALL", "FOLLOWED", "SETTINGS", "SETTLED", "run"]
 
 SETTLE, SHAKE = range(2)
-"""Tasks; the first number of every row of settings. Operands and results are those of `exact_entry`."""
+"""Tasks; the first number of every row of settings. Operands and results are those of `linear_entry`."""
 STILL = 1e-3
 """Share of its scale by which the bob's swing may change in a period under a block called at rest."""
 MAX_STEPS = 20_000
@@ -318,11 +317,11 @@ def _entrance(version: int, api: int) -> Any:
             _run(a, first, last)
         return version if by_host else 0
 
-    # Numbers from outside the function are part of the key of Numba's store, see `exact_entry`.
+    # Numbers from outside the function are part of the key of Numba's store, see `linear_entry`.
     return stored(call, numba.cfunc, "int64(int64)")
 
 
-CALL = _entrance(checksum("nonlinear_"), api_version())
+CALL = _entrance(checksum(), api_version())
 """The entrance, an FFI handler of XLA's."""
 run = on_host(CALL)
 """Function that answers the host: first and last row, then the operands and results of a task."""

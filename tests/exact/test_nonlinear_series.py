@@ -9,13 +9,13 @@ import pytest
 import tpd
 from tests.exact.plants import entry
 from tests.reference import parameters
+from tpd.exact import nonlinear_series as series
 from tpd.exact.arcs import Load
 from tpd.exact.motion import MOTION
+from tpd.exact.nonlinear_series import ORDERS, PHI, PSI, ROWS, R, V
 from tpd.exact.plant import PLANT, coefficients
 from tpd.exact.rows import row_of
 from tpd.exact.terms import REST, SLIP, STICK
-from tpd.models import nonlinear_series as series
-from tpd.models.nonlinear_series import ORDERS, PHI, PSI, ROWS, R, V
 from tpd.theory.equations import Equations
 
 ORDER = 24

@@ -51,14 +51,6 @@ BEGIN, RAMP = 0, 1
 """Columns of the times of a motion that settles: when it begins, and how long the shaking grows."""
 
 
-def settings(**values: Any) -> list[Any]:
-    """A row of settings in the order of `FIELDS`; those that are not named are zero."""
-    row = [values.pop(name, 0.0) for name in FIELDS]
-    if values:
-        raise TypeError(f"there are no settings {', '.join(values)}")
-    return row
-
-
 def api_version() -> int:
     """The version of the interface that the installed XLA declares, as one number."""
     header = Path(str(jaxlib.__file__)).parent / "include" / "xla" / "ffi" / "api" / "c_api.h"

@@ -2,58 +2,60 @@
 
 A program of XLA executes a loop over many small numbers slowly, and takes long to compile. The code here is
 compiled once for a machine and stored. It runs on the host's processor, under `jit`, `vmap` and derivatives
-as `tpd.models.calling` says, with derivatives of its own; `settle_all` follows batches on all cores.
+as `tpd.exact.calling` says, with derivatives of its own. Runs that settle are followed by `tpd.exact.runs`.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
+from tpd.exact.calling import LINEAR, numbers_in, parts, shape
 from tpd.exact.contact import Mode
 from tpd.exact.derivatives import once
 from tpd.exact.rows import packed, row_of
+from tpd.exact.runs import REST_RATES, Settled
 from tpd.exact.terms import ENDS
-from tpd.models.base import Cycle, Settled
-from tpd.models.calling import Compiled, numbers_in, parts, shape
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State
-from tpd.scene.status import Status, index_of
+from tpd.scene.status import Status
+from tpd.theory.equations import Terms
 
+MOMENT = np.dtype(
+    [
+        *((name, np.float64) for name in ("tilt", "swing", "tilt_rate", "swing_rate")),
+        *((name, np.float64) for name in ("tilt_pull", "swing_pull", "forcing", "kind", "side")),
+    ]
+)
+"""State of a run at a time, as `tpd.exact.legs.put_states` has it: phi, psi, phi', psi', phi'' and psi''; f
+times the forcing; kind of its mode, and the side to which the block leans."""
+IMPACT = np.dtype([("time", np.float64), ("rate", np.float64)])
+"""Time of an impact and the rate phi' after it."""
 Limits = tuple[int, int, float, float, int]
 """Limits as `tpd.models.piecewise.Piecewise` has them."""
-TRIAL = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.0, rho=0.7, e=0.9)
-"""Parameters of the motion that tells whether XLA can call the compiled code."""
 
 
-def _trial(entry: Any) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
-    """A motion that is followed for one period."""
-    limits = {"periods": 1.0, "events": 100.0, "rest_rate": 2e-7, "rtol": 1e-8}
-    settings = np.array(entry.settings(task=entry.SETTLE, **limits))
-    return (shape(numbers_in(entry.SETTLED)),), (settings, row_of(TRIAL), np.zeros(4), np.zeros(2))
+class Cycle(eqx.Module):
+    """One period of a motion, differentiable in forward mode."""
 
-
-EXACT = Compiled("tpd.models.exact_entry", "tpd_exact", "the linear equations", _trial)
-"""The entrance to the compiled code of the linear equations."""
-NONLINEAR = Compiled("tpd.models.nonlinear_entry", "tpd_nonlinear", "the nonlinear equations", _trial)
-"""Entrance to that of the nonlinear equations, which has the tasks `SETTLE` and `SHAKE`."""
-
-
-def settings_of(task: str, of: Compiled = EXACT, **values: Any) -> Array:
-    """A row of settings, see `tpd.models.custom_call.FIELDS`."""
-    entry = of.entry()
-    row = entry.settings(task=getattr(entry, task), **values)
-    return packed(row)
-
-
-def changed(settings: Array, name: str, value: float) -> Array:
-    """A row of settings with another value."""
-    return settings.at[EXACT.entry().FIELDS.index(name)].set(value)
+    end: State
+    amplitude: Number
+    stroke: Number
+    memory: Any
+    """As `Settled.memory`, at the end."""
+    transversality: Number
+    """Least rate at which the motion met an event, over the usual rate: 0 if it grazed one, infinite for a
+    model without events."""
+    asymmetry: Number
+    """Difference between the largest tilts to either side, over the amplitude."""
+    closed: Bool[Array, ""]
+    """Whether the discrete mode at the end is that at the beginning; true for a model without modes."""
 
 
 def _mode_of(of: Any) -> Mode:
@@ -63,35 +65,6 @@ def _mode_of(of: Any) -> Mode:
 def _status_of(number: Array) -> Status:
     every = [getattr(Status, name) for name in ENDS]
     return jax.tree.map(lambda *x: jnp.stack(x)[number.astype(int)], *every)
-
-
-def settle(p: Parameters, y0: State, *limits: Any, of: Compiled = EXACT) -> Settled:
-    """Follow the motion from `y0` at tau = 0 until it repeats, rests or is lost, by the equations `of`; not
-    differentiable. `limits` are the first four of `Piecewise`."""
-    entry, names = of.entry(), ("periods", "events", "tolerance", "rest_rate")
-    s = settings_of("SETTLE", of, rtol=1e-8, **dict(zip(names, limits, strict=True)))
-    x, y = jax.lax.stop_gradient(row_of(p)), jax.lax.stop_gradient(y0)
-    (out,) = of((shape(numbers_in(entry.SETTLED)),), s, x, y, jnp.zeros(2))
-    return settled_of(out, entry.SETTLED)
-
-
-def settled_of(numbers: Any, record: np.dtype) -> Settled:
-    """Motions as they have settled, from the records of compiled code as floats."""
-    of, index = parts(numbers, record), np.array([index_of(name) for name in ENDS], dtype=np.int32)
-    kind, code, periods, elapsed = (x.astype(int) for x in (of.kind, of.status, of.periods, of.elapsed))
-    status = index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code]
-    # From its leaves, because fields are annotated with the shapes of a single motion.
-    sizes, peaks = (of.amplitude, of.stroke), (of.peak, of.peak_stroke)
-    leaves = [of.y, kind, of.tilt, of.way, periods, *sizes, status, elapsed, *peaks]
-    return jax.tree.unflatten(_structure(), leaves)
-
-
-@lru_cache(maxsize=1)
-def _structure() -> Any:
-    """Structure of the pytree of a `Settled`."""
-    none, count = jnp.zeros(()), jnp.zeros((), int)
-    about = count, none, none, Status.failed, count, none, none
-    return jax.tree.structure(Settled(jnp.zeros(4), Mode(count, none, none), *about))
 
 
 def solve(x: Any, y0: Any, limits: Limits) -> Any:
@@ -104,7 +77,7 @@ def solve(x: Any, y0: Any, limits: Limits) -> Any:
     """
     entry, row, n = _asked(limits)
     if not (isinstance(x, np.ndarray) and isinstance(y0, np.ndarray)):
-        (out,) = EXACT((shape(n),), row, x, y0)
+        (out,) = LINEAR((shape(n),), row, x, y0)
         return out
     out = np.empty(n)
     entry.run(0, 1, row, np.ascontiguousarray(x, float), np.ascontiguousarray(y0, float), out)
@@ -114,8 +87,8 @@ def solve(x: Any, y0: Any, limits: Limits) -> Any:
 @lru_cache(maxsize=8)
 def _asked(limits: Limits) -> tuple[Any, np.ndarray, int]:
     """The module with the compiled code, a row of settings for `solve`, and how many numbers it gives."""
-    entry, names = EXACT.entry(), ("periods", "events", "tolerance", "rest_rate", "lyapunov")
-    row = np.array(entry.settings(task=entry.STEADY_STATE, **dict(zip(names, limits, strict=True))))
+    entry, names = LINEAR.entry(), ("periods", "events", "tolerance", "rest_rate", "lyapunov")
+    row = np.array(LINEAR.settings("STEADY_STATE", **dict(zip(names, limits, strict=True))))
     return entry, row, numbers_in(entry.STEADY)
 
 
@@ -126,8 +99,8 @@ def _cycle(x: Array, y: Array, mode: Array, settings: Array) -> Array:
 
 
 def _cycle_from(x: Array, y: Array, mode: Array, settings: Array) -> tuple[Array, Array]:
-    record = EXACT.entry().CYCLE
-    (out,) = EXACT((shape(numbers_in(record)),), settings, x, y, mode)
+    record = LINEAR.entry().CYCLE
+    (out,) = LINEAR((shape(numbers_in(record)),), settings, x, y, mode)
     return out, parts(out, record).by
 
 
@@ -145,9 +118,10 @@ def _cycle_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 def cycle(p: Parameters, settled: Settled, y: State, max_events: int, rest_rate: Number) -> Cycle:
     """Run the orbit's periods from `y`; derivatives pass through every event."""
     m = settled.memory
-    s = settings_of("PERIODS", periods=settled.periods, events=max_events, rest_rate=rest_rate)
+    limits = {"periods": settled.periods, "events": max_events, "rest_rate": rest_rate}
+    s = packed(LINEAR.settings("PERIODS", **limits))
     mode = jnp.stack([jnp.asarray(v, dtype=jnp.float64) for v in (m.kind, m.tilt_sign, m.rate_sign)])
-    out, record = _cycle(row_of(p), y, mode, s), EXACT.entry().CYCLE
+    out, record = _cycle(jnp.asarray(row_of(p)), y, mode, s), LINEAR.entry().CYCLE
     of, still = parts(out, record), parts(jax.lax.stop_gradient(out), record)
     rest = still.crossing, still.asymmetry, still.closed != 0.0
     return Cycle(of.end, of.amplitude, of.stroke, _mode_of(still), *rest)
@@ -161,10 +135,11 @@ def _trajectory(x: Array, y: Array, times: Array, settings: Array) -> tuple[Arra
 
 
 def _trajectory_from(slopes: float, x: Array, y: Array, times: Array, settings: Array) -> Any:
-    entry = EXACT.entry()
+    entry = LINEAR.entry()
     n = times.size
     shapes = shape(n, 8), shape(1), shape(n if slopes else 1, 4, entry.INPUTS + 1)
-    return EXACT(shapes, changed(settings, "slopes", slopes), x, y, times)
+    asked = settings.at[entry.FIELDS.index("slopes")].set(slopes)
+    return LINEAR(shapes, asked, x, y, times)
 
 
 _trajectory_with_slopes = once(partial(_trajectory_from, 1.0))
@@ -185,13 +160,35 @@ def trajectory(
     p: Parameters, y0: State, times: Float[Array, "times"], max_events: int, rest_rate: Number
 ) -> tuple[Float[Array, "times 4"], Status]:
     """The states at `times`, from `y0` at `times[0]`."""
-    s = settings_of("TRAJECTORY", periods=times.size, events=max_events, rest_rate=rest_rate)
-    ys, status = _trajectory(row_of(p), y0, times, s)
+    limits = {"periods": times.size, "events": max_events, "rest_rate": rest_rate}
+    s = packed(LINEAR.settings("TRAJECTORY", **limits))
+    ys, status = _trajectory(jnp.asarray(row_of(p)), y0, times, s)
     (code,) = jax.lax.stop_gradient(status)
     return ys, _status_of(code)
 
 
-def load_compiled() -> None:
-    """Load the compiled code of both equations, or compile it where there is none on this machine."""
-    EXACT.direct()
-    NONLINEAR.entry()
+class History(NamedTuple):
+    """A run under a ground motion over time."""
+
+    states: np.ndarray
+    """Records `MOMENT` at the times asked for, NaN after the end of a run without an answer."""
+    impacts: np.ndarray
+    """Records `IMPACT` of all impacts."""
+    status: int
+    """Index among `tpd.exact.terms.SHAKEN`."""
+
+
+def history(
+    row: np.ndarray, y0: np.ndarray, pieces: np.ndarray, times: np.ndarray, *, free: float, events: int
+) -> History:
+    """Follow a run through the pieces of a ground motion, and freely for `free` (tau), and return its states
+    at increasing times and its impacts; at most so many events beyond one for each piece."""
+    states, status = np.empty(len(times), MOMENT), np.empty(1)
+    # No run has more: each impact is one of its events.
+    impacts = np.empty(len(pieces) + events, IMPACT)
+    sizes = {"periods": len(times), "impacts": len(impacts), "pieces": len(pieces), "events": events}
+    settings = LINEAR.settings("HISTORY", **sizes, free=free, rest_rate=REST_RATES[Terms.linear])
+    # The equations have minus the acceleration of the base.
+    given = row, y0, np.ascontiguousarray(-pieces), times
+    LINEAR.entry().run(0, 1, np.array(settings), *given, states, impacts, status)
+    return History(states, impacts[np.isfinite(impacts["time"])], int(status.item()))
