@@ -34,9 +34,8 @@ def operands(cases: list[Case]) -> tuple[np.ndarray, list[np.ndarray], np.ndarra
 def motions(cases: list[Case], free: float = 5.0, **options: Any) -> Followed:
     """All the motions, followed freely for `free` seconds after their ends; times in s."""
     rows, pieces, rates = operands(cases)
-    found = follow(
-        tpd.Terms.linear, rows, GroundForcing(pieces, free * rates, np.arange(len(cases))), **options
-    )
+    forcing = GroundForcing(pieces, free * rates, np.arange(len(cases)))
+    found = follow(tpd.Terms.linear, rows, forcing, **options)
     return found._replace(times=found.times / rates[:, None], lifted=found.lifted / rates)
 
 
