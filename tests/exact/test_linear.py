@@ -5,10 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import HUNG, LEANING, parameters
+from tests.reference import HUNG, LEANING, parameters, settled
 from tpd import Piecewise, status_name, steady_state
-from tpd.exact.linear import cycle, settle
+from tpd.exact.linear import cycle
 from tpd.scene.parameters import as_arrays
+from tpd.theory.equations import Terms
 
 
 def test_reverse_and_forward_mode_agree():
@@ -23,7 +24,7 @@ def test_reverse_and_forward_mode_agree():
 @pytest.mark.parametrize(("x", "y0", "status"), [(HUNG[0].x, (0.0,) * 4, "rocking"), (*LEANING, "held")])
 def test_what_settled_goes_on_from_its_state_and_mode(x, y0, status):
     p = as_arrays(parameters(x))
-    found = settle(p, jnp.array(y0), 500, 200, 1e-8, 2e-7)
+    found = settled(Terms.linear, p, jnp.array(y0), periods=500, events=200, tolerance=1e-8)
     assert status_name(found.status) == status
     again = cycle(p, found, found.y, 200, 2e-7)
     felt = np.array([0, 2])

@@ -20,7 +20,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.core import checks
-from tpd.exact.calling import numbers_in, parts
+from tpd.exact.calling import numbers_in, parts, shape
 from tpd.exact.derivatives import with_slopes
 from tpd.exact.multiple_shooting import Cycle, Orbit, polish, recorded, traverse
 from tpd.exact.rows import row_of
@@ -35,13 +35,8 @@ REST_RATE = 1e-6
 """Slowest impact that is followed, phi' in units of nu: a slower one ends a rattle."""
 _MIRRORED = 1e-8
 """Largest deviation from its mirror image, in shares of the scales, of a symmetric orbit."""
-_ARC = np.dtype(
-    [
-        ("state", np.float64, (4,)),
-        *((name, np.float64) for name in ("phase", "lasts", "kind", "tilt", "way", "ending")),
-    ]
-)
-"""An arc as `Sequence` has it."""
+_ARC = np.dtype([("numbers", np.float64, (6,)), ("link", np.float64, (4,))])
+"""An arc as `Cycle.arcs` has it, with its kind, both signs and its ending."""
 Start = Cycle | str
 """Guess that Newton's method starts from, or the name of the status of a motion without an orbit."""
 _Numbers = namedtuple("_Numbers", NAMES)
@@ -182,30 +177,27 @@ def _carried_over(x: np.ndarray, periods: int, *sequence: np.ndarray) -> Start:
     return Cycle(np.stack(modes)[:, :count], np.column_stack([states, phases, stretched])[:count])
 
 
-def _record(size: int) -> np.dtype:
-    """Numbers of an orbit with room for so many arcs."""
-    names = ("amplitude", "stroke", "fold", "grazing", "sticking", "status", "symmetric", "count")
-    arrays = ("state", np.float64, (4,)), ("multipliers", np.complex128, (4,)), ("arcs", _ARC, (size,))
-    return np.dtype([*((name, np.float64) for name in names), *arrays])
-
-
 def _answered(
     p: Parameters, start: Callable[..., Start], size: int, periods: ArrayLike, *operands: ArrayLike
 ) -> PeriodicOrbit:
     """The orbit with the sequence of at most `size` arcs that `start` makes of the operands."""
-    record = _record(size)
+    names = ("amplitude", "stroke", "fold", "grazing", "sticking", "status", "symmetric", "count")
+    arrays = ("state", np.float64, (4,)), ("multipliers", np.complex128, (4,)), ("arcs", _ARC, (size,))
+    record = np.dtype([*((name, np.float64) for name in names), *arrays])
     x, solve, many = row_of(as_arrays(single(p))), partial(_solved, start, record), numbers_in(record)
     given = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, periods, *operands)]
     # What is known, outside of programs and under `grad` there, needs no program of JAX.
     if all(map(checks.is_concrete, given)):
         values, slopes = solve(*given)
     else:
-        shapes = (many,), (many, len(NAMES))
-        shapes = tuple(jax.ShapeDtypeStruct(shape, float) for shape in shapes)
+        shapes = shape(many), shape(many, len(NAMES))
         values, slopes = jax.pure_callback(solve, shapes, *given, vmap_method="sequential")
     values = values if isinstance(x, np.ndarray) else with_slopes(x, jnp.asarray(values), jnp.asarray(slopes))
     of = parts(jnp.asarray(values), record)
     arcs, (real, imaginary) = parts(of.arcs, _ARC), jnp.moveaxis(of.multipliers, -1, 0)
+    kinds, tilts, ways, endings = arcs.link.T
+    durations, phases, states = arcs.numbers[:, LASTS], arcs.numbers[:, PHASE], arcs.numbers[:, :PHASE]
+    modes = kinds.astype(int), tilts, ways, endings.astype(int)
     return PeriodicOrbit(
         status=jax.tree.unflatten(jax.tree.structure(Status.rocking), [of.status.astype(jnp.int32)]),
         amplitude=of.amplitude,
@@ -213,18 +205,9 @@ def _answered(
         state=of.state,
         periods=jnp.asarray(periods),
         symmetric=of.symmetric != 0.0,
-        sequence=Sequence(
-            kinds=arcs.kind.astype(int),
-            tilt_signs=arcs.tilt,
-            rate_signs=arcs.way,
-            endings=arcs.ending.astype(int),
-            durations=arcs.lasts,
-            phases=arcs.phase,
-            states=arcs.state,
-            count=of.count.astype(int),
-        ),
+        sequence=Sequence(*modes, durations, phases, states, of.count.astype(int)),
         multipliers=real + 1j * imaginary,
-        margins=CycleMargins(fold=of.fold, grazing=of.grazing, sticking=of.sticking),
+        margins=CycleMargins(of.fold, of.grazing, of.sticking),
     )
 
 
@@ -238,13 +221,10 @@ def _solved(
     x, many, *operands = map(np.asarray, given)
     p, periods, size = _Numbers(*x), int(many), numbers_in(record)
     values, by = np.full((1, size), np.nan), np.full((len(x), size), np.nan)
-    # The same numbers by name: (1,) and (9,) records.
+    # The same numbers by name, as records of shapes (1,) and (9,).
     o, slopes = values.view(record)[:, 0], by.view(record)[:, 0]
     o["arcs"], o["symmetric"], o["count"] = 0.0, 0.0, 0.0
-    for name in ("status", "symmetric", "count"):
-        slopes[name] = 0.0
-    for name in ("kind", "tilt", "way", "ending"):
-        slopes["arcs"][name] = 0.0
+    slopes["arcs"]["link"], slopes["status"], slopes["symmetric"], slopes["count"] = 0.0, 0.0, 0.0, 0.0
     span, rate = periods * 2.0 * np.pi / p.xi, max(p.xi, 1.0)
     scale = np.array([p.nu, p.nu + p.f, p.nu * rate, (p.nu + p.f) * rate])
     cycle = start(x, periods, *operands)
@@ -273,28 +253,18 @@ def _solved(
             longer = np.abs(orbit.arcs[:half, LASTS] - orbit.arcs[half:, LASTS]) / span
             o["symmetric"] = bool(max(np.max(apart), np.max(longer)) < _MIRRORED)
         sizes, by_sizes = _looked_up(x, orbit, span)
-        o["count"], o["multipliers"], o["fold"] = count, multipliers, np.linalg.det(np.eye(4) - matrix)
-        o["grazing"], o["sticking"] = grazing, sticking
-        _put_sizes(o, sizes)
-        arcs = o["arcs"][0, :count]
-        arcs["state"], arcs["phase"] = orbit.arcs[:, :PHASE], orbit.arcs[:, PHASE]
-        arcs["lasts"] = orbit.arcs[:, LASTS]
-        for name in ("kind", "tilt", "way", "ending"):
-            arcs[name] = orbit.links[name]
+        o["fold"], o["grazing"], o["sticking"] = np.linalg.det(np.eye(4) - matrix), grazing, sticking
+        o["count"], o["multipliers"] = count, multipliers
+        o["amplitude"], o["stroke"], o["state"] = sizes[TILT], sizes[SWING], sizes[2:]
+        (arcs,) = o["arcs"]
+        arcs["numbers"][:count] = orbit.arcs
+        arcs["link"][:count] = orbit.links.view(float).reshape(count, -1)[:, :4]
         if status not in ("near_fold", "grazing"):
-            _put_sizes(slopes, by_sizes)
-            along, moved = slopes["arcs"], np.moveaxis(orbit.by, -1, 0)
-            along["state"], along["phase"], along["lasts"] = 0.0, 0.0, 0.0
-            along["state"][:, :count], along["phase"][:, :count] = moved[..., :PHASE], moved[..., PHASE]
-            along["lasts"][:, :count] = moved[..., LASTS]
+            slopes["amplitude"], slopes["stroke"] = by_sizes[TILT], by_sizes[SWING]
+            slopes["state"], slopes["arcs"]["numbers"] = by_sizes[2:].T, 0.0
+            slopes["arcs"]["numbers"][:, :count] = np.moveaxis(orbit.by, -1, 0)
     o["status"] = jax.tree.leaves(getattr(Status, status))[0]
     return values[0], by.T
-
-
-def _put_sizes(records: np.ndarray, sizes: np.ndarray) -> None:
-    """Put amplitude, stroke and state, rows of `sizes`, into records."""
-    records["amplitude"], records["stroke"], *state = sizes
-    records["state"] = np.stack(state, axis=-1)
 
 
 def _looked_up(x: np.ndarray, orbit: Orbit, span: float) -> tuple[np.ndarray, np.ndarray]:

@@ -18,9 +18,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.core import checks
+from tpd.exact.calling import ORBITS as ENGINE
 from tpd.exact.calling import parts
 from tpd.exact.derivatives import moved, once
-from tpd.exact.orbits import load, slopes, solve_orbits, solved
+from tpd.exact.orbits import slopes, solve_orbits, solved
 from tpd.exact.rows import row_of
 from tpd.exact.terms import ASKED, SIZES, STATUSES
 from tpd.scene.parameters import Parameters, check_parameters
@@ -133,7 +134,7 @@ _UNKNOWN = ("multipliers", "sticking", "grazing")
 
 def _leaves(numbers: Any) -> dict[str, Any]:
     """Fields of `Orbits` and `Margins` by name, of orbits as numbers (..., 3, numbers of an orbit)."""
-    of = parts(numbers, load().ORBIT)
+    of = parts(numbers, ENGINE.entry().ORBIT)
     index, codes = np.array([index_of(name) for name in STATUSES]), of.status.astype(int)
     return {name: of.sizes[..., place] for name, place in SIZES.items()} | {
         "multipliers": of.multipliers[..., 0] + 1j * of.multipliers[..., 1],

@@ -193,7 +193,8 @@ def _followed(
     Raises:
         ValueError: a model that does not follow such a motion.
     """
-    equations, limits = Terms.linear, {"events": most}
+    equations = Terms.linear
+    limits: dict[str, Any] = {"events": most}
     if not isinstance(model, Piecewise):
         # Loaded where needed: the exact model does without diffrax.
         from tpd.models.segmented import Segmented

@@ -21,6 +21,7 @@ from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Harmonic, Pendulum, Scene
 from tpd.scene.status import LOST, UNANSWERED, names_of
+from tpd.theory.equations import Terms
 
 RUNS = 64
 FINE = 16

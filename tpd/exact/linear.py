@@ -58,10 +58,6 @@ class Cycle(eqx.Module):
     """Whether the discrete mode at the end is that at the beginning; true for a model without modes."""
 
 
-def _mode_of(of: Any) -> Mode:
-    return Mode(of.kind.astype(int), of.tilt, of.way)
-
-
 def _status_of(number: Array) -> Status:
     every = [getattr(Status, name) for name in ENDS]
     return jax.tree.map(lambda *x: jnp.stack(x)[number.astype(int)], *every)
@@ -123,8 +119,9 @@ def cycle(p: Parameters, settled: Settled, y: State, max_events: int, rest_rate:
     mode = jnp.stack([jnp.asarray(v, dtype=jnp.float64) for v in (m.kind, m.tilt_sign, m.rate_sign)])
     out, record = _cycle(jnp.asarray(row_of(p)), y, mode, s), LINEAR.entry().CYCLE
     of, still = parts(out, record), parts(jax.lax.stop_gradient(out), record)
+    mode = Mode(still.kind.astype(int), still.tilt, still.way)
     rest = still.crossing, still.asymmetry, still.closed != 0.0
-    return Cycle(of.end, of.amplitude, of.stroke, _mode_of(still), *rest)
+    return Cycle(of.end, of.amplitude, of.stroke, mode, *rest)
 
 
 @jax.custom_jvp

@@ -20,11 +20,6 @@ _PIECE = 16, 256
 less."""
 
 
-def load() -> Any:
-    """The module with the compiled code, which is compiled where there is none on this machine."""
-    return ORBITS.entry()
-
-
 def _settings(task: str, directions: int = 0, asked: tuple[int, int] = (0, 0)) -> np.ndarray:
     begin, end = asked
     return np.array(ORBITS.settings(task, directions=directions, begin=begin, end=end), dtype=float)
@@ -48,7 +43,7 @@ def solve_orbits(
     """
     if x.ndim != 2 or not len(x):
         raise ValueError(f"numbers of `p` must have shape (n,), but the batch has shape {x.shape[:-1]}")
-    orbits = np.empty((len(x), int(load().ORBITS)), load().ORBIT)
+    orbits = np.empty((len(x), int(ORBITS.entry().ORBITS)), ORBITS.entry().ORBIT)
     _on_all_cores(_settings("SOLVE"), workers, progress, np.ascontiguousarray(x, dtype=float), orbits)
     return orbits
 
@@ -58,7 +53,7 @@ def orbit_slopes(
 ) -> np.ndarray:
     """Derivatives of the sizes of orbits (n, m) of designs `x` (n, 9) in `directions` (n, d, 9), an array
     (n, m, d, sizes): NaN where there is none, or it is outside of the range of places that is `asked` for."""
-    entry, (n, d) = load(), directions.shape[:2]
+    entry, (n, d) = ORBITS.entry(), directions.shape[:2]
     # The kernel takes all orbits of a design: where none is asked for, the status says that there is none.
     every: Any = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)
     every["status"] = STATUSES.index("no_orbit")
@@ -71,14 +66,14 @@ def orbit_slopes(
 
 def solved(x: Any) -> Any:
     """Orbits of the design `x` (9,), known or traced, as numbers (3, numbers of an orbit)."""
-    entry, call = load(), ORBITS.on_host if checks.is_concrete(x) else ORBITS
+    entry, call = ORBITS.entry(), ORBITS.on_host if checks.is_concrete(x) else ORBITS
     return call((shape(entry.ORBITS, numbers_in(entry.ORBIT)),), _settings("SOLVE"), x)[0]
 
 
 def slopes(x: Any, orbits: Any, asked: tuple[int, int]) -> Any:
     """Derivatives in all nine parameters of the sizes of the orbits that `solved` has given, (3, 9, sizes),
     see `orbit_slopes`."""
-    entry, n = load(), len(NAMES)
+    entry, n = ORBITS.entry(), len(NAMES)
     call = ORBITS.on_host if checks.namespace(x, orbits) is np else ORBITS
     settings = _settings("DIFFERENTIATE", n, asked)
     return call((shape(entry.ORBITS, n, entry.NUMBERS),), settings, x, orbits, np.eye(n))[0]
@@ -99,7 +94,7 @@ class Vanishing(NamedTuple):
 
 def vanishing(u: np.ndarray, x: np.ndarray) -> Vanishing:
     """Numbers that vanish where orbits are lost, at u = (t, gamma, s) and the parameters `x`."""
-    entry = load()
+    entry = ORBITS.entry()
     shapes = shape(entry.VANISHING), shape(entry.VANISHING, entry.MOVED)
     values, by = ORBITS.on_host(shapes, _settings("VANISH"), x, u)
     return Vanishing(values, by[:, :3], by[:, 3:])
@@ -122,7 +117,7 @@ class Survey(NamedTuple):
 
 def survey(u: np.ndarray, x: np.ndarray) -> Survey:
     """The way of the solution u = (t, gamma) with the parameters `x`, from turn to turn."""
-    entry = load()
+    entry = ORBITS.entry()
     (out,) = ORBITS.on_host((shape(entry.SURVEYED),), _settings("SURVEY"), x, np.append(u, 0.0))
     height, leaving, arriving, *rates = out.tolist()
     return Survey(height, leaving, arriving, np.array(rates))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
-from typing import Any, NamedTuple, overload
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -122,10 +122,6 @@ class Followed(NamedTuple):
     """Least rate at which the motion met an event, over the usual rate. NaN of the nonlinear equations."""
 
 
-@overload
-def follow(equations: Terms, rows: Any, forcing: HarmonicForcing, **options: Any) -> Settled: ...
-@overload
-def follow(equations: Terms, rows: Any, forcing: GroundForcing, **options: Any) -> Followed: ...
 def follow(
     equations: Terms,
     rows: Any,
@@ -139,7 +135,7 @@ def follow(
     brief: bool = False,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Settled | Followed:
+) -> Any:
     """Follow a run, or a batch of runs.
 
     Args:
@@ -171,22 +167,26 @@ def follow(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    engine, harmonic = _ENGINES[equations], isinstance(forcing, HarmonicForcing)
-    usual = EVENTS if harmonic else GROUND_EVENTS[equations]
-    limits = {
-        "rest_rate": REST_RATES[equations] if rest_rate is None else rest_rate,
-        "events": usual if events is None else events,
-    }
-    if harmonic:
-        periods = PERIODS[equations] if forcing.periods is None else forcing.periods
-        limits |= {"periods": periods, "tolerance": tolerance}
+    engine, batch = _ENGINES[equations], None
+    if np.ndim(rows) > 1 or np.ndim(y0) > 1:
+        batch = _Batch.of(rows, y0, workers, progress)
+    limits = {"rest_rate": REST_RATES[equations] if rest_rate is None else rest_rate}
     if equations is Terms.nonlinear:
         limits["rtol"] = checks.tolerance("rtol", rtol)
-    if np.ndim(rows) > 1 or np.ndim(y0) > 1:
-        batch, limits["brief"] = _Batch(*_aligned(rows, y0), workers, progress), float(brief)
-        return (_settle_batch if harmonic else _shake_batch)(engine, batch, forcing, limits)
     start = jnp.zeros(4) if y0 is None else y0
-    return (_settle_one if harmonic else _shake_one)(engine, rows, start, forcing, limits)
+    if isinstance(forcing, GroundForcing):
+        limits["events"] = GROUND_EVENTS[equations] if events is None else events
+        if batch is None:
+            return _shake_one(engine, rows, start, forcing, limits)
+        return _shake_batch(engine, batch, forcing, limits | {"brief": brief})
+    limits |= {"events": EVENTS if events is None else events, "tolerance": tolerance}
+    limits["periods"] = PERIODS[equations] if forcing.periods is None else forcing.periods
+    if batch is not None:
+        return _settle_batch(engine, batch, forcing, limits)
+    record, settings = engine.entry().SETTLED, packed(engine.settings("SETTLE", **limits))
+    times = packed((forcing.begin, forcing.ramp))
+    (out,) = engine((shape(numbers_in(record)),), settings, stop_gradient(rows), stop_gradient(start), times)
+    return _settled_of(out, record)
 
 
 class _Batch(NamedTuple):
@@ -197,26 +197,32 @@ class _Batch(NamedTuple):
     workers: int | None
     progress: Callable[[int, int], None] | None
 
+    @staticmethod
+    def of(rows: Any, y0: Any, workers: int | None, progress: Any) -> _Batch:
+        """The runs of rows and starts, one of which may be single."""
+        starts = np.zeros((len(rows), 4)) if y0 is None else np.array(y0, dtype=float, order="C")
+        n, width = len(starts), len(NAMES)
+        if n == 0 or starts.shape != (n, 4) or np.shape(rows) not in ((width,), (n, width)):
+            shapes = f"{np.shape(rows)} and {starts.shape}"
+            raise ValueError(f"`rows` must have shape (n, {width}) and `y0` (n, 4), but have {shapes}")
+        wide = np.ascontiguousarray(np.broadcast_to(rows, (n, width)), dtype=float)
+        return _Batch(starts, wide, workers, progress)
 
-def _aligned(rows: Any, y0: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Starts (n, 4) and parameters (n, 9) of a batch."""
-    starts = np.zeros((len(rows), 4)) if y0 is None else np.array(y0, dtype=float, order="C")
-    n, width = len(starts), len(NAMES)
-    if n == 0 or starts.shape != (n, 4) or np.shape(rows) not in ((width,), (n, width)):
-        shapes = f"{np.shape(rows)} and {starts.shape}"
-        raise ValueError(f"`rows` must have shape (n, {width}) and `y0` (n, 4), but have {shapes}")
-    return starts, np.ascontiguousarray(np.broadcast_to(rows, (n, width)), dtype=float)
+    def fill(self, engine: Compiled, settings: np.ndarray, table: np.ndarray, found: np.ndarray) -> None:
+        """Compute the records `found` of all runs; `table` holds what the runs have besides."""
+        buffers = settings, self.rows, self.starts, table, found
+        engine.in_threads(len(self.rows), self.workers, self.progress, *buffers)
 
 
 def _settle_batch(
     engine: Compiled, batch: _Batch, forcing: HarmonicForcing, limits: dict[str, Any]
 ) -> Settled:
-    n, rows, given = len(batch.rows), batch.rows, (forcing.begin, forcing.ramp)
+    n, given = len(batch.rows), (forcing.begin, forcing.ramp)
     if shapes := {np.shape(x) for x in given} - {(), (n,)}:
         raise ValueError(f"`begin` and `ramp` must have shape ({n},), but have {shapes}")
     times = np.stack([np.broadcast_to(np.asarray(x, dtype=float), n) for x in given], axis=1)
     begins, ramps = times.T
-    late = (begins < 0.0) | (begins * rows[:, XI] > 2.0 * np.pi * (1.0 + 1e-12))
+    late = (begins < 0.0) | (begins * batch.rows[:, XI] > 2.0 * np.pi * (1.0 + 1e-12))
     if np.any(late | ~np.isfinite(begins)):
         raise ValueError(f"`begin` must lie within the first forcing period, but is {begins[late]}")
     checks.not_negative("ramp", ramps, every=True)
@@ -224,21 +230,12 @@ def _settle_batch(
     entry = engine.entry()
     settings = np.full(n, np.array(tuple(engine.settings("SETTLE", **limits)), entry.SETTINGS))
     found = np.empty(n, entry.SETTLED)
-    engine.in_threads(n, batch.workers, batch.progress, settings, rows, batch.starts, times, found)
-    return settled_of(found.view(float).reshape(n, -1), entry.SETTLED)
+    batch.fill(engine, settings, times, found)
+    return _settled_of(found.view(float).reshape(n, -1), entry.SETTLED)
 
 
-def _settle_one(
-    engine: Compiled, row: Any, y0: Any, forcing: HarmonicForcing, limits: dict[str, Any]
-) -> Settled:
-    record, settings = engine.entry().SETTLED, packed(engine.settings("SETTLE", **limits))
-    times = packed((forcing.begin, forcing.ramp))
-    (out,) = engine((shape(numbers_in(record)),), settings, stop_gradient(row), stop_gradient(y0), times)
-    return settled_of(out, record)
-
-
-def settled_of(numbers: Any, record: np.dtype) -> Settled:
-    """Return where motions have settled, from the records of compiled code as floats."""
+def _settled_of(numbers: Any, record: np.dtype) -> Settled:
+    """Where runs have settled, from the records of compiled code as floats."""
     of, index = parts(numbers, record), np.array([index_of(name) for name in ENDS], dtype=np.int32)
     kind, code, periods, elapsed = (x.astype(int) for x in (of.kind, of.status, of.periods, of.elapsed))
     status = index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code]
@@ -267,8 +264,7 @@ def _shake_batch(engine: Compiled, batch: _Batch, forcing: GroundForcing, limits
     for name, value in {**places, **limits}.items():
         settings[name] = value
     found = np.zeros(n, entry.FOLLOWED)
-    rows, starts = batch.rows, batch.starts
-    engine.in_threads(n, batch.workers, batch.progress, settings, rows, starts, pieces, found)
+    batch.fill(engine, settings, pieces, found)
     return _followed_of(found.view(float).reshape(n, -1))
 
 
@@ -297,20 +293,9 @@ def _shake_one(
 def _followed_of(out: Any) -> Followed:
     """Runs from all results of compiled code."""
     of = parts(out, LINEAR.entry().FOLLOWED)
-    tilt, swing, relative = (of.sizes[..., k] for k in range(3))
-    return Followed(
-        tilt=tilt,
-        swing=swing,
-        relative=relative,
-        times=of.times,
-        state=of.state[..., :TILT_PULL],
-        growing=of.growing,
-        status=of.status,
-        impacts=of.impacts,
-        lifted=of.lifted,
-        fell=of.fell,
-        transversality=of.crossing,
-    )
+    angles, state = (of.sizes[..., k] for k in range(3)), of.state[..., :TILT_PULL]
+    counted = of.status, of.impacts, of.lifted, of.fell, of.crossing
+    return Followed._make((*angles, of.times, state, of.growing, *counted))
 
 
 def _shaken_from(inputs: float, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
