@@ -55,7 +55,7 @@ LONGEST = (
     "answers/test_steady_state",
     "models/test_piecewise",
     "cli/test_optimise",
-    "models/test_compiled_linear",
+    "exact/test_linear",
     "models/test_segmented",
 )
 """Modules that go first, so that no worker is left alone with one at the end."""

@@ -9,9 +9,9 @@ from scipy.stats import binomtest
 import tpd
 from tests.unanswered import unanswered
 from tpd.answers.fragility import Fragility
+from tpd.exact import runs
 from tpd.exact.follow import EVENT_BOUND
 from tpd.exact.terms import MU, F
-from tpd.models import compiled_nonlinear
 
 GRAVITY = 9.80665
 STATUE = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.0, restitution="housner")
@@ -101,13 +101,14 @@ def test_verdicts_are_compared_where_both_equations_answer(monkeypatch):
 
 @pytest.mark.mends("runs that the nonlinear equations do not answer left no trace")
 def test_runs_that_the_nonlinear_equations_do_not_answer_are_named(monkeypatch):
-    shake = compiled_nonlinear.shake_nonlinear
+    follow = runs.follow
 
-    def stub(rows, *others, **options):
-        found, by = shake(rows, *others, **options)
-        return found._replace(status=np.where(rows[:, F] > 2.0, EVENT_BOUND, found.status)), by
+    def stub(equations, rows, *others, **options):
+        found = follow(equations, rows, *others, **options)
+        lost = (equations is tpd.Terms.nonlinear) & (rows[:, F] > 2.0)
+        return found._replace(status=np.where(lost, EVENT_BOUND, found.status))
 
-    monkeypatch.setattr(compiled_nonlinear, "shake_nonlinear", stub)
+    monkeypatch.setattr(runs, "follow", stub)
     found = tpd.fragility(STATUE, RECORDS, scales=[0.8, 30.0])
     assert found.changed == (0.0, 0.0)
     assert found.unanswered == (12, 12)

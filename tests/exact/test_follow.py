@@ -120,7 +120,7 @@ def test_a_rattle_without_losses_has_an_answer():
 
 
 def test_a_bound_on_events_that_is_too_low_is_said():
-    found = motions([Case(SMALL, None, record([0.0, 4.0, -4.0, 0.0], 0.1))], max_events=1)
+    found = motions([Case(SMALL, None, record([0.0, 4.0, -4.0, 0.0], 0.1))], events=1)
     assert found.status[0] == EVENT_BOUND
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.exact.test_trajectory import SAMPLES, clock, states
-from tests.reference import REST, SLOW, box, exact, parameters
+from tests.reference import REST, SLOW, box, exact, parameters, settled
 from tpd import Status, paper_scene
 from tpd.exact import linear
 from tpd.exact.multiple_shooting import Events, events

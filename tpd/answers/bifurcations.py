@@ -20,7 +20,7 @@ from tpd.answers.symmetric_orbits import ORBITS, Margins, Orbits, all_symmetric_
 from tpd.core import checks
 from tpd.core.formatting import Printed
 from tpd.exact.orbits import survey, vanishing
-from tpd.exact.terms import XI
+from tpd.exact.terms import BROKEN, CROSSED, FLAT, MERGED, STUCK, TOUCHED, TURNING, XI
 from tpd.scene.parameters import Parameters, from_row
 from tpd.scene.quantities import UNITS, Axis
 from tpd.scene.scene import Pendulum, Scene
@@ -409,10 +409,10 @@ def _newton(search: _Search, kind: Kind, guess: np.ndarray, gap: _Gap) -> _Point
 
 
 _ROWS = {
-    Kind.fold: [0, 1, 2],
-    Kind.symmetry_breaking: [0, 1, 3],
-    Kind.sticking: [0, 1, 4],
-    Kind.grazing: [0, 1, 5, 6],
+    Kind.fold: [TURNING, CROSSED, MERGED],
+    Kind.symmetry_breaking: [TURNING, CROSSED, BROKEN],
+    Kind.sticking: [TURNING, CROSSED, STUCK],
+    Kind.grazing: [TURNING, CROSSED, TOUCHED, FLAT],
 }
 """Entries of `vanishing` that are zero at a bifurcation of each kind."""
 

@@ -97,7 +97,7 @@ class Compiled:
         try:
             jax.ffi.register_ffi_target(self._target, jax.ffi.pycapsule(entry.CALL.address), platform="cpu")
             shapes, operands = self._trial(self)
-            cpu = jax.local_devices(backend="cpu")[0]
+            cpu, *_ = jax.local_devices(backend="cpu")
             # The question may come while something is traced.
             with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):
                 found = jax.ffi.ffi_call(self._target, shapes)(*operands)
@@ -118,7 +118,8 @@ class Compiled:
         run = self.entry().run
         wide = [np.asarray(x, dtype=float) for x in operands]
         # Settings come first, one row for a motion.
-        batch = wide[0].shape[:-1]
+        settings, *_ = wide
+        batch = settings.shape[:-1]
         rows = int(np.prod(batch))
         flat = [np.ascontiguousarray(x.reshape(rows, *x.shape[len(batch) :])) for x in wide]
         out = [np.zeros((rows, *s.shape)) for s in shapes]
@@ -175,7 +176,7 @@ def _period(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.nd
 def _way(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
     """A way from turn to turn: of an orbit, places that mean nothing are left as they were."""
     settings = np.array(of.settings("SURVEY"))
-    return (shape(of.entry().SURVEYED),), (settings, row_of(_TRIED), np.array([0.7, 0.3, 0.0]))
+    return (shape(numbers_in(of.entry().SURVEYED)),), (settings, row_of(_TRIED), np.array([0.7, 0.3, 0.0]))
 
 
 LINEAR = Compiled("tpd.exact.linear_entry", "tpd_exact", "the linear equations", _period)

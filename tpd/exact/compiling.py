@@ -41,7 +41,8 @@ errors of a command would wait for the end of all processes that hold its pipe."
 def sources() -> list[Path]:
     """Files that are compiled, or call what is."""
     folder = Path(__file__).parent
-    return [*sorted(folder.glob("*.py")), folder.parent / "scene" / "impacts.py"]
+    scene = folder.parent / "scene"
+    return [*sorted(folder.glob("*.py")), scene / "impacts.py", scene / "parameters.py"]
 
 
 @lru_cache(maxsize=1)

@@ -47,7 +47,7 @@ from tpd.exact.motion import (
     restart,
 )
 from tpd.exact.plant import PLANT, compiled, part, stored
-from tpd.exact.repetition import LONGEST, SETTLED
+from tpd.exact.repetition import LONGEST, NEWEST, SETTLED
 from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_RATE, TILT, TILT_RATE
 
 __all__ = ["CALL", "FOLLOWED", "SETTINGS", "SETTLED", "run"]
@@ -225,9 +225,10 @@ def _settle(q, m, w, s, since, ramp, out):
     """Follow one motion from its state at tau = `since` until it repeats, rests, is lost, or the periods of
     the settings `s` have elapsed; see `tpd.exact.settle.settle`."""
     y, cubics, scales, events = m.y, np.empty((0, 4)), repetition.scales_of(q), int(s.events)
-    w.period, w.rate, w.swing, w.relative = 2.0 * math.pi / q.xi, scales[2], scales[3], NO
+    w.period, w.relative = 2.0 * math.pi / q.xi, NO
+    w.rate, w.swing = scales[TILT_RATE], scales[SWING_RATE]
     past, peaks = np.zeros(LONGEST, repetition.PERIOD), np.zeros(2)
-    put(y, past[0].y)
+    put(y, past[NEWEST].y)
     clear(m)
     f, grown = repetition.shaking_in(ramp, w.period, 0.0, since, cubics)
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
@@ -243,7 +244,7 @@ def _settle(q, m, w, s, since, ramp, out):
         # Nothing that was met before the shaking became steady counts as a repetition, or as rest.
         steadily = f.rate == 0.0 and ended == ARRIVED
         repeats = repetition.repeats_after(q, y, past, known, scales, s.tolerance) if steadily else 0
-        rests = steadily and known > 0 and _stays(q, m, past[0].y)
+        rests = steadily and known > 0 and _stays(q, m, past[NEWEST].y)
         known = repetition.remember(past, known if steadily else 0, y, peak, stroke, m.held)
         if ended == BROKEN or not finite(y):
             status = repetition.FAILED

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.core import checks
-from tpd.exact.calling import ORBITS, numbers_in, shape
+from tpd.exact.calling import ORBITS, numbers_in, parts, shape
 from tpd.exact.terms import STATUSES
 from tpd.scene.parameters import NAMES
 
@@ -28,9 +28,9 @@ def _settings(task: str, directions: int = 0, asked: tuple[int, int] = (0, 0)) -
 def _on_all_cores(
     settings: np.ndarray, workers: int | None, progress: Callable[[int, int], None] | None, *rows: np.ndarray
 ) -> None:
-    n = len(rows[0])
-    settings = np.ascontiguousarray(np.broadcast_to(settings, (n, len(settings))))
-    ORBITS.in_threads(n, workers, progress, settings, *rows, piece=_PIECE)
+    x, *_ = rows
+    settings = np.ascontiguousarray(np.broadcast_to(settings, (len(x), len(settings))))
+    ORBITS.in_threads(len(x), workers, progress, settings, *rows, piece=_PIECE)
 
 
 def solve_orbits(
@@ -57,17 +57,19 @@ def orbit_slopes(
     # The kernel takes all orbits of a design: where none is asked for, the status says that there is none.
     every: Any = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)
     every["status"] = STATUSES.index("no_orbit")
-    every[:, : orbits.shape[1]] = orbits
+    _, m = orbits.shape
+    every[:, :m] = orbits
     x, along = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(directions, dtype=float)
     slopes = np.empty((*every.shape, d, int(entry.NUMBERS)))
     _on_all_cores(_settings("DIFFERENTIATE", d, asked), None, None, x, every, along, slopes)
-    return slopes[:, : orbits.shape[1]]
+    return slopes[:, :m]
 
 
 def solved(x: Any) -> Any:
     """Orbits of the design `x` (9,), known or traced, as numbers (3, numbers of an orbit)."""
     entry, call = ORBITS.entry(), ORBITS.on_host if checks.is_concrete(x) else ORBITS
-    return call((shape(entry.ORBITS, numbers_in(entry.ORBIT)),), _settings("SOLVE"), x)[0]
+    (out,) = call((shape(entry.ORBITS, numbers_in(entry.ORBIT)),), _settings("SOLVE"), x)
+    return out
 
 
 def slopes(x: Any, orbits: Any, asked: tuple[int, int]) -> Any:
@@ -76,7 +78,8 @@ def slopes(x: Any, orbits: Any, asked: tuple[int, int]) -> Any:
     entry, n = ORBITS.entry(), len(NAMES)
     call = ORBITS.on_host if checks.namespace(x, orbits) is np else ORBITS
     settings = _settings("DIFFERENTIATE", n, asked)
-    return call((shape(entry.ORBITS, n, entry.NUMBERS),), settings, x, orbits, np.eye(n))[0]
+    (out,) = call((shape(entry.ORBITS, n, entry.NUMBERS),), settings, x, orbits, np.eye(n))
+    return out
 
 
 class Vanishing(NamedTuple):
@@ -117,7 +120,7 @@ class Survey(NamedTuple):
 
 def survey(u: np.ndarray, x: np.ndarray) -> Survey:
     """The way of the solution u = (t, gamma) with the parameters `x`, from turn to turn."""
-    entry = ORBITS.entry()
-    (out,) = ORBITS.on_host((shape(entry.SURVEYED),), _settings("SURVEY"), x, np.append(u, 0.0))
-    height, leaving, arriving, *rates = out.tolist()
-    return Survey(height, leaving, arriving, np.array(rates))
+    record = ORBITS.entry().SURVEYED
+    (out,) = ORBITS.on_host((shape(numbers_in(record)),), _settings("SURVEY"), x, np.append(u, 0.0))
+    of = parts(out, record)
+    return Survey(float(of.height), float(of.leaving), float(of.arriving), of.rates)

@@ -23,7 +23,7 @@ import numba.extending
 import numpy as np
 
 from tpd.core import files, machine_code
-from tpd.exact.terms import LAM, MU, NU, RHO, XI, ZETA, E, F, K
+from tpd.exact.terms import LAM, MANY, MU, NU, RHO, XI, ZETA, E, F, K
 from tpd.scene import impacts
 
 STEP = 1e-100
@@ -254,14 +254,14 @@ def plant(x, q):
 @compiled
 def plant_along(x, j, q):
     """Fill a complex plant whose imaginary parts are derivatives in parameter j, times `STEP`."""
-    moved = np.empty(9, np.complex128)
-    for i in range(9):
+    moved = np.empty(MANY, np.complex128)
+    for i in range(MANY):
         moved[i] = complex(x[i], STEP if i == j else 0.0)
     plant(moved, q)
 
 
 @compiled
 def put_plants(x, plants):
-    """Fill ten complex plants: one for each parameter, and one for all directions in which none changes."""
-    for j in range(10):
+    """Fill complex plants: one for each parameter, and one for all directions in which none changes."""
+    for j in range(MANY + 1):
         plant_along(x, j, plants[j])

@@ -21,6 +21,8 @@ APART = 2
 NU, MU, LAM, ZETA = map(NAMES.index, ("nu", "mu", "lam", "zeta"))
 K, F, XI, RHO, E = map(NAMES.index, ("k", "f", "xi", "rho", "e"))
 """Columns of the parameters in a row."""
+MANY = len(NAMES)
+"""Number of parameters."""
 PHASE, LASTS = 4, 5
 """Columns of an arc of a periodic orbit after its state: the forcing's phase at its start; its duration."""
 STATUSES = ("rocking", "unstable", "neutral", "near_fold", "grazing", "no_orbit")
@@ -32,6 +34,9 @@ STEADY_STATUSES = (*ENDS, "aperiodic", "unstable", "neutral", "near_fold", "graz
 SHAKEN = ("stood", "rocked", "overturned", "event_bound", "failed")
 """Names of the statuses of a motion through a pulse or a record, by their numbers:"""
 STOOD, ROCKED, OVERTURNED, EVENT_BOUND, FAILED = range(5)
+TURNING, CROSSED, MERGED, BROKEN, STUCK, TOUCHED, FLAT = range(7)
+"""Places of the numbers that vanish at an orbit (its two conditions) and where orbits are lost, see
+`tpd.exact.symmetric_orbit_kernel.vanishing`."""
 SIZES = {
     **{"amplitude": 0, "phase": 1, "crossing": 2, "stroke": 3, "fold": 4, "symmetry": 5, "torus": 6},
     "state": slice(7, 11),
