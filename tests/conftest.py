@@ -31,7 +31,7 @@ batch = import_module("tpd.core.batch")
 OPTIONS = " ".join(f"--{name}={str(value).lower()}" for name, value in batch.OPTIONS)
 os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {OPTIONS}"
 
-compiling = import_module("tpd.models.compiling")
+compiling = import_module("tpd.exact.compiling")
 
 
 def pytest_configure(config):
@@ -55,7 +55,7 @@ LONGEST = (
     "answers/test_steady_state",
     "models/test_piecewise",
     "cli/test_optimise",
-    "models/test_compiled_linear",
+    "exact/test_linear",
     "models/test_segmented",
 )
 """Modules that go first, so that no worker is left alone with one at the end."""

@@ -20,7 +20,10 @@ from scipy.integrate import solve_ivp
 from tpd import Parameters, Piecewise, Smoothed, simulate, status_name, steady_state, symmetric_orbits
 from tpd.answers.steady_state import Steady
 from tpd.answers.symmetric_orbits import Orbits, all_symmetric_orbits
+from tpd.exact.rows import row_of
+from tpd.exact.runs import HarmonicForcing, Settled, follow
 from tpd.models.base import AbstractModel
+from tpd.theory.equations import Terms
 
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
 """The order of a vector of parameters; e may be left out, and rho is tied to nu."""
@@ -173,6 +176,12 @@ def solver(model: AbstractModel | Callable[..., AbstractModel], size: int) -> Ca
         return Answer(float(s.amplitude), float(s.stroke), status_name(s.status), slopes, s)
 
     return answer
+
+
+def settled(equations: Terms, p: Parameters, y0: Any = None, **options: Any) -> Settled:
+    """Where the runs of a batch settle under a harmonic; at rest for the start of one run."""
+    forcing = HarmonicForcing(*(options.pop(name, x) for name, x in HarmonicForcing()._asdict().items()))
+    return follow(equations, row_of(p), forcing, y0=y0, **options)
 
 
 def orbits_of(p: Parameters) -> Orbits:

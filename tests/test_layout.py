@@ -45,16 +45,17 @@ LAYERS = (
 ELLIPTIC = re.compile(r"(What|Of|The same|That|Those|There)\b")
 """First words of a docstring that does not say what a thing is."""
 LAST = {
-    "code lines": 18_907,
-    "modules": 171,
-    "modules that the main job may import": 127,
-    "code lines of these": 15_657,
+    "code lines": 18_867,
+    "modules": 168,
+    # Modules that are loaded by name count since this version: 135 and 16 624 before, by the same count.
+    "modules that the main job may import": 131,
+    "code lines of these": 16_609,
     "floors, all imports counted": 23,
     "functions of ten or more arguments": 0,
     "functions of eight lines or fewer, called once": 54,
-    "columns by number in compiled code": 273,
+    "columns by number in compiled code": 132,
     "imports by string": 0,
-    COMMENTS: 5.43,
+    COMMENTS: 5.45,
 }
 """Measures of the last version. Store a better value when a measure improves, and never a worse one."""
 

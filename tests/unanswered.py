@@ -8,25 +8,28 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tpd.exact import runs
 from tpd.exact.follow import EVENT_BOUND
-from tpd.models import compiled_shaken
+from tpd.theory.equations import Terms
 
 
 def unanswered(
     monkeypatch: pytest.MonkeyPatch, where: Callable[[np.ndarray], np.ndarray]
 ) -> list[np.ndarray]:
     """Let motions by the linear equations end at the bound on events where the function says so of their rows
-    of parameters (nu, mu, lam, zeta, k, f, h, rho, e). Returns the rows that are followed from now on."""
-    follow_all, followed = compiled_shaken.follow_all, []
+    of parameters. Returns the rows that are followed from now on."""
+    follow, followed = runs.follow, []
 
-    def stub(rows: np.ndarray, *others: Any, **options: Any) -> Any:
-        found, by = follow_all(rows, *others, **options)
+    def stub(equations: Terms, rows: np.ndarray, *others: Any, **options: Any) -> Any:
+        found = follow(equations, rows, *others, **options)
+        if equations is not Terms.linear:
+            return found
         followed.append(np.array(rows))
         lost = where(np.asarray(rows))
         # What such a run leaves behind is that of its part of the motion.
         return found._replace(
             status=np.where(lost, EVENT_BOUND, found.status), tilt=np.where(lost, 0.01, found.tilt)
-        ), by
+        )
 
-    monkeypatch.setattr(compiled_shaken, "follow_all", stub)
+    monkeypatch.setattr(runs, "follow", stub)
     return followed

@@ -11,12 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tests import reference
 from tests.reference import UNSTABLE
 from tpd import Parameters
 from tpd.answers import bifurcations as module
 from tpd.answers.bifurcations import Bifurcation, Kind, Sweep, bifurcations, sweep
-from tpd.scene.quantities import NAMES
 
+NAMES = (*reference.NAMES, "rho")
 LOW = np.array([0.08, 0.0, 0.05, 0.0, 0.0, 0.02, 0.6, 0.5])
 HIGH = np.array([0.35, 0.5, 2.0, 1.2, 0.15, 0.6, 6.0, 1.0])
 """The box that random scenes are drawn from, in NAMES without rho."""

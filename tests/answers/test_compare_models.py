@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+import tpd
+from tests import reference
 from tpd import Block, Pendulum, Scene, check, paper_scene, status_name, steady_state
 from tpd.answers.compare_models import MODELS, objections
-from tpd.models.compiled_nonlinear import settle_one
 from tpd.scene.parameters import as_arrays
 
 PENDULUM = Pendulum(mass=3.2448, length=0.2, damping_ratio=0.1)
@@ -23,7 +24,7 @@ def test_a_check_has_every_model_asked_for_and_the_nonlinear_one():
     assert found.models[1].status == status_name(exact.status) == "rest"
     # The nonlinear equations add what is of second order in the bob's swing.
     assert found.top.status == "rest"
-    settled = settle_one(as_arrays(p), np.zeros(4))
+    settled = reference.settled(tpd.Terms.nonlinear, as_arrays(p), np.zeros(4))
     assert found.top.stroke == pytest.approx(float(settled.stroke), rel=1e-6)
     assert found.top.stroke != pytest.approx(float(exact.stroke), rel=1e-4)
     assert found.objections == ()

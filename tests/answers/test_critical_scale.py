@@ -9,6 +9,7 @@ import pytest
 
 import tpd
 from tests.unanswered import unanswered
+from tpd.exact.terms import F
 
 GRAVITY = 9.80665
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
@@ -101,7 +102,7 @@ def test_a_motion_of_zeros_is_refused_in_one_sentence():
 def between(low: float, high: float):
     """Whether the factor on the motion of SINE lies within bounds."""
     unit = float(SINE.ground_parameters().f)
-    return lambda rows: (rows[:, 5] > low * unit) & (rows[:, 5] < high * unit)
+    return lambda rows: (rows[:, F] > low * unit) & (rows[:, F] < high * unit)
 
 
 def lossy(e) -> tpd.Scene:

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 import tpd
+from tests import reference
 from tests.designs import outcomes as by_hand
 from tests.reference import HUNG as CASES
 from tpd.answers.ensemble import outcomes, plan
 from tpd.answers.statistics import Share
-from tpd.models.compiled_nonlinear import settle_nonlinear
-from tpd.models.rows import settle_all
 from tpd.scene.status import Outcome, names_of
 
 HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
@@ -25,9 +24,8 @@ STILL = tpd.Ensemble(size=8, any_phase=False, ramps=(0.0,), **dict.fromkeys(SPRE
 
 
 def followed(p, y0, *, begin=0.0, ramp=0.0, periods):
-    """Settled of one run that is cut after so many periods."""
-    model = tpd.Piecewise(max_periods=periods)
-    return settle_all(p, np.array([y0]), begin=begin, ramp=ramp, model=model)
+    """Where one run has come that is cut after so many periods."""
+    return reference.settled(tpd.Terms.linear, p, np.array([y0]), begin=begin, ramp=ramp, periods=periods)
 
 
 @pytest.mark.parametrize(
@@ -132,10 +130,7 @@ def settled(mass, length, equations):
     runs = plan(SCENE.parameters(hung), TABLE_1, float(SCENE.rate))
     # A cosine is a sine that begins a quarter of a period late.
     how = {"begin": 0.5 * np.pi / np.asarray(runs.p.xi), "ramp": runs.periods}
-    if equations == "linear":
-        found = settle_all(runs.p, runs.y0, model=tpd.Piecewise(max_periods=TABLE_1.periods), **how)
-    else:
-        found = settle_nonlinear(runs.p, runs.y0, periods=TABLE_1.periods, **how)
+    found = reference.settled(tpd.Terms(equations), runs.p, runs.y0, periods=TABLE_1.periods, **how)
     fell = (names_of(found.status) == Outcome.overturned) | (np.asarray(found.peak) > 1.3)
     tilts = np.where(fell, np.inf, np.asarray(found.amplitude)) / np.arctan(0.25)
     return tilts[runs.ramp == 0.0], tilts[runs.ramp > 0.0]

@@ -9,8 +9,9 @@ from scipy.stats import binomtest
 import tpd
 from tests.unanswered import unanswered
 from tpd.answers.fragility import Fragility
+from tpd.exact import runs
 from tpd.exact.follow import EVENT_BOUND
-from tpd.models import compiled_nonlinear
+from tpd.exact.terms import MU, F
 
 GRAVITY = 9.80665
 STATUE = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.0, restitution="housner")
@@ -57,7 +58,7 @@ def test_nothing_rocks_below_the_threshold_and_the_first_crossing_is_named(found
 def taken(monkeypatch, hung: bool, fewest: float) -> None:
     """Take the answers of all motions of stripes from `fewest` (PGA over g tan alpha) on."""
     nu = float(STATUE.slenderness)
-    unanswered(monkeypatch, lambda rows: (rows[:, 5] > fewest * nu) & ((rows[:, 1] > 0.0) | ~np.bool_(hung)))
+    unanswered(monkeypatch, lambda rows: (rows[:, F] > fewest * nu) & ((rows[:, MU] > 0.0) | ~np.bool_(hung)))
 
 
 @pytest.mark.mends("motions without an answer left no trace in counts, shares and words")
@@ -83,7 +84,7 @@ def test_motions_without_an_answer_are_counted_and_named(monkeypatch, found):
 @pytest.mark.mends("a first crossing passed over motions without an answer")
 def test_a_first_crossing_that_hangs_on_motions_without_an_answer_is_not_known(monkeypatch, found):
     unit = float(STATUE.slenderness)
-    unanswered(monkeypatch, lambda rows: np.isclose(rows[:, 5], 1.5 * unit) & (rows[:, 1] == 0.0))
+    unanswered(monkeypatch, lambda rows: np.isclose(rows[:, F], 1.5 * unit) & (rows[:, MU] == 0.0))
     lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=HUNG, nonlinear=False)
     assert math.isnan(lost.first_crossings["rocking"][0])
     assert lost.first_crossings["rocking"][1] == found.first_crossings["rocking"][1]
@@ -100,13 +101,14 @@ def test_verdicts_are_compared_where_both_equations_answer(monkeypatch):
 
 @pytest.mark.mends("runs that the nonlinear equations do not answer left no trace")
 def test_runs_that_the_nonlinear_equations_do_not_answer_are_named(monkeypatch):
-    shake = compiled_nonlinear.shake_nonlinear
+    follow = runs.follow
 
-    def stub(rows, *others, **options):
-        found, by = shake(rows, *others, **options)
-        return found._replace(status=np.where(rows[:, 5] > 2.0, EVENT_BOUND, found.status)), by
+    def stub(equations, rows, *others, **options):
+        found = follow(equations, rows, *others, **options)
+        lost = (equations is tpd.Terms.nonlinear) & (rows[:, F] > 2.0)
+        return found._replace(status=np.where(lost, EVENT_BOUND, found.status))
 
-    monkeypatch.setattr(compiled_nonlinear, "shake_nonlinear", stub)
+    monkeypatch.setattr(runs, "follow", stub)
     found = tpd.fragility(STATUE, RECORDS, scales=[0.8, 30.0])
     assert found.changed == (0.0, 0.0)
     assert found.unanswered == (12, 12)

@@ -6,6 +6,7 @@ import pytest
 import tpd
 from tests.unanswered import unanswered
 from tpd.answers.ground_batch import follow_rows, follow_scaled, rows_of
+from tpd.exact.terms import MU
 
 STATUE = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.0, restitution="housner")
 HUNG = tpd.Pendulum(mass=90.0, length=0.9, damping_ratio=0.4)
@@ -51,7 +52,7 @@ def test_rows_are_followed_as_they_are(runs):
 
 
 def test_a_run_without_an_answer_is_undecided_and_has_not_overturned(monkeypatch):
-    unanswered(monkeypatch, lambda rows: rows[:, 1] > 0.0)
+    unanswered(monkeypatch, lambda rows: rows[:, MU] > 0.0)
     found = follow_scaled(STATUE, (None, HUNG), MOTIONS, FACTORS, free=5.0)
     assert found.undecided.tolist() == [[[False] * 3] * 2, [[True] * 3] * 2]
     assert not found.overturned[1].any()

@@ -8,8 +8,8 @@ import pytest
 from tests.reference import HUNG, exact, parameters
 from tpd import Piecewise
 from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, refine
-from tpd.models.compiled_linear import packed, unpacked
-from tpd.scene.parameters import as_arrays
+from tpd.exact.rows import numbers_of, packed
+from tpd.scene.parameters import from_row
 from tpd.scene.status import index_of
 
 CASE = HUNG[0]
@@ -18,7 +18,7 @@ CASE = HUNG[0]
 @pytest.fixture(scope="module")
 def orbit():
     """The orbit of a case, from the rough end of a short motion."""
-    p, model = unpacked(packed(as_arrays(parameters(CASE.x)))), Piecewise(tolerance=1e-3, max_periods=60)
+    p, model = from_row(packed(numbers_of(parameters(CASE.x)))), Piecewise(tolerance=1e-3, max_periods=60)
     return jax.jit(lambda p: refine(p, model, model.settle(p, jnp.zeros(4)), index_of("rocking")))(p)
 
 

@@ -7,6 +7,7 @@ import pytest
 
 import tpd
 from tests.unanswered import unanswered
+from tpd.exact.terms import MU, XI, F
 
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
 HUNG = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
@@ -22,7 +23,7 @@ def spectrum(pendulum=None, ratios=(3.0, 5.0), sizes=(0.8, 2.0, 6.0, 12.0)):
 
 def largest(rows: np.ndarray) -> np.ndarray:
     """Whether a row of parameters is of the largest size of the pulse."""
-    return rows[:, 5] > 11.0 / 6.0
+    return rows[:, F] > 11.0 / 6.0
 
 
 def rocking():
@@ -31,7 +32,7 @@ def rocking():
 
 def middle(rows: np.ndarray) -> np.ndarray:
     """Whether a row of parameters is of the second period."""
-    return np.isclose(rows[:, 6], float(STRONG.piece) * 2.0 * np.pi / PERIODS[1])
+    return np.isclose(rows[:, XI], float(STRONG.piece) * 2.0 * np.pi / PERIODS[1])
 
 
 def test_the_overturning_spectrum_has_its_tongues():
@@ -86,7 +87,7 @@ def test_without_any_answer_no_share_is_known(monkeypatch):
 
 @pytest.mark.mends("cells without an answer had the colour of those that stand")
 def test_cells_without_an_answer_are_drawn(monkeypatch):
-    unanswered(monkeypatch, lambda rows: largest(rows) & (rows[:, 1] > 0.0))
+    unanswered(monkeypatch, lambda rows: largest(rows) & (rows[:, MU] > 0.0))
     bare, hung = tpd.plot(spectrum(HUNG))
     assert not bare.lines
     (crosses,) = hung.lines
@@ -109,7 +110,7 @@ def test_a_block_without_an_answer_has_no_tilt(monkeypatch):
 @pytest.mark.mends("blocks without an answer were not drawn as such")
 def test_blocks_without_an_answer_are_drawn(monkeypatch):
     assert not any("no answer" in line.get_label() for line in tpd.plot(rocking()).lines)
-    unanswered(monkeypatch, lambda rows: middle(rows) & (rows[:, 1] > 0.0))
+    unanswered(monkeypatch, lambda rows: middle(rows) & (rows[:, MU] > 0.0))
     drawn = {line.get_label(): line for line in tpd.plot(rocking()).lines}
     assert drawn["with pendulum: no answer"].get_xdata().tolist() == [4.0]
     assert "without pendulum: no answer" not in drawn

@@ -14,7 +14,7 @@ from tpd import Parameters, Status, simulate, status_name, steady_state, symmetr
 from tpd.answers.period_map import Orbit
 from tpd.answers.steady_state import _Answer, _compared, _verdict
 from tpd.answers.symmetric_orbits import all_symmetric_orbits
-from tpd.models.base import Settled
+from tpd.exact.runs import Settled
 from tpd.scene.status import index_of, names_by_code, names_of
 from tpd.theory import uplift
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.answers.test_bifurcations import BARE as FOLDING
 from tests.answers.test_bifurcations import HIGH, LOW, Kind, lost
-from tests.exact.orbits import Answers, among, chosen, full, solve
+from tests.exact.orbit_cases import Answers, among, chosen, full, solve
 from tests.properties.bounded import bounded
 from tests.reference import CONSERVING, MOVING, NAMES, UNSTABLE, differences, exact, named
 from tpd import status_name

@@ -43,7 +43,8 @@ def run(quick: bool) -> list[dict[str, Any]]:
     from tests.benchmarks.precision.numba_loop import settle_all as loop
     from tests.benchmarks.precision.peers import METHODS
     from tests.benchmarks.precision.scenes import SCENES
-    from tpd.models.rows import settle_all
+    from tpd.exact.rows import row_of
+    from tpd.exact.runs import HarmonicForcing, follow
     from tpd.scene.parameters import as_arrays
 
     rows = []
@@ -60,8 +61,10 @@ def run(quick: bool) -> list[dict[str, Any]]:
     p = as_arrays(parameters(list(x.T)))
     every = tpd.Piecewise(max_periods=PERIODS, tolerance=1e-300, lyapunov_periods=1)
     for what, model in ((RUNS, tpd.Piecewise()), (WHOLE, every)):
-        settle_all(jax.tree.map(lambda v: v[:100] if np.ndim(v) else v, p), rest[:100], model=model)
-        note(what, n, timed(lambda model=model: settle_all(p, rest, model=model), 3))
+        forcing, limits = HarmonicForcing(model.max_periods), model.settling()
+        run = partial(follow, tpd.Terms.linear, forcing=forcing, **limits)
+        run(row_of(p)[:100])
+        note(what, n, timed(lambda run=run: run(row_of(p)), 3))
     loop(x[:4], rest[:4], PERIODS)
     note(LOOP, n, timed(lambda: loop(x, rest, PERIODS), 3))
     few = n // 10

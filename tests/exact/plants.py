@@ -3,7 +3,9 @@
 import numba
 import numpy as np
 
+from tests.reference import NAMES
 from tpd.exact.plant import COMPLEX_PLANT, PLANT, STEP, plant
+from tpd.scene import parameters
 
 
 def entry(function):
@@ -18,9 +20,10 @@ def _put(x, plants):
 
 
 def _numbers(x):
-    """Rows of (nu, mu, lam, zeta, k, f, xi, rho, e), of seven parameters or, with e, eight."""
-    e = x[:, 7] if x.shape[1] > 7 else np.ones(len(x))
-    return np.column_stack([x[:, :7], 0.75 / (1.0 + x[:, 0] ** 2), e])
+    """Rows of the kernels, from those of `tests.reference` with seven or, with e, eight parameters."""
+    named = dict(zip(NAMES, x.T, strict=False))
+    values = {"rho": 0.75 / (1.0 + named["nu"] ** 2), "e": np.ones(len(x)), **named}
+    return np.column_stack([values[name] for name in parameters.NAMES])
 
 
 def plants_of(x):

@@ -10,7 +10,8 @@ import tpd
 from tests.truth import GRAVITY, el_centro
 from tpd.answers.ground_batch import rows_of
 from tpd.exact.follow import OVERTURNED, ROCKED, STOOD
-from tpd.models.compiled_shaken import Followed, follow_all
+from tpd.exact.runs import Followed, GroundForcing, follow
+from tpd.exact.terms import XI
 
 SMALL = tpd.Block(width=0.5, height=2.5, mass=1000.0, friction=0.0, restitution=0.9)
 
@@ -26,14 +27,15 @@ class Case(NamedTuple):
 def operands(cases: list[Case]) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
     """Rows of parameters, pieces, and units of tau in a second."""
     rows = np.array([rows_of(c.block, c.pendulum, [c.motion], GRAVITY)[0] for c in cases])
-    rates = rows[:, 6] / np.array([float(case.motion.piece) for case in cases])
+    rates = rows[:, XI] / np.array([float(case.motion.piece) for case in cases])
     return rows, [np.asarray(case.motion.pieces(), dtype=float) for case in cases], rates
 
 
 def motions(cases: list[Case], free: float = 5.0, **options: Any) -> Followed:
     """All the motions, followed freely for `free` seconds after their ends; times in s."""
     rows, pieces, rates = operands(cases)
-    found, _ = follow_all(rows, pieces, np.arange(len(cases)), free * rates, **options)
+    forcing = GroundForcing(pieces, free * rates, np.arange(len(cases)))
+    found = follow(tpd.Terms.linear, rows, forcing, **options)
     return found._replace(times=found.times / rates[:, None], lifted=found.lifted / rates)
 
 

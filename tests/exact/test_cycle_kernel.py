@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.reference import along, parameters
-from tpd.models.compiled_orbits import row_of
-from tpd.models.multiple_shooting import polish, recorded, traverse
+from tpd.exact.multiple_shooting import polish, recorded, traverse
+from tpd.exact.rows import row_of
 
 SCENES = {
     "slips": ((0.25, 0.1, 0.15, 0.3, 0.05, 0.377, 2.67, 1.0), (0.02341, 0.37348, 0.18303, -1.33012)),

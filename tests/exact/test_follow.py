@@ -8,8 +8,9 @@ from tests.exact.shaken import SMALL, Case, changed, decided, motions, operands,
 from tests.reference import EventDriven
 from tests.truth import GRAVITY, digits, el_centro, shaken
 from tpd.exact.follow import EVENT_BOUND, OVERTURNED, ROCKED, STOOD
-from tpd.models.compiled_nonlinear import shake_nonlinear
-from tpd.models.compiled_shaken import follow_all
+from tpd.exact.runs import GroundForcing, follow
+from tpd.exact.terms import LAM, MU, NU, XI, ZETA, E, F, K
+from tpd.theory.equations import Terms
 
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
 ANGLES = ("tilt", "swing", "relative")
@@ -34,12 +35,13 @@ def test_motions_under_records_are_those_of_the_event_loop(nonlinear):
             block = tpd.Block(width=0.5, height=2.5, mass=1000.0, friction=friction, restitution=restitution)
             a = np.append(0.0, rng.standard_normal(12)) * 2.5
             rows, pieces, rates = operands([Case(block, hung, record(a, 0.1))])
-            run = shake_nonlinear if nonlinear else follow_all
-            options = {"rtol": 1e-11} if nonlinear else {}
-            found = run(rows, pieces, np.zeros(1, int), np.full(1, 2.0), **options)[0]
-            x, h = rows[0], rows[0, 6]
-            eta = -x[5] * np.append(pieces[0][:, 0], pieces[0][-1].sum())
-            loop = EventDriven([*x[:6], 1.0, x[8]], nonlinear=nonlinear, samples=(eta, h))
+            equations = Terms.nonlinear if nonlinear else Terms.linear
+            found = follow(equations, rows, GroundForcing(pieces, 2.0), rtol=1e-11)
+            x, h = rows[0], rows[0, XI]
+            eta = -x[F] * np.append(pieces[0][:, 0], pieces[0][-1].sum())
+            loop = EventDriven(
+                [*x[[NU, MU, LAM, ZETA, K, F]], 1.0, x[E]], nonlinear=nonlinear, samples=(eta, h)
+            )
             times = np.array([0.0, len(pieces[0]) * h + 2.0])
             expected = loop.run(np.zeros(4), times, quiet=1e-4 if nonlinear else 2e-7)
             assert rates[0] == pytest.approx(h / 0.1)
@@ -97,8 +99,8 @@ def test_shaking_that_just_balances_the_weight_has_an_answer(nonlinear):
         peak = block.width / block.height * GRAVITY
         cases = [Case(block, bob, record(peak * a, 0.02)) for bob in (None, hung) for a in shapes]
         rows, pieces, _ = operands(cases)
-        run = shake_nonlinear if nonlinear else follow_all
-        found, _ = run(rows, pieces, np.arange(len(cases)), np.full(len(cases), 5.0))
+        forcing = GroundForcing(pieces, 5.0, np.arange(len(cases)))
+        found = follow(Terms.nonlinear if nonlinear else Terms.linear, rows, forcing)
         assert np.all(np.isin(found.status, (STOOD, ROCKED, OVERTURNED)))
         # Nobody computes that of the nonlinear equations.
         assert np.all(np.isnan(found.transversality) == nonlinear)
@@ -118,7 +120,7 @@ def test_a_rattle_without_losses_has_an_answer():
 
 
 def test_a_bound_on_events_that_is_too_low_is_said():
-    found = motions([Case(SMALL, None, record([0.0, 4.0, -4.0, 0.0], 0.1))], max_events=1)
+    found = motions([Case(SMALL, None, record([0.0, 4.0, -4.0, 0.0], 0.1))], events=1)
     assert found.status[0] == EVENT_BOUND
 
 

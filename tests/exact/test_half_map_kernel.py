@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.exact.orbits import chosen, felt
+from tests.exact.orbit_cases import chosen, felt
 from tests.exact.plants import entry
 from tests.reference import along
 from tpd.exact import half_map_kernel

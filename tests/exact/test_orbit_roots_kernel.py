@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.exact.orbits import ROWS, scanned
+from tests.exact.orbit_cases import ROWS, scanned
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from tests.exact.test_trajectory import SAMPLES, clock, states
-from tests.reference import REST, SLOW, box, exact, parameters
-from tpd import Piecewise, Status, paper_scene
+from tests.reference import REST, SLOW, box, exact, parameters, settled
+from tpd import Status, paper_scene
+from tpd.exact import linear
+from tpd.exact.multiple_shooting import Events, events
+from tpd.exact.rows import row_of
 from tpd.exact.terms import LANDING
-from tpd.models import compiled_linear
-from tpd.models.multiple_shooting import Events, events
-from tpd.models.rows import settle_all
 from tpd.scene.status import names_of
 from tpd.theory import uplift
 
@@ -42,17 +42,17 @@ def test_a_block_that_never_moves_is_not_sticking(leans, known):
     lever, weight = (1.0 + 2.0 * mu) * leans - (1.0 + mu) * nu, (1.0 + mu) * nu
     k = 1.8 * size + (abs(lever) if leans else -weight)
     y0 = (leans, own, 0.0, forced * xi)
-    settled = settle_all(parameters((nu, mu, lam, 0.0, k, f, xi)), np.array([y0]))
-    assert names_of(settled.status)[0] == known
-    assert settled.amplitude[0] == leans
+    found = settled(Terms.linear, parameters((nu, mu, lam, 0.0, k, f, xi)), np.array([y0]))
+    assert names_of(found.status)[0] == known
+    assert found.amplitude[0] == leans
 
 
 def test_no_settled_motion_loses_its_status_to_the_short_way():
     """A motion that is taken to its orbit early ends where one that is followed to the end does."""
     x, y = box(200, 11)
     p = parameters(x.T)
-    short = settle_all(p, y, model=Piecewise(max_periods=400))
-    long = settle_all(p, y, model=Piecewise(max_periods=1500, tolerance=1e-11))
+    short = settled(Terms.linear, p, y, periods=400)
+    long = settled(Terms.linear, p, y, periods=1500, tolerance=1e-11)
     names, others = names_of(short.status), names_of(long.status)
     moved = np.isin(others, ("rocking", "sticking"))
     both = np.isin(names, ("rocking", "sticking")) & moved & (x[:, 1] > 0.0)
@@ -76,9 +76,7 @@ def test_a_slow_decay_is_taken_to_its_orbit():
 
 def hops(x, tilt, quiet):
     """Impacts of a block let go at a tilt until it is captured at rest, below a speed in units of nu."""
-    p = parameters(x)
-    numbers = np.array([*x[:7], p.inertia_ratio, p.velocity_ratio])
-    found = events(numbers, np.array([tilt, 0.0, 0.0, 0.0]), 4, 256, quiet)
+    found = events(row_of(parameters(x)), np.array([tilt, 0.0, 0.0, 0.0]), 4, 256, quiet)
     assert isinstance(found, Events)
     assert found.resting
     return int(np.sum(found.endings == LANDING))
@@ -97,7 +95,7 @@ def test_the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed():
 def after(x, y0, span, quiet):
     """The state after a time, and whether the bound on events was met; `quiet` is the capture speed."""
     times = jnp.stack([jnp.zeros_like(span), span])
-    ys, status = compiled_linear.trajectory(parameters(x), y0, times, 4000, quiet / x[0])
+    ys, status = linear.trajectory(parameters(x), y0, times, 4000, quiet / x[0])
     return ys[-1], status == Status.event_bound
 
 

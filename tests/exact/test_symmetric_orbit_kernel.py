@@ -5,12 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.exact.orbits import BATCH, solve
+from tests.exact.orbit_cases import BATCH, solve
 from tests.reference import differences, parameters
 from tpd import Parameters, simulate, status_name, steady_state
+from tpd.exact import orbits as engine
+from tpd.exact.rows import row_of
 from tpd.exact.symmetric_orbit_kernel import _status
 from tpd.exact.terms import STATUSES
-from tpd.models import compiled_orbits
 
 
 @pytest.mark.parametrize(
@@ -31,11 +32,11 @@ def test_an_orbit_about_to_be_lost_has_a_name(half, dent, status):
 
 @pytest.mark.parametrize("status", STATUSES)
 def test_only_an_orbit_that_is_neither_near_a_fold_nor_grazes_has_derivatives(status):
-    x = compiled_orbits.row_of(Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=3.0))[None]
-    orbits = compiled_orbits.solve_all(x)
+    x = row_of(Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=3.0))[None]
+    orbits = engine.solve_orbits(x)
     assert STATUSES[int(orbits[0, 0]["status"])] == "rocking"
     orbits["status"] = STATUSES.index(status)
-    slopes = compiled_orbits.slopes_all(x, orbits, np.eye(9)[None], (0, 3))[0, 0, :, 0]
+    slopes = engine.orbit_slopes(x, orbits, np.eye(9)[None], (0, 3))[0, 0, :, 0]
     assert np.all(np.isfinite(slopes) == (status in ("rocking", "unstable", "neutral")))
 
 

@@ -7,7 +7,9 @@ import pytest
 
 from tests.reference import HUNG, OVERTURNING, REST, EventDriven, along, box, differences, exact, parameters
 from tests.truth import load
-from tpd import Parameters, Piecewise, Status, simulate, status_name
+from tpd import Piecewise, Status, simulate, status_name
+from tpd.exact.rows import row_of
+from tpd.scene.parameters import from_row
 
 ROWS = [r for r in load("harmonic") if r["what"] == "transient"]
 REACH = 1e-11
@@ -98,15 +100,13 @@ def test_a_period_that_begins_late_is_the_first_one(share):
 
 @pytest.mark.parametrize("count", [0, 300])
 def test_states_have_the_derivatives_of_differences_also_late(count):
-    rho = 0.75 / (1.0 + STICKING[0] ** 2)
     times = (count + 0.37 + np.array([0.0, 1.4, 2.3])) * 2.0 * np.pi / STICKING[6]
-    point = np.array([*STICKING[:7], rho, STICKING[7], *exact(STICKING).steady.state, times[0], times[-1]])
+    point = np.array([*row_of(parameters(STICKING)), *exact(STICKING).steady.state, times[0], times[-1]])
 
     @jax.jit
     def end(z):
-        names = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "rho", "e")
-        p = Parameters(**dict(zip(names, z[:9], strict=True)))
-        return simulate(p, z[9:13], jnp.asarray(times).at[0].set(z[13]).at[-1].set(z[14])).ys[1:]
+        clock = jnp.asarray(times).at[0].set(z[13]).at[-1].set(z[14])
+        return simulate(from_row(z[:9]), z[9:13], clock).ys[1:]
 
     slopes = jax.jit(jax.jacfwd(end))(point)
     for i in range(15):

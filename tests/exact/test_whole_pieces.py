@@ -11,8 +11,8 @@ from tests.exact.shaken import Case, changed, motions, operands, random_scenes
 from tpd.exact import whole_pieces
 from tpd.exact.arcs import accelerations
 from tpd.exact.follow import ROCKED
+from tpd.exact.runs import GroundForcing, follow
 from tpd.exact.terms import REST, SLIP
-from tpd.models.compiled_shaken import follow_all
 
 SCENES = random_scenes(60)
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
@@ -65,9 +65,8 @@ def test_less_is_followed_where_less_is_asked():
     sizes = np.linspace(0.9, 4.0, 40) * 9.80665 / 6.0
     cases = [Case(COLUMN, HUNG, tpd.Pulse.one_sine(acceleration=a, frequency=1.2375)) for a in sizes]
     rows, pieces, _ = operands(cases)
-    full, brief = (
-        follow_all(rows, pieces, np.arange(40), np.full(40, 30.0), brief=b)[0] for b in (False, True)
-    )
+    forcing = GroundForcing(pieces, 30.0, np.arange(40))
+    full, brief = (follow(tpd.Terms.linear, rows, forcing, brief=b) for b in (False, True))
     assert np.array_equal(full.status, brief.status)
     # Turns of the bob are not looked for: other pieces are taken in one step, and rounding is another.
     np.testing.assert_allclose(brief.tilt, full.tilt, rtol=1e-13)

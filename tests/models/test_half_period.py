@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.models import compiled_orbits
+from tpd.exact import orbits
+from tpd.exact.rows import row_of
 from tpd.models.half_period import half_period, newton
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import FACTORS, under
@@ -45,7 +46,7 @@ def exact(p, design):
 
 def turn_of(p, design):
     """phi, psi, phase of the forcing and psi' at the upper turn of the largest orbit."""
-    o = compiled_orbits.solve_all(compiled_orbits.row_of(under(p, design, ONE))[None])[0, 0]
+    o = orbits.solve_orbits(row_of(under(p, design, ONE))[None])[0, 0]
     return jnp.array([o["sizes"][0], o["bob"], o["sizes"][1], o["bob_rate"]])
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from tests.answers.test_bifurcations import BARE as FOLDING
 from tests.answers.test_bifurcations import TOUCHING, Kind, lost
-from tests.exact.orbits import among
-from tests.exact.orbits import solve as orbits
+from tests.exact.orbit_cases import among
+from tests.exact.orbit_cases import solve as orbits
 from tests.reference import (
     BARE,
     CASES,

@@ -9,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import tpd
+from tests import reference
 from tests.exact.test_trajectory import STICKING
 from tests.reference import (
     HUNG,
@@ -28,7 +30,6 @@ from tests.reference import exact as linear
 from tpd import Segmented, Smoothed, Terms, simulate, status_name, steady_state
 from tpd.exact.contact import SLIP, Mode
 from tpd.exact.terms import GRAZING
-from tpd.models.compiled_nonlinear import settle_one
 from tpd.models.segmented import _TURN, _begin, _transversality
 from tpd.models.segmented import _split as split
 from tpd.models.segmented import _through as through
@@ -127,7 +128,7 @@ def test_polishing_changes_neither_status_nor_sizes_of_a_sticking_block():
     answer, p = nonlinear(x), as_arrays(parameters(x))
     assert answer.status == "sticking"
     assert answer.amplitude == pytest.approx(known, abs=5e-6 * x[0])
-    found = settle_one(p)
+    found = reference.settled(tpd.Terms.nonlinear, p)
     assert status_name(found.status) == "sticking"
     assert float(found.amplitude) == pytest.approx(answer.amplitude, abs=2e-6 * x[0])
     assert float(found.stroke) == pytest.approx(answer.stroke, rel=tolerance)

@@ -25,7 +25,8 @@ if sys.argv[1] == "other":
 import tpd
 from tpd.theory.equations import Equations, Terms
 from tpd.scene.parameters import as_arrays
-from tpd.models.compiled_nonlinear import settle_one
+from tpd.exact.rows import row_of
+from tpd.exact.runs import HarmonicForcing, follow
 from tpd.models.segmented import _struck
 hung = tpd.Pendulum(mass=1.0, length=0.1, damping_ratio=0.1)
 p = dataclasses.replace(tpd.paper_scene().parameters(hung), e=float(sys.argv[2]))
@@ -40,7 +41,7 @@ print(json.dumps({name: float(value) for name, value in {
     "smoothed": tpd.steady_state(p, y0=start, model=tpd.Smoothed()).amplitude,
     "friction": tpd.theory.equivalent_friction(p, 0.1),
     "segmented": _struck(Equations(as_arrays(p), Terms.linear), 1.0, fall, jnp.zeros(()), 1e-4)[3],
-    "nonlinear": settle_one(p, np.array(start)).amplitude,
+    "nonlinear": follow(Terms.nonlinear, row_of(p), HarmonicForcing(), y0=np.array(start)).amplitude,
 }.items()}))
 """
 E = 0.9

@@ -18,9 +18,9 @@ from tpd.answers.steady_state import Steady, steady_state
 from tpd.core import checks
 from tpd.core.formatting import Printed, counted_periods
 from tpd.core.progress import shown_count
-from tpd.models.base import Settled
+from tpd.exact.rows import row_of
+from tpd.exact.runs import HarmonicForcing, Settled, follow
 from tpd.models.piecewise import Piecewise
-from tpd.models.rows import settle_all
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import parameters_of
@@ -28,6 +28,7 @@ from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.starts import StartKind as StartKind
 from tpd.scene.starts import Starts as Starts
 from tpd.scene.status import MOVING, Outcome, names_of, status_name
+from tpd.theory.equations import Terms
 
 _CLOSE = 1e-4
 """Largest relative difference of the sizes of two motions that may be one. Motions are followed until they
@@ -98,7 +99,8 @@ def attractors(
     fixed = as_arrays(parameters_of(subject, pendulum))
     y0 = starts.states(float(fixed.nu))
     with shown_count(progress, "following") as report:
-        settled = settle_all(fixed, y0, model=model, progress=report)
+        forcing, limits = HarmonicForcing(model.max_periods), model.settling()
+        settled = follow(Terms.linear, row_of(fixed), forcing, y0=y0, progress=report, **limits)
     # The block does not feel a bob without mass (mu = 0), whose swing may still be decaying.
     felt = bool(np.isfinite(np.asarray(scale_of(fixed))[1]))
     motions: list[Attractor] = []

@@ -18,8 +18,9 @@ import numpy as np
 
 from tpd.answers.steady_state import Steady, answered, steady_state
 from tpd.core import checks
-from tpd.models.base import AbstractChoice, Settled, setting
-from tpd.models.compiled_nonlinear import settle_one
+from tpd.exact.rows import row_of
+from tpd.exact.runs import HarmonicForcing, Settled, follow
+from tpd.models.base import AbstractChoice, setting
 from tpd.models.piecewise import Piecewise
 from tpd.models.segmented import Segmented
 from tpd.models.settling import scale_of
@@ -27,7 +28,7 @@ from tpd.scene.impacts import linear_ratio, velocity_ratio
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status, is_settled, status_name
-from tpd.theory.equations import Linear
+from tpd.theory.equations import Linear, Terms
 from tpd.theory.no_uplift import uplift
 
 INTEGRATED = 1e-5
@@ -72,7 +73,8 @@ class Auto(AbstractChoice):
         close = settles and off <= self.tolerance
         # Following the nonlinear equations costs most of the time, so that it is left out next to the motion.
         near = close and bool(jnp.max(jnp.abs(y0 - steady.state) / scale_of(fixed)) < _NEAR)
-        reached = None if near else settle_one(fixed, y0)
+        run = (Terms.nonlinear, row_of(fixed), HarmonicForcing())
+        reached = None if near else follow(*run, y0=y0)
         if close and (reached is None or _same_motion(steady, reached)):
             why = f"what the linear equations drop is estimated to be within {limit}"
             return replace(steady, model="exact", estimate=estimate, reason=why)

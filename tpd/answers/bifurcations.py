@@ -1,7 +1,7 @@
 """The symmetric period-one orbits as one parameter varies, joined to branches, and their bifurcations.
 
 At a bifurcation one more function of crossing time, phase and parameter vanishes beside the two conditions of
-the orbit (`tpd.models.compiled_orbits.Vanishing`): a square system in closed form, which Newton's method
+the orbit (`tpd.exact.orbits.Vanishing`): a square system in closed form, which Newton's method
 solves to round-off. A sweep supplies the initial guesses, and the orbits that it finds on both sides have to
 agree with the bifurcation."""
 
@@ -19,9 +19,10 @@ import numpy as np
 from tpd.answers.symmetric_orbits import ORBITS, Margins, Orbits, all_symmetric_orbits
 from tpd.core import checks
 from tpd.core.formatting import Printed
-from tpd.models.compiled_orbits import survey, vanishing
-from tpd.scene.parameters import Parameters
-from tpd.scene.quantities import UNITS, Axis, parameters
+from tpd.exact.orbits import survey, vanishing
+from tpd.exact.terms import BROKEN, CROSSED, FLAT, MERGED, STUCK, TOUCHED, TURNING, XI
+from tpd.scene.parameters import Parameters, from_row
+from tpd.scene.quantities import UNITS, Axis
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Outcome, names_of
 
@@ -109,14 +110,14 @@ def sweep(subject: Parameters | Scene, name: str, values: Any, *, pendulum: Pend
 
 def orbits_at(axis: Axis, values: np.ndarray) -> tuple[Orbits, np.ndarray]:
     """The orbits at any values, as NumPy arrays, and the names of their statuses."""
-    orbits = all_symmetric_orbits(parameters(list(axis.at(values).T)))
+    orbits = all_symmetric_orbits(from_row(list(axis.at(values).T)))
     return orbits, names_of(orbits.status)
 
 
 def along(axis: Axis, grid: np.ndarray) -> Sweep:
     """Return the sweep over a grid that has been checked."""
     orbits, names = orbits_at(axis, grid)
-    shares = orbits.crossing * axis.at(grid)[:, 6:7] / np.pi
+    shares = orbits.crossing * axis.at(grid)[:, [XI]] / np.pi
     place = np.stack([shares, orbits.phase, np.log(orbits.amplitude)], axis=-1)
     same = ("amplitude", "stroke", "phase", "crossing", "multipliers", "overflow")
     arrays: Any = {n: np.asarray(getattr(orbits, n)) for n in same}
@@ -353,9 +354,9 @@ def _located(search: _Search, gap: _Gap, kind: Kind) -> Bifurcation | None:
     guesses = [np.array([gap.t, gap.gamma])]
     if kind is Kind.grazing:
         # The two peaks of phi' between the turns that are closest to zero.
-        rates = survey(guesses[0], _row(x)).rates
+        rates = survey(guesses[0], x).rates
         peaks = np.nonzero((rates[1:-1] >= rates[:-2]) & (rates[1:-1] >= rates[2:]))[0] + 1
-        times = (np.arange(len(rates)) + 1.0) / (len(rates) + 1) * np.pi / x[6]
+        times = (np.arange(len(rates)) + 1.0) / (len(rates) + 1) * np.pi / x[XI]
         guesses = [np.append(guesses[0], times[i]) for i in sorted(peaks, key=lambda i: -rates[i])[:2]]
     for guess in guesses:
         point = _newton(search, kind, guess, gap)
@@ -385,14 +386,14 @@ def _newton(search: _Search, kind: Kind, guess: np.ndarray, gap: _Gap) -> _Point
     for _ in range(40):
         (x,) = search.axis.at(np.array([value]))
         # The residual, and its derivatives in u, and in the varied number and the axis' others.
-        at = vanishing(np.append(u, [1.0] * (3 - m)), _row(x))
-        residual, by_axis = at.values[rows], _row(at.by_x[rows].T).T @ search.axis.jacobian(value)
+        at = vanishing(np.append(u, [1.0] * (3 - m)), x)
+        residual, by_axis = at.values[rows], at.by_x[rows] @ search.axis.jacobian(value)
         system = np.column_stack([at.by_u[rows, :m], by_axis[:, 0]])
         if not np.all(np.isfinite(system)) or np.linalg.matrix_rank(system) <= m:
             return None
         # The columns beyond the first are the derivatives of the solution, by the implicit function theorem.
         solved = np.linalg.solve(system, -np.column_stack([residual, by_axis[:, 1:]]))
-        step, span = solved[:, 0], np.pi / x[6]
+        step, span = solved[:, 0], np.pi / x[XI]
         share = np.abs(step) / np.array([*(span, 1.0, span)[:m], high - low])
         # A long step would leave for another orbit: at most a tenth of half a period, and 0.1 rad of phase.
         step = step * min(1.0, 0.1 / max(share[:m].max(), 0.1), 1.0 / max(share[m], 1.0))
@@ -408,30 +409,24 @@ def _newton(search: _Search, kind: Kind, guess: np.ndarray, gap: _Gap) -> _Point
 
 
 _ROWS = {
-    Kind.fold: [0, 1, 2],
-    Kind.symmetry_breaking: [0, 1, 3],
-    Kind.sticking: [0, 1, 4],
-    Kind.grazing: [0, 1, 5, 6],
+    Kind.fold: [TURNING, CROSSED, MERGED],
+    Kind.symmetry_breaking: [TURNING, CROSSED, BROKEN],
+    Kind.sticking: [TURNING, CROSSED, STUCK],
+    Kind.grazing: [TURNING, CROSSED, TOUCHED, FLAT],
 }
 """Entries of `vanishing` that are zero at a bifurcation of each kind."""
-
-
-def _row(x: np.ndarray) -> np.ndarray:
-    """A row in the order of NAMES as one of the compiled code, or the other way round: e and rho change
-    places."""
-    return np.concatenate([x[:7], x[:6:-1]])
 
 
 def _on_orbit(search: _Search, kind: Kind, point: _Point) -> Bifurcation | None:
     """The bifurcation at a point, or None where its path has not the signs of an orbit elsewhere."""
     u, x, axis = point.u, point.x, search.axis
-    way = survey(u[:2], _row(x))
+    way = survey(u[:2], x)
     touching = float(u[2]) if kind is Kind.grazing else math.nan
     times = [t for t in (u[0], touching) if not math.isnan(t)]
     # The quantity that vanishes at this point is zero to rounding only, so that its sign is not checked.
-    highest = float(way.rates.max()) - 1e-9 * x[6] * way.height * (kind is Kind.grazing)
+    highest = float(way.rates.max()) - 1e-9 * x[XI] * way.height * (kind is Kind.grazing)
     falling = max(highest, -1.0 if kind is Kind.sticking else way.leaving, way.arriving) < 0
-    if not (way.height > 0 and falling and min(times) > 0 and max(times) < np.pi / x[6]):
+    if not (way.height > 0 and falling and min(times) > 0 and max(times) < np.pi / x[XI]):
         return None
     return Bifurcation(
         kind=kind,
@@ -493,7 +488,7 @@ def _neighbours(search: _Search, b: Bifurcation, values: np.ndarray, several: in
     values = np.clip(values, search.low, search.high)
     orbits, names = orbits_at(search.axis, values)
     symmetry = np.asarray(orbits.margins.symmetry)
-    at = search.axis.at(np.append(values, b.value))[:, 6:7] / np.pi
+    at = search.axis.at(np.append(values, b.value))[:, [XI]] / np.pi
     places = np.stack([orbits.crossing * at[:-1], orbits.phase], axis=-1)
     apart = np.abs(wrapped(places - np.array([b.crossing * at[-1, 0], b.phase]))).max(axis=-1)
     apart = np.where(apart < _NEAR, apart, np.inf)

@@ -16,8 +16,9 @@ from tpd.answers.steady_state import Steady, steady_state
 from tpd.core import checks
 from tpd.core.formatting import Printed
 from tpd.core.progress import Progress, shown
-from tpd.models.base import AbstractModel, Settled
-from tpd.models.compiled_nonlinear import settle_one
+from tpd.exact.rows import row_of
+from tpd.exact.runs import HarmonicForcing, Settled, follow
+from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.scene.parameters import Parameters, as_arrays
@@ -147,7 +148,7 @@ def objections(amplitude: float, stroke: float, status: str, limit: float, bare:
 
 def nonlinear(p: Parameters) -> tuple[float, float, str]:
     """(amplitude, stroke, status) by the nonlinear equations from rest, without derivatives."""
-    return _sizes_of(settle_one(p))
+    return _sizes_of(follow(Terms.nonlinear, row_of(p), HarmonicForcing()))
 
 
 def _timed(name: str, p: Parameters) -> Answer:

@@ -21,16 +21,19 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
-from tpd.answers.transient import FREE, MAX_EVENTS
+from tpd.answers.transient import FREE
 from tpd.core import checks
 from tpd.core.checks import Real
+from tpd.exact import runs
 from tpd.exact.derivatives import refused
-from tpd.exact.terms import OVERTURNED, ROCKED, STOOD
-from tpd.models.compiled_linear import packed
+from tpd.exact.rows import ground_row_of
+from tpd.exact.runs import GroundForcing
+from tpd.exact.terms import OVERTURNED, ROCKED, STOOD, F
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion, refuse_zeros
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, single
 from tpd.scene.scene import Pendulum, Scene
+from tpd.theory.equations import Terms
 
 SCAN = 0.02
 HIGHEST = 20.0
@@ -126,7 +129,7 @@ def critical_scale(
     def scanned(x: Any, c: Any, late: Any, ends: Any) -> tuple[np.ndarray, ...]:
         return _scanned(np.asarray(x), np.asarray(c), float(late), np.asarray(ends), scan)
 
-    held = jax.tree.map(stop_gradient, (packed(p), pieces, jnp.asarray(late), ends))
+    held = jax.tree.map(stop_gradient, (ground_row_of(p), pieces, jnp.asarray(late), ends))
     first, tongues, undecided = jax.pure_callback(scanned, shapes, *held, vmap_method="sequential")
     scale = _with_slope(p, pieces, late, first)
     return CriticalScale(scale, tongues, scan, held[3][1], undecided)
@@ -134,14 +137,12 @@ def critical_scale(
 
 def _with_slope(p: Parameters, pieces: Any, late: Any, first: Any) -> Any:
     """The scale `first` with its derivatives, by the implicit function theorem."""
-    from tpd.models.compiled_shaken import follow
-
     finite = jnp.isfinite(first)
     at = jnp.where(finite, first, 1.0)
 
     def growing(p: Parameters, scale: Any) -> Any:
         wide = eqx.tree_at(lambda q: q.f, p, p.f * scale)
-        return follow(wide, pieces, late, jnp.zeros(4), MAX_EVENTS).growing
+        return runs.follow(Terms.linear, ground_row_of(wide), GroundForcing([pieces], late)).growing
 
     # The size of the motion is a parameter like the others, but for the implicit function it is the unknown.
     fixed = jax.tree.map(stop_gradient, p)
@@ -156,16 +157,11 @@ def _scanned(
     x: np.ndarray, c: np.ndarray, late: float, ends: np.ndarray, scan: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """First crossing of a scan, all tongues, and the intervals without an answer."""
-    from tpd.models.compiled_shaken import follow_all
-
-    row = x.copy()
-    row[6] = 2.0 * np.pi / row[6]
 
     def status(scales: np.ndarray) -> np.ndarray:
-        rows = np.repeat(row[None], scales.size, axis=0)
-        rows[:, 5] *= scales.ravel()
-        which, free = np.zeros(scales.size, dtype=int), np.full(scales.size, late)
-        found, _ = follow_all(rows, [c], which, free, brief=True)
+        rows = np.repeat(x[None], scales.size, axis=0)
+        rows[:, F] *= scales.ravel()
+        found = runs.follow(Terms.linear, rows, GroundForcing([c], late), brief=True)
         return found.status.reshape(scales.shape)
 
     none = np.full((TONGUES, 2), np.nan)

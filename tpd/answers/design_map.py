@@ -16,12 +16,14 @@ from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted, span
 from tpd.core.progress import shown_count
-from tpd.models.rows import settle_all
+from tpd.exact.rows import row_of
+from tpd.exact.runs import HarmonicForcing, follow
 from tpd.models.settling import scale_of
-from tpd.scene.parameters import Parameters
-from tpd.scene.quantities import NAMES, UNITS, Setup, parameters
+from tpd.scene.parameters import NAMES, Parameters, from_row
+from tpd.scene.quantities import UNITS, Setup
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Outcome, codes_of, names_by_code, names_of
+from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import uplift
 
 _MATCH = 1e-3
@@ -138,7 +140,7 @@ def design_map(
     # All designs on the grid, row by row, leaves of shape (ny nx,).
     across, up = np.meshgrid(xs, ys)
     vector = setup.vector({x_name: across.ravel(), y_name: up.ravel()})
-    designs = parameters([jnp.broadcast_to(jnp.asarray(v), across.size) for v in vector])
+    designs = from_row([jnp.broadcast_to(jnp.asarray(v), across.size) for v in vector])
     wanted = "four numbers (phi, psi, phi', psi')"
     y0 = None if start is None else checks.array("start", start, (4,), wanted)
     with shown_count(progress, "mapping") as report:
@@ -222,7 +224,8 @@ def _followed(
 ) -> dict[str, np.ndarray]:
     """The answers from a start: sizes of the orbit that the motion is on, or those of the motion itself."""
     n = len(np.asarray(p.nu))
-    settled = settle_all(p, np.tile(y0, (n, 1)), **how)
+    forcing = HarmonicForcing()
+    settled = follow(Terms.linear, row_of(p), forcing, y0=np.tile(y0, (n, 1)), **how)
     names = names_of(settled.status)
     amplitude = np.where(names == Outcome.overturned, math.inf, np.asarray(settled.amplitude))
     stroke = np.where(names == Outcome.overturned, math.inf, np.asarray(settled.stroke))

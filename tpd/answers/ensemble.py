@@ -20,9 +20,8 @@ from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.core.formatting import Printed
 from tpd.core.progress import shown_count
-from tpd.models.compiled_nonlinear import settle_nonlinear
-from tpd.models.piecewise import Piecewise
-from tpd.models.rows import settle_all
+from tpd.exact.rows import row_of
+from tpd.exact.runs import HarmonicForcing, follow
 from tpd.scene.conditions import FACTORS, Conditions, check_restitution, factors_at, under
 from tpd.scene.ensemble import Ensemble
 from tpd.scene.parameters import Parameters
@@ -176,7 +175,7 @@ def label_of_start(ramp: float) -> str:
 
 
 class Plan(NamedTuple):
-    """Inputs of `settle_all` for the runs of an ensemble: arrays of leading axis (size,)."""
+    """Inputs of `tpd.exact.runs.follow` for the runs of an ensemble: arrays of leading axis (size,)."""
 
     p: Parameters
     y0: np.ndarray
@@ -284,11 +283,8 @@ def _settled(
 ) -> dict[str, np.ndarray]:
     """Sizes and statuses, by their codes, of runs; in one thread on a cluster, whose processes share the
     cores."""
-    p, y0, how = batch["p"], batch["y0"], {"begin": batch["begin"], "ramp": batch["ramp"]}
-    how |= {"workers": workers, "progress": progress}
-    if terms is Terms.nonlinear:
-        settled = settle_nonlinear(p, y0, periods=periods, rtol=rtol, **how)
-    else:
-        settled = settle_all(p, y0, model=Piecewise(max_periods=periods), **how)
+    forcing = HarmonicForcing(periods, batch["begin"], batch["ramp"])
+    how = {"y0": batch["y0"], "rtol": rtol, "workers": workers, "progress": progress}
+    settled = follow(terms, row_of(batch["p"]), forcing, **how)
     sizes = {name: np.asarray(getattr(settled, name)) for name in _SIZES}
     return {**sizes, "status": codes_of(names_of(settled.status))}

@@ -9,10 +9,14 @@ import numpy as np
 
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
-from tpd.exact.terms import FAILED, OVERTURNED
+from tpd.exact import runs
+from tpd.exact.rows import ground_row_of
+from tpd.exact.runs import GroundForcing
+from tpd.exact.terms import FAILED, MU, OVERTURNED, F
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
 from tpd.scene.pytrees import single
 from tpd.scene.scene import Block, Pendulum, Scene
+from tpd.theory.equations import Terms
 
 Progress = Callable[[int, int], None]
 _PIECES = 1 << 21
@@ -40,11 +44,9 @@ def rows_of(
     block: Block, pendulum: Pendulum | None, motions: Sequence[GroundMotion], gravity: float
 ) -> np.ndarray:
     """Parameters of the compiled code for each of the motions at its own size, shape (motions, 9)."""
-    from tpd.models.compiled_shaken import row_of
-
     # Numbers of NumPy throughout: no program is compiled for them.
     shaken = (Scene(block, motion, gravity).ground_parameters(pendulum) for motion in motions)
-    return np.array([row_of(single(p)) for p in shaken])
+    return np.array([ground_row_of(p) for p in map(single, shaken)])
 
 
 def follow_scaled(
@@ -88,7 +90,7 @@ def follow_scaled(
     # Rows of one record stand together, so that a thread finds its samples in the cache.
     which = np.repeat(np.arange(len(motions)), factors[0].size)
     x = np.concatenate([rows_of(block, hung, motions, gravity)[which] for hung in pendulums])
-    x[:, 5] *= np.tile(factors.ravel(), len(pendulums))
+    x[:, F] *= np.tile(factors.ravel(), len(pendulums))
     records = [np.asarray(m.pieces(), dtype=float) for m in motions]
     late = np.full(len(x), free * single(Scene(block, motions[0], gravity).rate))
     batch = {"x": x, "which": np.tile(which, len(pendulums)), "free": late}
@@ -136,13 +138,10 @@ def _followed(
     progress: Progress | None = None,
 ) -> dict[str, np.ndarray]:
     """Fields of `Runs` of motions: rows of parameters, index of the record and free time of each."""
-    if nonlinear:
-        from tpd.models.compiled_nonlinear import shake_nonlinear as follow_all
-    else:
-        from tpd.models.compiled_shaken import follow_all
     x, how = batch["x"], {"brief": brief, "workers": workers, "progress": progress}
-    found, _ = follow_all(x, records, batch["which"], batch["free"], **how)
-    status, hung = found.status.astype(int), x[:, 1] > 0.0
+    forcing = GroundForcing(records, batch["free"], batch["which"])
+    found = runs.follow(Terms.nonlinear if nonlinear else Terms.linear, x, forcing, **how)
+    status, hung = found.status.astype(int), x[:, MU] > 0.0
     return {
         "tilt": found.tilt,
         "swing": np.where(hung, found.swing, 0.0),

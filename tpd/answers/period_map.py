@@ -17,8 +17,9 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from tpd.exact.runs import Settled
 from tpd.exact.terms import RESIDUAL
-from tpd.models.base import AbstractModel, Settled
+from tpd.models.base import AbstractModel
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import Parameters
 from tpd.scene.status import index_of

@@ -1,7 +1,7 @@
 """Any periodic orbit of the exact model: period n, asymmetric, sticking, resting, with impacts.
 
 A simulation says in which order the events of one period come; the orbit with that order is then the
-solution of closed-form equations (`tpd.models.multiple_shooting`), whether it attracts or repels. So an
+solution of closed-form equations (`tpd.exact.multiple_shooting`), whether it attracts or repels. So an
 orbit can be followed where no simulation stays near it, and its derivatives follow from the implicit function
 theorem. All of it is computed on the host; programs of JAX call back.
 """
@@ -20,12 +20,12 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from tpd.core import checks
+from tpd.exact.calling import numbers_in, parts, shape
 from tpd.exact.derivatives import with_slopes
-from tpd.exact.terms import GRAZING, NEAR_FOLD, SLIP, is_neutral
-from tpd.models.compiled_linear import NAMES
-from tpd.models.compiled_orbits import row_of
-from tpd.models.multiple_shooting import Cycle, Orbit, polish, recorded, traverse
-from tpd.scene.parameters import Parameters, as_arrays, check_parameters
+from tpd.exact.multiple_shooting import Cycle, Orbit, polish, recorded, traverse
+from tpd.exact.rows import row_of
+from tpd.exact.terms import GRAZING, LASTS, NEAR_FOLD, PHASE, SLIP, SWING, TILT, XI, is_neutral
+from tpd.scene.parameters import NAMES, Parameters, as_arrays, check_parameters
 from tpd.scene.pytrees import single
 from tpd.scene.status import Status
 
@@ -35,8 +35,8 @@ REST_RATE = 1e-6
 """Slowest impact that is followed, phi' in units of nu: a slower one ends a rattle."""
 _MIRRORED = 1e-8
 """Largest deviation from its mirror image, in shares of the scales, of a symmetric orbit."""
-_ALL = 20
-"""Numbers of an orbit that do not belong to an arc."""
+_ARC = np.dtype([("numbers", np.float64, (6,)), ("link", np.float64, (4,))])
+"""An arc as `Cycle.arcs` has it, with its kind, both signs and its ending."""
 Start = Cycle | str
 """Guess that Newton's method starts from, or the name of the status of a motion without an orbit."""
 _Numbers = namedtuple("_Numbers", NAMES)
@@ -173,7 +173,7 @@ def _carried_over(x: np.ndarray, periods: int, *sequence: np.ndarray) -> Start:
     count = int(many)
     if count == 0 or not np.all(np.isfinite([*x, *states.flat])):
         return "no_orbit"
-    stretched = 2.0 * np.pi * periods / (x[6] * np.sum(durations)) * durations
+    stretched = 2.0 * np.pi * periods / (x[XI] * np.sum(durations)) * durations
     return Cycle(np.stack(modes)[:, :count], np.column_stack([states, phases, stretched])[:count])
 
 
@@ -181,56 +181,64 @@ def _answered(
     p: Parameters, start: Callable[..., Start], size: int, periods: ArrayLike, *operands: ArrayLike
 ) -> PeriodicOrbit:
     """The orbit with the sequence of at most `size` arcs that `start` makes of the operands."""
-    x, solve, many = row_of(as_arrays(single(p))), partial(_solved, start, size), _ALL + 10 * size
+    names = ("amplitude", "stroke", "fold", "grazing", "sticking", "status", "symmetric", "count")
+    arrays = ("state", np.float64, (4,)), ("multipliers", np.complex128, (4,)), ("arcs", _ARC, (size,))
+    record = np.dtype([*((name, np.float64) for name in names), *arrays])
+    x, solve, many = row_of(as_arrays(single(p))), partial(_solved, start, record), numbers_in(record)
     given = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, periods, *operands)]
     # What is known, outside of programs and under `grad` there, needs no program of JAX.
     if all(map(checks.is_concrete, given)):
         values, slopes = solve(*given)
     else:
-        shapes = jax.ShapeDtypeStruct((many,), float), jax.ShapeDtypeStruct((many, 9), float)
+        shapes = shape(many), shape(many, len(NAMES))
         values, slopes = jax.pure_callback(solve, shapes, *given, vmap_method="sequential")
     values = values if isinstance(x, np.ndarray) else with_slopes(x, jnp.asarray(values), jnp.asarray(slopes))
-    amplitude, stroke, *margins, status, symmetric, count = map(jnp.asarray, (*values[:5], *values[17:_ALL]))
-    arcs = jnp.asarray(values[_ALL:]).reshape(size, 10)
-    kinds, signs, endings = arcs[:, 6].astype(int), (arcs[:, 7], arcs[:, 8]), arcs[:, 9].astype(int)
+    of = parts(jnp.asarray(values), record)
+    arcs, (real, imaginary) = parts(of.arcs, _ARC), jnp.moveaxis(of.multipliers, -1, 0)
+    kinds, tilts, ways, endings = arcs.link.T
+    durations, phases, states = arcs.numbers[:, LASTS], arcs.numbers[:, PHASE], arcs.numbers[:, :PHASE]
+    modes = kinds.astype(int), tilts, ways, endings.astype(int)
     return PeriodicOrbit(
-        jax.tree.unflatten(jax.tree.structure(Status.rocking), [status.astype(jnp.int32)]),
-        amplitude,
-        stroke,
-        jnp.asarray(values[5:9]),
-        jnp.asarray(periods),
-        symmetric != 0.0,
-        Sequence(kinds, *signs, endings, arcs[:, 5], arcs[:, 4], arcs[:, :4], count.astype(int)),
-        jnp.asarray(values[9:13] + 1j * values[13:17]),
-        CycleMargins(*margins),
+        status=jax.tree.unflatten(jax.tree.structure(Status.rocking), [of.status.astype(jnp.int32)]),
+        amplitude=of.amplitude,
+        stroke=of.stroke,
+        state=of.state,
+        periods=jnp.asarray(periods),
+        symmetric=of.symmetric != 0.0,
+        sequence=Sequence(*modes, durations, phases, states, of.count.astype(int)),
+        multipliers=real + 1j * imaginary,
+        margins=CycleMargins(of.fold, of.grazing, of.sticking),
     )
 
 
 # Newton's method may run away.
 @np.errstate(all="ignore")
-def _solved(start: Callable[..., Start], size: int, *given: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of an orbit, on the host: amplitude, stroke, three margins, state, real and imaginary parts of
-    the multipliers, status, symmetric, count; and for each arc the six numbers of `Orbit.arcs`, its mode and
-    its ending. And their derivatives in the nine parameters."""
+def _solved(
+    start: Callable[..., Start], record: np.dtype, *given: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of an orbit as a record of floats, on the host, and their derivatives in the nine parameters,
+    shape (floats, 9)."""
     x, many, *operands = map(np.asarray, given)
-    p, periods, values = _Numbers(*x), int(many), np.zeros(_ALL + 10 * size)
-    values[:17], slopes = np.nan, np.full((len(values), 9), np.nan)
-    arcs, by = values[_ALL:].reshape(size, 10), slopes[_ALL:].reshape(size, 10, 9)
-    by[:, 6:], slopes[17:_ALL] = 0.0, 0.0
-    span, rate, symmetric, count = periods * 2.0 * np.pi / p.xi, max(p.xi, 1.0), False, 0
+    p, periods, size = _Numbers(*x), int(many), numbers_in(record)
+    values, by = np.full((1, size), np.nan), np.full((len(x), size), np.nan)
+    # The same numbers by name, as records of shapes (1,) and (9,).
+    o, slopes = values.view(record)[:, 0], by.view(record)[:, 0]
+    o["arcs"], o["symmetric"], o["count"] = 0.0, 0.0, 0.0
+    slopes["arcs"]["link"], slopes["status"], slopes["symmetric"], slopes["count"] = 0.0, 0.0, 0.0, 0.0
+    span, rate = periods * 2.0 * np.pi / p.xi, max(p.xi, 1.0)
     scale = np.array([p.nu, p.nu + p.f, p.nu * rate, (p.nu + p.f) * rate])
     cycle = start(x, periods, *operands)
     status = cycle if isinstance(cycle, str) else "no_orbit"
     orbit = None if isinstance(cycle, str) else polish(x, cycle, periods, scale)
     if status == "rest":
-        values[0], slopes[0] = 0.0, 0.0
+        o["amplitude"], slopes["amplitude"] = 0.0, 0.0
     if orbit is not None:
         count, kinds = len(orbit.links), orbit.links["kind"]
         matrix = orbit.monodromy if np.all(np.isfinite(orbit.monodromy)) else np.zeros((4, 4))
         if p.mu == 0.0:
             # A bob without mass cannot be felt and is left out: two multipliers are zero then.
             matrix[1::2], matrix[:, 1::2] = 0.0, 0.0
-        multipliers, fold = np.linalg.eigvals(matrix), np.linalg.det(np.eye(4) - matrix)
+        multipliers = np.linalg.eigvals(matrix)
         grazing, sticking = np.min(orbit.met["dip"]), np.min(orbit.met["sticking"])
         # Each line overrules those above it.
         largest, status = np.max(np.abs(multipliers)), "sticking" if np.any(kinds != SLIP) else "rocking"
@@ -241,37 +249,42 @@ def _solved(start: Callable[..., Start], size: int, *given: ArrayLike) -> tuple[
         half = count // 2
         if periods % 2 == 1 and count % 2 == 0:
             # The second half of the arcs may be the mirror image of the first.
-            apart = np.abs(orbit.arcs[:half, :4] + orbit.arcs[half:, :4]) / scale
-            longer = np.abs(orbit.arcs[:half, 5] - orbit.arcs[half:, 5]) / span
-            symmetric = bool(max(np.max(apart), np.max(longer)) < _MIRRORED)
+            apart = np.abs(orbit.arcs[:half, :PHASE] + orbit.arcs[half:, :PHASE]) / scale
+            longer = np.abs(orbit.arcs[:half, LASTS] - orbit.arcs[half:, LASTS]) / span
+            o["symmetric"] = bool(max(np.max(apart), np.max(longer)) < _MIRRORED)
         sizes, by_sizes = _looked_up(x, orbit, span)
-        values[:17] = *sizes[:2], fold, grazing, sticking, *sizes[2:], *multipliers.real, *multipliers.imag
-        arcs[:count, :6], arcs[:count, 6:] = orbit.arcs, [[*link][:4] for link in orbit.links.tolist()]
+        o["fold"], o["grazing"], o["sticking"] = np.linalg.det(np.eye(4) - matrix), grazing, sticking
+        o["count"], o["multipliers"] = count, multipliers
+        o["amplitude"], o["stroke"], o["state"] = sizes[TILT], sizes[SWING], sizes[2:]
+        (arcs,) = o["arcs"]
+        arcs["numbers"][:count] = orbit.arcs
+        arcs["link"][:count] = orbit.links.view(float).reshape(count, -1)[:, :4]
         if status not in ("near_fold", "grazing"):
-            slopes[:2], slopes[5:9], by[:] = by_sizes[:2], by_sizes[2:], 0.0
-            by[:count, :6] = orbit.by
-    values[17:_ALL] = jax.tree.leaves(getattr(Status, status))[0], symmetric, count
-    return values, slopes
+            slopes["amplitude"], slopes["stroke"] = by_sizes[TILT], by_sizes[SWING]
+            slopes["state"], slopes["arcs"]["numbers"] = by_sizes[2:].T, 0.0
+            slopes["arcs"]["numbers"][:, :count] = np.moveaxis(orbit.by, -1, 0)
+    o["status"] = jax.tree.leaves(getattr(Status, status))[0]
+    return values[0], by.T
 
 
 def _looked_up(x: np.ndarray, orbit: Orbit, span: float) -> tuple[np.ndarray, np.ndarray]:
     """Amplitude, largest |psi| and state at tau = 0 modulo the period, and their derivatives in the nine
     parameters."""
-    arcs, by, xi = orbit.arcs, orbit.by, x[6]
-    begun = arcs[:, 4] / xi
+    arcs, by, xi = orbit.arcs, orbit.by, x[XI]
+    begun = arcs[:, PHASE] / xi
     whole = np.ceil(begun / span) * span
     # A tilt is monotone on its arcs, hence largest where one begins.
-    i, j, k = np.argmin(whole - begun), np.argmax(orbit.met["reach"]), np.argmax(np.abs(arcs[:, 0]))
+    i, j, k = np.argmin(whole - begun), np.argmax(orbit.met["reach"]), np.argmax(np.abs(arcs[:, TILT]))
     # Two arcs are cut short: where tau is 0, and at the largest |psi|, which is met at a share of the
     # duration whose own derivative does not count, as 0 and 1 are events and in between the bob turns.
-    share, short, moved = orbit.met["at"][j] / arcs[j, 5], arcs[[i, j]], by[[i, j]]
-    short[:, 5] = whole[i] - begun[i], share * arcs[j, 5]
-    moved[0, 5], moved[1, 5] = -by[i, 4] / xi, share * by[j, 5]
-    moved[0, 5, 6] -= (whole[i] - begun[i]) / xi
+    share, short, moved = orbit.met["at"][j] / arcs[j, LASTS], arcs[[i, j]], by[[i, j]]
+    short[:, LASTS] = whole[i] - begun[i], share * arcs[j, LASTS]
+    moved[:, LASTS] = -by[i, PHASE] / xi, share * by[j, LASTS]
+    moved[0, LASTS, XI] -= (whole[i] - begun[i]) / xi
     links = orbit.links[[i, j]]
     links["ending"] = -1.0
-    ends, slopes, _ = traverse(x + 1j * np.eye(9), links, short + 1j * np.moveaxis(moved, -1, 0))
-    sides = np.sign([arcs[k, 0], ends[1, 1]])
-    sizes = np.abs([arcs[k, 0], ends[1, 1]])
-    by_sizes = sides[:, None] * [by[k, 0], slopes[1, 1]]
-    return np.append(sizes, ends[0, :4]), np.vstack([by_sizes, slopes[0, :4]])
+    ends, slopes, _ = traverse(x + 1j * np.eye(len(x)), links, short + 1j * np.moveaxis(moved, -1, 0))
+    (now, turned), (by_now, by_turned) = ends, slopes
+    angles, by_angles = np.array([arcs[k, TILT], turned[SWING]]), np.array([by[k, TILT], by_turned[SWING]])
+    sizes = np.append(np.abs(angles), now[:PHASE])
+    return sizes, np.vstack([np.sign(angles)[:, None] * by_angles, by_now[:PHASE]])

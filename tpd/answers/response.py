@@ -15,11 +15,12 @@ from tpd.answers.steady_state import steady_state
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted, span
 from tpd.core.progress import Progress, shown
-from tpd.models.rows import settle_all
-from tpd.scene.parameters import Parameters, as_arrays
-from tpd.scene.quantities import UNITS, Axis, parameters
+from tpd.exact.runs import HarmonicForcing, follow
+from tpd.scene.parameters import Parameters, as_arrays, from_row
+from tpd.scene.quantities import UNITS, Axis
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import LOST, UNANSWERED, names_of, status_name
+from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import uplift
 
 _TOWARDS = np.geomspace(1e-5, 0.5, 12)
@@ -109,7 +110,7 @@ def branches(
     beside = [b.value + near for b in found]
     grid = np.unique(np.concatenate([np.linspace(low, high, samples), *beside]))
     grid = grid[(grid >= low) & (grid <= high)]
-    still = uplift(parameters(list(jnp.asarray(axis.at(grid).T))))
+    still = uplift(from_row(list(jnp.asarray(axis.at(grid).T))))
     return Branches(
         sweep=along(axis, grid),
         bifurcations=found,
@@ -220,7 +221,7 @@ def _overturning(axis: Axis, line: np.ndarray) -> np.ndarray:
     """See `Response.overturning`."""
     # Next to overturning a change of a thousandth decides: one run at each value says little.
     fine = np.linspace(line.min(), line.max(), _RUNS)
-    settled = settle_all(parameters(list(jnp.asarray(axis.at(fine).T))), np.zeros((_RUNS, 4)))
+    settled = follow(Terms.linear, axis.at(fine), HarmonicForcing())
     names, reach = names_of(settled.status), _NEAR * np.ptp(line)
     known, lost = ~np.isin(names, UNANSWERED), np.isin(names, LOST)
     return np.array([Share.of(lost[known & (np.abs(fine - x) <= reach)]) for x in line]).T

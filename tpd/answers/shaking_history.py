@@ -9,8 +9,8 @@ import numpy as np
 from tpd.answers.ground_batch import rows_of
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
+from tpd.exact.linear import history
 from tpd.exact.terms import SHAKEN, SLIP
-from tpd.models.compiled_shaken import REST_RATE
 from tpd.scene.ground_motion import LONGEST_FREE
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status, status_name
@@ -70,7 +70,8 @@ class ShakingHistory:
 
     def impacts_above(self, rate: float) -> int:
         """Number of the impacts after which the block tilts faster than `rate` (rad/s)."""
-        return int(np.sum(np.abs(self.impacts[:, 1]) > rate))
+        _, rates = self.impacts.T
+        return int(np.sum(np.abs(rates) > rate))
 
     @property
     def needed_friction(self) -> float:
@@ -103,15 +104,10 @@ def shaking_history(
     Raises:
         ValueError: bad input.
     """
-    from tpd.models import compiling
-
-    compiling.load("tpd.models.exact_entry")
-    from tpd.models import exact_entry as entry
-
     checks.instance("scene", scene, Scene)
     row = rows_of(scene.block, pendulum, [scene.motion], float(scene.gravity))[0]
     rate, piece = float(scene.rate), float(scene.motion.piece)
-    pieces = np.ascontiguousarray(-np.asarray(scene.motion.pieces(), dtype=float))
+    pieces = np.asarray(scene.motion.pieces(), dtype=float)
     shaken, free = len(pieces) * piece, checks.within("free", free, 0.0, LONGEST_FREE, " s")
     if times is None:
         times = np.linspace(0.0, shaken + free, min(20_000, int(len(pieces) + free / piece) + 1))
@@ -119,42 +115,30 @@ def shaking_history(
     if len(clock) < 2 or not np.all(np.diff(clock) > 0.0) or clock[0] < 0.0:
         raise ValueError("`times` must be a vector of increasing numbers from 0 on, but are not")
     free = float(clock[-1]) - shaken if clock[-1] > shaken + free else free
-    out = np.empty((len(clock), entry.STATES))
     start = np.zeros(4) if y0 is None else checks.state(y0) / [1.0, 1.0, rate, rate]
-    # No motion has more: each impact is one of its events.
-    impacts, status = np.empty((len(pieces) + MAX_EVENTS, 2)), np.empty(1)
-    sizes = {"periods": len(clock), "impacts": len(impacts), "pieces": len(pieces), "events": MAX_EVENTS}
-    limits = {"free": free * rate, "rest_rate": REST_RATE}
-    settings = np.array(entry.settings(task=entry.HISTORY, **sizes, **limits))
-    entry.run(0, 1, settings, row, start, pieces, clock * rate, out, impacts, status)
-    impacts = impacts[np.isfinite(impacts[:, 0])] * [1.0 / rate, rate]
-    outcome = SHAKEN[int(status[0])]
+    found = history(row, start, pieces, clock * rate, free=free * rate, events=MAX_EVENTS)
+    states, outcome = found.states, SHAKEN[found.status]
     # The equations mean nothing where the block lies down.
     if outcome == "overturned":
-        out[np.cumsum(~(np.abs(out[:, 0]) < 0.5 * np.pi)) > 0] = np.nan
+        states[np.cumsum(~(np.abs(states["tilt"]) < 0.5 * np.pi)) > 0] = np.nan
     base = scene.motion.acceleration_at(clock)
     # In SI: tau is time over 1/omega0.
-    up, swinging, rates = (
-        out[:, 4] * rate**2,
-        out[:, 5] * rate**2,
-        (out[:, 3] * rate, (out[:, 3] - out[:, 2]) * rate),
-    )
+    up, swinging = states["tilt_pull"] * rate**2, states["swing_pull"] * rate**2
+    rates = states["swing_rate"] * rate, (states["swing_rate"] - states["tilt_rate"]) * rate
     mass, height, width = (float(getattr(scene.block, name)) for name in ("mass", "height", "width"))
     m, length = (0.0, 0.0) if pendulum is None else (float(pendulum.mass), float(pendulum.length))
     # A positive tilt takes the top to the left, and a positive angle of the rod the bob to the right.
-    across, lifting = (
-        m * (base - height * up + length * swinging),
-        float(scene.gravity) + 0.5 * width * out[:, 8] * up,
-    )
+    across = m * (base - height * up + length * swinging)
+    lifting = float(scene.gravity) + 0.5 * width * states["side"] * up
     return ShakingHistory(
         clock,
         base,
-        out[:, 0],
-        None if pendulum is None else out[:, 1],
+        states["tilt"],
+        None if pendulum is None else states["swing"],
         mass * (base - 0.5 * height * up) + across,
         (mass + m) * lifting,
-        impacts,
-        out[:, 7] == SLIP,
+        np.stack([found.impacts["time"] / rate, found.impacts["rate"] * rate], axis=1),
+        states["kind"] == SLIP,
         getattr(Status, outcome),
         None if pendulum is None else np.stack([across, m * lifting, *rates], axis=1),
     )

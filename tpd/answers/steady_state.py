@@ -27,11 +27,13 @@ from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, ref
 from tpd.core import checks
 from tpd.core.formatting import counted_periods, number
 from tpd.exact.derivatives import joined, refused
+from tpd.exact.linear import solve
+from tpd.exact.rows import numbers_of, packed
+from tpd.exact.runs import Settled
 from tpd.exact.terms import GRAZING, NEAR_FOLD, RESIDUAL, STEADY_STATUSES, SYMMETRIC, is_neutral
-from tpd.models.base import AbstractChoice, AbstractModel, Settled
-from tpd.models.compiled_linear import fields, packed, packed_of, solve, unpacked
+from tpd.models.base import AbstractChoice, AbstractModel
 from tpd.models.piecewise import Piecewise, is_exact
-from tpd.scene.parameters import Parameters, as_arrays, check_parameters
+from tpd.scene.parameters import Parameters, as_arrays, check_parameters, from_row
 from tpd.scene.pytrees import Number, State, single
 from tpd.scene.status import SETTLED, Status, index_of, is_settled, status_name
 
@@ -230,7 +232,7 @@ def _followed_jvp(primals: tuple, tangents: tuple, *, model: AbstractModel) -> t
 def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     # Value and slopes come first and are joined here: forward and reverse mode, at any nesting, then cost one
     # product with the slopes and never run through the loops that found the orbit.
-    values = fields(p)
+    values = numbers_of(p)
     plain = _PLAIN.issuperset(map(type, values)) and type(y0) is np.ndarray
     limits = model.limits if isinstance(model, Piecewise) and is_exact(type(model)) else None
     if plain and limits:
@@ -245,13 +247,13 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
         # By compiled code; of numbers without any program of JAX.
         sure = all(map(checks.is_concrete, (*still, start)))
         out = solve(
-            np.array(still, dtype=float) if sure else packed_of(still),
+            np.array(still, dtype=float) if sure else packed(still),
             start if sure else jnp.asarray(start, float),
             limits,
         )
         answer, slopes = _answer(out, np if sure else jnp), out[-54:].reshape(6, 9)
     else:
-        x: Any = np.array(still, dtype=float) if all(map(checks.is_concrete, still)) else packed_of(still)
+        x: Any = np.array(still, dtype=float) if all(map(checks.is_concrete, still)) else packed(still)
         # `eqx.filter_jit` sorts the leaves in Python at every call. A model without numbers needs none of it.
         answer, slopes = (_solved_with if jax.tree.leaves(model) else _solved_by)(x, model, start)
     return _steady(answer if known else _joined((*values, *y0), answer, slopes))
@@ -331,7 +333,7 @@ def _solve(x: Float[Array, "9"], model: AbstractModel, y0: State) -> tuple[_Answ
     """The answer, and the slopes of amplitude, stroke and state: NaN where there are none. Traced."""
     sane = jnp.all(jnp.isfinite(x)) & jnp.all(jnp.isfinite(y0))
     # A solver fed with NaN would try until its bound; it gets something harmless instead.
-    fixed = unpacked(jnp.where(sane, x, 1.0))
+    fixed = from_row(jnp.where(sane, x, 1.0))
     settled = model.settle(fixed, jnp.where(sane, y0, 0.0))
     settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
     answer, slopes = _judged(fixed, model, settled)
@@ -358,7 +360,7 @@ def _compared(answer: _Answer, exact: Settled | None) -> _Answer:
 
 def answered(p: Parameters, model: AbstractModel, settled: Settled) -> Steady:
     """The steady state of a motion that has been followed; traced."""
-    return _steady(_judged(unpacked(packed(p)), model, settled)[0])
+    return _steady(_judged(from_row(packed(numbers_of(p))), model, settled)[0])
 
 
 def _judged(p: Parameters, model: AbstractModel, begun: Settled) -> tuple[_Answer, Array]:

@@ -18,10 +18,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from tpd.core import checks
+from tpd.exact.calling import ORBITS as ENGINE
+from tpd.exact.calling import parts
 from tpd.exact.derivatives import moved, once
+from tpd.exact.orbits import slopes, solve_orbits, solved
+from tpd.exact.rows import row_of
 from tpd.exact.terms import ASKED, SIZES, STATUSES
-from tpd.models import compiled_orbits
-from tpd.models.calling import parts
 from tpd.scene.parameters import Parameters, check_parameters
 from tpd.scene.pytrees import Number
 from tpd.scene.status import Status, index_of
@@ -98,12 +100,12 @@ def symmetric_orbits(p: Parameters) -> Orbits:
     """
     checks.require_x64()
     check_parameters(p)
-    x = compiled_orbits.row_of(p)
+    x = row_of(p)
     if x.size > 9:
         raise ValueError("`p` must be single numbers: `jax.vmap` and `all_symmetric_orbits` take batches")
     x = x.reshape(9)
     # What is known has no derivatives, which JAX would prepare for longer than the orbits take.
-    return _orbits(_leaves(compiled_orbits.solved(x)) if isinstance(x, np.ndarray) else _described(x)[1])
+    return _orbits(_leaves(solved(x)) if isinstance(x, np.ndarray) else _described(x)[1])
 
 
 def all_symmetric_orbits(
@@ -122,7 +124,7 @@ def all_symmetric_orbits(
         ValueError: workers below one.
     """
     checks.require_x64()
-    orbits = compiled_orbits.solve_all(compiled_orbits.row_of(p), workers=workers, progress=progress)
+    orbits = solve_orbits(row_of(p), workers=workers, progress=progress)
     return _orbits(_leaves(orbits.view(float).reshape(*orbits.shape, -1)))
 
 
@@ -132,7 +134,7 @@ _UNKNOWN = ("multipliers", "sticking", "grazing")
 
 def _leaves(numbers: Any) -> dict[str, Any]:
     """Fields of `Orbits` and `Margins` by name, of orbits as numbers (..., 3, numbers of an orbit)."""
-    of = parts(numbers, compiled_orbits.load().ORBIT)
+    of = parts(numbers, ENGINE.entry().ORBIT)
     index, codes = np.array([index_of(name) for name in STATUSES]), of.status.astype(int)
     return {name: of.sizes[..., place] for name, place in SIZES.items()} | {
         "multipliers": of.multipliers[..., 0] + 1j * of.multipliers[..., 1],
@@ -146,7 +148,7 @@ def _leaves(numbers: Any) -> dict[str, Any]:
 @jax.custom_jvp
 def _described(x: Float[Array | np.ndarray, "9"]) -> tuple[Any, dict[str, Any]]:
     """Orbits of a design as numbers, and their fields. Only the fields have derivatives."""
-    numbers = compiled_orbits.solved(x)
+    numbers = solved(x)
     return numbers, _leaves(numbers)
 
 
@@ -168,7 +170,7 @@ def _described_jvp(primals: tuple, tangents: tuple) -> tuple[Any, Any]:
     return (numbers, leaves), (jnp.zeros_like(numbers), {name: moves[name] for name in leaves})
 
 
-_SLOPES = {asked: once(partial(compiled_orbits.slopes, asked=asked)) for asked in ASKED}
+_SLOPES = {asked: once(partial(slopes, asked=asked)) for asked in ASKED}
 
 
 def _orbits(of: dict[str, Any]) -> Orbits:

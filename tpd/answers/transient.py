@@ -16,6 +16,8 @@ from jaxtyping import Float, Int
 from tpd.core import checks
 from tpd.core.checks import Real, Whole
 from tpd.exact.derivatives import refused
+from tpd.exact.rows import ground_row_of
+from tpd.exact.runs import Followed, GroundForcing, follow
 from tpd.exact.terms import GRAZING, ROCKED, SHAKEN, STOOD
 from tpd.models.base import AbstractModel
 from tpd.models.piecewise import Piecewise
@@ -183,15 +185,16 @@ def _finite_jvp(primals: tuple, tangents: tuple) -> tuple:
     return _finite(*primals), tangents[0]
 
 
-def _followed(model: Any, p: Parameters, *motion: Any, known: bool) -> Any:
-    """The motion of a model, as `tpd.models.compiled_shaken.Followed`, at once if all numbers are known.
+def _followed(
+    model: Any, p: Parameters, pieces: Any, free: Any, start: Any, most: int, *, known: bool
+) -> Followed:
+    """The motion of a model, at once if all numbers are known.
 
     Raises:
         ValueError: a model that does not follow such a motion.
     """
-    from tpd.models.compiled_shaken import follow, follow_all, row_of
-
-    limits: dict[str, Any] = {}
+    equations = Terms.linear
+    limits: dict[str, Any] = {"events": most}
     if not isinstance(model, Piecewise):
         # Loaded where needed: the exact model does without diffrax.
         from tpd.models.segmented import Segmented
@@ -203,13 +206,10 @@ def _followed(model: Any, p: Parameters, *motion: Any, known: bool) -> Any:
                 "under a pulse or a record `terms` of `tpd.Segmented` must be `tpd.Terms.nonlinear`, but is "
                 f"{str(model.terms)!r}: `tpd.Piecewise()` solves the linear equations"
             )
-        from tpd.models.compiled_nonlinear import follow_nonlinear as follow
-        from tpd.models.compiled_nonlinear import shake_nonlinear as follow_all
-
-        limits = {"rtol": model.rtol, "rest_rate": model.rest_rate}
+        equations = Terms.nonlinear
+        limits |= {"rtol": model.rtol, "rest_rate": model.rest_rate}
+    row, forcing = ground_row_of(p), GroundForcing([pieces], free)
     if not known:
-        return follow(p, *motion, **limits)
-    pieces, free, start, most = motion
-    one = np.zeros(1, int), np.array([free], dtype=float)
-    limits |= {"y0": np.array(start)[None], "max_events": most, "workers": 1}
-    return jax.tree.map(lambda x: x[0], follow_all(row_of(p)[None], [pieces], *one, **limits)[0])
+        return follow(equations, row, forcing, y0=start, **limits)
+    found = follow(equations, row, forcing, y0=np.array(start)[None], workers=1, **limits)
+    return Followed(*(x[0] for x in found))

@@ -113,7 +113,7 @@ def case(options: argparse.Namespace) -> Case:
 def set_up(job: jobs.Job) -> None:
     """Set JAX up before any module imports it, and begin to compile what the job needs."""
     from tpd.core import process
-    from tpd.models import compiling
+    from tpd.exact import compiling
 
     if (folder := process.use_64_bits()) is not None:
         with contextlib.suppress(OSError):

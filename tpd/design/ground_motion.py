@@ -30,13 +30,13 @@ from tpd.design.criteria import (
 from tpd.design.problem import MOST_MOTIONS, Problem, complete
 from tpd.design.reasons import DesignStatus
 from tpd.design.settings import DEFAULT_SPACE, HELD_OUT, SCATTERED, GroundSearch
-from tpd.models.compiled_nonlinear import shake_nonlinear
-from tpd.models.compiled_shaken import follow_all
+from tpd.exact.rows import row_of
+from tpd.exact.runs import GroundForcing, follow
 from tpd.records.intensity import intensity_of
 from tpd.records.reading import BUILT_IN
 from tpd.scene.conditions import Conditions, latin_hypercube, under_all
 from tpd.scene.ground_motion import GroundMotion, Pulse, events_of
-from tpd.scene.parameters import Parameters
+from tpd.scene.parameters import Parameters, unchecked
 from tpd.scene.record import Record
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.scene.status import UNANSWERED, Outcome
@@ -283,14 +283,13 @@ class GroundMotionProblem(Problem):
         progress: Any = None,
     ) -> Outcomes:
         """Follow a design from rest through the motions of all conditions, and freely afterwards."""
-        nonlinear = equations == Terms.nonlinear.value
-        follow, most = (shake_nonlinear, MAX_EVENTS) if nonlinear else (follow_all, _EVENTS)
+        most = MAX_EVENTS if equations == Terms.nonlinear.value else _EVENTS
         # A bob without mass does not act on the block, and shares its scattered properties.
         row = np.array([0.0, 1.0, 0.3]) if design is None else design
         q, rows = self._rows(row, scene, conditions)
         pieces = [np.asarray(m.pieces(), dtype=float) for m in conditions.motions]
-        which, free = np.asarray(conditions.which), np.full(len(rows), FREE * float(scene.rate))
-        found, _ = follow(rows, pieces, which, free, max_events=most, progress=progress)
+        forcing = GroundForcing(pieces, FREE * float(scene.rate), np.asarray(conditions.which))
+        found = follow(Terms(equations), rows, forcing, events=most, progress=progress)
         names = _OUTCOMES[found.status.astype(int)]
         fell, unknown = names == Outcome.overturned, np.isin(names, UNANSWERED)
 
@@ -325,8 +324,7 @@ class GroundMotionProblem(Problem):
         h = np.array([float(x.piece) for x in motions]) * float(first.rate)
         # A quicker motion passes its pieces sooner.
         pieces = h[which] / conditions.column("frequency")
-        leaves: Any = (q.nu, q.mu, q.lam, q.zeta, q.k, q.f * f[which] * factor, pieces, q.rho, q.e)
-        return q, np.array(np.broadcast_arrays(*leaves), dtype=float).T.copy()
+        return q, row_of(unchecked(q, f=q.f * f[which] * factor), piece=pieces)
 
 
 def _name_of(motion: GroundMotion) -> str:

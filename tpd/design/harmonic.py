@@ -33,10 +33,10 @@ from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
 from tpd.design.problem import MOST_MOTIONS, Problem, complete
 from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent
-from tpd.models.compiled_linear import load_compiled
-from tpd.models.compiled_nonlinear import settle_nonlinear
+from tpd.exact.calling import load_compiled
+from tpd.exact.rows import row_of
+from tpd.exact.runs import HarmonicForcing, follow
 from tpd.models.piecewise import Piecewise
-from tpd.models.rows import settle_all
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, latin_hypercube, under_all
 from tpd.scene.ground_motion import GroundMotion, Pulse
@@ -260,7 +260,7 @@ class HarmonicProblem(Problem):
             return False
         few = self.conditions.subset(_RESTS, self.seed)
         q = under_all(self.orbits.p, self._none[None], few)
-        settled = settle_nonlinear(q, np.zeros((len(few), 4)), periods=self.ensemble.periods)
+        settled = follow(Terms.nonlinear, row_of(q), HarmonicForcing(self.ensemble.periods))
         return not np.any(np.asarray(settled.amplitude))
 
     def candidates(self, progress: Progress) -> tuple[np.ndarray, Search]:
@@ -347,11 +347,11 @@ class HarmonicProblem(Problem):
 
     def exact(self, design: np.ndarray | None) -> ExactMotions:
         """Return the exact motions of a design, or without a pendulum, under all conditions."""
-        orbits, n = self.orbits, len(self.conditions)
+        orbits = self.orbits
         row = self._none if design is None else design
         e = orbits.evaluate(row[None])
         q = under_all(orbits.p, row[None], self.conditions)
-        settled = settle_all(q, np.zeros((n, 4)), model=Piecewise(max_periods=self.ensemble.periods))
+        settled = follow(Terms.linear, row_of(q), HarmonicForcing(self.ensemble.periods))
         names, lift = names_of(settled.status), uplift(q)
         sizes = {x: np.asarray(getattr(settled, x)) for x in ("amplitude", "stroke", "peak", "peak_stroke")}
         # The run ends when the block rests, and the bob may still swing: its settled swing has a closed form.

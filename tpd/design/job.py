@@ -45,9 +45,9 @@ from tpd.design.job_keys import (
     widths_of,
 )
 from tpd.design.settings import SCATTERED, Descent, GroundSearch
+from tpd.exact import compiling
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
-from tpd.models import compiling
 from tpd.records.intensity import intensity_of
 from tpd.records.reading import described, in_words, read_motions
 from tpd.scene.bob import Bob

@@ -35,8 +35,9 @@ from tpd.design.criteria import (
     SteadyTilt,
     Worsening,
 )
-from tpd.exact.terms import SIZES
-from tpd.models import compiled_orbits
+from tpd.exact.orbits import orbit_slopes, solve_orbits
+from tpd.exact.rows import row_of
+from tpd.exact.terms import LAM, MU, SIZES, ZETA, E
 from tpd.models.half_period import half_period, newton
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, under, under_all
@@ -55,6 +56,8 @@ KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
 _KIND_OF = np.array([ROCKING, UNSTABLE, UNSTABLE, NEAR, NEAR, NONE])
 """Index into `KINDS` by the number of an orbit's status, see `tpd.exact.terms`; the best
 of them is the smallest."""
+_DESIGN = {"mass": MU, "length": LAM, "damping": ZETA}
+"""Columns of the parameters of a design, by the names of their factors in conditions."""
 _RESERVE = ("fold", "symmetry", "torus")
 """Sizes of an orbit that are positive where it attracts."""
 OF_PAIRS = Evaluation._fields[: Evaluation._fields.index("design")]
@@ -183,18 +186,18 @@ def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_
     """Designs (m, 3) under all conditions."""
     m, n = len(designs), len(conditions)
     q = under_all(p, designs, conditions)
-    x, along = compiled_orbits.row_of(q), _directions(p, q, conditions, m)
-    orbits = compiled_orbits.solve_all(x)
+    x, along = row_of(q), _directions(p, q, conditions, m)
+    orbits = solve_orbits(x)
     kinds = _KIND_OF[orbits["status"].astype(int)]
     # Orbits come sorted by amplitude, the largest first: of equal kinds the largest counts.
     best = np.argmin(kinds, axis=1)
     one = np.take_along_axis(orbits, best[:, None], axis=1)
-    slope = compiled_orbits.slopes_all(x, one, along, (0, SIZES["torus"] + 1))[:, 0]
+    slope = orbit_slopes(x, one, along, (0, SIZES["torus"] + 1))[:, 0]
     o = one[:, 0]
     sizes, slopes = ({name: of[..., at] for name, at in SIZES.items()} for of in (o["sizes"], slope))
     lift, design, still = uplift(q), np.stack([q.mu, q.lam, q.zeta]), []
     for i in range(3):
-        stepped = uplift(with_design(q, design + 1j * _STEP * along[:, i, 1:4].T))
+        stepped = uplift(with_design(q, design + 1j * _STEP * along[:, i, [MU, LAM, ZETA]].T))
         still.append([np.imag(x) / _STEP for x in stepped])
     margin_slope, still_slope = np.moveaxis(np.array(still), 0, -1)
     margin = np.asarray(lift.margin)
@@ -241,12 +244,12 @@ def _directions(p: Parameters, q: Parameters, conditions: Conditions, m: int) ->
     """Derivatives of the parameters `q` of m designs under all conditions, as rows of compiled code, with
     respect to (mu, lam, zeta) of the designs, (m n, 3, 9)."""
     along = np.zeros((m * len(conditions), 3, 9))
-    for i, name in enumerate(("mass", "length", "damping")):
-        along[:, i, 1 + i] = np.tile(conditions.column(name), m)
+    for i, (name, column) in enumerate(_DESIGN.items()):
+        along[:, i, column] = np.tile(conditions.column(name), m)
     if p.e is None:
         # Housner's e follows the bob's mass.
         moved = housner(np.asarray(q.nu), np.asarray(q.rho), np.asarray(q.mu) + 1j * _STEP)
-        along[:, 0, 8] = moved.imag / _STEP * along[:, 0, 1]
+        along[:, 0, E] = moved.imag / _STEP * along[:, 0, MU]
     return along
 
 

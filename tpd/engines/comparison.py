@@ -16,10 +16,12 @@ from tpd.core.formatting import Printed, aligned, number
 from tpd.core.progress import Progress, shown
 from tpd.engines.rigid_body import SLIDING, RigidBody, body_of, parameters_under
 from tpd.engines.rollouts import EngineRuns, available, follow, free_rocking
+from tpd.exact.rows import row_of
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Harmonic, Pendulum, Scene
 from tpd.scene.status import LOST, UNANSWERED, names_of
+from tpd.theory.equations import Terms
 
 RUNS = 64
 FINE = 16
@@ -268,24 +270,22 @@ class _Case:
 
     def equations(self, pendulum: Pendulum | None) -> EngineRuns:
         """All runs by the nonlinear equations."""
+        from tpd.exact.runs import GroundForcing, HarmonicForcing
+        from tpd.exact.runs import follow as followed
         from tpd.exact.terms import EVENT_BOUND, FAILED, OVERTURNED
-        from tpd.models.compiled_nonlinear import settle_nonlinear, shake_nonlinear
 
         runs, n = self.plan(pendulum), self.ensemble.size
         if isinstance(self.scene.motion, GroundMotion):
             # The time scale of a ground motion is its own: the scatter of a frequency is for harmonics.
-            q: Any = runs.p
             h = np.full(n, float(self.scene.motion.piece) * float(self.scene.rate))
-            columns = np.broadcast_arrays(q.nu, q.mu, q.lam, q.zeta, q.k, q.f, h, q.rho, q.e)
-            x = np.array(columns, dtype=float).T.copy()
+            x = row_of(runs.p, piece=h)
             pieces = [np.asarray(self.scene.motion.pieces(), dtype=float)]
-            late = np.full(n, _FREE * float(self.scene.rate))
-            found, _ = shake_nonlinear(x, pieces, np.zeros(n, dtype=int), late, y0=runs.y0)
+            forcing = GroundForcing(pieces, _FREE * float(self.scene.rate))
+            found = followed(Terms.nonlinear, x, forcing, y0=runs.y0)
             # What is not known must not look like standing.
             return _as_runs(found.tilt, found.tilt, np.isin(found.status, (OVERTURNED, EVENT_BOUND, FAILED)))
-        settled = settle_nonlinear(
-            runs.p, runs.y0, begin=runs.begin, ramp=runs.periods, periods=self.ensemble.periods
-        )
+        forcing = HarmonicForcing(self.ensemble.periods, runs.begin, runs.periods)
+        settled = followed(Terms.nonlinear, row_of(runs.p), forcing, y0=runs.y0)
         # What is not known must not look like standing.
         lost = np.isin(names_of(settled.status), (*LOST, *UNANSWERED))
         return _as_runs(np.asarray(settled.peak), np.asarray(settled.amplitude), lost)

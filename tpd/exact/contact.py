@@ -79,5 +79,6 @@ def transversality_of(
     # The derivative of an event's time has this rate as its denominator: where it vanishes the motion grazes.
     # A crossing after which the block could be held is one of the hops of a rattle. These are as slow as one
     # likes on every orbit that comes to rest, and say nothing about grazing.
-    met = jnp.minimum(jnp.abs(turn) / usual[0], jnp.where(free, jnp.abs(crossing) / usual[1], jnp.inf))
+    pull, rate = usual
+    met = jnp.minimum(jnp.abs(turn) / pull, jnp.where(free, jnp.abs(crossing) / rate, jnp.inf))
     return stop_gradient(jnp.where((before.kind == SLIP) & (after.kind == SLIP), met, jnp.inf))

@@ -24,13 +24,13 @@ def refused(value: Array, usable: Bool[Array, "..."]) -> Array:
 
 @refused.defjvp
 def _refused_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    value, usable = primals
-    return value, _scaled(jnp.where(usable, 1.0, jnp.nan), tangents[0], value)
+    (value, usable), (tangent, _) = primals, tangents
+    return value, _scaled(jnp.where(usable, 1.0, jnp.nan), tangent, value)
 
 
 def refused_in(p: Any, value: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     """`value`, which depends on the pytree `p` with a derivative that is not known: NaN."""
-    flat = ravel_pytree(p)[0]
+    flat, _ = ravel_pytree(p)
     return with_slopes(flat, value, jnp.full((*value.shape, flat.size), jnp.nan))
 
 
@@ -45,8 +45,8 @@ def with_slopes(
 
 @with_slopes.defjvp
 def _with_slopes_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    p, value, slopes = primals
-    return value, moved(slopes, tangents[0], p)
+    (p, value, slopes), (direction, *_) = primals, tangents
+    return value, moved(slopes, direction, p)
 
 
 def moved(
@@ -79,8 +79,8 @@ def _joined(values: tuple, numbers: tuple, slopes: tuple) -> tuple:
 
 @_joined.defjvp
 def _joined_jvp(primals: tuple, tangents: tuple) -> tuple[tuple, tuple]:
-    values, numbers, slopes = primals
-    return numbers, _moves(values, tangents[0], numbers, slopes)
+    (values, numbers, slopes), (directions, *_) = primals, tangents
+    return numbers, _moves(values, directions, numbers, slopes)
 
 
 def _moves(values: tuple, directions: tuple, numbers: tuple, slopes: tuple) -> tuple:
@@ -92,8 +92,8 @@ def _moves(values: tuple, directions: tuple, numbers: tuple, slopes: tuple) -> t
             return jnp.broadcast_to(x, jnp.shape(number)) if jnp.ndim(number) else x
 
         scaled = partial(_scaled_p.bind, spared=True, spared_back=True)
-        parts = [scaled(b, wide(t), wide(point)) for b, t in zip(by, directions, strict=True)]
-        return sum(parts[1:], parts[0])
+        first, *others = [scaled(b, wide(t), wide(point)) for b, t in zip(by, directions, strict=True)]
+        return sum(others, first)
 
     return tuple(map(move, numbers, slopes))
 

@@ -327,8 +327,8 @@ def through(x, q, f, m, legs, room, s):
     say, and along its last arc until it meets an event or is beyond return: an overturning that has begun is
     never missed.
 
-    `x` is (nu, mu, lam, zeta, k, f, h, rho, e) with f the size of the base acceleration over that of gravity
-    and h the duration of a piece. If the settings say `brief`, only the tilt, the uplift and the overturning
+    `x` is a row with f the size of the base acceleration over that of gravity, and the duration of a piece in
+    the place of the frequency. If the settings say `brief`, only the tilt, the uplift and the overturning
     hold: turns of the bob are not looked for, and the free motion ends as soon as it cannot tilt the block
     further. Return the status."""
     plant(x, q)

@@ -17,7 +17,7 @@ from tpd.exact import terms
 from tpd.exact.arcs import Instant, state_at
 from tpd.exact.contact_kernel import jump, ratio
 from tpd.exact.plant import compiled
-from tpd.exact.terms import SWING_PULL, SWING_RATE, TILT_PULL, TILT_RATE
+from tpd.exact.terms import SWING, SWING_PULL, SWING_RATE, TILT, TILT_PULL, TILT_RATE
 
 is_neutral = register_jitable(inspect.unwrap(terms.is_neutral))
 """`terms.is_neutral` in compiled code, without what checks its types in tests."""
@@ -61,15 +61,16 @@ def put_half_map(q, m, t, way, g):
         y0, y1, y2, y3 = _carried(q, until, y0, y1, y2, y3)
         y1, y2, y3 = y1 + by1 * y0, y2 + by2 * y0 + lost * y2, y3 + by3 * y0 + thrown * y2
         y0, y1, y2, y3 = _carried(q, way.end, y0 + by0 * y0, y1, y2, y3)
-        g[0, j], g[2, j] = -y0, pushed * q.m22 * y2 - y2
+        g[TILT, j], g[TILT_RATE, j] = -y0, pushed * q.m22 * y2 - y2
         if felt == 1:
-            g[1, j], g[3, j] = -y1, -pushed * q.m21 * y2 - y3
+            g[SWING, j], g[SWING_RATE, j] = -y1, -pushed * q.m21 * y2 - y3
 
 
 @compiled
 def _minors(a, b):
     """Determinants of two rows in two of their columns: 01, 02, 03, 12, 13, 23."""
-    a0, a1, a2, a3, b0, b1, b2, b3 = a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]
+    a0, a1, a2, a3 = a[TILT], a[SWING], a[TILT_RATE], a[SWING_RATE]
+    b0, b1, b2, b3 = b[TILT], b[SWING], b[TILT_RATE], b[SWING_RATE]
     first = a0 * b1 - a1 * b0, a0 * b2 - a2 * b0, a0 * b3 - a3 * b0
     return *first, a1 * b2 - a2 * b1, a1 * b3 - a3 * b1, a2 * b3 - a3 * b2
 
@@ -78,8 +79,8 @@ def _minors(a, b):
 def characteristic(g):
     """Coefficients c1 to c4 of det(z - g) = z^4 + c1 z^3 + c2 z^2 + c3 z + c4, by the principal minors."""
     # Minors of the two upper rows, and of the two lower ones, by their columns.
-    u01, u02, u03, u12, u13, u23 = _minors(g[0], g[1])
-    l01, l02, l03, l12, l13, l23 = _minors(g[2], g[3])
+    u01, u02, u03, u12, u13, u23 = _minors(g[TILT], g[SWING])
+    l01, l02, l03, l12, l13, l23 = _minors(g[TILT_RATE], g[SWING_RATE])
     c2 = u01 + l23
     for i in range(2):
         for j in range(2, 4):

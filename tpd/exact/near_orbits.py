@@ -25,6 +25,8 @@ _LINEAR = 0.1
 says."""
 CONVERGED, _NEWTON = 1e-10, 6
 """Residual of an orbit, and bound on the steps of Newton's method."""
+STEP_OF_NEWTON = np.int64(0)
+"""Column of the only right-hand side of a step."""
 _SQUARES, _LONG = 16, 1000
 """Squares of the derivative after which a contraction must have shown, and periods that are summed up."""
 _CLOSE = 1e-9
@@ -266,9 +268,9 @@ def _newton(q, f, m, legs, room, r, mode, limits, by):
         events, residual = sequence, 0.0
         read(q, f, m, legs, r, (STATE, INPUTS), NO, by)
         for i in range(4):
-            move[i, 0] = m.y[i] - found[i]
+            move[i, STEP_OF_NEWTON] = m.y[i] - found[i]
             if q.mu > 0.0 or i % 2 == 0:
-                residual = max(residual, abs(move[i, 0]) / scales[i])
+                residual = max(residual, abs(move[i, STEP_OF_NEWTON]) / scales[i])
             for j in range(4):
                 matrix[i, j] = (1.0 if i == j else 0.0) - by[i, STATE + j]
         if residual < CONVERGED:
@@ -277,7 +279,7 @@ def _newton(q, f, m, legs, room, r, mode, limits, by):
         if not residual < NEARBY or not eliminate(matrix, move) > 1e-12:
             return False
         for i in range(4):
-            m.y[i] = found[i] + move[i, 0]
+            m.y[i] = found[i] + move[i, STEP_OF_NEWTON]
     return False
 
 

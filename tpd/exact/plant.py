@@ -23,7 +23,7 @@ import numba.extending
 import numpy as np
 
 from tpd.core import files, machine_code
-from tpd.exact.terms import LAM, MU, NU, RHO, XI, ZETA, E, F, K
+from tpd.exact.terms import LAM, MANY, MU, NU, RHO, XI, ZETA, E, F, K
 from tpd.scene import impacts
 
 STEP = 1e-100
@@ -233,7 +233,7 @@ def coefficients(x, q):
 
 @compiled
 def plant(x, q):
-    """Fill a plant with the coefficients of (nu, mu, lam, zeta, k, f, xi, rho, e)."""
+    """Fill a plant with the coefficients of a row of parameters."""
     coefficients(x, q)
     nu, mu, lam, f, xi, rho = x[NU], x[MU], x[LAM], x[F], x[XI], x[RHO]
     m11, m12, m21, m22, c1, c2, up = q.m11, q.m12, q.m21, q.m22, q.c1, q.c2, q.up
@@ -254,14 +254,14 @@ def plant(x, q):
 @compiled
 def plant_along(x, j, q):
     """Fill a complex plant whose imaginary parts are derivatives in parameter j, times `STEP`."""
-    moved = np.empty(9, np.complex128)
-    for i in range(9):
+    moved = np.empty(MANY, np.complex128)
+    for i in range(MANY):
         moved[i] = complex(x[i], STEP if i == j else 0.0)
     plant(moved, q)
 
 
 @compiled
 def put_plants(x, plants):
-    """Fill ten complex plants: one for each parameter, and one for all directions in which none changes."""
-    for j in range(10):
+    """Fill complex plants: one for each parameter, and one for all directions in which none changes."""
+    for j in range(MANY + 1):
         plant_along(x, j, plants[j])

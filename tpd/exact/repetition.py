@@ -14,6 +14,8 @@ from tpd.exact.motion import FIRST_PIECE, YES, put
 from tpd.exact.plant import compiled
 from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
 
+NEWEST = np.int64(0)
+"""Place of the last period among those that are remembered."""
 LONGEST = 8
 """Longest motion recognised as periodic, in forcing periods."""
 ROCKING, STICKING, AT_REST, HELD, OVERTURNED, NOT_SETTLED, EVENT_BOUND, FAILED = range(8)
@@ -67,7 +69,7 @@ def remember(past, known, y, amplitude, stroke, held):
     """Put a period in front of the last ones; return how many states are known."""
     for j in range(LONGEST - 1, 0, -1):
         past[j] = past[j - 1]
-    new = past[0]
+    new = past[NEWEST]
     put(y, new.y)
     new.tilt, new.swing, new.held = amplitude, stroke, held
     return min(known + 1, LONGEST)
@@ -93,7 +95,7 @@ def put_settled(status, repeats, elapsed, m, past, peaks, out):
     if status == ROCKING and stuck > 0.0:
         status = STICKING
     if status == AT_REST:
-        amplitude, stroke = abs(m.y[TILT]), past[0].swing
+        amplitude, stroke = abs(m.y[TILT]), past[NEWEST].swing
         status = HELD if m.y[TILT] != 0.0 else AT_REST
     if status == OVERTURNED:
         peaks[TILT] = peaks[SWING] = math.inf

@@ -15,10 +15,10 @@ from tpd.exact import repetition
 from tpd.exact.half_map_kernel import characteristic, is_neutral, put_roots
 from tpd.exact.legs import INPUTS, READER, STATE
 from tpd.exact.motion import LEG, LEGS, MOTION, ROOM, finite, put
-from tpd.exact.near_orbits import CYCLE, Limits, cycle, eliminate
-from tpd.exact.plant import PLANT, compiled, part, put_plants
+from tpd.exact.near_orbits import CYCLE, STEP_OF_NEWTON, Limits, cycle, eliminate
+from tpd.exact.plant import PLANT, compiled, part, places, put_plants
 from tpd.exact.settle import settle
-from tpd.exact.terms import APERIODIC, GRAZING, NEAR_FOLD, RESIDUAL, SYMMETRIC
+from tpd.exact.terms import APERIODIC, GRAZING, MANY, NEAR_FOLD, RESIDUAL, SYMMETRIC
 
 WANDERS, UNSTABLE, NEUTRAL, FOLD, GRAZED = range(8, 13)
 """Numbers of statuses after those of `tpd.exact.repetition`, see `tpd.exact.terms.STEADY_STATUSES`."""
@@ -28,7 +28,7 @@ STEADY = np.dtype(
         ("y", np.float64, (4,)),
         *((name, np.float64) for name in ("multiplier", "lyapunov")),
         *((name, np.float64) for name in ("status", "periods", "symmetric", "elapsed")),
-        ("by", np.float64, (6, 9)),
+        ("by", np.float64, (6, MANY)),
     ],
     align=True,
 )
@@ -39,6 +39,10 @@ Own = namedtuple("Own", "plants motions rooms readers cycles settled legs")
 to, and the usual legs. A record does not keep its memory: it is alive as long as these arrays are."""
 _BEST, SPARE = 0, 1
 """Places of the best cycle so far and of the last one, and of the start of that."""
+_RESIDUAL = np.int64(MANY)
+"""Column of the residual of an orbit's map, after those of the parameters."""
+_AMPLITUDE, _STROKE = places(2)
+"""Rows of the derivatives of a steady state: of its sizes, before those of the state."""
 _NEWTON_STEPS, _ROUND_OFF = 8, 1e-14
 """Bound on the steps of Newton's method, and residual of the map that counts as round-off."""
 
@@ -103,10 +107,10 @@ def _find_orbit(q, m, own, limits, y):
             # twice, the other way round not at all: both leave the state right and its derivative wrong. A
             # run that begins in the mode in which the last one ended meets it once.
             for i in range(4):
-                move[i, 0] = c.end[i] - now[i]
+                move[i, STEP_OF_NEWTON] = c.end[i] - now[i]
             if _solved(c.by, move):
                 for i in range(4):
-                    now[i] += move[i, 0]
+                    now[i] += move[i, STEP_OF_NEWTON]
         elif RESIDUAL < error < math.inf:
             # By rounding a map may miss an event that undoes itself soon: half of a step that led away tries
             # once more, in the mode in which the last one began.
@@ -188,22 +192,22 @@ def _put_isolated(c, y, out):
     # y*(p) = P(y*(p), p), hence dy*/dp = (I - DP)^-1 dP/dp, however long the transient was; both sizes are
     # functions of (y*, p) along the period. The residual is one more right-hand side, so that they gain the
     # last Newton step for nothing. I - DP is singular at a fold: there the caller refuses slopes.
-    right, sizes = np.empty((4, 10)), np.empty((2, 10))
+    right, sizes = np.empty((4, _RESIDUAL + 1)), np.empty((2, _RESIDUAL + 1))
     for i in range(4):
-        right[i, 9] = c.end[i] - y[i]
-        for j in range(9):
+        right[i, _RESIDUAL] = c.end[i] - y[i]
+        for j in range(_RESIDUAL):
             right[i, j] = c.by[i, j]
     solved = _solved(c.by, right)
     for k in range(2):
-        for j in range(10):
-            sizes[k, j] = c.by[4 + k, j] if j < 9 else (c.amplitude if k == 0 else c.stroke)
+        for j in range(_RESIDUAL + 1):
+            sizes[k, j] = c.by[4 + k, j] if j < _RESIDUAL else (c.amplitude if k == 0 else c.stroke)
             for i in range(4):
                 sizes[k, j] += c.by[4 + k, STATE + i] * right[i, j]
             if not solved:
                 sizes[k, j] = math.nan
-    out.amplitude, out.stroke = sizes[0, 9], sizes[1, 9]
+    out.amplitude, out.stroke = sizes[_AMPLITUDE, _RESIDUAL], sizes[_STROKE, _RESIDUAL]
     for k in range(6):
-        for j in range(9):
+        for j in range(_RESIDUAL):
             out.by[k, j] = sizes[k, j] if k < 2 else right[k - 2, j]
 
 
@@ -214,7 +218,7 @@ def steady_state(x, y0, s, own, out):
     (q, m, room, r), c, found, y, total = first_of(own), own.cycles[_BEST], own.settled[0], out.y, 0.0
     out.amplitude = out.stroke = out.multiplier = out.lyapunov = math.nan
     out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, repetition.FAILED
-    for j in range(9):
+    for j in range(_RESIDUAL):
         total += abs(x[j])
         for i in range(6):
             out.by[i, j] = math.nan
@@ -284,8 +288,10 @@ def steady_state(x, y0, s, own, out):
         # A block at rest has no amplitude, whatever moves. The stroke of a bob that hangs still is at the
         # corner of |psi|.
         out.amplitude = 0.0
-        for j in range(9):
-            out.by[0, j], out.by[1, j] = 0.0, (out.by[1, j] if out.stroke != 0.0 else math.nan)
+        for j in range(_RESIDUAL):
+            out.by[_AMPLITUDE, j] = 0.0
+            if out.stroke == 0.0:
+                out.by[_STROKE, j] = math.nan
     out.lyapunov = separation
     if periodic:
         out.lyapunov = math.log(multiplier) / span if multiplier > 0.0 else -math.inf

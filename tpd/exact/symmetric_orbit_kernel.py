@@ -36,17 +36,25 @@ from tpd.exact.motion import ROOM
 from tpd.exact.orbit_roots_kernel import BRACKET, BRACKETS, TABLE, put_brackets, root_in
 from tpd.exact.plant import COMPLEX_PLANT, PLANT, STEP, compiled, places, plant
 from tpd.exact.terms import (
+    BROKEN,
+    CROSSED,
+    FLAT,
     GRAZING,
+    MANY,
+    MERGED,
     NEAR_FOLD,
     SIZES,
     SLIP,
     STATUSES,
+    STUCK,
     SWING,
     SWING_PULL,
     SWING_RATE,
     TILT,
     TILT_PULL,
     TILT_RATE,
+    TOUCHED,
+    TURNING,
 )
 
 ORBITS: Any = np.int64(3)
@@ -55,12 +63,21 @@ _ROCKING, _UNSTABLE, _NEUTRAL, _NEAR_FOLD, _GRAZES, _NO_ORBIT = range(len(STATUS
 _AMPLITUDE, _PHASE, _CROSSING, _STROKE, _FOLD, _SYMMETRY, _TORUS, _STATE = places(8)
 NUMBERS: Any = np.int64(SIZES["state"].stop)
 """Numbers with derivatives."""
-VANISHING = np.int64(7)
+VANISHING = np.int64(FLAT + 1)
 """Numbers of `vanishing`."""
-MOVED = np.int64(12)
-"""Numbers that these depend on: t, gamma, s and the parameters."""
+_T, _GAMMA, _S, _PARAMETERS = places(4)
+"""Numbers that these depend on; parameters follow from the fourth on."""
+MOVED = _PARAMETERS + MANY
+"""How many."""
 SAMPLES = np.int64(199)
 """Times between the turns at which `survey` looks."""
+SURVEYED = np.dtype(
+    [
+        *((name, np.float64) for name in ("height", "leaving", "arriving")),
+        ("rates", np.float64, (int(SAMPLES),)),
+    ]
+)
+"""Findings about a way, see `survey`."""
 _MORE = "status", "sticking", "grazing", "bob", "bob_rate", "peak", "overflow"
 ORBIT = np.dtype(
     [
@@ -86,7 +103,7 @@ WORK = np.dtype(
         ("complex_map", np.complex128, (4, 4)),
         ("sizes", np.complex128, (int(NUMBERS),)),
         ("vanishing", np.complex128, (int(VANISHING),)),
-        ("x", np.complex128, (9,)),
+        ("x", np.complex128, (MANY,)),
     ]
 )
 """Working memory."""
@@ -204,7 +221,7 @@ def solve(x, work, orbits):
     found, count = put_brackets(q, m, work.table, work.brackets), 0
     overflow = found > BRACKETS
     for i in range(ORBITS):
-        orbits[i] = _NONE[0]
+        orbits[i] = _NONE[FIRST]
     for i in range(min(found, BRACKETS)):
         t, gamma, reached = root_in(q, m, work.brackets[i])
         if not reached:
@@ -250,7 +267,7 @@ def differentiate(x, orbits, directions, first, last, work, slopes):
     for i in range(ORBITS):
         any_has = any_has or orbits[i].status <= _NEUTRAL
     for j in range(len(directions) if any_has else 0):
-        for k in range(9):
+        for k in range(len(x)):
             work.x[k] = complex(x[k], STEP * directions[j, k])
         plant(work.x, q)
         m = half(q)
@@ -292,21 +309,21 @@ def vanishing(x, u, work, out, by):
     (grazing), or without friction phi(s) and phi'(s)."""
     q, numbers = work.complex_plant, work.vanishing
     for j in range(MOVED):
-        for i in range(9):
-            work.x[i] = complex(x[i], STEP if j == i + 3 else 0.0)
+        for i in range(len(x)):
+            work.x[i] = complex(x[i], STEP if j == i + _PARAMETERS else 0.0)
         plant(work.x, q)
         m = half(q)
-        t, gamma = complex(u[0], STEP if j == 0 else 0.0), complex(u[1], STEP if j == 1 else 0.0)
-        s = complex(u[2], STEP if j == 2 else 0.0)
+        t, gamma = complex(u[_T], STEP if j == _T else 0.0), complex(u[_GAMMA], STEP if j == _GAMMA else 0.0)
+        s = complex(u[_S], STEP if j == _S else 0.0)
         r, way = solution_at(q, m, t, gamma), motion(q, m, t, gamma)
         put_half_map(q, m, t, way, work.complex_map)
         fall = state_after(way, t, s)
-        numbers[0], numbers[1] = r.turning, r.crossing
-        numbers[2] = r.turning_t * r.crossing_g - r.turning_g * r.crossing_t
-        numbers[3] = determinants(characteristic(work.complex_map))[1]
-        numbers[4] = state_after(way, t, 0.0 * t)[TILT_PULL]
+        numbers[TURNING], numbers[CROSSED] = r.turning, r.crossing
+        numbers[MERGED] = r.turning_t * r.crossing_g - r.turning_g * r.crossing_t
+        _, numbers[BROKEN], _ = determinants(characteristic(work.complex_map))
+        numbers[STUCK] = state_after(way, t, 0.0 * t)[TILT_PULL]
         first = TILT if q.k.real == 0.0 else TILT_RATE
-        numbers[5], numbers[6] = fall[first], fall[first + 2]
+        numbers[TOUCHED], numbers[FLAT] = fall[first], fall[first + 2]
         for i in range(VANISHING):
             out[i], by[i, j] = numbers[i].real, numbers[i].imag / STEP
 
@@ -320,10 +337,10 @@ def survey(x, u, work, out):
     q = work.plant
     plant(x, q)
     m = half(q)
-    t, way = u[0], motion(q, m, u[0], u[1])
+    t, way = u[_T], motion(q, m, u[_T], u[_GAMMA])
     start, end = state_after(way, t, 0.0), state_after(way, t, m.span)
-    out[0], out[1], out[2] = start[TILT], start[TILT_PULL], -end[TILT_PULL]
+    out.height, out.leaving, out.arriving = start[TILT], start[TILT_PULL], -end[TILT_PULL]
     for i in range(SAMPLES):
         s = m.span * (i + 1.0) / (SAMPLES + 1.0)
         now = state_after(way, t, s)
-        out[3 + i] = now[TILT_RATE] if q.k > 0.0 else (now[TILT] if s > t else -now[TILT])
+        out.rates[i] = now[TILT_RATE] if q.k > 0.0 else (now[TILT] if s > t else -now[TILT])

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from tpd.scene.parameters import NAMES
+
 SLIP, STICK, REST = range(3)
 """Kinds of the modes of the contact, see `tpd.exact.contact`."""
 TURN, LANDING, RELEASE = range(3)
@@ -16,8 +18,11 @@ TILT, SWING, TILT_RATE, SWING_RATE, TILT_PULL, SWING_PULL = range(6)
 """Columns of a state: phi, psi, phi', psi'; and of its accelerations, phi'' and psi'', where they follow."""
 APART = 2
 """After the angles TILT and SWING the third that is counted: psi - phi."""
-NU, MU, LAM, ZETA, K, F, XI, RHO, E = range(9)
-"""Columns of the parameters of a motion."""
+NU, MU, LAM, ZETA = map(NAMES.index, ("nu", "mu", "lam", "zeta"))
+K, F, XI, RHO, E = map(NAMES.index, ("k", "f", "xi", "rho", "e"))
+"""Columns of the parameters in a row."""
+MANY = len(NAMES)
+"""Number of parameters."""
 PHASE, LASTS = 4, 5
 """Columns of an arc of a periodic orbit after its state: the forcing's phase at its start; its duration."""
 STATUSES = ("rocking", "unstable", "neutral", "near_fold", "grazing", "no_orbit")
@@ -29,6 +34,9 @@ STEADY_STATUSES = (*ENDS, "aperiodic", "unstable", "neutral", "near_fold", "graz
 SHAKEN = ("stood", "rocked", "overturned", "event_bound", "failed")
 """Names of the statuses of a motion through a pulse or a record, by their numbers:"""
 STOOD, ROCKED, OVERTURNED, EVENT_BOUND, FAILED = range(5)
+TURNING, CROSSED, MERGED, BROKEN, STUCK, TOUCHED, FLAT = range(7)
+"""Places of the numbers that vanish at an orbit (its two conditions) and where orbits are lost, see
+`tpd.exact.symmetric_orbit_kernel.vanishing`."""
 SIZES = {
     **{"amplitude": 0, "phase": 1, "crossing": 2, "stroke": 3, "fold": 4, "symmetry": 5, "torus": 6},
     "state": slice(7, 11),

@@ -30,6 +30,12 @@ from tpd.exact.terms import (
 
 _FOURTH, _FIFTH = places(2)
 """Derivatives that are bounded."""
+_C0, _C1, _C2, _C3 = places(8, 4)
+"""Columns of a map for the coefficients of the forcing, after those of the state."""
+_CONSTANT, _LINEAR, _SQUARE, _CUBE = places(4)
+"""Columns of these coefficients in a row of pieces."""
+_U, _V = places(2)
+"""Solutions of the pair that begin at (1, 0) and at (0, 1)."""
 _KINDS = float(SLIP), float(REST)
 """Kinds of modes with a map of their own: one serves both kinds of held blocks."""
 
@@ -47,10 +53,10 @@ def put_map(q, kind, h, out):
     n, x = np.zeros((8, 8)), np.zeros(5)
     for j in range(5):
         x[j] = 1.0
-        a, b = accelerations(q, kind, 0.0, x[0], x[1], x[2], x[3], x[4])
-        n[2, j], n[3, j], x[j] = h * a, h * b, 0.0
-    n[1, 3], n[4, 5], n[5, 6], n[6, 7] = h, 1.0, 1.0, 1.0
-    n[0, 2] = h if kind == SLIP else 0.0
+        a, b = accelerations(q, kind, 0.0, x[TILT], x[SWING], x[TILT_RATE], x[SWING_RATE], x[_C0])
+        n[TILT_RATE, j], n[SWING_RATE, j], x[j] = h * a, h * b, 0.0
+    n[SWING, SWING_RATE], n[_C0, _C1], n[_C1, _C2], n[_C2, _C3] = h, 1.0, 1.0, 1.0
+    n[TILT, TILT_RATE] = h if kind == SLIP else 0.0
     # Halved until the series converges quickly, and squared as often.
     largest = 1e-3
     for i in range(8):
@@ -73,7 +79,7 @@ def put_map(q, kind, h, out):
         _add(total, spare)
     for i in range(4):
         for j in range(8):
-            out[i, j] = total[i, j] * (2.0 if j == 6 else (6.0 if j == 7 else 1.0))
+            out[i, j] = total[i, j] * (2.0 if j == _C2 else (6.0 if j == _C3 else 1.0))
 
 
 @compiled
@@ -118,7 +124,7 @@ def _rough(arc, x, growth, order, bounds):
     r1, r2 = r1 * r1, r2 * r2
     if order == _FIFTH:
         r1, r2 = r1 * abs(arc.s1), r2 * abs(arc.s2)
-    pair = bounds[order, 0] * abs(x.on_u) + bounds[order, 1] * abs(x.on_v)
+    pair = bounds[order, _U] * abs(x.on_u) + bounds[order, _V] * abs(x.on_v)
     return pair + abs(x.on_s1) * r1 * growth + abs(x.on_s2) * r2
 
 
@@ -221,10 +227,11 @@ def whole_pieces(q, f, m, legs, room, i, turns):
         e = load_at(q, f, i, 0.0)
         arc = arc_from(q, m, y, e)
         tilt, bob, tilting, swinging = y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE]
-        c0, c1, c2, c3 = c[i, 0], c[i, 1], c[i, 2], c[i, 3]
+        c0, c1, c2, c3 = c[i, _CONSTANT], c[i, _LINEAR], c[i, _SQUARE], c[i, _CUBE]
         for k in range(4):
-            change = by[k, 0] * (tilt - centre) + by[k, 1] * bob + by[k, 2] * tilting + by[k, 3] * swinging
-            change += by[k, 4] * c0 + by[k, 5] * c1 + by[k, 6] * c2 + by[k, 7] * c3
+            change = by[k, TILT] * (tilt - centre) + by[k, SWING] * bob
+            change = change + by[k, TILT_RATE] * tilting + by[k, SWING_RATE] * swinging
+            change += by[k, _C0] * c0 + by[k, _C1] * c1 + by[k, _C2] * c2 + by[k, _C3] * c3
             end[k] = y[k] + change
         up, swing = accelerations(q, kind, centre, tilt, bob, tilting, swinging, e.e0)
         a = tilt, bob, tilting, swinging, up, swing

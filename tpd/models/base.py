@@ -7,8 +7,10 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 import equinox as eqx
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
+from tpd.exact.linear import Cycle
+from tpd.exact.runs import Settled
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status
@@ -22,45 +24,6 @@ def setting(name: str, check: Callable[..., Any], default: Any, *bounds: Any) ->
     # Not in `__check_init__`: Equinox warns of an array before that.
     convert = lambda value: check(name, value, *bounds)  # noqa: E731
     return eqx.field(converter=convert, default=default, static=True, kw_only=True)
-
-
-class Settled(eqx.Module):
-    """Where a motion has settled. Not differentiated: a start value for its periodic orbit."""
-
-    y: State
-    """State at tau = 0 modulo the forcing period."""
-    memory: Any
-    """Anything else that the model needs to go on from there (the exact model: its discrete mode)."""
-    periods: Int[Array, ""]
-    """Forcing periods in one period of the motion."""
-    amplitude: Number
-    """Largest |phi| of the last periods; the answer where there is no periodic orbit."""
-    stroke: Number
-    """Largest |psi| of the last periods."""
-    status: Status
-    elapsed: Int[Array, ""]
-    """Forcing periods simulated."""
-    peak: Number
-    """Largest |phi| from the start on."""
-    peak_stroke: Number
-    """Largest |psi| from the start on."""
-
-
-class Cycle(eqx.Module):
-    """One period of a motion, differentiable in forward mode."""
-
-    end: State
-    amplitude: Number
-    stroke: Number
-    memory: Any
-    """As `Settled.memory`, at the end."""
-    transversality: Number
-    """Least rate at which the motion met an event, over the usual rate: 0 if it grazed one, infinite for a
-    model without events."""
-    asymmetry: Number
-    """Difference between the largest tilts to either side, over the amplitude."""
-    closed: Bool[Array, ""]
-    """Whether the discrete mode at the end is that at the beginning; true for a model without modes."""
 
 
 class AbstractChoice(eqx.Module):

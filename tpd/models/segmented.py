@@ -20,8 +20,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from tpd.core import checks
 from tpd.exact.contact import REST, SLIP, STICK, Mode, decide, released, transversality_of
+from tpd.exact.linear import Cycle
+from tpd.exact.runs import Settled
 from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
-from tpd.models.base import MOST_PERIODS, AbstractModel, Cycle, Settled, setting
+from tpd.models.base import MOST_PERIODS, AbstractModel, setting
 from tpd.models.settling import Period, cycle_by_events, settle
 from tpd.scene.impacts import bob_change, velocity_ratio
 from tpd.scene.parameters import Parameters

@@ -9,8 +9,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from tpd.exact.linear import Cycle
+from tpd.exact.runs import Settled
 from tpd.exact.terms import SWING, TILT
-from tpd.models.base import Cycle, Settled
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status

@@ -14,11 +14,11 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float
 
 from tpd.core import checks
+from tpd.exact.linear import Cycle
+from tpd.exact.rows import row_of
+from tpd.exact.runs import HarmonicForcing, Settled, follow
 from tpd.exact.terms import SWING, TILT, TILT_RATE
-from tpd.models import compiled_linear
-from tpd.models.base import MOST_PERIODS, AbstractModel, Cycle, Settled, setting
-from tpd.models.compiled_linear import NONLINEAR
-from tpd.models.compiled_nonlinear import REST_RATE, TOLERANCE
+from tpd.models.base import MOST_PERIODS, AbstractModel, setting
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import Period, settle
 from tpd.scene.parameters import Parameters
@@ -128,7 +128,7 @@ class Smoothed(AbstractModel):
             return None
         if self.terms is Terms.linear:
             return Piecewise().settle(p, y0)
-        return compiled_linear.settle(p, y0, self.max_periods, 2000, TOLERANCE, REST_RATE, of=NONLINEAR)
+        return follow(Terms.nonlinear, row_of(p), HarmonicForcing(self.max_periods), y0=y0)
 
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
         """Integrate the settled periods from `y` with tight tolerance and forward sensitivities."""

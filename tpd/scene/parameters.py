@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -110,6 +110,10 @@ class Parameters:
         return 2.0 * np.pi / self.xi
 
 
+NAMES = tuple(field.name for field in fields(Parameters))
+"""Names of the parameters in the one order of every row, vector and kernel. No code relies on another one."""
+
+
 def uniform_inertia_ratio(nu: Any) -> Any:
     """rho = 3/(4(1 + nu^2)) of a uniform rectangle, whose c^2 is (a^2 + b^2)/3."""
     return 0.75 / (1.0 + nu**2)
@@ -126,6 +130,11 @@ def _check_heaviest(nu: Any, rho: Any, mu: Any) -> None:
                 f"`mu` must be at most {most.flat[i]:.4g} with Housner's restitution (a heavier bob throws "
                 f"the block back at an impact), but is {bobs.flat[i]:g}"
             )
+
+
+def from_row(x: Any) -> Parameters:
+    """Return the parameters in a row, whose entries may be numbers, arrays or traced values."""
+    return Parameters(**dict(zip(NAMES, x, strict=True)))
 
 
 def check_parameters(p: object, name: str = "p") -> None:

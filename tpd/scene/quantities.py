@@ -15,7 +15,7 @@ import numpy as np
 
 from tpd.core import checks
 from tpd.scene.impacts import housner
-from tpd.scene.parameters import Parameters, unchecked, uniform_inertia_ratio
+from tpd.scene.parameters import NAMES, Parameters, unchecked, uniform_inertia_ratio
 from tpd.scene.scene import (
     Harmonic,
     Pendulum,
@@ -26,8 +26,6 @@ from tpd.scene.scene import (
     dimensionless,
 )
 
-NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e", "rho")
-"""Dimensionless parameters that can be varied, in the order of a vector of parameters."""
 QUANTITIES: dict[str, tuple[str, ...]] = {
     "width": ("nu", "rho", "xi"),
     "height": ("nu", "rho", "xi", "lam"),
@@ -73,11 +71,6 @@ def parameters_of(subject: Parameters | Scene, pendulum: Pendulum | None = None)
 def bare_parameters_of(subject: Parameters | Scene) -> Parameters:
     """The parameters of a subject without its pendulum."""
     return subject.parameters() if isinstance(subject, Scene) else replace(subject, mu=0.0)
-
-
-def parameters(x: Any) -> Parameters:
-    """Return the parameters in a vector in the order of NAMES."""
-    return Parameters(**dict(zip(NAMES, x, strict=True)))
 
 
 def with_design(p: Parameters, design: Any) -> Parameters:
@@ -196,7 +189,8 @@ class Setup:
         p = self.numbers(varied)
         rho = uniform_inertia_ratio(p["nu"]) if p.get("rho") is None else p["rho"]
         e = housner(p["nu"], rho, p["mu"]) if p["e"] is None else p["e"]
-        return [*(p[n] for n in NAMES[:-2]), e, rho]
+        full = {**p, "rho": rho, "e": e}
+        return [full[n] for n in NAMES]
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.reference import NAMES, EventDriven
+from tests.reference import NAMES, EventDriven, settled
 from tpd.core import files
-from tpd.models import nonlinear_entry
-from tpd.models.compiled_nonlinear import settle_nonlinear
+from tpd.exact import nonlinear_entry
 
 
 def scenes(kind, count, seed=4):
@@ -31,7 +30,7 @@ def scenes(kind, count, seed=4):
 @pytest.mark.parametrize("kind", ["hung", "bare", "impacts", "hung impacts"])
 def test_random_motions_are_those_of_the_event_loop(kind):
     p, y0 = scenes(kind, 8)
-    found = settle_nonlinear(p, y0, periods=3, rtol=1e-11)
+    found = settled(tpd.Terms.nonlinear, p, y0, periods=3, rtol=1e-11)
     kinds, compared = set(), 0
     for i in np.flatnonzero(found.elapsed == 3):
         x = [float(np.broadcast_to(getattr(p, name), 8)[i]) for name in NAMES]
@@ -56,7 +55,7 @@ def test_growing_shaking_at_any_phase_is_that_of_the_event_loop(ramp):
         np.array([0.0, 0.3, 0.9]) * period,
         0.1 * np.array([[0.2, 0, 0, 0], [0, 1, 0, 0], [-1, 0, 1, 0]]),
     )
-    found = settle_nonlinear(p, y0, periods=3, rtol=1e-11, begin=begin, ramp=ramp)
+    found = settled(tpd.Terms.nonlinear, p, y0, periods=3, rtol=1e-11, begin=begin, ramp=ramp)
     for i in range(3):
         loop = EventDriven(x, growth=ramp * period, nonlinear=True)
         expected = loop.run(y0[i], np.array([begin[i], 3 * period]), quiet=1e-4)

@@ -15,8 +15,22 @@ import numba
 import numpy as np
 
 from tpd.exact import follow, repetition
+from tpd.exact import nonlinear_series as series
 from tpd.exact.arcs import forcing_at, load_at, span_of, steady
+from tpd.exact.compiling import checksum
 from tpd.exact.contact_kernel import bob_change, mode_of, sign, velocity_ratio
+from tpd.exact.custom_call import (
+    BEGIN,
+    RAMP,
+    SETTINGS,
+    api_version,
+    at,
+    on_host,
+    pieces,
+    places_in,
+    rows_of,
+    usual,
+)
 from tpd.exact.follow import ARRIVED, EXHAUSTED, FOLLOWED, LOST, forcing_now, put_results
 from tpd.exact.motion import (
     FIRST_PIECE,
@@ -33,28 +47,13 @@ from tpd.exact.motion import (
     restart,
 )
 from tpd.exact.plant import PLANT, compiled, part, stored
-from tpd.exact.repetition import LONGEST, SETTLED
+from tpd.exact.repetition import LONGEST, NEWEST, SETTLED
 from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_RATE, TILT, TILT_RATE
-from tpd.models import nonlinear_series as series
-from tpd.models.compiling import checksum
-from tpd.models.custom_call import (
-    BEGIN,
-    RAMP,
-    SETTINGS,
-    api_version,
-    at,
-    on_host,
-    pieces,
-    places_in,
-    rows_of,
-    settings,
-    usual,
-)
 
-__all__ = ["CALL", "FOLLOWED", "SETTINGS", "SETTLED", "run", "settings"]
+__all__ = ["CALL", "FOLLOWED", "SETTINGS", "SETTLED", "run"]
 
 SETTLE, SHAKE = range(2)
-"""Tasks; the first number of every row of settings. Operands and results are those of `exact_entry`."""
+"""Tasks; the first number of every row of settings. Operands and results are those of `linear_entry`."""
 STILL = 1e-3
 """Share of its scale by which the bob's swing may change in a period under a block called at rest."""
 MAX_STEPS = 20_000
@@ -226,9 +225,10 @@ def _settle(q, m, w, s, since, ramp, out):
     """Follow one motion from its state at tau = `since` until it repeats, rests, is lost, or the periods of
     the settings `s` have elapsed; see `tpd.exact.settle.settle`."""
     y, cubics, scales, events = m.y, np.empty((0, 4)), repetition.scales_of(q), int(s.events)
-    w.period, w.rate, w.swing, w.relative = 2.0 * math.pi / q.xi, scales[2], scales[3], NO
+    w.period, w.relative = 2.0 * math.pi / q.xi, NO
+    w.rate, w.swing = scales[TILT_RATE], scales[SWING_RATE]
     past, peaks = np.zeros(LONGEST, repetition.PERIOD), np.zeros(2)
-    put(y, past[0].y)
+    put(y, past[NEWEST].y)
     clear(m)
     f, grown = repetition.shaking_in(ramp, w.period, 0.0, since, cubics)
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
@@ -244,7 +244,7 @@ def _settle(q, m, w, s, since, ramp, out):
         # Nothing that was met before the shaking became steady counts as a repetition, or as rest.
         steadily = f.rate == 0.0 and ended == ARRIVED
         repeats = repetition.repeats_after(q, y, past, known, scales, s.tolerance) if steadily else 0
-        rests = steadily and known > 0 and _stays(q, m, past[0].y)
+        rests = steadily and known > 0 and _stays(q, m, past[NEWEST].y)
         known = repetition.remember(past, known if steadily else 0, y, peak, stroke, m.held)
         if ended == BROKEN or not finite(y):
             status = repetition.FAILED
@@ -318,11 +318,11 @@ def _entrance(version: int, api: int) -> Any:
             _run(a, first, last)
         return version if by_host else 0
 
-    # Numbers from outside the function are part of the key of Numba's store, see `exact_entry`.
+    # Numbers from outside the function are part of the key of Numba's store, see `linear_entry`.
     return stored(call, numba.cfunc, "int64(int64)")
 
 
-CALL = _entrance(checksum("nonlinear_"), api_version())
+CALL = _entrance(checksum(), api_version())
 """The entrance, an FFI handler of XLA's."""
 run = on_host(CALL)
 """Function that answers the host: first and last row, then the operands and results of a task."""

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import solve_banded
 
-from tpd.exact.terms import RELEASE, REST, SLIP, XI
-from tpd.models import compiling
+from tpd.exact.calling import LINEAR
+from tpd.exact.terms import LASTS, PHASE, RELEASE, REST, SLIP, XI
 
 _STEPS = 21
 """Most steps of Newton's method."""
@@ -65,10 +65,7 @@ class Orbit(NamedTuple):
 
 def _run(task: str, rows: int, settings: dict[str, Any], *buffers: np.ndarray) -> None:
     """Have the compiled code do a task."""
-    compiling.load("tpd.models.exact_entry")
-    from tpd.models import exact_entry as entry
-
-    entry.run(0, rows, np.array([entry.settings(task=getattr(entry, task), **settings)]), *buffers)
+    LINEAR.entry().run(0, rows, np.array([LINEAR.settings(task, **settings)]), *buffers)
 
 
 def events(x: np.ndarray, y0: np.ndarray, periods: int, most: int, rest_rate: float) -> Events | str:
@@ -76,8 +73,8 @@ def events(x: np.ndarray, y0: np.ndarray, periods: int, most: int, rest_rate: fl
     the name of the status of a motion that has more or is lost."""
     from tpd.exact.events import END, FIRST, SECOND
     from tpd.exact.follow import EXHAUSTED, LOST
+    from tpd.exact.linear_entry import ENDED
     from tpd.exact.motion import LEG
-    from tpd.models.exact_entry import ENDED
 
     legs, ended = np.empty(0, LEG), np.array([(2.0 * most, 0.0)], ENDED)
     limits = {"periods": periods, "events": most, "rest_rate": rest_rate}
@@ -162,8 +159,8 @@ def polish(x: np.ndarray, cycle: Cycle, periods: int, scale: np.ndarray) -> Orbi
     sizes = np.array([*scale, 1.0, 2.0 * np.pi * periods / x[XI]])
     while True:
         ends, blocks, _ = traverse(x + directions[:, 6:], links, arcs + directions[:, None, :6])
-        ends[:, :5] -= np.roll(arcs[:, :5], -1, axis=0)
-        ends[-1, 4] -= 2.0 * np.pi * periods
+        ends[:, :LASTS] -= np.roll(arcs[:, :LASTS], -1, axis=0)
+        ends[-1, PHASE] -= 2.0 * np.pi * periods
         # The step, and by the implicit function theorem the derivatives at the root: dx = -J^-1 dR.
         both = _solved(blocks[:, :, :6], np.concatenate([ends[:, :, None], blocks[:, :, 6:]], axis=2))
         if both is None:
@@ -175,7 +172,7 @@ def polish(x: np.ndarray, cycle: Cycle, periods: int, scale: np.ndarray) -> Orbi
             break
     if not moved < _CONVERGED:
         return None
-    met = traverse(x[None], links, arcs[None], surveyed=True)[2]
+    _, _, met = traverse(x[None], links, arcs[None], surveyed=True)
     if not np.all(met["inside"]):
         return None
     leaving = np.column_stack([met[f"v{i}"] for i in range(4)])
@@ -207,6 +204,6 @@ def _monodromy(blocks: np.ndarray, leaving: np.ndarray) -> np.ndarray:
     # With dt = -(derivative of the event's signal)/(its rate) that is the saltation matrix of each link.
     whole = np.eye(4)
     for block, after in zip(blocks, np.roll(leaving, -1, axis=0), strict=True):
-        late = -block[5, :4] / block[5, 5]
-        whole = (block[:4, :4] + np.outer(block[:4, 5] - after, late)) @ whole
+        late = -block[LASTS, :PHASE] / block[LASTS, LASTS]
+        whole = (block[:PHASE, :PHASE] + np.outer(block[:PHASE, LASTS] - after, late)) @ whole
     return whole

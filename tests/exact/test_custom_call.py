@@ -8,17 +8,18 @@ import numba
 import numpy as np
 import pytest
 
-from tpd.models import custom_call
-from tpd.models.custom_call import FIELDS, FRAME, SETTINGS, api_version, settings
+from tpd.exact import custom_call
+from tpd.exact.calling import LINEAR
+from tpd.exact.custom_call import FIELDS, FRAME, SETTINGS, api_version
 
 
 def test_settings_are_a_row_by_name_and_no_other_name_passes():
-    row = np.array(tuple(settings(task=3, free=2.5)), SETTINGS)
-    assert row["task"] == 3.0
+    row = np.array(tuple(LINEAR.settings("SHAKE", free=2.5)), SETTINGS)
+    assert row["task"] == LINEAR.entry().SHAKE == 3.0
     assert row["free"] == 2.5
     assert sum(row[name] for name in FIELDS) == 5.5
     with pytest.raises(TypeError, match="there are no settings freely, tasks"):
-        settings(freely=1.0, tasks=2.0)
+        LINEAR.settings("SHAKE", freely=1.0, tasks=2.0)
 
 
 def test_the_version_is_that_which_the_installed_xla_declares():

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from tpd.core import files
-from tpd.models import compiling
+from tpd.exact import compiling
 
 
 @pytest.mark.mends("what the processes that compile have to say was lost")
@@ -47,7 +47,7 @@ if sys.argv[0] == "-c":
 def test_a_process_that_compiles_ends_with_the_command(tmp_path, number):
     (tmp_path / "endless.py").write_text(ENDLESS)
     work = "import signal, sys, time; signal.signal(signal.SIGINT, signal.SIG_DFL)\n"
-    work += "from pathlib import Path; from tpd.models import compiling\n"
+    work += "from pathlib import Path; from tpd.exact import compiling\n"
     work += "compiling.compile_beside(Path(sys.argv[1]), ('endless',)); time.sleep(600)"
     with socket.create_server(("127.0.0.1", 0)) as told:
         told.settimeout(60.0)
@@ -110,18 +110,18 @@ def imported(module, known):
     if path not in known:
         known.add(path)
         for node in ast.parse(path.read_text()).body:
-            if isinstance(node, ast.ImportFrom) and str(node.module).startswith(("tpd.exact", "tpd.models")):
-                whole = node.module in ("tpd.exact", "tpd.models")
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith(("tpd.exact", "tpd.scene")):
+                whole = node.module in ("tpd.exact", "tpd.scene")
                 for name in node.names if whole else ():
                     imported(f"{node.module}.{name.name}", known)
                 imported(node.module, known)
     return known
 
 
-@pytest.mark.parametrize("kind", ["exact_", "nonlinear_", "orbit_"])
-def test_stored_code_is_that_of_all_sources(kind):
-    others = imported(f"tpd.models.{kind}entry", set()) - set(compiling.sources(kind))
-    assert {path.name for path in others} <= {"compiling.py", "__init__.py"}
+@pytest.mark.parametrize("module", compiling.HARMONIC)
+def test_stored_code_is_that_of_all_sources(module):
+    others = imported(module, set()) - set(compiling.sources())
+    assert {path.name for path in others} <= {"__init__.py"}
 
 
 @pytest.mark.parametrize("module", sorted({*compiling.HARMONIC, *compiling.GROUND}))

@@ -18,7 +18,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.core.batch import PIECE, shared
-from tpd.models import compiling
+from tpd.exact import compiling
+from tpd.exact.rows import row_of
+from tpd.scene.parameters import Parameters
 
 Trial = Callable[[Any], tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]]
 """Shapes of the results and operands of a motion that is tried, from the module with the entrance."""
@@ -36,13 +38,14 @@ def numbers_in(record: np.dtype) -> int:
 
 def parts(numbers: Any, record: np.dtype) -> Any:
     """Fields of a record of floats, or of a batch of them, by name. The record is an array's last axis.
-    Complex numbers have one more axis, of both parts."""
+    Complex numbers have one more axis, of both parts, and records within it one of their floats."""
     found, fields = {}, cast("Any", record.fields)
     for name, (kind, begin) in fields.items():
         place = begin // 8
         size = kind.itemsize // 8
-        own = (*kind.shape, 2) if kind.base.kind == "c" else kind.shape
-        found[name] = numbers[..., place : place + size].reshape(*numbers.shape[:-1], *own)
+        own = {"c": (2,), "V": (numbers_in(kind.base),)}.get(kind.base.kind, ())
+        shape = *numbers.shape[:-1], *kind.shape, *own
+        found[name] = numbers[..., place : place + size].reshape(shape)
     return SimpleNamespace(**found)
 
 
@@ -68,6 +71,19 @@ class Compiled:
             self._entry = sys.modules[self._module]
         return self._entry
 
+    def settings(self, task: str, **values: Any) -> list[Any]:
+        """Return a row of settings for a task, given by their names; the others are zero.
+
+        Raises:
+            TypeError: a name that is none of a setting, which is an error of the package.
+        """
+        entry = self.entry()
+        values["task"] = getattr(entry, task)
+        row = [values.pop(name, 0.0) for name in entry.SETTINGS.names]
+        if values:
+            raise TypeError(f"there are no settings {', '.join(values)}")
+        return row
+
     def direct(self) -> bool:
         """Whether XLA can call the code: it answers a trial as the call from the host does."""
         # Two threads that ask at once must not both register it.
@@ -80,8 +96,8 @@ class Compiled:
         entry, why = self.entry(), "its answer to a trial is wrong"
         try:
             jax.ffi.register_ffi_target(self._target, jax.ffi.pycapsule(entry.CALL.address), platform="cpu")
-            shapes, operands = self._trial(entry)
-            cpu = jax.local_devices(backend="cpu")[0]
+            shapes, operands = self._trial(self)
+            cpu, *_ = jax.local_devices(backend="cpu")
             # The question may come while something is traced.
             with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):
                 found = jax.ffi.ffi_call(self._target, shapes)(*operands)
@@ -102,7 +118,8 @@ class Compiled:
         run = self.entry().run
         wide = [np.asarray(x, dtype=float) for x in operands]
         # Settings come first, one row for a motion.
-        batch = wide[0].shape[:-1]
+        settings, *_ = wide
+        batch = settings.shape[:-1]
         rows = int(np.prod(batch))
         flat = [np.ascontiguousarray(x.reshape(rows, *x.shape[len(batch) :])) for x in wide]
         out = [np.zeros((rows, *s.shape)) for s in shapes]
@@ -144,3 +161,33 @@ class Compiled:
         if all(device.platform == "cpu" for device in jax.devices()):
             return by_xla(*wide)
         return jax.lax.platform_dependent(*wide, cpu=by_xla, default=by_host)
+
+
+_TRIED = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.0, rho=0.7, e=0.9)
+"""Parameters of the trials that tell whether XLA can call the compiled code."""
+
+
+def _period(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
+    """A motion that is followed for one period."""
+    settings = np.array(of.settings("SETTLE", periods=1.0, events=100.0, rest_rate=2e-7, rtol=1e-8))
+    return (shape(numbers_in(of.entry().SETTLED)),), (settings, row_of(_TRIED), np.zeros(4), np.zeros(2))
+
+
+def _way(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
+    """A way from turn to turn: of an orbit, places that mean nothing are left as they were."""
+    settings = np.array(of.settings("SURVEY"))
+    return (shape(numbers_in(of.entry().SURVEYED)),), (settings, row_of(_TRIED), np.array([0.7, 0.3, 0.0]))
+
+
+LINEAR = Compiled("tpd.exact.linear_entry", "tpd_exact", "the linear equations", _period)
+"""Entrance to the compiled code of the linear equations."""
+NONLINEAR = Compiled("tpd.exact.nonlinear_entry", "tpd_nonlinear", "the nonlinear equations", _period)
+"""Entrance to that of the nonlinear equations, which has the tasks `SETTLE` and `SHAKE`."""
+ORBITS = Compiled("tpd.exact.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _way)
+"""Entrance to that of symmetric orbits."""
+
+
+def load_compiled() -> None:
+    """Load the compiled code of both equations, or compile it where there is none on this machine."""
+    LINEAR.direct()
+    NONLINEAR.entry()

@@ -23,6 +23,10 @@ PHI, V, PSI, R, APART, LEAN, FORCE = places(7)
 _A, _B, _SIN, _COS, _S, _C, _VV, _RR, _R1, _R2, _DET, _ACC, _SWING = places(20, 7)
 """Rows of the parts of (4): moments of weight and of forcing, sine and cosine of psi, S and C of the lever
 arms, squares of both rates, right-hand sides, determinant, accelerations."""
+VALUE, _SLOPE = places(2)
+"""Columns of the coefficients of orders zero and one: value and slope at the start of the series."""
+_OF_BLOCK, _OF_BOB, _OF_HELD = places(3)
+"""Places of the errors that are allowed: of the rates of block and bob, and of the moment on a held block."""
 UP, DOWN = places(22, 20)
 """Rows of the signals that release a held block."""
 ROWS = 22
@@ -53,7 +57,7 @@ def prepare(x, s, q, w):
     """Put the coefficients of the parameters `x`, and limits of the settings `s`, into plant and memory."""
     coefficients(x, q)
     q.slack = SLACK * (q.k + q.weight)
-    w.rtol, w.capture, w.inverse[2] = s.rtol, s.rest_rate * q.nu, 1.0 / (s.rtol * (q.weight + q.k))
+    w.rtol, w.capture, w.inverse[_OF_HELD] = s.rtol, s.rest_rate * q.nu, 1.0 / (s.rtol * (q.weight + q.k))
     # A tolerance costs least with half as many orders as it has digits in base e, and some for the work that
     # a step has beside its series.
     w.order = max(4, min(ORDERS - 2, 4 + int(-0.5 * math.log(s.rtol))))
@@ -66,7 +70,8 @@ def _put_forcing(q, e, order, c):
     if e.xi == 0.0:
         for n in range(4, order + 1):
             force[n] = 0.0
-        force[0], force[1], force[2], force[3] = q.f * e.e0, q.f * e.e1, q.f * e.e2, q.f * e.e3
+        for n, coefficient in enumerate((e.e0, e.e1, e.e2, e.e3)):
+            force[n] = q.f * coefficient
         return
     sine, cosine, before = q.f * math.sin(e.phase), q.f * math.cos(e.phase), 0.0
     for n in range(order + 1):
@@ -79,8 +84,8 @@ def _put_forcing(q, e, order, c):
 @compiled
 def _term(c, n, inverse):
     """Largest coefficient of order n over what is allowed: of both rates, and of a held block's signals."""
-    rates = max(abs(c[V, n]) * inverse[0], abs(c[R, n]) * inverse[1])
-    return max(rates, max(abs(c[UP, n]), abs(c[DOWN, n])) * inverse[2])
+    rates = max(abs(c[V, n]) * inverse[_OF_BLOCK], abs(c[R, n]) * inverse[_OF_BOB])
+    return max(rates, max(abs(c[UP, n]), abs(c[DOWN, n])) * inverse[_OF_HELD])
 
 
 @compiled
@@ -94,11 +99,16 @@ def _put_slipping(q, m, left, w):
     """Put the series of a block that moves into the memory, and return its order: the largest, or one that
     does for the time `left`."""
     c, pull, rho, weight, lever = w.series, -0.5 * q.m12, -0.5 * q.m21, m.tilt * q.weight, m.tilt * q.nu
-    sp, cp, sq, cq = math.sin(c[PHI, 0]), math.cos(c[PHI, 0]), math.sin(c[PSI, 0]), math.cos(c[PSI, 0])
+    sp, cp, sq, cq = (
+        math.sin(c[PHI, VALUE]),
+        math.cos(c[PHI, VALUE]),
+        math.sin(c[PSI, VALUE]),
+        math.cos(c[PSI, VALUE]),
+    )
     sine, cosine = sp * cq - cp * sq, cp * cq + sp * sq
-    c[_A, 0], c[_B, 0] = q.up * sp - weight * cp, weight * sp + q.up * cp
-    c[_SIN, 0], c[_COS, 0] = sq, cq
-    c[_S, 0], c[_C, 0] = lever * sine + 2.0 * cosine, lever * cosine - 2.0 * sine
+    c[_A, VALUE], c[_B, VALUE] = q.up * sp - weight * cp, weight * sp + q.up * cp
+    c[_SIN, VALUE], c[_COS, VALUE] = sq, cq
+    c[_S, VALUE], c[_C, VALUE] = lever * sine + 2.0 * cosine, lever * cosine - 2.0 * sine
     still, whole, product = -m.way * q.k, q.m11 * q.m22, pull * rho
     by_det, power, former = 0.0, 1.0, 1.0
     for n in range(w.order):
@@ -130,18 +140,18 @@ def _put_slipping(q, m, left, w):
             db += c[_DET, j] * c[_SWING, i]
         # The order of the equations: right-hand sides, then both accelerations through the determinant.
         c[_VV, n], c[_RR, n], c[_DET, n] = vv, rr, -product * ss
-        crr += c[_C, 0] * rr
-        cvv += c[_C, 0] * vv
+        crr += c[_C, VALUE] * rr
+        cvv += c[_C, VALUE] * vv
         c[_R1, n] = c[_A, n] - gb - pull * crr - q.c1 * c[LEAN, n]
         c[_R2, n] = gc - c[_SIN, n] + rho * cvv + q.c2 * c[LEAN, n]
         if n == 0:
-            c[_R1, 0] += still
+            c[_R1, VALUE] += still
             by_det = 1.0 / (whole - product * ss)
         else:
-            da += c[_DET, n] * c[_ACC, 0]
-            db += c[_DET, n] * c[_SWING, 0]
-        sr1 += c[_S, 0] * c[_R1, n]
-        sr2 += c[_S, 0] * c[_R2, n]
+            da += c[_DET, n] * c[_ACC, VALUE]
+            db += c[_DET, n] * c[_SWING, VALUE]
+        sr1 += c[_S, VALUE] * c[_R1, n]
+        sr2 += c[_S, VALUE] * c[_R2, n]
         c[_ACC, n] = by_det * (q.m22 * c[_R1, n] + pull * sr2 - da)
         c[_SWING, n] = by_det * (q.m11 * c[_R2, n] + rho * sr1 - db)
         by = 1.0 / (n + 1.0)
@@ -161,9 +171,9 @@ def _put_held(q, m, left, w):
     """Put the series of the bob under a held block into the memory, with the signals that are positive until
     the block is let go, and return its order."""
     c = w.series
-    sp, cp = math.sin(c[PHI, 0]), math.cos(c[PHI, 0])
+    sp, cp = math.sin(c[PHI, VALUE]), math.cos(c[PHI, VALUE])
     up, down = (1.0, -1.0) if m.kind == REST else (m.tilt, m.tilt)
-    c[_SIN, 0], c[_COS, 0] = math.sin(c[PSI, 0]), math.cos(c[PSI, 0])
+    c[_SIN, VALUE], c[_COS, VALUE] = math.sin(c[PSI, VALUE]), math.cos(c[PSI, VALUE])
     hold, pull, power, former = q.k + q.slack, -0.5 * q.m12, 1.0, 1.0
     for n in range(w.order + 1):
         gc = s1 = c1 = rr = sa = ca = srr = crr = 0.0
@@ -203,9 +213,9 @@ def put(q, m, e, left, w):
     """Put the series of a motion from its state on, under the forcing `e`, into the memory. Return its order,
     and the time, at most `left`, for which it is as exact as is allowed; NaN where it is not finite."""
     y, c, inverse, least = m.y, w.series, w.inverse, math.inf
-    c[PHI, 0], c[PSI, 0], c[V, 0], c[R, 0] = y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE]
-    inverse[0] = 1.0 / (w.rtol * max(0.1 * w.rate, abs(y[TILT_RATE])))
-    inverse[1] = 1.0 / (w.rtol * max(0.1 * w.swing, abs(y[SWING_RATE])))
+    c[PHI, VALUE], c[PSI, VALUE], c[V, VALUE], c[R, VALUE] = y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE]
+    inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(0.1 * w.rate, abs(y[TILT_RATE])))
+    inverse[_OF_BOB] = 1.0 / (w.rtol * max(0.1 * w.swing, abs(y[SWING_RATE])))
     _put_forcing(q, e, w.order, c)
     order = _put_slipping(q, m, left, w) if m.kind == SLIP else _put_held(q, m, left, w)
     for n in range(order + 1 if w.relative else 0):
@@ -321,7 +331,7 @@ def largest_turn(c, row, order, h, known):
     # Most steps are away from the largest angle.
     if bound <= known:
         return best, at
-    way = math.copysign(1.0, c[rate, 0] if c[rate, 0] != 0.0 else c[rate, 1])
+    way = math.copysign(1.0, c[rate, VALUE] if c[rate, VALUE] != 0.0 else c[rate, _SLOPE])
     for _ in range(order):
         t, turns = _descended(c, rate, way, order, _NONE, t, h)
         if not turns:

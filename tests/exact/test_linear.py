@@ -5,17 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import HUNG, LEANING, parameters
+from tests.reference import HUNG, LEANING, parameters, settled
 from tpd import Piecewise, status_name, steady_state
-from tpd.models.compiled_linear import cycle, packed, settle, unpacked
+from tpd.exact.linear import cycle
 from tpd.scene.parameters import as_arrays
-
-
-def test_parameters_come_back_with_ratios_of_their_own():
-    p = as_arrays(parameters((*HUNG[0].x, 0.8)))
-    q = unpacked(packed(p))
-    assert float(q.rho) == float(p.inertia_ratio)
-    np.testing.assert_array_equal(packed(q), packed(p))
+from tpd.theory.equations import Terms
 
 
 def test_reverse_and_forward_mode_agree():
@@ -30,7 +24,7 @@ def test_reverse_and_forward_mode_agree():
 @pytest.mark.parametrize(("x", "y0", "status"), [(HUNG[0].x, (0.0,) * 4, "rocking"), (*LEANING, "held")])
 def test_what_settled_goes_on_from_its_state_and_mode(x, y0, status):
     p = as_arrays(parameters(x))
-    found = settle(p, jnp.array(y0), 500, 200, 1e-8, 2e-7)
+    found = settled(Terms.linear, p, jnp.array(y0), periods=500, events=200, tolerance=1e-8)
     assert status_name(found.status) == status
     again = cycle(p, found, found.y, 200, 2e-7)
     felt = np.array([0, 2])

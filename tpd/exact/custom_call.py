@@ -23,6 +23,7 @@ from numba.np.numpy_support import carray as _carray
 from tpd.exact.arcs import Forcing
 from tpd.exact.motion import NO
 from tpd.exact.plant import compiled, part
+from tpd.exact.terms import MANY
 
 carray: Any = _carray
 FRAME = 16
@@ -49,14 +50,6 @@ count; and whether the derivatives of the largest angles are enough. The others 
 
 BEGIN, RAMP = 0, 1
 """Columns of the times of a motion that settles: when it begins, and how long the shaking grows."""
-
-
-def settings(**values: Any) -> list[Any]:
-    """A row of settings in the order of `FIELDS`; those that are not named are zero."""
-    row = [values.pop(name, 0.0) for name in FIELDS]
-    if values:
-        raise TypeError(f"there are no settings {', '.join(values)}")
-    return row
 
 
 def api_version() -> int:
@@ -101,7 +94,7 @@ def places_in(a):
 def usual(a, rows):
     """The first three operands of motions: settings, parameters and starts."""
     settings, x, start, _, _, _, _, _ = places_in(a)
-    return at(settings, (rows,), SETTINGS), at(x, (rows, 9), np.float64), at(start, (rows, 4), np.float64)
+    return at(settings, (rows,), SETTINGS), at(x, (rows, MANY), np.float64), at(start, (rows, 4), np.float64)
 
 
 @compiled

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.reference import HUNG, along
-from tpd.models.multiple_shooting import Cycle, polish, recorded
+from tpd.exact.multiple_shooting import Cycle, polish, recorded
 
 X = np.array([*HUNG[1].x, 0.75 / (1.0 + HUNG[1].x[0] ** 2), 1.0])
 NEAR = np.array([0.02341, 0.37348, 0.18303, -1.33012])

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from tests.exact.orbits import ROWS
+from tests.exact.orbit_cases import ROWS
 from tests.reference import parameters
-from tpd.models import orbit_entry as entry
-from tpd.models.compiled_orbits import row_of
+from tpd.exact import orbit_entry as entry
+from tpd.exact.rows import row_of
 
 X = np.array([row_of(parameters(row["parameters"])) for row in ROWS[:12]])
 SETTINGS = np.tile([float(entry.SOLVE), 0.0, 0.0, 0.0], (12, 1))

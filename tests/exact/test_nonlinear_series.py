@@ -9,13 +9,13 @@ import pytest
 import tpd
 from tests.exact.plants import entry
 from tests.reference import parameters
+from tpd.exact import nonlinear_series as series
 from tpd.exact.arcs import Load
 from tpd.exact.motion import MOTION
+from tpd.exact.nonlinear_series import ORDERS, PHI, PSI, ROWS, R, V
 from tpd.exact.plant import PLANT, coefficients
+from tpd.exact.rows import row_of
 from tpd.exact.terms import REST, SLIP, STICK
-from tpd.models import nonlinear_series as series
-from tpd.models.compiled_linear import packed
-from tpd.models.nonlinear_series import ORDERS, PHI, PSI, ROWS, R, V
 from tpd.theory.equations import Equations
 
 ORDER = 24
@@ -62,7 +62,7 @@ def test_a_series_solves_the_equations(held, growth):
     for p, y, t in motions():
         y = y * [1.0, 1.0, 0.0, 1.0] if held else y
         c = np.zeros((ROWS, ORDERS))
-        (order, h), _ = solved(np.asarray(packed(p)), y, held, np.array(growth), t, 1e-13, c)
+        (order, h), _ = solved(row_of(p), y, held, np.array(growth), t, 1e-13, c)
         assert 0.05 < h <= 9.0
         for share in (0.0, 0.6):
             state, slope = at(c, order, share * h)
@@ -118,7 +118,7 @@ def test_the_largest_angle_is_that_of_many_samples():
     met = 0
     for p, y, t in motions():
         c = np.zeros((ROWS, ORDERS))
-        (order, h), _ = solved(np.asarray(packed(p)), y, False, np.array([1.0, 0.0]), t, 1e-9, c)
+        (order, h), _ = solved(row_of(p), y, False, np.array([1.0, 0.0]), t, 1e-9, c)
         angle, when = largest_turn(c, PSI, order, h, 0.0)
         values = np.polynomial.polynomial.polyval(
             np.array([when, *np.linspace(0.0, h, 4001)]), c[PSI, : order + 1]

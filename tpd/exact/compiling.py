@@ -19,9 +19,9 @@ from typing import IO
 
 from tpd.core import files
 
-HARMONIC = ("tpd.models.orbit_entry", "tpd.models.exact_entry", "tpd.models.nonlinear_entry")
+HARMONIC = ("tpd.exact.orbit_entry", "tpd.exact.linear_entry", "tpd.exact.nonlinear_entry")
 """Modules with the compiled code of motions under a harmonic."""
-GROUND = ("tpd.models.exact_entry", "tpd.models.nonlinear_entry")
+GROUND = ("tpd.exact.linear_entry", "tpd.exact.nonlinear_entry")
 """Modules of motions under pulses and records."""
 _COMMAND = """
 import os, sys, threading, warnings
@@ -29,7 +29,7 @@ import os, sys, threading, warnings
 threading.Thread(target=lambda: os.read(0, 1) or os._exit(1), daemon=True).start()
 sys.excepthook = lambda *_: None
 warnings.showwarning = lambda text, kind, *_: kind is UserWarning and print(text, file=sys.stderr)
-from tpd.models.compiling import load
+from tpd.exact.compiling import load
 load(sys.argv[2])
 open(sys.argv[1], "w", encoding="utf-8").write(sys.argv[3])
 """
@@ -38,20 +38,17 @@ _running: dict[str, tuple[subprocess.Popen[bytes], IO[bytes]]] = {}
 errors of a command would wait for the end of all processes that hold its pipe."""
 
 
-def sources(*kinds: str) -> list[Path]:
-    """Files that are compiled, or call what is: the engine, and of `models` those whose names begin with one
-    of `kinds`."""
-    package = Path(__file__).parent.parent
-    chosen = (
-        f for f in sorted((package / "models").glob("*.py")) if f.name.startswith((*kinds, "custom_call"))
-    )
-    return [*sorted((package / "exact").glob("*.py")), package / "scene" / "impacts.py", *chosen]
+def sources() -> list[Path]:
+    """Files that are compiled, or call what is."""
+    folder = Path(__file__).parent
+    scene = folder.parent / "scene"
+    return [*sorted(folder.glob("*.py")), scene / "impacts.py", scene / "parameters.py"]
 
 
-@lru_cache(maxsize=8)
-def checksum(*kinds: str) -> int:
+@lru_cache(maxsize=1)
+def checksum() -> int:
     """Checksum of `sources`."""
-    return zlib.crc32(b"".join(f.read_bytes() for f in sources(*kinds)))
+    return zlib.crc32(b"".join(f.read_bytes() for f in sources()))
 
 
 def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
@@ -61,7 +58,7 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
         OSError: no process can be started.
     """
     # Numba's store belongs to one installation, or is the folder that the environment names.
-    version, chosen = str(checksum("exact_", "nonlinear_", "orbit_")), os.environ.get("NUMBA_CACHE_DIR")
+    version, chosen = str(checksum()), os.environ.get("NUMBA_CACHE_DIR")
     store = Path(chosen, "tpd").absolute() if chosen else Path(__file__).parent / "__pycache__"
     try:
         if chosen or os.access(store, os.W_OK):

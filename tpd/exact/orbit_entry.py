@@ -7,6 +7,8 @@ from typing import Any
 import numba
 import numpy as np
 
+from tpd.exact.compiling import checksum
+from tpd.exact.custom_call import api_version, at, on_host, places_in, rows_of
 from tpd.exact.motion import FIRST_PIECE
 from tpd.exact.plant import part, stored
 from tpd.exact.symmetric_orbit_kernel import (
@@ -14,7 +16,7 @@ from tpd.exact.symmetric_orbit_kernel import (
     NUMBERS,
     ORBIT,
     ORBITS,
-    SAMPLES,
+    SURVEYED,
     VANISHING,
     WORK,
     differentiate,
@@ -22,15 +24,13 @@ from tpd.exact.symmetric_orbit_kernel import (
     survey,
     vanishing,
 )
-from tpd.models.compiling import checksum
-from tpd.models.custom_call import api_version, at, on_host, places_in, rows_of
+from tpd.exact.terms import MANY
 
 SOLVE, DIFFERENTIATE, VANISH, SURVEY = range(4)
 """Tasks."""
-SETTINGS = np.dtype([(name, np.float64) for name in ("what", "directions", "begin", "end")])
+SETTINGS = np.dtype([(name, np.float64) for name in ("task", "directions", "begin", "end")])
 """A row of settings: the task; for derivatives the number of directions, and the range of sizes that are
 asked for."""
-SURVEYED = SAMPLES + 3
 
 
 @part
@@ -39,14 +39,14 @@ def _run(a, first, last):
     `solve`; orbits, directions and slopes of `differentiate`; (t, gamma, s), numbers and derivatives of
     `vanishing`; the same and numbers of `survey`."""
     settings, design, third, fourth, fifth, _, _, _ = places_in(a)
-    s, x, memory = at(settings, (last,), SETTINGS), at(design, (last, 9), np.float64), np.empty(1, WORK)
-    what, count, work = s[first].what, int(s[first].directions), memory[FIRST_PIECE]
+    s, x, memory = at(settings, (last,), SETTINGS), at(design, (last, MANY), np.float64), np.empty(1, WORK)
+    what, count, work = s[first].task, int(s[first].directions), memory[FIRST_PIECE]
     if what == SOLVE:
         orbits = at(third, (last, ORBITS), ORBIT)
         for n in range(first, last):
             solve(x[n], work, orbits[n])
     elif what == DIFFERENTIATE:
-        orbits, along = at(third, (last, ORBITS), ORBIT), at(fourth, (last, count, 9), np.float64)
+        orbits, along = at(third, (last, ORBITS), ORBIT), at(fourth, (last, count, MANY), np.float64)
         slopes = at(fifth, (last, ORBITS, count, NUMBERS), np.float64)
         for n in range(first, last):
             differentiate(x[n], orbits[n], along[n], int(s[n].begin), int(s[n].end), work, slopes[n])
@@ -56,7 +56,7 @@ def _run(a, first, last):
         for n in range(first, last):
             vanishing(x[n], u[n], work, out[n], by[n])
     else:
-        u, out = at(third, (last, 3), np.float64), at(fourth, (last, SURVEYED), np.float64)
+        u, out = at(third, (last, 3), np.float64), at(fourth, (last,), SURVEYED)
         for n in range(first, last):
             survey(x[n], u[n], work, out[n])
     # A record does not keep its memory, and Numba frees an array after its last use.
@@ -72,10 +72,10 @@ def _entrance(version: int, api: int) -> Any:
             _run(a, first, last)
         return version if by_host else 0
 
-    # Numbers from outside the function are part of the key of Numba's store, see `exact_entry`.
+    # Numbers from outside the function are part of the key of Numba's store, see `linear_entry`.
     return stored(call, numba.cfunc, "int64(int64)")
 
 
-CALL = _entrance(checksum("orbit_"), api_version())
+CALL = _entrance(checksum(), api_version())
 """The entrance, an FFI handler of XLA's."""
 run = on_host(CALL)

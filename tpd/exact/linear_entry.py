@@ -9,7 +9,21 @@ import numba
 import numpy as np
 
 from tpd.exact.arcs import Load, arc_from, beginning, state_at, steady
+from tpd.exact.compiling import checksum
 from tpd.exact.contact_kernel import decide, sign
+from tpd.exact.custom_call import (
+    BEGIN,
+    FIELDS,
+    RAMP,
+    SETTINGS,
+    api_version,
+    at,
+    on_host,
+    pieces,
+    places_in,
+    rows_of,
+    usual,
+)
 from tpd.exact.cycle_kernel import LINK, SURVEY, survey, traverse
 from tpd.exact.follow import FOLLOWED, put_results, through
 from tpd.exact.legs import (
@@ -30,23 +44,8 @@ from tpd.exact.plant import compiled, part, plant, put_plants, stored
 from tpd.exact.repetition import SETTLED
 from tpd.exact.settle import settle
 from tpd.exact.steady import SPARE, STEADY, first_of, memory, steady_state
-from tpd.exact.terms import FAILED, SWING_PULL, TILT, TILT_PULL, TILT_RATE
+from tpd.exact.terms import FAILED, MANY, SWING_PULL, TILT, TILT_PULL, TILT_RATE
 from tpd.exact.trajectory import trajectory
-from tpd.models.compiling import checksum
-from tpd.models.custom_call import (
-    BEGIN,
-    FIELDS,
-    RAMP,
-    SETTINGS,
-    api_version,
-    at,
-    on_host,
-    pieces,
-    places_in,
-    rows_of,
-    settings,
-    usual,
-)
 
 __all__ = [
     "CALL",
@@ -58,7 +57,6 @@ __all__ = [
     "SETTLED",
     "STATES",
     "STEADY",
-    "settings",
 ]
 
 SETTLE, PERIODS, TRAJECTORY, SHAKE, HISTORY, LEGS_OF, ARCS, STEADY_STATE = range(8)
@@ -213,17 +211,17 @@ def _arcs(a, first, last):
     """Rows of `traverse` over so many arcs: settings, complex parameters, links, and complex arcs; ends, and
     if the settings ask for slopes, findings about the arcs of the first row."""
     settings, design, chain, begins, ends, findings, _, _ = places_in(a)
-    s, x, own = at(settings, (1,), SETTINGS), at(design, (last, 9), np.complex128), memory()
+    s, x, own = at(settings, (1,), SETTINGS), at(design, (last, MANY), np.complex128), memory()
     many, slopes = int(s[first].pieces), s[first].slopes != 0.0
     links, z = at(chain, (many,), LINK), at(begins, (last, many, 6), np.complex128)
     out, found = at(ends, (last, many, 6), np.complex128), at(findings, (many,), SURVEY)
-    (q, _, room, r), numbers, arc = first_of(own), np.empty(9), np.empty(6)
+    (q, _, room, r), numbers, arc = first_of(own), np.empty(MANY), np.empty(6)
     other = r.plants[FIRST_PIECE]
     for n in range(first, last):
         plant(x[n], other)
         for i in range(many):
             traverse(other, links[i], z[n, i], out[n, i])
-    for j in range(9):
+    for j in range(MANY):
         numbers[j] = x[first, j].real
     plant(numbers, q)
     for i in range(many if slopes else 0):
@@ -269,7 +267,7 @@ def _entrance(version: int, api: int) -> Any:
     return stored(call, numba.cfunc, "int64(int64)")
 
 
-CALL = _entrance(checksum("exact_"), api_version())
+CALL = _entrance(checksum(), api_version())
 """The entrance, an FFI handler of XLA's."""
 run = on_host(CALL)
 """Function that answers the host: first and last row, then the operands and results of a task."""

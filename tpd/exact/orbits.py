@@ -1,7 +1,6 @@
 """Symmetric period-one orbits by compiled scalar code: batches on the host, one call under XLA.
 
-Parameters are rows (nu, mu, lam, zeta, k, f, xi, rho, e) with inertia and velocity ratios of their own, as in
-`tpd.models.compiled_linear`. An orbit is a record with the fields of
+Parameters are rows, see `tpd.exact.rows.row_of`. An orbit is a record with the fields of
 `tpd.exact.symmetric_orbit_kernel.ORBIT`."""
 
 from __future__ import annotations
@@ -12,49 +11,29 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.core import checks
+from tpd.exact.calling import ORBITS, numbers_in, parts, shape
 from tpd.exact.terms import STATUSES
-from tpd.models.calling import Compiled, shape
-from tpd.models.compiled_linear import fields
-from tpd.scene.parameters import Parameters
+from tpd.scene.parameters import NAMES
 
 _PIECE = 16, 256
 """Designs of one piece of work, at least and at most: each takes some 10 µs, and a thread is not worth
 less."""
 
 
-def load() -> Any:
-    """The module with the compiled code, which is compiled where there is none on this machine."""
-    return _CODE.entry()
-
-
-_TRIED = np.array([0.25, 0.1, 0.6, 0.1, 0.05, 0.4, 2.0, 0.7, 0.9]), np.array([0.7, 0.3, 0.0])
-"""A way from turn to turn, to be tried: of an orbit, places that mean nothing are left as they were."""
-_CODE = Compiled(
-    *("tpd.models.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits"),
-    lambda entry: ((shape(entry.SURVEYED),), (_settings(entry.SURVEY), *_TRIED)),
-)
-
-
-def row_of(p: Parameters) -> Any:
-    """Parameters as the compiled code takes them: the last axis of an array, of NumPy's where all are
-    known."""
-    xp = checks.namespace(*fields(p))
-    return xp.stack(xp.broadcast_arrays(*(xp.asarray(x, dtype=float) for x in fields(p))), axis=-1)
-
-
-def _settings(what: int, directions: int = 0, asked: tuple[int, int] = (0, 0)) -> np.ndarray:
-    return np.array([what, directions, *asked], dtype=float)
+def _settings(task: str, directions: int = 0, asked: tuple[int, int] = (0, 0)) -> np.ndarray:
+    begin, end = asked
+    return np.array(ORBITS.settings(task, directions=directions, begin=begin, end=end), dtype=float)
 
 
 def _on_all_cores(
     settings: np.ndarray, workers: int | None, progress: Callable[[int, int], None] | None, *rows: np.ndarray
 ) -> None:
-    n = len(rows[0])
-    settings = np.ascontiguousarray(np.broadcast_to(settings, (n, len(settings))))
-    _CODE.in_threads(n, workers, progress, settings, *rows, piece=_PIECE)
+    x, *_ = rows
+    settings = np.ascontiguousarray(np.broadcast_to(settings, (len(x), len(settings))))
+    ORBITS.in_threads(len(x), workers, progress, settings, *rows, piece=_PIECE)
 
 
-def solve_all(
+def solve_orbits(
     x: np.ndarray, *, workers: int | None = None, progress: Callable[[int, int], None] | None = None
 ) -> np.ndarray:
     """Orbits of the designs `x` (n, 9), on all cores: records (n, 3), the largest first.
@@ -64,39 +43,43 @@ def solve_all(
     """
     if x.ndim != 2 or not len(x):
         raise ValueError(f"numbers of `p` must have shape (n,), but the batch has shape {x.shape[:-1]}")
-    entry, orbits = load(), np.empty((len(x), int(load().ORBITS)), load().ORBIT)
-    _on_all_cores(_settings(entry.SOLVE), workers, progress, np.ascontiguousarray(x, dtype=float), orbits)
+    orbits = np.empty((len(x), int(ORBITS.entry().ORBITS)), ORBITS.entry().ORBIT)
+    _on_all_cores(_settings("SOLVE"), workers, progress, np.ascontiguousarray(x, dtype=float), orbits)
     return orbits
 
 
-def slopes_all(
+def orbit_slopes(
     x: np.ndarray, orbits: np.ndarray, directions: np.ndarray, asked: tuple[int, int]
 ) -> np.ndarray:
     """Derivatives of the sizes of orbits (n, m) of designs `x` (n, 9) in `directions` (n, d, 9), an array
     (n, m, d, sizes): NaN where there is none, or it is outside of the range of places that is `asked` for."""
-    entry, (n, d) = load(), directions.shape[:2]
+    entry, (n, d) = ORBITS.entry(), directions.shape[:2]
     # The kernel takes all orbits of a design: where none is asked for, the status says that there is none.
     every: Any = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)
     every["status"] = STATUSES.index("no_orbit")
-    every[:, : orbits.shape[1]] = orbits
+    _, m = orbits.shape
+    every[:, :m] = orbits
     x, along = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(directions, dtype=float)
     slopes = np.empty((*every.shape, d, int(entry.NUMBERS)))
-    _on_all_cores(_settings(entry.DIFFERENTIATE, d, asked), None, None, x, every, along, slopes)
-    return slopes[:, : orbits.shape[1]]
+    _on_all_cores(_settings("DIFFERENTIATE", d, asked), None, None, x, every, along, slopes)
+    return slopes[:, :m]
 
 
 def solved(x: Any) -> Any:
     """Orbits of the design `x` (9,), known or traced, as numbers (3, numbers of an orbit)."""
-    entry, call = load(), _CODE.on_host if checks.is_concrete(x) else _CODE
-    return call((shape(entry.ORBITS, entry.ORBIT.itemsize // 8),), _settings(entry.SOLVE), x)[0]
+    entry, call = ORBITS.entry(), ORBITS.on_host if checks.is_concrete(x) else ORBITS
+    (out,) = call((shape(entry.ORBITS, numbers_in(entry.ORBIT)),), _settings("SOLVE"), x)
+    return out
 
 
 def slopes(x: Any, orbits: Any, asked: tuple[int, int]) -> Any:
     """Derivatives in all nine parameters of the sizes of the orbits that `solved` has given, (3, 9, sizes),
-    see `slopes_all`."""
-    entry, call = load(), _CODE.on_host if checks.namespace(x, orbits) is np else _CODE
-    settings = _settings(entry.DIFFERENTIATE, 9, asked)
-    return call((shape(entry.ORBITS, 9, entry.NUMBERS),), settings, x, orbits, np.eye(9))[0]
+    see `orbit_slopes`."""
+    entry, n = ORBITS.entry(), len(NAMES)
+    call = ORBITS.on_host if checks.namespace(x, orbits) is np else ORBITS
+    settings = _settings("DIFFERENTIATE", n, asked)
+    (out,) = call((shape(entry.ORBITS, n, entry.NUMBERS),), settings, x, orbits, np.eye(n))
+    return out
 
 
 class Vanishing(NamedTuple):
@@ -114,9 +97,9 @@ class Vanishing(NamedTuple):
 
 def vanishing(u: np.ndarray, x: np.ndarray) -> Vanishing:
     """Numbers that vanish where orbits are lost, at u = (t, gamma, s) and the parameters `x`."""
-    entry = load()
+    entry = ORBITS.entry()
     shapes = shape(entry.VANISHING), shape(entry.VANISHING, entry.MOVED)
-    values, by = _CODE.on_host(shapes, _settings(entry.VANISH), x, u)
+    values, by = ORBITS.on_host(shapes, _settings("VANISH"), x, u)
     return Vanishing(values, by[:, :3], by[:, 3:])
 
 
@@ -137,6 +120,7 @@ class Survey(NamedTuple):
 
 def survey(u: np.ndarray, x: np.ndarray) -> Survey:
     """The way of the solution u = (t, gamma) with the parameters `x`, from turn to turn."""
-    entry = load()
-    (out,) = _CODE.on_host((shape(entry.SURVEYED),), _settings(entry.SURVEY), x, np.append(u, 0.0))
-    return Survey(float(out[0]), float(out[1]), float(out[2]), out[3:])
+    record = ORBITS.entry().SURVEYED
+    (out,) = ORBITS.on_host((shape(numbers_in(record)),), _settings("SURVEY"), x, np.append(u, 0.0))
+    of = parts(out, record)
+    return Survey(float(of.height), float(of.leaving), float(of.arriving), of.rates)

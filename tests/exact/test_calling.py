@@ -11,7 +11,7 @@ import pytest
 import tpd
 from tests.reference import box, parameters
 from tpd import Piecewise, steady_state
-from tpd.models import compiled_linear, compiled_shaken
+from tpd.exact.calling import LINEAR
 
 BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9)
 SCENE = tpd.Scene(BLOCK, tpd.Pulse.one_sine(acceleration=3.0, frequency=1.2))
@@ -41,8 +41,7 @@ def test_without_the_custom_call_the_host_answers(monkeypatch):
         return *jax.jit(jax.vmap(one))(x, y), *jax.value_and_grad(tilt)(0.9)
 
     direct = answers()
-    assert compiled_shaken.EXACT is compiled_linear.EXACT
-    monkeypatch.setattr(compiled_linear.EXACT, "direct", lambda: False)
+    monkeypatch.setattr(LINEAR, "direct", lambda: False)
     try:
         for ours, theirs in zip(answers(), direct, strict=True):
             np.testing.assert_array_equal(ours, theirs)
@@ -51,7 +50,7 @@ def test_without_the_custom_call_the_host_answers(monkeypatch):
 
 
 def test_a_wrong_answer_to_the_trial_is_said(monkeypatch):
-    compiled = compiled_linear.EXACT
+    compiled = LINEAR
     monkeypatch.setattr(compiled, "_works", None)
     monkeypatch.setattr(compiled, "on_host", lambda *_: (np.zeros(3), np.zeros(3)))
     with pytest.warns(UserWarning, match="of the linear equations directly .its answer to a trial is wrong"):
