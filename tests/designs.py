@@ -109,8 +109,9 @@ class NoisyProblem(Problem):
         """Mean tilt over nu without noise."""
         return float(0.2 + 0.5 * np.sum((SPACE.scaled(np.asarray(design)) - [0.6, 0.5, 0.4]) ** 2))
 
-    def stays_at_rest(self):
-        return self.calm
+    @property
+    def rest_margin(self) -> float:
+        return 2.0 if self.calm else 0.5
 
     def candidates(self, progress):
         return SPACE.unscaled(np.random.default_rng(self.seed).uniform(0.0, 1.0, (24, 3))), None

@@ -17,7 +17,6 @@ from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
-from tpd.design.reasons import DesignStatus
 from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco
 from tpd.report import answer, files, words
@@ -72,7 +71,7 @@ def _validated(
         said = [check(job.scene, pendulum, stroke=stroke, models=models, progress=bar).table(), ""]
     # No pendulum is an answer only where none is needed, under all conditions of the job.
     if problem.stays_at_rest():
-        return [*said, DesignStatus.no_uplift.value], True
+        return [*said, answer.needless(problem)], True
     if pendulum is None:
         return [*said, "NOT RECOMMENDED: the report has no pendulum."], False
     found = validate(problem, problem.ratios(pendulum), thorough=True, progress=bar)

@@ -27,11 +27,12 @@ from tpd.design.criteria import (
     Stroke,
     Worth,
 )
-from tpd.design.problem import MOST_MOTIONS, Problem, complete
+from tpd.design.problem import MOST_MOTIONS, Problem, complete, margin_of_rest
 from tpd.design.reasons import DesignStatus
 from tpd.design.settings import DEFAULT_SPACE, HELD_OUT, SCATTERED, GroundSearch
 from tpd.exact.rows import row_of
 from tpd.exact.runs import GroundForcing, follow
+from tpd.exact.terms import F
 from tpd.records.intensity import intensity_of
 from tpd.records.reading import BUILT_IN
 from tpd.scene.conditions import Conditions, latin_hypercube, under_all
@@ -57,6 +58,8 @@ LEAST_EARTHQUAKES = 5
 between earthquakes is hardly known."""
 _OUTCOMES = np.array([Outcome.stood, Outcome.rocked, Outcome.overturned, Outcome.event_bound, Outcome.failed])
 """Names of outcomes by the numbers of the compiled code, see `tpd.exact.terms`."""
+_MASSLESS = np.array([0.0, 1.0, 0.3])
+"""A bob without mass, which the block does not feel."""
 _EVENTS = 20_000
 """Events of a trial run beyond one for each piece: a bob that swings for long needs no more."""
 
@@ -200,9 +203,11 @@ class GroundMotionProblem(Problem):
             return DesignStatus.tuned_only
         return DesignStatus.found if min(tuned, held) >= LEAST_EARTHQUAKES else DesignStatus.too_few
 
-    def stays_at_rest(self) -> bool:
-        """See `Problem.stays_at_rest`: by the closed form of uplift within every piece of every motion."""
-        return bool(np.all(self._nominal(None).peak == 0.0))
+    @property
+    def rest_margin(self) -> float:
+        """See `Problem.rest_margin`."""
+        q, rows = self._rows(_MASSLESS, self.scene, self.conditions)
+        return margin_of_rest(q.nu, q.k, rows[:, F])
 
     def candidates(self, progress: Progress) -> tuple[np.ndarray, None]:
         """See `Problem.candidates`: designs spread over the space."""
@@ -285,7 +290,7 @@ class GroundMotionProblem(Problem):
         """Follow a design from rest through the motions of all conditions, and freely afterwards."""
         most = MAX_EVENTS if equations == Terms.nonlinear.value else _EVENTS
         # A bob without mass does not act on the block, and shares its scattered properties.
-        row = np.array([0.0, 1.0, 0.3]) if design is None else design
+        row = _MASSLESS if design is None else design
         q, rows = self._rows(row, scene, conditions)
         pieces = [np.asarray(m.pieces(), dtype=float) for m in conditions.motions]
         forcing = GroundForcing(pieces, FREE * float(scene.rate), np.asarray(conditions.which))

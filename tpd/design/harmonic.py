@@ -17,7 +17,6 @@ from tpd.core.batch import aside
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import (
     DEFAULT_LIMITS,
-    REST,
     DesignSpace,
     Evaluation,
     Objective,
@@ -30,7 +29,7 @@ from tpd.design.criteria import (
 )
 from tpd.design.job import Job
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
-from tpd.design.problem import MOST_MOTIONS, Problem, complete
+from tpd.design.problem import MOST_MOTIONS, Problem, complete, margin_of_rest
 from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent
 from tpd.exact.calling import load_compiled
@@ -61,8 +60,6 @@ _SEARCHED = 64
 """Most conditions under which the descents work; all of them count in the trials."""
 _PATHS, _SPREAD, _DRAWN = 16, 48, 1024
 """Candidates from the paths of the descents, from the whole space, and designs drawn to find the latter."""
-_RESTS = 24
-"""Most conditions under which the nonlinear equations confirm that the block stays at rest."""
 _CYCLES = 40
 """Periods of a harmonic from rest in which the loads are largest."""
 _SAME = 1e-6
@@ -253,15 +250,11 @@ class HarmonicProblem(Problem):
         hung, without = (float(p.f / (1.0 - uplift(p).margin)) for p in both)
         return hung, without
 
-    def stays_at_rest(self) -> bool:
-        """See `Problem.stays_at_rest`: by the exact orbits under all conditions and by the nonlinear
-        equations from rest under a choice of them."""
-        if not np.all(self.orbits.evaluate(self._none[None]).kind == REST):
-            return False
-        few = self.conditions.subset(_RESTS, self.seed)
-        q = under_all(self.orbits.p, self._none[None], few)
-        settled = follow(Terms.nonlinear, row_of(q), HarmonicForcing(self.ensemble.periods))
-        return not np.any(np.asarray(settled.amplitude))
+    @property
+    def rest_margin(self) -> float:
+        """See `Problem.rest_margin`."""
+        q = under_all(as_arrays(self.scene.parameters()), self._none[None], self.conditions)
+        return margin_of_rest(q.nu, q.k, q.f)
 
     def candidates(self, progress: Progress) -> tuple[np.ndarray, Search]:
         """See `Problem.candidates`: ends of the descents that the exact solution confirms, designs on their

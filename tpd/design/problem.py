@@ -190,9 +190,18 @@ class Problem(ABC):
         settled and without; None where no motion settles."""
         return None
 
+    @property
     @abstractmethod
+    def rest_margin(self) -> float:
+        """Acceleration of the base that lifts the resting block without a pendulum, over the largest
+        acceleration of the excitation: the least ratio of all conditions."""
+
     def stays_at_rest(self) -> bool:
-        """Return whether the block without a pendulum ends at rest under all conditions."""
+        """Return whether the excitation of no condition lifts the resting block without a pendulum.
+
+        A strong enough push may still make the block rock or overturn.
+        """
+        return self.rest_margin >= 1.0
 
     @abstractmethod
     def candidates(self, progress: Progress) -> tuple[np.ndarray, Any]:
@@ -282,6 +291,12 @@ class Problem(ABC):
             return 0.0, ""
         worst = max(sizes, key=lambda name: float(np.mean(sizes[name])))
         return float(np.mean(np.any(list(sizes.values()), axis=0))), worst
+
+
+def margin_of_rest(nu: Any, k: Any, f: Any) -> float:
+    """Return the least ratio of the capacity nu + k to the acceleration f, (5) without a pendulum."""
+    with np.errstate(divide="ignore"):
+        return float(np.min((np.asarray(nu) + np.asarray(k)) / np.abs(f)))
 
 
 def _said(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -50,8 +50,8 @@ class DesignStatus(enum.Enum):
         "Widen the design space, or loosen the limit that the nearest design exceeds.",
     )
     no_uplift = (
-        "NOT NEEDED: under all conditions the block without a pendulum stays or settles at rest. After a "
-        "strong enough push it may still rock or overturn.",
+        "NOT NEEDED: under all conditions the block without a pendulum stays at rest. After a strong enough "
+        "push it may still rock or overturn.",
         "Give a stronger excitation to see what the block can withstand.",
     )
 

@@ -11,6 +11,7 @@ from tpd.core.formatting import aligned, number
 from tpd.design.as_built import Study, build_of
 from tpd.design.criteria import LABELS, Room, limit_of
 from tpd.design.design import Design
+from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.report import words
 from tpd.report.blocks import Note, Severity, danger, note, wrapped
@@ -73,8 +74,17 @@ def verdict(design: Design, study: Study | None = None) -> Note:
             cases = " or ".join(f"{case.name} ({words.percent(case.runs.benefit.mean)})" for case in against)
             caution = f" THE BENEFIT DEPENDS ON THE LOSSES: it is not shown if they are {cases}."
         return note(f"{head}: {words.reduction(runs)}.{caution} This is not a safety assessment.")
+    if design.status is DesignStatus.no_uplift:
+        return note(needless(design.problem))
     kind = danger if design.pendulum is None and design.is_harmful else note
     return kind(headline(design.status, design.refusals))
+
+
+def needless(problem: Problem) -> str:
+    """Return the sentence on a block that needs no pendulum, with its margin."""
+    needed, push = DesignStatus.no_uplift.value.split(". ", 1)
+    times = number(problem.rest_margin, 2)
+    return f"{needed}, and an excitation that is {times} times as strong would lift it. {push}"
 
 
 def headline(status: DesignStatus, reasons: Sequence[str]) -> str:
