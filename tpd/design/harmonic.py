@@ -352,7 +352,7 @@ class HarmonicProblem(Problem):
         row = self._none if design is None else design
         e = orbits.evaluate(row[None])
         q = under_all(orbits.p, row[None], self.conditions)
-        settled = settle_all(q, np.zeros((n, 4)), model=Piecewise(max_periods=self.ensemble.periods))
+        settled = settle_all(q, np.zeros((n, 4)), model=Piecewise())
         names, lift = names_of(settled.status), uplift(q)
         sizes = {x: np.asarray(getattr(settled, x)) for x in ("amplitude", "stroke", "peak", "peak_stroke")}
         # The run ends when the block rests, and the bob may still swing: its settled swing has a closed form.
