@@ -43,16 +43,16 @@ LAYERS = (
 ELLIPTIC = re.compile(r"(What|Of|The same|That|Those|There)\b")
 """First words of a docstring that does not say what a thing is."""
 LAST = {
-    "code lines": 18_981,
-    "modules": 171,
-    "modules that the main job may import": 127,
-    "code lines of these": 15_657,
+    "code lines": 18_896,
+    "modules": 168,
+    "modules that the main job may import": 124,
+    "code lines of these": 15_601,
     "floors, all imports counted": 23,
     "functions of ten or more arguments": 0,
     "functions of eight lines or fewer, called once": 54,
     "columns by number in compiled code": 273,
     "imports by string": 0,
-    COMMENTS: 5.41,
+    COMMENTS: 5.43,
 }
 """Measures of the last version. Store a better value when a measure improves, and never a worse one."""
 
@@ -106,6 +106,14 @@ def test_no_measure_gets_worse():
         name for name, last in LAST.items() if (now[name] < last if name == COMMENTS else now[name] > last)
     ]
     assert not [f"{name}: {now[name]:g}, {LAST[name]:g} before" for name in worse]
+
+
+def test_no_module_compares_the_name_of_a_kind_of_motion():
+    """What differs between kinds of motion is answered by the classes of jobs and problems."""
+    compared = re.compile(r"""kind(\"\])? (==|!=|in|not in) \(?"(harmonic|pulse|records)\"""")
+    assert compared.search('if job.kind == "harmonic":')
+    found = [name for name, path in MODULES.items() if compared.search(path.read_text(encoding="utf-8"))]
+    assert not found
 
 
 SAMPLE = '''"""A docstring,
