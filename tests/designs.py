@@ -12,7 +12,7 @@ from tpd.answers.ensemble import Ensemble, Outcomes
 from tpd.answers.paired import PairedRuns
 from tpd.core.progress import unreported
 from tpd.design.design import Design
-from tpd.design.problem import Problem
+from tpd.design.problem import STATED, Problem
 from tpd.design.reasons import Reason, ReasonKind
 from tpd.scene.conditions import Conditions
 
@@ -131,11 +131,11 @@ class NoisyProblem(Problem):
         self.asked.append(("trial", seed))
         return self.runs(design, seed)
 
-    def paired_runs(self, design, seed, *, equations="nonlinear", scene=None, more=None, progress=unreported):
+    def paired_runs(self, design, seed, varied=STATED, progress=unreported):
         self.asked.append(("paired", seed))
         return PairedRuns(
-            with_pendulum=self.runs(design, seed, equations),
-            without_pendulum=self.runs(None, seed, equations),
+            with_pendulum=self.runs(design, seed, varied.equations),
+            without_pendulum=self.runs(None, seed, varied.equations),
             group=np.zeros(self.count, int),
             labels=("all",),
         )

@@ -111,6 +111,14 @@ def test_no_measure_gets_worse():
     assert not [f"{name}: {now[name]:g}, {LAST[name]:g} before" for name in worse]
 
 
+def test_no_module_compares_the_name_of_a_kind_of_motion():
+    """What differs between kinds of motion is answered by the classes of jobs and problems."""
+    compared = re.compile(r"""kind(\"\])? (==|!=|in|not in) \(?"(harmonic|pulse|records)\"""")
+    assert compared.search('if job.kind == "harmonic":')
+    found = [name for name, path in MODULES.items() if compared.search(path.read_text(encoding="utf-8"))]
+    assert not found
+
+
 SAMPLE = '''"""A docstring,
 of two lines."""
 

@@ -9,6 +9,7 @@ import tpd
 from tests.designs import BLOCK, GROUND, noise, records
 from tpd.core.progress import unreported
 from tpd.design.ground_motion import GroundMotionProblem, Group, Role, grouped, motion_factors
+from tpd.design.problem import Variation
 from tpd.design.reasons import DesignStatus
 from tpd.scene.ground_motion import events_of
 
@@ -131,7 +132,7 @@ def test_validation_runs_scatter_block_and_pendulum_alike_in_both_cases():
     alone = problem(held_out=0.0).paired_runs(DESIGN, 5)
     assert alone.counted is None
     # One more condition is on top of all others.
-    more = made.paired_runs(DESIGN, 5, more=tpd.Conditions({"mass": np.array([1.5])}))
+    more = made.paired_runs(DESIGN, 5, Variation(more=tpd.Conditions({"mass": np.array([1.5])})))
     np.testing.assert_allclose(more.with_pendulum.mu, 1.5 * found.with_pendulum.mu)
 
 

@@ -11,6 +11,7 @@ from tpd.answers.attractors import StartKind
 from tpd.core.progress import unreported
 from tpd.design.criteria import DEFAULT_LIMITS
 from tpd.design.harmonic import VALIDATION_RUNS, HarmonicProblem
+from tpd.design.problem import Variation
 from tpd.design.reasons import DesignStatus
 
 LOSSY = tpd.Scene(dataclasses.replace(SCENE.block, friction=0.0, restitution="housner"), SCENE.motion)
@@ -77,8 +78,8 @@ def test_exact_motions_are_those_of_the_steady_state():
         scene = dataclasses.replace(SCENE, motion=motion)
         s = tpd.steady_state(scene.parameters(made.pendulum(DESIGN)))
         assert found.status[i] == tpd.status_name(s.status)
-        assert found.amplitude[i] == pytest.approx(float(s.amplitude), rel=1e-12)
-        assert found.stroke[i] == pytest.approx(float(s.stroke), rel=1e-12)
+        assert found.amplitude[i] == pytest.approx(float(s.amplitude), rel=1e-12, abs=1e-9)
+        assert found.stroke[i] == pytest.approx(float(s.stroke), rel=1e-7)
     assert np.all(found.peak >= 0.999 * found.amplitude)
     assert found.value == pytest.approx(found.orbits.tilt.max())
     hard = problem(conditions=tpd.Conditions.amplitudes(1.0, 6.0), **POINT).without_pendulum
@@ -144,7 +145,7 @@ def test_validation_runs_are_half_of_the_ensemble_by_the_nonlinear_equations():
     np.testing.assert_array_equal(found.with_pendulum.nu, found.without_pendulum.nu)
     assert found.cluster is None
     assert {stage for stage, *_ in events} == {"paired runs"}
-    linear = made.paired_runs(DESIGN, 7, equations="linear", more=tpd.Conditions({"mass": np.array([1.5])}))
+    linear = made.paired_runs(DESIGN, 7, Variation("linear", more=tpd.Conditions({"mass": np.array([1.5])})))
     assert linear.with_pendulum.equations == "linear"
     assert linear.with_pendulum.mu[0] == pytest.approx(1.5 * 0.15)
 

@@ -18,6 +18,7 @@ from tpd.answers.steady_state import sampled, simulate
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import bob_of
 from tpd.design.design import Design, FrontPoint
+from tpd.design.problem import Variation
 from tpd.models.piecewise import Piecewise
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions
@@ -25,6 +26,7 @@ from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
 from tpd.scene.status import status_name
 from tpd.theory import equivalent_friction, turning_tilts
+from tpd.theory.equations import Terms
 
 _BAND = frequencies(1.0, 0.7, 1.5, 41)
 """Frequencies of a response, in shares of the scene's own."""
@@ -314,12 +316,8 @@ def _compared(design: Design, scene: Scene | None = None, more: Conditions | Non
     """Paired runs of the linear equations in a changed scene or under a further condition."""
     problem, hung = design.problem, design.pendulum
     assert hung is not None
-    seed = int(
-        np.random.SeedSequence(
-            [problem.seed if problem.ensemble.seed is None else problem.ensemble.seed, _SEED]
-        ).generate_state(1)[0]
-    )
-    return problem.paired_runs(problem.ratios(hung), seed, equations="linear", scene=scene, more=more)
+    varied = Variation(Terms.linear.value, scene, more)
+    return problem.paired_runs(problem.ratios(hung), problem.run_seed(_SEED), varied)
 
 
 def loss_models(scene: Scene) -> dict[str, Block]:

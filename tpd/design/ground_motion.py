@@ -27,7 +27,7 @@ from tpd.design.criteria import (
     Stroke,
     Worth,
 )
-from tpd.design.problem import MOST_MOTIONS, Problem, complete, margin_of_rest
+from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete, margin_of_rest
 from tpd.design.reasons import DesignStatus
 from tpd.design.settings import DEFAULT_SPACE, HELD_OUT, SCATTERED, GroundSearch
 from tpd.exact.rows import row_of
@@ -230,18 +230,11 @@ class GroundMotionProblem(Problem):
         return self._followed(design, self.scene, self.conditions, Terms.linear.value)
 
     def paired_runs(
-        self,
-        design: np.ndarray,
-        seed: int,
-        *,
-        equations: str = "nonlinear",
-        scene: Scene | None = None,
-        more: Conditions | None = None,
-        progress: Progress = unreported,
+        self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
     ) -> PairedRuns:
         """See `Problem.paired_runs`: every motion of every group at every scale, with the same scattered
         blocks in both cases. The benefit counts the motions that are held out, if there are any."""
-        scene = self.scene if scene is None else scene
+        equations, scene, more = varied.equations, varied.scene or self.scene, varied.more
         scales = sorted(set(self.conditions.scales))
         scatter = self.scatter
         if scene is not self.scene:

@@ -29,7 +29,7 @@ from tpd.design.criteria import (
 )
 from tpd.design.job import Job
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
-from tpd.design.problem import MOST_MOTIONS, Problem, complete, margin_of_rest
+from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete, margin_of_rest
 from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent
 from tpd.exact.calling import load_compiled
@@ -309,16 +309,10 @@ class HarmonicProblem(Problem):
         return replace(self.ensemble, size=size, periods=periods, seed=seed)
 
     def paired_runs(
-        self,
-        design: np.ndarray,
-        seed: int,
-        *,
-        equations: str = "nonlinear",
-        scene: Scene | None = None,
-        more: Conditions | None = None,
-        progress: Progress = unreported,
+        self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
     ) -> PairedRuns:
         """See `Problem.paired_runs`."""
+        equations, scene, more = varied
         if equations == Terms.linear.value:
             runs = self._short(min(_COMPARED, self.ensemble.size), seed)
         else:
@@ -344,13 +338,16 @@ class HarmonicProblem(Problem):
         row = self._none if design is None else design
         e = orbits.evaluate(row[None])
         q = under_all(orbits.p, row[None], self.conditions)
-        settled = follow(Terms.linear, row_of(q), HarmonicForcing(self.ensemble.periods))
+        settled = follow(Terms.linear, row_of(q), HarmonicForcing())
         names, lift = names_of(settled.status), uplift(q)
         sizes = {x: np.asarray(getattr(settled, x)) for x in ("amplitude", "stroke", "peak", "peak_stroke")}
         # The run ends when the block rests, and the bob may still swing: its settled swing has a closed form.
         sizes["stroke"] = np.where(names == "rest", lift.stroke, sizes["stroke"])
-        tilt = sizes["amplitude"] / np.asarray(q.nu)
-        is_orbit = (np.abs(tilt - e.tilt[0]) <= _SAME * tilt) & (tilt > 0.0)
+        # A run comes near an orbit, which is known to round-off.
+        amplitude = e.tilt[0] * np.asarray(q.nu)
+        is_orbit = (np.abs(sizes["amplitude"] - amplitude) <= _SAME * amplitude) & (amplitude > 0.0)
+        for name, exact in (("amplitude", amplitude), ("stroke", e.stroke[0])):
+            sizes[name] = np.where(is_orbit, exact, sizes[name])
         lost = names == "overturned"
         return ExactMotions(
             value=float(orbits.value(e)[0]),

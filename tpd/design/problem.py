@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -41,9 +41,25 @@ from tpd.design.reasons import DesignStatus
 from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Pendulum, Scene
+from tpd.theory.equations import Terms
 
 MOST_MOTIONS = 24
 """Most motions that are followed over time for the loads."""
+
+
+class Variation(NamedTuple):
+    """How paired runs differ from those that validate."""
+
+    equations: str = Terms.nonlinear.value
+    """By the linear ones the runs are fewer and shorter: they compare."""
+    scene: Scene | None = None
+    """With another block or gravity; None for that of the problem."""
+    more: Conditions | None = None
+    """One further condition, on top of all others."""
+
+
+STATED = Variation()
+"""Runs that validate."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -214,25 +230,21 @@ class Problem(ABC):
 
     @abstractmethod
     def paired_runs(
-        self,
-        design: np.ndarray,
-        seed: int,
-        *,
-        equations: str = "nonlinear",
-        scene: Scene | None = None,
-        more: Conditions | None = None,
-        progress: Progress = unreported,
+        self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
     ) -> PairedRuns:
         """Follow runs with and without the pendulum of a design.
 
         Args:
             design: (mu, lam, zeta), shape (3,).
             seed: of the runs, which are independent of those of all other seeds.
-            equations: the nonlinear ones validate; fewer and shorter runs by the linear ones compare.
-            scene: with another block or gravity; default that of the problem.
-            more: one further condition, on top of all others.
+            varied: how they differ from those that validate.
             progress: called with (stage, runs done, of how many).
         """
+
+    def run_seed(self, *numbers: int) -> int:
+        """Return the seed of runs: the first number is that of their stage, the others count within it."""
+        base = self.seed if self.ensemble.seed is None else self.ensemble.seed
+        return int(np.random.SeedSequence([base, *numbers]).generate_state(1)[0])
 
     @abstractmethod
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:

@@ -93,19 +93,15 @@ class Refinement:
     likely: float = _LIKELY
 
     def __post_init__(self) -> None:
-        runs = self.problem.trial_runs(None, self._seed(0))
+        runs = self.problem.trial_runs(None, self.problem.run_seed(1, 0))
         self.without, self.rests = self.problem.value_of(runs), float(runs.at_rest.value)
         self._tail: dict[str, np.ndarray] = {}
-
-    def _seed(self, trial: int) -> int:
-        base = self.problem.ensemble.seed or 0
-        return int(np.random.SeedSequence([base, 1, trial]).generate_state(1)[0])
 
     def evaluate(self, designs: np.ndarray) -> None:
         """Follow the trial runs of designs (m, 3), and fit the processes again."""
         for design in designs:
             self.progress("trial runs", len(self.runs) + 1, self.total)
-            self.add(design, self.problem.trial_runs(design, self._seed(len(self.runs) + 1)))
+            self.add(design, self.problem.trial_runs(design, self.problem.run_seed(1, len(self.runs) + 1)))
         self.fit()
 
     def add(self, design: np.ndarray, runs: Outcomes) -> None:

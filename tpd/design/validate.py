@@ -114,9 +114,7 @@ def validate(
 
 def run_seed(problem: Problem, attempt: int, part: int) -> int:
     """Return the seed of validation runs, which no other stage uses."""
-    base = problem.ensemble.seed
-    sequence = np.random.SeedSequence([problem.seed if base is None else base, 2, attempt, part])
-    return int(sequence.generate_state(1)[0])
+    return problem.run_seed(2, attempt, part)
 
 
 def _exact_harm(problem: Problem, exact: Any) -> list[Reason]:
