@@ -350,6 +350,9 @@ MISTAKES = (
     ("response", "--scene", "misspelt.toml"),
     ("map", "--scene", "missing.toml", "--x", "mu", "0.01", "0.1", "--y", "lam", "0.1", "1"),
     ("shake", "--record", "missing.at2"),
+    ("shake",),
+    ("fragility",),
+    ("spectrum", "--pulse", "ricker", "--pga", "0.3"),
     ("fragility", "--records", "missing"),
     ("export", "missing", "--as", "csv"),
 )
