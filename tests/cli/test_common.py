@@ -352,6 +352,7 @@ MISTAKES = (
     ("shake", "--record", "missing.at2"),
     ("shake",),
     ("fragility",),
+    ("check", "--pulse", "ricker", "--pulse-frequency", "1", "--engine", "mujoco"),
     ("spectrum", "--pulse", "ricker", "--pga", "0.3"),
     ("fragility", "--records", "missing"),
     ("export", "missing", "--as", "csv"),

@@ -73,9 +73,10 @@ def checked(options: argparse.Namespace) -> Case:
     """
     _complete_motion(options)
     found = case(options)
-    if options.command in ("response", "map"):
+    asker = "--engine" if getattr(options, "engine", None) else f"`tpd {options.command}`"
+    if options.command in ("response", "map") or asker == "--engine":
         again = "--scene FILE" if options.design is None else f"--scene {options.design / 'scene.toml'}"
-        _ = found.job.settled_scene(f"`tpd {options.command}`", again)
+        _ = found.job.settled_scene(asker, again)
     # Properties of a job are checked when they are read.
     _ = getattr(found.job, _NEEDED.get(options.command, "scene"))
     if options.command == "optimise":
