@@ -350,6 +350,10 @@ MISTAKES = (
     ("response", "--scene", "misspelt.toml"),
     ("map", "--scene", "missing.toml", "--x", "mu", "0.01", "0.1", "--y", "lam", "0.1", "1"),
     ("shake", "--record", "missing.at2"),
+    ("shake",),
+    ("fragility",),
+    ("check", "--pulse", "ricker", "--pulse-frequency", "1", "--engine", "mujoco"),
+    ("spectrum", "--pulse", "ricker", "--pga", "0.3"),
     ("fragility", "--records", "missing"),
     ("export", "missing", "--as", "csv"),
 )

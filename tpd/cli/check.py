@@ -37,8 +37,6 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
         if given:
             raise ValueError(f"--{next(iter(given))} is of --engine, which is not given")
         check_cavity(job.block, job.limits)
-    else:
-        _ = job.settled_scene("--engine", "--scene FILE")
     common.say(job.scene, pendulum, job.in_words, job.all_told)
     if options.engine is not None:
         return _by_engine(job, pendulum, options, given)

@@ -21,6 +21,12 @@ MOST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as long 
 """Largest ratios of a pendulum, and what they stand for."""
 BARE, HUNG = "bare block", "with the pendulum"
 """Names of both cases."""
+_NEEDED = {
+    **dict.fromkeys(("optimise", "check"), "settings"),
+    **dict.fromkeys(("shake", "spectrum"), "shaking"),
+    "fragility": "ground_motions",
+}
+"""Properties of a job that commands need; the others need its scene."""
 _PENDULUM = "pendulum_mass", "mass_ratio", "pendulum_length", "length_ratio", "pendulum_damping"
 
 
@@ -67,11 +73,12 @@ def checked(options: argparse.Namespace) -> Case:
     """
     _complete_motion(options)
     found = case(options)
-    if options.command in ("response", "map"):
+    asker = "--engine" if getattr(options, "engine", None) else f"`tpd {options.command}`"
+    if options.command in ("response", "map") or asker == "--engine":
         again = "--scene FILE" if options.design is None else f"--scene {options.design / 'scene.toml'}"
-        _ = found.job.settled_scene(f"`tpd {options.command}`", again)
+        _ = found.job.settled_scene(asker, again)
     # Properties of a job are checked when they are read.
-    _ = found.job.settings if options.command in ("optimise", "check") else found.job.scene
+    _ = getattr(found.job, _NEEDED.get(options.command, "scene"))
     if options.command == "optimise":
         check_cavity(found.job.block, found.job.limits)
     if (out := getattr(options, "out", None)) is not None:

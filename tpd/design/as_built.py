@@ -307,7 +307,7 @@ def losses_of(design: Design, progress: Progress = unreported) -> tuple[LossCase
     out, models = [], loss_models(design.scene)
     for done, (name, block) in enumerate(models.items()):
         progress("other energy losses", done, len(models))
-        runs = _compared(design, Scene(block, design.scene.motion, design.scene.gravity))
+        runs = _compared(design, replace(design.scene, block=block))
         out.append(LossCase(name, float(block.friction or 0.0), float(block.velocity_ratio), runs))
     return tuple(out)
 
@@ -343,8 +343,7 @@ def _varied(scene: Scene, name: str, share: float) -> tuple[Scene | None, Condit
         return None, Conditions({name: np.array([1.0 + share])})
     # A factor on e would exceed 1; and an e that follows the block's shape is moved as well.
     e = 1.0 - (1.0 - float(scene.block.velocity_ratio)) * (1.0 + share)
-    block = replace(scene.block, restitution=max(e, 0.0))
-    return Scene(block, scene.motion, scene.gravity), None
+    return replace(scene, block=replace(scene.block, restitution=max(e, 0.0))), None
 
 
 def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:

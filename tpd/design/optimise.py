@@ -94,8 +94,8 @@ def optimise(
         RuntimeError: JAX is in 32-bit mode.
     """
     given: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
-    given |= {"worth": worth, "seed": seed, "held_out": held_out, "objective": objective}
-    problem = problem_of(scene, space, conditions=conditions, starts=starts, **given)
+    given |= {"worth": worth, "seed": seed, "held_out": held_out, "objective": objective, "starts": starts}
+    problem = problem_of(scene, space, conditions=conditions, **given)
     with shown(progress) as report:
         return solve(problem, report)
 
@@ -105,9 +105,6 @@ def problem_of(
     space: DesignSpace | None = None,
     *,
     conditions: Conditions | None = None,
-    starts: Starts | None = None,
-    held_out: checks.Real | Mapping[str, Sequence[GroundMotion]] | None = None,
-    objective: Objective | None = None,
     **given: Any,
 ) -> Problem:
     """Return the problem that arguments of `optimise` pose.
@@ -116,18 +113,16 @@ def problem_of(
         ValueError: bad input.
     """
     checks.optional("conditions", conditions, Conditions)
-    if conditions is not None and conditions.motions:
-        for name, value in (("starts", starts), ("objective", objective)):
-            if value is not None:
-                raise ValueError(f"`{name}` is for harmonics, but the conditions are ground motions")
-        return GroundMotionProblem.of(scene, conditions, space, held_out=held_out, **given)
-    if held_out is not None:
-        raise ValueError("`held_out` is for ground motions, but the conditions are harmonics")
+    ground = conditions is not None and bool(conditions.motions)
+    here, there = ("ground motions", "harmonics") if ground else ("harmonics", "ground motions")
+    for name in ("starts", "objective") if ground else ("held_out",):
+        if given.pop(name, None) is not None:
+            raise ValueError(f"`{name}` is for {there}, but the conditions are {here}")
+    if conditions is not None and ground:
+        return GroundMotionProblem.of(scene, conditions, space, **given)
     if isinstance(scene, Block) or isinstance(given.get("method"), GroundSearch):
         raise ValueError("a block alone, and a `GroundSearch`, go with ground motions: `Conditions.records`")
-    return HarmonicProblem.of(
-        scene, space, conditions=conditions, starts=starts, objective=objective, **given
-    )
+    return HarmonicProblem.of(scene, space, conditions=conditions, **given)
 
 
 def solve(problem: Problem, progress: Progress = unreported) -> Design:
