@@ -2,6 +2,7 @@
 
 import gc
 import os
+import pkgutil
 import warnings
 from importlib import import_module
 from pathlib import Path
@@ -32,6 +33,11 @@ OPTIONS = " ".join(f"--{name}={str(value).lower()}" for name, value in batch.OPT
 os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {OPTIONS}"
 
 compiling = import_module("tpd.exact.compiling")
+# The hook parses what is imported, and Python 3.11 cannot parse in two threads at once. A thread of the
+# package loads compiled code: everything else is imported before.
+for module in pkgutil.walk_packages(import_module("tpd").__path__, "tpd."):
+    if not module.name.startswith("tpd.exact.") and not module.name.endswith("__main__"):
+        import_module(module.name)
 
 
 def pytest_configure(config):

@@ -225,10 +225,6 @@ class GroundMotionProblem(Problem):
         some = replace(self.conditions, factors={**self.conditions.factors, **factors})
         return self._followed(design, self.scene, some, Terms.linear.value)
 
-    def _nominal(self, design: np.ndarray | None) -> Outcomes:
-        """Motions of the block as it was stated."""
-        return self._followed(design, self.scene, self.conditions, Terms.linear.value)
-
     def paired_runs(
         self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
     ) -> PairedRuns:
@@ -264,7 +260,7 @@ class GroundMotionProblem(Problem):
 
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """See `Problem.strongest_motions`."""
-        runs = self._nominal(design)
+        runs = self._followed(design, self.scene, self.conditions, Terms.linear.value)
         order = np.argsort(-np.where(runs.stands, np.nan_to_num(runs.turned), -1.0))
         known = [i for i in order if runs.stands[i]][:MOST_MOTIONS]
         motions, which = self.conditions.motions, np.asarray(self.conditions.which)
