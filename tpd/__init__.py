@@ -63,8 +63,8 @@ if TYPE_CHECKING:
     from tpd.design.reading import read_design as read_design
     from tpd.design.settings import Descent as Descent
     from tpd.design.settings import GroundSearch as GroundSearch
+    from tpd.models.nonlinear import Nonlinear as Nonlinear
     from tpd.models.piecewise import Piecewise as Piecewise
-    from tpd.models.segmented import Segmented as Segmented
     from tpd.models.smoothed import Smoothed as Smoothed
     from tpd.plots.results import plot as plot
     from tpd.report.files import write_report as write_report
@@ -120,7 +120,7 @@ _NAMES = {
     "design.reading": "read_design",
     "design.as_built": "study",
     "models.piecewise": "Piecewise",
-    "models.segmented": "Segmented",
+    "models.nonlinear": "Nonlinear",
     "models.smoothed": "Smoothed",
     "plots.results": "plot",
     "report.files": "write_report",

@@ -4,10 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tpd.exact.linear import cycle
 
 from tests.reference import HUNG, LEANING, parameters, settled
 from tpd import Piecewise, status_name, steady_state
-from tpd.exact.linear import cycle
 from tpd.scene.parameters import as_arrays
 from tpd.theory.equations import Terms
 

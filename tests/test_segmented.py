@@ -8,6 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tpd.models.segmented import _TURN, _begin, _transversality
+from tpd.models.segmented import _split as split
+from tpd.models.segmented import _through as through
 
 import tpd
 from tests import reference
@@ -30,9 +33,6 @@ from tests.reference import exact as linear
 from tpd import Segmented, Smoothed, Terms, simulate, status_name, steady_state
 from tpd.exact.contact import SLIP, Mode
 from tpd.exact.terms import GRAZING
-from tpd.models.segmented import _TURN, _begin, _transversality
-from tpd.models.segmented import _split as split
-from tpd.models.segmented import _through as through
 from tpd.models.settling import scale_of
 from tpd.scene.impacts import housner
 from tpd.scene.parameters import as_arrays
