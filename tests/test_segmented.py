@@ -8,9 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tpd.models.segmented import _TURN, _begin, _transversality
-from tpd.models.segmented import _split as split
-from tpd.models.segmented import _through as through
 
 import tpd
 from tests import reference
@@ -30,7 +27,10 @@ from tests.reference import (
     parameters,
 )
 from tests.reference import exact as linear
-from tpd import Segmented, Smoothed, Terms, simulate, status_name, steady_state
+from tests.segmented import _TURN, Segmented, _begin, _transversality
+from tests.segmented import _split as split
+from tests.segmented import _through as through
+from tpd import Smoothed, Terms, simulate, status_name, steady_state
 from tpd.exact.contact import SLIP, Mode
 from tpd.exact.terms import GRAZING
 from tpd.models.settling import scale_of

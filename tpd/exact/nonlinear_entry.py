@@ -3,7 +3,7 @@
 In a batch that is vectorised every motion waits for the one with the most events. Here each goes its own
 way: a Taylor series carries it until its error would be too large, or to the first event, which is a root of
 the series. Motion, forcing and coefficients are those of `tpd.exact`, the rules at events those of
-`tpd.exact.contact` and `tpd.models.segmented`, and those of repetition those of `tpd.models.settling`.
+`tpd.exact.contact_kernel`, and those of repetition those of `tpd.exact.repetition`.
 """
 
 from __future__ import annotations

@@ -299,7 +299,7 @@ def _followed_of(out: Any) -> Followed:
     return Followed._make((*angles, of.times, state, of.growing, *counted))
 
 
-Limits = tuple[tuple[str, float], ...]
+Limits = tuple[tuple[str, float | int], ...]
 """Settings by their names, for `solve`."""
 
 
