@@ -14,6 +14,7 @@ from tests.truth import GRAVITY, load
 from tpd.answers.critical_scale import _scanned
 from tpd.answers.ground_batch import follow_scaled
 from tpd.answers.transient import _followed
+from tpd.exact.rows import ground_row_of
 
 TABLE = load("ground")
 CASES = {case["name"]: case for case in TABLE["cases"]}
@@ -131,11 +132,11 @@ def test_critical_scales_are_those_of_fifty_digits(row):
 @pytest.mark.parametrize("row", TABLE["boundaries"], ids=lambda row: row["name"])
 def test_boundaries_of_the_one_sine_spectrum_are_those_of_fifty_digits(row):
     pieces = sine(1.0).pieces()
-    # The parameters of the compiled code, with xi in the place of the duration of a piece; rho = 1.
-    x = np.array(
-        [0.25, 0.0, 1.0, 0.3, 0.0, 0.25, row["frequency_ratio"] * len(pieces), 1.0, row["restitution"]]
+    xi = row["frequency_ratio"] * len(pieces)
+    p = tpd.Parameters(
+        nu=0.25, mu=0.0, lam=1.0, zeta=0.3, k=0.0, f=0.25, xi=xi, rho=1.0, e=row["restitution"]
     )
-    tongues = _scanned(x, pieces, 20.0, np.array([0.9, 20.0]), 0.005)[1]
+    tongues = _scanned(ground_row_of(p), pieces, 20.0, np.array([0.9, 20.0]), 0.005)[1]
     borders = tongues[np.isfinite(tongues)]
     # Between those of the table are a few narrow ones.
     for known in row["scales"]:

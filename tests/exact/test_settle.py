@@ -14,6 +14,7 @@ from tpd.exact.terms import LANDING
 from tpd.exact.trajectories import trajectory
 from tpd.scene.status import names_of
 from tpd.theory import uplift
+from tpd.theory.equations import Terms
 
 
 @pytest.mark.mends("a block at rest under a bob that settles was called sticking, with an amplitude of zero")
