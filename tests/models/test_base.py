@@ -6,6 +6,7 @@ import pytest
 
 from tests.reference import HUNG, box, parameters
 from tpd import Nonlinear, Parameters, Piecewise, status_name, steady_state
+from tpd.exact.runs import EVENTS, PERIODS, REST_RATES
 
 
 def same(kind):
@@ -35,6 +36,13 @@ def test_a_subclass_that_changes_nothing_answers_as_its_class(kind):
         for a, b in zip(jax.tree.leaves(ours), jax.tree.leaves(theirs), strict=True):
             np.testing.assert_array_equal(a, b)
     assert found >= {"rocking", "sticking", "rest", "held", "overturned"}
+
+
+@pytest.mark.parametrize("model", [Piecewise(), Nonlinear()])
+def test_bounds_are_those_of_a_batch(model):
+    assert model.max_periods == PERIODS[model.equations]
+    assert model.max_events == EVENTS
+    assert model.rest_rate == REST_RATES[model.equations]
 
 
 def test_both_equations_are_solved_alike_at_small_angles():

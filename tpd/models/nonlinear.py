@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from tpd.core import checks
-from tpd.exact.runs import EVENTS, PERIODS, REST_RATES
 from tpd.models.base import COMPILED_PERIODS, AbstractCompiled, setting
 from tpd.theory.equations import Terms
 
@@ -23,15 +22,13 @@ class Nonlinear(AbstractCompiled):
 
     rtol: checks.Real = setting("rtol", checks.tolerance, 1e-10)
     """Relative tolerance of a step."""
-    max_periods: checks.Whole = setting(
-        "max_periods", checks.count, PERIODS[Terms.nonlinear], 1, COMPILED_PERIODS
-    )
+    max_periods: checks.Whole = setting("max_periods", checks.count, 400, 1, COMPILED_PERIODS)
     """Forcing periods to follow before giving up on a repetition."""
-    max_events: checks.Whole = setting("max_events", checks.count, EVENTS, 1, COMPILED_PERIODS)
+    max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, COMPILED_PERIODS)
     """Bound on the events of one forcing period."""
     tolerance: checks.Real = setting("tolerance", checks.tolerance, 1e-9)
     """Repetition error that counts as settled."""
-    rest_rate: checks.Real = setting("rest_rate", checks.tolerance, REST_RATES[Terms.nonlinear])
+    rest_rate: checks.Real = setting("rest_rate", checks.tolerance, 1e-4)
     """An impact slower than this (phi' in units of nu) that the block can be held after is rest; the error is
     of the order of its square."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from tpd.core import checks
-from tpd.exact.runs import EVENTS, PERIODS, REST_RATES, TOLERANCE, Limits
+from tpd.exact.runs import Limits
 from tpd.models.base import COMPILED_PERIODS, AbstractCompiled, setting
 from tpd.theory.equations import Terms
 
@@ -19,15 +19,13 @@ class Piecewise(AbstractCompiled):
     processor, one motion after another, also where JAX has another device: see `tpd.exact.calling`.
     """
 
-    max_periods: checks.Whole = setting(
-        "max_periods", checks.count, PERIODS[Terms.linear], 1, COMPILED_PERIODS
-    )
+    max_periods: checks.Whole = setting("max_periods", checks.count, 500, 1, COMPILED_PERIODS)
     """Forcing periods to follow before giving up on a repetition."""
-    max_events: checks.Whole = setting("max_events", checks.count, EVENTS, 1, COMPILED_PERIODS)
+    max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, COMPILED_PERIODS)
     """Bound on the steps and events of one forcing period."""
-    tolerance: checks.Real = setting("tolerance", checks.tolerance, TOLERANCE)
+    tolerance: checks.Real = setting("tolerance", checks.tolerance, 1e-6)
     """Repetition error at which following ends and Newton's method takes over."""
-    rest_rate: checks.Real = setting("rest_rate", checks.tolerance, REST_RATES[Terms.linear])
+    rest_rate: checks.Real = setting("rest_rate", checks.tolerance, 2e-7)
     lyapunov_periods: checks.Whole = setting("lyapunov_periods", checks.count, 100, 0, 10_000)
     """Periods over which the separation of neighbours is measured, should a motion not repeat."""
 
