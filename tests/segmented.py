@@ -18,8 +18,8 @@ import optimistix
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
+from tests.contact import REST, SLIP, STICK, Mode, decide, released, transversality_of
 from tpd.core import checks
-from tpd.exact.contact import REST, SLIP, STICK, Mode, decide, released, transversality_of
 from tpd.exact.runs import Settled
 from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
 from tpd.models.base import MOST_PERIODS, AbstractFlow, Cycle, setting

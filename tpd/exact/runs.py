@@ -20,7 +20,6 @@ from jaxtyping import Array, Int
 
 from tpd.core import checks
 from tpd.exact.calling import LINEAR, NONLINEAR, Compiled, numbers_in, parts, shape
-from tpd.exact.contact import Mode
 from tpd.exact.derivatives import moved, once, refused_in
 from tpd.exact.rows import packed
 from tpd.exact.terms import ENDS, TILT_PULL, TILT_RATE, XI
@@ -77,7 +76,7 @@ class Settled(eqx.Module):
     y: State
     """State at tau = 0 modulo the forcing period."""
     memory: Any
-    """Anything else that the model needs to go on from there (the exact model: its discrete mode)."""
+    """Anything else that a model needs to go on from there; None of compiled code."""
     periods: Int[Array, ""]
     """Forcing periods in one period of the motion."""
     amplitude: Number
@@ -238,11 +237,11 @@ def _settle_batch(
 def _settled_of(numbers: Any, record: np.dtype) -> Settled:
     """Where runs have settled, from the records of compiled code as floats."""
     of, index = parts(numbers, record), np.array([index_of(name) for name in ENDS], dtype=np.int32)
-    kind, code, periods, elapsed = (x.astype(int) for x in (of.kind, of.status, of.periods, of.elapsed))
+    code, periods, elapsed = (x.astype(int) for x in (of.status, of.periods, of.elapsed))
     status = index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code]
     # From its leaves, because fields are annotated with the shapes of a single motion.
     sizes, peaks = (of.amplitude, of.stroke), (of.peak, of.peak_stroke)
-    leaves = [of.y, kind, of.tilt, of.way, periods, *sizes, status, elapsed, *peaks]
+    leaves = [of.y, periods, *sizes, status, elapsed, *peaks]
     return jax.tree.unflatten(_structure(), leaves)
 
 
@@ -251,7 +250,7 @@ def _structure() -> Any:
     """Structure of the pytree of a `Settled`."""
     none, count = jnp.zeros(()), jnp.zeros((), int)
     about = count, none, none, Status.failed, count, none, none
-    return jax.tree.structure(Settled(jnp.zeros(4), Mode(count, none, none), *about))
+    return jax.tree.structure(Settled(jnp.zeros(4), None, *about))
 
 
 def _shake_batch(engine: Compiled, batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
