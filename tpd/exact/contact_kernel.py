@@ -124,8 +124,8 @@ def meet(q, which, capture, eta, y, mode):
 
 @compiled
 def transversality(q, rate, which, before, after, now, eta):
-    """How transversally a slipping block meets an event, over what is usual; infinite for other events. `rate`
-    is the usual one of the motion, and `now` a state with its accelerations."""
+    """How transversally a slipping block meets an event, over what is usual; infinite for other events.
+    `rate` is the usual one of the motion, and `now` a state with its accelerations."""
     # The derivative of an event's time has this rate as its denominator: where it vanishes the motion grazes.
     # A crossing after which the block could be held is one of the hops of a rattle. These are as slow as one
     # likes on every orbit that comes to rest, and say nothing about grazing.
