@@ -59,19 +59,19 @@ class Steady(eqx.Module):
     amplitude: Number
     stroke: Number
     status: Status
-    periods: Int[Array, "..."]
+    periods: Int[Array, "..."] | int
     """Forcing periods in one period of the motion."""
     multiplier: Number
     """Largest modulus of the Floquet multipliers; below 1 the motion attracts. NaN of a motion that is
     not periodic."""
-    symmetric: Bool[Array, "..."]
+    symmetric: Bool[Array, "..."] | np.bool_
     """Whether the motion is its own mirror image half a period of it later."""
     lyapunov: Number
     """Rate, per unit tau, at which neighbouring motions separate (negative: approach). Of a periodic
     motion exact; of one that does not repeat an estimate, by `Piecewise` alone; NaN where neither applies."""
-    state: Float[Array, "... 4"]
+    state: Float[Array | np.ndarray, "... 4"]
     """(phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
-    elapsed: Int[Array, "..."]
+    elapsed: Int[Array, "..."] | int
     """Forcing periods followed before the repetition was recognised."""
     estimate: Number = math.nan
     """Estimated relative error of the amplitude, if `Auto` chose the model. Of `Smoothed` the relative

@@ -20,8 +20,8 @@ from tpd.theory.equations import Terms
 MOST_PERIODS = 800
 """Most forcing periods in one call of a model, by default."""
 COMPILED_PERIODS = 100_000
-"""The same of a model that is solved by compiled code: half a second of work, or some seconds with many
-events."""
+"""Most forcing periods in one call of a model that compiled code solves: half a second of work, or some
+seconds with many events."""
 
 
 def setting(name: str, check: Callable[..., Any], default: Any, *bounds: Any) -> Any:
