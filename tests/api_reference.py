@@ -39,7 +39,7 @@ GROUPS = {
         "steady_state simulate Starts attractors settled_response branches symmetric_orbits periodic_orbit "
         "design_map theory"
     ),
-    "Choose a model": "Auto Piecewise Smoothed Segmented",
+    "Choose a model": "Auto Piecewise Nonlinear Smoothed",
     "Statuses": "Status status_name",
     "Run many at once": "in_chunks Cluster",
 }

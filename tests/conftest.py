@@ -62,7 +62,7 @@ LONGEST = (
     "models/test_piecewise",
     "cli/test_optimise",
     "exact/test_linear",
-    "models/test_segmented",
+    "test_segmented",
 )
 """Modules that go first, so that no worker is left alone with one at the end."""
 

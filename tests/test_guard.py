@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from tests.reference import BARE, HUNG, parameters
-from tpd import Segmented, Smoothed
+from tests.segmented import Segmented
+from tpd import Smoothed
 
 COUNTS = {
     (Smoothed, HUNG[0]): (4655, 40),

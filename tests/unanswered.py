@@ -22,7 +22,7 @@ def unanswered(
 
     def stub(equations: Terms, rows: np.ndarray, *others: Any, **options: Any) -> Any:
         found = follow(equations, rows, *others, **options)
-        if equations is not Terms.linear:
+        if equations is not Terms.linear or np.ndim(rows) == 1:
             return found
         followed.append(np.array(rows))
         lost = where(np.asarray(rows))

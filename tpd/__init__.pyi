@@ -34,8 +34,8 @@ from .design.optimise import optimise_all as optimise_all
 from .design.reading import read_design as read_design
 from .design.settings import Descent as Descent
 from .design.settings import GroundSearch as GroundSearch
+from .models.nonlinear import Nonlinear as Nonlinear
 from .models.piecewise import Piecewise as Piecewise
-from .models.segmented import Segmented as Segmented
 from .models.smoothed import Smoothed as Smoothed
 from .plots.results import plot as plot
 from .report.files import write_report as write_report

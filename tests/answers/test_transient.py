@@ -14,6 +14,7 @@ from tests.truth import GRAVITY, load
 from tpd.answers.critical_scale import _scanned
 from tpd.answers.ground_batch import follow_scaled
 from tpd.answers.transient import _followed
+from tpd.exact.rows import ground_row_of
 
 TABLE = load("ground")
 CASES = {case["name"]: case for case in TABLE["cases"]}
@@ -131,11 +132,11 @@ def test_critical_scales_are_those_of_fifty_digits(row):
 @pytest.mark.parametrize("row", TABLE["boundaries"], ids=lambda row: row["name"])
 def test_boundaries_of_the_one_sine_spectrum_are_those_of_fifty_digits(row):
     pieces = sine(1.0).pieces()
-    # The parameters of the compiled code, with xi in the place of the duration of a piece; rho = 1.
-    x = np.array(
-        [0.25, 0.0, 1.0, 0.3, 0.0, 0.25, row["frequency_ratio"] * len(pieces), 1.0, row["restitution"]]
+    xi = row["frequency_ratio"] * len(pieces)
+    p = tpd.Parameters(
+        nu=0.25, mu=0.0, lam=1.0, zeta=0.3, k=0.0, f=0.25, xi=xi, rho=1.0, e=row["restitution"]
     )
-    tongues = _scanned(x, pieces, 20.0, np.array([0.9, 20.0]), 0.005)[1]
+    tongues = _scanned(ground_row_of(p), pieces, 20.0, np.array([0.9, 20.0]), 0.005)[1]
     borders = tongues[np.isfinite(tongues)]
     # Between those of the table are a few narrow ones.
     for known in row["scales"]:
@@ -280,7 +281,7 @@ def test_an_angle_that_is_largest_at_the_very_end_grows_with_the_free_time():
     ("motion", "hung"), [(sine(2.0), None), (tpd.records.el_centro().scaled(1.155), HUNG)]
 )
 def test_nonlinear_motions_are_those_of_the_batch(motion, hung):
-    found = tpd.transient(column(motion), hung, model=tpd.Segmented(rtol=1e-8))
+    found = tpd.transient(column(motion), hung, model=tpd.Nonlinear(rtol=1e-8))
     batch = follow_scaled(COLUMN, (hung,), [motion], np.ones((1, 1)), free=20.0, nonlinear=True)
     assert named(found) == "rocked"
     for name in ("tilt", "swing", "relative", "impacts"):
@@ -294,7 +295,7 @@ def test_nonlinear_motions_tend_to_the_linear_ones_of_slender_blocks():
         block = tpd.Block(width=6.0 * nu, height=6.0, mass=9000.0, friction=0.0, restitution=0.95)
         hung = tpd.Pendulum(mass=720.0, length=2.0, damping_ratio=0.1)
         scene = tpd.Scene(block, tpd.Pulse.one_sine(acceleration=2.0 * GRAVITY * nu, frequency=1.2375))
-        models = tpd.Segmented(rtol=1e-11), None
+        models = tpd.Nonlinear(rtol=1e-11), None
         ours, exact = (tpd.transient(scene, hung, model=model, free=2.0) for model in models)
         errors.append([float(getattr(ours, n) / getattr(exact, n)) - 1.0 for n in names])
         assert float(ours.uplift_time) == pytest.approx(float(exact.uplift_time), rel=nu**2)
@@ -307,7 +308,7 @@ def test_nonlinear_motions_have_no_derivatives_rather_than_zero():
     names = ("tilt", "swing", *TIMES)
 
     def numbers(length, y0):
-        found = tpd.transient(column(sine(2.0)), bob(length=length), model=tpd.Segmented(), y0=y0, free=1.0)
+        found = tpd.transient(column(sine(2.0)), bob(length=length), model=tpd.Nonlinear(), y0=y0, free=1.0)
         return jnp.concatenate([jnp.stack([getattr(found, name) for name in names]), found.state])
 
     for slopes in jax.jacfwd(numbers, argnums=(0, 1))(2.0, jnp.zeros(4)):
@@ -317,7 +318,7 @@ def test_nonlinear_motions_have_no_derivatives_rather_than_zero():
 
 def test_a_nonlinear_motion_has_a_status():
     def end(motion, hung=HUNG, **how):
-        found = tpd.transient(column(motion), hung, model=tpd.Segmented(), **how)
+        found = tpd.transient(column(motion), hung, model=tpd.Nonlinear(), **how)
         return found, (named(found), float(found.tilt))
 
     stood, said = end(sine(0.8))
@@ -336,7 +337,7 @@ def test_the_time_of_overturning_is_that_of_the_event_loop(nonlinear, hung):
         samples = way * (3.0 + 2.0 * np.random.default_rng(0).normal(size=12))
         record = tpd.Record(np.array([0.0, *samples, 0.0]), 0.1)
         scene = column(record)
-        model = tpd.Segmented(rtol=1e-10) if nonlinear else None
+        model = tpd.Nonlinear(rtol=1e-10) if nonlinear else None
         found = tpd.transient(scene, hung, model=model, free=10.0)
         assert named(found) == "overturned"
         p, rate = scene.ground_parameters(hung), float(scene.rate)
@@ -352,7 +353,7 @@ def test_the_time_of_overturning_is_that_of_the_event_loop(nonlinear, hung):
         assert abs(float(found.state[0])) == pytest.approx(loop.GONE, rel=1e-10)
         # No event is sooner by a coarser tolerance: a step's length is not part of the answer.
         if nonlinear:
-            coarse = tpd.transient(scene, hung, model=tpd.Segmented(rtol=1e-6), free=10.0)
+            coarse = tpd.transient(scene, hung, model=tpd.Nonlinear(rtol=1e-6), free=10.0)
             assert float(coarse.overturning_time) == pytest.approx(loop.fell / rate, rel=1e-5)
 
 
@@ -361,7 +362,7 @@ def test_the_time_of_overturning_is_that_of_the_event_loop(nonlinear, hung):
 def test_the_time_of_overturning_under_a_harmonic_is_that_of_the_event_loop(nonlinear):
     train = tpd.Pulse.sine_train(acceleration=0.5 * GRAVITY, frequency=0.8, cycles=6)
     scene = column(train)
-    found = tpd.transient(scene, HUNG, model=tpd.Segmented(rtol=1e-10) if nonlinear else None)
+    found = tpd.transient(scene, HUNG, model=tpd.Nonlinear(rtol=1e-10) if nonlinear else None)
     p, rate = scene.ground_parameters(HUNG), float(scene.rate)
     x = [float(getattr(p, name)) for name in NAMES]
     x[NAMES.index("xi")] = 2.0 * math.pi * 0.8 / rate
@@ -374,23 +375,21 @@ def test_the_time_of_overturning_under_a_harmonic_is_that_of_the_event_loop(nonl
 
 
 def test_a_block_that_lies_from_the_beginning_overturns_at_once():
-    found = tpd.transient(column(sine(2.0)), model=tpd.Segmented(), y0=np.array([1.6, 0.0, 0.0, 0.0]))
+    found = tpd.transient(column(sine(2.0)), model=tpd.Nonlinear(), y0=np.array([1.6, 0.0, 0.0, 0.0]))
     # The bisection ends at a number of rounding.
     assert (named(found), float(found.overturning_time)) == ("overturned", pytest.approx(0.0, abs=1e-15))
 
 
 def test_a_model_that_does_not_fit_is_one_sentence():
     scene = tpd.Scene(COLUMN, sine(2.0))
-    with pytest.raises(ValueError, match=r"must be `tpd\.Terms\.nonlinear`, but is 'linear'"):
-        tpd.transient(scene, model=tpd.Segmented(terms=tpd.Terms.linear))
     # A checker of types refuses these before this, where there is one.
     for model, words in (
-        (tpd.Auto(), "Piecewise or Segmented, but is Auto"),
-        (tpd.Smoothed(), "Piecewise or Segmented, but is Smoothed"),
-        (tpd.Segmented, "the class itself"),
+        (tpd.Auto(), "Piecewise or Nonlinear, but is Auto"),
+        (tpd.Smoothed(), "Piecewise or Nonlinear, but is Smoothed"),
+        (tpd.Nonlinear, "the class itself"),
     ):
         with pytest.raises(ValueError, match=words):
-            _followed(model, scene.ground_parameters(), None, known=False)
+            _followed(model, scene.ground_parameters(), None, 0.0, None, 1, known=False)
 
 
 def test_bad_input_is_one_sentence():

@@ -9,7 +9,7 @@ import numpy as np
 
 from tests.benchmarks.stored import columns
 from tests.reference import NAMES
-from tpd import Auto, Parameters, Segmented, status_name, steady_state
+from tpd import Auto, Nonlinear, Parameters, status_name, steady_state
 from tpd.scene.status import SETTLED
 
 QUESTION = "Which model does `Auto` take, and does its estimate hold?"
@@ -35,7 +35,7 @@ def timed(p: Parameters, model: Any) -> tuple[Any, float]:
 def run(quick: bool) -> list[dict[str, Any]]:
     """One row a tolerance and model that was taken."""
     all_scenes = scenes(12 if quick else SCENES)
-    models = {"top": Segmented(), **{f"{t:.0%}": Auto(tolerance=t) for t in TOLERANCES[-1 if quick else 0 :]}}
+    models = {"top": Nonlinear(), **{f"{t:.0%}": Auto(tolerance=t) for t in TOLERANCES[-1 if quick else 0 :]}}
     for model in models.values():
         for p in all_scenes[:20]:
             timed(p, model)

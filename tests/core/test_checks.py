@@ -223,7 +223,6 @@ CALLS = {
     "limits.Stroke(np.array([0.1, 0.2]))": "`stroke` must be a single number, but is [0.1 0.2]",
     "limits.Worth(at_least=np.array([0.1, 0.2]))": "`at_least` must be a single number, but is [0.1 0.2]",
     "Smoothed(terms=3)": "`terms` must be a Terms, but is 3",
-    'Segmented(terms="x")': "`terms` must be a Terms, but is 'x'",
     "status_name(99)": "`status` must be a EnumerationItem, but is 99",
     'theory.free_motion("x")': "`p` must be a Parameters, but is 'x'",
     "theory.equivalent_friction(scene, 0.1)": "`p` must be a Parameters, but is Scene(",
@@ -317,7 +316,7 @@ CALLS = {
     "simulate(p, np.zeros(4), [0.0, 1e9])": "100000 forcing periods in one call, but is 1e+09",
     "simulate(p, np.zeros(4), [0.0, 1e6], model=Smoothed())": "800 forcing periods in one call",
     "Piecewise(max_periods=10**6)": "`max_periods` must be a whole number, 1 to 100000, but is 1e+06",
-    "Segmented(max_periods=10**6)": "`max_periods` must be a whole number, 1 to 800, but is 1e+06",
+    "Nonlinear(max_periods=10**6)": "`max_periods` must be a whole number, 1 to 100000, but is 1e+06",
     "transient(shaken, max_events=10**7)": "`max_events` must be a whole number, 1 to 1000000, but is 1e+07",
 }
 
@@ -325,12 +324,12 @@ START, TIMES, WAVE = "forms([0.0625, -0.125, 0.03125, 0.25])", "forms([0, 1, 3])
 SHARE, COUNT = "single(0.25)", "single(16)"
 ALIKE = {
     "steady_state(p, y0=A)": START,
-    "steady_state(p, y0=A, model=Segmented())": START,
+    "steady_state(p, y0=A, model=Nonlinear())": START,
     "simulate(p, A, [0.0, 1.0, 30.0])": START,
     "simulate(p, [0.25, 0.0, 0.0, 0.0], A)": TIMES,
     "periodic_orbit(p, A)": START,
     "transient(shaken, hung, y0=A)": START,
-    "transient(shaken, hung, y0=A, model=Segmented())": START,
+    "transient(shaken, hung, y0=A, model=Nonlinear())": START,
     "transient(Scene(block, Record(A, 0.25)), hung)": WAVE,
     "critical_scale(Scene(block, Record(A, 0.25)), scan=0.25)": WAVE,
     "fragility(block, [Record(A, 0.25)], scales=[1.0, 2.0], nonlinear=False)": WAVE,
@@ -367,7 +366,7 @@ ALIKE = {
     "repr(Starts(size=A))": COUNT,
     "repr(Risk.cvar(A))": SHARE,
     "repr((limits.Stroke(A), limits.Mass(A), limits.Worth(at_least=A), DesignSpace(damping_ratio=A)))": SHARE,
-    "repr((Piecewise(tolerance=A), Smoothed(sharpness=A), Segmented(rtol=A), Auto(tolerance=A)))": SHARE,
+    "repr((Piecewise(tolerance=A), Smoothed(sharpness=A), Nonlinear(rtol=A), Auto(tolerance=A)))": SHARE,
     "repr(Piecewise(max_periods=A, lyapunov_periods=A))": COUNT,
     "repr(Descent(searches=A))": COUNT,
     "Conditions.around(scene, frequency=A).factor_rows()": SHARE,

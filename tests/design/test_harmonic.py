@@ -48,7 +48,7 @@ def test_impacts_are_smoothed_unless_they_lose_nearly_all():
     none = tpd.Scene(dataclasses.replace(LOSSY.block, restitution=5e-4), SCENE.motion)
     with pytest.raises(ValueError, match=r"`e` must be between 0\.001 and 1 in the smoothed model"):
         problem(none, method=tpd.Descent(model=tpd.Smoothed()))
-    for model in (tpd.Segmented(), tpd.Smoothed(terms=tpd.Terms.parametric)):
+    for model in (tpd.Nonlinear(), tpd.Smoothed(terms=tpd.Terms.parametric)):
         with pytest.raises(ValueError, match=r"`model` must be Smoothed\(\) with linear terms, or Piecewise"):
             problem(LOSSY, method=tpd.Descent(model=model))
 

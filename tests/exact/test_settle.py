@@ -8,12 +8,13 @@ import pytest
 from tests.exact.test_trajectory import SAMPLES, clock, states
 from tests.reference import REST, SLOW, box, exact, parameters, settled
 from tpd import Status, paper_scene
-from tpd.exact import linear
 from tpd.exact.multiple_shooting import Events, events
 from tpd.exact.rows import row_of
 from tpd.exact.terms import LANDING
+from tpd.exact.trajectories import trajectory
 from tpd.scene.status import names_of
 from tpd.theory import uplift
+from tpd.theory.equations import Terms
 
 
 @pytest.mark.mends("a block at rest under a bob that settles was called sticking, with an amplitude of zero")
@@ -95,7 +96,7 @@ def test_the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed():
 def after(x, y0, span, quiet):
     """The state after a time, and whether the bound on events was met; `quiet` is the capture speed."""
     times = jnp.stack([jnp.zeros_like(span), span])
-    ys, status = linear.trajectory(parameters(x), y0, times, 4000, quiet / x[0])
+    ys, status = trajectory(Terms.linear, parameters(x), y0, times, events=4000, rest_rate=quiet / x[0])
     return ys[-1], status == Status.event_bound
 
 

@@ -22,7 +22,7 @@ from tests.reference import (
     named,
     parameters,
 )
-from tpd import Block, Harmonic, Parameters, Pendulum, Piecewise, Scene, status_name, steady_state
+from tpd import Block, Harmonic, Pendulum, Piecewise, Scene, steady_state
 from tpd.scene.status import SETTLED
 
 NU, MU, LAM, ZETA, K, F, XI, E = range(8)
@@ -193,41 +193,3 @@ def test_neither_millimetres_nor_kilometres_change_a_dimensionless_answer(height
     assert answer.status == expected.status == "rocking"
     assert answer.amplitude == pytest.approx(expected.amplitude, rel=1e-11)
     np.testing.assert_allclose(answer.slopes[0], expected.slopes[0], rtol=1e-8, atol=1e-10)
-
-
-class Renamed(Piecewise):
-    """A subclass that changes nothing."""
-
-
-class Counted(Piecewise):
-    """A subclass that changes the flow."""
-
-    def settle(self, p, y0):
-        """Start a little to one side."""
-        return super().settle(p, y0 + 1e-3)
-
-
-# By the rules for a flow of its own the first, which is aperiodic, was not settled.
-ALIKE = [
-    (0.22890152, 0.1550568, 1.56917923, 0.0, 0.05825169, 0.87740434, 8.26180769, 1.0),
-    (0.16525783, 0.00019703, 0.80583058, 0.0, 0.00894898, 1.05383836, 14.1486266, 1.0),
-    (0.4152769, 0.02, 0.8, 0.1, 0.05, 0.5, 2.5, 0.9),
-]
-
-
-@pytest.mark.parametrize("x", ALIKE)
-def test_a_subclass_that_changes_nothing_answers_as_its_class(x):
-    def answer(model):
-        x_ = dict(zip(NAMES, x, strict=True))
-        return jax.tree.leaves(steady_state(Parameters(**x_), model=model))
-
-    for found, expected in zip(answer(Renamed()), answer(Piecewise()), strict=True):
-        np.testing.assert_array_equal(found, expected)
-
-
-def test_a_subclass_with_a_flow_of_its_own_is_followed_by_it():
-    x = parameters(STILL.x)
-    own, usual = (steady_state(x, model=model) for model in (Counted(), Piecewise()))
-    moved = steady_state(x, y0=np.full(4, 1e-3))
-    assert status_name(own.status) == status_name(moved.status) != status_name(usual.status)
-    assert own.amplitude == pytest.approx(moved.amplitude, rel=1e-9)

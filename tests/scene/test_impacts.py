@@ -27,7 +27,7 @@ from tpd.theory.equations import Equations, Terms
 from tpd.scene.parameters import as_arrays
 from tpd.exact.rows import row_of
 from tpd.exact.runs import HarmonicForcing, follow
-from tpd.models.segmented import _struck
+from tests.segmented import _struck
 hung = tpd.Pendulum(mass=1.0, length=0.1, damping_ratio=0.1)
 p = dataclasses.replace(tpd.paper_scene().parameters(hung), e=float(sys.argv[2]))
 start, fall = [0.2, 0.0, 0.0, 0.0], jnp.array([0.0, 0.0, -0.1, 0.4])

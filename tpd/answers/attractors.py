@@ -99,7 +99,7 @@ def attractors(
     fixed = as_arrays(parameters_of(subject, pendulum))
     y0 = starts.states(float(fixed.nu))
     with shown_count(progress, "following") as report:
-        forcing, limits = HarmonicForcing(model.max_periods), model.settling()
+        forcing, limits = HarmonicForcing(model.max_periods), {**model.accuracy, "tolerance": model.tolerance}
         settled = follow(Terms.linear, row_of(fixed), forcing, y0=y0, progress=report, **limits)
     # The block does not feel a bob without mass (mu = 0), whose swing may still be decaying.
     felt = bool(np.isfinite(np.asarray(scale_of(fixed))[1]))

@@ -16,13 +16,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from tpd.answers.steady_state import Steady, answered, steady_state
+from tpd.answers.steady_state import Steady, steady_state
 from tpd.core import checks
 from tpd.exact.rows import row_of
 from tpd.exact.runs import HarmonicForcing, Settled, follow
 from tpd.models.base import AbstractChoice, setting
+from tpd.models.nonlinear import Nonlinear
 from tpd.models.piecewise import Piecewise
-from tpd.models.segmented import Segmented
 from tpd.models.settling import scale_of
 from tpd.scene.impacts import linear_ratio, velocity_ratio
 from tpd.scene.parameters import Parameters, as_arrays
@@ -87,7 +87,7 @@ class Auto(AbstractChoice):
             why = f"the linear equations may be off by {off:.2g}, beyond {limit}"
         else:
             why = "the error of the linear equations cannot be estimated here"
-        top = _nonlinear(fixed, reached)
+        top = steady_state(fixed, model=Nonlinear(), y0=y0)
         sure = jnp.where(is_settled(top.status), INTEGRATED, jnp.nan)
         return replace(top, model="nonlinear", estimate=sure, reason=why)
 
@@ -128,9 +128,6 @@ def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
     p = replace(p, e=jnp.asarray(p.velocity_ratio))
     slope, steady = jax.jacrev(size, has_aux=True)(p)
     return steady, dropped(p, steady.amplitude, steady.stroke, slope)
-
-
-_nonlinear = eqx.filter_jit(lambda p, settled: answered(p, Segmented(), settled))
 
 
 def _same_motion(steady: Steady, reached: Settled) -> bool:

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 
 from tpd.exact.runs import Settled
 from tpd.exact.terms import RESIDUAL
-from tpd.models.base import AbstractModel
+from tpd.models.base import AbstractFlow
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import Parameters
 from tpd.scene.status import index_of
@@ -74,7 +74,7 @@ class _Walk(NamedTuple):
     steps: Any
 
 
-def refine(p: Parameters, model: AbstractModel, begun: Settled, code: Any) -> Orbit:
+def refine(p: Parameters, model: AbstractFlow, begun: Settled, code: Any) -> Orbit:
     """The periodic orbit near where following the motion ended, with `code` the number of its status."""
     along = _linearised(p, model, begun)
     # There is nothing to be said of a motion that is lost, or does not repeat.
@@ -105,7 +105,7 @@ def refine(p: Parameters, model: AbstractModel, begun: Settled, code: Any) -> Or
     return jax.lax.while_loop(going, step, first).best
 
 
-def _linearised(p: Parameters, model: AbstractModel, settled: Settled) -> _Along:
+def _linearised(p: Parameters, model: AbstractFlow, settled: Settled) -> _Along:
     """A function that runs the motion's periods from a state, with all derivatives; traced."""
     flat, unflatten = ravel_pytree(p)
     size, scale = flat.size, scale_of(p, bob=jnp.asarray((p.mu > 0) | (p.zeta > 0)))

@@ -9,8 +9,8 @@ import numpy as np
 from tpd.answers.ground_batch import rows_of
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
-from tpd.exact.linear import history
 from tpd.exact.terms import SHAKEN, SLIP
+from tpd.exact.trajectories import history
 from tpd.scene.ground_motion import LONGEST_FREE
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status, status_name

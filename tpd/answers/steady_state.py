@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -26,13 +27,13 @@ from jaxtyping import Array, Bool, Float, Int
 from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, refine
 from tpd.core import checks
 from tpd.core.formatting import counted_periods, number
+from tpd.exact.calling import LINEAR, parts
 from tpd.exact.derivatives import joined, refused
-from tpd.exact.linear import solve
 from tpd.exact.rows import numbers_of, packed
-from tpd.exact.runs import Settled
+from tpd.exact.runs import Settled, solve
 from tpd.exact.terms import GRAZING, NEAR_FOLD, RESIDUAL, STEADY_STATUSES, SYMMETRIC, is_neutral
-from tpd.models.base import AbstractChoice, AbstractModel
-from tpd.models.piecewise import Piecewise, is_exact
+from tpd.models.base import AbstractChoice, AbstractCompiled, AbstractFlow, AbstractModel
+from tpd.models.piecewise import Piecewise
 from tpd.scene.parameters import Parameters, as_arrays, check_parameters, from_row
 from tpd.scene.pytrees import Number, State, single
 from tpd.scene.status import SETTLED, Status, index_of, is_settled, status_name
@@ -58,19 +59,19 @@ class Steady(eqx.Module):
     amplitude: Number
     stroke: Number
     status: Status
-    periods: Int[Array, "..."]
+    periods: Int[Array, "..."] | int
     """Forcing periods in one period of the motion."""
     multiplier: Number
     """Largest modulus of the Floquet multipliers; below 1 the motion attracts. NaN of a motion that is
     not periodic."""
-    symmetric: Bool[Array, "..."]
+    symmetric: Bool[Array, "..."] | np.bool_
     """Whether the motion is its own mirror image half a period of it later."""
     lyapunov: Number
     """Rate, per unit tau, at which neighbouring motions separate (negative: approach). Of a periodic
     motion exact; of one that does not repeat an estimate, by `Piecewise` alone; NaN where neither applies."""
-    state: Float[Array, "... 4"]
+    state: Float[Array | np.ndarray, "... 4"]
     """(phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
-    elapsed: Int[Array, "..."]
+    elapsed: Int[Array, "..."] | int
     """Forcing periods followed before the repetition was recognised."""
     estimate: Number = math.nan
     """Estimated relative error of the amplitude, if `Auto` chose the model. Of `Smoothed` the relative
@@ -126,9 +127,9 @@ def steady_state(
     Args:
         p: dimensionless parameters; gradients with respect to them are exact.
         model: `Piecewise()`, the exact solution of the linear equations (default), `Smoothed()`,
-            `Segmented()`, or `Auto()`, which chooses. The answer of `Smoothed()` is compared with the exact
-            motion from the same start, and its status is inexact where their amplitudes differ by more than
-            5 %: see `Steady.estimate`.
+            `Nonlinear()`, the nonlinear equations without derivatives, or `Auto()`, which chooses. The answer
+            of `Smoothed()` is compared with the exact motion from the same start, and its status is inexact
+            where their amplitudes differ by more than 5 %: see `Steady.estimate`.
         y0: start (phi, psi, phi', psi') in rad and rad per unit tau, at tau = 0; default at rest.
         throw: raise an error where the status is not rocking, sticking or rest.
 
@@ -234,28 +235,26 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     # product with the slopes and never run through the loops that found the orbit.
     values = numbers_of(p)
     plain = _PLAIN.issuperset(map(type, values)) and type(y0) is np.ndarray
-    limits = model.limits if isinstance(model, Piecewise) and is_exact(type(model)) else None
-    if plain and limits:
+    compiled = isinstance(model, AbstractCompiled)
+    if plain and compiled:
         # The usual call, which takes as long as two questions of JAX's: none is asked.
-        return _steady(_answer(solve(np.array(values), y0, limits), np))
+        return _steady(_answer(solve(model.equations, np.array(values), y0, model.limits))[0])
     if any(np.size(x) != 1 for x in values):
         raise ValueError("`p` must be single numbers: `jax.vmap` and `tpd.in_chunks` take batches")
     values = single(values)
     known, *still = all(map(checks.is_concrete, (*values, y0))), *map(_still, values)
     start = _still(y0)
-    if limits:
+    if compiled:
         # By compiled code; of numbers without any program of JAX.
         sure = all(map(checks.is_concrete, (*still, start)))
-        out = solve(
-            np.array(still, dtype=float) if sure else packed(still),
-            start if sure else jnp.asarray(start, float),
-            limits,
-        )
-        answer, slopes = _answer(out, np if sure else jnp), out[-54:].reshape(6, 9)
+        x = np.array(still, dtype=float) if sure else packed(still)
+        start = start if sure else jnp.asarray(start, float)
+        answer, slopes = _answer(solve(model.equations, x, start, model.limits))
     else:
         x: Any = np.array(still, dtype=float) if all(map(checks.is_concrete, still)) else packed(still)
         # `eqx.filter_jit` sorts the leaves in Python at every call. A model without numbers needs none of it.
-        answer, slopes = (_solved_with if jax.tree.leaves(model) else _solved_by)(x, model, start)
+        flow = cast("AbstractFlow", model)
+        answer, slopes = (_solved_with if jax.tree.leaves(flow) else _solved_by)(x, flow, start)
     return _steady(answer if known else _joined((*values, *y0), answer, slopes))
 
 
@@ -313,14 +312,20 @@ def _joined(values: tuple, answer: _Answer, slopes: Any) -> _Answer:
     return answer._replace(**dict(zip(_DEPENDING, found, strict=True)))
 
 
-def _answer(out: Any, xp: Any) -> _Answer:
-    """The answer in what the engine has found, an array of the library `xp`."""
-    amplitude, stroke, *_, multiplier, lyapunov, code, periods, symmetric, elapsed = out[:12]
-    whole = int if xp is np else partial(jnp.asarray, dtype=int)
+def _answer(out: Any) -> tuple[_Answer, Any]:
+    """The answer in the record of compiled code, and the slopes of amplitude, stroke and state."""
+    record, known = LINEAR.entry().STEADY, isinstance(out, np.ndarray)
+    # Numbers of NumPy, and not arrays without axes, where all is known.
+    of = (
+        SimpleNamespace(**dict(zip(record.names, out.view(record)[0], strict=True)))
+        if known
+        else parts(out, record)
+    )
+    xp, whole = (np, int) if known else (jnp, partial(jnp.asarray, dtype=int))
     # An array, by which equinox looks up the message of a status.
-    status = xp.asarray(xp.asarray(_statuses())[whole(code)])
-    about = whole(periods), multiplier, symmetric == 1.0, lyapunov, out[2:6], whole(elapsed)
-    return _Answer(amplitude, stroke, status, *about)
+    status = xp.asarray(xp.asarray(_statuses())[whole(of.status)])
+    about = whole(of.periods), of.multiplier, of.symmetric == 1.0, of.lyapunov, of.y, whole(of.elapsed)
+    return _Answer(of.amplitude, of.stroke, status, *about), of.by
 
 
 @lru_cache(maxsize=1)
@@ -329,7 +334,7 @@ def _statuses() -> np.ndarray:
     return np.array([index_of(name) for name in STEADY_STATUSES], dtype=np.int32)
 
 
-def _solve(x: Float[Array, "9"], model: AbstractModel, y0: State) -> tuple[_Answer, Float[Array, "6 9"]]:
+def _solve(x: Float[Array, "9"], model: AbstractFlow, y0: State) -> tuple[_Answer, Float[Array, "6 9"]]:
     """The answer, and the slopes of amplitude, stroke and state: NaN where there are none. Traced."""
     sane = jnp.all(jnp.isfinite(x)) & jnp.all(jnp.isfinite(y0))
     # A solver fed with NaN would try until its bound; it gets something harmless instead.
@@ -358,12 +363,7 @@ def _compared(answer: _Answer, exact: Settled | None) -> _Answer:
     return answer._replace(status=status, estimate=jnp.where(known, error, jnp.nan))
 
 
-def answered(p: Parameters, model: AbstractModel, settled: Settled) -> Steady:
-    """The steady state of a motion that has been followed; traced."""
-    return _steady(_judged(from_row(packed(numbers_of(p))), model, settled)[0])
-
-
-def _judged(p: Parameters, model: AbstractModel, begun: Settled) -> tuple[_Answer, Array]:
+def _judged(p: Parameters, model: AbstractFlow, begun: Settled) -> tuple[_Answer, Array]:
     """The answer for a motion that has been followed, and the slopes of amplitude, stroke and state in the
     parameters, NaN where there are none."""
     (code,) = jax.tree.leaves(begun.status)

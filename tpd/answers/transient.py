@@ -20,13 +20,13 @@ from tpd.exact.rows import ground_row_of
 from tpd.exact.runs import Followed, GroundForcing, follow
 from tpd.exact.terms import GRAZING, ROCKED, SHAKEN, STOOD
 from tpd.models.base import AbstractModel
+from tpd.models.nonlinear import Nonlinear
 from tpd.models.piecewise import Piecewise
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, single
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status, index_of, status_name
-from tpd.theory.equations import Terms
 
 FREE = 20.0
 """Free motion that is followed after a ground motion by default, s."""
@@ -43,7 +43,7 @@ class Transient(eqx.Module):
     NaN and `status` says why. NaN as well are those of a time that is infinite or that of the beginning, of
     the time of the overturning, and all second derivatives; counts have none.
 
-    By the nonlinear equations (`Segmented`) all derivatives are NaN, because nobody computes them. Every
+    By the nonlinear equations (`Nonlinear`) all derivatives are NaN, because nobody computes them. Every
     landing is an impact, and the block overturns at a tilt of a right angle, which it must reach before the
     end.
     """
@@ -60,7 +60,7 @@ class Transient(eqx.Module):
     impacts: Int[Any, "..."]
     """Impacts on the base, all hops of a rattle included down to the one that is called rest: slower than
     2e-7 nu (phi' in tau) by `Piecewise` (with a restitution of 0.9999 or more than up to 8e-5 nu, where
-    slower ones would exhaust `max_events`), than `rest_rate` nu by `Segmented`. Their number depends on that;
+    slower ones would exhaust `max_events`), than `rest_rate` nu by `Nonlinear`. Their number depends on that;
     `ShakingHistory.impacts_above` counts those above a stated rate."""
     uplift_time: Number
     """Time at which the block leaves its base for the first time; infinite if it never does."""
@@ -108,7 +108,7 @@ def transient(
         scene: a block under a `Pulse` or a `Record`.
         pendulum: None is the bare block.
         y0: start (phi, psi, phi', psi') in rad and rad/s; at rest by default.
-        model: `Piecewise()`, the exact solution of the linear equations (default); or `Segmented()`, the
+        model: `Piecewise()`, the exact solution of the linear equations (default); or `Nonlinear()`, the
             nonlinear equations (4) by compiled code, with the model's `rtol` and `rest_rate` and a solver of
             its own.
         free: free motion after the ground motion, s.
@@ -193,23 +193,13 @@ def _followed(
     Raises:
         ValueError: a model that does not follow such a motion.
     """
-    equations = Terms.linear
+    checks.instance("model", model, (Piecewise, Nonlinear))
     limits: dict[str, Any] = {"events": most}
-    if not isinstance(model, Piecewise):
-        # Loaded where needed: the exact model does without diffrax.
-        from tpd.models.segmented import Segmented
-
-        checks.instance("model", model, (Piecewise, Segmented))
-        model.check(p)
-        if model.terms is not Terms.nonlinear:
-            raise ValueError(
-                "under a pulse or a record `terms` of `tpd.Segmented` must be `tpd.Terms.nonlinear`, but is "
-                f"{str(model.terms)!r}: `tpd.Piecewise()` solves the linear equations"
-            )
-        equations = Terms.nonlinear
+    # What the exact solution calls rest under a ground motion does not depend on the model.
+    if isinstance(model, Nonlinear):
         limits |= {"rtol": model.rtol, "rest_rate": model.rest_rate}
     row, forcing = ground_row_of(p), GroundForcing([pieces], free)
     if not known:
-        return follow(equations, row, forcing, y0=start, **limits)
-    found = follow(equations, row, forcing, y0=np.array(start)[None], workers=1, **limits)
+        return follow(model.equations, row, forcing, y0=start, **limits)
+    found = follow(model.equations, row, forcing, y0=np.array(start)[None], workers=1, **limits)
     return Followed(*(x[0] for x in found))

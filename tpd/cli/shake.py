@@ -16,7 +16,7 @@ from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import files
 from tpd.core.formatting import number
 from tpd.design.as_built import TimeHistory
-from tpd.models.segmented import Segmented
+from tpd.models.nonlinear import Nonlinear
 from tpd.scene.status import Status, status_name
 
 _SIZES = {
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     free = options.free
     # The first of a pair decides: the linear equations are meant for small angles.
     found = {
-        name: (transient(scene, h, model=Segmented(), free=free), transient(scene, h, free=free))
+        name: (transient(scene, h, model=Nonlinear(), free=free), transient(scene, h, free=free))
         for name, h in cases.items()
     }
     histories = {name: shaking_history(scene, h, free=free) for name, h in cases.items()}

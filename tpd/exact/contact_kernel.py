@@ -1,6 +1,6 @@
 """The block's contact with its base in compiled scalar code: what holds it, its impacts and its modes.
 
-The rules are those of `tpd.exact.contact`, which has them in JAX, and the impacts those of
+The rules are the same for the linear and for the nonlinear equations. The impacts are those of
 `tpd.scene.impacts`.
 """
 
@@ -58,7 +58,15 @@ def beyond_return(q):
 
 @compiled
 def mode_of(up, down, friction, tilt, way):
-    """Kind and signs of the mode of a state; see `tpd.exact.contact.decide` for the arguments."""
+    """Kind and signs of the mode of a state.
+
+    `up` and `down` are the moments on the held block, less what its weight balances, against a move to
+    positive and to negative tilt; off the base both are equal. `friction` is its largest moment. `tilt` and
+    `way` are the signs of phi, 0 on the base, and of phi', 0 at a turn.
+    """
+    # A block that does not move stays where it is as long as friction balances the excess. On its base it has
+    # an excess for either direction, because weight resists both. From there it tilts to the side to which it
+    # goes.
     lifts = 1.0 if up > friction else (-1.0 if down < -friction else 0.0)
     goes = way if way != 0.0 else lifts
     held = STICK if tilt != 0.0 else REST
@@ -116,8 +124,11 @@ def meet(q, which, capture, eta, y, mode):
 
 @compiled
 def transversality(q, rate, which, before, after, now, eta):
-    """See `tpd.exact.contact.transversality_of`; `rate` is the usual one of the motion, and `now` a state
-    with its accelerations."""
+    """How transversally a slipping block meets an event, over what is usual; infinite for other events.
+    `rate` is the usual one of the motion, and `now` a state with its accelerations."""
+    # The derivative of an event's time has this rate as its denominator: where it vanishes the motion grazes.
+    # A crossing after which the block could be held is one of the hops of a rattle. These are as slow as one
+    # likes on every orbit that comes to rest, and say nothing about grazing.
     if before != SLIP or after != SLIP:
         return math.inf
     usual = rate * q.weight

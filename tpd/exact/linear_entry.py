@@ -39,7 +39,7 @@ from tpd.exact.legs import (
     read,
 )
 from tpd.exact.motion import FIRST_PIECE, LEG, larger, put
-from tpd.exact.near_orbits import CYCLE, Limits, cycle, follow_periods
+from tpd.exact.near_orbits import Limits, follow_periods
 from tpd.exact.plant import compiled, part, plant, put_plants, stored
 from tpd.exact.repetition import SETTLED
 from tpd.exact.settle import settle
@@ -49,7 +49,6 @@ from tpd.exact.trajectory import trajectory
 
 __all__ = [
     "CALL",
-    "CYCLE",
     "FIELDS",
     "FOLLOWED",
     "INPUTS",
@@ -59,15 +58,13 @@ __all__ = [
     "STEADY",
 ]
 
-SETTLE, PERIODS, TRAJECTORY, SHAKE, HISTORY, LEGS_OF, ARCS, STEADY_STATE = range(8)
+SETTLE, TRAJECTORY, SHAKE, HISTORY, LEGS_OF, ARCS, STEADY_STATE = range(7)
 """Tasks; the first number of every row of settings. Histories, legs and arcs are for the host alone."""
 _END, _GROWN, _AT, _LIFTED, SHAKEN = map(np.int64, (3, 7, 8, 11, 12))
 """Places of the quantities with derivatives of a motion through all pieces, after the three angles: the end,
 the growing coordinate, the three times, that of the uplift; and how many there are."""
 ENDED = np.dtype([("legs", np.float64), ("how", np.float64)])
 """Legs of a motion, for which there may not be room, and how it ended."""
-MODE = np.dtype([(name, np.float64) for name in ("kind", "tilt", "way")])
-"""Mode in which a cycle begins."""
 _USUAL = 20_000
 """Events for which there is room at first."""
 
@@ -86,21 +83,6 @@ def _settle(a, first, last):
     for n in range(first, last):
         put(y[n], m.y)
         settle(x[n], q, m, room, r, s[n], t[n, BEGIN], t[n, RAMP], out[n])
-    _keep(own)
-
-
-@part
-def _cycle(a, first, last):
-    """Rows of `cycle`: settings, parameters, starts and modes; cycles."""
-    (s, x, y), own, (_, _, _, kinds, results, _, _, _) = usual(a, last), memory(), places_in(a)
-    modes, out, (q, m, room, r) = at(kinds, (last,), MODE), at(results, (last,), CYCLE), first_of(own)
-    for n in range(first, last):
-        plant(x[n], q)
-        put_plants(x[n], r.plants)
-        put(y[n], m.y)
-        m.kind, m.tilt, m.way = modes[n].kind, modes[n].tilt, modes[n].way
-        limits = Limits(s[n].rest_rate * q.nu, int(s[n].events), int(s[n].periods))
-        cycle(q, m, own.legs, room, r, limits, own.motions[SPARE], out[n])
     _keep(own)
 
 
@@ -238,8 +220,6 @@ def _run(a, first, last):
     task = at(settings, (last,), SETTINGS)[first].task
     if task == SETTLE:
         _settle(a, first, last)
-    elif task == PERIODS:
-        _cycle(a, first, last)
     elif task == STEADY_STATE:
         _steady(a, first, last)
     elif task == TRAJECTORY:

@@ -3,7 +3,7 @@
 In a batch that is vectorised every motion waits for the one with the most events. Here each goes its own
 way: a Taylor series carries it until its error would be too large, or to the first event, which is a root of
 the series. Motion, forcing and coefficients are those of `tpd.exact`, the rules at events those of
-`tpd.exact.contact` and `tpd.models.segmented`, and those of repetition those of `tpd.models.settling`.
+`tpd.exact.contact_kernel`, and those of repetition those of `tpd.exact.repetition`.
 """
 
 from __future__ import annotations
@@ -48,12 +48,15 @@ from tpd.exact.motion import (
 )
 from tpd.exact.plant import PLANT, compiled, part, stored
 from tpd.exact.repetition import LONGEST, NEWEST, SETTLED
-from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_RATE, TILT, TILT_RATE
+from tpd.exact.steady import STEADY
+from tpd.exact.terms import MANY, REST, SLIP, STICK, SWING, SWING_RATE, SYMMETRIC, TILT, TILT_RATE
+from tpd.exact.trajectory import ROUNDING
 
-__all__ = ["CALL", "FOLLOWED", "SETTINGS", "SETTLED", "run"]
+__all__ = ["CALL", "FOLLOWED", "SETTINGS", "SETTLED", "STEADY", "run"]
 
-SETTLE, SHAKE = range(2)
-"""Tasks; the first number of every row of settings. Operands and results are those of `linear_entry`."""
+SETTLE, SHAKE, STEADY_STATE, TRAJECTORY = range(4)
+"""Tasks; the first number of every row of settings. Operands and results are those of `linear_entry`, without
+derivatives."""
 STILL = 1e-3
 """Share of its scale by which the bob's swing may change in a period under a block called at rest."""
 MAX_STEPS = 20_000
@@ -221,12 +224,19 @@ def _one_period(q, f, m, w, s, grown, events):
 
 
 @compiled
+def _scaled(q, w):
+    """Set the period and the usual rates of a motion under a harmonic; return the sizes of its state."""
+    scales = repetition.scales_of(q)
+    w.period, w.relative = 2.0 * math.pi / q.xi, NO
+    w.rate, w.swing = scales[TILT_RATE], scales[SWING_RATE]
+    return scales
+
+
+@compiled
 def _settle(q, m, w, s, since, ramp, out):
     """Follow one motion from its state at tau = `since` until it repeats, rests, is lost, or the periods of
     the settings `s` have elapsed; see `tpd.exact.settle.settle`."""
-    y, cubics, scales, events = m.y, np.empty((0, 4)), repetition.scales_of(q), int(s.events)
-    w.period, w.relative = 2.0 * math.pi / q.xi, NO
-    w.rate, w.swing = scales[TILT_RATE], scales[SWING_RATE]
+    y, cubics, scales, events = m.y, np.empty((0, 4)), _scaled(q, w), int(s.events)
     past, peaks = np.zeros(LONGEST, repetition.PERIOD), np.zeros(2)
     put(y, past[NEWEST].y)
     clear(m)
@@ -256,6 +266,76 @@ def _settle(q, m, w, s, since, ramp, out):
             # The bob of a block that never moved may repeat itself after several periods only.
             status = repetition.AT_REST if repetition.stayed(past, repeats) else repetition.ROCKING
     repetition.put_settled(status, repeats, elapsed, m, past, peaks, out)
+
+
+@compiled
+def _is_symmetric(q, m, w, s, y):
+    """Whether the periodic motion with the state `y` at tau = 0 is its own mirror image half a period
+    later."""
+    f, half, past = steady(np.empty((0, 4))), math.pi / q.xi, np.zeros(1, repetition.PERIOD)
+    put(y, past[NEWEST].y)
+    # The mirror image of a motion, half a period later, is a motion as well. It is the same one if it comes
+    # to the same state.
+    for i in range(4):
+        m.y[i] = -y[i]
+    clear(m)
+    decide(q, m.y, sign(m.y[TILT]), sign(m.y[TILT_RATE]), forcing_now(q, f, half), m)
+    arrived = _one_period(q, f, m, w, half, 0.0, int(s.events)) == ARRIVED
+    reach = max(s.tolerance, SYMMETRIC)
+    return arrived and repetition.repeats_after(q, m.y, past, 1, repetition.scales_of(q), reach) == 1
+
+
+@compiled
+def _steady_state(q, m, w, s, settled, out):
+    """Follow a motion from its state at tau = 0 until it settles, and put its steady state into `out`.
+    Multipliers, exponents and derivatives are no numbers: nobody computes them."""
+    _settle(q, m, w, s, 0.0, 0.0, settled)
+    status = int(settled.status)
+    put(settled.y, out.y)
+    out.amplitude, out.stroke, out.multiplier, out.lyapunov = (
+        settled.amplitude,
+        settled.stroke,
+        math.nan,
+        math.nan,
+    )
+    out.status, out.periods, out.elapsed = status, settled.periods, settled.elapsed
+    for i in range(6):
+        for j in range(MANY):
+            out.by[i, j] = math.nan
+    if status in (repetition.OVERTURNED, repetition.FAILED):
+        out.amplitude = out.stroke = math.inf if status == repetition.OVERTURNED else math.nan
+    rocks = status in (repetition.ROCKING, repetition.STICKING) and int(settled.periods) % 2 == 1
+    out.symmetric = 1.0 if rocks and _is_symmetric(q, m, w, s, out.y) else 0.0
+
+
+@compiled
+def _trajectory(q, m, w, s, times, out):
+    """Follow a motion from its state at times[0] on, and put the states at all times into `out`, no numbers
+    beyond its end. Return its status."""
+    y, f, status = m.y, steady(np.empty((0, 4))), repetition.ROCKING
+    _scaled(q, w)
+    clear(m)
+    restart(m)
+    # Times count from the beginning of their forcing period, see `tpd.exact.trajectory`.
+    period = math.floor(times[0] / w.period + ROUNDING)
+    t = times[0] - period * w.period
+    decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, t), m)
+    m.events = int(s.events)
+    for n in range(len(times)):
+        last = math.floor(times[n] / w.period + ROUNDING)
+        while status == repetition.ROCKING and (period < last or t < times[n] - last * w.period):
+            end = w.period if period < last else times[n] - last * w.period
+            ended = advance(q, f, m, w, FIRST_PIECE, t, end)
+            t = end
+            if period < last:
+                period, t, m.events = period + 1, 0.0, int(s.events)
+            if ended == BROKEN or not finite(y):
+                status = repetition.FAILED
+            elif ended != ARRIVED:
+                status = repetition.OVERTURNED if ended == LOST else repetition.EVENT_BOUND
+        for i in range(4):
+            out[n, i] = y[i] if status == repetition.ROCKING else math.nan
+    return status
 
 
 @compiled
@@ -290,10 +370,12 @@ def _through(q, f, m, w, s):
 
 @part
 def _run(a, first, last):
-    """Rows of settings, parameters and starts. To settle: also beginnings and ramps; what they settle to.
-    Through a ground motion: also pieces; results, in which what is not computed is no number."""
-    (s, x, start), (_, _, _, given, results, _, _, _) = usual(a, last), places_in(a)
+    """Rows of settings, parameters and starts. To settle: also beginnings and ramps; what they settle to. For
+    steady states: these. For a trajectory: also times; states and statuses. Through a ground motion: also
+    pieces; results, in which what is not computed is no number."""
+    (s, x, start), (_, _, _, given, results, ends, _, _) = usual(a, last), places_in(a)
     plants, motions, works = np.empty(1, PLANT), np.zeros(1, MOTION), np.zeros(1, series.WORK)
+    spare, count = np.empty(1, SETTLED), int(s[first].periods)
     q, m, w = plants[0], motions[0], works[0]
     for n in range(first, last):
         series.prepare(x[n], s[n], q, w)
@@ -301,12 +383,17 @@ def _run(a, first, last):
         if s[n].task == SETTLE:
             t, settled = at(given, (last, 2), np.float64), at(results, (last,), SETTLED)
             _settle(q, m, w, s[n], t[n, BEGIN], t[n, RAMP], settled[n])
+        elif s[n].task == STEADY_STATE:
+            _steady_state(q, m, w, s[n], spare[FIRST_PIECE], at(given, (last,), STEADY)[n])
+        elif s[n].task == TRAJECTORY:
+            times, states = at(given, (last, count), np.float64), at(results, (last, count, 4), np.float64)
+            at(ends, (last,), np.float64)[n] = _trajectory(q, m, w, s[n], times[n], states[n])
         else:
             out = at(results, (last,), FOLLOWED)[n]
             put_results(m, _through(q, pieces(given, s[n], n), m, w, s[n]), out)
             out.growing = out.crossing = math.nan
     # Records do not keep their memory, and Numba frees an array after its last use.
-    return len(plants) + len(motions) + len(works)
+    return len(plants) + len(motions) + len(works) + len(spare)
 
 
 def _entrance(version: int, api: int) -> Any:

@@ -99,12 +99,8 @@ def _put_slipping(q, m, left, w):
     """Put the series of a block that moves into the memory, and return its order: the largest, or one that
     does for the time `left`."""
     c, pull, rho, weight, lever = w.series, -0.5 * q.m12, -0.5 * q.m21, m.tilt * q.weight, m.tilt * q.nu
-    sp, cp, sq, cq = (
-        math.sin(c[PHI, VALUE]),
-        math.cos(c[PHI, VALUE]),
-        math.sin(c[PSI, VALUE]),
-        math.cos(c[PSI, VALUE]),
-    )
+    phi, psi = c[PHI, VALUE], c[PSI, VALUE]
+    sp, cp, sq, cq = math.sin(phi), math.cos(phi), math.sin(psi), math.cos(psi)
     sine, cosine = sp * cq - cp * sq, cp * cq + sp * sq
     c[_A, VALUE], c[_B, VALUE] = q.up * sp - weight * cp, weight * sp + q.up * cp
     c[_SIN, VALUE], c[_COS, VALUE] = sq, cq

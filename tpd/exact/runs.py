@@ -20,7 +20,6 @@ from jaxtyping import Array, Int
 
 from tpd.core import checks
 from tpd.exact.calling import LINEAR, NONLINEAR, Compiled, numbers_in, parts, shape
-from tpd.exact.contact import Mode
 from tpd.exact.derivatives import moved, once, refused_in
 from tpd.exact.rows import packed
 from tpd.exact.terms import ENDS, TILT_PULL, TILT_RATE, XI
@@ -29,7 +28,8 @@ from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status, index_of
 from tpd.theory.equations import Terms
 
-_ENGINES = {Terms.linear: LINEAR, Terms.nonlinear: NONLINEAR}
+ENGINES = {Terms.linear: LINEAR, Terms.nonlinear: NONLINEAR}
+"""Entrances to the compiled code by the equations."""
 TOLERANCE = 1e-6
 """Repetition error that counts as settled, by default; see `tpd.exact.repetition.scales_of`."""
 REST_RATES = {Terms.linear: 2e-7, Terms.nonlinear: 1e-4}
@@ -76,7 +76,7 @@ class Settled(eqx.Module):
     y: State
     """State at tau = 0 modulo the forcing period."""
     memory: Any
-    """Anything else that the model needs to go on from there (the exact model: its discrete mode)."""
+    """Anything else that a model needs to go on from there; None of compiled code."""
     periods: Int[Array, ""]
     """Forcing periods in one period of the motion."""
     amplitude: Number
@@ -167,7 +167,7 @@ def follow(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    engine, batch = _ENGINES[equations], None
+    engine, batch = ENGINES[equations], None
     if np.ndim(rows) > 1 or np.ndim(y0) > 1:
         batch = _Batch.of(rows, y0, workers, progress)
     limits = {"rest_rate": REST_RATES[equations] if rest_rate is None else rest_rate}
@@ -237,11 +237,11 @@ def _settle_batch(
 def _settled_of(numbers: Any, record: np.dtype) -> Settled:
     """Where runs have settled, from the records of compiled code as floats."""
     of, index = parts(numbers, record), np.array([index_of(name) for name in ENDS], dtype=np.int32)
-    kind, code, periods, elapsed = (x.astype(int) for x in (of.kind, of.status, of.periods, of.elapsed))
+    code, periods, elapsed = (x.astype(int) for x in (of.status, of.periods, of.elapsed))
     status = index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code]
     # From its leaves, because fields are annotated with the shapes of a single motion.
     sizes, peaks = (of.amplitude, of.stroke), (of.peak, of.peak_stroke)
-    leaves = [of.y, kind, of.tilt, of.way, periods, *sizes, status, elapsed, *peaks]
+    leaves = [of.y, periods, *sizes, status, elapsed, *peaks]
     return jax.tree.unflatten(_structure(), leaves)
 
 
@@ -250,7 +250,7 @@ def _structure() -> Any:
     """Structure of the pytree of a `Settled`."""
     none, count = jnp.zeros(()), jnp.zeros((), int)
     about = count, none, none, Status.failed, count, none, none
-    return jax.tree.structure(Settled(jnp.zeros(4), Mode(count, none, none), *about))
+    return jax.tree.structure(Settled(jnp.zeros(4), None, *about))
 
 
 def _shake_batch(engine: Compiled, batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
@@ -296,6 +296,37 @@ def _followed_of(out: Any) -> Followed:
     angles, state = (of.sizes[..., k] for k in range(3)), of.state[..., :TILT_PULL]
     counted = of.status, of.impacts, of.lifted, of.fell, of.crossing
     return Followed._make((*angles, of.times, state, of.growing, *counted))
+
+
+Limits = tuple[tuple[str, float | int], ...]
+"""Settings by their names, for `solve`."""
+
+
+def solve(equations: Terms, x: Any, y0: Any, limits: Limits) -> Any:
+    """Return the steady state of a run under a harmonic: a record `tpd.exact.steady.STEADY` as floats.
+
+    Args:
+        equations: of the nonlinear ones multiplier, Lyapunov exponent and derivatives are NaN.
+        x, y0: the row of parameters, and the state at tau = 0. Of NumPy's arrays the answer is one as well,
+            and no program of JAX is asked.
+        limits: periods, events, tolerance and rest_rate; of the linear equations also lyapunov, the periods
+            over which neighbours are followed; of the nonlinear ones also rtol.
+    """
+    engine, row, n = _steady_call(equations, limits)
+    if not (isinstance(x, np.ndarray) and isinstance(y0, np.ndarray)):
+        (out,) = engine((shape(n),), row, x, y0)
+        return out
+    out = np.empty(n)
+    engine.entry().run(0, 1, row, np.ascontiguousarray(x, float), np.ascontiguousarray(y0, float), out)
+    return out
+
+
+@lru_cache(maxsize=8)
+def _steady_call(equations: Terms, limits: Limits) -> tuple[Compiled, np.ndarray, int]:
+    """The entrance, a row of settings for `solve`, and how many numbers it gives."""
+    engine = ENGINES[equations]
+    row = np.array(engine.settings("STEADY_STATE", **dict(limits)))
+    return engine, row, numbers_in(engine.entry().STEADY)
 
 
 def _shaken_from(inputs: float, settings: Array, x: Array, y: Array, pieces: Array) -> Any:

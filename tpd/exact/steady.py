@@ -195,7 +195,7 @@ def _put_isolated(c, y, out):
     right, sizes = np.empty((4, _RESIDUAL + 1)), np.empty((2, _RESIDUAL + 1))
     for i in range(4):
         right[i, _RESIDUAL] = c.end[i] - y[i]
-        for j in range(_RESIDUAL):
+        for j in range(MANY):
             right[i, j] = c.by[i, j]
     solved = _solved(c.by, right)
     for k in range(2):
@@ -207,7 +207,7 @@ def _put_isolated(c, y, out):
                 sizes[k, j] = math.nan
     out.amplitude, out.stroke = sizes[_AMPLITUDE, _RESIDUAL], sizes[_STROKE, _RESIDUAL]
     for k in range(6):
-        for j in range(_RESIDUAL):
+        for j in range(MANY):
             out.by[k, j] = sizes[k, j] if k < 2 else right[k - 2, j]
 
 
@@ -218,7 +218,7 @@ def steady_state(x, y0, s, own, out):
     (q, m, room, r), c, found, y, total = first_of(own), own.cycles[_BEST], own.settled[0], out.y, 0.0
     out.amplitude = out.stroke = out.multiplier = out.lyapunov = math.nan
     out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, repetition.FAILED
-    for j in range(_RESIDUAL):
+    for j in range(MANY):
         total += abs(x[j])
         for i in range(6):
             out.by[i, j] = math.nan
@@ -288,7 +288,7 @@ def steady_state(x, y0, s, own, out):
         # A block at rest has no amplitude, whatever moves. The stroke of a bob that hangs still is at the
         # corner of |psi|.
         out.amplitude = 0.0
-        for j in range(_RESIDUAL):
+        for j in range(MANY):
             out.by[_AMPLITUDE, j] = 0.0
             if out.stroke == 0.0:
                 out.by[_STROKE, j] = math.nan

@@ -71,12 +71,8 @@ MOVED = _PARAMETERS + MANY
 """How many."""
 SAMPLES = np.int64(199)
 """Times between the turns at which `survey` looks."""
-SURVEYED = np.dtype(
-    [
-        *((name, np.float64) for name in ("height", "leaving", "arriving")),
-        ("rates", np.float64, (int(SAMPLES),)),
-    ]
-)
+_WAY = tuple((name, np.float64) for name in ("height", "leaving", "arriving"))
+SURVEYED = np.dtype([*_WAY, ("rates", np.float64, (int(SAMPLES),))])
 """Findings about a way, see `survey`."""
 _MORE = "status", "sticking", "grazing", "bob", "bob_rate", "peak", "overflow"
 ORBIT = np.dtype(

@@ -11,7 +11,7 @@ from typing import Any
 from tpd.scene.parameters import NAMES
 
 SLIP, STICK, REST = range(3)
-"""Kinds of the modes of the contact, see `tpd.exact.contact`."""
+"""Kinds of the modes of the contact, see `tpd.exact.contact_kernel`."""
 TURN, LANDING, RELEASE = range(3)
 """Kinds of the events that end an arc of a periodic orbit."""
 TILT, SWING, TILT_RATE, SWING_RATE, TILT_PULL, SWING_PULL = range(6)

@@ -16,7 +16,7 @@ from tpd.exact.plant import STEP, compiled, plant, put_plants
 from tpd.exact.repetition import EVENT_BOUND, OVERTURNED, ROCKING
 from tpd.exact.terms import TILT, TILT_RATE
 
-_ROUNDING = 1e-10
+ROUNDING = 1e-10
 """Share of a period by which a time may lie before the period that it counts to, so that a time that rounding
 has put just before a period's end needs no leg of its own."""
 BEGINNING, _INPUTS, _NONE = np.int64(13), np.int64(14), np.int64(0)
@@ -34,7 +34,7 @@ def trajectory(x, q, m, room, r, s, times, out, by):
     period, rules, events = span_of(q, f), Rules(s.rest_rate * q.nu, YES, NO, NO), int(s.events)
     # Times count from the beginning of their forcing period: the forcing repeats, and the phase of a late
     # time is then that of an early one to the last digit of the count.
-    whole = math.floor(times[0] / period + _ROUNDING)
+    whole = math.floor(times[0] / period + ROUNDING)
     t, status = times[0] - whole * period, ROCKING
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, t), m)
     legs = np.empty(events + LEGS if slopes else 0, LEG)
@@ -46,7 +46,7 @@ def trajectory(x, q, m, room, r, s, times, out, by):
                 r.dy[i, j] = 1.0 if j == STATE + i else 0.0
         r.shift[BEGINNING] += 1.0
     for n in range(len(times)):
-        last, arrived = math.floor(times[n] / period + _ROUNDING), n == 0
+        last, arrived = math.floor(times[n] / period + ROUNDING), n == 0
         while not arrived and status == ROCKING:
             arrived = whole >= last
             end = times[n] - last * period if arrived else period

@@ -9,7 +9,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from tpd.exact.linear import Cycle
 from tpd.exact.runs import Settled
 from tpd.exact.terms import SWING, TILT
 from tpd.scene.parameters import Parameters
@@ -151,25 +150,3 @@ def settle(
         return r.add(one_period(r.y, r.memory), scale, tolerance)
 
     return jax.lax.while_loop(going, step, blank(y0, memory)).settled()
-
-
-def cycle_by_events(
-    settled: Settled,
-    y: State,
-    one_period: Callable[[State, Any], tuple[State, Any, tuple[Number, Number, Number], Number]],
-) -> Cycle:
-    """The settled periods from `y`, of a model that meets events: `one_period` of a state and a mode gives
-    these at its end, the largest phi, -phi and |psi|, and the transversality."""
-
-    def onward(_: Array, carry: tuple) -> tuple:
-        y, mode, sizes, transversality = carry
-        y, mode, now, met = one_period(y, mode)
-        sizes = tuple(jnp.maximum(a, b) for a, b in zip(sizes, now, strict=True))
-        return y, mode, sizes, jnp.minimum(transversality, met)
-
-    zero = jnp.zeros_like(y[TILT])
-    first = (y, settled.memory, (zero, zero, zero), jnp.full_like(zero, jnp.inf))
-    y, mode, (up, down, stroke), transversality = jax.lax.fori_loop(0, settled.periods, onward, first)
-    amplitude = jnp.maximum(up, down)
-    asymmetry = jax.lax.stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
-    return Cycle(y, amplitude, stroke, mode, transversality, asymmetry, mode.equals(settled.memory))

@@ -14,11 +14,10 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float
 
 from tpd.core import checks
-from tpd.exact.linear import Cycle
 from tpd.exact.rows import row_of
 from tpd.exact.runs import HarmonicForcing, Settled, follow
 from tpd.exact.terms import SWING, TILT, TILT_RATE
-from tpd.models.base import MOST_PERIODS, AbstractModel, setting
+from tpd.models.base import MOST_PERIODS, AbstractFlow, Cycle, setting
 from tpd.models.piecewise import Piecewise
 from tpd.models.settling import Period, settle
 from tpd.scene.parameters import Parameters
@@ -41,7 +40,7 @@ def rocking_scale(p: Parameters) -> Number:
     return (4.0 / jnp.pi) * linear.weight / (linear.m11 * p.xi**2 + linear.tilt)
 
 
-class Smoothed(AbstractModel):
+class Smoothed(AbstractFlow):
     """sgn(x) replaced by tanh(x/width), so that an ODE solver and its gradients apply.
 
     The widths are `sharpness` times `rocking_scale` for the tilt, and xi times that for its rate,
@@ -102,7 +101,7 @@ class Smoothed(AbstractModel):
         (e = 0), and with (4), whose law depends on psi, all that lose energy."""
         least, told = 1e-3, " in the smoothed model: take `Piecewise`"
         if self.terms is Terms.nonlinear:
-            least, told = 1.0, " in the smoothed equations (4): take `Segmented`"
+            least, told = 1.0, " in the smoothed equations (4): take `Nonlinear`"
         checks.within("e", p.velocity_ratio, least, 1.0, told, every=True)
 
     def settle(self, p: Parameters, y0: State) -> Settled:

@@ -1,7 +1,7 @@
 """The law of impacts: the rates after the block comes down on its base, and nothing else decides them.
 
 Everything that knows the law takes it from here, so that another law is an edit of `velocity_ratio`, and of
-`bob_change` if the bob is to feel it otherwise: the exact engine and its orbits, the smoothed, segmented and
+`bob_change` if the bob is to feel it otherwise: the exact engine and its orbits, the smoothed and the
 nonlinear models, in JAX and in compiled code (`tpd.exact.plant.shared`). Complex numbers carry derivatives.
 What they all suppose is that the changes of both rates are proportional to phi' before: a ratio that depends
 on the rates themselves would need other equations of the symmetric orbits (`tpd.exact.half_period_kernel`)

@@ -70,7 +70,7 @@ class Status(eqx.Enumeration):
     inexact = (
         "The model with smoothed signs ends in another motion than the exact model from the same start, or "
         "its amplitude is off by more than 5 %. Amplitude and gradient are those of the smoothed motion. "
-        "Change the model to `Piecewise()`, or with nonlinear terms to `Segmented()`."
+        "Change the model to `Piecewise()`, or with nonlinear terms to `Nonlinear()`."
     )
     not_known = (
         "No symmetric orbit was found, and the block lifts from rest. Whether there is a periodic motion of "

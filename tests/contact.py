@@ -1,8 +1,5 @@
-"""The contact of block and base: the decision between slip, stick and rest, and how events are met.
-
-These rules are the same for the linear equations, solved in closed form, and for the nonlinear ones,
-integrated from event to event. They take moments and rates as numbers and do not know where these come from.
-"""
+"""The decision between slip, stick and rest, and how events are met, in JAX: for the second opinion of
+`tests.segmented`. The package has these rules in `tpd.exact.contact_kernel`."""
 
 from __future__ import annotations
 

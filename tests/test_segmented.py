@@ -11,6 +11,7 @@ import pytest
 
 import tpd
 from tests import reference
+from tests.contact import SLIP, Mode
 from tests.exact.test_trajectory import STICKING
 from tests.reference import (
     HUNG,
@@ -27,12 +28,11 @@ from tests.reference import (
     parameters,
 )
 from tests.reference import exact as linear
-from tpd import Segmented, Smoothed, Terms, simulate, status_name, steady_state
-from tpd.exact.contact import SLIP, Mode
+from tests.segmented import _TURN, Segmented, _begin, _transversality
+from tests.segmented import _split as split
+from tests.segmented import _through as through
+from tpd import Smoothed, Terms, simulate, status_name, steady_state
 from tpd.exact.terms import GRAZING
-from tpd.models.segmented import _TURN, _begin, _transversality
-from tpd.models.segmented import _split as split
-from tpd.models.segmented import _through as through
 from tpd.models.settling import scale_of
 from tpd.scene.impacts import housner
 from tpd.scene.parameters import as_arrays

@@ -4,8 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tests.contact import REST, SLIP, STICK, Mode, decide, released, transversality_of
 from tests.exact.test_contact_kernel import DECISIONS
-from tpd.exact.contact import REST, SLIP, STICK, Mode, decide, released, transversality_of
 
 
 def mode(*x):

@@ -1,4 +1,4 @@
-"""The equations with true signs, integrated by diffrax from event to event.
+"""A second opinion on the nonlinear equations: true signs, integrated by diffrax from event to event.
 
 Between two events the vector field is smooth, which an ODE solver asks for; at an event the segment
 ends, what happens there is decided as in the exact solution, and the next one begins. This is how the
@@ -18,13 +18,12 @@ import optimistix
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
+from tests.contact import REST, SLIP, STICK, Mode, decide, released, transversality_of
 from tpd.core import checks
-from tpd.exact.contact import REST, SLIP, STICK, Mode, decide, released, transversality_of
-from tpd.exact.linear import Cycle
 from tpd.exact.runs import Settled
 from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
-from tpd.models.base import MOST_PERIODS, AbstractModel, setting
-from tpd.models.settling import Period, cycle_by_events, settle
+from tpd.models.base import MOST_PERIODS, AbstractFlow, Cycle, setting
+from tpd.models.settling import Period, settle
 from tpd.scene.impacts import bob_change, velocity_ratio
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State
@@ -71,7 +70,7 @@ class _Run(NamedTuple):
     """See `Cycle`."""
 
 
-class Segmented(AbstractModel):
+class Segmented(AbstractFlow):
     """True signs, by default of the nonlinear equations (4); the bound on the solver's step is a
     sixteenth of a forcing period, so that an event that undoes itself within less may go unseen.
 
@@ -388,3 +387,25 @@ def _through(
     first = (whole[0], since[0], y0, memory, Status.rocking)
     carry, ys = jax.lax.scan(onward, first, (whole[1:], since[1:]))
     return jnp.concatenate([y0[None], ys]), carry[-1]
+
+
+def cycle_by_events(
+    settled: Settled,
+    y: State,
+    one_period: Callable[[State, Any], tuple[State, Any, tuple[Number, Number, Number], Number]],
+) -> Cycle:
+    """The settled periods from `y`, of a model that meets events: `one_period` of a state and a mode gives
+    these at its end, the largest phi, -phi and |psi|, and the transversality."""
+
+    def onward(_: Array, carry: tuple) -> tuple:
+        y, mode, sizes, transversality = carry
+        y, mode, now, met = one_period(y, mode)
+        sizes = tuple(jnp.maximum(a, b) for a, b in zip(sizes, now, strict=True))
+        return y, mode, sizes, jnp.minimum(transversality, met)
+
+    zero = jnp.zeros_like(y[TILT])
+    first = (y, settled.memory, (zero, zero, zero), jnp.full_like(zero, jnp.inf))
+    y, mode, (up, down, stroke), transversality = jax.lax.fori_loop(0, settled.periods, onward, first)
+    amplitude = jnp.maximum(up, down)
+    asymmetry = jax.lax.stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
+    return Cycle(y, amplitude, stroke, mode, transversality, asymmetry, mode.equals(settled.memory))

@@ -1,0 +1,118 @@
+"""States of runs over time: under a harmonic by both equations, and the history of a ground motion by (25).
+
+The compiled code runs on the host's processor, as `tpd.exact.calling` says, with derivatives of its own.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.lax import stop_gradient
+from jaxtyping import Array, Float
+
+from tpd.exact.calling import LINEAR, shape
+from tpd.exact.derivatives import once, refused_in
+from tpd.exact.rows import packed, row_of
+from tpd.exact.runs import ENGINES, REST_RATES
+from tpd.exact.terms import ENDS
+from tpd.scene.parameters import Parameters
+from tpd.scene.pytrees import State
+from tpd.scene.status import Status
+from tpd.theory.equations import Terms
+
+MOMENT = np.dtype(
+    [
+        *((name, np.float64) for name in ("tilt", "swing", "tilt_rate", "swing_rate")),
+        *((name, np.float64) for name in ("tilt_pull", "swing_pull", "forcing", "kind", "side")),
+    ]
+)
+"""State of a run at a time, as `tpd.exact.legs.put_states` has it: phi, psi, phi', psi', phi'' and psi''; f
+times the forcing; kind of its mode, and the side to which the block leans."""
+IMPACT = np.dtype([("time", np.float64), ("rate", np.float64)])
+"""Time of an impact and the rate phi' after it."""
+
+
+def _status_of(number: Array) -> Status:
+    every = [getattr(Status, name) for name in ENDS]
+    return jax.tree.map(lambda *x: jnp.stack(x)[number.astype(int)], *every)
+
+
+@jax.custom_jvp
+def _trajectory(x: Array, y: Array, times: Array, settings: Array) -> tuple[Array, Array]:
+    """States at all times, and the status."""
+    out, status, _ = _trajectory_from(0.0, x, y, times, settings)
+    return out[:, :4], status
+
+
+def _trajectory_from(slopes: float, x: Array, y: Array, times: Array, settings: Array) -> Any:
+    entry = LINEAR.entry()
+    n = times.size
+    shapes = shape(n, 8), shape(1), shape(n if slopes else 1, 4, entry.INPUTS + 1)
+    asked = settings.at[entry.FIELDS.index("slopes")].set(slopes)
+    return LINEAR(shapes, asked, x, y, times)
+
+
+_trajectory_with_slopes = once(partial(_trajectory_from, 1.0))
+
+
+@_trajectory.defjvp
+def _trajectory_jvp(primals: tuple, tangents: tuple) -> tuple:
+    out, status, by = _trajectory_with_slopes(*primals)
+    x, y, times, _ = tangents
+    moved = by @ jnp.concatenate([x, y, times[:1]])
+    # The first time moves the beginning of the motion, and no state at it.
+    rates = jnp.where(jnp.isfinite(out[:, 4:]), out[:, 4:], 0.0)
+    later = rates * times.at[0].set(0.0)[:, None]
+    return (out[:, :4], status), (moved + later, jnp.zeros_like(status))
+
+
+def trajectory(
+    equations: Terms, p: Parameters, y0: State, times: Float[Array, "times"], **limits: Any
+) -> tuple[Float[Array, "times 4"], Status]:
+    """Return the states of a run under a harmonic at `times`, from `y0` at `times[0]`, and its status.
+
+    `limits` are settings by their names: events, rest_rate, and rtol of the nonlinear equations. Derivatives
+    of the linear equations are exact, those of the nonlinear ones NaN.
+    """
+    engine = ENGINES[equations]
+    s = packed(engine.settings("TRAJECTORY", periods=times.size, **limits))
+    given = jnp.asarray(row_of(p)), y0, times, s
+    if equations is Terms.linear:
+        ys, status = _trajectory(*given)
+    else:
+        x, y, clock, s = map(stop_gradient, given)
+        ys, status = engine((shape(times.size, 4), shape(1)), s, x, y, clock)
+        ys = refused_in(given[:3], ys)
+    (code,) = stop_gradient(status)
+    return ys, _status_of(code)
+
+
+class History(NamedTuple):
+    """A run under a ground motion over time."""
+
+    states: np.ndarray
+    """Records `MOMENT` at the times asked for, NaN after the end of a run without an answer."""
+    impacts: np.ndarray
+    """Records `IMPACT` of all impacts."""
+    status: int
+    """Index among `tpd.exact.terms.SHAKEN`."""
+
+
+def history(
+    row: np.ndarray, y0: np.ndarray, pieces: np.ndarray, times: np.ndarray, *, free: float, events: int
+) -> History:
+    """Follow a run through the pieces of a ground motion, and freely for `free` (tau), and return its states
+    at increasing times and its impacts; at most so many events beyond one for each piece."""
+    states, status = np.empty(len(times), MOMENT), np.empty(1)
+    # No run has more: each impact is one of its events.
+    impacts = np.empty(len(pieces) + events, IMPACT)
+    sizes = {"periods": len(times), "impacts": len(impacts), "pieces": len(pieces), "events": events}
+    settings = LINEAR.settings("HISTORY", **sizes, free=free, rest_rate=REST_RATES[Terms.linear])
+    # The equations have minus the acceleration of the base.
+    given = row, y0, np.ascontiguousarray(-pieces), times
+    LINEAR.entry().run(0, 1, np.array(settings), *given, states, impacts, status)
+    return History(states, impacts[np.isfinite(impacts["time"])], int(status.item()))
