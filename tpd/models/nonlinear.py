@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from tpd.core import checks
+from tpd.exact.runs import Limits
 from tpd.models.base import COMPILED_PERIODS, AbstractCompiled, setting
 from tpd.theory.equations import Terms
 
@@ -38,3 +39,9 @@ class Nonlinear(AbstractCompiled):
     def accuracy(self) -> dict[str, Any]:
         """Settings of the compiled code for a part of a motion, by their names."""
         return {**super().accuracy, "rtol": self.rtol}
+
+    @property
+    def limits(self) -> Limits:
+        """Settings of the compiled code for a steady state."""
+        settled = {"periods": self.max_periods, "tolerance": self.tolerance}
+        return tuple({**settled, **self.accuracy}.items())

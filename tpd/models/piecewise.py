@@ -34,4 +34,6 @@ class Piecewise(AbstractCompiled):
     @property
     def limits(self) -> Limits:
         """Settings of the compiled code for a steady state."""
-        return *super().limits, ("lyapunov", self.lyapunov_periods)
+        of_events = ("events", self.max_events), ("rest_rate", self.rest_rate)
+        settled = ("periods", self.max_periods), ("tolerance", self.tolerance)
+        return *settled, *of_events, ("lyapunov", self.lyapunov_periods)
