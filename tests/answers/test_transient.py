@@ -389,7 +389,7 @@ def test_a_model_that_does_not_fit_is_one_sentence():
         (tpd.Nonlinear, "the class itself"),
     ):
         with pytest.raises(ValueError, match=words):
-            _followed(model, scene.ground_parameters(), None, 0.0, None, 1, known=False)
+            _followed(model, scene.ground_parameters(), None, 0.0, None, 1)
 
 
 def test_bad_input_is_one_sentence():

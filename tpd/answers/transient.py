@@ -131,7 +131,7 @@ def transient(
     # Rates are per unit tau inside, and per second outside.
     speeds = xp.stack([x * xp.ones(()) for x in (1.0, 1.0, rate, rate)])
     pieces = xp.asarray(scene.motion.pieces())
-    found = _followed(model, p, pieces, free * rate, start / speeds, max_events, known=xp is np)
+    found = _followed(model, p, pieces, free * rate, start / speeds, max_events)
     return _answer(found, rate, speeds, bob, xp)
 
 
@@ -185,10 +185,8 @@ def _finite_jvp(primals: tuple, tangents: tuple) -> tuple:
     return _finite(*primals), tangents[0]
 
 
-def _followed(
-    model: Any, p: Parameters, pieces: Any, free: Any, start: Any, most: int, *, known: bool
-) -> Followed:
-    """The motion of a model, at once if all numbers are known.
+def _followed(model: Any, p: Parameters, pieces: Any, free: Any, start: Any, most: int) -> Followed:
+    """The motion of a model.
 
     Raises:
         ValueError: a model that does not follow such a motion.
@@ -199,7 +197,4 @@ def _followed(
     if isinstance(model, Nonlinear):
         limits |= {"rtol": model.rtol, "rest_rate": model.rest_rate}
     row, forcing = ground_row_of(p), GroundForcing([pieces], free)
-    if not known:
-        return follow(model.equations, row, forcing, y0=start, **limits)
-    found = follow(model.equations, row, forcing, y0=np.array(start)[None], workers=1, **limits)
-    return Followed(*(x[0] for x in found))
+    return follow(model.equations, row, forcing, y0=start, **limits)

@@ -1,6 +1,6 @@
 """Compiled record of the last forcing periods of a motion: when it repeats itself, and what it settles to.
 
-The rules are those of `tpd.models.settling`.
+`tpd.models.settling` has the rules of smoothed motions, which know no modes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PERIOD = np.dtype([("y", np.float64, (4,)), *((name, np.float64) for name in ("t
 """A forcing period: the state at its end, the largest |phi| and |psi|, and how long the block was held."""
 _NAMES = ("amplitude", "stroke", "peak", "peak_stroke", "kind", "tilt", "way", "status", "periods", "elapsed")
 SETTLED = np.dtype([("y", np.float64, (4,)), *((name, np.float64) for name in _NAMES)])
-"""Motion that is settled on, see `tpd.models.base.Settled`: its state, sizes and peaks, kind and signs of its
+"""Motion that is settled on, see `tpd.exact.runs.Settled`: its state, sizes and peaks, kind and signs of its
 mode, and the number of its status."""
 
 

@@ -1,7 +1,7 @@
 """The one door to runs of the linear equations (25) and of the nonlinear equations (4): `follow`.
 
-One run is a call under JAX's transformations. A batch of known numbers is computed on all cores. The compiled
-code runs on the host's processor, as `tpd.exact.calling` says, and has derivatives of its own.
+Runs whose numbers are known are computed at once, a batch on all cores. One run may also be traced by JAX.
+The compiled code runs on the host's processor, as `tpd.exact.calling` says, and has derivatives of its own.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def follow(
     Args:
         equations: linear or nonlinear. Runs of the nonlinear equations have no derivatives (NaN), every
             landing is an impact, and a run that does not repeat is `not_settled`.
-        rows: parameters as `tpd.exact.rows` has them, of one run (9,), or of a batch (n, 9).
+        rows: parameters as `tpd.exact.rows` has them, of one run (9,), traced or not, or of a batch (n, 9).
         forcing: a harmonic or ground motions.
         y0: starts (4,), or (n, 4), which make one row those of a batch; at rest by default.
         rest_rate: an impact slower than this (phi' in units of nu) that the block can be held after is rest;
@@ -167,22 +167,29 @@ def follow(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    engine, batch = ENGINES[equations], None
-    if np.ndim(rows) > 1 or np.ndim(y0) > 1:
-        batch = _Batch.of(rows, y0, workers, progress)
+    engine = ENGINES[equations]
     limits = {"rest_rate": REST_RATES[equations] if rest_rate is None else rest_rate}
     if equations is Terms.nonlinear:
         limits["rtol"] = checks.tolerance("rtol", rtol)
-    start = jnp.zeros(4) if y0 is None else y0
-    if isinstance(forcing, GroundForcing):
+    ground = isinstance(forcing, GroundForcing)
+    if ground:
         limits["events"] = GROUND_EVENTS[equations] if events is None else events
-        if batch is None:
-            return _shake_one(engine, rows, start, forcing, limits)
-        return _shake_batch(engine, batch, forcing, limits | {"brief": brief})
-    limits |= {"events": EVENTS if events is None else events, "tolerance": tolerance}
-    limits["periods"] = PERIODS[equations] if forcing.periods is None else forcing.periods
-    if batch is not None:
-        return _settle_batch(engine, batch, forcing, limits)
+    else:
+        limits |= {"events": EVENTS if events is None else events, "tolerance": tolerance}
+        limits["periods"] = PERIODS[equations] if forcing.periods is None else forcing.periods
+    many = np.ndim(rows) > 1 or np.ndim(y0) > 1
+    # Of one run whose numbers are known, JAX would compile a program.
+    if many or all(map(checks.is_concrete, jax.tree.leaves((rows, y0, forcing, limits)))):
+        x, y = (rows, y0) if many else (np.asarray(rows)[None], None if y0 is None else np.asarray(y0)[None])
+        batch = _Batch.of(x, y, workers, progress)
+        if ground:
+            runs = _shake_batch(engine, batch, forcing, limits | {"brief": brief})
+            return runs if many else Followed(*(x[0] for x in runs))
+        settled = _settle_batch(engine, batch, forcing, limits)
+        return settled if many else jax.tree.map(lambda x: x[0, ...], settled)
+    start = jnp.zeros(4) if y0 is None else y0
+    if ground:
+        return _shake_one(engine, rows, start, forcing, limits)
     record, settings = engine.entry().SETTLED, packed(engine.settings("SETTLE", **limits))
     times = packed((forcing.begin, forcing.ramp))
     (out,) = engine((shape(numbers_in(record)),), settings, stop_gradient(rows), stop_gradient(start), times)
