@@ -29,7 +29,8 @@ def results() -> dict[str, Any]:
     from tpd.answers.bifurcations import bifurcations
     from tpd.answers.ensemble import plan
     from tpd.answers.ground_batch import follow_scaled
-    from tpd.design.orbits import Orbits, geometry_of
+    from tpd.design.criteria import Geometry
+    from tpd.design.orbits import Orbits
     from tpd.exact.orbits import orbit_slopes, solve_orbits
     from tpd.exact.rows import row_of
     from tpd.exact.runs import HarmonicForcing, follow
@@ -61,7 +62,7 @@ def results() -> dict[str, Any]:
     block = tpd.Scene(scene.block, tpd.Harmonic(amplitude=0.03, frequency=1.5))
     conditions = tpd.Conditions.band(block, 1.4, 1.6, 2)
     free, space = block.parameters(), tpd.DesignSpace()
-    objective = Orbits(free, conditions, space, tpd.Risk.worst(), (), geometry_of(block, conditions))
+    objective = Orbits(free, conditions, space, tpd.Risk.worst(), (), Geometry.of(block, conditions))
 
     def on_orbit(given: dict[str, Any]) -> Any:
         return tpd.periodic_orbit(Parameters(**given), steady.state).amplitude
