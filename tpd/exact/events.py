@@ -166,31 +166,31 @@ def _bound(w, i, e1, e2, t):
     return abs(x[_ON_S1]) * e1 + abs(x[_ON_S2]) * e2 + x[_PAIR] + forced
 
 
-_CLEAR, _ONE, _UNKNOWN = range(3)
+CLEAR, ONE, UNKNOWN = range(3)
 
 
 @compiled
-def _judged(g0, v0, g1, v1, d, bound):
+def judged(g0, v0, g1, v1, d, bound):
     """Proof about a signal over a window: that it stays positive after its start; that it is positive,
     falls all the way and is not at the end; or nothing."""
     # Bernstein coefficients of the cubic; those of its slope are their differences.
     b1, b2, left = g0 + d * v0 * _THIRD, g1 - d * v1 * _THIRD, bound * d * d * d * d
     if min(min(g0, g1), min(b1, b2)) > left * AWAY:
-        return _CLEAR
+        return CLEAR
     # Divided by s, what is left of the cubic without its first term, g0 (1 - s)^3 >= 0.
     if g0 >= 0.0 and min(min(3.0 * b1, 1.5 * b2), g1) > left * _FROM_ZERO:
-        return _CLEAR
+        return CLEAR
     # Divided by s^2, what is left without the first two terms: the signal began with a rate of zero.
     if g0 >= 0.0 and b1 >= 0.0 and min(3.0 * b2, g1) > left * _TWICE:
-        return _CLEAR
+        return CLEAR
     steepest = max(max(b1 - g0, b2 - b1), g1 - b2)
     if g1 <= 0.0 < g0 and 3.0 * steepest < -_CURVED * left:
-        return _ONE
-    return _UNKNOWN
+        return ONE
+    return UNKNOWN
 
 
 @compiled
-def _guess(g0, v0, g1, v1, d):
+def estimate(g0, v0, g1, v1, d):
     """Share of the window at which the cubic with these values and slopes at its ends vanishes, about."""
     a, b = d * v0, d * v1
     c2, c3 = 3.0 * (g1 - g0) - 2.0 * a - b, 2.0 * (g0 - g1) + a + b
@@ -298,17 +298,17 @@ def next_event(arc, w, now, t, end):
             if i == SECOND and not w.second:
                 continue
             h[i], z[i] = _look(w, i, now, to, _VALUE), _look(w, i, now, to, _SLOPE)
-            found = _judged(g[i], v[i], h[i], z[i], d, _bound(w, i, up, e2, to))
-            if found == _UNKNOWN and d <= w.least:
+            found = judged(g[i], v[i], h[i], z[i], d, _bound(w, i, up, e2, to))
+            if found == UNKNOWN and d <= w.least:
                 # Rounding decides, but a signal that is exact where it began has left to the wrong side.
-                found = _ONE if h[i] <= 0.0 and (g[i] > 0.0 or arc.xi == 0.0) else _CLEAR
-            if found == _UNKNOWN:
+                found = ONE if h[i] <= 0.0 and (g[i] > 0.0 or arc.xi == 0.0) else CLEAR
+            if found == UNKNOWN:
                 proved = False
                 break
-            if found == _ONE and (first == END or _look(w, i, instant(arc, soonest), soonest, _VALUE) <= 0.0):
+            if found == ONE and (first == END or _look(w, i, instant(arc, soonest), soonest, _VALUE) <= 0.0):
                 # Its only root in the window comes before that of the other signal. A signal that began at
                 # zero has a root there: from the right, Newton's method comes to the other one.
-                guess = _guess(g[i], v[i], h[i], z[i], d) if g[i] > 0.0 else 1.0
+                guess = estimate(g[i], v[i], h[i], z[i], d) if g[i] > 0.0 else 1.0
                 root = _root(arc, w, i, t, to, guess)
                 if first == END or root < soonest:
                     first, soonest = i, root

@@ -15,6 +15,7 @@ from tpd.exact.arcs import span_of, steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.follow import ARRIVED, LOST, Rules, allow, begin, forcing_now, piece
 from tpd.exact.legs import STATE
+from tpd.exact.march import put_flow
 from tpd.exact.motion import FIRST_PIECE, LEG, NO, YES, clear, finite, largest, put
 from tpd.exact.near_orbits import CONVERGED, NEARBY, Limits, Past, orbit_near
 from tpd.exact.plant import compiled, plant, plant_along
@@ -136,6 +137,7 @@ def settle(x, q, m, room, r, s, since, ramp, out):
     the settings `s` have elapsed. The shaking grows over `ramp` periods. Put what the motion settles to into
     `out`."""
     plant(x, q)
+    put_flow(q, room.march)
     y, period, tolerance, capture = m.y, 2.0 * math.pi / q.xi, s.tolerance, s.rest_rate * q.nu
     events, scales, cubics, legs = int(s.events), repetition.scales_of(q), np.empty((0, 4)), np.empty(0, LEG)
     limits = Limits(capture, events, 1)

@@ -24,6 +24,7 @@ from tpd.exact.legs import (
     put_states,
     read,
 )
+from tpd.exact.march import put_flow
 from tpd.exact.motion import FIRST_PIECE, LEG, larger, put
 from tpd.exact.near_orbits import CYCLE, Limits, cycle, follow_periods
 from tpd.exact.plant import compiled, part, plant, put_plants, stored
@@ -98,6 +99,7 @@ def _cycle(a, first, last):
     modes, out, (q, m, room, r) = at(kinds, (last,), MODE), at(results, (last,), CYCLE), first_of(own)
     for n in range(first, last):
         plant(x[n], q)
+        put_flow(q, room.march)
         put_plants(x[n], r.plants)
         put(y[n], m.y)
         m.kind, m.tilt, m.way = modes[n].kind, modes[n].tilt, modes[n].way
@@ -201,6 +203,7 @@ def _legs(a, first, last):
     (q, m, room, _), f = first_of(own), steady(np.empty((0, 4)))
     for n in range(first, last):
         plant(x[n], q)
+        put_flow(q, room.march)
         put(start[n], m.y)
         decide(q, m.y, sign(m.y[TILT]), sign(m.y[TILT_RATE]), 0.0, m)
         limits = Limits(s[n].rest_rate * q.nu, int(s[n].events), int(s[n].periods))
