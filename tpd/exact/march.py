@@ -36,11 +36,10 @@ from tpd.exact.events import (
     ONE,
     SECOND,
     UNKNOWN,
-    estimate,
     judged,
 )
 from tpd.exact.motion import GRID, TERMS, at_end, note, pass_event, record
-from tpd.exact.plant import compiled
+from tpd.exact.plant import fused
 from tpd.exact.terms import SLIP, STICK, SWING, SWING_RATE, TILT, TILT_RATE
 
 _OVER = 1.0 / (np.arange(1.0, TERMS) * np.arange(2.0, TERMS + 1.0))
@@ -67,7 +66,7 @@ h = (a + b t) sin + (c + d t) cos with its quadrature k = (a + b t) cos - (c + d
 r = b sin + d cos, w = b cos - d sin. Of a held block the tilt does not move: in its place is the forcing."""
 
 
-@compiled
+@fused
 def put_flow(q, a):
     """Prepare the march of a plant: its table, and what bounds a short flight."""
     # The longest windows of the careful search.
@@ -115,43 +114,52 @@ def put_flow(q, a):
             c[_GROWTH] = order * q.xi ** (order - 1.0)
 
 
-@compiled
+@fused
 def _pair_after(p, q, u, v, x, y):
     """The pair's solutions after two times, from those after each."""
     return u * x - q * v * y, u * y + v * (x - p * y)
 
 
-@compiled
-def _onward(x, p, q, e1, e2, pu, pv, sine, cosine, t):
-    """The parts of an angle after the time `t`, from a row of the table."""
-    u, v = pu * x.u + pv * x.v, (pu - p * pv) * x.v - q * pv * x.u
+@fused
+def _onward(q, a, n, held, x, grows):
+    """The parts of an angle after n points of the grid."""
+    row, t = a.flow[n], a.step * n / GRID
+    p, square, pu, pv = q.p, q.q, row[_U], row[_V]
+    if held:
+        p, square, pu, pv = q.held_p, q.held_q, row[_HELD_U], row[_HELD_V]
+    sine, cosine = row[_SINE], row[_COSINE]
+    u, v = pu * x.u + pv * x.v, (pu - p * pv) * x.v - square * pv * x.u
     h, k = cosine * x.h + sine * x.k, cosine * x.k - sine * x.h
+    if not grows:
+        return Parts(x.level, row[_E1] * x.grown, row[_E2] * x.fallen, u, v, h, k, 0.0, 0.0)
     r, w = cosine * x.r + sine * x.w, cosine * x.w - sine * x.r
-    return Parts(x.level, e1 * x.grown, e2 * x.fallen, u, v, h + t * r, k + t * w, r, w)
+    return Parts(x.level, row[_E1] * x.grown, row[_E2] * x.fallen, u, v, h + t * r, k + t * w, r, w)
 
 
-@compiled
+@fused
 def _value(x):
     """The value of an angle."""
     return x.level + x.grown + x.fallen + x.u + x.h
 
 
-@compiled
+@fused
 def _rate(q, x):
     """Its rate."""
     return q.s1 * x.grown + q.s2 * x.fallen + x.v + q.xi * x.k + x.r
 
 
-@compiled
-def _pull(q, x, p, square):
-    """Its acceleration; `p` and `square` are those of the pair."""
-    free = q.s1 * q.s1 * x.grown + q.s2 * q.s2 * x.fallen - square * x.u - p * x.v
+@fused
+def _pull(q, held, x):
+    """Its acceleration, where the block is held or not."""
+    pair = -q.held_q * x.u - q.held_p * x.v if held else -q.q * x.u - q.p * x.v
+    free = q.s1 * q.s1 * x.grown + q.s2 * q.s2 * x.fallen + pair
     return free - q.xi * q.xi * x.h + 2.0 * q.xi * x.w
 
 
-@compiled
-def _put_series(q, x, p, square, c):
+@fused
+def _put_series(q, held, x, c):
     """Put the Taylor polynomial of an angle into `c`."""
+    p, square = (q.held_p, q.held_q) if held else (q.p, q.q)
     grown, fallen, u, v, h, k, r, w, last, over = *x[1:], 0.0, 1.0
     for n in range(TERMS):
         c[n] = (grown + fallen + u + h + n * last) * over
@@ -161,7 +169,7 @@ def _put_series(q, x, p, square, c):
     c[0] += x.level
 
 
-@compiled
+@fused
 def _sums(c, t):
     """Value, slope and curvature of a Taylor polynomial."""
     value, slope, bend = 0.0, 0.0, 0.0
@@ -170,20 +178,29 @@ def _sums(c, t):
     return value, slope, 2.0 * bend
 
 
-@compiled
+@fused
 def _crossing(c, t, unit):
     """Where the Taylor polynomial of a signal vanishes, near `t`, to a share of `unit` that is rounding."""
     for _ in range(8):
-        value, slope, _ = _sums(c, t)
-        step = value / slope
+        value, slope, bend = _sums(c, t)
+        # Halley's method: the error is of the third power of its step.
+        step = value * slope / (slope * slope - 0.5 * value * bend)
         t -= step
-        # The error of Newton's method is of the square of its step.
-        if abs(step) <= 1e-8 * unit:
+        if abs(step) <= 1e-5 * unit:
             return t
     return math.nan
 
 
-@compiled
+@fused
+def _estimate(g0, v0, g1, v1, d):
+    """Share of a step after which a signal vanishes, about: a step of Newton's method for its cubic."""
+    a, b, s = d * v0, d * v1, g0 / (g0 - g1)
+    c2, c3 = 3.0 * (g1 - g0) - 2.0 * a - b, 2.0 * (g0 - g1) + a + b
+    s -= (g0 + s * (a + s * (c2 + s * c3))) / (a + s * (2.0 * c2 + 3.0 * s * c3))
+    return min(1.0, max(0.0, s))
+
+
+@fused
 def _put_signal(q, m, which, tilt, swing, c):
     """Put the Taylor polynomial of a signal of the careful search into `c`, from those of both angles."""
     for n in range(TERMS - 1):
@@ -200,7 +217,7 @@ def _put_signal(q, m, which, tilt, swing, c):
         c[0] += _hold(q, m, which)
 
 
-@compiled
+@fused
 def _hold(q, m, which):
     """Distance of what holds a block from the limit of a signal, without the moment of bob and forcing."""
     stuck = m.kind == STICK
@@ -209,7 +226,7 @@ def _hold(q, m, which):
     return hold - level if which == FIRST else hold + level
 
 
-@compiled
+@fused
 def _parts_of(q, m, sine, cosine, share, growth):
     """Tilt, or the forcing of a held block, and swing of a motion; the forcing has the share `share` of its
     size, which grows at the rate `growth`."""
@@ -247,17 +264,18 @@ def _parts_of(q, m, sine, cosine, share, growth):
     return tilt, Parts(0.0, one * q.a1, two * q.b1, u, v, bh, bk, br, bw)
 
 
-@compiled
+@fused
 def _bound(a, held, x, left, order):
     """Bound on a derivative of an angle for the time `left`, without that of its growing part."""
     c = a.orders[order]
     # The answer to the forcing is an oscillation whose size may grow.
     growth = abs(x.r) + abs(x.w)
     forced = c[_FORCED] * (abs(x.h) + abs(x.k) + left * growth) + c[_GROWTH] * growth
-    return c[held] * (abs(x.u) + a.over_w[held] * abs(x.v)) + c[_FALLEN] * abs(x.fallen) + forced
+    side = 1 if held else 0
+    return c[side] * (abs(x.u) + a.over_w[side] * abs(x.v)) + c[_FALLEN] * abs(x.fallen) + forced
 
 
-@compiled
+@fused
 def _flight(q, m, a, sine, cosine, share, growth):
     """The first event of a slipping block, if it comes so soon that its arc is a short flight, and its time,
     with the Taylor polynomials of both angles; END if it does not."""
@@ -302,152 +320,171 @@ def _flight(q, m, a, sine, cosine, share, growth):
     return which, t
 
 
-@compiled
-def _stride(q, m, a, sine, cosine, share, growth, left, limit):
-    """The first event of an arc before the time `left`, with END for that, the time of a point of the grid
-    near it, and the time after that point, about which the Taylor polynomials of both angles are. CUT where a
-    proof fails, or where the tilt exceeds the limit."""
-    held, y, series = (1 if m.kind != SLIP else 0), m.y, a.series
-    tilt, swing = _parts_of(q, m, sine, cosine, share, growth)
-    p, square = (q.held_p, q.held_q) if held else (q.p, q.q)
-    tilt4, tilt5 = _bound(a, held, tilt, left, 0), _bound(a, held, tilt, left, 1)
-    swing4, swing5 = _bound(a, held, swing, left, 0), _bound(a, held, swing, left, 1)
-    back, c, d = not held and m.tilt * m.way < 0.0, 1.0 - q.up, q.bias
-    hold_up, hold_down = (_hold(q, m, FIRST), _hold(q, m, SECOND)) if held else (0.0, 0.0)
-    g2 = v2 = h2 = u2 = 0.0
-    # The signals at the start, from the state: what began at zero is exact there.
+@fused
+def _put_near(q, a, held, tilt, swing, near, grows):
+    """Put the Taylor polynomials of both angles about the point of the grid nearest to a time into their
+    rows, and return the time of that point."""
+    n = min(GRID, int(near / a.step * GRID + 0.5))
+    _put_series(q, held, _onward(q, a, n, held, swing, grows), a.series[SWING])
+    _put_series(q, held, _onward(q, a, n, held, tilt, grows), a.series[TILT])
+    return a.step * n / GRID
+
+
+@fused
+def _place(q, m, a, held, tilt, swing, which, near, far, grows):
+    """When an event is met that the step of length `far` from these angles has at about the time `near`: a
+    point of the grid, about which the Taylor polynomials are, and the time after it. The first is negative
+    where the search leads elsewhere."""
+    for _ in range(_FEW):
+        at = _put_near(q, a, held, tilt, swing, near, grows)
+        _put_signal(q, m, which, a.series[TILT], a.series[SWING], a.series[_SIGNAL])
+        more = _crossing(a.series[_SIGNAL], near - at, a.step / GRID)
+        near = at + more
+        if not 0.0 <= near <= far:
+            break
+        if abs(more) * GRID <= a.step:
+            return at, more
+    return -1.0, 0.0
+
+
+@fused
+def _signals_of(q, m, held, back, up, down, tilt, swing):
+    """Values and slopes of the signals of the careful search: both of the block, and the bob's rate."""
+    z1, z2 = _rate(q, swing), _pull(q, held, swing)
     if held:
-        z1, z2 = y[SWING_RATE], _pull(q, swing, p, square)
-        pull = c * y[SWING] + d * z1 - q.f * tilt.h
-        slope = c * z1 + d * z2 - q.f * (q.xi * tilt.k + tilt.r)
-        g1, v1, g2, v2 = hold_up - pull, -slope, hold_down + pull, slope
-    else:
-        z1, z2 = y[SWING_RATE], _pull(q, swing, p, square)
-        g1, v1 = m.way * y[TILT_RATE], m.way * _pull(q, tilt, p, square)
-        if back:
-            g2, v2 = m.tilt * y[TILT], m.tilt * y[TILT_RATE]
-    g3, v3 = m.bob_way * z1, m.bob_way * z2
-    if (g1 < _AT_ZERO and v1 <= 0.0) or (g3 < _AT_ZERO and v3 <= 0.0):
-        return CUT, 0.0, 0.0
-    if (held or back) and g2 < _AT_ZERO and v2 <= 0.0:
-        return CUT, 0.0, 0.0
+        pull = (1.0 - q.up) * _value(swing) + q.bias * z1 - q.f * tilt.h
+        slope = (1.0 - q.up) * z1 + q.bias * z2 - q.f * (q.xi * tilt.k + tilt.r)
+        return up - pull, -slope, down + pull, slope, m.bob_way * z1, m.bob_way * z2
+    x1 = _rate(q, tilt)
+    g2, v2 = (m.tilt * _value(tilt), m.tilt * x1) if back else (0.0, 0.0)
+    return m.way * x1, m.way * _pull(q, held, tilt), g2, v2, m.bob_way * z1, m.bob_way * z2
+
+
+@fused
+def _starts(g, v):
+    """Whether a signal is positive at the start of an arc, or rises from zero."""
+    return g >= _AT_ZERO or v > 0.0
+
+
+@fused
+def _now(m, held, a, t):
+    """The state with its accelerations after the time `t`, by the Taylor polynomials."""
+    z0, z1, z2 = _sums(a.series[SWING], t)
+    if held:
+        return m.y[TILT], z0, 0.0, z1, 0.0, z2
+    x0, x1, x2 = _sums(a.series[TILT], t)
+    return x0, z0, x1, z1, x2, z2
+
+
+@fused
+def _finish(m, legs, i, begun, lasted, which, now, tau):
+    """Record a leg, take account of the angles at its end, and put the state there into the motion."""
+    note(m, now[TILT], now[SWING], tau)
+    record(m, legs, i, begun, lasted, which, m.y)
+    for j in range(4):
+        m.y[j] = now[j]
+
+
+@fused
+def _arc(q, f, m, a, legs, i, s, end, sine, cosine, released):
+    """Follow an arc through piece i from its local time `s`, and record the legs before the last. Return its
+    end: the first event of the block, or END at the time `end`, or CUT where a proof fails; the time of the
+    start of the last leg; and that of the end, as two times that are about those of a point of the grid and
+    the time after it."""
+    held, share, left, grows = m.kind != SLIP, f.share + f.rate * s, end - s, f.rate != 0.0
+    y, back, limit = m.y, not held and m.tilt * m.way < 0.0, beyond_return(q)
+    tilt, swing = _parts_of(q, m, sine, cosine, share, f.rate)
+    swing4, swing5 = _bound(a, held, swing, left, 0), _bound(a, held, swing, left, 1)
+    tilt4, tilt5 = _bound(a, held, tilt, left, 0), _bound(a, held, tilt, left, 1)
+    if held:
+        tilt4 = tilt5 = abs(1.0 - q.up) * swing4 + abs(q.bias) * swing5 + q.f * tilt4
+    up, down = (_hold(q, m, FIRST), _hold(q, m, SECOND)) if held else (0.0, 0.0)
+    g1, v1, g2, v2, g3, v3 = _signals_of(q, m, held, back, up, down, tilt, swing)
+    # What began at zero is exact in the state. Where a block is let go, its acceleration is zero as well.
+    if not held:
+        g1, g2, v1 = m.way * y[TILT_RATE], m.tilt * y[TILT], (0.0 if released else v1)
+    g3 = m.bob_way * y[SWING_RATE]
+    sound = (_starts(g1, v1) or released) and _starts(g3, v3) and (_starts(g2, v2) or not (held or back))
     g1, g2, g3 = max(g1, 0.0), max(g2, 0.0), max(g3, 0.0)
-    at, n = 0.0, int(a.jump)
-    while True:
-        row, far = a.flow[n], a.step * n / GRID
-        pu, pv = (row[_HELD_U], row[_HELD_V]) if held else (row[_U], row[_V])
-        new_swing = _onward(swing, p, square, row[_E1], row[_E2], pu, pv, row[_SINE], row[_COSINE], far)
-        new_tilt = _onward(tilt, p, square, row[_E1], row[_E2], pu, pv, row[_SINE], row[_COSINE], far)
-        z1, z2, grown = _rate(q, new_swing), _pull(q, new_swing, p, square), abs(new_swing.grown)
-        h3, u3 = m.bob_way * z1, m.bob_way * z2
-        third = judged(g3, v3, h3, u3, far, swing5 + a.orders[1, _GROWN] * grown)
-        second = CLEAR
-        if held:
-            pull = c * _value(new_swing) + d * z1 - q.f * new_tilt.h
-            slope = c * z1 + d * z2 - q.f * (q.xi * new_tilt.k + new_tilt.r)
-            h1, u1, h2, u2 = hold_up - pull, -slope, hold_down + pull, slope
-            bound = abs(c) * swing4 + abs(d) * swing5 + q.f * tilt4
-            first, second = judged(g1, v1, h1, u1, far, bound), judged(g2, v2, h2, u2, far, bound)
-        else:
-            grown, x1 = abs(new_tilt.grown), _rate(q, new_tilt)
-            h1, u1 = m.way * x1, m.way * _pull(q, new_tilt, p, square)
-            first = judged(g1, v1, h1, u1, far, tilt5 + a.orders[1, _GROWN] * grown)
-            if back:
-                h2, u2 = m.tilt * _value(new_tilt), m.tilt * x1
-                second = judged(g2, v2, h2, u2, far, tilt4 + a.orders[0, _GROWN] * grown)
-        if first == CLEAR and second == CLEAR and third == CLEAR:
-            if at + far < left:
-                if not held and abs(_value(new_tilt)) >= limit:
-                    return CUT, 0.0, 0.0
-                tilt, swing, at = new_tilt, new_swing, at + far
-                g1, v1, g2, v2, g3, v3 = h1, u1, h2, u2, h3, u3
-                n = min(2 * n, GRID)
-                continue
-            which, near = END, left - at
-        elif max(first, max(second, third)) == UNKNOWN or first + second + third > ONE:
+    at, begun, n = 0.0, s, (int(a.jump) if sound else 0)
+    while n > 0:
+        far = a.step * n / GRID
+        new_tilt, new_swing = _onward(q, a, n, held, tilt, grows), _onward(q, a, n, held, swing, grows)
+        h1, u1, h2, u2, h3, u3 = _signals_of(q, m, held, back, up, down, new_tilt, new_swing)
+        grown = abs(new_tilt.grown)
+        one = judged(g1, v1, h1, u1, far, tilt5 + a.orders[1, _GROWN] * grown)
+        two = CLEAR
+        if held or back:
+            two = judged(g2, v2, h2, u2, far, tilt4 + a.orders[0, _GROWN] * grown)
+        three = judged(g3, v3, h3, u3, far, swing5 + a.orders[1, _GROWN] * abs(new_swing.grown))
+        if max(one, max(two, three)) == UNKNOWN or one + two + three > ONE:
             # Two events in one step are told apart by shorter ones.
             n //= 2
-            if n == 0:
-                return CUT, 0.0, 0.0
             continue
-        elif first == ONE:
-            which, near = FIRST, far * estimate(g1, v1, h1, u1, far)
-        elif second == ONE:
-            which, near = SECOND, far * estimate(g2, v2, h2, u2, far)
-        else:
-            which, near = BOB, far * estimate(g3, v3, h3, u3, far)
-        a.jump = n
-        for _ in range(_FEW):
-            near = min(near, left - at)
-            k = min(GRID, int(near / a.step * GRID + 0.5))
-            row, far = a.flow[k], a.step * k / GRID
-            pu, pv = (row[_HELD_U], row[_HELD_V]) if held else (row[_U], row[_V])
-            there = _onward(swing, p, square, row[_E1], row[_E2], pu, pv, row[_SINE], row[_COSINE], far)
-            _put_series(q, there, p, square, series[SWING])
-            there = _onward(tilt, p, square, row[_E1], row[_E2], pu, pv, row[_SINE], row[_COSINE], far)
-            _put_series(q, there, p, square, series[TILT])
-            more = near - far
-            if which == END:
-                return which, at + far, more
-            _put_signal(q, m, which, series[TILT], series[SWING], series[_SIGNAL])
-            more = _crossing(series[_SIGNAL], more, a.step / GRID)
-            if at + far + more >= left:
-                which, near = END, left - at
-            elif abs(more) * GRID <= a.step:
-                return which, at + far, more
-            else:
-                near = far + more
-        return CUT, 0.0, 0.0
+        if one + two + three == ONE:
+            which, near = BOB, _estimate(g3, v3, h3, u3, far)
+            if one == ONE:
+                which, near = FIRST, _estimate(g1, v1, h1, u1, far)
+            elif two == ONE:
+                which, near = SECOND, _estimate(g2, v2, h2, u2, far)
+            place, more = _place(q, m, a, held, tilt, swing, which, far * near, far, grows)
+            if place < 0.0:
+                break
+            to = at + place + more
+            if to < left:
+                a.jump = n
+                if which != BOB:
+                    return which, begun, s + at + place, more
+                # The bob turns, which changes nothing: the same arc goes on.
+                _finish(m, legs, i, begun, s + to - begun, BOB, _now(m, held, a, more), i * span_of(q, f) + s + to)
+                m.bob_way, begun, h3, u3 = -m.bob_way, s + to, -h3, -u3
+        if at + far >= left:
+            place = _put_near(q, a, held, tilt, swing, left - at, grows)
+            return END, begun, s + at + place, left - at - place
+        if not held and abs(_value(new_tilt)) >= limit:
+            break
+        tilt, swing, at, n = new_tilt, new_swing, at + far, min(2 * n, GRID)
+        g1, v1, g2, v2, g3, v3 = h1, u1, h2, u2, h3, u3
+    return CUT, begun, begun, 0.0
 
 
-@compiled
+@fused
 def march(q, f, m, legs, room, i, s, end, capture):
     """Follow a motion under a harmonic through piece i from its local time `s`, as
     `tpd.exact.follow.piece` does, as long as everything is proved. Return whether the motion has reached the
     time `end`, and else from which time on the careful search has to follow its next arc."""
-    y, a, origin = m.y, room.march, i * span_of(q, f)
-    limit, growth = beyond_return(q), f.rate
+    a, origin, released = room.march, i * span_of(q, f), False
     sine, cosine = turned(q.xi * s)
-    tilt, swing = a.series[TILT], a.series[SWING]
     while m.events > 0:
-        share, which, at, more = f.share + growth * s, END, 0.0, 0.0
-        if m.kind == SLIP:
-            which, more = _flight(q, m, a, sine, cosine, share, growth)
+        held, begun, at = m.kind != SLIP, s, s
+        which, more = END, 0.0
+        if not held:
+            which, more = _flight(q, m, a, sine, cosine, f.share + f.rate * s, f.rate)
         brief = which != END and s + more < end
         if not brief:
-            which, at, more = _stride(q, m, a, sine, cosine, share, growth, end - s, limit)
+            which, begun, at, more = _arc(q, f, m, a, legs, i, s, end, sine, cosine, released)
             if which == CUT:
-                return False, s
-        z0, z1, z2 = _sums(swing, more)
-        now = y[TILT], z0, 0.0, z1, 0.0, z2
-        if m.kind == SLIP:
-            x0, x1, x2 = _sums(tilt, more)
-            now = x0, z0, x1, z1, x2, z2
-        lasted = at + more
-        note(m, now[TILT], now[SWING], origin + s + lasted)
-        record(m, legs, i, s, lasted, which, y)
-        for j in range(4):
-            y[j] = now[j]
+                return False, begun
+        s = at + more
+        now = _now(m, held, a, more)
+        _finish(m, legs, i, begun, s - begun, which, now, origin + s)
         if which == END:
             return True, end
-        s += lasted
         if brief:
-            sine, cosine = _turned_further(sine, cosine, q.xi * lasted)
+            sine, cosine = _turned_further(sine, cosine, q.xi * more)
         else:
             sine, cosine = turned(q.xi * s)
             # Hops get shorter one after the other.
-            a.jump = min(GRID, 1 + int(2.0 * GRID * lasted / a.step))
-        if which == BOB:
-            m.bob_way = -m.bob_way
-            continue
+            a.jump = min(GRID, 1 + int(2.0 * GRID * (s - begun) / a.step))
         m.events -= 1
-        pass_event(q, m, legs, which, capture, q.xi, now, (f.share + growth * s) * sine, origin + s)
+        pass_event(q, m, legs, which, capture, q.xi, now, (f.share + f.rate * s) * sine, origin + s)
+        released = held
         if at_end(m, legs, i, s, end):
             return True, end
     return False, s
 
 
-@compiled
+@fused
 def _turned_further(sine, cosine, x):
     """Sine and cosine of a phase that goes on by a small angle."""
     x2 = x * x

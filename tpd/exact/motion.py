@@ -127,8 +127,10 @@ def note_angle(m, k, angle, tau):
 @compiled
 def note(m, phi, psi, tau):
     """Take account of all angles there."""
-    for k in range(6):
-        note_angle(m, k, angle_of(phi, psi, k), tau)
+    for k in range(3):
+        angle = phi if k == TILT else (psi if k == SWING else psi - phi)
+        # To the other side it is below zero, where there is no largest angle.
+        note_angle(m, 2 * k if angle >= 0.0 else 2 * k + 1, abs(angle), tau)
 
 
 @compiled
