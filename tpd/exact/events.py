@@ -44,6 +44,8 @@ _TWICE = 1.0 / 24.0
 """It differs by at most _TWICE B d^4 s^2."""
 _CURVED = math.sqrt(3.0) / 216.0
 """The slope of the cubic differs from that of the signal by at most this times B d^3."""
+_BENT = 1.0 / 12.0
+"""The curvature of both differs by at most this times B d^2, and so their slopes by as much times B d^3 s."""
 HALVED = 60
 """Bisections of a window that leave no more than rounding."""
 
@@ -185,6 +187,9 @@ def judged(g0, v0, g1, v1, d, bound):
         return CLEAR
     steepest = max(max(b1 - g0, b2 - b1), g1 - b2)
     if g1 <= 0.0 < g0 and 3.0 * steepest < -_CURVED * left:
+        return ONE
+    # Divided by s, what is left of the cubic's slope without its first term: the rate may begin at zero.
+    if g1 <= 0.0 < g0 and b1 <= g0 and 3.0 * max(2.0 * (b2 - b1), g1 - b2) < -_BENT * left:
         return ONE
     return UNKNOWN
 

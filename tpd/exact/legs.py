@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tpd.exact.arcs import Load, arc_from, forcing_at, instant, launch, load_at, span_of, state_at
+from tpd.exact.arcs import Load, arc_from, beginning, forcing_at, instant, launch, load_at, span_of, state_at
 from tpd.exact.contact_kernel import reserve, struck
 from tpd.exact.events import BOB, CUT, END, FIRST, GONE, RELATIVE, SECOND, STOP
 from tpd.exact.motion import WHOLE, angle_of, larger
@@ -97,22 +97,45 @@ def _launched(q, f, leg, dy, j, s):
 
 
 @compiled
-def along(r, f, leg, first, last):
+def along(q, r, f, leg, first, last):
     """Take a reader, in the directions from `first` to before `last`, to the end of a leg, before its
-    event."""
+    event; `q` is the plant."""
     # The real state begins anew with every leg, so that errors of it do not add up.
-    t = complex(leg.lasted, 0.0)
+    e, lasted, none = load_at(q, f, leg.piece, leg.begun), leg.lasted, 0.0 * leg.begun
+    arc, free = arc_from(q, leg, leg.y, e), Load(e.xi, none, none, none, none, none)
+    start, here = state_at(arc, beginning(arc), 0.0), instant(arc, lasted)
+    end, (eta, rate) = state_at(arc, here, lasted), forcing_at(e, lasted)
     for j in range(first, last):
-        q, s = _plant(r, j), complex(leg.begun, r.shift[j] * STEP)
-        arc, e = _launched(q, f, leg, r.dy, j, s)
-        a = state_at(arc, instant(arc, t), t)
-        eta, rate = forcing_at(e, t)
-        late = _late(q, f, leg, a, s, eta, rate)
+        p, s, t = _plant(r, j), complex(leg.begun, r.shift[j] * STEP), complex(lasted, 0.0)
+        if j < STATE:
+            moved, of = _launched(p, f, leg, r.dy, j, s)
+            a = state_at(moved, instant(moved, t), t)
+            late = _late(p, f, leg, a, s, *forcing_at(of, t))
+        else:
+            # No parameter moves: the change of the state goes on without a forcing. That of the time of the
+            # start moves the whole arc.
+            d, by = r.dy, r.shift[j]
+            y0, y1, y2, y3 = (
+                d[0, j] - start[2] * by,
+                d[1, j] - start[3] * by,
+                d[2, j] - start[4] * by,
+                d[3, j] - start[5] * by,
+            )
+            c = state_at(launch(q, leg.kind, none, none, y0, y1, y2, y3, free), here, lasted)
+            a = (
+                complex(end[0], (c[0] + end[2] * by) * STEP),
+                complex(end[1], (c[1] + end[3] * by) * STEP),
+                complex(end[2], (c[2] + end[4] * by) * STEP),
+                complex(end[3], (c[3] + end[5] * by) * STEP),
+                complex(end[4], 0.0),
+                complex(end[5], 0.0),
+            )
+            late = _late(p, f, leg, a, s, complex(eta, rate * by * STEP), complex(rate, 0.0))
         for i in range(4):
             r.dy[i, j] = (a[i].imag + a[i + 2].real * late) / STEP
         r.shift[j] += late / STEP
-        for i in range(6):
-            r.now[i] = a[i].real
+    for i in range(6):
+        r.now[i] = end[i]
 
 
 @compiled
@@ -271,7 +294,7 @@ def read(q, f, m, legs, r, directions, angles_only, by):
         if leg.which == WHOLE:
             _along_whole(q, r, f.cubics, leg, inputs)
         else:
-            along(r, f, leg, first, inputs)
+            along(q, r, f, leg, first, inputs)
         _put_angles(r, f, m, n, leg, first, inputs, by)
         if leg.which != WHOLE:
             past(r, leg, first, inputs)

@@ -94,15 +94,17 @@ def put_flow(q, a):
             out[_SINE] = new[_SINE] * x[_COSINE] + new[_COSINE] * x[_SINE]
             out[_COSINE] = new[_COSINE] * x[_COSINE] - new[_SINE] * x[_SINE]
         half *= 2
+    a.weight = 1.0
     by, push = 1.0 / (q.m11 * q.m22 - q.m12 * q.m21), a.push
     push[0, 0], push[0, 1] = by * q.m22 * q.up, by * q.m12
     push[0, 2], push[0, 3] = -by * (q.m22 * q.c1 + q.m12 * q.c2), -by * (q.m22 * q.up + q.m12) * q.f
     push[1, 0], push[1, 1] = -by * q.m21 * q.up, -by * q.m11
     push[1, 2], push[1, 3] = by * (q.m11 * q.c2 + q.m21 * q.c1), by * (q.m11 + q.m21 * q.up) * q.f
-    a.quickest = 1.0 + q.xi
+    # Rates count in shares of w, so that k is about w: the root of the largest sum of coefficients.
     for i in range(2):
-        size = abs(push[i, 0]) + abs(push[i, 1]) + 2.0 * abs(push[i, 2]) + abs(push[i, 3])
-        a.quickest = max(a.quickest, size)
+        a.weight = max(a.weight, abs(push[i, 0]) + abs(push[i, 1]) + abs(push[i, 3]))
+    a.weight = math.sqrt(a.weight)
+    a.quickest = 1.0 + max(q.xi, a.weight + 2.0 * max(abs(push[0, 2]), abs(push[1, 2])))
     a.brief = _SHORT / a.quickest
     for held in range(2):
         p, square = (q.held_p, q.held_q) if held else (q.p, q.q)
@@ -281,7 +283,7 @@ def _flight(q, m, a, sine, cosine, share, growth):
     with the Taylor polynomials of both angles; END if it does not."""
     y, out, tilt, swing = m.y, m.tilt * m.way > 0.0, a.series[TILT], a.series[SWING]
     x0, z0, x1, z1 = y[TILT] - (m.tilt * q.weight + m.way * q.k) / q.up, y[SWING], y[TILT_RATE], y[SWING_RATE]
-    largest = max(max(max(abs(x0), abs(z0)), max(abs(x1), abs(z1))), share + growth)
+    largest = max(max(max(abs(x0), abs(z0)), max(abs(x1), abs(z1)) / a.weight), share + growth)
     push, e, before, s0, s1 = a.push, share * sine, 0.0, sine, q.xi * cosine
     tilt[0], tilt[1], swing[0], swing[1], t = y[TILT], x1, z0, z1, 0.0
     for n in range(TERMS - 2):
@@ -308,7 +310,7 @@ def _flight(q, m, a, sine, cosine, share, growth):
         return END, 0.0
     # Until then phi'' and psi' keep their signs: so no other event is passed, and the bob does not turn.
     k = a.quickest
-    tail = _TAIL * k * k * (k * t) ** 6 * largest * math.exp(k * t)
+    tail = _TAIL * k * k * (k * t) ** 6 * largest * 1.1
     bends, turns, power = tail, tail * t, 1.0
     for n in range(3, TERMS):
         power *= t

@@ -57,7 +57,7 @@ MARCH = np.dtype(
         ("push", np.float64, (2, 4)),
         ("orders", np.float64, (2, 6)),
         ("over_w", np.float64, (2,)),
-        *((name, np.float64) for name in ("step", "brief", "quickest", "jump")),
+        *((name, np.float64) for name in ("step", "brief", "weight", "quickest", "jump")),
     ],
     align=True,
 )

@@ -61,7 +61,7 @@ def trajectory(x, q, m, room, r, s, times, out, by):
                 if arrived:
                     legs[count - 1].which = STOP
                 for k in range(count):
-                    along(r, f, legs[k], _NONE, _INPUTS)
+                    along(q, r, f, legs[k], _NONE, _INPUTS)
                     past(r, legs[k], _NONE, _INPUTS)
             if ended != ARRIVED:
                 status = OVERTURNED if ended == LOST else EVENT_BOUND
