@@ -46,8 +46,10 @@ _OVER = 1.0 / (np.arange(1.0, TERMS) * np.arange(2.0, TERMS + 1.0))
 """1/((n + 1)(n + 2))."""
 _SHORT = 1.0 / 32.0
 """Longest flight, over the shortest time in which the equations can change a state by itself."""
-_TAIL = 1.0 / 720.0
-"""What the terms after the eighth add to phi'' is at most this times k^8 S t^6 exp(k t)."""
+_TAIL = 1.0 / 640.0
+"""What the terms after the eighth add to phi'' is at most k^8 S t^6 exp(k t)/6!, or this times k^8 S t^6."""
+_TINY, _FEWER = 1e-3, 5
+"""Flight, times k, for which fewer terms are enough, and how many: the others add less than k^5 S t^3."""
 _E1, _E2, _U, _V, _HELD_U, _HELD_V, _SINE, _COSINE = range(8)
 """Columns of the table: both exponentials; the pair's solutions for the slipping block and the held one; sine
 and cosine of the forcing's phase."""
@@ -172,19 +174,20 @@ def _put_series(q, held, x, c):
 
 
 @fused
-def _sums(c, t):
-    """Value, slope and curvature of a Taylor polynomial."""
-    value, slope, bend = 0.0, 0.0, 0.0
-    for n in range(TERMS - 1, -1, -1):
-        bend, slope, value = bend * t + slope, slope * t + value, value * t + c[n]
-    return value, slope, 2.0 * bend
+def _sums(c, t, terms):
+    """A Taylor polynomial and its first three derivatives."""
+    x0, x1, x2, x3 = c[terms - 1], 0.0, 0.0, 0.0
+    for n in range(terms - 2, -1, -1):
+        x3, x2, x1, x0 = x3 * t + x2, x2 * t + x1, x1 * t + x0, x0 * t + c[n]
+    return x0, x1, 2.0 * x2, 6.0 * x3
 
 
 @fused
-def _crossing(c, t, unit):
-    """Where the Taylor polynomial of a signal vanishes, near `t`, to a share of `unit` that is rounding."""
+def _crossing(c, by_rate, t, unit, terms):
+    """Where a Taylor polynomial, or its rate, vanishes near `t`, to a share of `unit` that is rounding."""
     for _ in range(8):
-        value, slope, bend = _sums(c, t)
+        x0, x1, x2, x3 = _sums(c, t, terms)
+        value, slope, bend = (x1, x2, x3) if by_rate else (x0, x1, x2)
         # Halley's method: the error is of the third power of its step.
         step = value * slope / (slope * slope - 0.5 * value * bend)
         t -= step
@@ -203,20 +206,13 @@ def _estimate(g0, v0, g1, v1, d):
 
 
 @fused
-def _put_signal(q, m, which, tilt, swing, c):
-    """Put the Taylor polynomial of a signal of the careful search into `c`, from those of both angles."""
-    for n in range(TERMS - 1):
-        rate = (n + 1.0) * swing[n + 1]
-        if which == BOB:
-            c[n] = m.bob_way * rate
-        elif m.kind == SLIP:
-            c[n] = m.way * (n + 1.0) * tilt[n + 1] if which == FIRST else m.tilt * tilt[n]
-        else:
-            pull = (1.0 - q.up) * swing[n] + q.bias * rate - q.f * tilt[n]
-            c[n] = -pull if which == FIRST else pull
-    c[TERMS - 1] = 0.0
-    if which != BOB and m.kind != SLIP:
-        c[0] += _hold(q, m, which)
+def _put_reserve(q, m, which, tilt, swing, c):
+    """Put the Taylor polynomial of the signal of a held block into `c`, from those of forcing and bob."""
+    way = -1.0 if which == FIRST else 1.0
+    for n in range(TERMS):
+        rate = (n + 1.0) * swing[n + 1] if n < TERMS - 1 else 0.0
+        c[n] = way * ((1.0 - q.up) * swing[n] + q.bias * rate - q.f * tilt[n])
+    c[0] += _hold(q, m, which)
 
 
 @fused
@@ -284,9 +280,20 @@ def _flight(q, m, a, sine, cosine, share, growth):
     y, out, tilt, swing = m.y, m.tilt * m.way > 0.0, a.series[TILT], a.series[SWING]
     x0, z0, x1, z1 = y[TILT] - (m.tilt * q.weight + m.way * q.k) / q.up, y[SWING], y[TILT_RATE], y[SWING_RATE]
     largest = max(max(max(abs(x0), abs(z0)), max(abs(x1), abs(z1)) / a.weight), share + growth)
-    push, e, before, s0, s1 = a.push, share * sine, 0.0, sine, q.xi * cosine
-    tilt[0], tilt[1], swing[0], swing[1], t = y[TILT], x1, z0, z1, 0.0
-    for n in range(TERMS - 2):
+    push, e, before, s0, s1, terms = a.push, share * sine, 0.0, sine, q.xi * cosine, TERMS
+    slip = x1 - z1
+    x2 = push[0, 0] * x0 + push[0, 1] * z0 + push[0, 2] * slip + push[0, 3] * e
+    # The time, about, at a constant acceleration: to the turn, or from a turn to the landing.
+    speed, bend, height = abs(x1), abs(x2), abs(y[TILT])
+    if (m.way * x2 >= 0.0) == out or m.way * x1 < 0.0:
+        return END, 0.0, terms
+    t = speed / bend if out else 2.0 * height / (speed + math.sqrt(speed * speed + 2.0 * bend * height))
+    if not 0.0 < t < a.brief:
+        return END, 0.0, terms
+    k = a.quickest
+    terms = TERMS if k * t > _TINY else _FEWER
+    tilt[0], tilt[1], swing[0], swing[1] = y[TILT], x1, z0, z1
+    for n in range(terms - 2):
         over, slip = _OVER[n], (n + 1.0) * (x1 - z1)
         e = share * s0 + growth * before
         x2 = over * (push[0, 0] * x0 + push[0, 1] * z0 + push[0, 2] * slip + push[0, 3] * e)
@@ -294,32 +301,20 @@ def _flight(q, m, a, sine, cosine, share, growth):
         tilt[n + 2], swing[n + 2] = x2, z2
         before, s0, s1 = s0, s1, -q.xi * q.xi * over * s0
         x0, x1, z0, z1 = x1, x2, z1, z2
-        if n == 0:
-            # The time, about, at a constant acceleration: to the turn, or from a turn to the landing.
-            speed, bend = abs(y[TILT_RATE]), 2.0 * abs(x2)
-            if (m.way * x2 >= 0.0) == out or m.way * y[TILT_RATE] < 0.0:
-                return END, 0.0
-            root = math.sqrt(speed * speed + 2.0 * bend * abs(y[TILT]))
-            t = speed / bend if out else 2.0 * abs(y[TILT]) / (speed + root)
-            if not 0.0 < t < a.brief:
-                return END, 0.0
-    which = FIRST if out else SECOND
-    _put_signal(q, m, which, tilt, swing, a.series[_SIGNAL])
-    t = _crossing(a.series[_SIGNAL], t, t)
+    t = _crossing(tilt, out, t, t, terms)
     if not 0.0 < t < a.brief:
-        return END, 0.0
+        return END, 0.0, terms
     # Until then phi'' and psi' keep their signs: so no other event is passed, and the bob does not turn.
-    k = a.quickest
-    tail = _TAIL * k * k * (k * t) ** 6 * largest * 1.1
-    bends, turns, power = tail, tail * t, 1.0
-    for n in range(3, TERMS):
-        power *= t
+    kt = k * t
+    tail = k * k * largest * (_TAIL * kt * kt * kt * kt * kt * kt if terms == TERMS else kt * kt * kt)
+    bends, turns, power = tail, tail * t + 2.0 * t * abs(swing[2]), t
+    for n in range(3, terms):
         bends += n * (n - 1.0) * power * abs(tilt[n])
-        turns += n * t * power * abs(swing[n])
-    turns += 2.0 * t * abs(swing[2])
+        power *= t
+        turns += n * power * abs(swing[n])
     if bends >= 2.0 * abs(tilt[2]) or turns >= m.bob_way * swing[1]:
-        return END, 0.0
-    return which, t
+        return END, 0.0, terms
+    return (FIRST if out else SECOND), t, terms
 
 
 @fused
@@ -339,8 +334,11 @@ def _place(q, m, a, held, tilt, swing, which, near, far, grows):
     where the search leads elsewhere."""
     for _ in range(_FEW):
         at = _put_near(q, a, held, tilt, swing, near, grows)
-        _put_signal(q, m, which, a.series[TILT], a.series[SWING], a.series[_SIGNAL])
-        more = _crossing(a.series[_SIGNAL], near - at, a.step / GRID)
+        row = SWING if which == BOB else (_SIGNAL if held else TILT)
+        if row == _SIGNAL:
+            _put_reserve(q, m, which, a.series[TILT], a.series[SWING], a.series[_SIGNAL])
+        by_rate = row == SWING or (row == TILT and which == FIRST)
+        more = _crossing(a.series[row], by_rate, near - at, a.step / GRID, TERMS)
         near = at + more
         if not 0.0 <= near <= far:
             break
@@ -369,12 +367,12 @@ def _starts(g, v):
 
 
 @fused
-def _now(m, held, a, t):
+def _now(m, held, a, t, terms):
     """The state with its accelerations after the time `t`, by the Taylor polynomials."""
-    z0, z1, z2 = _sums(a.series[SWING], t)
+    z0, z1, z2, _ = _sums(a.series[SWING], t, terms)
     if held:
         return m.y[TILT], z0, 0.0, z1, 0.0, z2
-    x0, x1, x2 = _sums(a.series[TILT], t)
+    x0, x1, x2, _ = _sums(a.series[TILT], t, terms)
     return x0, z0, x1, z1, x2, z2
 
 
@@ -438,7 +436,7 @@ def _arc(q, f, m, a, legs, i, s, end, sine, cosine, released):
                 if which != BOB:
                     return which, begun, s + at + place, more
                 # The bob turns, which changes nothing: the same arc goes on.
-                _finish(m, legs, i, begun, s + to - begun, BOB, _now(m, held, a, more), i * span_of(q, f) + s + to)
+                _finish(m, legs, i, begun, s + to - begun, BOB, _now(m, held, a, more, TERMS), i * span_of(q, f) + s + to)
                 m.bob_way, begun, h3, u3 = -m.bob_way, s + to, -h3, -u3
         if at + far >= left:
             place = _put_near(q, a, held, tilt, swing, left - at, grows)
@@ -459,16 +457,17 @@ def march(q, f, m, legs, room, i, s, end, capture):
     sine, cosine = turned(q.xi * s)
     while m.events > 0:
         held, begun, at = m.kind != SLIP, s, s
-        which, more = END, 0.0
+        which, more, terms = END, 0.0, TERMS
         if not held:
-            which, more = _flight(q, m, a, sine, cosine, f.share + f.rate * s, f.rate)
+            which, more, terms = _flight(q, m, a, sine, cosine, f.share + f.rate * s, f.rate)
         brief = which != END and s + more < end
         if not brief:
+            terms = TERMS
             which, begun, at, more = _arc(q, f, m, a, legs, i, s, end, sine, cosine, released)
             if which == CUT:
                 return False, begun
         s = at + more
-        now = _now(m, held, a, more)
+        now = _now(m, held, a, more, terms)
         _finish(m, legs, i, begun, s - begun, which, now, origin + s)
         if which == END:
             return True, end
