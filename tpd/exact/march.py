@@ -25,7 +25,7 @@ from collections import namedtuple
 import numpy as np
 
 from tpd.exact.arcs import pair, span_of, turned
-from tpd.exact.contact_kernel import beyond_return
+from tpd.exact.contact_kernel import beyond_return, decide
 from tpd.exact.events import (
     BOB,
     CLEAR,
@@ -38,9 +38,9 @@ from tpd.exact.events import (
     UNKNOWN,
     judged,
 )
-from tpd.exact.motion import GRID, TERMS, at_end, note, pass_event, record
+from tpd.exact.motion import GRID, HOPS, TERMS, at_end, note, pass_event, record
 from tpd.exact.plant import fused
-from tpd.exact.terms import SLIP, STICK, SWING, SWING_RATE, TILT, TILT_RATE
+from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_RATE, TILT, TILT_RATE
 
 _OVER = 1.0 / (np.arange(1.0, TERMS) * np.arange(2.0, TERMS + 1.0))
 """1/((n + 1)(n + 2))."""
@@ -56,6 +56,9 @@ and cosine of the forcing's phase."""
 _FALLEN, _FORCED, _GROWTH, _GROWN = range(2, 6)
 """Columns of what multiplies the parts of an angle in bounds on its fourth and fifth derivatives, after those
 of the pair for the slipping block and the held one."""
+_SOON, _ALIKE = 5e-3, 1e-13
+"""Time until a rattle ends, times k, from which on its end is looked for; and the difference between two
+polynomials that agree about it."""
 _SIGNAL = 2
 """Row of the Taylor polynomials with that of a signal, after those of tilt and swing."""
 _AT_ZERO = 1e-12
@@ -314,7 +317,53 @@ def _flight(q, m, a, sine, cosine, share, growth):
         turns += n * power * abs(swing[n])
     if bends >= 2.0 * abs(tilt[2]) or turns >= m.bob_way * swing[1]:
         return END, 0.0, terms
+    # For how long both are sure to keep them.
+    a.firm[1 if out else 0] = min(2.0 * abs(tilt[2]) / k, abs(swing[1])) / (2.0 * k * k * largest)
     return (FIRST if out else SECOND), t, terms
+
+
+@fused
+def _rattles_out(q, f, m, a, s, end):
+    """Take account of a hop that has just ended. If hops get shorter and are known to end in rest, put the
+    motion where it is then, and return in how much time; a negative time if they are not.
+
+    State and time after hops from one side are analytic functions of the speed, as is the map from hop to
+    hop, and at the speed zero they are what the rattle leads to. The polynomial through the last ones says
+    what that is."""
+    hops, y, side = a.hops[0 if m.tilt > 0.0 else 1], m.y, 0 if m.tilt > 0.0 else 1
+    for i in range(HOPS - 1, 0, -1):
+        for j in range(4):
+            hops[i, j] = hops[i - 1, j]
+    hops[0, 0], hops[0, 1], hops[0, 2], hops[0, 3] = abs(y[TILT_RATE]), s, y[SWING], y[SWING_RATE]
+    a.known[side] += 1
+    share = hops[0, 0] / hops[1, 0]
+    if a.known[side] < HOPS or not (hops[0, 1] - hops[1, 1]) * share * a.quickest < _SOON * (1.0 - share):
+        return -1.0
+    known, w = True, a.series[_SIGNAL]
+    for j in range(1, 4):
+        before = 0.0
+        for i in range(HOPS):
+            w[i] = hops[i, j] - hops[0, j]
+        for d in range(1, HOPS):
+            before = w[0]
+            for i in range(HOPS - d):
+                w[i] = (hops[i, 0] * w[i + 1] - hops[i + d, 0] * w[i]) / (hops[i, 0] - hops[i + d, 0])
+        known = known and abs(w[0] - before) < _ALIKE
+        a.limit[j] = w[0]
+    left, turned_by = a.limit[1], a.limit[3]
+    firm = min(a.firm[0], a.firm[1])
+    if not (known and 0.0 < left < firm and s + left < end and abs(turned_by) < 0.5 * abs(y[SWING_RATE])):
+        return -1.0
+    kind, tilt, way, rate, psi, swinging = m.kind, m.tilt, m.way, y[TILT_RATE], y[SWING], y[SWING_RATE]
+    y[SWING], y[TILT_RATE], y[SWING_RATE] = psi + a.limit[2], 0.0, swinging + turned_by
+    eta = (f.share + f.rate * (s + left)) * math.sin(q.xi * (s + left))
+    decide(q, y, 0.0, 0.0, eta, m)
+    if m.kind == REST:
+        m.held = 1.0
+        return left
+    m.kind, m.tilt, m.way = kind, tilt, way
+    y[SWING], y[TILT_RATE], y[SWING_RATE] = psi, rate, swinging
+    return -1.0
 
 
 @fused
@@ -455,6 +504,7 @@ def march(q, f, m, legs, room, i, s, end, capture):
     time `end`, and else from which time on the careful search has to follow its next arc."""
     a, origin, released = room.march, i * span_of(q, f), False
     sine, cosine = turned(q.xi * s)
+    a.known[0] = a.known[1] = 0
     while m.events > 0:
         held, begun, at = m.kind != SLIP, s, s
         which, more, terms = END, 0.0, TERMS
@@ -480,6 +530,15 @@ def march(q, f, m, legs, room, i, s, end, capture):
         m.events -= 1
         pass_event(q, m, legs, which, capture, q.xi, now, (f.share + f.rate * s) * sine, origin + s)
         released = held
+        if not brief:
+            a.known[0] = a.known[1] = 0
+        elif which == SECOND and m.kind == SLIP and len(legs) == 0:
+            # Derivatives are read from legs: where they are recorded, each hop is followed.
+            rest = _rattles_out(q, f, m, a, s, end)
+            if rest > 0.0:
+                s += rest
+                sine, cosine = turned(q.xi * s)
+                note(m, 0.0, m.y[SWING], origin + s)
         if at_end(m, legs, i, s, end):
             return True, end
     return False, s

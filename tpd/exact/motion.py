@@ -48,7 +48,7 @@ block was held since the count began (0 never, 1 for a part of the motion, 2 thr
 the largest phi, psi and psi - phi to either side, their times, and the legs at whose ends they were met (-1
 is the beginning); impacts, legs and events that are left; the times of the first uplift and of the
 overturning; the least transversality; and the sign of psi'."""
-GRID, TERMS = 64, 8
+GRID, TERMS, HOPS = 64, 8, 6
 """Shares into which the longest step of `tpd.exact.march` is divided, and terms of its Taylor polynomials."""
 MARCH = np.dtype(
     [
@@ -56,7 +56,10 @@ MARCH = np.dtype(
         ("series", np.float64, (3, TERMS)),
         ("push", np.float64, (2, 4)),
         ("orders", np.float64, (2, 6)),
-        ("over_w", np.float64, (2,)),
+        ("hops", np.float64, (2, HOPS, 4)),
+        ("limit", np.float64, (4,)),
+        *((name, np.float64, (2,)) for name in ("over_w", "firm")),
+        ("known", np.int64, (2,)),
         *((name, np.float64) for name in ("step", "brief", "weight", "quickest", "jump")),
     ],
     align=True,
