@@ -13,8 +13,8 @@ at most K^n |x| until the arc ends, and |x| <= |x(0)| + |x'(0)|/w.
 
 Short flights, of which a rattle has dozens, are Taylor polynomials about their beginnings. Let S bound tilt
 from its center, swing, their rates and the forcing, and k the sums of the absolute coefficients in each
-equation: then the n-th derivatives are at most k^n exp(k t) S after the time t. Flights last 1/(32 k) at
-most, so that what follows the eighth term is rounding.
+equation: then the n-th derivatives are at most k^n exp(k t) S after the time t. Flights are so short that what follows a few
+terms is rounding.
 """
 
 from __future__ import annotations
@@ -38,18 +38,17 @@ from tpd.exact.events import (
     UNKNOWN,
     judged,
 )
-from tpd.exact.motion import GRID, HOPS, TERMS, at_end, note, pass_event, record
+from tpd.exact.motion import GRID, HOPS, MOST, TERMS, at_end, note, pass_event, record
 from tpd.exact.plant import fused
 from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_RATE, TILT, TILT_RATE
 
-_OVER = 1.0 / (np.arange(1.0, TERMS) * np.arange(2.0, TERMS + 1.0))
+_OVER = 1.0 / (np.arange(1.0, MOST) * np.arange(2.0, MOST + 1.0))
 """1/((n + 1)(n + 2))."""
-_SHORT = 1.0 / 32.0
-"""Longest flight, over the shortest time in which the equations can change a state by itself."""
-_TAIL = 1.0 / 640.0
-"""What the terms after the eighth add to phi'' is at most k^8 S t^6 exp(k t)/6!, or this times k^8 S t^6."""
-_TINY, _FEWER = 1e-3, 5
-"""Flight, times k, for which fewer terms are enough, and how many: the others add less than k^5 S t^3."""
+_LONG, _SHORT, _TINY = 0.125, 1.0 / 32.0, 1e-3
+"""Longest flight, times k, and lengths from which on more terms are needed."""
+_FEWER = 5
+"""Terms of a flight that is shorter than both; they are `TERMS` and `MOST` beyond. The others add less than
+k^(terms) S t^(terms - 2) to phi'', and only rounding to the state."""
 _E1, _E2, _U, _V, _HELD_U, _HELD_V, _SINE, _COSINE = range(8)
 """Columns of the table: both exponentials; the pair's solutions for the slipping block and the held one; sine
 and cosine of the forcing's phase."""
@@ -110,7 +109,7 @@ def put_flow(q, a):
         a.weight = max(a.weight, abs(push[i, 0]) + abs(push[i, 1]) + abs(push[i, 3]))
     a.weight = math.sqrt(a.weight)
     a.quickest = 1.0 + max(q.xi, a.weight + 2.0 * max(abs(push[0, 2]), abs(push[1, 2])))
-    a.brief = _SHORT / a.quickest
+    a.brief = _LONG / a.quickest
     for held in range(2):
         p, square = (q.held_p, q.held_q) if held else (q.p, q.q)
         a.over_w[held] = 1.0 / math.sqrt(square)
@@ -294,7 +293,7 @@ def _flight(q, m, a, sine, cosine, share, growth):
     if not 0.0 < t < a.brief:
         return END, 0.0, terms
     k = a.quickest
-    terms = TERMS if k * t > _TINY else _FEWER
+    terms = _FEWER if k * t < _TINY else (TERMS if k * t < _SHORT else MOST)
     tilt[0], tilt[1], swing[0], swing[1] = y[TILT], x1, z0, z1
     for n in range(terms - 2):
         over, slip = _OVER[n], (n + 1.0) * (x1 - z1)
@@ -308,13 +307,13 @@ def _flight(q, m, a, sine, cosine, share, growth):
     if not 0.0 < t < a.brief:
         return END, 0.0, terms
     # Until then phi'' and psi' keep their signs: so no other event is passed, and the bob does not turn.
-    kt = k * t
-    tail = k * k * largest * (_TAIL * kt * kt * kt * kt * kt * kt if terms == TERMS else kt * kt * kt)
-    bends, turns, power = tail, tail * t + 2.0 * t * abs(swing[2]), t
+    bends, turns, power, part = 0.0, 2.0 * t * abs(swing[2]), t, k * t
     for n in range(3, terms):
         bends += n * (n - 1.0) * power * abs(tilt[n])
         power *= t
         turns += n * power * abs(swing[n])
+        part *= k * t
+    bends, turns = bends + k * k * largest * part, turns + k * k * largest * part * t
     if bends >= 2.0 * abs(tilt[2]) or turns >= m.bob_way * swing[1]:
         return END, 0.0, terms
     # For how long both are sure to keep them.
