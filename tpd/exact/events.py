@@ -196,16 +196,13 @@ def judged(g0, v0, g1, v1, d, bound):
 
 @compiled
 def estimate(g0, v0, g1, v1, d):
-    """Share of the window at which the cubic with these values and slopes at its ends vanishes, about."""
-    a, b = d * v0, d * v1
+    """Share of the window at which the cubic with these values and slopes at its ends vanishes, about: a step
+    of Newton's method from where the line through its ends does."""
+    a, b, s = d * v0, d * v1, g0 / (g0 - g1)
     c2, c3 = 3.0 * (g1 - g0) - 2.0 * a - b, 2.0 * (g0 - g1) + a + b
-    s = g0 / (g0 - g1)
-    for _ in range(3):
-        slope = a + s * (2.0 * c2 + 3.0 * s * c3)
-        if slope >= 0.0:
-            break
-        s = min(1.0, max(0.0, s - (g0 + s * (a + s * (c2 + s * c3))) / slope))
-    return s
+    slope = a + s * (2.0 * c2 + 3.0 * s * c3)
+    s = s - (g0 + s * (a + s * (c2 + s * c3))) / slope if slope < 0.0 else s
+    return min(1.0, max(0.0, s))
 
 
 @compiled

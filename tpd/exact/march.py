@@ -36,6 +36,7 @@ from tpd.exact.events import (
     ONE,
     SECOND,
     UNKNOWN,
+    estimate,
     judged,
 )
 from tpd.exact.motion import GRID, HOPS, MOST, TERMS, at_end, note, pass_event, record
@@ -72,58 +73,38 @@ r = b sin + d cos, w = b cos - d sin. Of a held block the tilt does not move: in
 
 @fused
 def put_flow(q, a):
-    """Prepare the march of a plant: its table, and what bounds a short flight."""
+    """Prepare the march of a plant: its table, and what bounds derivatives and short flights."""
     # The longest windows of the careful search.
     a.step, a.jump = LONGEST / max(q.xi, max(q.s1, math.sqrt(q.q))), GRID
-    for column in range(8):
-        a.flow[0, column] = 1.0 if column in (_E1, _E2, _U, _HELD_U, _COSINE) else 0.0
-    half = 1
-    while half <= GRID:
-        # Powers of two are computed, and the rows above one from it and from those below: so that no row
-        # is a product of more than six others.
-        t, new = a.step * half / GRID, a.flow[half]
-        new[_E1], new[_E2], new[_SINE], new[_COSINE] = (
-            math.exp(q.s1 * t),
-            math.exp(q.s2 * t),
-            *turned(q.xi * t),
-        )
-        new[_U], new[_V] = pair(q.p, q.q, t)
-        new[_HELD_U], new[_HELD_V] = pair(q.held_p, q.held_q, t)
-        for n in range(1, half if half < GRID else 1):
-            x, out = a.flow[n], a.flow[half + n]
-            out[_E1], out[_E2] = new[_E1] * x[_E1], new[_E2] * x[_E2]
-            out[_U], out[_V] = _pair_after(q.p, q.q, new[_U], new[_V], x[_U], x[_V])
-            u, v = _pair_after(q.held_p, q.held_q, new[_HELD_U], new[_HELD_V], x[_HELD_U], x[_HELD_V])
-            out[_HELD_U], out[_HELD_V] = u, v
-            out[_SINE] = new[_SINE] * x[_COSINE] + new[_COSINE] * x[_SINE]
-            out[_COSINE] = new[_COSINE] * x[_COSINE] - new[_SINE] * x[_SINE]
-        half *= 2
-    a.weight = 1.0
+    for n in range(GRID + 1):
+        t, row = a.step * n / GRID, a.flow[n]
+        row[_E1], row[_E2] = math.exp(q.s1 * t), math.exp(q.s2 * t)
+        row[_U], row[_V] = pair(q.p, q.q, t)
+        row[_HELD_U], row[_HELD_V] = pair(q.held_p, q.held_q, t)
+        row[_SINE], row[_COSINE] = turned(q.xi * t)
     by, push = 1.0 / (q.m11 * q.m22 - q.m12 * q.m21), a.push
     push[0, 0], push[0, 1] = by * q.m22 * q.up, by * q.m12
     push[0, 2], push[0, 3] = -by * (q.m22 * q.c1 + q.m12 * q.c2), -by * (q.m22 * q.up + q.m12) * q.f
     push[1, 0], push[1, 1] = -by * q.m21 * q.up, -by * q.m11
     push[1, 2], push[1, 3] = by * (q.m11 * q.c2 + q.m21 * q.c1), by * (q.m11 + q.m21 * q.up) * q.f
-    # Rates count in shares of w, so that k is about w: the root of the largest sum of coefficients.
-    for i in range(2):
-        a.weight = max(a.weight, abs(push[i, 0]) + abs(push[i, 1]) + abs(push[i, 3]))
-    a.weight = math.sqrt(a.weight)
+    first, second = abs(push[0, 0]) + abs(push[0, 1]), abs(push[1, 0]) + abs(push[1, 1])
+    # Rates count in shares of this weight, so that k is about it.
+    a.weight = math.sqrt(max(1.0, max(first + abs(push[0, 3]), second + abs(push[1, 3]))))
     a.quickest = 1.0 + max(q.xi, a.weight + 2.0 * max(abs(push[0, 2]), abs(push[1, 2])))
     a.brief = _LONG / a.quickest
-    for held in range(2):
-        p, square = (q.held_p, q.held_q) if held else (q.p, q.q)
-        a.over_w[held] = 1.0 / math.sqrt(square)
-        for n in range(2):
-            order, c = 4.0 + n, a.orders[n]
-            c[held] = (0.5 * (p + math.sqrt(p * p + 4.0 * square))) ** order
-            c[_FALLEN], c[_FORCED], c[_GROWN] = abs(q.s2) ** order, q.xi**order, q.s1**order
-            c[_GROWTH] = order * q.xi ** (order - 1.0)
+    a.over_w[0], a.over_w[1] = 1.0 / math.sqrt(q.q), 1.0 / math.sqrt(q.held_q)
+    for n in range(2):
+        c, x = a.orders[n], (q.xi if n == 1 else 1.0)
+        c[0] = _power(0.5 * (q.p + math.sqrt(q.p * q.p + 4.0 * q.q)), n)
+        c[1] = _power(0.5 * (q.held_p + math.sqrt(q.held_p * q.held_p + 4.0 * q.held_q)), n)
+        c[_FALLEN], c[_FORCED], c[_GROWN] = _power(-q.s2, n), _power(q.xi, n), _power(q.s1, n)
+        c[_GROWTH] = (4.0 + n) * q.xi * q.xi * q.xi * x
 
 
 @fused
-def _pair_after(p, q, u, v, x, y):
-    """The pair's solutions after two times, from those after each."""
-    return u * x - q * v * y, u * y + v * (x - p * y)
+def _power(x, n):
+    """The fourth power for n = 0, the fifth for n = 1."""
+    return x * x * x * x * (x if n == 1 else 1.0)
 
 
 @fused
@@ -199,15 +180,6 @@ def _crossing(c, by_rate, t, unit, terms):
 
 
 @fused
-def _estimate(g0, v0, g1, v1, d):
-    """Share of a step after which a signal vanishes, about: a step of Newton's method for its cubic."""
-    a, b, s = d * v0, d * v1, g0 / (g0 - g1)
-    c2, c3 = 3.0 * (g1 - g0) - 2.0 * a - b, 2.0 * (g0 - g1) + a + b
-    s -= (g0 + s * (a + s * (c2 + s * c3))) / (a + s * (2.0 * c2 + 3.0 * s * c3))
-    return min(1.0, max(0.0, s))
-
-
-@fused
 def _put_reserve(q, m, which, tilt, swing, c):
     """Put the Taylor polynomial of the signal of a held block into `c`, from those of forcing and bob."""
     way = -1.0 if which == FIRST else 1.0
@@ -227,41 +199,33 @@ def _hold(q, m, which):
 
 
 @fused
+def _forced(along, across, lag_along, lag_across, share, growth, sine, cosine):
+    """The answer to the forcing and its growth, see `Parts`."""
+    a, b = share * along + growth * lag_along, share * across + growth * lag_across
+    c, d = growth * along, growth * across
+    return a * sine + b * cosine, a * cosine - b * sine, c * sine + d * cosine, c * cosine - d * sine
+
+
+@fused
 def _parts_of(q, m, sine, cosine, share, growth):
     """Tilt, or the forcing of a held block, and swing of a motion; the forcing has the share `share` of its
     size, which grows at the rate `growth`."""
-    y, held = m.y, m.kind != SLIP
-    if held:
-        a, b, c, d = share * q.swing_sin, share * q.swing_cos, growth * q.swing_sin, growth * q.swing_cos
-        a, b = a + growth * q.swing_lag_sin, b + growth * q.swing_lag_cos
-        h, k, r, w = (
-            a * sine + b * cosine,
-            a * cosine - b * sine,
-            c * sine + d * cosine,
-            c * cosine - d * sine,
-        )
+    y, now = m.y, (share, growth, sine, cosine)
+    if m.kind != SLIP:
+        h, k, r, w = _forced(q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos, *now)
         base = Parts(0.0, 0.0, 0.0, 0.0, 0.0, share * sine, share * cosine, growth * sine, growth * cosine)
         return base, Parts(0.0, 0.0, 0.0, y[SWING] - h, y[SWING_RATE] - (q.xi * k + r), h, k, r, w)
     level = (m.tilt * q.weight + m.way * q.k) / q.up
-    a, b = share * q.tilt_sin + growth * q.tilt_lag_sin, share * q.tilt_cos + growth * q.tilt_lag_cos
-    c, d = growth * q.tilt_sin, growth * q.tilt_cos
-    h, k, r, w = a * sine + b * cosine, a * cosine - b * sine, c * sine + d * cosine, c * cosine - d * sine
-    f0, f2 = y[TILT] - (level + h), y[TILT_RATE] - (q.xi * k + r)
-    a, b = share * q.bob_sin + growth * q.bob_lag_sin, share * q.bob_cos + growth * q.bob_lag_cos
-    c, d = growth * q.bob_sin, growth * q.bob_cos
-    bh, bk, br, bw = (
-        a * sine + b * cosine,
-        a * cosine - b * sine,
-        c * sine + d * cosine,
-        c * cosine - d * sine,
-    )
-    f1, f3 = y[SWING] - bh, y[SWING_RATE] - (q.xi * bk + br)
+    h, k, r, w = _forced(q.tilt_sin, q.tilt_cos, q.tilt_lag_sin, q.tilt_lag_cos, *now)
+    bh, bk, br, bw = _forced(q.bob_sin, q.bob_cos, q.bob_lag_sin, q.bob_lag_cos, *now)
+    f0, f1 = y[TILT] - (level + h), y[SWING] - bh
+    f2, f3 = y[TILT_RATE] - (q.xi * k + r), y[SWING_RATE] - (q.xi * bk + br)
     one = q.al0 * f0 + q.al1 * f1 + q.al2 * f2 + q.al3 * f3
     two = q.bl0 * f0 + q.bl1 * f1 + q.bl2 * f2 + q.bl3 * f3
-    u, v = f0 - one * q.a0 - two * q.b0, f2 - one * q.a2 - two * q.b2
-    tilt = Parts(level, one * q.a0, two * q.b0, u, v, h, k, r, w)
-    u, v = f1 - one * q.a1 - two * q.b1, f3 - one * q.a3 - two * q.b3
-    return tilt, Parts(0.0, one * q.a1, two * q.b1, u, v, bh, bk, br, bw)
+    u0, u1 = f0 - one * q.a0 - two * q.b0, f1 - one * q.a1 - two * q.b1
+    v0, v1 = f2 - one * q.a2 - two * q.b2, f3 - one * q.a3 - two * q.b3
+    tilt = Parts(level, one * q.a0, two * q.b0, u0, v0, h, k, r, w)
+    return tilt, Parts(0.0, one * q.a1, two * q.b1, u1, v1, bh, bk, br, bw)
 
 
 @fused
@@ -470,11 +434,11 @@ def _arc(q, f, m, a, legs, i, s, end, sine, cosine, released):
             n //= 2
             continue
         if one + two + three == ONE:
-            which, near = BOB, _estimate(g3, v3, h3, u3, far)
+            which, near = BOB, estimate(g3, v3, h3, u3, far)
             if one == ONE:
-                which, near = FIRST, _estimate(g1, v1, h1, u1, far)
+                which, near = FIRST, estimate(g1, v1, h1, u1, far)
             elif two == ONE:
-                which, near = SECOND, _estimate(g2, v2, h2, u2, far)
+                which, near = SECOND, estimate(g2, v2, h2, u2, far)
             place, more = _place(q, m, a, held, tilt, swing, which, far * near, far, grows)
             if place < 0.0:
                 break
