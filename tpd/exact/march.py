@@ -39,15 +39,15 @@ from tpd.exact.events import (
     estimate,
     judged,
 )
-from tpd.exact.motion import GRID, HOPS, MOST, TERMS, at_end, note, pass_event, record
-from tpd.exact.plant import fused
+from tpd.exact.motion import GRID, HOPS, MOST, NO, TERMS, at_end, note, pass_event, record
+from tpd.exact.plant import fused, places
 from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_RATE, TILT, TILT_RATE
 
 _OVER = 1.0 / (np.arange(1.0, MOST) * np.arange(2.0, MOST + 1.0))
 """1/((n + 1)(n + 2))."""
 _LONG, _SHORT, _TINY = 0.125, 1.0 / 32.0, 1e-3
 """Longest flight, times k, and lengths from which on more terms are needed."""
-_FEWER = 5
+_FEWER = np.int64(5)
 """Terms of a flight that is shorter than both; they are `TERMS` and `MOST` beyond. The others add less than
 k^(terms) S t^(terms - 2) to phi'', and only rounding to the state."""
 _E1, _E2, _U, _V, _HELD_U, _HELD_V, _SINE, _COSINE = range(8)
@@ -56,6 +56,8 @@ and cosine of the forcing's phase."""
 _FALLEN, _FORCED, _GROWTH, _GROWN = range(2, 6)
 """Columns of what multiplies the parts of an angle in bounds on its fourth and fifth derivatives, after those
 of the pair for the slipping block and the held one."""
+_FOURTH, _FIFTH = places(2)
+"""Rows of those: the derivatives that are bounded."""
 _SOON, _ALIKE = 5e-3, 1e-13
 """Time until a rattle ends, times k, from which on its end is looked for; and the difference between two
 polynomials that agree about it."""
@@ -406,8 +408,8 @@ def _arc(q, f, m, a, legs, i, s, end, sine, cosine, released):
     held, share, left, grows = m.kind != SLIP, f.share + f.rate * s, end - s, f.rate != 0.0
     y, back, limit = m.y, not held and m.tilt * m.way < 0.0, beyond_return(q)
     tilt, swing = _parts_of(q, m, sine, cosine, share, f.rate)
-    swing4, swing5 = _bound(a, held, swing, left, 0), _bound(a, held, swing, left, 1)
-    tilt4, tilt5 = _bound(a, held, tilt, left, 0), _bound(a, held, tilt, left, 1)
+    swing4, swing5 = _bound(a, held, swing, left, _FOURTH), _bound(a, held, swing, left, _FIFTH)
+    tilt4, tilt5 = _bound(a, held, tilt, left, _FOURTH), _bound(a, held, tilt, left, _FIFTH)
     if held:
         tilt4 = tilt5 = abs(1.0 - q.up) * swing4 + abs(q.bias) * swing5 + q.f * tilt4
     up, down = (_hold(q, m, FIRST), _hold(q, m, SECOND)) if held else (0.0, 0.0)
@@ -424,11 +426,11 @@ def _arc(q, f, m, a, legs, i, s, end, sine, cosine, released):
         new_tilt, new_swing = _onward(q, a, n, held, tilt, grows), _onward(q, a, n, held, swing, grows)
         h1, u1, h2, u2, h3, u3 = _signals_of(q, m, held, back, up, down, new_tilt, new_swing)
         grown = abs(new_tilt.grown)
-        one = judged(g1, v1, h1, u1, far, tilt5 + a.orders[1, _GROWN] * grown)
+        one = judged(g1, v1, h1, u1, far, tilt5 + a.orders[_FIFTH, _GROWN] * grown)
         two = CLEAR
         if held or back:
-            two = judged(g2, v2, h2, u2, far, tilt4 + a.orders[0, _GROWN] * grown)
-        three = judged(g3, v3, h3, u3, far, swing5 + a.orders[1, _GROWN] * abs(new_swing.grown))
+            two = judged(g2, v2, h2, u2, far, tilt4 + a.orders[_FOURTH, _GROWN] * grown)
+        three = judged(g3, v3, h3, u3, far, swing5 + a.orders[_FIFTH, _GROWN] * abs(new_swing.grown))
         if max(one, max(two, three)) == UNKNOWN or one + two + three > ONE:
             # Two events in one step are told apart by shorter ones.
             n //= 2
@@ -450,11 +452,11 @@ def _arc(q, f, m, a, legs, i, s, end, sine, cosine, released):
                 # The bob turns, which changes nothing: the same arc goes on.
                 _finish(m, legs, i, begun, s + to - begun, BOB, _now(m, held, a, more, TERMS), i * span_of(q, f) + s + to)
                 m.bob_way, begun, h3, u3 = -m.bob_way, s + to, -h3, -u3
+        if not held and abs(_value(new_tilt)) >= limit:
+            break
         if at + far >= left:
             place = _put_near(q, a, held, tilt, swing, left - at, grows)
             return END, begun, s + at + place, left - at - place
-        if not held and abs(_value(new_tilt)) >= limit:
-            break
         tilt, swing, at, n = new_tilt, new_swing, at + far, min(2 * n, GRID)
         g1, v1, g2, v2, g3, v3 = h1, u1, h2, u2, h3, u3
     return CUT, begun, begun, 0.0
@@ -465,7 +467,7 @@ def march(q, f, m, legs, room, i, s, end, capture):
     """Follow a motion under a harmonic through piece i from its local time `s`, as
     `tpd.exact.follow.piece` does, as long as everything is proved. Return whether the motion has reached the
     time `end`, and else from which time on the careful search has to follow its next arc."""
-    a, origin, released = room.march, i * span_of(q, f), False
+    a, origin, released = room.march, i * span_of(q, f), NO
     sine, cosine = turned(q.xi * s)
     a.known[0] = a.known[1] = 0
     while m.events > 0:

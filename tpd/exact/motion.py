@@ -48,7 +48,7 @@ block was held since the count began (0 never, 1 for a part of the motion, 2 thr
 the largest phi, psi and psi - phi to either side, their times, and the legs at whose ends they were met (-1
 is the beginning); impacts, legs and events that are left; the times of the first uplift and of the
 overturning; the least transversality; and the sign of psi'."""
-GRID, TERMS, MOST, HOPS = 32, 8, 11, 6
+GRID, TERMS, MOST, HOPS = map(np.int64, (32, 8, 11, 6))
 """Shares into which the longest step of `tpd.exact.march` is divided, and terms of its Taylor polynomials."""
 MARCH = np.dtype(
     [
