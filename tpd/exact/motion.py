@@ -49,25 +49,36 @@ the largest phi, psi and psi - phi to either side, their times, and the legs at 
 is the beginning); impacts, legs and events that are left; the times of the first uplift and of the
 overturning; the least transversality; and the sign of psi'."""
 GRID, TERMS, MOST, HOPS = map(np.int64, (32, 8, 11, 6))
-"""Shares into which the longest step of `tpd.exact.march` is divided, and terms of its Taylor polynomials."""
+"""Sizes of `tpd.exact.march`: shares into which its longest step is divided; usual terms of its Taylor
+polynomials, and most; hops that tell how a rattle ends."""
+_FLOW = np.dtype(
+    [(name, np.float64) for name in ("grown", "fallen", "u", "v", "held_u", "held_v", "sine", "cosine")]
+)
+_PUSH = np.dtype([(name, np.float64) for name in ("by_tilt", "by_swing", "by_slip", "by_forcing")])
+_ORDER = np.dtype([(name, np.float64) for name in ("forced", "growth", "fallen", "grown")])
+_NUMBERS = "step", "jump", "sine", "cosine", "share", "growth", "weight", "quickest"
 MARCH = np.dtype(
     [
-        ("flow", np.float64, (GRID + 1, 8)),
+        ("flow", _FLOW, (GRID + 1,)),
         ("series", np.float64, (3, MOST)),
-        ("push", np.float64, (2, 4)),
-        ("orders", np.float64, (2, 6)),
+        *((name, _PUSH) for name in ("tilt", "swing")),
+        ("orders", _ORDER, (2,)),
         ("hops", np.float64, (2, HOPS, 4)),
         ("limit", np.float64, (4,)),
-        *((name, np.float64, (2,)) for name in ("over_w", "firm")),
+        *((name, np.float64, (2,)) for name in ("scale", "over_w", "firm")),
         ("known", np.int64, (2,)),
-        *((name, np.float64) for name in ("step", "brief", "weight", "quickest", "jump")),
+        ("terms", np.int64),
+        *((name, np.float64) for name in _NUMBERS),
     ],
     align=True,
 )
-"""Working memory of `tpd.exact.march`: the table of the flow; Taylor polynomials; the coefficients of phi''
-and of psi'' for tilt from its centre, swing, phi' - psi', and the forcing; what multiplies the parts of an
-angle in bounds on its derivatives; 1/w of the pair for the slipping block and the held one; the longest step,
-the longest short flight, k, and the shares that the next step has."""
+"""Working memory of `tpd.exact.march`. The table of the flow: both exponentials, the pair's solutions for the
+slipping block and the held one, sine and cosine of the forcing's phase. Taylor polynomials of tilt, swing and
+a signal. The accelerations of both angles by the tilt from its centre, swing, phi' - psi' and the forcing.
+What multiplies the parts of an angle in bounds on its derivatives, and K and 1/w of the pair for the slipping
+block and the held one. The last hops from either side, how many are known, where they lead, and for how long
+the accelerations are sure to keep their signs. The terms of the Taylor polynomials. The longest step, and the
+shares that the next one has; the phase, share and growth of the forcing; the weight of rates, and k."""
 ROOM = np.dtype(
     [
         *((name, np.float64, (4,)) for name in ("start", "end")),
