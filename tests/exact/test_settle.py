@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.exact.test_trajectory import SAMPLES, clock, states
+from tests.exact.test_near_orbits import SAMPLES, clock, states
 from tests.reference import REST, SLOW, box, exact, parameters
 from tpd import Piecewise, Status, paper_scene
 from tpd.exact.terms import LANDING

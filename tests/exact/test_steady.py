@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.exact.test_trajectory import REACH, clock, scales, states
+from tests.exact.test_near_orbits import REACH, clock, scales, states
 from tests.reference import BARE, HUNG, MOVING, SLOW, UNSTABLE, along, differences, exact, parameters
 from tests.truth import load
 from tpd import Piecewise, simulate, status_name, steady_state

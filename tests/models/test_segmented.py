@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.exact.test_trajectory import STICKING
+from tests.exact.test_near_orbits import STICKING
 from tests.reference import (
     HUNG,
     LEANING,

@@ -115,20 +115,16 @@ def along(q, r, f, leg, first, last):
             # No parameter moves: the change of the state goes on without a forcing. That of the time of the
             # start moves the whole arc.
             d, by = r.dy, r.shift[j]
-            y0, y1, y2, y3 = (
-                d[0, j] - start[2] * by,
-                d[1, j] - start[3] * by,
-                d[2, j] - start[4] * by,
-                d[3, j] - start[5] * by,
-            )
+            y0, y1 = d[TILT, j] - start[TILT_RATE] * by, d[SWING, j] - start[SWING_RATE] * by
+            y2, y3 = d[TILT_RATE, j] - start[TILT_PULL] * by, d[SWING_RATE, j] - start[SWING_PULL] * by
             c = state_at(launch(q, leg.kind, none, none, y0, y1, y2, y3, free), here, lasted)
             a = (
-                complex(end[0], (c[0] + end[2] * by) * STEP),
-                complex(end[1], (c[1] + end[3] * by) * STEP),
-                complex(end[2], (c[2] + end[4] * by) * STEP),
-                complex(end[3], (c[3] + end[5] * by) * STEP),
-                complex(end[4], 0.0),
-                complex(end[5], 0.0),
+                complex(end[TILT], (c[TILT] + end[TILT_RATE] * by) * STEP),
+                complex(end[SWING], (c[SWING] + end[SWING_RATE] * by) * STEP),
+                complex(end[TILT_RATE], (c[TILT_RATE] + end[TILT_PULL] * by) * STEP),
+                complex(end[SWING_RATE], (c[SWING_RATE] + end[SWING_PULL] * by) * STEP),
+                complex(end[TILT_PULL], 0.0),
+                complex(end[SWING_PULL], 0.0),
             )
             late = _late(p, f, leg, a, s, complex(eta, rate * by * STEP), complex(rate, 0.0))
         for i in range(4):

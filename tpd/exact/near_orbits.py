@@ -1,5 +1,5 @@
-"""Periods of a motion of the linear equations under a harmonic, with derivatives, and the orbit that a motion
-approaches."""
+"""Motions of the linear equations under a harmonic with derivatives: periods, states at given times, and the
+orbit that a motion approaches."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ from collections import namedtuple
 
 import numpy as np
 
-from tpd.exact.arcs import arc_from, instant, load_at, span_of, state_at, steady
-from tpd.exact.events import BOB, END
-from tpd.exact.follow import ARRIVED, Rules, allow, begin, piece
-from tpd.exact.legs import ANGLES, INPUTS, ROWS, STATE, read
+from tpd.exact.arcs import arc_from, beginning, instant, load_at, span_of, state_at, steady
+from tpd.exact.contact_kernel import decide, sign
+from tpd.exact.events import BOB, END, STOP
+from tpd.exact.follow import ARRIVED, LOST, Rules, allow, begin, forcing_now, piece
+from tpd.exact.legs import ANGLES, INPUTS, ROWS, STATE, along, past, read
+from tpd.exact.march import put_flow
 from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, NO, YES, clear, larger, largest, put
-from tpd.exact.plant import compiled
-from tpd.exact.repetition import scales_of
-from tpd.exact.terms import REST, SLIP, SWING, TILT
+from tpd.exact.plant import STEP, compiled, plant, put_plants
+from tpd.exact.repetition import EVENT_BOUND, OVERTURNED, ROCKING, scales_of
+from tpd.exact.terms import REST, SLIP, SWING, TILT, TILT_RATE
 
 NEARBY, _NEXT_TO_NOTHING = 0.05, 1e-4
 """Largest distances, in shares of the scales, from which a motion is taken to the orbit that it approaches:
@@ -29,6 +31,12 @@ _SQUARES, _LONG = 16, 1000
 """Squares of the derivative after which a contraction must have shown, and periods that are summed up."""
 _CLOSE = 1e-9
 """Share of a period by which an event may come too late, near an orbit on which it is within the period."""
+_ROUNDING = 1e-10
+"""Share of a period by which a time may lie before the period that it counts to, so that a time that rounding
+has put just before a period's end needs no leg of its own."""
+BEGINNING, _INPUTS, _NONE = np.int64(13), np.int64(14), np.int64(0)
+"""Direction of the time at which a motion begins, after those of the parameters and of the start; and how
+many directions there are."""
 Limits = namedtuple("Limits", "capture events periods")
 """Largest speed of an impact that may end in rest, events allowed in a forcing period, and periods to
 follow."""
@@ -309,3 +317,56 @@ def orbit_near(q, f, m, room, r, past, known, limits):
         past.periods[n].tilt, past.periods[n].swing = largest(orbit, TILT), largest(orbit, SWING)
     put(orbit.y, m.y)
     return True
+
+
+@compiled
+def trajectory(x, q, m, room, r, s, times, out, by):
+    """Follow a motion from its state at times[0]: put the states at all times, and their derivatives in time,
+    into `out`, shape (times, 8), and if the settings ask for slopes, those in parameters, start and times[0]
+    into `by`, shape (times, 4, 14). Return its status; what lies beyond the end of a motion is NaN."""
+    plant(x, q)
+    put_flow(q, room.march)
+    slopes, y, f = s.slopes != 0.0, m.y, steady(np.empty((0, 4)))
+    period, rules, events = span_of(q, f), Rules(s.rest_rate * q.nu, YES, NO, NO), int(s.events)
+    # Times count from the beginning of their forcing period: the forcing repeats, and the phase of a late
+    # time is then that of an early one to the last digit of the count.
+    whole = math.floor(times[0] / period + _ROUNDING)
+    t, status = times[0] - whole * period, ROCKING
+    decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, t), m)
+    legs = np.empty(events + LEGS if slopes else 0, LEG)
+    if slopes:
+        put_plants(x, r.plants)
+        for j in range(_INPUTS):
+            r.shift[j] = -whole * span_of(r.plants[min(j, 9)], f).imag / STEP
+            for i in range(4):
+                r.dy[i, j] = 1.0 if j == STATE + i else 0.0
+        r.shift[BEGINNING] += 1.0
+    for n in range(len(times)):
+        last, arrived = math.floor(times[n] / period + _ROUNDING), n == 0
+        while not arrived and status == ROCKING:
+            arrived = whole >= last
+            end = times[n] - last * period if arrived else period
+            clear(m)
+            begin(q, f, m, FIRST_PIECE, t)
+            allow(m, room, events)
+            ended = piece(q, f, m, legs, room, whole, t, end, rules)
+            count = min(m.recorded, len(legs))
+            if slopes and ended == ARRIVED:
+                if arrived:
+                    legs[count - 1].which = STOP
+                for k in range(count):
+                    along(q, r, f, legs[k], _NONE, _INPUTS)
+                    past(r, legs[k], _NONE, _INPUTS)
+            if ended != ARRIVED:
+                status = OVERTURNED if ended == LOST else EVENT_BOUND
+            t, whole = (end, whole) if arrived else (0.0, whole + 1)
+        arc = arc_from(q, m, y, load_at(q, f, whole, t))
+        now = state_at(arc, beginning(arc), 0.0)
+        for i in range(4):
+            out[n, i], out[n, 4 + i] = y[i], now[i + 2]
+            for j in range(_INPUTS if slopes else 0):
+                # Zeros beyond the end, where the states have none: NaN times zero would spoil sums.
+                by[n, i, j] = r.dy[i, j] if status == ROCKING else 0.0
+            if status != ROCKING:
+                out[n, i] = out[n, 4 + i] = math.nan
+    return status

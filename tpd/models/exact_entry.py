@@ -26,13 +26,12 @@ from tpd.exact.legs import (
 )
 from tpd.exact.march import put_flow
 from tpd.exact.motion import FIRST_PIECE, LEG, larger, put
-from tpd.exact.near_orbits import CYCLE, Limits, cycle, follow_periods
+from tpd.exact.near_orbits import CYCLE, Limits, cycle, follow_periods, trajectory
 from tpd.exact.plant import compiled, part, plant, put_plants, stored
 from tpd.exact.repetition import SETTLED
 from tpd.exact.settle import settle
 from tpd.exact.steady import SPARE, STEADY, first_of, memory, steady_state
 from tpd.exact.terms import FAILED, SWING_PULL, TILT, TILT_PULL, TILT_RATE
-from tpd.exact.trajectory import trajectory
 from tpd.models.compiling import checksum
 from tpd.models.custom_call import (
     BEGIN,
