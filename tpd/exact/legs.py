@@ -51,12 +51,6 @@ with its accelerations; the maps of whole pieces for the slipping and for the he
 and whether they are known."""
 
 
-@compiled
-def _moving(y, dy, i, j):
-    """Number i of a state with its derivative in direction j."""
-    return complex(y[i], dy[i, j] * STEP)
-
-
 @part
 def _plant(r, j):
     """The complex plant of direction j: all that move no parameter share the last one."""
@@ -91,8 +85,9 @@ def _late(q, f, leg, a, s, eta, rate):
 def _launched(q, f, leg, dy, j, s):
     """The arc of a leg in direction j, and its forcing; `s` is the local time of its beginning."""
     e = load_at(q, f, leg.piece, s)
-    y0, y1 = _moving(leg.y, dy, TILT, j), _moving(leg.y, dy, SWING, j)
-    y2, y3 = _moving(leg.y, dy, TILT_RATE, j), _moving(leg.y, dy, SWING_RATE, j)
+    y0, y1 = complex(leg.y[TILT], dy[TILT, j] * STEP), complex(leg.y[SWING], dy[SWING, j] * STEP)
+    y2 = complex(leg.y[TILT_RATE], dy[TILT_RATE, j] * STEP)
+    y3 = complex(leg.y[SWING_RATE], dy[SWING_RATE, j] * STEP)
     return launch(q, leg.kind, complex(leg.tilt, 0.0), complex(leg.way, 0.0), y0, y1, y2, y3, e), e
 
 
@@ -148,7 +143,8 @@ def past(r, leg, first, last):
             # A hop that ends in rest takes its turn on the base.
             r.dy[TILT, j], r.dy[TILT_RATE, j] = (0.0 if leg.rests else r.dy[TILT, j]), 0.0
             continue
-        y2, y3 = _moving(r.now, r.dy, TILT_RATE, j), _moving(r.now, r.dy, SWING_RATE, j)
+        y2 = complex(r.now[TILT_RATE], r.dy[TILT_RATE, j] * STEP)
+        y3 = complex(r.now[SWING_RATE], r.dy[SWING_RATE, j] * STEP)
         y2, y3 = struck(_plant(r, j), leg.rests, y2, y3)
         # At a landing the tilt is zero whatever the parameters.
         r.dy[TILT, j], r.dy[TILT_RATE, j], r.dy[SWING_RATE, j] = 0.0, y2.imag / STEP, y3.imag / STEP

@@ -40,7 +40,7 @@ from tpd.exact.events import (
     judged,
 )
 from tpd.exact.motion import GRID, HOPS, MOST, NO, TERMS, at_end, note, pass_event, record
-from tpd.exact.plant import fused
+from tpd.exact.plant import fused, places
 from tpd.exact.terms import SLIP, STICK, SWING, SWING_RATE, TILT, TILT_RATE
 
 _OVER = 1.0 / (np.arange(1.0, MOST) * np.arange(2.0, MOST + 1.0))
@@ -53,7 +53,7 @@ less than k^(terms) S t^(terms - 2) to phi'', and only rounding to the state."""
 _SOON, _ALIKE = 5e-3, 1e-13
 """Time until a rattle ends, times k, below which its end is looked for; and the difference between two
 polynomials that agree about it."""
-_FOURTH, _FIFTH = range(2)
+_FOURTH, _FIFTH = places(2)
 """Rows of what multiplies the parts of an angle in bounds: the derivatives that are bounded."""
 _VALUE, _SLOPE, _BEND = range(3)
 """First terms of a Taylor polynomial."""
@@ -105,8 +105,8 @@ def put_flow(q, a):
 
 @fused
 def _power(x, n):
-    """The fourth power for n = 0, the fifth for n = 1."""
-    return x * x * x * x * (x if n == 1 else 1.0)
+    """The fourth power, or the fifth."""
+    return x * x * x * x * (x if n == _FIFTH else 1.0)
 
 
 @fused
@@ -154,7 +154,7 @@ def _put_series(q, held, x, c):
         over /= n + 1.0
         grown, fallen, u, v, last = q.s1 * grown, q.s2 * fallen, v, -square * u - p * v, r
         h, k, r, w = q.xi * k, -q.xi * h, q.xi * w, -q.xi * r
-    c[0] += x.level
+    c[_VALUE] += x.level
 
 
 @fused
@@ -231,8 +231,10 @@ def bounds_of(a, held, x, left):
     growth = abs(x.r) + abs(x.w)
     forced, fallen = abs(x.h) + abs(x.k) + left * growth, abs(x.fallen)
     four, five = a.orders[_FOURTH], a.orders[_FIFTH]
-    fourth = _power(scale, 0) * size + four.fallen * fallen + four.forced * forced + four.growth * growth
-    fifth = _power(scale, 1) * size + five.fallen * fallen + five.forced * forced + five.growth * growth
+    fourth = (
+        _power(scale, _FOURTH) * size + four.fallen * fallen + four.forced * forced + four.growth * growth
+    )
+    fifth = _power(scale, _FIFTH) * size + five.fallen * fallen + five.forced * forced + five.growth * growth
     return fourth, fifth
 
 

@@ -21,6 +21,8 @@ from tpd.exact.near_orbits import CONVERGED, NEARBY, Limits, Past, orbit_near
 from tpd.exact.plant import compiled, plant, plant_along
 from tpd.exact.terms import REST, STICK, SWING, SWING_RATE, TILT, TILT_RATE
 
+_NONE = np.int64(0)
+"""No periods."""
 _WORTH = 24
 """Forcing periods that may be followed in the time in which an orbit of one period is found."""
 
@@ -141,7 +143,7 @@ def settle(x, q, m, room, r, s, since, ramp, out):
     y, period, tolerance, capture = m.y, 2.0 * math.pi / q.xi, s.tolerance, s.rest_rate * q.nu
     events, scales, cubics, legs = int(s.events), repetition.scales_of(q), np.empty((0, 4)), np.empty(0, LEG)
     limits = Limits(capture, events, 1)
-    past, before, of = Past(np.zeros(repetition.LONGEST, repetition.PERIOD), np.zeros(2)), 0.0, 0
+    past, before, of = Past(np.zeros(repetition.LONGEST, repetition.PERIOD), np.zeros(2)), 0.0, _NONE
     last, peaks = past.periods, past.peaks
     put(y, last[0].y)
     clear(m)
