@@ -228,14 +228,11 @@ def bounds_of(a, held, x, left):
     side = 1 if held else 0
     scale, size = a.scale[side], abs(x.u) + a.over_w[side] * abs(x.v)
     # The answer to the forcing is an oscillation whose size may grow.
-    growth = abs(x.r) + abs(x.w)
-    forced, fallen = abs(x.h) + abs(x.k) + left * growth, abs(x.fallen)
-    four, five = a.orders[_FOURTH], a.orders[_FIFTH]
-    fourth = (
-        _power(scale, _FOURTH) * size + four.fallen * fallen + four.forced * forced + four.growth * growth
-    )
-    fifth = _power(scale, _FIFTH) * size + five.fallen * fallen + five.forced * forced + five.growth * growth
-    return fourth, fifth
+    growth, fallen = abs(x.r) + abs(x.w), abs(x.fallen)
+    forced, four, five = abs(x.h) + abs(x.k) + left * growth, a.orders[_FOURTH], a.orders[_FIFTH]
+    fourth = four.fallen * fallen + four.forced * forced + four.growth * growth
+    fifth = five.fallen * fallen + five.forced * forced + five.growth * growth
+    return fourth + _power(scale, _FOURTH) * size, fifth + _power(scale, _FIFTH) * size
 
 
 @fused
