@@ -58,7 +58,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     n = 200 if quick else 5000
     x, rest = designs(n), np.zeros((n, 4))
     p = as_arrays(parameters(list(x.T)))
-    every = tpd.Piecewise(max_periods=PERIODS, tolerance=1e-300, lyapunov_periods=1)
+    every = tpd.Piecewise(max_periods=PERIODS, tolerance=1e-16, lyapunov_periods=1)
     for what, model in ((RUNS, tpd.Piecewise()), (WHOLE, every)):
         settle_all(jax.tree.map(lambda v: v[:100] if np.ndim(v) else v, p), rest[:100], model=model)
         note(what, n, timed(lambda model=model: settle_all(p, rest, model=model), 3))
