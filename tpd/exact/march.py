@@ -55,7 +55,7 @@ _SOON, _ALIKE = 5e-3, 1e-13
 polynomials that agree about it."""
 _FOURTH, _FIFTH = places(2)
 """Rows of what multiplies the parts of an angle in bounds: the derivatives that are bounded."""
-_VALUE, _SLOPE, _BEND = range(3)
+_VALUE, _SLOPE, _BEND, _JERK = range(4)
 """First terms of a Taylor polynomial."""
 _SPEED, _TIME, _SWING, _SWING_RATE = range(4)
 """Columns of hops."""
@@ -175,7 +175,7 @@ def _crossing(c, by_rate, t, unit, terms):
         # Halley's method: the error is of the third power of its step.
         step = value * slope / (slope * slope - 0.5 * value * bend)
         t -= step
-        if abs(step) <= 1e-5 * unit:
+        if abs(step) <= 3e-5 * unit:
             return t
     return math.nan
 
@@ -258,6 +258,9 @@ def _flight(q, m, a):
         tilt[n + 2], swing[n + 2] = over * x2, over * z2
         before, s0, s1 = s0, s1, -q.xi * q.xi * over * s0
         x0, x1, z0, z1 = x1, over * x2, z1, over * z2
+    # Corrected by the third derivative, so that one step to the root is often enough.
+    rise = 2.0 * tilt[_BEND] if out else tilt[_SLOPE] + 2.0 * tilt[_BEND] * t
+    t -= tilt[_JERK] * t * t * (3.0 if out else t) / rise
     t = _crossing(tilt, out, t, t, terms)
     if not 0.0 < t * k < _LONG:
         return END, 0.0, terms
