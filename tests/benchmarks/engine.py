@@ -39,7 +39,7 @@ def describe(x: jax.Array) -> tuple:
     return jax.jacfwd(sizes, has_aux=True)(x[1:4])
 
 
-def scenes() -> dict[str, tuple[tpd.Scene, tpd.Pendulum, tuple[float, ...]]]:
+def scenes_of_runs() -> dict[str, tuple[tpd.Scene, tpd.Pendulum, tuple[float, ...]]]:
     """The chimney, the paper's block, and that block with a pendulum with which most runs stick, each with
     the seconds over which the shaking grows."""
     size = {"width": 1.3, "height": 10.0, "mass": 16_280.0, "cavity_width": 0.9, "radius_of_gyration": 2.92}
@@ -90,7 +90,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     many, scene = (200 if quick else 10_000), tpd.paper_scene()
     tpd.outcomes(scene, ensemble=tpd.Ensemble(size=50, seed=1))
     note(ENSEMBLE, many, timed(lambda: tpd.outcomes(scene, ensemble=tpd.Ensemble(size=many, seed=SEED))))
-    for name, (scene, hung, ramps) in scenes().items():
+    for name, (scene, hung, ramps) in scenes_of_runs().items():
         ensemble = tpd.Ensemble(size=40 if quick else 400, seed=SEED, periods=50, ramps=ramps)
         p, y0, begin, ramp, _ = plan(parameters_of(scene, hung), ensemble, float(scene.rate))
         how = {"begin": begin, "ramp": ramp, "workers": 1}
