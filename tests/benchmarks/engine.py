@@ -1,5 +1,6 @@
 """Rates of the compiled engine in batches, beside SciPy and a loop in Numba that a user could write."""
 
+from functools import partial
 from typing import Any
 
 import jax
@@ -17,6 +18,7 @@ GRADIENTS, RUNS = "symmetric orbits, gradients in 3", "run until it repeats"
 WHOLE, LOOP = "run of 100 periods", "Numba loop, run of 100 periods"
 BY_SCIPY, BY_LOOP = "SciPy DOP853, gradient in 3", "Numba loop, gradient in 3 (200 periods)"
 ENSEMBLE = "ensemble of the bare block, 100 periods"
+PERIOD = "forcing period of a run on one core, {equations}, {scene}"
 
 
 def designs(n: int) -> np.ndarray:
@@ -37,15 +39,30 @@ def describe(x: jax.Array) -> tuple:
     return jax.jacfwd(sizes, has_aux=True)(x[1:4])
 
 
+def scenes_of_runs() -> dict[str, tuple[tpd.Scene, tpd.Pendulum, tuple[float, ...]]]:
+    """The chimney, the paper's block, and that block with a pendulum with which most runs stick, each with
+    the seconds over which the shaking grows."""
+    size = {"width": 1.3, "height": 10.0, "mass": 16_280.0, "cavity_width": 0.9, "radius_of_gyration": 2.92}
+    sway, own = tpd.Harmonic(frequency=0.85, amplitude=0.081), tpd.paper_scene()
+    chimney = tpd.Scene(tpd.Block(**size, restitution="housner"), sway)
+    return {
+        "chimney": (chimney, tpd.Pendulum(mass=532.0, length=0.51, damping_ratio=0.2), (0.0, 2.0)),
+        "paper's block": (own, tpd.Pendulum(mass=1.6, length=0.04, damping_ratio=0.1), (0.0, 2.0)),
+        "sticking": (own, tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1), (2.0,)),
+    }
+
+
 def run(quick: bool) -> list[dict[str, Any]]:
     """Seconds of each kind of work."""
     from tests.benchmarks.precision.numba_loop import gradients
     from tests.benchmarks.precision.numba_loop import settle_all as loop
     from tests.benchmarks.precision.peers import METHODS
     from tests.benchmarks.precision.scenes import SCENES
+    from tpd.answers.ensemble import plan
     from tpd.exact.rows import row_of
     from tpd.exact.runs import HarmonicForcing, follow
     from tpd.scene.parameters import as_arrays
+    from tpd.scene.quantities import parameters_of
 
     rows = []
 
@@ -59,7 +76,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     n = 200 if quick else 5000
     x, rest = designs(n), np.zeros((n, 4))
     p = as_arrays(parameters(list(x.T)))
-    every = tpd.Piecewise(max_periods=PERIODS, tolerance=1e-300, lyapunov_periods=1)
+    every = tpd.Piecewise(max_periods=PERIODS, tolerance=1e-16, lyapunov_periods=1)
     for what, model in ((RUNS, tpd.Piecewise()), (WHOLE, every)):
         forcing, limits = HarmonicForcing(model.max_periods), model.settling()
         run = partial(follow, tpd.Terms.linear, forcing=forcing, **limits)
@@ -75,6 +92,13 @@ def run(quick: bool) -> list[dict[str, Any]]:
     many, scene = (200 if quick else 10_000), tpd.paper_scene()
     tpd.outcomes(scene, ensemble=tpd.Ensemble(size=50, seed=1))
     note(ENSEMBLE, many, timed(lambda: tpd.outcomes(scene, ensemble=tpd.Ensemble(size=many, seed=SEED))))
+    for name, (scene, hung, ramps) in scenes_of_runs().items():
+        ensemble = tpd.Ensemble(size=40 if quick else 400, seed=SEED, periods=50, ramps=ramps)
+        p, y0, begin, ramp, _ = plan(parameters_of(scene, hung), ensemble, float(scene.rate))
+        forcing = HarmonicForcing(50, begin=begin, ramp=ramp)
+        for equations in tpd.Terms.linear, tpd.Terms.nonlinear:
+            work = partial(follow, equations, row_of(p), forcing, y0=y0, workers=1)
+            note(PERIOD.format(equations=equations.value, scene=name), int(work().elapsed.sum()), timed(work, 3))
     return rows
 
 

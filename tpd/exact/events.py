@@ -44,6 +44,8 @@ _TWICE = 1.0 / 24.0
 """It differs by at most _TWICE B d^4 s^2."""
 _CURVED = math.sqrt(3.0) / 216.0
 """The slope of the cubic differs from that of the signal by at most this times B d^3."""
+_BENT = 1.0 / 12.0
+"""The curvature of both differs by at most this times B d^2, and so their slopes by as much times B d^3 s."""
 HALVED = 60
 """Bisections of a window that leave no more than rounding."""
 
@@ -166,41 +168,41 @@ def _bound(w, i, e1, e2, t):
     return abs(x[_ON_S1]) * e1 + abs(x[_ON_S2]) * e2 + x[_PAIR] + forced
 
 
-_CLEAR, _ONE, _UNKNOWN = range(3)
+CLEAR, ONE, UNKNOWN = range(3)
 
 
 @compiled
-def _judged(g0, v0, g1, v1, d, bound):
+def judged(g0, v0, g1, v1, d, bound):
     """Proof about a signal over a window: that it stays positive after its start; that it is positive,
     falls all the way and is not at the end; or nothing."""
     # Bernstein coefficients of the cubic; those of its slope are their differences.
     b1, b2, left = g0 + d * v0 * _THIRD, g1 - d * v1 * _THIRD, bound * d * d * d * d
     if min(min(g0, g1), min(b1, b2)) > left * AWAY:
-        return _CLEAR
+        return CLEAR
     # Divided by s, what is left of the cubic without its first term, g0 (1 - s)^3 >= 0.
     if g0 >= 0.0 and min(min(3.0 * b1, 1.5 * b2), g1) > left * _FROM_ZERO:
-        return _CLEAR
+        return CLEAR
     # Divided by s^2, what is left without the first two terms: the signal began with a rate of zero.
     if g0 >= 0.0 and b1 >= 0.0 and min(3.0 * b2, g1) > left * _TWICE:
-        return _CLEAR
+        return CLEAR
     steepest = max(max(b1 - g0, b2 - b1), g1 - b2)
     if g1 <= 0.0 < g0 and 3.0 * steepest < -_CURVED * left:
-        return _ONE
-    return _UNKNOWN
+        return ONE
+    # Divided by s, what is left of the cubic's slope without its first term: the rate may begin at zero.
+    if g1 <= 0.0 < g0 and b1 <= g0 and 3.0 * max(2.0 * (b2 - b1), g1 - b2) < -_BENT * left:
+        return ONE
+    return UNKNOWN
 
 
 @compiled
-def _guess(g0, v0, g1, v1, d):
-    """Share of the window at which the cubic with these values and slopes at its ends vanishes, about."""
-    a, b = d * v0, d * v1
+def estimate(g0, v0, g1, v1, d):
+    """Share of the window at which the cubic with these values and slopes at its ends vanishes, about: a step
+    of Newton's method from where the line through its ends does."""
+    a, b, s = d * v0, d * v1, g0 / (g0 - g1)
     c2, c3 = 3.0 * (g1 - g0) - 2.0 * a - b, 2.0 * (g0 - g1) + a + b
-    s = g0 / (g0 - g1)
-    for _ in range(3):
-        slope = a + s * (2.0 * c2 + 3.0 * s * c3)
-        if slope >= 0.0:
-            break
-        s = min(1.0, max(0.0, s - (g0 + s * (a + s * (c2 + s * c3))) / slope))
-    return s
+    slope = a + s * (2.0 * c2 + 3.0 * s * c3)
+    s = s - (g0 + s * (a + s * (c2 + s * c3))) / slope if slope < 0.0 else s
+    return min(1.0, max(0.0, s))
 
 
 @compiled
@@ -298,17 +300,17 @@ def next_event(arc, w, now, t, end):
             if i == SECOND and not w.second:
                 continue
             h[i], z[i] = _look(w, i, now, to, _VALUE), _look(w, i, now, to, _SLOPE)
-            found = _judged(g[i], v[i], h[i], z[i], d, _bound(w, i, up, e2, to))
-            if found == _UNKNOWN and d <= w.least:
+            found = judged(g[i], v[i], h[i], z[i], d, _bound(w, i, up, e2, to))
+            if found == UNKNOWN and d <= w.least:
                 # Rounding decides, but a signal that is exact where it began has left to the wrong side.
-                found = _ONE if h[i] <= 0.0 and (g[i] > 0.0 or arc.xi == 0.0) else _CLEAR
-            if found == _UNKNOWN:
+                found = ONE if h[i] <= 0.0 and (g[i] > 0.0 or arc.xi == 0.0) else CLEAR
+            if found == UNKNOWN:
                 proved = False
                 break
-            if found == _ONE and (first == END or _look(w, i, instant(arc, soonest), soonest, _VALUE) <= 0.0):
+            if found == ONE and (first == END or _look(w, i, instant(arc, soonest), soonest, _VALUE) <= 0.0):
                 # Its only root in the window comes before that of the other signal. A signal that began at
                 # zero has a root there: from the right, Newton's method comes to the other one.
-                guess = _guess(g[i], v[i], h[i], z[i], d) if g[i] > 0.0 else 1.0
+                guess = estimate(g[i], v[i], h[i], z[i], d) if g[i] > 0.0 else 1.0
                 root = _root(arc, w, i, t, to, guess)
                 if first == END or root < soonest:
                     first, soonest = i, root

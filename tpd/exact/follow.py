@@ -25,7 +25,7 @@ from tpd.exact.arcs import (
     state_at,
     value_of,
 )
-from tpd.exact.contact_kernel import beyond_return, decide, meet, sign, transversality
+from tpd.exact.contact_kernel import beyond_return, decide, sign
 from tpd.exact.events import (
     BOB,
     CUT,
@@ -34,7 +34,6 @@ from tpd.exact.events import (
     LONGEST,
     LOOKS,
     RELATIVE,
-    SECOND,
     SMALL,
     next_event,
     side_of,
@@ -42,7 +41,20 @@ from tpd.exact.events import (
     watch_block,
     watch_turns,
 )
-from tpd.exact.motion import FIRST_PIECE, clear, finite, larger, largest, note, put, record, restart
+from tpd.exact.march import march
+from tpd.exact.motion import (
+    FIRST_PIECE,
+    at_end,
+    clear,
+    finite,
+    larger,
+    largest,
+    note,
+    pass_event,
+    put,
+    record,
+    restart,
+)
 from tpd.exact.plant import compiled, plant
 from tpd.exact.terms import (
     APART,
@@ -79,8 +91,6 @@ of the first uplift and of the overturning; transversality; and legs."""
 Rules = namedtuple("Rules", "capture bob relative brief")
 """Largest speed phi' of an impact that may end in rest; whether turns of the bob count, and its turns against
 the block; and whether a free motion may end as soon as it cannot tilt the block further."""
-_ROUNDING = 1e-15
-"""Share of a piece below which a remaining time is rounding."""
 _REACH = 8.0
 """Longest arc under a cubic, over the quickest time scale of the motion."""
 _FOREVER = 1e6
@@ -201,6 +211,12 @@ def piece(q, f, m, legs, room, i, s, end, rules):
             if m.kind == SLIP and m.lifted == math.inf:
                 m.lifted = origin + s
     while m.events > 0 and room.looks > 0:
+        if f.harmonic:
+            arrived, s = march(q, f, m, legs, room, i, s, end, rules.capture)
+            if arrived:
+                return ARRIVED
+            if m.events <= 0:
+                break
         m.events -= 1
         e = load_at(q, f, i, s)
         arc = arc_from(q, m, y, e)
@@ -233,7 +249,7 @@ def piece(q, f, m, legs, room, i, s, end, rules):
                 start[j] = now[j]
         for j in range(4):
             y[j] = now[j]
-        n, tau = m.recorded, origin + s + at
+        tau = origin + s + at
         if which != GONE:
             note(m, y[TILT], y[SWING], tau)
         record(m, legs, i, s + begun, at - begun, which if which != END or whole else CUT, start)
@@ -246,27 +262,12 @@ def piece(q, f, m, legs, room, i, s, end, rules):
             s += at
             m.events += 1
             continue
-        # Whether the block rests is known after the event only.
-        was, eta = m.kind, forcing_at(e, at)[0]
-        rests = meet(q, which, rules.capture, eta, y, m)
-        if rests and n < len(legs):
-            legs[n].rests = rests
-        if was == SLIP and which == SECOND:
-            m.impacts += 1
-        if was == REST and m.lifted == math.inf:
-            m.lifted = tau
-        m.crossing = min(m.crossing, transversality(q, usual, which, was, m.kind, now, eta))
-        if y[SWING_RATE] * now[SWING_RATE] < 0.0:
-            m.bob_way = -m.bob_way
-        m.held = 1.0 if m.held > 0.0 or m.kind != SLIP else 0.0
+        pass_event(q, m, legs, which, rules.capture, usual, now, forcing_at(e, at)[0], tau)
         s += at
         # Only a free motion may end early: a forcing brings energy.
         if freely and rules.brief and _settles(q, m):
             return ARRIVED
-        if end - s <= _ROUNDING * end:
-            # With the event earlier or later, the motion is a little further or not as far at the end: the
-            # derivatives need a last leg, though it has no length.
-            record(m, legs, i, s, 0.0, END, y)
+        if at_end(m, legs, i, s, end):
             return ARRIVED
     return EXHAUSTED
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tpd.exact.arcs import Load, arc_from, forcing_at, instant, launch, load_at, span_of, state_at
+from tpd.exact.arcs import Load, arc_from, beginning, forcing_at, instant, launch, load_at, span_of, state_at
 from tpd.exact.contact_kernel import reserve, struck
 from tpd.exact.events import BOB, CUT, END, FIRST, GONE, RELATIVE, SECOND, STOP
 from tpd.exact.motion import WHOLE, angle_of, larger
@@ -51,12 +51,6 @@ with its accelerations; the maps of whole pieces for the slipping and for the he
 and whether they are known."""
 
 
-@compiled
-def _moving(y, dy, i, j):
-    """Number i of a state with its derivative in direction j."""
-    return complex(y[i], dy[i, j] * STEP)
-
-
 @part
 def _plant(r, j):
     """The complex plant of direction j: all that move no parameter share the last one."""
@@ -91,28 +85,48 @@ def _late(q, f, leg, a, s, eta, rate):
 def _launched(q, f, leg, dy, j, s):
     """The arc of a leg in direction j, and its forcing; `s` is the local time of its beginning."""
     e = load_at(q, f, leg.piece, s)
-    y0, y1 = _moving(leg.y, dy, TILT, j), _moving(leg.y, dy, SWING, j)
-    y2, y3 = _moving(leg.y, dy, TILT_RATE, j), _moving(leg.y, dy, SWING_RATE, j)
+    y0, y1 = complex(leg.y[TILT], dy[TILT, j] * STEP), complex(leg.y[SWING], dy[SWING, j] * STEP)
+    y2 = complex(leg.y[TILT_RATE], dy[TILT_RATE, j] * STEP)
+    y3 = complex(leg.y[SWING_RATE], dy[SWING_RATE, j] * STEP)
     return launch(q, leg.kind, complex(leg.tilt, 0.0), complex(leg.way, 0.0), y0, y1, y2, y3, e), e
 
 
 @compiled
-def along(r, f, leg, first, last):
+def along(q, r, f, leg, first, last):
     """Take a reader, in the directions from `first` to before `last`, to the end of a leg, before its
-    event."""
+    event; `q` is the plant."""
     # The real state begins anew with every leg, so that errors of it do not add up.
-    t = complex(leg.lasted, 0.0)
+    e, lasted, none = load_at(q, f, leg.piece, leg.begun), leg.lasted, 0.0 * leg.begun
+    arc, free = arc_from(q, leg, leg.y, e), Load(e.xi, none, none, none, none, none)
+    start, here = state_at(arc, beginning(arc), 0.0), instant(arc, lasted)
+    end, (eta, rate) = state_at(arc, here, lasted), forcing_at(e, lasted)
     for j in range(first, last):
-        q, s = _plant(r, j), complex(leg.begun, r.shift[j] * STEP)
-        arc, e = _launched(q, f, leg, r.dy, j, s)
-        a = state_at(arc, instant(arc, t), t)
-        eta, rate = forcing_at(e, t)
-        late = _late(q, f, leg, a, s, eta, rate)
+        p, s, t = _plant(r, j), complex(leg.begun, r.shift[j] * STEP), complex(lasted, 0.0)
+        if j < STATE:
+            moved, of = _launched(p, f, leg, r.dy, j, s)
+            a = state_at(moved, instant(moved, t), t)
+            late = _late(p, f, leg, a, s, *forcing_at(of, t))
+        else:
+            # No parameter moves: the change of the state goes on without a forcing. That of the time of the
+            # start moves the whole arc.
+            d, by = r.dy, r.shift[j]
+            y0, y1 = d[TILT, j] - start[TILT_RATE] * by, d[SWING, j] - start[SWING_RATE] * by
+            y2, y3 = d[TILT_RATE, j] - start[TILT_PULL] * by, d[SWING_RATE, j] - start[SWING_PULL] * by
+            c = state_at(launch(q, leg.kind, none, none, y0, y1, y2, y3, free), here, lasted)
+            a = (
+                complex(end[TILT], (c[TILT] + end[TILT_RATE] * by) * STEP),
+                complex(end[SWING], (c[SWING] + end[SWING_RATE] * by) * STEP),
+                complex(end[TILT_RATE], (c[TILT_RATE] + end[TILT_PULL] * by) * STEP),
+                complex(end[SWING_RATE], (c[SWING_RATE] + end[SWING_PULL] * by) * STEP),
+                complex(end[TILT_PULL], 0.0),
+                complex(end[SWING_PULL], 0.0),
+            )
+            late = _late(p, f, leg, a, s, complex(eta, rate * by * STEP), complex(rate, 0.0))
         for i in range(4):
             r.dy[i, j] = (a[i].imag + a[i + 2].real * late) / STEP
         r.shift[j] += late / STEP
-        for i in range(6):
-            r.now[i] = a[i].real
+    for i in range(6):
+        r.now[i] = end[i]
 
 
 @compiled
@@ -129,7 +143,8 @@ def past(r, leg, first, last):
             # A hop that ends in rest takes its turn on the base.
             r.dy[TILT, j], r.dy[TILT_RATE, j] = (0.0 if leg.rests else r.dy[TILT, j]), 0.0
             continue
-        y2, y3 = _moving(r.now, r.dy, TILT_RATE, j), _moving(r.now, r.dy, SWING_RATE, j)
+        y2 = complex(r.now[TILT_RATE], r.dy[TILT_RATE, j] * STEP)
+        y3 = complex(r.now[SWING_RATE], r.dy[SWING_RATE, j] * STEP)
         y2, y3 = struck(_plant(r, j), leg.rests, y2, y3)
         # At a landing the tilt is zero whatever the parameters.
         r.dy[TILT, j], r.dy[TILT_RATE, j], r.dy[SWING_RATE, j] = 0.0, y2.imag / STEP, y3.imag / STEP
@@ -271,7 +286,7 @@ def read(q, f, m, legs, r, directions, angles_only, by):
         if leg.which == WHOLE:
             _along_whole(q, r, f.cubics, leg, inputs)
         else:
-            along(r, f, leg, first, inputs)
+            along(q, r, f, leg, first, inputs)
         _put_angles(r, f, m, n, leg, first, inputs, by)
         if leg.which != WHOLE:
             past(r, leg, first, inputs)

@@ -38,6 +38,7 @@ from tpd.exact.legs import (
     put_states,
     read,
 )
+from tpd.exact.march import put_flow
 from tpd.exact.motion import FIRST_PIECE, LEG, larger, put
 from tpd.exact.near_orbits import Limits, follow_periods
 from tpd.exact.plant import compiled, part, plant, put_plants, stored
@@ -181,6 +182,7 @@ def _legs(a, first, last):
     (q, m, room, _), f = first_of(own), steady(np.empty((0, 4)))
     for n in range(first, last):
         plant(x[n], q)
+        put_flow(q, room.march)
         put(start[n], m.y)
         decide(q, m.y, sign(m.y[TILT]), sign(m.y[TILT_RATE]), 0.0, m)
         limits = Limits(s[n].rest_rate * q.nu, int(s[n].events), int(s[n].periods))

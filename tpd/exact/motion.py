@@ -10,9 +10,10 @@ import math
 
 import numpy as np
 
-from tpd.exact.events import SIGNALS
+from tpd.exact.contact_kernel import meet, transversality
+from tpd.exact.events import END, SECOND, SIGNALS
 from tpd.exact.plant import compiled
-from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
+from tpd.exact.terms import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE
 
 LEG = np.dtype(
     [
@@ -27,6 +28,8 @@ LEG = np.dtype(
 )
 """A leg: the mode's kind and signs; its piece, its beginning there and its duration (the number of pieces if
 they are whole); what ended it, and whether that ended in rest; the state at its start."""
+_ROUNDING = 1e-15
+"""Share of a piece below which a remaining time is rounding."""
 WHOLE = np.int64(4)
 """End of a leg that consists of whole pieces without an event."""
 MOTION = np.dtype(
@@ -45,6 +48,37 @@ block was held since the count began (0 never, 1 for a part of the motion, 2 thr
 the largest phi, psi and psi - phi to either side, their times, and the legs at whose ends they were met (-1
 is the beginning); impacts, legs and events that are left; the times of the first uplift and of the
 overturning; the least transversality; and the sign of psi'."""
+GRID, TERMS, MOST, HOPS = map(np.int64, (32, 8, 11, 6))
+"""Sizes of `tpd.exact.march`: shares into which its longest step is divided; usual terms of its Taylor
+polynomials, and most; hops that tell how a rattle ends."""
+_FLOW = np.dtype(
+    [(name, np.float64) for name in ("grown", "fallen", "u", "v", "held_u", "held_v", "sine", "cosine")]
+)
+_PUSH = np.dtype([(name, np.float64) for name in ("by_tilt", "by_swing", "by_slip", "by_forcing")])
+_ORDER = np.dtype([(name, np.float64) for name in ("forced", "growth", "fallen", "grown")])
+_NUMBERS = "step", "jump", "sine", "cosine", "share", "growth", "weight", "quickest"
+MARCH = np.dtype(
+    [
+        ("flow", _FLOW, (GRID + 1,)),
+        ("series", np.float64, (3, MOST)),
+        *((name, _PUSH) for name in ("tilt", "swing")),
+        ("orders", _ORDER, (2,)),
+        ("hops", np.float64, (2, HOPS, 4)),
+        ("limit", np.float64, (4,)),
+        *((name, np.float64, (2,)) for name in ("scale", "over_w", "firm")),
+        ("known", np.int64, (2,)),
+        ("terms", np.int64),
+        *((name, np.float64) for name in _NUMBERS),
+    ],
+    align=True,
+)
+"""Working memory of `tpd.exact.march`. The table of the flow: both exponentials, the pair's solutions for the
+slipping block and the held one, sine and cosine of the forcing's phase. Taylor polynomials of tilt, swing and
+a signal. The accelerations of both angles by the tilt from its centre, swing, phi' - psi' and the forcing.
+What multiplies the parts of an angle in bounds on its derivatives, and K and 1/w of the pair for the slipping
+block and the held one. The last hops from either side, how many are known, where they lead, and for how long
+the accelerations are sure to keep their signs. The terms of the Taylor polynomials. The longest step, and the
+shares that the next one has; the phase, share and growth of the forcing; the weight of rates, and k."""
 ROOM = np.dtype(
     [
         *((name, np.float64, (4,)) for name in ("start", "end")),
@@ -54,13 +88,14 @@ ROOM = np.dtype(
         ("maps", np.float64, (2, 4, 8)),
         ("bounds", np.float64, (2, 2, 2)),
         ("other", MOTION),
+        ("march", MARCH),
     ],
     align=True,
 )
 """Working memory: the states at the start and at the end of a leg; for `tpd.exact.events` the signals, how
 many there are and whether the second is one, looks that are left, the shortest window, the longest and the
 first one, and the tilt beyond which a block does not return; for `tpd.exact.whole_pieces` maps and bounds;
-and another motion."""
+another motion; and what the march needs."""
 LEGS = 256
 """Legs of a motion for which room is made at first."""
 NO, YES, FIRST_PIECE = np.bool_(False), np.bool_(True), np.int64(0)
@@ -106,8 +141,10 @@ def note_angle(m, k, angle, tau):
 @compiled
 def note(m, phi, psi, tau):
     """Take account of all angles there."""
-    for k in range(6):
-        note_angle(m, k, angle_of(phi, psi, k), tau)
+    for k in range(3):
+        angle = phi if k == TILT else (psi if k == SWING else psi - phi)
+        # To the other side it is below zero, where there is no largest angle.
+        note_angle(m, 2 * k if angle >= 0.0 else 2 * k + 1, abs(angle), tau)
 
 
 @compiled
@@ -133,6 +170,36 @@ def record(m, legs, piece, begun, lasted, which, y):
         for i in range(4):
             leg.y[i] = y[i]
     m.recorded = n + 1
+
+
+@compiled
+def pass_event(q, m, legs, which, capture, usual, now, eta, tau):
+    """Take a motion, whose last leg is recorded, past an event of the block at the time `tau`; `now` is the
+    state with its accelerations, and `usual` the usual rate of the motion."""
+    # Whether the block rests is known after the event only.
+    y, was, n = m.y, m.kind, m.recorded - 1
+    rests = meet(q, which, capture, eta, y, m)
+    if rests and n < len(legs):
+        legs[n].rests = rests
+    if was == SLIP and which == SECOND:
+        m.impacts += 1
+    if was == REST and m.lifted == math.inf:
+        m.lifted = tau
+    m.crossing = min(m.crossing, transversality(q, usual, which, was, m.kind, now, eta))
+    if y[SWING_RATE] * now[SWING_RATE] < 0.0:
+        m.bob_way = -m.bob_way
+    m.held = 1.0 if m.held > 0.0 or m.kind != SLIP else 0.0
+
+
+@compiled
+def at_end(m, legs, i, s, end):
+    """Whether what is left of piece i after its local time `s` is rounding. If so, record it as a leg."""
+    if end - s > _ROUNDING * end:
+        return False
+    # With the event earlier or later, the motion is a little further or not as far at the end: the
+    # derivatives need a last leg, though it has no length.
+    record(m, legs, i, s, 0.0, END, m.y)
+    return True
 
 
 @compiled

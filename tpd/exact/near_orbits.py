@@ -1,5 +1,5 @@
-"""Periods of a motion of the linear equations under a harmonic, with derivatives, and the orbit that a motion
-approaches."""
+"""Motions of the linear equations under a harmonic with derivatives: periods, states at given times, and the
+orbit that a motion approaches."""
 
 from __future__ import annotations
 
@@ -31,6 +31,12 @@ _SQUARES, _LONG = 16, 1000
 """Squares of the derivative after which a contraction must have shown, and periods that are summed up."""
 _CLOSE = 1e-9
 """Share of a period by which an event may come too late, near an orbit on which it is within the period."""
+_ROUNDING = 1e-10
+"""Share of a period by which a time may lie before the period that it counts to, so that a time that rounding
+has put just before a period's end needs no leg of its own."""
+BEGINNING, _INPUTS, _NONE = np.int64(13), np.int64(14), np.int64(0)
+"""Direction of the time at which a motion begins, after those of the parameters and of the start; and how
+many directions there are."""
 Limits = namedtuple("Limits", "capture events periods")
 """Largest speed of an impact that may end in rest, events allowed in a forcing period, and periods to
 follow."""

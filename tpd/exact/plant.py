@@ -52,14 +52,15 @@ def places(stop: int, start: int = 0) -> tuple[Any, ...]:
     return tuple(np.arange(start, stop))
 
 
-def compiled(function: Callable[..., Any], *, inline: bool = False) -> Any:
-    """Compile a function when it is first called, or with its caller if `inline`."""
+def compiled(function: Callable[..., Any], *, inline: bool = False, fused: bool = False) -> Any:
+    """Compile a function when it is first called, or with its caller if `inline`. If `fused`, a product and
+    the sum after it may be one instruction, which rounds once and not twice."""
     # A checker of types may have wrapped the function: Numba needs the one that was written. Division by zero
     # gives infinity as in NumPy, and needs no check. Python and C call the entry only: wrappers for them
     # would take a third of the time to compile.
     options: Any = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    where: Any = {"inline": "always"} if inline else {}
-    return numba.njit(inspect.unwrap(function), error_model="numpy", **options, **where)
+    options |= ({"inline": "always"} if inline else {}) | ({"fastmath": {"contract"}} if fused else {})
+    return numba.njit(inspect.unwrap(function), error_model="numpy", **options)
 
 
 def shared(function: Callable[..., Any], form: Callable[..., Any] | None = None) -> Any:
@@ -91,6 +92,11 @@ def part(function: Callable[..., Any]) -> Any:
     """Compile a function as a part of its only caller. Numba then optimises the functions that it calls once,
     and not twice."""
     return compiled(function, inline=True)
+
+
+def fused(function: Callable[..., Any]) -> Any:
+    """Compile a function with fused products and sums."""
+    return compiled(function, fused=True)
 
 
 @compiled

@@ -15,11 +15,14 @@ from tpd.exact.arcs import span_of, steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.follow import ARRIVED, LOST, Rules, allow, begin, forcing_now, piece
 from tpd.exact.legs import STATE
+from tpd.exact.march import put_flow
 from tpd.exact.motion import FIRST_PIECE, LEG, NO, YES, clear, finite, largest, put
 from tpd.exact.near_orbits import CONVERGED, NEARBY, Limits, Past, orbit_near
 from tpd.exact.plant import compiled, plant, plant_along
 from tpd.exact.terms import REST, STICK, SWING, SWING_RATE, TILT, TILT_RATE
 
+_NONE = np.int64(0)
+"""No periods."""
 _WORTH = 24
 """Forcing periods that may be followed in the time in which an orbit of one period is found."""
 
@@ -136,10 +139,11 @@ def settle(x, q, m, room, r, s, since, ramp, out):
     the settings `s` have elapsed. The shaking grows over `ramp` periods. Put what the motion settles to into
     `out`."""
     plant(x, q)
+    put_flow(q, room.march)
     y, period, tolerance, capture = m.y, 2.0 * math.pi / q.xi, s.tolerance, s.rest_rate * q.nu
     events, scales, cubics, legs = int(s.events), repetition.scales_of(q), np.empty((0, 4)), np.empty(0, LEG)
     limits = Limits(capture, events, 1)
-    past, before, of = Past(np.zeros(repetition.LONGEST, repetition.PERIOD), np.zeros(2)), 0.0, 0
+    past, before, of = Past(np.zeros(repetition.LONGEST, repetition.PERIOD), np.zeros(2)), 0.0, _NONE
     last, peaks = past.periods, past.peaks
     put(y, last[0].y)
     clear(m)

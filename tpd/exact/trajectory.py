@@ -11,6 +11,7 @@ from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.events import STOP
 from tpd.exact.follow import ARRIVED, LOST, Rules, allow, begin, forcing_now, piece
 from tpd.exact.legs import STATE, along, past
+from tpd.exact.march import put_flow
 from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, NO, YES, clear
 from tpd.exact.plant import STEP, compiled, plant, put_plants
 from tpd.exact.repetition import EVENT_BOUND, OVERTURNED, ROCKING
@@ -30,6 +31,7 @@ def trajectory(x, q, m, room, r, s, times, out, by):
     into `out`, shape (times, 8), and if the settings ask for slopes, those in parameters, start and times[0]
     into `by`, shape (times, 4, 14). Return its status; what lies beyond the end of a motion is NaN."""
     plant(x, q)
+    put_flow(q, room.march)
     slopes, y, f = s.slopes != 0.0, m.y, steady(np.empty((0, 4)))
     period, rules, events = span_of(q, f), Rules(s.rest_rate * q.nu, YES, NO, NO), int(s.events)
     # Times count from the beginning of their forcing period: the forcing repeats, and the phase of a late
@@ -59,7 +61,7 @@ def trajectory(x, q, m, room, r, s, times, out, by):
                 if arrived:
                     legs[count - 1].which = STOP
                 for k in range(count):
-                    along(r, f, legs[k], _NONE, _INPUTS)
+                    along(q, r, f, legs[k], _NONE, _INPUTS)
                     past(r, legs[k], _NONE, _INPUTS)
             if ended != ARRIVED:
                 status = OVERTURNED if ended == LOST else EVENT_BOUND
