@@ -1,5 +1,6 @@
 """Rates of the compiled engine in batches, beside SciPy and a loop in Numba that a user could write."""
 
+from functools import partial
 from typing import Any
 
 import jax
@@ -61,7 +62,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     p = as_arrays(parameters(list(x.T)))
     every = tpd.Piecewise(max_periods=PERIODS, tolerance=1e-300, lyapunov_periods=1)
     for what, model in ((RUNS, tpd.Piecewise()), (WHOLE, every)):
-        forcing, limits = HarmonicForcing(model.max_periods), model.settling()
+        forcing, limits = HarmonicForcing(model.max_periods), {**model.accuracy, "tolerance": model.tolerance}
         run = partial(follow, tpd.Terms.linear, forcing=forcing, **limits)
         run(row_of(p)[:100])
         note(what, n, timed(lambda run=run: run(row_of(p)), 3))
