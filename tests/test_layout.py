@@ -43,14 +43,14 @@ LAYERS = (
 ELLIPTIC = re.compile(r"(What|Of|The same|That|Those|There)\b")
 """First words of a docstring that does not say what a thing is."""
 LAST = {
-    "code lines": 18_776,
-    "modules": 170,
-    "modules that the main job may import": 108,
-    "code lines of these": 12_883,
+    "code lines": 18_764,
+    "modules": 169,
+    "modules that the main job may import": 107,
+    "code lines of these": 12_871,
     "floors, all imports counted": 23,
     "functions of ten or more arguments": 0,
     "functions of eight lines or fewer, called once": 54,
-    "columns by number in compiled code": 128,
+    "columns by number in compiled code": 109,
     "imports by string": 0,
     COMMENTS: 5.41,
 }
