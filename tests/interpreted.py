@@ -29,6 +29,7 @@ def results() -> dict[str, Any]:
     from tpd.answers.bifurcations import bifurcations
     from tpd.answers.ensemble import plan
     from tpd.answers.ground_batch import follow_scaled
+    from tpd.answers.shaking_history import shaking_history
     from tpd.design.orbits import Orbits, geometry_of
     from tpd.exact.orbits import orbit_slopes, solve_orbits
     from tpd.exact.rows import row_of
@@ -63,6 +64,8 @@ def results() -> dict[str, Any]:
     free, space = block.parameters(), tpd.DesignSpace()
     objective = Orbits(free, conditions, space, tpd.Risk.worst(), (), geometry_of(block, conditions))
 
+    history = shaking_history(scene, pendulum, times=np.linspace(0.0, 2.0, 9))
+
     def on_orbit(given: dict[str, Any]) -> Any:
         return tpd.periodic_orbit(Parameters(**given), steady.state).amplitude
 
@@ -75,6 +78,8 @@ def results() -> dict[str, Any]:
         "gradient of an orbit": leaves(jax.grad(on_orbit)(VALUES)),
         "periodic": leaves(tpd.periodic_orbit(p, steady.state)),
         "nonlinear": leaves(follow(tpd.Terms.nonlinear, row[None], HarmonicForcing(5))),
+        "nonlinear steady state": leaves(tpd.steady_state(p, model=tpd.Nonlinear())),
+        "history": leaves((history.tilt, history.horizontal, history.impacts)),
         "ensemble": leaves(runs),
         "shaken": [leaves(one) for one in shaken],
         "bifurcations": [
