@@ -56,7 +56,7 @@ def results() -> dict[str, Any]:
     slopes = orbit_slopes(row[None], orbits, np.eye(len(NAMES))[None], (0, 11))[0, 0]
     runs = plan(p, tpd.Ensemble(size=3))
     shaken = (
-        follow_scaled(scene.block, [pendulum], [scene.motion], np.array([[1.0]]), free=2.0, nonlinear=n)
+        follow_scaled(scene.block, [None, pendulum], [scene.motion], np.array([[1.0]]), free=2.0, nonlinear=n)
         for n in (False, True)
     )
     block = tpd.Scene(scene.block, tpd.Harmonic(amplitude=0.03, frequency=1.5))
