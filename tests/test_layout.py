@@ -43,10 +43,10 @@ LAYERS = (
 ELLIPTIC = re.compile(r"(What|Of|The same|That|Those|There)\b")
 """First words of a docstring that does not say what a thing is."""
 LAST = {
-    "code lines": 18_764,
+    "code lines": 18_765,
     "modules": 169,
     "modules that the main job may import": 107,
-    "code lines of these": 12_871,
+    "code lines of these": 12_872,
     "floors, all imports counted": 23,
     "functions of ten or more arguments": 0,
     "functions of eight lines or fewer, called once": 54,
