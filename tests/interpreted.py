@@ -56,13 +56,15 @@ def results() -> dict[str, Any]:
     slopes = orbit_slopes(row[None], orbits, np.eye(len(NAMES))[None], (0, 11))[0, 0]
     runs = plan(p, tpd.Ensemble(size=3))
     shaken = (
-        follow_scaled(scene.block, [pendulum], [scene.motion], np.array([[1.0]]), free=2.0, nonlinear=n)
+        follow_scaled(scene.block, [None, pendulum], [scene.motion], np.array([[1.0]]), free=2.0, nonlinear=n)
         for n in (False, True)
     )
     block = tpd.Scene(scene.block, tpd.Harmonic(amplitude=0.03, frequency=1.5))
     conditions = tpd.Conditions.band(block, 1.4, 1.6, 2)
     free, space = block.parameters(), tpd.DesignSpace()
     objective = Orbits(free, conditions, space, tpd.Risk.worst(), (), Geometry.of(block, conditions))
+
+    history = shaking_history(scene, pendulum, times=np.linspace(0.0, 2.0, 9))
 
     def on_orbit(given: dict[str, Any]) -> Any:
         return tpd.periodic_orbit(Parameters(**given), steady.state).amplitude
@@ -76,6 +78,8 @@ def results() -> dict[str, Any]:
         "gradient of an orbit": leaves(jax.grad(on_orbit)(VALUES)),
         "periodic": leaves(tpd.periodic_orbit(p, steady.state)),
         "nonlinear": leaves(follow(tpd.Terms.nonlinear, row[None], HarmonicForcing(5))),
+        "nonlinear steady state": leaves(tpd.steady_state(p, model=tpd.Nonlinear())),
+        "history": leaves((history.tilt, history.horizontal, history.impacts)),
         "ensemble": leaves(runs),
         "shaken": [leaves(one) for one in shaken],
         "bifurcations": [

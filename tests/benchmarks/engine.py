@@ -78,7 +78,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     p = as_arrays(parameters(list(x.T)))
     every = tpd.Piecewise(max_periods=PERIODS, tolerance=1e-16, lyapunov_periods=1)
     for what, model in ((RUNS, tpd.Piecewise()), (WHOLE, every)):
-        forcing, limits = HarmonicForcing(model.max_periods), model.settling()
+        forcing, limits = HarmonicForcing(model.max_periods), {**model.accuracy, "tolerance": model.tolerance}
         run = partial(follow, tpd.Terms.linear, forcing=forcing, **limits)
         run(row_of(p)[:100])
         note(what, n, timed(lambda run=run: run(row_of(p)), 3))
@@ -98,7 +98,8 @@ def run(quick: bool) -> list[dict[str, Any]]:
         forcing = HarmonicForcing(50, begin=begin, ramp=ramp)
         for equations in tpd.Terms.linear, tpd.Terms.nonlinear:
             work = partial(follow, equations, row_of(p), forcing, y0=y0, workers=1)
-            note(PERIOD.format(equations=equations.value, scene=name), int(work().elapsed.sum()), timed(work, 3))
+            what = PERIOD.format(equations=equations.value, scene=name)
+            note(what, int(work().elapsed.sum()), timed(work, 3))
     return rows
 
 

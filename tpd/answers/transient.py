@@ -109,8 +109,7 @@ def transient(
         pendulum: None is the bare block.
         y0: start (phi, psi, phi', psi') in rad and rad/s; at rest by default.
         model: `Piecewise()`, the exact solution of the linear equations (default); or `Nonlinear()`, the
-            nonlinear equations (4) by compiled code, with the model's `rtol` and `rest_rate` and a solver of
-            its own.
+            nonlinear equations (4), with the model's `rtol` and `rest_rate`.
         free: free motion after the ground motion, s.
         max_events: events allowed beyond one for each piece of the motion.
 

@@ -80,7 +80,7 @@ def trajectory(
     """
     engine = ENGINES[equations]
     s = packed(engine.settings("TRAJECTORY", periods=times.size, **limits))
-    given = jnp.asarray(row_of(p)), y0, times, s
+    given = jnp.asarray(row_of(p)), jnp.asarray(y0), times, s
     if equations is Terms.linear:
         ys, status = _trajectory(*given)
     else:

@@ -16,7 +16,7 @@ error.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -34,6 +34,9 @@ from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.pytrees import Number
 from tpd.theory.equations import smoothed_rates
 
+_VALUE, _DESIGN, _PHASE = 0, slice(4, 7), 7
+"""Row of a value before its derivatives; directions of these after the state's own four: the design's three,
+and the phase."""
 _SAMPLES = 32
 """Samples of the bob's way in half a period, of which the largest is beside its turn."""
 _STEPS = 256
@@ -96,13 +99,18 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
             return smoothed_rates(q, *model.widths(q), model.terms), phase / q.xi
 
         # Eight directions: the state's own four, the design's three, and the phase.
-        ways = jnp.eye(8)[:, 4:7], jnp.eye(8)[:, 7]
+        ways = jnp.eye(8)[:, _DESIGN], jnp.eye(8)[:, _PHASE]
         motion, turned = _along(motion_at, (design, turn[TILT_RATE]), ways)
 
         def rates(time: Any, z: Any, args: Any) -> Array:
             """Rates of the state and of its derivatives, (9, 4)."""
-            found = _along(lambda m, y: m[0](m[1] + time, y, args), (motion, z[0]), (turned, z[1:]))
-            return jnp.concatenate([found[0][None], found[1]])
+
+            def rate(motion: tuple[Field, Array], y: Array) -> Array:
+                field, begin = motion
+                return field(begin + time, y, args)
+
+            value, slopes = _along(rate, (motion, z[_VALUE]), (turned, z[1:]))
+            return jnp.concatenate([value[None], slopes])
 
         # The derivatives are solved beside the state. `jax.jacfwd` of the solver gives the same numbers, but
         # traces it three times more, and every process has to trace.
@@ -116,7 +124,7 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
             saveat=diffrax.SaveAt(ts=times),
             # The steps are those of the state alone.
             stepsize_controller=diffrax.PIDController(
-                rtol=model.rtol, atol=0.01 * model.rtol, norm=lambda z: jnp.sqrt(jnp.mean(z[0] ** 2))
+                rtol=model.rtol, atol=0.01 * model.rtol, norm=lambda z: jnp.sqrt(jnp.mean(z[_VALUE] ** 2))
             ),
             adjoint=diffrax.ForwardMode(),
             max_steps=_STEPS,
@@ -124,11 +132,12 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
         )
         zs: Array = solution.ys  # type: ignore[assignment]
         ways = turned, jnp.moveaxis(zs[:, 1:], 1, 0)
-        stroke = _along(lambda m, ys: _largest_bob(m[0], m[1] + times, ys), (motion, zs[:, 0]), ways)
+        bob_of = partial(_largest_bob, times)
+        stroke, by_stroke = _along(bob_of, (motion, zs[:, _VALUE]), ways)
         bob = jnp.where(q.mu > 0.0, 1.0, 0.0)
         return HalfPeriod(
             end=zs[-1],
-            stroke=jnp.concatenate([stroke[0][None], stroke[1]]),
+            stroke=jnp.concatenate([stroke[None], by_stroke]),
             start=start,
             units=q.nu * jnp.stack([jnp.ones_like(q.xi), jnp.ones_like(q.xi), q.xi, q.xi]),
             felt=jnp.stack([jnp.ones_like(bob), bob, jnp.ones_like(bob), bob]),
@@ -149,14 +158,14 @@ def newton(turn: np.ndarray, half: HalfPeriod) -> Step:
     finite = np.all(np.isfinite(half.end), axis=(1, 2)) & np.all(np.isfinite(half.stroke), axis=1)
     by = np.where(finite[:, None, None], half.end[:, 1:], 0.0)
     # The numbers of u are no state: the phase stands in the place of phi', which is zero.
-    own = [0, 1, 7, 3]
+    own = [TILT, SWING, _PHASE, SWING_RATE]
     jacobian = np.swapaxes(by[:, own] + np.eye(8, 4)[own], 1, 2)
     # NumPy refuses a whole batch for one matrix that is singular; what is put here is marked below.
     regular = finite & (np.abs(np.linalg.det(jacobian)) > 0.0)
     jacobian = np.where(regular[:, None, None], jacobian, np.eye(4))
-    residual = half.end[:, 0] + half.start
-    moved = -np.linalg.solve(jacobian, residual[:, :, None])[:, :, 0]
-    slope = -np.linalg.solve(jacobian, np.swapaxes(by[:, 4:7], 1, 2))
+    residual = half.end[:, _VALUE] + half.start
+    moved = -np.linalg.solve(jacobian, residual[:, :, None]).squeeze(-1)
+    slope = -np.linalg.solve(jacobian, np.swapaxes(by[:, _DESIGN], 1, 2))
     stroke_u = half.stroke[:, 1:][:, own]
     # The derivative of the mirrored half period: its eigenvalues say whether the orbit attracts.
     g = np.linalg.eigvals(-by[:, :4] * (half.felt[:, :, None] * half.felt[:, None]))
@@ -165,8 +174,8 @@ def newton(turn: np.ndarray, half: HalfPeriod) -> Step:
     step = Step(
         turn=turn + moved,
         slope=slope,
-        stroke=half.stroke[:, 0] + np.sum(stroke_u * moved, axis=1),
-        stroke_slope=half.stroke[:, 5:8] + np.einsum("ni,nij->nj", stroke_u, slope),
+        stroke=half.stroke[:, _VALUE] + np.sum(stroke_u * moved, axis=1),
+        stroke_slope=half.stroke[:, 1:][:, _DESIGN] + np.einsum("ni,nij->nj", stroke_u, slope),
         residual=np.max(np.abs(residual) / half.units, axis=1),
         multiplier=np.max(np.abs(g), axis=1) ** 2,
         reserve=np.min(np.real(margins), axis=0),
@@ -176,8 +185,13 @@ def newton(turn: np.ndarray, half: HalfPeriod) -> Step:
     return step._replace(solved=step.solved & np.all(sound, axis=0))
 
 
-def _largest_bob(field: Field, times: Float[Array, "samples"], ys: Float[Array, "samples 4"]) -> Number:
-    """Largest |psi|, at a turn of the bob, or at an impact where its rate jumps to the other side."""
+def _largest_bob(
+    times: Float[Array, "samples"], motion: tuple[Field, Number], ys: Float[Array, "samples 4"]
+) -> Number:
+    """Largest |psi|, at a turn of the bob, or at an impact where its rate jumps to the other side. `motion`
+    is the field, and the time at which the motion begins."""
+    field, begin = motion
+    times = begin + times
     # The half periods before and after are mirror images.
     step = times[1] - times[0]
     ys = jnp.concatenate([-ys[-2:-1], ys, -ys[1:2]])

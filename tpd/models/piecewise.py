@@ -34,6 +34,8 @@ class Piecewise(AbstractCompiled):
     @property
     def limits(self) -> Limits:
         """Settings of the compiled code for a steady state."""
-        of_events = ("events", self.max_events), ("rest_rate", self.rest_rate)
-        settled = ("periods", self.max_periods), ("tolerance", self.tolerance)
-        return *settled, *of_events, ("lyapunov", self.lyapunov_periods)
+        # From where they are kept: by its name a field of an equinox module takes five times as long.
+        of = vars(self)
+        settled = ("periods", of["max_periods"]), ("tolerance", of["tolerance"])
+        met = ("events", of["max_events"]), ("rest_rate", of["rest_rate"])
+        return *settled, *met, ("lyapunov", of["lyapunov_periods"])

@@ -94,7 +94,8 @@ class Smoothed(AbstractFlow):
 
     def resolution(self, p: Parameters) -> Number:
         """The hum of a resting smoothed block."""
-        return self.HUM * self.widths(p)[0]
+        width, _ = self.widths(p)
+        return self.HUM * width
 
     def check(self, p: Parameters) -> None:
         """Raise `ValueError` for impacts without a smoothed counterpart: those that leave no rate at all
@@ -145,9 +146,10 @@ class Smoothed(AbstractFlow):
 
         first = (y, jnp.zeros(2), jnp.zeros(2))
         y, sizes, sides = jax.lax.fori_loop(0, settled.periods, one_period, first)
-        asymmetry = jnp.abs(sides[0] - sides[1]) / jnp.max(sides)
+        (amplitude, stroke), (right, left) = sizes, sides
+        asymmetry = jnp.abs(right - left) / jnp.max(sides)
         never, closed = jnp.full_like(asymmetry, jnp.inf), jnp.ones((), bool)
-        return Cycle(y, sizes[0], sizes[1], None, never, asymmetry, closed)
+        return Cycle(y, amplitude, stroke, None, never, asymmetry, closed)
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]
@@ -213,5 +215,5 @@ class Smoothed(AbstractFlow):
 
         turning = diffrax.Event(rate, optimistix.Newton(rtol=1e-10, atol=1e-10), direction=False)
         window = times[before] + jnp.array([0.0, 2.5]) * (times[1] - times[0])
-        peak, _ = self._integrate(field, ys[before], window, precise=True, until=turning)
-        return jnp.where(bounded, jnp.abs(peak[0, i]), jnp.inf)
+        (peak,), _ = self._integrate(field, ys[before], window, precise=True, until=turning)
+        return jnp.where(bounded, jnp.abs(peak[i]), jnp.inf)
