@@ -1,4 +1,4 @@
-"""Numba's machine code: made of whole entries alone, and loaded from the store only as it was written.
+"""Numba's machine code: translated once for an entrance, and loaded from the store only as it was written.
 
 Numba unpickles and executes what it finds. A file that a loss of power has cut or emptied would stop every
 later process, and one with other bits would end it. So the files of a function have a checksum beside them.
@@ -9,105 +9,66 @@ Numba takes 0.3 s to load: no module imports this one before it is needed.
 from __future__ import annotations
 
 import contextlib
-import gc
 import hashlib
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import llvmlite
-import numba
-from numba.core import caching, codegen, compiler, config
-from numba.core.compiler_lock import global_compiler_lock
+from numba import _dynfunc
+from numba.core import caching, codegen, compiler, compiler_machinery, config, typed_passes
 
 from tpd.core import files
 
 _STORED = (".nbi", ".nbc")
 """Ends of the names of Numba's files: an index, and the machine code."""
-_TESTED = (("0.68.1", "0.50.0"),)
-"""Versions of Numba and llvmlite whose inner functions `entry_alone` is known to fit."""
-_UNUSED = (
-    "WithLifting InlineClosureLikes RewriteDynamicRaises MakeFunctionToJitFunction FindLiterallyCalls "
-    "LiteralUnroll LiteralPropagationSubPipelinePass InlineOverloads NopythonRewrites "
-    "NoPythonSupportedFeatureValidation DumpParforDiagnostics"
-)
-"""Passes of Numba that change nothing in scalar code: those for closures, objects as contexts, computed
-messages of exceptions, loops over unlike items, expressions of arrays, and parallel loops."""
 
 
-@contextlib.contextmanager
-def entry_alone() -> Iterator[None]:
-    """Optimise and make machine code of the function that is compiled meanwhile, not of each that it calls.
+class PartLibrary(codegen.JITCodeLibrary):
+    """Code of a part, which waits for the function that calls it.
 
-    Numba does both for every function together with all that it calls, and again for its caller. The results
-    are the same to the last bit in half of the time. What was called can be called by compiled code
-    afterwards, not by Python. With other versions than the tested ones Numba compiles as usual.
+    Numba optimises and translates each function together with all functions that it calls. In a chain of calls
+    it would do so again at each link. A part is only linked: the entrance at the end of the chain optimises
+    and translates everything once, with the same result to the last bit.
     """
-    # No other thread compiles while Numba's functions are replaced.
-    with global_compiler_lock, contextlib.ExitStack() as undo:
-        for owner, name, now in _replacements():
-            undo.callback(setattr, owner, name, owner.__dict__[name])
-            setattr(owner, name, now)
-        if gc.isenabled():
-            # A compilation makes millions of objects that live as long as it does.
-            undo.callback(gc.enable)
-            gc.disable()
-        yield
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
 
 
-def _replacements() -> list[tuple[type, str, Callable[..., Any]]]:
-    """Functions of Numba to replace, by class and name; none where Numba is not as expected."""
-    if (numba.__version__, llvmlite.__version__) not in _TESTED:
-        return []
-    try:
-        library, generator = codegen.CPUCodeLibrary, codegen.JITCPUCodegen
-        compile_plainly = compiler.CompilerBase.__dict__["compile_extra"]
-        optimise, finish = (library.__dict__[f"_{n}_final_module"] for n in ("optimize", "finalize"))
-        set_plainly, passes_of = generator.__dict__["set_env"], compiler.Compiler.__dict__["define_pipelines"]
-    except (AttributeError, KeyError):
-        return []
-    depth = 0
+@compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
+class PartLowering(typed_passes.NativeLowering):
+    """Make the code of a part, and no function that Python could call."""
 
-    def compile_extra(self: Any, func: Any) -> Any:
-        nonlocal depth
-        depth += 1
-        try:
-            return compile_plainly(self, func)
-        finally:
-            depth -= 1
+    _name = "part_lowering"
 
-    def optimize(self: Any) -> None:
-        if depth <= 1:
-            optimise(self)
+    def run_pass(self, state: Any) -> bool:
+        """Lower the function into a `PartLibrary`."""
+        state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True
+        super().run_pass(state)
+        # Numba finds the code of a function by the object that Python would call: here without an address.
+        known, name = state.cr.fndesc, state.func_id.func_name
+        part = _dynfunc.make_function(known.lookup_module(), name, "", 0, state.cr.env, (state.library,))
+        state.cr = state.cr._replace(cfunc=part)
+        state.targetctx.insert_user_function(part, known, [state.library])
+        return True
 
-    def finalize(self: Any) -> None:
-        if depth <= 1:
-            finish(self)
-        else:
-            # It is complete as a part to be linked, and unknown to the engine that runs machine code.
-            self._finalize_dynamic_globals()
-            self._finalized = True
 
-    def set_env(self: Any, name: str, env: Any) -> None:
-        if self._engine.is_symbol_defined(name):
-            set_plainly(self, name, env)
+class PartCompiler(compiler.CompilerBase):
+    """Compiler of functions that only compiled code calls."""
 
-    def define_pipelines(self: Any) -> Any:
-        pipelines = passes_of(self)
-        # Numba's own functions are no scalar code.
-        if not self.state.func_id.modname.startswith("numba."):
-            for one in pipelines:
-                one.passes = [p for p in one.passes if p[0].__name__ not in _UNUSED.split()]
-        return pipelines
-
-    return [
-        (compiler.CompilerBase, "compile_extra", compile_extra),
-        (compiler.Compiler, "define_pipelines", define_pipelines),
-        (library, "_optimize_final_module", optimize),
-        (library, "_finalize_final_module", finalize),
-        (generator, "set_env", set_env),
-    ]
+    def define_pipelines(self) -> list[Any]:
+        """Return Numba's usual passes, with `PartLowering` in place of its own."""
+        passes = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
+        own = {typed_passes.NativeLowering: PartLowering}
+        passes.passes = [(own.get(one, one), why) for one, why in passes.passes]
+        passes.finalize()
+        return [passes]
 
 
 @contextlib.contextmanager

@@ -59,14 +59,15 @@ def compiled(function: Callable[..., Any], *, inline: bool = False) -> Any:
     # would take a third of the time to compile.
     options: Any = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     where: Any = {"inline": "always"} if inline else {}
-    return numba.njit(inspect.unwrap(function), error_model="numpy", **options, **where)
+    made = numba.njit(error_model="numpy", pipeline_class=machine_code.PartCompiler, **options, **where)
+    return made(inspect.unwrap(function))
 
 
 def shared(function: Callable[..., Any], form: Callable[..., Any] | None = None) -> Any:
     """A function of `tpd.core` that compiled code can call as well, in another form if it has one."""
     # By the name that Python calls: a checker of types may have wrapped it there.
     plain = inspect.unwrap(function) if form is None else form
-    options: Any = {"nogil": True, "error_model": "numpy"}
+    options: Any = {"nogil": True, "error_model": "numpy", "pipeline_class": machine_code.PartCompiler}
     numba.extending.overload(function, jit_options=options, strict=False)(lambda *_: plain)
     return function
 
@@ -79,12 +80,11 @@ def stored(function: Callable[..., Any], compiler: Any, signature: Any, **option
     where a folder can be written to."""
     plain = inspect.unwrap(function)
     try:
-        with machine_code.whole(plain), machine_code.entry_alone():
+        with machine_code.whole(plain):
             return compiler(signature, cache=True, error_model="numpy", **options)(plain)
     except (RuntimeError, OSError) as error:
         files.say_unkept(error)
-        with machine_code.entry_alone():
-            return compiler(signature, error_model="numpy", **options)(plain)
+        return compiler(signature, error_model="numpy", **options)(plain)
 
 
 def part(function: Callable[..., Any]) -> Any:
