@@ -45,16 +45,16 @@ LAYERS = (
 ELLIPTIC = re.compile(r"(What|Of|The same|That|Those|There)\b")
 """First words of a docstring that does not say what a thing is."""
 LAST = {
-    "code lines": 18_907,
+    "code lines": 18_825,
     "modules": 171,
-    "modules that the main job may import": 127,
-    "code lines of these": 15_657,
+    "modules that the main job may import": 126,
+    "code lines of these": 15_576,
     "floors, all imports counted": 23,
     "functions of ten or more arguments": 0,
-    "functions of eight lines or fewer, called once": 54,
+    "functions of eight lines or fewer, called once": 53,
     "columns by number in compiled code": 273,
     "imports by string": 0,
-    COMMENTS: 5.43,
+    COMMENTS: 5.42,
 }
 """Measures of the last version. Store a better value when a measure improves, and never a worse one."""
 

@@ -1,35 +1,28 @@
-"""Numba's machine code: translated once for an entrance, and loaded from the store only as it was written.
-
-Numba unpickles and executes what it finds. A file that a loss of power has cut or emptied would stop every
-later process, and one with other bits would end it. So the files of a function have a checksum beside them.
+"""Numba's machine code: translated once for an entrance, and loaded only from a cache that is the user's.
 
 Numba takes 0.3 s to load: no module imports this one before it is needed.
 """
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
+import inspect
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from numba import _dynfunc
+from numba import _dynfunc  # type: ignore[attr-defined]
 from numba.core import caching, codegen, compiler, compiler_machinery, config, typed_passes
 
 from tpd.core import files
-
-_STORED = (".nbi", ".nbc")
-"""Ends of the names of Numba's files: an index, and the machine code."""
 
 
 class PartLibrary(codegen.JITCodeLibrary):
     """Code of a part, which waits for the function that calls it.
 
-    Numba optimises and translates each function together with all functions that it calls. In a chain of calls
-    it would do so again at each link. A part is only linked: the entrance at the end of the chain optimises
-    and translates everything once, with the same result to the last bit.
+    Numba optimises and translates each function together with all functions that it calls. In a chain of
+    calls it would do so again at each link. A part is only linked: the entrance at the end of the chain
+    optimises and translates everything once, with the same result to the last bit.
     """
 
     def _optimize_final_module(self) -> None:
@@ -46,7 +39,7 @@ class PartLowering(typed_passes.NativeLowering):
 
     _name = "part_lowering"
 
-    def run_pass(self, state: Any) -> bool:
+    def run_pass(self, state: Any) -> Literal[True]:
         """Lower the function into a `PartLibrary`."""
         state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
@@ -71,63 +64,34 @@ class PartCompiler(compiler.CompilerBase):
         return [passes]
 
 
-@contextlib.contextmanager
-def whole(function: Callable[..., Any]) -> Iterator[None]:
-    """Remove damaged machine code of a function before it is loaded, and seal what is stored at the end.
+def stored(function: Callable[..., Any], compiler: Any, signature: Any, **options: Any) -> Any:
+    """Compile a function for one kind of arguments, by `njit` or `cfunc` of Numba, or load its machine code
+    from Numba's cache, if only the user can write there.
 
-    Of several processes that ask for the same function at once, one compiles it.
-
-    Raises:
-        RuntimeError: Numba has no folder that can be written to.
-        OSError: the folder is no place for what is executed, or what is damaged cannot be removed.
+    Of several processes that ask for the same function at once, one compiles it. Machine code that cannot be
+    loaded, as after a loss of power, is removed and compiled again.
     """
-    folder, stem = _place(function)
-    files.check_own(folder)
-    seal = folder / f"{stem}.sum"
-    was_sealed = seal.exists()
-    # What others have written before they lost the right to is not executed either.
-    if was_sealed and not files.belongs(seal):
-        seal.unlink()
-    with files.held(seal) as file:
-        file.seek(0)
-        checksum = file.read()
-        if (found := _stored(folder, stem, *_STORED)) and _checksum(found) != checksum:
-            for path in found:
-                path.unlink()
-            # Without a seal it is of an earlier version, or of a process that was killed.
-            if was_sealed:
+    plain = inspect.unwrap(function)
+    make = compiler(signature, cache=True, error_model="numpy", **options)
+    try:
+        if not (config.CACHE_DIR or Path(os.path.expanduser("~")).is_absolute()):  # type: ignore[attr-defined]
+            # Numba would make a folder with the name ~ where the command is given.
+            raise RuntimeError("there is no home; name a folder by NUMBA_CACHE_DIR")
+        cache = caching.FunctionCache(plain)
+        folder = Path(cache.cache_path)
+        for place in filter(None, (config.CACHE_DIR, folder)):  # type: ignore[attr-defined]
+            files.check_own(Path(place).absolute())
+        with files.held(folder / f"{plain.__module__}.{plain.__name__}.lock"):
+            try:
+                return make(plain)
+            except OSError:
+                raise
+            except Exception:
+                # Pickle, of which a cache consists, raises whatever a damaged file leads to.
+                cache.flush()
+                made = make(plain)
                 files.say_damaged("files of machine code", folder, "compiled")
-        yield
-        if (found := _stored(folder, stem, *_STORED)) and (now := _checksum(found)) not in (None, checksum):
-            file.truncate(0)
-            file.write(now)
-
-
-def _place(function: Callable[..., Any]) -> tuple[Path, str]:
-    """Folder in which Numba stores a function, and how the names of its files begin."""
-    beside = caching.InTreeCacheLocator.from_function(function, function.__code__.co_filename)
-    chosen = config.CACHE_DIR  # type: ignore[attr-defined]
-    home = "XDG_CACHE_HOME" in os.environ or not os.path.expanduser("~").startswith("~")
-    if not (chosen or beside or home):
-        # Numba would make a folder with the name ~ where the command is given.
-        raise RuntimeError("there is no home; name a folder by NUMBA_CACHE_DIR")
-    cache = caching.FunctionCache(function)
-    return Path(cache.cache_path), cache._impl.filename_base
-
-
-def _stored(folder: Path, stem: str, *ends: str) -> list[Path]:
-    return sorted(p for p in folder.iterdir() if p.name.startswith(f"{stem}.") and p.suffix in ends)
-
-
-def _checksum(paths: list[Path]) -> bytes | None:
-    """Checksum of files with their names; None where one of them cannot be read, or is another user's."""
-    digest = hashlib.sha256()
-    for path in paths:
-        try:
-            if not files.belongs(path):
-                return None
-            data = path.read_bytes()
-        except OSError:
-            return None
-        digest.update(f"{path.name}\0{len(data)}\0".encode() + data)
-    return digest.hexdigest().encode()
+                return made
+    except (RuntimeError, OSError) as error:
+        files.say_unkept(error)
+        return compiler(signature, error_model="numpy", **options)(plain)

@@ -14,6 +14,7 @@ from typing import Any
 import numba
 import numpy as np
 
+from tpd.core.machine_code import stored
 from tpd.exact import follow, repetition
 from tpd.exact.arcs import forcing_at, load_at, span_of, steady
 from tpd.exact.contact_kernel import bob_change, mode_of, sign, velocity_ratio
@@ -32,7 +33,7 @@ from tpd.exact.motion import (
     put,
     restart,
 )
-from tpd.exact.plant import PLANT, compiled, part, stored
+from tpd.exact.plant import PLANT, compiled, part
 from tpd.exact.repetition import LONGEST, SETTLED
 from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_RATE, TILT, TILT_RATE
 from tpd.models import nonlinear_series as series

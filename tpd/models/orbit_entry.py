@@ -7,8 +7,9 @@ from typing import Any
 import numba
 import numpy as np
 
+from tpd.core.machine_code import stored
 from tpd.exact.motion import FIRST_PIECE
-from tpd.exact.plant import part, stored
+from tpd.exact.plant import part
 from tpd.exact.symmetric_orbit_kernel import (
     MOVED,
     NUMBERS,
