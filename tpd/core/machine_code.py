@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from numba import _dynfunc  # type: ignore[attr-defined]
-from numba.core import caching, codegen, compiler, compiler_machinery, config, typed_passes
+from numba.core import caching, codegen, compiler, compiler_machinery, config, typed_passes, untyped_passes
 
 from tpd.core import files
 
@@ -56,10 +56,11 @@ class PartCompiler(compiler.CompilerBase):
     """Compiler of functions that only compiled code calls."""
 
     def define_pipelines(self) -> list[Any]:
-        """Return Numba's usual passes, with `PartLowering` in place of its own."""
+        """Return Numba's usual passes with `PartLowering`, without those for closures and whole arrays."""
         passes = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
         own = {typed_passes.NativeLowering: PartLowering}
-        passes.passes = [(own.get(one, one), why) for one, why in passes.passes]
+        unused = untyped_passes.InlineClosureLikes, typed_passes.NopythonRewrites
+        passes.passes = [(own.get(one, one), why) for one, why in passes.passes if one not in unused]
         passes.finalize()
         return [passes]
 
