@@ -20,15 +20,13 @@ from tpd.core import files
 class PartLibrary(codegen.JITCodeLibrary):
     """Code of a part, which waits for the function that calls it.
 
-    Numba optimises and translates each function together with all functions that it calls. In a chain of
-    calls it would do so again at each link. A part is only linked: the entrance at the end of the chain
-    optimises and translates everything once, with the same result to the last bit.
+    Numba links, optimises and translates each function together with all functions that it calls. In a chain
+    of calls it would do so again for each caller. A part is only kept: the entrance at the end of the chain
+    does everything once, with the same result to the last bit.
     """
 
-    def _optimize_final_module(self) -> None:
-        pass
-
-    def _finalize_final_module(self) -> None:
+    def finalize(self) -> None:
+        """Do nothing of what Numba does here."""
         self._finalize_dynamic_globals()
         self._finalized = True
 
@@ -48,7 +46,9 @@ class PartLowering(typed_passes.NativeLowering):
         known, name = state.cr.fndesc, state.func_id.func_name
         part = _dynfunc.make_function(known.lookup_module(), name, "", 0, state.cr.env, (state.library,))
         state.cr = state.cr._replace(cfunc=part)
-        state.targetctx.insert_user_function(part, known, [state.library])
+        # A caller needs the parts that this part calls as well, each once.
+        needed = dict.fromkeys([state.library, *state.library._linking_libraries])
+        state.targetctx.insert_user_function(part, known, list(needed))
         return True
 
 
