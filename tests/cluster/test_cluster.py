@@ -3,12 +3,15 @@
 import importlib
 import linecache
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
 import time
+from enum import Enum
 from pathlib import Path
+from typing import NamedTuple
 
 import dask
 import numpy as np
@@ -17,7 +20,7 @@ import pytest
 import tpd
 from tests.cluster.cluster_tasks import STEP, batch, slowly_squared, whose
 from tests.damage import WAYS, damage
-from tpd.cluster.cluster import Cluster, ClusterError, store, stored
+from tpd.cluster.cluster import Cluster, ClusterError, fingerprint, store, stored
 
 SCENE = tpd.paper_scene()
 HUNG = SCENE.pendulum(mass_ratio=0.1, length_ratio=0.4, damping_ratio=0.1)
@@ -274,3 +277,24 @@ def test_ctrl_c_leaves_the_chunks_of_a_command_and_none_of_its_processes(tmp_pat
 def test_the_folder_of_chunks_may_begin_at_home(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     assert Cluster("~/chunks").folder == tmp_path / "chunks"
+
+
+def test_fingerprints_differ_where_inputs_do():
+    values = [1, 1.0, True, "1", [1], [[1]], {"a": 1}, np.array(1.0), np.array([1.0]), None, b"1"]
+    values += [
+        *Enum("E", "A B"),
+        SCENE,
+        HUNG,
+        [("a", 1)],
+        NamedTuple("A", [("a", int)])(1),
+        NamedTuple("B", [("a", int)])(1),
+    ]
+    assert len({fingerprint(v) for v in values}) == len(values)
+    assert fingerprint({"a": 1, "b": 2}) == fingerprint({"b": 2, "a": 1})
+    assert fingerprint("ab", "c") != fingerprint("a", "bc")
+    assert fingerprint(SCENE) == fingerprint(tpd.paper_scene())
+
+
+def test_what_no_words_tell_from_another_is_refused():
+    with pytest.raises(TypeError, match=re.escape("no fingerprint of a object")):
+        fingerprint([object()])

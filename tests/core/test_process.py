@@ -7,7 +7,6 @@ import sys
 import pytest
 
 from tests.damage import WAYS, damage
-from tpd.core import files, process
 
 CACHED = """
 import jax
@@ -49,26 +48,12 @@ def test_damaged_files_of_jax_are_made_again(tmp_path):
     place = {"XDG_CACHE_HOME": str(tmp_path)}
     values = "[11.0, 20.0, 7.0, -6.0]"
     folder = tmp_path / "tpd" / "compiled"
-    said = [f"programs in {folder} were damaged, and are compiled again"]
     assert run(CACHED, **place) == (0, f"{values} 0", [])
-    for notes in ("kept", "damaged"):
-        for path, way in zip(sorted(folder.glob("*-cache")), WAYS, strict=True):
-            damage(path, way)
-        if notes == "damaged":
-            damage(folder / "checksums", "flipped")
-        assert run(CACHED, **place) == (0, f"{values} 0", said)
+    for path, way in zip(sorted(folder.glob("*-cache")), WAYS, strict=True):
+        damage(path, way)
+    said = [f"programs in {folder} were damaged, and are compiled again"]
+    assert run(CACHED, **place) == (0, f"{values} 0", said)
     assert run(CACHED, **place) == (0, f"{values} 4", [])
-
-
-def test_a_file_that_is_just_being_written_is_left_alone(tmp_path):
-    half = tmp_path / "jit_half-0-cache"
-    half.write_bytes(b"\x78\x9c\x01")
-    process._keep_whole(tmp_path)
-    assert half.exists()
-    os.utime(half, (0, 0))
-    with pytest.warns(UserWarning, match="were damaged"):
-        process._keep_whole(tmp_path)
-    assert not half.exists()
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")
@@ -76,16 +61,16 @@ def test_a_file_that_is_just_being_written_is_left_alone(tmp_path):
 @pytest.mark.parametrize(
     ("name", "mode", "kept"),
     [
-        ("XDG_CACHE_HOME", 0o777, False),
         ("JAX_COMPILATION_CACHE_DIR", 0o777, False),
-        ("JAX_COMPILATION_CACHE_DIR", 0o1777, True),
+        ("JAX_COMPILATION_CACHE_DIR", 0o1777, False),
+        ("JAX_COMPILATION_CACHE_DIR", 0o755, True),
     ],
 )
-def test_a_store_below_a_folder_of_others_is_not_used_and_one_sentence_says_so(tmp_path, name, mode, kept):
+def test_a_folder_of_others_is_not_used_and_one_sentence_says_so(tmp_path, name, mode, kept):
     shared = tmp_path / "shared"
     shared.mkdir()
     shared.chmod(mode)
-    status, out, said = run(CACHED, **{name: str(shared / "own")})
+    status, out, said = run(CACHED, **{name: str(shared)})
     assert (status, out) == (0, "[11.0, 20.0, 7.0, -6.0] 0")
     sentence = (
         f"compiled code is not kept, so that every run compiles anew: others may write to {shared}; "
@@ -93,7 +78,7 @@ def test_a_store_below_a_folder_of_others_is_not_used_and_one_sentence_says_so(t
     )
     assert said == ([] if kept else [sentence])
     if kept:
-        assert run(CACHED, **{name: str(shared / "own")})[1].endswith("4")
+        assert run(CACHED, **{name: str(shared)})[1].endswith("4")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such users")
@@ -112,15 +97,3 @@ def test_where_nothing_can_be_written_one_sentence_says_so():
         assert (status, out) == (0, "[11.0, 20.0, 7.0, -6.0] 0")
         assert "/proc/nowhere" in said
         assert "cannot be written to" in said
-
-
-def test_what_others_wrote_is_removed_and_notes_that_cannot_be_read_end_nothing(monkeypatch, tmp_path):
-    (tmp_path / "a-cache").write_bytes(b"x")
-    monkeypatch.setattr(files, "belongs", lambda path: path.name != "a-cache")
-    with pytest.warns(UserWarning, match="were damaged, and are compiled again"):
-        process._keep_whole(tmp_path)
-    assert not (tmp_path / "a-cache").exists()
-    (tmp_path / "checksums").unlink(missing_ok=True)
-    (tmp_path / "checksums").mkdir()
-    with pytest.warns(UserWarning, match="were damaged"):
-        process._keep_whole(tmp_path)

@@ -19,9 +19,8 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from functools import lru_cache
-from importlib.metadata import version
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 try:
     import fcntl
@@ -139,33 +138,30 @@ def say_damaged(what: str, where: Path, then: str) -> None:
 
 
 def check_own(folder: Path) -> None:
-    """Check that compiled code can be kept in a folder and executed as it is found there. The folder is made
-    where there is none.
+    """Check that only the user of this process can write to a folder of compiled code, which is executed as
+    it is found there. The folder is made if it does not exist.
 
     Raises:
-        OSError: it cannot be written to, is another user's, or somebody else may write to it or put another
-            one in its place.
+        OSError: the folder cannot be written to, or other users can write to it.
     """
     other = "name other folders by NUMBA_CACHE_DIR and JAX_COMPILATION_CACHE_DIR"
     if not folder.is_absolute():
         raise OSError(f"there is no home for {folder}; {other}")
     try:
-        for path in (*reversed(folder.parents), folder):
-            # Made one by one: of several at once only the last would have these rights.
-            path.mkdir(mode=0o700, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
-            home = folder.resolve()
+            about = folder.stat()
     except OSError as error:
         raise OSError(f"{folder} cannot be written to ({error.strerror}); {other}") from None
-    if not belongs(home):
-        raise OSError(f"{home} is another user's; {other}")
-    for path in (home, *home.parents) if hasattr(os, "getuid") else ():
-        about = path.stat()
-        # A group with the number of its owner has no other members.
-        others = stat.S_IWOTH | (stat.S_IWGRP if about.st_gid != about.st_uid else 0)
-        # Within a sticky folder others can neither rename nor remove what is not theirs.
-        if about.st_mode & others and (path == home or not about.st_mode & stat.S_ISVTX):
-            raise OSError(f"others may write to {path}; `chmod go-w {path}`, or {other}")
+    if not hasattr(os, "getuid"):  # Windows
+        return
+    # Whoever could replace the folder by way of its parents would be the owner of the new one.
+    if about.st_uid != os.getuid():
+        raise OSError(f"{folder} belongs to another user; {other}")
+    # A group with the number of its owner has no other members.
+    others = stat.S_IWOTH | (stat.S_IWGRP if about.st_gid != about.st_uid else 0)
+    if about.st_mode & others:
+        raise OSError(f"others may write to {folder}; `chmod go-w {folder}`, or {other}")
 
 
 def say_unkept(why: Exception) -> None:
@@ -175,23 +171,18 @@ def say_unkept(why: Exception) -> None:
         warnings.warn(f"compiled code is not kept, so that every run compiles anew: {why}", stacklevel=3)
 
 
-def belongs(path: Path) -> bool:
-    """Whether a path is of the user who runs this process; on systems without owners all are."""
-    return not hasattr(os, "getuid") or path.lstat().st_uid == os.getuid()
-
-
 @contextlib.contextmanager
-def held(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file, made where there is none, and hold its lock, where the system has such locks.
+def held(path: Path) -> Iterator[None]:
+    """Hold the lock of a file, made if it does not exist, where the system has such locks.
 
     Raises:
         OSError: the file cannot be opened for writing.
     """
-    with path.open("a+b") as file:
+    with path.open("ab") as file:
         if fcntl is not None:
             with contextlib.suppress(OSError):
                 fcntl.flock(file, fcntl.LOCK_EX)
-        yield file
+        yield
 
 
 def as_json(content: Any) -> str:
@@ -226,6 +217,9 @@ def versions() -> dict[str, str]:
 @lru_cache
 def _version(name: str) -> str:
     """Version of an installed package; reading one takes 4 ms."""
+    # This import takes as long as that of all other modules for `tpd --help`.
+    from importlib.metadata import version
+
     return version(name)
 
 

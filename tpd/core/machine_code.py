@@ -1,172 +1,98 @@
-"""Numba's machine code: made of whole entries alone, and loaded from the store only as it was written.
-
-Numba unpickles and executes what it finds. A file that a loss of power has cut or emptied would stop every
-later process, and one with other bits would end it. So the files of a function have a checksum beside them.
+"""Numba's machine code: translated once for an entrance, and loaded only from a cache that is the user's.
 
 Numba takes 0.3 s to load: no module imports this one before it is needed.
 """
 
 from __future__ import annotations
 
-import contextlib
-import gc
-import hashlib
+import inspect
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-import llvmlite
-import numba
-from numba.core import caching, codegen, compiler, config
-from numba.core.compiler_lock import global_compiler_lock
+from numba import _dynfunc  # type: ignore[attr-defined]
+from numba.core import caching, codegen, compiler, compiler_machinery, config, typed_passes, untyped_passes
 
 from tpd.core import files
 
-_STORED = (".nbi", ".nbc")
-"""Ends of the names of Numba's files: an index, and the machine code."""
-_TESTED = (("0.68.1", "0.50.0"),)
-"""Versions of Numba and llvmlite whose inner functions `entry_alone` is known to fit."""
-_UNUSED = (
-    "WithLifting InlineClosureLikes RewriteDynamicRaises MakeFunctionToJitFunction FindLiterallyCalls "
-    "LiteralUnroll LiteralPropagationSubPipelinePass InlineOverloads NopythonRewrites "
-    "NoPythonSupportedFeatureValidation DumpParforDiagnostics"
-)
-"""Passes of Numba that change nothing in scalar code: those for closures, objects as contexts, computed
-messages of exceptions, loops over unlike items, expressions of arrays, and parallel loops."""
 
+class PartLibrary(codegen.JITCodeLibrary):
+    """Code of a part, which waits for the function that calls it.
 
-@contextlib.contextmanager
-def entry_alone() -> Iterator[None]:
-    """Optimise and make machine code of the function that is compiled meanwhile, not of each that it calls.
-
-    Numba does both for every function together with all that it calls, and again for its caller. The results
-    are the same to the last bit in half of the time. What was called can be called by compiled code
-    afterwards, not by Python. With other versions than the tested ones Numba compiles as usual.
+    Numba links, optimises and translates each function together with all functions that it calls. In a chain
+    of calls it would do so again for each caller. A part is only kept: the entrance at the end of the chain
+    does everything once, with the same result to the last bit.
     """
-    # No other thread compiles while Numba's functions are replaced.
-    with global_compiler_lock, contextlib.ExitStack() as undo:
-        for owner, name, now in _replacements():
-            undo.callback(setattr, owner, name, owner.__dict__[name])
-            setattr(owner, name, now)
-        if gc.isenabled():
-            # A compilation makes millions of objects that live as long as it does.
-            undo.callback(gc.enable)
-            gc.disable()
-        yield
+
+    def finalize(self) -> None:
+        """Do nothing of what Numba does here."""
+        self._finalize_dynamic_globals()
+        self._finalized = True
 
 
-def _replacements() -> list[tuple[type, str, Callable[..., Any]]]:
-    """Functions of Numba to replace, by class and name; none where Numba is not as expected."""
-    if (numba.__version__, llvmlite.__version__) not in _TESTED:
-        return []
+@compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
+class PartLowering(typed_passes.NativeLowering):
+    """Make the code of a part, and no function that Python could call."""
+
+    _name = "part_lowering"
+
+    def run_pass(self, state: Any) -> Literal[True]:
+        """Lower the function into a `PartLibrary`."""
+        state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True
+        super().run_pass(state)
+        # Numba finds the code of a function by the object that Python would call: here without an address.
+        known, name = state.cr.fndesc, state.func_id.func_name
+        part = _dynfunc.make_function(known.lookup_module(), name, "", 0, state.cr.env, (state.library,))
+        state.cr = state.cr._replace(cfunc=part)
+        # A caller needs the parts that this part calls as well, each once.
+        needed = dict.fromkeys([state.library, *state.library._linking_libraries])
+        state.targetctx.insert_user_function(part, known, list(needed))
+        return True
+
+
+class PartCompiler(compiler.CompilerBase):
+    """Compiler of functions that only compiled code calls."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Return Numba's usual passes with `PartLowering`, without those for closures and whole arrays."""
+        passes = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
+        own = {typed_passes.NativeLowering: PartLowering}
+        unused = untyped_passes.InlineClosureLikes, typed_passes.NopythonRewrites
+        passes.passes = [(own.get(one, one), why) for one, why in passes.passes if one not in unused]
+        passes.finalize()
+        return [passes]
+
+
+def stored(function: Callable[..., Any], compiler: Any, signature: Any, **options: Any) -> Any:
+    """Compile a function for one kind of arguments, by `njit` or `cfunc` of Numba, or load its machine code
+    from Numba's cache, if only the user can write there.
+
+    Of several processes that ask for the same function at once, one compiles it. Machine code that cannot be
+    loaded, as after a loss of power, is removed and compiled again.
+    """
+    plain = inspect.unwrap(function)
+    make = compiler(signature, cache=True, error_model="numpy", **options)
     try:
-        library, generator = codegen.CPUCodeLibrary, codegen.JITCPUCodegen
-        compile_plainly = compiler.CompilerBase.__dict__["compile_extra"]
-        optimise, finish = (library.__dict__[f"_{n}_final_module"] for n in ("optimize", "finalize"))
-        set_plainly, passes_of = generator.__dict__["set_env"], compiler.Compiler.__dict__["define_pipelines"]
-    except (AttributeError, KeyError):
-        return []
-    depth = 0
-
-    def compile_extra(self: Any, func: Any) -> Any:
-        nonlocal depth
-        depth += 1
-        try:
-            return compile_plainly(self, func)
-        finally:
-            depth -= 1
-
-    def optimize(self: Any) -> None:
-        if depth <= 1:
-            optimise(self)
-
-    def finalize(self: Any) -> None:
-        if depth <= 1:
-            finish(self)
-        else:
-            # It is complete as a part to be linked, and unknown to the engine that runs machine code.
-            self._finalize_dynamic_globals()
-            self._finalized = True
-
-    def set_env(self: Any, name: str, env: Any) -> None:
-        if self._engine.is_symbol_defined(name):
-            set_plainly(self, name, env)
-
-    def define_pipelines(self: Any) -> Any:
-        pipelines = passes_of(self)
-        # Numba's own functions are no scalar code.
-        if not self.state.func_id.modname.startswith("numba."):
-            for one in pipelines:
-                one.passes = [p for p in one.passes if p[0].__name__ not in _UNUSED.split()]
-        return pipelines
-
-    return [
-        (compiler.CompilerBase, "compile_extra", compile_extra),
-        (compiler.Compiler, "define_pipelines", define_pipelines),
-        (library, "_optimize_final_module", optimize),
-        (library, "_finalize_final_module", finalize),
-        (generator, "set_env", set_env),
-    ]
-
-
-@contextlib.contextmanager
-def whole(function: Callable[..., Any]) -> Iterator[None]:
-    """Remove damaged machine code of a function before it is loaded, and seal what is stored at the end.
-
-    Of several processes that ask for the same function at once, one compiles it.
-
-    Raises:
-        RuntimeError: Numba has no folder that can be written to.
-        OSError: the folder is no place for what is executed, or what is damaged cannot be removed.
-    """
-    folder, stem = _place(function)
-    files.check_own(folder)
-    seal = folder / f"{stem}.sum"
-    was_sealed = seal.exists()
-    # What others have written before they lost the right to is not executed either.
-    if was_sealed and not files.belongs(seal):
-        seal.unlink()
-    with files.held(seal) as file:
-        file.seek(0)
-        checksum = file.read()
-        if (found := _stored(folder, stem, *_STORED)) and _checksum(found) != checksum:
-            for path in found:
-                path.unlink()
-            # Without a seal it is of an earlier version, or of a process that was killed.
-            if was_sealed:
+        if not (config.CACHE_DIR or Path(os.path.expanduser("~")).is_absolute()):  # type: ignore[attr-defined]
+            # Numba would make a folder with the name ~ where the command is given.
+            raise RuntimeError("there is no home; name a folder by NUMBA_CACHE_DIR")
+        cache = caching.FunctionCache(plain)
+        folder = Path(cache.cache_path)
+        for place in filter(None, (config.CACHE_DIR, folder)):  # type: ignore[attr-defined]
+            files.check_own(Path(place).absolute())
+        with files.held(folder / f"{plain.__module__}.{plain.__name__}.lock"):
+            try:
+                return make(plain)
+            except OSError:
+                raise
+            except Exception:
+                # Pickle, of which a cache consists, raises whatever a damaged file leads to.
+                cache.flush()
+                made = make(plain)
                 files.say_damaged("files of machine code", folder, "compiled")
-        yield
-        if (found := _stored(folder, stem, *_STORED)) and (now := _checksum(found)) not in (None, checksum):
-            file.truncate(0)
-            file.write(now)
-
-
-def _place(function: Callable[..., Any]) -> tuple[Path, str]:
-    """Folder in which Numba stores a function, and how the names of its files begin."""
-    beside = caching.InTreeCacheLocator.from_function(function, function.__code__.co_filename)
-    chosen = config.CACHE_DIR  # type: ignore[attr-defined]
-    home = "XDG_CACHE_HOME" in os.environ or not os.path.expanduser("~").startswith("~")
-    if not (chosen or beside or home):
-        # Numba would make a folder with the name ~ where the command is given.
-        raise RuntimeError("there is no home; name a folder by NUMBA_CACHE_DIR")
-    cache = caching.FunctionCache(function)
-    return Path(cache.cache_path), cache._impl.filename_base
-
-
-def _stored(folder: Path, stem: str, *ends: str) -> list[Path]:
-    return sorted(p for p in folder.iterdir() if p.name.startswith(f"{stem}.") and p.suffix in ends)
-
-
-def _checksum(paths: list[Path]) -> bytes | None:
-    """Checksum of files with their names; None where one of them cannot be read, or is another user's."""
-    digest = hashlib.sha256()
-    for path in paths:
-        try:
-            if not files.belongs(path):
-                return None
-            data = path.read_bytes()
-        except OSError:
-            return None
-        digest.update(f"{path.name}\0{len(data)}\0".encode() + data)
-    return digest.hexdigest().encode()
+                return made
+    except (RuntimeError, OSError) as error:
+        files.say_unkept(error)
+        return compiler(signature, error_model="numpy", **options)(plain)

@@ -5,21 +5,15 @@ The library changes no setting of anybody else's process.
 
 from __future__ import annotations
 
-import atexit
 import contextlib
-import hashlib
-import json
+import math
 import os
 import sys
-import time
 import zlib
-from functools import lru_cache
+from importlib import import_module
 from pathlib import Path
 
 from tpd.core import files
-
-_YOUNG = 60.0
-"""Seconds in which a file may still be written by another process."""
 
 
 def use_64_bits() -> Path | None:
@@ -52,64 +46,37 @@ def use_64_bits() -> Path | None:
     if given is None:
         jax.config.update("jax_compilation_cache_dir", str(cache))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
-    _make_sure(cache)
+    _remove_damaged(cache)
     return cache
 
 
-@lru_cache
-def _make_sure(cache: Path) -> None:
-    """Remove what is damaged of JAX's cache, now, and seal at the end what this process adds."""
-    _keep_whole(cache)
-    atexit.register(_keep_whole, cache)
-
-
-def _keep_whole(cache: Path) -> None:
-    """Remove the files of JAX's cache that are not as they were written, and note checksums of all others.
-
-    JAX executes what it finds. Of a file that it cannot read it says so at every start, and never writes it
-    anew.
-    """
-    notes, checksums = cache / "checksums", {}
-    noted: dict[str, str] | None = {}
-    try:
-        noted = json.loads(files.unsealed(notes.read_bytes()) or "null")
-    except FileNotFoundError:
-        pass
-    except OSError:
-        noted = None
-    damaged = noted is None
+def _remove_damaged(cache: Path) -> None:
+    """Remove compiled programs that JAX cannot read: it would warn of them at every start, and never replace
+    them. Programs that were in order at an earlier start are not read again."""
+    checked, damaged = cache / "checked", False
+    since = checked.stat().st_mtime if checked.exists() else -math.inf
+    with contextlib.suppress(OSError):
+        checked.touch()
     for path in cache.glob("*-cache"):
         with contextlib.suppress(OSError):
-            content = path.read_bytes()
-            checksum = hashlib.sha256(content).hexdigest()
-            if not files.belongs(path):
-                # What others have written before they lost the right to is not executed.
-                sound = False
-            elif noted and path.name in noted:
-                sound = noted[path.name] == checksum
-            else:
-                # Of a process that was killed, or not of this package; or it is being written just now.
-                sound = _unpacks(content)
-                if not sound and noted is not None and abs(time.time() - path.stat().st_mtime) < _YOUNG:
-                    continue
-            if sound:
-                checksums[path.name] = checksum
-            else:
+            if path.stat().st_mtime >= since and not _is_whole(path.read_bytes()):
                 path.unlink()
                 damaged = True
-    if checksums != noted:
-        with contextlib.suppress(OSError):
-            files.place(notes, files.sealed(files.as_json(checksums).encode()))
     if damaged:
         files.say_damaged("programs", cache, "compiled")
 
 
-def _unpacks(content: bytes) -> bool:
-    """Whether a file of JAX's cache is whole, as far as its compression tells."""
-    if content.strip(b"\0") and not content.startswith(b"\x78"):
-        # Not zlib's: of another compression nothing is known.
+def _is_whole(content: bytes) -> bool:
+    """Return whether a file of JAX's cache, which is compressed by zstd or zlib, can be decompressed."""
+    try:
+        if content.startswith(b"\x28\xb5\x2f\xfd"):
+            import_module("compression.zstd" if sys.version_info >= (3, 14) else "zstandard").decompress(
+                content
+            )
+        else:
+            zlib.decompress(content)
+    except ImportError:
         return True
-    with contextlib.suppress(zlib.error):
-        zlib.decompress(content)
-        return True
-    return False
+    except Exception:
+        return False
+    return True

@@ -24,7 +24,9 @@ HARMONIC = ("tpd.exact.orbit_entry", "tpd.exact.linear_entry", "tpd.exact.nonlin
 GROUND = ("tpd.exact.linear_entry", "tpd.exact.nonlinear_entry")
 """Modules of motions under pulses and records."""
 _COMMAND = """
-import os, sys, threading, warnings
+import gc, os, sys, threading, warnings
+# A compilation makes millions of objects, which live as long as this process.
+gc.disable()
 # The end of the pipe is that of the command, however it ends.
 threading.Thread(target=lambda: os.read(0, 1) or os._exit(1), daemon=True).start()
 sys.excepthook = lambda *_: None
@@ -59,7 +61,7 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
     """
     # Numba's store belongs to one installation, or is the folder that the environment names.
     version, chosen = str(checksum()), os.environ.get("NUMBA_CACHE_DIR")
-    store = Path(chosen, "tpd").absolute() if chosen else Path(__file__).parent / "__pycache__"
+    store = Path(chosen).absolute() if chosen else Path(__file__).parent / "__pycache__"
     try:
         if chosen or os.access(store, os.W_OK):
             files.check_own(store)

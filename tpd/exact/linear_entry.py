@@ -8,6 +8,7 @@ from typing import Any
 import numba
 import numpy as np
 
+from tpd.core.machine_code import stored
 from tpd.exact.arcs import Load, arc_from, beginning, state_at, steady
 from tpd.exact.compiling import checksum
 from tpd.exact.contact_kernel import decide, sign
@@ -41,7 +42,7 @@ from tpd.exact.legs import (
 from tpd.exact.march import put_flow
 from tpd.exact.motion import FIRST_PIECE, LEG, larger, put
 from tpd.exact.near_orbits import Limits, follow_periods
-from tpd.exact.plant import compiled, part, plant, put_plants, stored
+from tpd.exact.plant import compiled, plant, put_plants
 from tpd.exact.repetition import SETTLED
 from tpd.exact.settle import settle
 from tpd.exact.steady import SPARE, STEADY, first_of, memory, steady_state
@@ -76,7 +77,7 @@ def _keep(own):
     return len(own.motions)
 
 
-@part
+@compiled
 def _settle(a, first, last):
     """Rows of `settle`: settings, parameters, starts, beginnings and ramps; what the motions settle to."""
     (s, x, y), own, (_, _, _, times, results, _, _, _) = usual(a, last), memory(), places_in(a)
@@ -87,7 +88,7 @@ def _settle(a, first, last):
     _keep(own)
 
 
-@part
+@compiled
 def _steady(a, first, last):
     """Rows of `steady_state`: settings, parameters and starts; steady states."""
     (s, x, y), own, (_, _, _, results, _, _, _, _) = usual(a, last), memory(), places_in(a)
@@ -97,7 +98,7 @@ def _steady(a, first, last):
     _keep(own)
 
 
-@part
+@compiled
 def _trajectory(a, first, last):
     """Rows of `trajectory`: settings, parameters, starts and times; states with their rates, statuses, and
     derivatives."""
@@ -128,7 +129,7 @@ def _put_slopes(m, many, inputs, by):
             by[_GROWN, j], by[_LIFTED, j] = many[GROWING, j], many[UPLIFT, j]
 
 
-@part
+@compiled
 def _shake(a, first, last, history):
     """Rows of `through`: settings, parameters, starts and pieces. If it is a `history`, also times; states,
     impacts and statuses. If not, results and derivatives."""
@@ -173,7 +174,7 @@ def _shake(a, first, last, history):
     _keep(own)
 
 
-@part
+@compiled
 def _legs(a, first, last):
     """Rows of `follow_periods` from states at tau = 0: settings, parameters and starts; legs, how many there
     are, for which there may not be room, and how the motion ended."""
@@ -190,7 +191,7 @@ def _legs(a, first, last):
     _keep(own)
 
 
-@part
+@compiled
 def _arcs(a, first, last):
     """Rows of `traverse` over so many arcs: settings, complex parameters, links, and complex arcs; ends, and
     if the settings ask for slopes, findings about the arcs of the first row."""
@@ -215,7 +216,7 @@ def _arcs(a, first, last):
     _keep(own)
 
 
-@part
+@compiled
 def _run(a, first, last):
     """Rows of whatever the settings ask for."""
     settings, _, _, _, _, _, _, _ = places_in(a)

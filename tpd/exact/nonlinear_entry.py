@@ -14,6 +14,7 @@ from typing import Any
 import numba
 import numpy as np
 
+from tpd.core.machine_code import stored
 from tpd.exact import follow, repetition
 from tpd.exact import nonlinear_series as series
 from tpd.exact.arcs import forcing_at, load_at, span_of, steady
@@ -46,7 +47,7 @@ from tpd.exact.motion import (
     put,
     restart,
 )
-from tpd.exact.plant import PLANT, compiled, part, stored
+from tpd.exact.plant import PLANT, compiled, part
 from tpd.exact.repetition import LONGEST, NEWEST, SETTLED
 from tpd.exact.steady import STEADY
 from tpd.exact.terms import MANY, REST, SLIP, STICK, SWING, SWING_RATE, SYMMETRIC, TILT, TILT_RATE

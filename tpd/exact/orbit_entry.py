@@ -7,10 +7,11 @@ from typing import Any
 import numba
 import numpy as np
 
+from tpd.core.machine_code import stored
 from tpd.exact.compiling import checksum
 from tpd.exact.custom_call import api_version, at, on_host, places_in, rows_of
 from tpd.exact.motion import FIRST_PIECE
-from tpd.exact.plant import part, stored
+from tpd.exact.plant import part
 from tpd.exact.symmetric_orbit_kernel import (
     MOVED,
     NUMBERS,

@@ -22,7 +22,7 @@ import numba
 import numba.extending
 import numpy as np
 
-from tpd.core import files, machine_code
+from tpd.core.machine_code import PartCompiler
 from tpd.exact.terms import LAM, MANY, MU, NU, RHO, XI, ZETA, E, F, K
 from tpd.scene import impacts
 
@@ -60,32 +60,20 @@ def compiled(function: Callable[..., Any], *, inline: bool = False, fused: bool 
     # would take a third of the time to compile.
     options: Any = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     options |= ({"inline": "always"} if inline else {}) | ({"fastmath": {"contract"}} if fused else {})
-    return numba.njit(inspect.unwrap(function), error_model="numpy", **options)
+    made = numba.njit(error_model="numpy", pipeline_class=PartCompiler, **options)
+    return made(inspect.unwrap(function))
 
 
 def shared(function: Callable[..., Any], form: Callable[..., Any] | None = None) -> Any:
     """A function of `tpd.core` that compiled code can call as well, in another form if it has one."""
     # By the name that Python calls: a checker of types may have wrapped it there.
     plain = inspect.unwrap(function) if form is None else form
-    options: Any = {"nogil": True, "error_model": "numpy"}
+    options: Any = {"nogil": True, "error_model": "numpy", "pipeline_class": PartCompiler}
     numba.extending.overload(function, jit_options=options, strict=False)(lambda *_: plain)
     return function
 
 
 shared(impacts.select, lambda condition, of_true, of_false: of_true if condition else of_false)
-
-
-def stored(function: Callable[..., Any], compiler: Any, signature: Any, **options: Any) -> Any:
-    """Compile a function for one kind of arguments, by `njit` or `cfunc` of Numba, and store the machine code
-    where a folder can be written to."""
-    plain = inspect.unwrap(function)
-    try:
-        with machine_code.whole(plain), machine_code.entry_alone():
-            return compiler(signature, cache=True, error_model="numpy", **options)(plain)
-    except (RuntimeError, OSError) as error:
-        files.say_unkept(error)
-        with machine_code.entry_alone():
-            return compiler(signature, error_model="numpy", **options)(plain)
 
 
 def part(function: Callable[..., Any]) -> Any:
