@@ -72,7 +72,7 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
     swapped = replace(
         design.runs, with_pendulum=design.runs.without_pendulum, without_pendulum=design.runs.with_pendulum
     )
-    assert "The pendulum increases the mean tilt by " in reduction(swapped)
+    assert "he pendulum increases the mean tilt by " in reduction(swapped)
 
 
 @pytest.mark.parametrize(

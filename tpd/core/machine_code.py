@@ -73,8 +73,8 @@ def stored(function: Callable[..., Any], compiler: Any, signature: Any, **option
     loaded, as after a loss of power, is removed and compiled again.
     """
     plain = inspect.unwrap(function)
-    make = compiler(signature, cache=True, error_model="numpy", **options)
     try:
+        make = compiler(signature, cache=True, error_model="numpy", **options)
         if not (config.CACHE_DIR or Path(os.path.expanduser("~")).is_absolute()):  # type: ignore[attr-defined]
             # Numba would make a folder with the name ~ where the command is given.
             raise RuntimeError("there is no home; name a folder by NUMBA_CACHE_DIR")

@@ -25,8 +25,8 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
 from tpd.scene.status import status_name
-from tpd.theory import equivalent_friction, turning_tilts
 from tpd.theory.equations import Terms
+from tpd.theory.free_rocking import equivalent_friction, turning_tilts
 
 _BAND = frequencies(1.0, 0.7, 1.5, 41)
 """Frequencies of a response, in shares of the scene's own."""

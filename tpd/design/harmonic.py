@@ -42,8 +42,8 @@ from tpd.scene.ground_motion import GroundMotion, Pulse
 from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Harmonic, Pendulum, Scene
 from tpd.scene.status import names_of
-from tpd.theory import uplift
 from tpd.theory.equations import Terms
+from tpd.theory.no_uplift import uplift
 
 TRIAL_RUNS, TRIAL_PERIODS = 128, 50
 """Runs of a trial, and their most forcing periods."""

@@ -44,7 +44,7 @@ from tpd.scene.conditions import Conditions, under, under_all
 from tpd.scene.impacts import housner
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import with_design
-from tpd.theory import uplift
+from tpd.theory.no_uplift import uplift
 
 _PAIRS = 16_384
 """Pairs of design and condition that are solved at once, about."""
