@@ -141,11 +141,11 @@ def _followed(
     x, how = batch["x"], {"brief": brief, "workers": workers, "progress": progress}
     forcing = GroundForcing(records, batch["free"], batch["which"])
     found = runs.follow(Terms.nonlinear if nonlinear else Terms.linear, x, forcing, **how)
-    status, hung = found.status.astype(int), x[:, MU] > 0.0
+    status, has_bob = found.status.astype(int), x[:, MU] > 0.0
     return {
         "tilt": found.tilt,
-        "swing": np.where(hung, found.swing, 0.0),
-        "relative": np.where(hung, found.relative, 0.0),
+        "swing": np.where(has_bob, found.swing, 0.0),
+        "relative": np.where(has_bob, found.relative, 0.0),
         "impacts": np.asarray(found.impacts).astype(int),
         "lifted": ~np.isposinf(found.lifted),
         "overturned": status == OVERTURNED,

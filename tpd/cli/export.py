@@ -28,40 +28,40 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
         raise ValueError(f"--file must name a file, but {file} is a directory")
     if file.exists() and not options.overwrite:
         raise ValueError(f"{file} exists already: choose another name with --file, or pass --overwrite")
-    job, hung = inputs
+    job, pendulum = inputs
     has_motion = options.kind != "mjcf"
     scene = job.single if has_motion else job.scene
-    common.say(scene, hung, "" if has_motion else "none: give it to the actuators", job.told)
-    if hung is None and options.design is not None:
+    common.say(scene, pendulum, "" if has_motion else "none: give it to the actuators", job.told)
+    if pendulum is None and options.design is not None:
         print("The report offers no pendulum: only the bare block is exported.")
     if options.kind == "csv":
-        columns, fallen = _columns(scene, hung)
+        columns, fallen = _columns(scene, pendulum)
         content = files.as_table(columns)
         for name in (name for name, column in columns.items() if column[-1] != column[-1]):
             why = "the block overturns" if name[: len("bare")] in fallen else "the motion has no answer"
             print(f"{name}: {why}, and the cells after that are empty")
     else:
         more = {} if options.sliding is None else {"sliding": options.sliding}
-        content = getattr(engines, options.kind)(scene, hung, **more)
+        content = getattr(engines, options.kind)(scene, pendulum, **more)
     print(f"written: {files.place(file, content)}")
     return SOUND
 
 
-def _columns(scene: Scene, hung: Pendulum | None) -> tuple[dict[str, Any], set[str]]:
+def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], set[str]]:
     """Motion over time, bare and with the pendulum, from rest by the exact solution, NaN once the block has
     fallen; and which of "bare" and "hung" overturn."""
     if hasattr(scene.motion, "amplitude"):
-        found = time_histories(scene, hung)
+        found = time_histories(scene, pendulum)
         # An exact displacement stands beside the acceleration; that of a record would be an integral.
         times, rate = found[0].time, float(scene.motion.rate)
         moved = float(scene.motion.amplitude) * np.sin(rate * times)
         base = {"base_m": moved, "base_m_s2": -(rate**2) * moved}
         angles = [(h.tilt, h.bob if h.with_pendulum else None, h.overturned) for h in found]
     else:
-        histories = [shaking_history(scene, h) for h in common.cases(hung).values()]
+        histories = [shaking_history(scene, h) for h in common.cases(pendulum).values()]
         times, base = histories[0].times, {"base_m_s2": histories[0].base}
         angles = [(h.tilt, h.swing, h.overturned) for h in histories]
     columns: dict[str, Any] = {"time_s": times, **base, "bare_phi_rad": angles[0][0]}
-    if hung is not None:
+    if pendulum is not None:
         columns |= {"hung_phi_rad": angles[1][0], "hung_psi_rad": angles[1][1]}
     return columns, {name for name, (*_, falls) in zip(("bare", "hung"), angles, strict=False) if falls}

@@ -22,16 +22,16 @@ from tpd.scene.scene import Pendulum
 
 def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow all motions, write tables and pictures, and print the medians; return the exit status."""
-    job, hung = inputs
+    job, pendulum = inputs
     asked, scene, motions = job.full["motion"], job.scene, job.ground_motions
-    common.say(scene, hung, in_words(motions), job.told)
+    common.say(scene, pendulum, in_words(motions), job.told)
     stripes = np.linspace(0.5, 8.0, 20) if asked["scales"] is None else np.array(asked["scales"])
     with Bar() as bar, common.cluster(options) as cluster:
         found = fragility(
             scene.block,
             motions,
             scales=stripes,
-            pendulum=hung,
+            pendulum=pendulum,
             intensity=asked["intensity"],
             period=options.period,
             gravity=float(scene.gravity),
@@ -40,14 +40,14 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
         )
     print(found)
     pictures = {f"fragility_{name}.png": partial(outputs.plot, found, name) for name in found.bare}
-    outputs.write(options.out, _tables(job, hung, found), pictures)
+    outputs.write(options.out, _tables(job, pendulum, found), pictures)
     return SOUND
 
 
-def _tables(job: Job, hung: Pendulum | None, found: Fragility) -> Iterator[tuple[str, str]]:
+def _tables(job: Job, pendulum: Pendulum | None, found: Fragility) -> Iterator[tuple[str, str]]:
     yield "fragility.csv", files.as_table(found.columns())
     content = {
-        **common.inputs(job.scene, hung, job),
+        **common.inputs(job.scene, pendulum, job),
         "intensity": found.intensity,
         "motions": list(found.motions),
         "earthquakes": found.earthquakes,

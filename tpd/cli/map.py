@@ -24,14 +24,14 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     checks.count("--points", options.points, least=2)
     checks.within("--points", options.points, 2.0, _MOST_POINTS)
     x, y = (_axis(flag, given) for flag, given in (("--x", options.x), ("--y", options.y)))
-    scene, hung = inputs.job.scene, inputs.pendulum
+    scene, pendulum = inputs.job.scene, inputs.pendulum
     with Bar() as bar, common.cluster(options) as cluster:
         bar("mapping", 0, options.points**2)
         m = design_map(
             scene,
             (x[0], np.linspace(x[1], x[2], options.points)),
             (y[0], np.linspace(y[1], y[2], options.points)),
-            pendulum=hung,
+            pendulum=pendulum,
             start=np.zeros(4) if options.from_rest else None,
             cluster=cluster,
             progress=partial(bar, "mapping"),
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     if not options.from_rest:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest says")
     pictures = {f"{name}.png": partial(outputs.plot, m, name) for name in ("amplitude", "stroke", "margin")}
-    outputs.write(options.out, _tables(m, common.inputs(scene, hung)), pictures)
+    outputs.write(options.out, _tables(m, common.inputs(scene, pendulum)), pictures)
     return SOUND
 
 

@@ -22,13 +22,13 @@ from tpd.scene.scene import Scene
 
 def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow the branches, write them and print where they are lost; return the exit status."""
-    scene, hung = inputs.job.scene, inputs.pendulum
+    scene, pendulum = inputs.job.scene, inputs.pendulum
     name, low, high = _range(options, scene)
     if options.from_rest != 0:
         checks.count("--from-rest", options.from_rest, least=2)
-    common.say(scene, hung)
+    common.say(scene, pendulum)
     own, cases, settled = _own(scene, name), {}, {}
-    hangings = common.cases(hung)
+    hangings = common.cases(pendulum)
     with Bar() as bar:
         bar("following branches", 0, len(hangings))
         for label, pendulum in hangings.items():
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     else:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest N says")
     content = {
-        **common.inputs(scene, hung),
+        **common.inputs(scene, pendulum),
         "bifurcations": {label: [asdict(b) for b in case.bifurcations] for label, case in cases.items()},
         "over": name,
     }

@@ -35,10 +35,10 @@ _OF_A_PENDULUM = ("swing", "swing_time", "relative", "relative_time")
 
 def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow the block, write histories and pictures, and print what happened; return the exit status."""
-    job, hung = inputs
+    job, pendulum = inputs
     scene = job.under(job.shaking)
-    common.say(scene, hung, notes=job.told)
-    cases = common.cases(hung)
+    common.say(scene, pendulum, notes=job.told)
+    cases = common.cases(pendulum)
     free = options.free
     # The first of a pair decides: the linear equations are meant for small angles.
     found = {
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
             "needed_friction": histories[name].needed_friction,
         }
         results[name] = {**_numbers(counts), "equations": "nonlinear", "linear": _numbers(linear) | more}
-    content = files.as_json({**common.inputs(scene, hung, job), "results": results})
+    content = files.as_json({**common.inputs(scene, pendulum, job), "results": results})
     # The film is about the largest tilt, or about the fall, of the bare block by the linear equations.
     first = found[common.BARE][-1]
     middle = min(float(first.tilt_time), float(first.overturning_time))
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
         from tpd.plots.animation import animate
 
         # Six seconds before it and four after it.
-        return animate(scene, hung, list(films.values()), start=max(0.0, middle - 6.0))
+        return animate(scene, pendulum, list(films.values()), start=max(0.0, middle - 6.0))
 
     outputs.write(options.out, tables, {"histories.png": draw, "animation.gif": film})
     # With a pendulum it is the pendulum's outcome that counts.

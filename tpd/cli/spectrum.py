@@ -22,7 +22,7 @@ _CASES = ("for the bare block", "with the pendulum")
 
 def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow all blocks, write table and picture; return the exit status."""
-    job, hung = inputs
+    job, pendulum = inputs
     checks.count("--points", options.points, least=2)
     for flag, value in (("--to", options.to), ("--sizes-to", options.sizes_to)):
         if value is not None:
@@ -31,27 +31,27 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     is_pulse = isinstance(scene.motion, Pulse)
     if not is_pulse and options.sizes_to is not None:
         raise ValueError("--sizes-to is of the sizes of a pulse, and the job has a record")
-    common.say(scene, hung, notes=job.told)
+    common.say(scene, pendulum, notes=job.told)
     with Bar() as bar, common.cluster(options) as cluster:
         how = {"gravity": float(scene.gravity), "cluster": cluster}
         make = _overturning if is_pulse else _rocking
-        found, content = make(options, scene, hung, how | {"progress": partial(bar, "following blocks")})
+        found, content = make(options, scene, pendulum, how | {"progress": partial(bar, "following blocks")})
     tables = {
         "spectrum.csv": files.as_table(found.columns()),
-        "spectrum.json": files.as_json(common.inputs(scene, hung, job) | content),
+        "spectrum.json": files.as_json(common.inputs(scene, pendulum, job) | content),
     }
     outputs.write(options.out, tables.items(), {"spectrum.png": partial(outputs.plot, found)})
     return SOUND
 
 
 def _overturning(
-    options: argparse.Namespace, scene: Scene, hung: Pendulum | None, how: dict[str, Any]
+    options: argparse.Namespace, scene: Scene, pendulum: Pendulum | None, how: dict[str, Any]
 ) -> tuple[OverturningSpectrum, dict[str, Any]]:
     """Spectrum of a pulse, and its numbers for JSON."""
     found = overturning_spectrum(
         scene.block,
         scene.motion,
-        hung,
+        pendulum,
         frequency_ratios=np.linspace(0.25, options.to or 10.0, options.points),
         acceleration_ratios=np.linspace(0.5, options.sizes_to or 10.0, options.points),
         **how,
@@ -80,13 +80,13 @@ def _say_undecided(what: str, counts: Iterable[int], total: int) -> None:
 
 
 def _rocking(
-    options: argparse.Namespace, scene: Scene, hung: Pendulum | None, how: dict[str, Any]
+    options: argparse.Namespace, scene: Scene, pendulum: Pendulum | None, how: dict[str, Any]
 ) -> tuple[RockingSpectrum, dict[str, Any]]:
     """Spectrum of a record, and its numbers for JSON."""
     block = scene.block
-    if hung is not None:
-        ratios = {"mass_ratio": hung.mass / block.mass, "length_ratio": hung.length / block.half_height}
-        how = how | ratios | {"damping_ratio": hung.damping_ratio}
+    if pendulum is not None:
+        how = how | {"mass_ratio": pendulum.mass / block.mass, "damping_ratio": pendulum.damping_ratio}
+        how["length_ratio"] = pendulum.length / block.half_height
     periods = np.linspace(0.5, options.to or 12.0, options.points)
     found = rocking_spectrum(block, scene.motion, periods=periods, **how)
     lost = found.undecided().tolist()
