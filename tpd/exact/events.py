@@ -118,7 +118,8 @@ def watch_turns(w, i, side, x, arc):
 
 @compiled
 def turn_over(w, i):
-    """Watch a signal with the other sign."""
+    """Watch a signal that has just vanished with the other sign."""
+    w.vanished = i
     for j in range(3):
         for k in range(9):
             w.signals[i, j, k] = -w.signals[i, j, k]
@@ -131,6 +132,7 @@ def watch_block(q, arc, mode, forcing, w):
     base. Held: the distances of the moment from both limits."""
     # Moving outward phi cannot vanish before phi' does. So phi is watched on the way back only, and a tilt
     # that begins at zero is not taken for an event.
+    w.vanished = FIRST
     if mode.kind == SLIP:
         _watch(w, FIRST, _scaled(mode.way, rate_of(arc, arc.tilt)), arc)
         if mode.tilt * mode.way >= 0.0:
@@ -230,14 +232,14 @@ def _root(arc, w, i, lo, hi, guess):
 
 @compiled
 def _begun(arc, w, now, t, end, g, v):
-    """Put values and slopes of the signals at the start of an arc into `g` and `v`. A signal that begins at
-    zero has just vanished: the motion goes on a little before it may vanish again, unless the forcing is a
+    """Put values and slopes of the signals at the start of an arc into `g` and `v`. Where the last event made
+    a signal zero, the motion goes on a little before that signal may vanish again, unless the forcing is a
     cubic, whose signals are exact there. Return the time."""
     again = False
     for i in range(w.count):
         if i != SECOND or w.second:
             g[i], v[i] = _look(w, i, now, t, _VALUE), _look(w, i, now, t, _SLOPE)
-            again = again or (g[i] < _AT_ZERO and v[i] <= 0.0 and arc.xi != 0.0)
+            again = again or (g[i] < _AT_ZERO and v[i] <= 0.0 and arc.xi != 0.0 and i >= w.vanished)
             if g[i] < _AT_ZERO and v[i] > 0.0:
                 g[i] = max(g[i], 0.0)
     if again:

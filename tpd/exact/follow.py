@@ -193,7 +193,7 @@ def _longest(q, f):
 def piece(q, f, m, legs, room, i, s, end, rules):
     """Follow a motion through piece i from its local time `s` to `end`, event by event; change state, mode
     and tally, and record the legs. Return how it ended."""
-    y, start = m.y, room.start
+    y, start, allowed = m.y, room.start, m.events
     origin, freely = i * span_of(q, f), not f.harmonic and i >= f.pieces
     room.limit, room.longest = beyond_return(q), _longest(q, f)
     room.window = room.longest
@@ -221,6 +221,9 @@ def piece(q, f, m, legs, room, i, s, end, rules):
         e = load_at(q, f, i, s)
         arc = arc_from(q, m, y, e)
         _watch(q, m, room, arc, e, rules)
+        if m.events == allowed - 1:
+            # The block has met no event yet. One that rounding has put beyond the end of the last piece is due.
+            room.vanished = BOB
         for j in range(4):
             start[j] = y[j]
         whole = end - s <= reach

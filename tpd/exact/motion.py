@@ -83,7 +83,7 @@ ROOM = np.dtype(
     [
         *((name, np.float64, (4,)) for name in ("start", "end")),
         ("signals", np.float64, (SIGNALS + 1, 4, 9)),
-        *((name, np.int64) for name in ("count", "second", "looks")),
+        *((name, np.int64) for name in ("count", "second", "looks", "vanished")),
         *((name, np.float64) for name in ("least", "longest", "window", "limit")),
         ("maps", np.float64, (2, 4, 8)),
         ("bounds", np.float64, (2, 2, 2)),
@@ -93,8 +93,9 @@ ROOM = np.dtype(
     align=True,
 )
 """Working memory: the states at the start and at the end of a leg; for `tpd.exact.events` the signals, how
-many there are and whether the second is one, looks that are left, the shortest window, the longest and the
-first one, and the tilt beyond which a block does not return; for `tpd.exact.whole_pieces` maps and bounds;
+many there are and whether the second is one, looks that are left, the first signal that the last event may
+have made zero, the shortest window, the longest and the first one, and the tilt beyond which a block does not
+return; for `tpd.exact.whole_pieces` maps and bounds;
 another motion; and what the march needs."""
 LEGS = 256
 """Legs of a motion for which room is made at first."""
