@@ -15,6 +15,7 @@ from tpd.design.design import Design
 from tpd.design.problem import STATED, Problem
 from tpd.design.reasons import Reason, ReasonKind
 from tpd.scene.conditions import Conditions
+from tpd.theory.no_uplift import AtRest
 
 SCENE = tpd.paper_scene()
 NU = float(SCENE.block.slenderness)
@@ -110,8 +111,8 @@ class NoisyProblem(Problem):
         return float(0.2 + 0.5 * np.sum((SPACE.scaled(np.asarray(design)) - [0.6, 0.5, 0.4]) ** 2))
 
     @property
-    def rest_margin(self) -> float:
-        return 2.0 if self.calm else 0.5
+    def at_rest(self) -> AtRest:
+        return AtRest.of(0.3, 0.0, 0.15 if self.calm else 0.6)
 
     def candidates(self, progress):
         return SPACE.unscaled(np.random.default_rng(self.seed).uniform(0.0, 1.0, (24, 3))), None

@@ -47,7 +47,7 @@ def results() -> dict[str, Any]:
 
     p = Parameters(**VALUES)
     scene = tpd.Scene(
-        tpd.Block(width=0.5, height=2.0, mass=1000.0, friction=0.05),
+        tpd.Block(width=0.5, height=2.0, mass=1000.0, friction=0.05, restitution=1.0),
         tpd.Pulse.one_sine(acceleration=3.2, frequency=1.5),
     )
     pendulum = tpd.Pendulum(mass=80.0, length=0.5, damping_ratio=0.1)

@@ -47,7 +47,9 @@ def test_a_restitution_scatters_without_a_change_of_the_other_draws():
     np.testing.assert_array_equal(without.p.k, scattered.p.k)
     np.testing.assert_array_equal(without.p.e, 0.9)
     assert 0.855 <= scattered.p.e.min() < 0.87 < scattered.p.e[0] == 0.9 < 0.93 < scattered.p.e.max() <= 0.945
-    with pytest.raises(ValueError, match="`restitution` can scatter where it is a number, but there is none"):
+    with pytest.raises(
+        ValueError, match="`restitution` can scatter where it is a number below 1, but it is 1"
+    ):
         outcomes(tpd.paper_scene(), ensemble=tpd.Ensemble(size=4, restitution=0.1))
 
 

@@ -264,7 +264,7 @@ def test_second_derivatives_are_refused():
 
 
 def test_an_angle_that_is_largest_at_the_very_end_grows_with_the_free_time():
-    block = tpd.Block(width=2.0, height=20.0, mass=80_000.0, friction=0.0)
+    block = tpd.Block(width=2.0, height=20.0, mass=80_000.0, restitution=1.0)
     scene = tpd.Scene(block, tpd.Pulse.ricker(acceleration=0.1, frequency=8.0))
     hung = tpd.Pendulum(mass=2000.0, length=8.0, damping_ratio=0.1)
 

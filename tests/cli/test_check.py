@@ -38,8 +38,8 @@ def test_a_pendulum_that_helps_and_fits_is_confirmed(offered):
     status, said = offered
     assert status == 0
     assert said[0] == "Scene: a block of your own."
-    assert said[4].startswith("  bob     540 kg on a rod of 0.515 m; μ = 0.03317, λ = 0.103, ζ = 0.5981")
-    assert [line.split()[0] for line in said[6:11]] == ["model", "uplift", "one", "exact", "nonlinear"]
+    assert said[6].startswith("  bob     540 kg on a rod of 0.515 m; μ = 0.03317, λ = 0.103, ζ = 0.5981")
+    assert [line.split()[0] for line in said[8:13]] == ["model", "uplift", "one", "exact", "nonlinear"]
     assert said[-1].startswith("RECOMMENDED for the stated conditions")
     assert any("paired runs of the nonlinear equations" in line for line in said)
 
@@ -48,8 +48,8 @@ def test_a_pendulum_that_helps_and_fits_is_confirmed(offered):
 def test_a_seed_chooses_the_runs_of_a_check(check, offered):
     status, said = check(OFFERED, "--seed", "5")
     assert status == 0
-    assert said[12:] != offered[1][12:]
-    assert check(OFFERED, "--seed", "0")[1][12:] == offered[1][12:]
+    assert said[14:] != offered[1][14:]
+    assert check(OFFERED, "--seed", "0")[1][14:] == offered[1][14:]
 
 
 @pytest.mark.mends("`tpd check` said that a pendulum fits which `tpd optimise` refuses for its strikes")
@@ -74,7 +74,7 @@ def test_a_design_s_directory_is_checked_as_the_options_are(offered, tmp_path):
     (tmp_path / "design.json").write_text(design_json(job, hung))
     done = call("check", str(tmp_path), "--quick")
     said, expected = done.out.splitlines(), offered[1]
-    assert (done.status, said[:5], said[12:]) == (0, expected[:5], expected[12:])
+    assert (done.status, said[:7], said[14:]) == (0, expected[:7], expected[14:])
 
 
 @pytest.mark.mends("a bare block that rests under the motion itself, and not beside it, needed no pendulum")

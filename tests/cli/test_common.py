@@ -101,7 +101,7 @@ optimise --amplitude 0 | [motion] `amplitude` must be above 0 in a search, but i
 optimise --mass-ratio 0.1 1.5 | [space] `mass_ratio` must be an interval low < high within 0 to 1
 optimise --exactly --measure cvar | `risk.measure` goes with several conditions, [conditions] or [scatter], wh
 optimise --friction 0 --scatter friction=0.1 | [scatter] `friction` cannot scatter by a share of it
-optimise --scatter restitution=0.1 | [scatter] `restitution` can scatter where it is a number, but there
+optimise --scatter restitution=0.1 | [scatter] `restitution` can scatter where it is a number below
 job block.widht = 1.0 | unknown key `widht` in [block]; did you mean `width`?
 job blok.width = 1.0 | unknown table [blok]; did you mean `block`?
 job block.width = 2020-01-01 | `block.width` must be a number, but is datetime.date

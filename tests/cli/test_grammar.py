@@ -79,7 +79,7 @@ def test_the_help_explains_the_exit_statuses_and_ends_with_an_example(command, c
 def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     # A search takes long; its answer is made by hand.
-    monkeypatch.setattr(optimise, "optimise", lambda *_, **__: harmonic())
+    monkeypatch.setattr(optimise, "solve", lambda *_, **__: harmonic())
     monkeypatch.setattr("tpd.report.files.draw", lambda *_: b"<svg/>")
     monkeypatch.setattr(optimise, "study", lambda *_, **__: replace(study(), histories=()))
     # Nor are bifurcations searched for: they are in the tests of `tpd response`.

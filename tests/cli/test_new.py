@@ -26,7 +26,7 @@ def test_a_template_is_written_and_read_back_as_a_job(kind, tmp_path, monkeypatc
     assert job.conditions is None
     assert job.full["project"]["name"]
     # The block lifts, and the comment on it has the right numbers.
-    f, limit = words.acceleration(job.scene), words.threshold(job.scene)
+    f, limit = job.scene.peak, job.scene.uplift
     assert f > limit
     assert f"with the frequency {f:.2f} g, above the {limit:.2f} g at which" in new.template(kind)
     assert words.origin(job.scene).endswith("with the paper's motion and losses") is (kind == "paper")
@@ -63,11 +63,11 @@ def asked(monkeypatch, tmp_path) -> dict:
     """Arguments of a search that is not begun, in an empty folder."""
     given = {}
 
-    def optimise(scene, *positional, **named):
-        given.update(named, scene=scene)
+    def search(problem, progress):
+        given.update(problem.inputs)
         raise ValueError("the search begins")
 
-    monkeypatch.setattr("tpd.cli.optimise.optimise", optimise)
+    monkeypatch.setattr("tpd.cli.optimise.solve", search)
     monkeypatch.chdir(tmp_path)
     return given
 

@@ -40,11 +40,11 @@ def answered(monkeypatch, tmp_path):
     def run(design, *words: str):
         asked = {}
 
-        def search(scene, **named):
-            asked.update(named)
+        def search(problem, progress):
+            asked.update(problem.inputs)
             return design
 
-        monkeypatch.setattr(optimise, "optimise", search)
+        monkeypatch.setattr(optimise, "solve", search)
         monkeypatch.setattr("tpd.report.files.draw", lambda *_: b"<svg/>")
         shown = replace(study(), histories=())
         monkeypatch.setattr(optimise, "study", lambda *_, front, **__: replace(shown, front=front))
@@ -58,7 +58,7 @@ def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(answer
     done, asked = answered(harmonic(), "--scene small.toml --seed 3")
     assert (done.status, asked["seed"]) == (0, 3)
     assert done.files.keys() >= DATA
-    assert len(done.out.splitlines()) <= 32
+    assert len(done.out.splitlines()) <= 30
     scene, shown = done.out.split("\n\n", maxsplit=1)
     losses = "with other losses than the paper's"
     assert scene.splitlines()[0] == f"Scene: the paper's block (Collini et al. 2016) {losses}."

@@ -93,8 +93,8 @@ def test_only_a_block_that_rests_under_all_conditions_needs_no_pendulum():
     size = float(SCENE.parameters().f)
     for factors, rests in (((0.03, 0.06), True), ((0.5, 0.79), True), ((0.03, 0.8), False)):
         made = problem(conditions=tpd.Conditions.amplitudes(*factors), **POINT)
-        assert made.stays_at_rest() is rests
-        assert made.rest_margin == pytest.approx(0.3 / (size * factors[1]))
+        assert (made.needs_none is DesignStatus.no_uplift) is rests
+        assert made.at_rest.margin == pytest.approx(0.3 / (size * factors[1]))
     # At 0.79 of its size a push makes the block rock for good, and yet the excitation does not lift it.
     assert np.any(
         problem(conditions=tpd.Conditions.amplitudes(0.79), **POINT).without_pendulum.orbits.tilt > 0.0

@@ -226,6 +226,20 @@ def test_a_block_that_stays_at_rest_needs_no_pendulum():
     assert tpd.optimise(designs.BLOCK, conditions=weak, **asked).status is DesignStatus.no_uplift
 
 
+def test_a_block_that_slides_before_it_lifts_gets_no_pendulum():
+    given = {"conditions": tpd.Conditions.exactly(), "limits": tpd.limits.POINT_BOB}
+    for coefficient, slides in ((0.29, True), (0.31, False)):
+        block = dataclasses.replace(tpd.paper_scene().block, base_friction=coefficient)
+        problem = problem_of(dataclasses.replace(tpd.paper_scene(), block=block), **given)
+        # The block lifts at nu + k = 0.3.
+        assert problem.at_rest.needed_friction == pytest.approx(0.3)
+        assert problem.needs_none is (DesignStatus.slides if slides else None)
+    block = dataclasses.replace(block, base_friction=0.1)
+    found = tpd.optimise(dataclasses.replace(tpd.paper_scene(), block=block), SPACE, **given)
+    assert found.status is DesignStatus.slides
+    assert not found.status.is_sound
+
+
 @pytest.mark.parametrize(
     ("scene", "settings", "message"),
     [

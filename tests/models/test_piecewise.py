@@ -178,7 +178,7 @@ def test_huge_shaking_overturns_or_is_told_to_be_beyond_numbers(f):
 
 def dimensionless(size, mass):
     """The paper's block and its shaking, `size` times as large and shaken that much slower."""
-    block = Block(width=0.1 * size, height=0.4 * size, mass=mass, friction=0.05)
+    block = Block(width=0.1 * size, height=0.4 * size, mass=mass, friction=0.05, restitution=1.0)
     motion = Harmonic(amplitude=0.015 * size, frequency=2.5 / np.sqrt(size))
     p = Scene(block, motion).parameters(Pendulum(mass=0.05 * mass, length=0.04 * size, damping_ratio=0.1))
     return tuple(float(getattr(p, n)) for n in ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e"))

@@ -66,7 +66,9 @@ pendulums = st.tuples(st.floats(0.01, 0.5), st.floats(0.05, 1.9), st.floats(0.0,
 @given(pendulums, st.floats(0.05, 3.0), st.floats(3.0, 9.0))
 def test_a_pendulum_comes_back_from_its_ratios(design, width, slender):
     mu, lam, zeta = design
-    block = tpd.Block(width=width, height=width * slender, mass=1500.0 * width**3 * slender)
+    block = tpd.Block(
+        width=width, height=width * slender, mass=1500.0 * width**3 * slender, friction=0.05, restitution=1.0
+    )
     scene = tpd.Scene(block, tpd.Harmonic(amplitude=0.01 * width, frequency=1.0 / np.sqrt(width)))
     p = scene.parameters(scene.pendulum(mass_ratio=mu, length_ratio=lam, damping_ratio=zeta))
     assert (float(p.mu), float(p.lam), float(p.zeta)) == pytest.approx(design, rel=1e-12)

@@ -186,7 +186,7 @@ def test_a_block_lifts_where_the_record_first_exceeds_its_threshold(case):
 @pytest.mark.parametrize("share", [1.2, 1.5, 2.0])
 @pytest.mark.parametrize("mass", [0.0, 0.1])
 def test_a_sampled_sine_tends_to_the_sine_with_the_square_of_the_step(share, mass):
-    block = Block(width=0.6, height=3.0, mass=2000.0)
+    block = Block(width=0.6, height=3.0, mass=2000.0, friction=0.05, restitution=1.0)
     pendulum = Pendulum(mass=mass * block.mass, length=0.6, damping_ratio=0.2)
     sine = Pulse.sine_train(
         acceleration=share * (block.slenderness + 0.05) * 9.80665, frequency=2.0, cycles=2

@@ -24,7 +24,7 @@ def settled(*x: float, y0: Any = (0.0, 0.0, 0.0, 0.0), model: Any = None) -> Cal
 
 def shaken(share: float) -> Callable[[], Any]:
     """Status of a bare block under a triangle of acceleration, in shares of what lifts it."""
-    block = Block(width=0.6, height=3.0, mass=2000.0)
+    block = Block(width=0.6, height=3.0, mass=2000.0, friction=0.05, restitution=1.0)
     top = share * (block.slenderness + 0.05) * 9.80665
     return lambda: follow(Scene(block, Record(acceleration=np.array([0.0, top, 0.0]), dt=0.1))).status
 

@@ -9,6 +9,7 @@ from tests.report.conftest import harmonic
 from tpd.design.criteria import Mass, Risk, Room
 from tpd.report import words
 from tpd.scene.bob import Bob
+from tpd.theory.no_uplift import AtRest
 
 PAPER = tpd.paper_scene()
 MARBLE = tpd.Block(width=1.0, height=6.0, mass=9000.0, radius_of_gyration=1.75, restitution=0.9)
@@ -38,7 +39,7 @@ def test_lines_have_block_motion_and_losses_in_si_units():
     assert "1 m wide, 6 m high, 9000 kg, radius of gyration 1.75 m, no cavity stated; slender" in block
     assert "topples at 0.1667 rad (9.55°)" in block
     # 0.05 m (2 pi 0.5 Hz)^2 is 0.4935 m/s^2.
-    assert "0.05 m at 0.5 Hz, 0.05032 g: not above 0.1667 g" in motion
+    assert motion == "  motion  0.05 m at 0.5 Hz, 0.05032 g"
     assert losses == "  losses  impact loss: e = 0.9"
 
 
@@ -49,17 +50,28 @@ def test_the_cavity_is_said_and_where_it_is_as_wide_as_the_block():
 
 def test_the_threshold_of_uplift_is_that_of_the_closed_form():
     for factor, lifts in ((0.999, False), (1.001, True)):
-        amplitude = factor * words.threshold(PAPER) / words.acceleration(PAPER) * 0.015
+        amplitude = factor * PAPER.uplift / PAPER.peak * 0.015
         scene = tpd.Scene(PAPER.block, tpd.Harmonic(amplitude=amplitude, frequency=2.5))
         assert bool(tpd.theory.uplift(scene.parameters()).margin < 0.0) is lifts
-        said = words.scene_lines(scene)[2]
-        assert (": above 0.3 g, so the bare block at rest lifts" in said) is lifts
+        said, _ = words.at_rest_lines(AtRest.under(scene))
+        assert said.startswith("  lifts   at 0.3 g; the excitation reaches 0.3 g, ")
+        assert said.endswith(": the block lifts" if lifts else ": the block does not lift")
+
+
+def test_sliding_before_uplift_is_named():
+    for own, reach, said in (
+        (None, 0.2, "not before it lifts, if the coefficient of friction of the base is at least 0.2"),
+        (None, 0.4, "at least 0.35; above 0.3, which a dry base may not have: state `base_friction`"),
+        (0.5, 0.4, "not before it lifts: a coefficient of friction of 0.35 is needed, the base has 0.5"),
+        (0.1, 0.4, "at 0.1 g, BEFORE IT LIFTS: a coefficient of friction of 0.35 is needed"),
+    ):
+        assert words.sliding(AtRest.of(0.3, 0.05, reach, own)).endswith(said)
 
 
 def test_a_report_names_the_energy_losses():
     for losses, said in (
-        ({}, "friction k = 0.05"),
-        ({"restitution": "housner"}, "impact loss: Housner, e = 0.9118 for the bare block"),
+        ({"restitution": 1.0, "friction": 0.05}, "friction k = 0.05"),
+        ({}, "impact loss: Housner, e = 0.9118 for the bare block"),
         ({"restitution": 0.9, "friction": 0.02}, "impact loss: e = 0.9; friction k = 0.02"),
     ):
         assert words.losses(tpd.Block(width=0.1, height=0.4, mass=16.0, **losses)) == said

@@ -7,6 +7,7 @@ import pytest
 
 from tests.reference import HUNG, NAMES, STILL, differences, exact, parameters
 from tpd.theory import uplift
+from tpd.theory.no_uplift import AtRest
 
 UPLIFT = jax.jit(lambda x: uplift(parameters(x)))
 SLOPES = {
@@ -50,3 +51,15 @@ def test_gradients_are_those_of_differences(name):
     for i, axis in enumerate(NAMES[:7]):
         expected = differences(lambda x: float(getattr(UPLIFT(x), name)), DAMPED, i, share=3e-3)
         assert slopes[i] == pytest.approx(expected, rel=1e-8, abs=1e-12), axis
+
+
+def test_the_condition_that_comes_nearest_to_lifting_the_block_decides():
+    found = AtRest.of(np.array([0.2, 0.2, 0.3]), 0.05, np.array([-0.4, 0.1, 0.49]), base_friction=0.24)
+    assert (found.uplift, found.peak) == pytest.approx((0.25, 0.4))
+    assert found.margin == pytest.approx(0.625)
+    # The base never pushes with more than is enough to lift the block, nor with more than it moves.
+    assert (found.needed_friction, found.slides) == (pytest.approx(0.25), True)
+    calm = AtRest.of(0.2, 0.05, 0.1, base_friction=0.24)
+    assert (calm.needed_friction, calm.slides) == (pytest.approx(0.1), False)
+    assert not AtRest.of(0.2, 0.05, 0.4).slides
+    assert AtRest.of(0.2, 0.05, 0.0).margin == np.inf

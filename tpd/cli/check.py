@@ -37,12 +37,13 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
         if given:
             raise ValueError(f"--{next(iter(given))} is of --engine, which is not given")
         check_cavity(job.block, job.limits)
-    common.say(job.scene, pendulum, job.in_words, job.all_told)
+    problem = _problem(job, options.seed)
+    common.say(job.scene, pendulum, job.in_words, job.all_told, problem.at_rest)
     if options.engine is not None:
         return _by_engine(job, pendulum, options, given)
     models = QUICK if options.quick else MODELS
     with Bar() as bar:
-        said, is_sound = _validated(job, pendulum, options.seed, models, bar)
+        said, is_sound = _validated(job, problem, pendulum, models, bar)
     print("\n".join(["", *said]))
     return SOUND if is_sound else UNSOUND
 
@@ -59,17 +60,17 @@ def _problem(job: Job, seed: int | None) -> Problem:
 
 
 def _validated(
-    job: Job, pendulum: Pendulum | None, seed: int | None, models: tuple[str, ...], bar: Bar
+    job: Job, problem: Problem, pendulum: Pendulum | None, models: tuple[str, ...], bar: Bar
 ) -> tuple[list[str], bool]:
     """Lines on a pendulum, or on the block alone where a report has none: all models, and the validation that
     `tpd optimise` requires of its designs."""
-    problem, said = _problem(job, seed), list[str]()
+    said = list[str]()
     if isinstance(problem, HarmonicProblem):
         stroke = stroke_limit(job.limits)
         said = [check(job.scene, pendulum, stroke=stroke, models=models, progress=bar).table(), ""]
     # No pendulum is an answer only where none is needed, under all conditions of the job.
-    if problem.stays_at_rest():
-        return [*said, answer.needless(problem)], True
+    if (needless := problem.needs_none) is not None:
+        return [*said, answer.needless(problem)], needless.is_sound
     if pendulum is None:
         return [*said, "NOT RECOMMENDED: the report has no pendulum."], False
     found = validate(problem, problem.ratios(pendulum), thorough=True, progress=bar)

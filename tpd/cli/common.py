@@ -127,14 +127,22 @@ def set_up(job: jobs.Job) -> None:
             compiling.compile_beside(folder, job.compiled)
 
 
-def say(scene: Scene, hung: Pendulum | None = None, motion: str = "", notes: Iterable[str] = ()) -> None:
-    """Print block, motion, losses and pendulum, if any, before any work: whose block it is must not be a
-    surprise. Other words for the motion can be given."""
+def say(
+    scene: Scene,
+    hung: Pendulum | None = None,
+    motion: str = "",
+    notes: Iterable[str] = (),
+    alone: Any = None,
+) -> None:
+    """Print the block, its motion and losses, when the resting block lifts and slides (a
+    `tpd.theory.no_uplift.AtRest`) where that is given, and the pendulum if there is one. The user must notice
+    a wrong default before any work. Other words for the motion can be given."""
     # Words of the report stand above its designs.
     from tpd.report import words
 
     more = () if hung is None else (words.pendulum_line(scene, hung),)
-    progress.say("\n".join((*notes, *words.scene_lines(scene, motion), *more)), sys.stdout)
+    rest = () if alone is None else words.at_rest_lines(alone)
+    progress.say("\n".join((*notes, *words.scene_lines(scene, motion), *rest, *more)), sys.stdout)
 
 
 def pendulum(options: argparse.Namespace, block: Block) -> Pendulum | None:

@@ -16,16 +16,23 @@ from tpd.cli.interrupts import SOUND
 from tpd.core import files
 from tpd.core.progress import Bar
 from tpd.design.job import Job
+from tpd.records.intensity import intensity_of
 from tpd.records.reading import in_words
 from tpd.scene.scene import Pendulum
+from tpd.theory.no_uplift import AtRest
 
 
 def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow all motions, write tables and pictures, and print the medians; return the exit status."""
     job, pendulum = inputs
     asked, scene, motions = job.full["motion"], job.scene, job.ground_motions
-    common.say(scene, pendulum, in_words(motions), job.told)
     stripes = np.linspace(0.5, 8.0, 20) if asked["scales"] is None else np.array(asked["scales"])
+    measure = intensity_of(asked["intensity"], scene.block, float(scene.gravity), options.period)
+    factors = [stripes[-1] / measure.value(m) for m in motions]
+    strongest = max(factor * float(m.pga) for factor, m in zip(factors, motions, strict=True))
+    block = scene.block
+    alone = AtRest.of(block.slenderness, block.friction, strongest / scene.gravity, block.base_friction)
+    common.say(scene, pendulum, in_words(motions), job.told, alone)
     with Bar() as bar, common.cluster(options) as cluster:
         found = fragility(
             scene.block,

@@ -25,6 +25,7 @@ def _options(table: str, **metavars: str | tuple[str, ...]) -> tuple[Option, ...
 
 BLOCK = (
     *_options("block", width="M", height="M", mass="KG", friction="K", restitution="E"),
+    *_options("block", radius_of_gyration="M", base_friction="MU"),
     Option("--cavity", "block", "cavity_width", "M"),
 )
 HARMONIC = _options("motion", amplitude="M", frequency="HZ")

@@ -14,6 +14,7 @@ from tpd.cli import common, outputs
 from tpd.cli.interrupts import SOUND
 from tpd.core import checks, files
 from tpd.core.progress import Bar
+from tpd.theory.no_uplift import AtRest
 
 _MOST_POINTS = 2000.0
 """Along each axis: four million designs take a minute and a gigabyte of memory."""
@@ -37,7 +38,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
             progress=partial(bar, "mapping"),
         )
     # Not before: `design_map` refuses names that cannot be varied together.
-    common.say(scene)
+    common.say(scene, alone=AtRest.under(scene))
     print("\n".join(f"{count:8} {status.replace('_', ' ')}" for status, count in m.counts.items()))
     if not options.from_rest:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest says")

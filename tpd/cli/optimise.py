@@ -11,7 +11,7 @@ from tpd.core import files
 from tpd.core.progress import Bar, say
 from tpd.design.as_built import Study, study
 from tpd.design.design import Design
-from tpd.design.optimise import front, optimise
+from tpd.design.optimise import front, problem_of, solve
 from tpd.report import answer
 from tpd.report.files import write
 
@@ -22,13 +22,14 @@ _LEAST = 12
 def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Search, verify, write the report and print the answer; return the exit status."""
     job, told = inputs.job, inputs.job.all_told
+    problem = problem_of(job.scene, **job.settings)
     # The date of the report comes after the search; a bad setting of it must not.
     files.today()
     # Lines on the records shorten the answer, so that both fit on a terminal.
     if not (options.quiet or options.json):
-        common.say(job.scene, None, job.in_words, told)
+        common.say(job.scene, None, job.in_words, told, problem.at_rest)
     with Bar() as bar:
-        design, points = optimise(job.scene, **job.settings, progress=bar), ()
+        design, points = solve(problem, bar), ()
         if job.full["search"]["pareto"] and design.pendulum is not None and design.status.name == "found":
             points = front(design, progress=bar)
         shown = study(design, front=points, progress=bar)

@@ -18,6 +18,7 @@ from tpd.core import checks, files
 from tpd.core.progress import Bar
 from tpd.report.files import response_csv
 from tpd.scene.scene import Scene
+from tpd.theory.no_uplift import AtRest
 
 
 def run(options: argparse.Namespace, inputs: common.Case) -> int:
@@ -26,7 +27,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     name, low, high = _range(options, scene)
     if options.from_rest != 0:
         checks.count("--from-rest", options.from_rest, least=2)
-    common.say(scene, pendulum)
+    common.say(scene, pendulum, alone=AtRest.under(scene))
     own, cases, settled = _own(scene, name), {}, {}
     hangings = common.cases(pendulum)
     with Bar() as bar:

@@ -18,6 +18,7 @@ from tpd.core.formatting import number
 from tpd.design.as_built import TimeHistory
 from tpd.models.nonlinear import Nonlinear
 from tpd.scene.status import Status, status_name
+from tpd.theory.no_uplift import AtRest
 
 _SIZES = {
     "tilt": "largest tilt, rad",
@@ -37,7 +38,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow the block, write histories and pictures, and print what happened; return the exit status."""
     job, pendulum = inputs
     scene = job.under(job.shaking)
-    common.say(scene, pendulum, notes=job.told)
+    common.say(scene, pendulum, notes=job.told, alone=AtRest.under(scene))
     cases = common.cases(pendulum)
     free = options.free
     # The first of a pair decides: the linear equations are meant for small angles.

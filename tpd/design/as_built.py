@@ -251,7 +251,7 @@ def build_of(design: Design) -> Build | None:
     # Rod and hinge carry the whole body: the part that does not swing is taken to pull as the rest does.
     up = body * (1.0 + rod_share) / mass if math.isfinite(body) else 1.0
     # Both limits of |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`.
-    capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction or 0.0)
+    capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction)
     return Build(
         bob=bob,
         mass=body,
@@ -308,7 +308,7 @@ def losses_of(design: Design, progress: Progress = unreported) -> tuple[LossCase
     for done, (name, block) in enumerate(models.items()):
         progress("other energy losses", done, len(models))
         runs = _compared(design, replace(design.scene, block=block))
-        out.append(LossCase(name, float(block.friction or 0.0), float(block.velocity_ratio), runs))
+        out.append(LossCase(name, float(block.friction), float(block.velocity_ratio), runs))
     return tuple(out)
 
 
@@ -327,11 +327,11 @@ def loss_models(scene: Scene) -> dict[str, Block]:
     # The losses are those of the block alone, whatever moves its base: any harmonic serves.
     p = Scene(block, paper_scene().motion, scene.gravity).parameters()
     e = float(block.velocity_ratio)
-    k = float(block.friction or 0.0)
-    impacts = HOUSNER if block.restitution is None else block.restitution
+    k = float(block.friction)
+    impacts = HOUSNER if e == 1.0 else block.restitution
     friction = k or float(equivalent_friction(p, _USUAL * float(p.nu))) if e < 1.0 else k
     return {
-        "friction": replace(block, friction=friction, restitution=None),
+        "friction": replace(block, friction=friction, restitution=1.0),
         "impacts": replace(block, friction=0.0, restitution=impacts),
         "friction and impacts": replace(block, friction=friction, restitution=impacts),
     }
@@ -363,7 +363,7 @@ def pull_test(scene: Scene) -> PullTest:
     """Return the pull-and-release test of the bare block: what to expect if it loses as much energy as
     was stated."""
     block, g = scene.block, float(scene.gravity)
-    nu, k = float(block.slenderness), float(block.friction or 0.0)
+    nu, k = float(block.slenderness), float(block.friction)
     tilt, rate, impacts = _PULLED * nu, float(scene.rate), 0
     taus = np.zeros(1)
     if tilt < nu - k:

@@ -27,7 +27,7 @@ from tpd.design.criteria import (
     Stroke,
     Worth,
 )
-from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete, margin_of_rest
+from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
 from tpd.design.reasons import DesignStatus
 from tpd.design.settings import DEFAULT_SPACE, HELD_OUT, SCATTERED, GroundSearch
 from tpd.exact.rows import row_of
@@ -42,6 +42,7 @@ from tpd.scene.record import Record
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.scene.status import UNANSWERED, Outcome
 from tpd.theory.equations import Terms
+from tpd.theory.no_uplift import AtRest
 
 _USUAL = {
     "space": DEFAULT_SPACE,
@@ -204,10 +205,10 @@ class GroundMotionProblem(Problem):
         return DesignStatus.found if min(tuned, held) >= LEAST_EARTHQUAKES else DesignStatus.too_few
 
     @property
-    def rest_margin(self) -> float:
-        """See `Problem.rest_margin`."""
+    def at_rest(self) -> AtRest:
+        """See `Problem.at_rest`."""
         q, rows = self._rows(_MASSLESS, self.scene, self.conditions)
-        return margin_of_rest(q.nu, q.k, rows[:, F])
+        return AtRest.of(q.nu, q.k, rows[:, F], self.scene.block.base_friction)
 
     def candidates(self, progress: Progress) -> tuple[np.ndarray, None]:
         """See `Problem.candidates`: designs spread over the space."""

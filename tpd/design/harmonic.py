@@ -29,7 +29,7 @@ from tpd.design.criteria import (
 )
 from tpd.design.job import Job
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
-from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete, margin_of_rest
+from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
 from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent
 from tpd.exact.calling import load_compiled
@@ -43,7 +43,7 @@ from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Harmonic, Pendulum, Scene
 from tpd.scene.status import names_of
 from tpd.theory.equations import Terms
-from tpd.theory.no_uplift import uplift
+from tpd.theory.no_uplift import AtRest, uplift
 
 TRIAL_RUNS, TRIAL_PERIODS = 128, 50
 """Runs of a trial, and their most forcing periods."""
@@ -251,10 +251,10 @@ class HarmonicProblem(Problem):
         return hung, without
 
     @property
-    def rest_margin(self) -> float:
-        """See `Problem.rest_margin`."""
+    def at_rest(self) -> AtRest:
+        """See `Problem.at_rest`."""
         q = under_all(as_arrays(self.scene.parameters()), self._none[None], self.conditions)
-        return margin_of_rest(q.nu, q.k, q.f)
+        return AtRest.of(q.nu, q.k, q.f, self.scene.block.base_friction)
 
     def candidates(self, progress: Progress) -> tuple[np.ndarray, Search]:
         """See `Problem.candidates`: ends of the descents that the exact solution confirms, designs on their

@@ -112,10 +112,10 @@ class Job(ABC):
 
     @cached_property
     def block(self) -> Block:
-        """The block; the paper's has the cavity that it has in Python."""
-        given = dict(self.full["block"])
-        if given["cavity_width"] is None and all(given[x] == getattr(PAPER.block, x) for x in SHAPE):
-            given["cavity_width"] = PAPER.block.cavity_width
+        """The block; the paper's has the losses and the cavity that it has in Python."""
+        given = {name: x for name, x in self.full["block"].items() if x is not None}
+        if all(given[x] == getattr(PAPER.block, x) for x in SHAPE):
+            given = vars(PAPER.block) | given
         with naming("block"):
             return Block(**given)
 
@@ -585,7 +585,7 @@ def job_of(given: Mapping[str, Any]) -> Job:
     _ = job.risk, job.limits, job.worth
     # Defaults depend on other keys: written out, a job keeps its meaning in a later version.
     numbers = {name: getattr(job.method, name) for name in keys_of(job.search)}
-    filled = {"block": ("friction", "cavity_width"), "search": tuple(numbers)}
+    filled = {"block": ("friction", "restitution", "cavity_width"), "search": tuple(numbers)}
     found = {"block": vars(job.block), "search": numbers}
     return replace(job, full={t: v | {k: found[t][k] for k in filled.get(t, ())} for t, v in full.items()})
 

@@ -112,7 +112,7 @@ TABLES: dict[str, dict[str, Key]] = {
         )
     },
     "block": {
-        name: key._replace(default=getattr(PAPER.block, name)) if name in SHAPE else key
+        name: key._replace(default=getattr(PAPER.block, name) if name in SHAPE else None)
         for name, key in keys_of(Block).items()
     },
     "motion": {

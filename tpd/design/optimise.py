@@ -127,8 +127,8 @@ def problem_of(
 
 def solve(problem: Problem, progress: Progress = unreported) -> Design:
     """Search, refine and validate; see `optimise`."""
-    if problem.stays_at_rest():
-        return Design(problem=problem, status=DesignStatus.no_uplift)
+    if (status := problem.needs_none) is not None:
+        return Design(problem=problem, status=status)
     candidates, search = problem.candidates(progress)
     refinement = refine(problem, candidates, progress)
     status, validated = DesignStatus.none_feasible, list[Validated]()

@@ -42,6 +42,7 @@ from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Pendulum, Scene
 from tpd.theory.equations import Terms
+from tpd.theory.no_uplift import AtRest
 
 MOST_MOTIONS = 24
 """Most motions that are followed over time for the loads."""
@@ -208,16 +209,18 @@ class Problem(ABC):
 
     @property
     @abstractmethod
-    def rest_margin(self) -> float:
-        """Acceleration of the base that lifts the resting block without a pendulum, over the largest
-        acceleration of the excitation: the least ratio of all conditions."""
+    def at_rest(self) -> AtRest:
+        """The resting block without a pendulum under the condition that comes nearest to lifting it."""
 
-    def stays_at_rest(self) -> bool:
-        """Return whether the excitation of no condition lifts the resting block without a pendulum.
+    @property
+    def needs_none(self) -> DesignStatus | None:
+        """Status of a problem in which the excitation does not make the resting block rock; None if it does.
 
         A strong enough push may still make the block rock or overturn.
         """
-        return self.rest_margin >= 1.0
+        if self.at_rest.slides:
+            return DesignStatus.slides
+        return DesignStatus.no_uplift if self.at_rest.margin >= 1.0 else None
 
     @abstractmethod
     def candidates(self, progress: Progress) -> tuple[np.ndarray, Any]:
@@ -303,12 +306,6 @@ class Problem(ABC):
             return 0.0, ""
         worst = max(sizes, key=lambda name: float(np.mean(sizes[name])))
         return float(np.mean(np.any(list(sizes.values()), axis=0))), worst
-
-
-def margin_of_rest(nu: Any, k: Any, f: Any) -> float:
-    """Return the least ratio of the capacity nu + k to the acceleration f, (5) without a pendulum."""
-    with np.errstate(divide="ignore"):
-        return float(np.min((np.asarray(nu) + np.asarray(k)) / np.abs(f)))
 
 
 def _said(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -54,6 +54,11 @@ class DesignStatus(enum.Enum):
         "push it may still rock or overturn.",
         "Give a stronger excitation to see what the block can withstand.",
     )
+    slides = (
+        "NOT APPLICABLE: the block slides on its base before it lifts, and does not rock. A pendulum against "
+        "rocking does not help it.",
+        "Fix the base against sliding, or check the coefficient of friction of the base.",
+    )
 
     @property
     def remedy(self) -> str:

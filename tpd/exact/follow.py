@@ -222,7 +222,7 @@ def piece(q, f, m, legs, room, i, s, end, rules):
         arc = arc_from(q, m, y, e)
         _watch(q, m, room, arc, e, rules)
         if m.events == allowed - 1:
-            # The block has met no event yet. One that rounding has put beyond the end of the last piece is due.
+            # The block has met no event yet: one that rounding has put beyond the last piece is due.
             room.vanished = BOB
         for j in range(4):
             start[j] = y[j]

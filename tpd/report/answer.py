@@ -17,8 +17,8 @@ from tpd.report import words
 from tpd.report.blocks import Note, Severity, danger, note, wrapped
 from tpd.report.notes import notes
 
-MOST = 27
-"""Most lines: with the four lines on block and motion that the command prints before, about thirty."""
+MOST = 24
+"""Most lines: with the six lines on block and motion that the command prints before, about thirty."""
 _NAME = 14
 """Columns of the names of rows."""
 _USED = 0.95
@@ -74,16 +74,20 @@ def verdict(design: Design, study: Study | None = None) -> Note:
             cases = " or ".join(f"{case.name} ({words.percent(case.runs.benefit.mean)})" for case in against)
             caution = f" THE BENEFIT DEPENDS ON THE LOSSES: it is not shown if they are {cases}."
         return note(f"{head}: {words.reduction(runs)}.{caution} This is not a safety assessment.")
-    if design.status is DesignStatus.no_uplift:
+    if design.status in (DesignStatus.no_uplift, DesignStatus.slides):
         return note(needless(design.problem))
     kind = danger if design.pendulum is None and design.is_harmful else note
     return kind(headline(design.status, design.refusals))
 
 
 def needless(problem: Problem) -> str:
-    """Return the sentence on a block that needs no pendulum, with its margin."""
+    """Return the sentence on a block that the excitation does not make rock, with its margin."""
+    status, alone = problem.needs_none, problem.at_rest
+    if status is DesignStatus.slides:
+        at, uplift = number(alone.base_friction or 0.0, 2), number(alone.uplift, 2)
+        return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
     needed, push = DesignStatus.no_uplift.value.split(". ", 1)
-    times = number(problem.rest_margin, 2)
+    times = number(alone.margin, 2)
     return f"{needed}, and an excitation that is {times} times as strong would lift it. {push}"
 
 

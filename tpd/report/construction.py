@@ -10,7 +10,6 @@ from tpd.design.as_built import Build, Study
 from tpd.design.design import Design
 from tpd.design.reasons import DesignStatus
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
-from tpd.report.words import threshold
 
 _NAMES = {
     "": ("as stated", None),
@@ -72,7 +71,7 @@ def _sizes(design: Design, build: Build) -> Table:
         settled = f"; under the harmonic of the job {number(build.lifts[0])} g once the bob has settled"
     lifts = (
         "under motions of the base that are much slower, and much faster, than the pendulum; near its own "
-        f"frequency it may be less than both{settled}; {number(threshold(design.scene))} g without it"
+        f"frequency it may be less than both{settled}; {number(float(design.scene.uplift))} g without it"
     )
     rows.append(("acceleration that lifts the resting block", f"{number(slow)} g, {number(fast)} g", lifts))
     forces = "No forces are known, because the block stands in none of the motions."

@@ -15,6 +15,7 @@ from tpd.records.reading import in_words
 from tpd.report.blocks import NO_VALUE, Table
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
+from tpd.theory.no_uplift import AtRest
 
 _CHANGES = {
     "mean severity": "mean tilt / toppling tilt",
@@ -26,6 +27,8 @@ _CHANGES = {
 _OVERTURNS = 0.01
 """Share of the runs without a pendulum in which the block overturns, from which the overturning is the first
 thing to report."""
+DRY = 0.3
+"""Coefficient of friction that a dry base of stone or concrete may not have."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 
@@ -51,7 +54,7 @@ def finite_max(values: np.ndarray) -> float:
 
 def losses(block: Block) -> str:
     """Energy losses of the rocking block."""
-    if block.restitution is None:
+    if block.velocity_ratio == 1.0:
         return f"friction k = {block.friction:g}"
     # With a pendulum Housner's e is smaller.
     model, of = ("Housner, ", " for the bare block") if block.restitution == HOUSNER else ("", "")
@@ -235,12 +238,30 @@ def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
     block, lost = f"  block   {_block(scene)}; {shape}", f"  losses  {losses(scene.block)}"
     if motion or not isinstance(scene.motion, Harmonic):
         return block, lost, f"  motion  {motion or in_words((scene.motion,))}"
-    limit = f"{number(threshold(scene))} g"
-    lifts = f"not above {limit}, so the bare block stays at rest once it is at rest"
-    if acceleration(scene) > threshold(scene):
-        lifts = f"above {limit}, so the bare block at rest lifts"
-    motion = f"  motion  {_motion(scene)}, {number(acceleration(scene))} g: {lifts}"
+    motion = f"  motion  {_motion(scene)}, {number(float(scene.peak))} g"
     return f"Scene: {origin(scene)}.", block, motion, lost
+
+
+def at_rest_lines(alone: AtRest) -> tuple[str, str]:
+    """Lines for a terminal on the resting block without a pendulum: when it lifts, and whether it slides."""
+    ratio, lifts = number(1.0 / alone.margin, 3), "lifts" if alone.margin < 1.0 else "does not lift"
+    reaches = f"the excitation reaches {number(alone.peak, 3)} g, {ratio} times as much"
+    lift = f"  lifts   at {number(alone.uplift, 3)} g; {reaches}: the block {lifts}"
+    return lift, f"  slides  {sliding(alone)}"
+
+
+def sliding(alone: AtRest) -> str:
+    """Return whether the resting block slides before it lifts, in a sentence."""
+    least, own = number(alone.needed_friction, 2), alone.base_friction
+    if own is None:
+        dry = f"; above {DRY:g}, which a dry base may not have: state `base_friction`"
+        more = dry if alone.needed_friction > DRY else ""
+        return f"not before it lifts, if the coefficient of friction of the base is at least {least}{more}"
+    if alone.slides:
+        return f"at {number(own, 2)} g, BEFORE IT LIFTS: a coefficient of friction of {least} is needed"
+    return (
+        f"not before it lifts: a coefficient of friction of {least} is needed, the base has {number(own, 2)}"
+    )
 
 
 def block_of(scene: Scene) -> str:
@@ -254,8 +275,8 @@ def excitation(design: Design) -> str:
     if design.conditions.motions:
         listed = ", ".join(f"{name} {len(motions)}" for name, motions in groups(design).items())
         return f"ground motions, from rest: {listed}"
-    lifts = f"lifts above {number(threshold(scene), 3)} g"
-    return f"{_motion(scene)}, {number(acceleration(scene), 3)} g ({lifts})"
+    lifts = f"lifts above {number(float(scene.uplift), 3)} g"
+    return f"{_motion(scene)}, {number(float(scene.peak), 3)} g ({lifts})"
 
 
 def pendulum_line(scene: Scene, hung: Pendulum) -> str:
@@ -265,16 +286,6 @@ def pendulum_line(scene: Scene, hung: Pendulum) -> str:
     mu, lam, zeta = (number(float(x)) for x in numbers)
     ratios = f"μ = {mu}, λ = {lam}, ζ = {zeta}"
     return f"  bob     {number(float(hung.mass))} kg on a rod of {number(float(hung.length))} m; {ratios}"
-
-
-def acceleration(scene: Scene) -> float:
-    """Largest acceleration of the base over gravity, f = A omega^2/g."""
-    return float(scene.motion.amplitude * scene.motion.rate**2 / scene.gravity)
-
-
-def threshold(scene: Scene) -> float:
-    """Base acceleration over gravity beyond which the bare block at rest lifts, nu + k."""
-    return float(scene.block.slenderness) + float(scene.block.friction or 0.0)
 
 
 def _toppling(scene: Scene) -> str:

@@ -313,9 +313,9 @@ def _check_scene(scene: object) -> None:
 def check_restitution(scene: Scene) -> None:
     """Raise `ValueError` unless the block of a scene has a restitution that can scatter."""
     own = scene.block.restitution
-    if own is None or isinstance(own, str):
-        why = "there is none" if own is None else f"it is {own!r}, which follows the block's shape"
-        raise ValueError(f"`restitution` can scatter where it is a number, but {why}")
+    if isinstance(own, str) or own == 1.0:
+        why = f"{own!r}, which follows the block's shape" if isinstance(own, str) else "1, which is no loss"
+        raise ValueError(f"`restitution` can scatter where it is a number below 1, but it is {why}")
 
 
 def under(p: Parameters, design: Any, factors: Any) -> Parameters:

@@ -23,8 +23,6 @@ from tpd.scene.parameters import SLENDERNESS_LIMIT, Parameters, uniform_inertia_
 
 HOUSNER = "housner"
 """Value of `Block.restitution` that ties e to block and bob by `tpd.scene.impacts.housner`."""
-FRICTION = 0.05
-"""Default k of a block without impact loss: the value of the paper's section 3."""
 LEAST_SLENDERNESS = 0.01
 """Least width over height of a block: below it one of both is in another unit."""
 DENSITIES = (10.0, 5e5)
@@ -33,6 +31,8 @@ within; lengths in mm or cm, and masses in t or g, do not."""
 LARGEST_SHAKING = 10.0
 """Largest plausible acceleration of a harmonic base motion, in shares of the standard gravity. The strongest
 motions on record reach a few g."""
+LARGEST_COEFFICIENT = 2.0
+"""Largest plausible coefficient of friction: that of rubber on concrete is about 1."""
 LEAST_GYRATION = 0.01
 """Least radius of gyration of a block, as a share of half its diagonal."""
 HEAVIEST, LENGTHS = 1e12, (1e-6, 1e6)
@@ -53,8 +53,7 @@ def _convert_numbers(thing: Any) -> None:
 class Block:
     """A rigid block, its base 2a wide and 2b high in the paper's symbols.
 
-    It loses energy by friction, at impacts, or both. Once made, `friction` is a number, which
-    `dataclasses.replace` keeps: give it as well where `restitution` is replaced.
+    By default it loses energy at impacts alone, as a rigid block on a rigid base does in Housner's model.
 
     Raises:
         ValueError: a size, mass, friction or restitution out of range, a block too wide for linear equations
@@ -67,19 +66,21 @@ class Block:
     """Whole height of the block, m; the pendulum hangs from the middle of the top."""
     mass: Real
     """Mass of the block, kg."""
-    friction: Real | None = None
-    """k: dry friction moment of the rocking contact over M g b, dimensionless. None is 0.05 without a
-    restitution, and 0 with one."""
+    friction: Real = 0.0
+    """k: dry friction moment of the rocking contact over M g b, dimensionless."""
     radius_of_gyration: Real | None = None
     """Radius of gyration about the centroid, m. None is that of a uniform rectangle, which follows `width`
     and `height` in gradients."""
-    restitution: Real | str | None = None
+    restitution: Real | str = HOUSNER
     """e: velocity ratio across an impact of the base, in (0, 1], with whatever pendulum hangs in the block.
-    "housner" ties it to the block's shape and to the mass ratio of bob and block, also in gradients. None is
-    no impact loss."""
+    "housner" ties it to the block's shape and to the mass ratio of bob and block, also in gradients. 1 is no
+    impact loss."""
     cavity_width: Real | None = None
     """Width (m) of the space inside the block in which the bob swings. None is not stated: a search that asks
     for room then asks for it."""
+    base_friction: Real | None = None
+    """Coefficient of friction between the base and what it stands on. None is not known. It decides whether
+    the block slides before it rocks, and changes no motion."""
 
     def __post_init__(self) -> None:
         _convert_numbers(self)
@@ -100,6 +101,8 @@ class Block:
                     f"block, but is {np.min(self.radius_of_gyration):g} m"
                 )
         self._check_cavity()
+        if self.base_friction is not None:
+            checks.positive("base_friction", self.base_friction, 0.0, LARGEST_COEFFICIENT, every=True)
         if checks.is_concrete(self.slenderness) and np.any(self.slenderness > SLENDERNESS_LIMIT):
             raise ValueError(
                 f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height` (the linear equations "
@@ -107,16 +110,13 @@ class Block:
             )
 
     def _check_losses(self) -> None:
-        if isinstance(self.restitution, str):
+        if self.restitution is None or isinstance(self.restitution, str):
             if self.restitution != HOUSNER:
                 raise ValueError(
                     f"`restitution` must be a number or {HOUSNER!r}, but is {self.restitution!r}"
                 )
-        elif self.restitution is not None:
+        else:
             checks.positive("restitution", self.restitution, 0.0, 1.0, every=True)
-        if self.friction is None:
-            # Impacts alone let a bare block settle; without impact loss only friction does.
-            object.__setattr__(self, "friction", FRICTION if self.restitution is None else 0.0)
         checks.not_negative("friction", self.friction, every=True)
         # The moment of the block's weight about its corner is M g a = nu M g b, and it falls with the tilt:
         # a greater friction moment holds the block at any tilt, so that it neither falls back nor over.
@@ -166,7 +166,7 @@ class Block:
         """e of the bare block: the restitution as a number; 1 without impact loss."""
         if isinstance(self.restitution, str):
             return housner(self.slenderness, self.inertia_ratio)
-        return 1.0 if self.restitution is None else self.restitution
+        return self.restitution
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,6 +249,19 @@ class Scene:
     def rate(self) -> Real:
         """omega0 = sqrt(g rho / b), rad/s: dimensionless time is tau = omega0 t."""
         return _rate(self.gravity, self.block.inertia_ratio, self.block.half_height)
+
+    @property
+    def peak(self) -> Real:
+        """Largest acceleration of the base over that of gravity, f."""
+        motion = self.motion
+        largest = motion.amplitude * motion.rate**2 if isinstance(motion, Harmonic) else motion.pga
+        return largest / self.gravity
+
+    @property
+    def uplift(self) -> Real:
+        """Acceleration of the base over that of gravity which lifts the resting block without a pendulum,
+        nu + k, see (5)."""
+        return self.block.slenderness + self.block.friction
 
     def parameters(self, pendulum: Pendulum | None = None) -> Parameters:
         """Return the dimensionless parameters with a pendulum, or of the bare block (mu = 0).
@@ -418,9 +431,9 @@ def _rate(gravity: Any, rho: Any, half_height: Any) -> Any:
 
 def paper_scene() -> Scene:
     """Return the case study of Collini et al. (2016), section 5: a block of 0.1 x 0.2 x 0.4 m and
-    2028 kg/m^3 on a base moving 15 mm at 2.5 Hz; friction as in the paper's section 3. The paper states no
-    cavity: here it is as wide as the block, the widest that there can be."""
+    2028 kg/m^3 on a base moving 15 mm at 2.5 Hz; friction as in the paper's section 3, and no impact loss.
+    The paper states no cavity: here it is as wide as the block, the widest that there can be."""
     return Scene(
-        Block(width=0.1, height=0.4, mass=16.224, friction=0.05, cavity_width=0.1),
+        Block(width=0.1, height=0.4, mass=16.224, friction=0.05, restitution=1.0, cavity_width=0.1),
         Harmonic(amplitude=0.015, frequency=2.5),
     )

@@ -10,13 +10,14 @@ and weight and friction hold it up to (1 + mu) nu + k. All formulas take arrays 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tpd.core import checks
 from tpd.scene.parameters import Parameters, check_parameters
 from tpd.scene.pytrees import Number
+from tpd.scene.scene import Scene
 
 
 class Uplift(NamedTuple):
@@ -29,6 +30,51 @@ class Uplift(NamedTuple):
     """1 - |B| f / ((1 + mu) nu + k): positive where the block at rest does not lift."""
     stroke: Number
     """Amplitude (rad) of the bob's angle under the resting block, f/|D|."""
+
+
+class AtRest(NamedTuple):
+    """The resting block without a pendulum under the excitation that comes nearest to lifting it.
+
+    Accelerations are over that of gravity.
+    """
+
+    uplift: float
+    """Acceleration of the base that lifts the block, nu + k, see (5)."""
+    peak: float
+    """Largest acceleration of the base."""
+    base_friction: float | None
+    """Coefficient of friction of the base; None if it is not known."""
+
+    @staticmethod
+    def of(nu: Any, k: Any, f: Any, base_friction: float | None = None) -> AtRest:
+        """Return that of many conditions: numbers, or arrays of shape (n,)."""
+        uplift, peak = np.broadcast_arrays(np.asarray(nu) + np.asarray(k), np.abs(f))
+        worst = np.argmax(peak / uplift)
+        return AtRest(float(uplift.flat[worst]), float(peak.flat[worst]), base_friction)
+
+    @staticmethod
+    def under(scene: Scene) -> AtRest:
+        """Return that of a scene."""
+        return AtRest.of(scene.block.slenderness, scene.block.friction, scene.peak, scene.block.base_friction)
+
+    @property
+    def margin(self) -> float:
+        """Factor on the excitation from which it lifts the block."""
+        return self.uplift / self.peak if self.peak > 0.0 else np.inf
+
+    @property
+    def needed_friction(self) -> float:
+        """Coefficient of friction of the base without which the block slides before it lifts.
+
+        The base must push the block sideways with as much as its acceleration asks for, and never with more
+        than is enough to lift the block.
+        """
+        return min(self.uplift, self.peak)
+
+    @property
+    def slides(self) -> bool:
+        """Whether the block is known to slide before it lifts."""
+        return self.base_friction is not None and self.base_friction < self.needed_friction
 
 
 def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
