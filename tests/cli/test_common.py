@@ -375,3 +375,15 @@ def test_a_mistake_is_refused_before_anything_heavy_is_imported(tmp_path, comman
     # One sentence, and no line on what the command does.
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert "searching" not in done.stderr
+
+
+@pytest.mark.mends("a job file was read only by --scene")
+def test_a_job_file_is_named_with_or_without_its_option(tmp_path):
+    job, other = tmp_path / "job.toml", tmp_path / "other.toml"
+    job.write_text(
+        "[block]\nwidth = 2.0\nheight = 10.0\nmass = 4e4\n[motion]\namplitude = 0.3\nfrequency = 0.5\n"
+    )
+    for words in ([str(job)], ["--scene", str(job)], [str(job), "--scene", f"{tmp_path}/./job.toml"]):
+        assert common.case(parser().parse_args(["optimise", *words])).job.block.height == 10.0
+    with pytest.raises(ValueError, match=rf"^give one job file: JOB is {job}, and --scene is {other}$"):
+        common.case(parser().parse_args(["optimise", str(job), "--scene", str(other)]))

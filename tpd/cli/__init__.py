@@ -1,3 +1,4 @@
+# PYTHON_ARGCOMPLETE_OK
 """Command line: `tpd new`, `optimise`, `check`, `response`, `map`, `shake`, `spectrum`, `fragility` and
 `export`.
 
@@ -35,8 +36,12 @@ def main(arguments: list[str] | None = None) -> int:
     Without `arguments` those of the process are taken: then the process is this command's, and Ctrl-C ends it
     at once, also while something is imported or compiled.
     """
+    grammar = parser()
     if arguments is not None:
-        return _run(parser().parse_args(arguments))
+        return _run(grammar.parse_args(arguments))
+    # A shell asks for the words that may come next, by way of an optional package.
+    if "_ARGCOMPLETE" in os.environ:
+        import_module("argcomplete").autocomplete(grammar)
     # The exception that Python raises instead waits until compiled code returns. The default action does not
     # wait, and a shell has status 130 for it. Files are complete before they get their names.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -45,7 +50,7 @@ def main(arguments: list[str] | None = None) -> int:
     from tpd.cli import interrupts
 
     with interrupts.lasting_output():
-        read = parser().parse_args()
+        read = grammar.parse_args()
         warnings.showwarning = interrupts.warned
         return _run(read, read.does.format(**vars(read)))
 

@@ -165,6 +165,7 @@ def _new(command: Parser) -> None:
 
 
 def _optimise(command: Parser) -> None:
+    command.add_argument("job", type=path_of, nargs="?", metavar="JOB", help="job file, as --scene FILE")
     _scene(command, *HARMONIC, *PULSE, *RECORDS, HELD_OUT)
     _group(command, "design space and limits", DESIGN)
     many = _group(command, "conditions", CONDITIONS)
@@ -182,7 +183,7 @@ def _optimise(command: Parser) -> None:
 def _check(command: Parser) -> None:
     _case(command, *HARMONIC, *PULSE, *RECORDS)
     NO_WALLS.add(command)
-    _switch(command, "--quick", "leave out the smoothed models, which take long to compile")
+    _switch(command, "--full", "solve the smoothed models as well, which take long to compile")
     _number(command, "--seed", "N", "of the runs (default: the job's, of an engine 0)", int)
     engine = command.add_argument_group("an independent engine (extra: tpd[engines])")
     text = (
@@ -277,12 +278,12 @@ COMMANDS = {
     "check": Command(
         _check,
         "say whether a design, or a pendulum of your own, can be hung",
-        "solving the design by every model",
-        "Solve a design by every model, from the closed forms to the nonlinear equations, and ask of it "
+        "solving the design",
+        "Solve a design from the closed forms to the nonlinear equations, and ask of it "
         "what `tpd optimise` asks of its designs: the same conditions, starts, limits and runs. Exit "
         "status: 0 it helps and it fits; 2 bad input; 3 one of these fails, and the last line says which; "
         "130 interrupted.",
-        "tpd check --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2 --quick",
+        "tpd check --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2",
     ),
     "response": Command(
         _response,
