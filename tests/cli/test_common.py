@@ -39,10 +39,16 @@ def test_a_pendulum_is_given_in_si_units_or_in_ratios():
 def test_ground_motions_are_said_with_their_sizes_and_a_harmonic_by_its_scene():
     records = {"records": ["el-centro", "loma-prieta"], "scales": [2, 3]}
     two = job_of({"motion": records})
-    assert two.in_words == "2 records, each at pga_star 2, 3"
+    assert (
+        two.in_words
+        == "2 records, each at 2, 3 (PGA over g tan(alpha), 1 = the acceleration that lifts the block)"
+    )
     assert [line.partition(",")[0] for line in two.told] == ["record: el-centro", "record: loma-prieta"]
     one = job_of({"motion": records | {"records": ["el-centro"]}})
-    assert one.in_words == "El Centro/NS, 3.127 m/s^2 at most, 31.18 s, each at pga_star 2, 3"
+    assert (
+        one.in_words
+        == "El Centro/NS, 3.127 m/s^2 at most, 31.18 s, each at 2, 3 (PGA over g tan(alpha), 1 = the acceleration that lifts the block)"
+    )
     assert (job_of({}).in_words, job_of({}).told) == ("", ())
 
 

@@ -24,7 +24,8 @@ VELOCITY = 2 * 3.0 / (2 * math.pi * 1.5)
     [
         ("pga", 3.0, "m/s^2"),
         ("pgv", VELOCITY, "m/s"),
-        ("pga_star", 3.0 / (G * 0.25), "-"),
+        ("pga_g", 3.0 / 9.80665, "g"),
+        ("pga_star", 3.0 / (G * 0.25), "1 = the acceleration that lifts the block"),
         ("pgv_star", RATE * VELOCITY / (G * 0.25), "-"),
         ("scale", 1.0, "-"),
     ],

@@ -48,10 +48,10 @@ from tpd.design.settings import SCATTERED, Descent, GroundSearch
 from tpd.exact import compiling
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
-from tpd.records.intensity import intensity_of
+from tpd.records.intensity import OF_JOBS, intensity_of
 from tpd.records.reading import described, in_words, read_motions
 from tpd.scene.bob import Bob
-from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.conditions import MEASURES, Conditions, check_restitution
 from tpd.scene.ensemble import Ensemble
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse, events_of
 from tpd.scene.scene import Block, Harmonic, Scene
@@ -176,6 +176,12 @@ class Job(ABC):
         """
 
     @property
+    def intensity(self) -> str:
+        """Name in `tpd.records.intensity` of what the scales count."""
+        asked = self.full["motion"]["intensity"]
+        return OF_JOBS.get(asked, asked)
+
+    @property
     def shaking(self) -> GroundMotion:
         """The only pulse or record, at its only size.
 
@@ -195,9 +201,7 @@ class Job(ABC):
             raise ValueError("the motion must have an acceleration, but is zero at all times")
         size = 1.0
         if asked["scales"] is not None and asked["intensity"] != "scale":
-            size = intensity_of(asked["intensity"], self.block, self.full["site"]["gravity"], None).value(
-                motion
-            )
+            size = intensity_of(self.intensity, self.block, self.full["site"]["gravity"], None).value(motion)
         return motion.scaled(scales[0] / size)
 
     @property
@@ -458,13 +462,13 @@ class RecordsJob(Job):
                 "scaled to; `tpd fragility` and `tpd shake` follow a design through records as they are"
             )
         with naming("motion"):
-            return Conditions.records(self.motions, asked["scales"], intensity=asked["intensity"])
+            return Conditions.records(self.motions, asked["scales"], intensity=self.intensity)
 
     @property
     def in_words(self) -> str:
         """See `Job.in_words`."""
         scales = ", ".join(f"{x:g}" for x in self.conditions.scales)
-        return f"{in_words(self.motions)}, each at {self.conditions.intensity} {scales}"
+        return f"{in_words(self.motions)}, each at {scales} ({MEASURES[self.conditions.intensity]})"
 
     @cached_property
     def ensemble(self) -> Ensemble:

@@ -35,7 +35,7 @@ from tpd.design.settings import (
 )
 from tpd.records.reading import BUILT_IN, SETS
 from tpd.scene.bob import Bob
-from tpd.scene.conditions import FACTORS, MEASURES, Conditions
+from tpd.scene.conditions import FACTORS, Conditions
 from tpd.scene.ensemble import Ensemble
 from tpd.scene.ground_motion import PULSES, Pulse
 from tpd.scene.scene import Block, Harmonic, Scene, paper_scene
@@ -138,7 +138,8 @@ TABLES: dict[str, dict[str, Key]] = {
         "intensity": Key(
             str,
             None,
-            f"what the scales count: {', '.join(MEASURES)} (default pga_star, of a pulse scale: factors)",
+            "what the scales count: pga_star, that is PGA over g tan(alpha), pgv_star, pga in g, pgv in m/s, or "
+            "scale, a factor (default pga_star, of a pulse scale)",
         ),
         "held_out": Key(
             float | tuple[str, ...],
