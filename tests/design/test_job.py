@@ -261,7 +261,9 @@ def test_one_motion_at_one_size_is_needed_for_a_history_and_sizes_for_a_search()
         _ = unsized.conditions
     with pytest.raises(ValueError, match="the job has 2 sizes of its motion: give one by --scale X"):
         _ = jobs.job_of({"motion": alone | {"scales": [1.0, 2.0]}}).shaking
-    with pytest.raises(ValueError, match="the job has 2 records, but one is needed: --record FILE"):
+    with pytest.raises(
+        ValueError, match=r"the job has 2 records \(el-centro; loma-prieta\), but one is needed"
+    ):
         _ = jobs.job_of({"motion": RECORDS}).shaking
 
 

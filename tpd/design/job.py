@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 from tpd.core import checks
 from tpd.core.files import path_of
+from tpd.core.formatting import decimal_comma
 from tpd.design.criteria import (
     KINDS,
     DesignSpace,
@@ -57,6 +58,8 @@ from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse, event
 from tpd.scene.scene import Block, Harmonic, Scene
 from tpd.scene.starts import Starts
 
+_FEW = 9
+"""Most records that a message names."""
 _MOST_CONDITIONS = 100_000
 """Beyond it the arrays of a search do not fit into the memory of a usual computer."""
 
@@ -191,8 +194,11 @@ class Job(ABC):
         asked = self.full["motion"]
         motions, scales = self.ground_motions, asked["scales"] or (1.0,)
         if len(motions) > 1:
+            named = "; ".join(getattr(m, "source", "") or getattr(m, "name", "") for m in motions[:_FEW])
+            more = "; and more" if len(motions) > _FEW else ""
             raise ValueError(
-                f"the job has {len(motions)} records, but one is needed: --record FILE, --channel N"
+                f"the job has {len(motions)} records ({named}{more}), but one is needed: --record FILE, "
+                "--channel N"
             )
         if len(scales) > 1:
             raise ValueError(f"the job has {len(scales)} sizes of its motion: give one by --scale X")
@@ -513,13 +519,16 @@ def read(path: Path) -> dict[str, Any]:
         ValueError: the file cannot be read, or is not TOML.
     """
     try:
-        found = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
+        found = tomllib.loads(text)
     except OSError as error:
         raise ValueError(f"cannot read {path}: {error.strerror or error}") from None
     except UnicodeDecodeError:
         raise ValueError(f"{path} is not a text file in UTF-8") from None
     except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{path} is not valid TOML: {error}") from None
+        line = re.search(r"line (\d+)", str(error))
+        comma = decimal_comma(text.splitlines()[int(line[1]) - 1]) if line else ""
+        raise ValueError(f"{path} is not valid TOML: {error}{comma}") from None
     except RecursionError:
         raise ValueError(f"{path} is not a job file: it nests too deeply") from None
     if not found:

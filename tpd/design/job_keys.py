@@ -23,7 +23,7 @@ from msgspec import Meta
 
 from tpd.core.checks import shown
 from tpd.core.files import path_of, readable
-from tpd.core.formatting import meant
+from tpd.core.formatting import decimal_comma, meant
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, DesignSpace, Limit, Risk, Worth, limit_of
 from tpd.design.settings import (
     DEFAULT_SPACE,
@@ -138,8 +138,8 @@ TABLES: dict[str, dict[str, Key]] = {
         "intensity": Key(
             str,
             None,
-            "what the scales count: pga_star, that is PGA over g tan(alpha), pgv_star, pga in g, pgv in m/s, or "
-            "scale, a factor (default pga_star, of a pulse scale)",
+            "what the scales count: pga_star, which is PGA over g tan(alpha), pgv_star, pga in g, pgv in m/s "
+            "or scale, a factor (default pga_star, of a pulse scale)",
         ),
         "held_out": Key(
             float | tuple[str, ...],
@@ -354,6 +354,7 @@ def as_typed(given: Mapping[str, Any]) -> Tables:
                 words, close = allowed(msgspec.json.schema(type_)), ""
                 if isinstance(value, str):
                     close = meant(value, msgspec.json.schema(type_).get("enum", ()), listing=False)
+                close = close or decimal_comma(shown(value))
                 raise ValueError(f"`{table}.{key}` must be {words}, but is {shown(value)}{close}") from None
     return out
 
