@@ -217,9 +217,9 @@ def test_a_record_says_which_file_and_channel_it_is_of():
 def test_a_message_names_the_channel_that_it_is_about(tmp_path):
     file = tmp_path / "quake.csv"
     file.write_text("time (s),N (g),E (g)\n" + "".join(f"{0.01 * i:.2f},0.1,{9.0 * i}\n" for i in range(50)))
-    for read, said in (
+    for reads, said in (
         (Record.read_all, r"^quake.csv, channel 1 \(E\): the peak must be at most 100 m/s\^2"),
         (Record.read, r"^quake.csv, channel 1 \(E\): the peak"),
     ):
         with pytest.raises(UnreadableRecord, match=said):
-            read(file)
+            reads(file)
