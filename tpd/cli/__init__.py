@@ -1,6 +1,6 @@
 # PYTHON_ARGCOMPLETE_OK
-"""Command line: `tpd new`, `optimise`, `check`, `response`, `map`, `shake`, `spectrum`, `fragility` and
-`export`.
+"""Command line: `tpd new`, `record`, `optimise`, `check`, `response`, `map`, `shake`, `spectrum`,
+`fragility` and `export`.
 
 The grammar of all commands is in `grammar`. A command is a module with a function `run`, which is imported
 when the command is chosen: the help does not wait for JAX.
@@ -61,9 +61,9 @@ def _run(read: argparse.Namespace, does: str = "") -> int:
     out: Path | None = getattr(read, "out", None)
     made = None if out is None or os.path.exists(out) else out
     try:
-        # A template needs nothing of this.
-        if read.command == "new":
-            return import_module("tpd.cli.new").run(read)
+        # A command that ends at once does not wait for JAX.
+        if not read.does:
+            return import_module(f"tpd.cli.{read.command}").run(read)
         from tpd.cli import common, interrupts
 
         # All inputs are checked before JAX is imported, which takes seconds.

@@ -164,6 +164,16 @@ def _new(command: Parser) -> None:
     command.add_argument("--out", type=path_of, metavar="FILE", help="default KIND.toml; it must not exist")
 
 
+def _record(command: Parser) -> None:
+    text = (
+        "files and folders of records, or names of those that are built in: el-centro, loma-prieta, fema-p695"
+    )
+    command.add_argument("records", nargs="+", metavar="FILE", help=text)
+    _group(command, "reading", READING)
+    command.add_argument("--out", type=path_of, metavar="DIR", help="directory of pictures and of a table")
+    _switch(command, "--overwrite", "replace the results in an existing DIR")
+
+
 def _optimise(command: Parser) -> None:
     command.add_argument("job", type=path_of, nargs="?", metavar="JOB", help="job file, as --scene FILE")
     _scene(command, *HARMONIC, *PULSE, *RECORDS, HELD_OUT)
@@ -258,9 +268,19 @@ COMMANDS = {
         "write a commented job file to begin with",
         "",
         "Write a job file in TOML with a realistic scene of the kind asked for: every key that matters, "
-        "with its unit and the reason for it. Change the numbers, then run `tpd optimise --scene FILE`. "
+        "with its unit and the reason for it. Change the numbers, then run `tpd optimise FILE`. "
         "Exit status: 0 written, 2 bad input or an existing file.",
         "tpd new tower --out mine.toml",
+    ),
+    "record": Command(
+        _record,
+        "preview a ground motion: its peaks, duration and spectrum",
+        "",
+        "Read records and print what was read and what was left out, PGA in g and m/s^2, PGV, PGD, the time "
+        "from 5 to 95 % of the energy and the spectral acceleration at 5 % damping; of several records a "
+        "line each. A PGA that is implausible gets a warning: look for a wrong unit. With --out also "
+        "pictures of the histories and the response spectrum. Exit status: 0 done, 2 bad input.",
+        "tpd record el-centro",
     ),
     "optimise": Command(
         _optimise,

@@ -12,6 +12,7 @@ from tpd.core import checks
 from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.scene.conditions import MEASURES
 from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.record import Record
 from tpd.scene.scene import Block, Scene
 
 INTENSITIES = (*MEASURES, "sa", "sa_g")
@@ -63,6 +64,25 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
         "scale": Intensity("factor", "-", lambda m: 1.0),
     }
     return measures[name]
+
+
+def base_motion(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return acceleration (m/s^2), velocity (m/s) and displacement (m) of the base at the samples of a
+    record. They are exact: the acceleration is linear between samples, and the base is at rest before."""
+    a, h = float(record.scale) * np.asarray(record.acceleration, dtype=float), float(record.dt)
+    v = np.cumsum([0.0, *(0.5 * h * (a[:-1] + a[1:]))])
+    d = np.cumsum([0.0, *(h * v[:-1] + h**2 * (2.0 * a[:-1] + a[1:]) / 6.0)])
+    return a, v, d
+
+
+def significant_times(record: Record) -> tuple[float, float]:
+    """Return the times (s) at which the integral of the squared acceleration has 5 % and 95 % of its value at
+    the end (M. D. Trifunac and A. G. Brady, Bull. Seismol. Soc. Am. 65, 1975)."""
+    a = np.asarray(record.acceleration, dtype=float)
+    energy = np.cumsum([0.0, *(a[:-1] ** 2 + a[:-1] * a[1:] + a[1:] ** 2)])
+    times = float(record.dt) * np.arange(len(a))
+    first, last = np.interp([0.05 * energy[-1], 0.95 * energy[-1]], energy, times)
+    return float(first), float(last)
 
 
 def peak_velocity(motion: GroundMotion) -> float:
