@@ -57,7 +57,7 @@ def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
     text = " ".join(shown(capsys, "optimise").split())
     for said in (
         "whole width of the base, m (default 0.1)",
-        "lower and upper bound of mu = m/M (default 0.01 0.2)",
+        "lower and upper bound of the mass ratio mu = m/M (default 0.01 0.2)",
         "--no-walls do not ask for room between the walls",
         "--exactly search for the motion itself alone with a point bob, as in the paper",
         "seed of every random choice, the runs that verify and judge included (default 0)",
@@ -137,3 +137,21 @@ def test_a_shell_completes_the_words_of_a_command(line, word, tmp_path):
     done = subprocess.run([sys.executable, "-m", "tpd"], env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert word in (tmp_path / "words").read_text().split()
+
+
+UNITS = re.compile(
+    r"\b(m|kg|Hz|rad|g|s|number|ratios?|factors?|share|dimensionless|periods|relative|in its unit|channel|"
+    r"columns|seed|steps)\b"
+)
+"""Units of the numbers of options, and words for those that have none."""
+
+
+@pytest.mark.mends("the help of some numbers stated no unit")
+@pytest.mark.parametrize("command", grammar.COMMANDS)
+def test_the_help_states_the_unit_of_every_number(command):
+    commands = parser()._subparsers._group_actions[0].choices  # type: ignore[union-attr]
+    words = ["FILE", "DIR", "WORD", "KIND", "NAME", "DESIGN", "JOB", "ADDRESS", "UNIT"]
+    for action in commands[command]._actions:
+        # Without an own name a value is one of few words.
+        if action.nargs != 0 and action.metavar is not None and action.metavar not in words:
+            assert UNITS.search(action.help), action.option_strings

@@ -17,6 +17,9 @@ KINDS = ("tower", "chimney", "column", "statue", "paper")
 EXPORTED = {"mjcf": "model.xml", "opensees": "model.tcl", "csv": "histories.csv"}
 """Kinds of files that `tpd export` writes, and their names."""
 
+_SLIDING = "coefficient of friction on the floor, dimensionless (default 0.6)"
+_AXIS = "a name, its lower and its upper end, in m, kg and Hz; ratios are dimensionless"
+
 
 def _options(table: str, **metavars: str | tuple[str, ...]) -> tuple[Option, ...]:
     """Options with the names of the keys that they set, by these names."""
@@ -135,9 +138,9 @@ def _case(command: Parser, *motions: Option) -> None:
     group = command.add_argument_group("pendulum")
     mass, length = group.add_mutually_exclusive_group(), group.add_mutually_exclusive_group()
     _number(mass, "--pendulum-mass", "KG", "mass of the bob, kg")
-    _number(mass, "--mass-ratio", "MU", "mass of the bob over the block's")
+    _number(mass, "--mass-ratio", "MU", "ratio of the masses of bob and block")
     _number(length, "--pendulum-length", "M", "length of the pendulum, m")
-    _number(length, "--length-ratio", "LAM", "length of the pendulum over the half height")
+    _number(length, "--length-ratio", "LAM", "ratio of the length to the half height of the block")
     _number(group, "--pendulum-damping", "ZETA", "damping ratio of the hinge (default 0.1)")
 
 
@@ -155,7 +158,7 @@ def _cluster(command: Parser) -> None:
         "same command goes on where it was interrupted. Needs `tpd[dask]`",
     )
     either = group.add_mutually_exclusive_group()
-    _number(either, "--workers", "N", "processes on this machine", int)
+    _number(either, "--workers", "N", "number of processes on this machine", int)
     either.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster, tcp://host:port")
 
 
@@ -194,27 +197,24 @@ def _check(command: Parser) -> None:
     _case(command, *HARMONIC, *PULSE, *RECORDS)
     NO_WALLS.add(command)
     _switch(command, "--full", "solve the smoothed models as well, which take long to compile")
-    _number(command, "--seed", "N", "of the runs (default: the job's, of an engine 0)", int)
+    _number(command, "--seed", "N", "seed of the runs (default: the job's, of an engine 0)", int)
     engine = command.add_argument_group("an independent engine (extra: tpd[engines])")
     text = (
         "follow paired runs in a rigid-body engine with contact and sliding in place of the models, and put "
         "the result into the report"
     )
     engine.add_argument("--engine", choices=("mujoco",), help=text)
-    text = "of the ensemble of the engine (default 64)"
-    engine.add_argument("--runs", type=int, help=text)
-    engine.add_argument("--sliding", type=float, help="coefficient of friction on the floor (default 0.6)")
+    _number(engine, "--runs", "N", "number of runs in the engine (default 64)", int)
+    _number(engine, "--sliding", "MU", _SLIDING)
 
 
 def _response(command: Parser) -> None:
     _case(command, *HARMONIC)
-    _number(command, "--from", "HZ", "default 0.4 of the scene's", dest="low")
-    _number(command, "--to", "HZ", "default twice the scene's", dest="high")
-    _number(command, "--points", "N", "of each branch (default 400)", int, default=400)
-    _switch(command, "--dimensionless", "against xi at constant f; --from and --to are xi")
-    text = (
-        "frequencies over the whole range at which the motion from rest is followed (default 40), 0 for none"
-    )
+    _number(command, "--from", "HZ", "lowest frequency, Hz (default 0.4 of the scene's)", dest="low")
+    _number(command, "--to", "HZ", "highest frequency, Hz (default twice the scene's)", dest="high")
+    _number(command, "--points", "N", "number of points of each branch (default 400)", int, default=400)
+    _switch(command, "--dimensionless", "against xi at constant f; --from and --to are xi, dimensionless")
+    text = "number of frequencies at which the motion from rest is followed (default 40), 0 for none"
     _number(command, "--from-rest", "N", text, int, default=40)
     _out(command, "tpd-response")
 
@@ -222,9 +222,9 @@ def _response(command: Parser) -> None:
 def _map(command: Parser) -> None:
     _case(command, *HARMONIC)
     for axis in ("x", "y"):
-        named: dict[str, Any] = {"metavar": ("NAME", "LO", "HI"), "help": f"the {axis} axis"}
+        named: dict[str, Any] = {"metavar": ("NAME", "LO", "HI"), "help": f"the {axis} axis: {_AXIS}"}
         command.add_argument(f"--{axis}", nargs=3, required=True, **named)
-    _number(command, "--points", "N", "along each axis (default 200)", int, default=200)
+    _number(command, "--points", "N", "number of points along each axis (default 200)", int, default=200)
     _switch(command, "--from-rest", "follow every design from rest: forty times slower")
     _cluster(command)
     _out(command, "tpd-map")
@@ -232,22 +232,27 @@ def _map(command: Parser) -> None:
 
 def _shake(command: Parser) -> None:
     _case(command, *PULSE, *RECORD)
-    _number(command, "--free", "S", "free motion after it (default 20)", default=20.0)
+    _number(command, "--free", "S", "free motion after it, s (default 20)", default=20.0)
     _out(command, "tpd-shake")
 
 
 def _spectrum(command: Parser) -> None:
     _case(command, *PULSE, *RECORD)
-    _number(command, "--points", "N", "along each axis (default 120)", int, default=120)
-    _number(command, "--to", "X", "largest omega_p/p (default 10), or largest 2 pi/p in s (default 12)")
-    _number(command, "--sizes-to", "X", "largest a_p/(g tan alpha) of a pulse (default 10)")
+    _number(command, "--points", "N", "number of points along each axis (default 120)", int, default=120)
+    _number(
+        command,
+        "--to",
+        "X",
+        "largest ratio omega_p/p (default 10); of a record 2 pi/p, s (default 12)",
+    )
+    _number(command, "--sizes-to", "X", "largest ratio a_p/(g tan alpha) of a pulse (default 10)")
     _cluster(command)
     _out(command, "tpd-spectrum")
 
 
 def _fragility(command: Parser) -> None:
     _case(command, *RECORDS, *PULSE)
-    _number(command, "--period", "S", "of --intensity sa, the spectral acceleration")
+    _number(command, "--period", "S", "period of the spectral acceleration of --intensity sa, s")
     _cluster(command)
     _out(command, "tpd-fragility")
 
@@ -256,7 +261,7 @@ def _export(command: Parser) -> None:
     _case(command, *HARMONIC, *PULSE, *RECORD)
     kinds: dict[str, Any] = {"choices": tuple(EXPORTED), "help": "mjcf: MuJoCo; csv: the histories"}
     command.add_argument("--as", dest="kind", required=True, **kinds)
-    _number(command, "--sliding", "MU", "friction of a model on the floor (default 0.6)")
+    _number(command, "--sliding", "MU", _SLIDING)
     text = f"to write to (default {', '.join(EXPORTED.values())})"
     command.add_argument("--file", type=path_of, metavar="FILE", help=text)
     _switch(command, "--overwrite", "replace FILE if it exists")
@@ -360,7 +365,7 @@ COMMANDS = {
     "export": Command(
         _export,
         "write a design as a model of MuJoCo or OpenSees, or its motion as a table",
-        "writing the model",
+        "",
         "Write the block and the pendulum of a report, or of the options, as a model for another program, "
         "or their motion from rest as CSV, bare and with the pendulum, under the harmonic of the report or "
         "the options, or the pulse or record that is given. A model in MJCF has no motion. Exit status: 0 "

@@ -133,7 +133,9 @@ TABLES: dict[str, dict[str, Key]] = {
             tuple[str, ...], None, f"files and folders of records, in a job file relative to it, or {_names}"
         ),
         "scales": Key(
-            tuple[float, ...], None, "values of the intensity that every motion is scaled to, such as 1.5 2 3"
+            tuple[float, ...],
+            None,
+            "values of the intensity, in its unit, that every motion is scaled to, such as 1.5 2 3",
         ),
         "intensity": Key(
             str,
