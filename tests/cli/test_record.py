@@ -67,9 +67,9 @@ def test_a_folder_has_a_line_for_each_record_and_names_what_is_left_out(tmp_path
     assert "baseline removed" in next(
         row for row in rows if row.startswith("ridgecrest_2019_cut.RAW, channel 0")
     )
-    written = done.rows("record.csv")
-    assert [row["record"] for row in written] == [row.split("  ")[0] for row in rows]
-    assert float(written[-1]["PGA g"]) == pytest.approx(float(el_centro().pga) / 9.80665, rel=1e-12)
+    written = done.rows("records.csv")
+    assert [row["source"] for row in written] == [row.split("  ")[0] for row in rows]
+    assert float(written[-1]["pga_g"]) == pytest.approx(float(el_centro().pga) / 9.80665, rel=1e-12)
     assert {f"record_{i}.png" for i in range(1, 7)} < done.files.keys()
 
 

@@ -69,7 +69,7 @@ class DesignSpace:
     length_ratio: tuple[float, float] = (0.1, 1.5)
     """Lower and upper bound of the length ratio lam = l/b."""
     damping_ratio: checks.Real | tuple[float, float] = 0.1
-    """Damping ratio zeta of the hinge: one number, or a lower and an upper bound if it is searched as well."""
+    """Damping ratio zeta of the hinge: one number, or a lower and an upper bound if it is searched too."""
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__

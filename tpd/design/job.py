@@ -181,7 +181,7 @@ class Job(ABC):
     @property
     def intensity(self) -> str:
         """Name in `tpd.records.intensity` of what the scales count."""
-        asked = self.full["motion"]["intensity"]
+        asked: str = self.full["motion"]["intensity"]
         return OF_JOBS.get(asked, asked)
 
     @property
@@ -518,6 +518,7 @@ def read(path: Path) -> dict[str, Any]:
     Raises:
         ValueError: the file cannot be read, or is not TOML.
     """
+    text = ""
     try:
         text = path.read_text(encoding="utf-8-sig")
         found = tomllib.loads(text)

@@ -34,7 +34,7 @@ MEASURES = {
     "pgv": "PGV in m/s",
     "scale": "factor on each motion",
 }
-"""What scales of ground motions can count: names of `tpd.records.intensity`, in words."""
+"""Measures that the scales of ground motions can count: names of `tpd.records.intensity`, in words."""
 
 
 @dataclass(frozen=True)
