@@ -80,7 +80,7 @@ class Command(NamedTuple):
     """Words for its work, said before anything is imported; empty where it ends at once."""
     description: str
     example: str
-    more: str = ""
+    more: str = "Exit status: 0 done; 2 bad input, and one sentence says what is allowed; 130 interrupted."
     """Text after the options."""
 
 
@@ -273,9 +273,9 @@ COMMANDS = {
         "write a commented job file to begin with",
         "",
         "Write a job file in TOML with a realistic scene of the kind asked for: every key that matters, "
-        "with its unit and the reason for it. Change the numbers, then run `tpd optimise FILE`. "
-        "Exit status: 0 written, 2 bad input or an existing file.",
+        "with its unit and the reason for it. Change the numbers, then run `tpd optimise FILE`.",
         "tpd new tower --out mine.toml",
+        "Exit status: 0 written, 2 bad input or an existing file.",
     ),
     "record": Command(
         _record,
@@ -284,7 +284,7 @@ COMMANDS = {
         "Read records and print what was read and what was left out, PGA in g and m/s^2, PGV, PGD, the time "
         "from 5 to 95 % of the energy and the spectral acceleration at 5 % damping; of several records a "
         "line each. A PGA that is implausible gets a warning: look for a wrong unit. With --out also "
-        "pictures of the histories and the response spectrum. Exit status: 0 done, 2 bad input.",
+        "pictures of the histories and the response spectrum.",
         "tpd record el-centro",
     ),
     "optimise": Command(
@@ -304,21 +304,21 @@ COMMANDS = {
         _check,
         "say whether a design, or a pendulum of your own, can be hung",
         "solving the design",
-        "Solve a design from the closed forms to the nonlinear equations, and ask of it "
-        "what `tpd optimise` asks of its designs: the same conditions, starts, limits and runs. Exit "
-        "status: 0 it helps and it fits; 2 bad input; 3 one of these fails, and the last line says which; "
-        "130 interrupted.",
+        "Solve a design from the closed forms to the nonlinear equations, and ask of it what `tpd optimise` "
+        "asks of its designs: the same conditions, starts, limits and runs.",
         "tpd check --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2",
+        "Exit status: 0 it helps and it fits; 2 bad input; 3 one of these fails, and the last line says "
+        "which; 130 interrupted.",
     ),
     "response": Command(
         _response,
         "amplitude and stroke against frequency",
         "following the motions over frequency, for {out}",
-        "Branches of symmetric period-one orbits against frequency, stable and unstable, and where they"
-        " are lost: of the bare block and, if one is given, with a pendulum. The amplitude of the base "
-        "stays as it is, or with --dimensionless its acceleration f. Beside them, what a start from rest "
-        "settles into, every 0.4 % within 5 % of the scene's frequency. Without options: the block of "
-        "Collini et al. (2016). Exit status: 0 done, 2 bad input, 130 interrupted.",
+        "Branches of symmetric period-one orbits against frequency, stable and unstable, and where they are "
+        "lost: of the bare block and, if one is given, with a pendulum. The amplitude of the base stays as "
+        "it is, or with --dimensionless its acceleration f. Beside them, what a start from rest settles "
+        "into, every 0.4 % within 5 % of the scene's frequency. Without options: the block of Collini et "
+        "al. (2016).",
         "tpd response --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2",
     ),
     "map": Command(
@@ -328,8 +328,7 @@ COMMANDS = {
         "Solve every design on a grid of two names: dimensionless parameters (nu, mu, lam, zeta, k, f, xi, "
         "e, rho) or, in SI units, width, height, mass, friction, restitution, amplitude, frequency, "
         "pendulum-mass, pendulum-length and pendulum-damping. Shown is the largest attracting symmetric "
-        "period-one orbit, or rest; with --from-rest what is settled into from rest. Exit status: 0 done, 2"
-        " bad input, 130 interrupted.",
+        "period-one orbit, or rest; with --from-rest what is settled into from rest.",
         "tpd map --scene tower.toml --x mu 0.01 0.1 --y lam 0.1 0.9",
     ),
     "shake": Command(
@@ -339,9 +338,10 @@ COMMANDS = {
         "Follow a block from rest through one pulse or record, bare and, if one is given, with a pendulum: "
         "largest angles, whether and when it overturns, impacts, and the friction that the base needs. The "
         "nonlinear equations count, and the linear ones, exact between the samples, stand beside them; "
-        "histories, impacts and friction are of the linear equations. Exit status: 0 done, 2 bad input, 3 "
-        "the block overturns in the last of the cases, or its motion has no answer, 130 interrupted.",
+        "histories, impacts and friction are of the linear equations.",
         "tpd shake --scene tower.toml --record el-centro --pga 0.3",
+        "Exit status: 0 done, 2 bad input, 3 the block overturns in the last of the cases, or its motion "
+        "has no answer, 130 interrupted.",
     ),
     "spectrum": Command(
         _spectrum,
@@ -349,17 +349,15 @@ COMMANDS = {
         "following blocks, for {out}",
         "With --pulse: what a pulse of every frequency and size does to the block, over omega_p/p and "
         "a_p/(g tan alpha). With --record: the largest tilt of blocks of the same slenderness and every "
-        "size, over 2 pi/p. Bare and, if one is given, with a pendulum. Exit status: 0 done, 2 bad input, "
-        "130 interrupted.",
+        "size, over 2 pi/p. Bare and, if one is given, with a pendulum.",
         "tpd spectrum --scene tower.toml --pulse ricker",
     ),
     "fragility": Command(
         _fragility,
         "fragility curves over records",
         "following the block, for {out}",
-        "Scale every record to every stripe of an intensity (--scales; default 20 from 0.5 to 8) and follow"
-        " the block through all of them, bare and, if one is given, with a pendulum on the same motions. "
-        "Exit status: 0 done, 2 bad input, 130 interrupted.",
+        "Scale every record to every stripe of an intensity (--scales; default 20 from 0.5 to 8) and follow "
+        "the block through all of them, bare and, if one is given, with a pendulum on the same motions.",
         "tpd fragility --scene tower.toml --records el-centro loma-prieta --scales 1 2 4",
     ),
     "export": Command(
@@ -368,8 +366,7 @@ COMMANDS = {
         "",
         "Write the block and the pendulum of a report, or of the options, as a model for another program, "
         "or their motion from rest as CSV, bare and with the pendulum, under the harmonic of the report or "
-        "the options, or the pulse or record that is given. A model in MJCF has no motion. Exit status: 0 "
-        "done, 2 bad input, 130 interrupted.",
+        "the options, or the pulse or record that is given. A model in MJCF has no motion.",
         "tpd export --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2 --as mjcf",
     ),
 }
