@@ -31,7 +31,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
             env |= {"NUMBA_CACHE_DIR": f"{home}/numba", "JAX_COMPILATION_CACHE_DIR": f"{home}/jax"}
 
             def call(words: str, env: dict[str, str] = env, home: Path = home) -> float:
-                command, begun = [sys.executable, "-m", "tpd.cli", *words.split()], time.perf_counter()
+                command, begun = [sys.executable, "-m", "tpd", *words.split()], time.perf_counter()
                 done = subprocess.run(command, cwd=home, env=env, capture_output=True, text=True)
                 if done.returncode not in (0, 3):
                     raise RuntimeError(f"tpd {words}: {done.stderr[-500:]}")

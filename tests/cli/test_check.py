@@ -22,7 +22,7 @@ def check(tmp_path_factory):
     file.write_text(CHIMNEY)
 
     def run(*pendulum: str) -> tuple[int, list[str]]:
-        done = call("check", "--scene", str(file), "--quick", *pendulum)
+        done = call("check", "--scene", str(file), *pendulum)
         return done.status, done.out.splitlines()
 
     return run
@@ -63,7 +63,7 @@ def test_the_last_line_says_why_not(check):
 
 def test_a_limit_on_the_mass_below_the_least_bob_of_the_space_is_no_bad_input(tmp_path):
     (tmp_path / "job.toml").write_text(CHIMNEY.replace("# mass = 800.0", "mass = 60.0"))
-    done = call("check", "--scene", str(tmp_path / "job.toml"), "--quick", OFFERED)
+    done = call("check", "--scene", str(tmp_path / "job.toml"), OFFERED)
     assert done.status == 3
     assert ", and the limit is 60" in " ".join(done.out.split())
 
@@ -72,7 +72,7 @@ def test_a_design_s_directory_is_checked_as_the_options_are(offered, tmp_path):
     job = jobs.job_of(tomllib.loads(CHIMNEY)).tables
     hung = {"mass": 540.0, "length": 0.515, "damping_ratio": 0.5981}
     (tmp_path / "design.json").write_text(design_json(job, hung))
-    done = call("check", str(tmp_path), "--quick")
+    done = call("check", str(tmp_path))
     said, expected = done.out.splitlines(), offered[1]
     assert (done.status, said[:7], said[14:]) == (0, expected[:7], expected[14:])
 
@@ -86,7 +86,7 @@ def test_a_report_without_a_pendulum_is_confirmed_where_none_is_needed(tmp_path)
         (0.01153, 3, "NOT RECOMMENDED: the report has no pendulum."),
     ):
         (tmp_path / "design.json").write_text(design_json({"motion": {"amplitude": amplitude}}))
-        done = call("check", str(tmp_path), "--quick")
+        done = call("check", str(tmp_path))
         assert done.status == status
         assert done.out.splitlines()[-1].startswith(said)
 
@@ -96,7 +96,7 @@ def test_a_report_without_a_pendulum_is_confirmed_where_none_is_needed(tmp_path)
 def test_a_bob_that_exceeds_the_limit_on_the_mass_as_built_is_refused(tmp_path, walls):
     """The point of 540 kg is below the limit of 560 kg, and its body of steel is not."""
     (tmp_path / "job.toml").write_text(CHIMNEY.replace("# mass = 800.0", "mass = 560.0"))
-    done = call("check", "--scene", str(tmp_path / "job.toml"), "--quick", *walls.split(), OFFERED)
+    done = call("check", "--scene", str(tmp_path / "job.toml"), *walls.split(), OFFERED)
     said = " ".join(done.out.split())
     assert done.status == 3
     assert "as built, the mass of the bob in kg is 6" in said

@@ -39,10 +39,17 @@ def test_a_pendulum_is_given_in_si_units_or_in_ratios():
 def test_ground_motions_are_said_with_their_sizes_and_a_harmonic_by_its_scene():
     records = {"records": ["el-centro", "loma-prieta"], "scales": [2, 3]}
     two = job_of({"motion": records})
-    assert two.in_words == "2 records, each at pga_star 2, 3"
+    assert (
+        two.in_words == "2 records, each at 2, 3 (PGA over g tan(alpha), 1 = the "
+        "acceleration that lifts the block)"
+    )
     assert [line.partition(",")[0] for line in two.told] == ["record: el-centro", "record: loma-prieta"]
     one = job_of({"motion": records | {"records": ["el-centro"]}})
-    assert one.in_words == "El Centro/NS, 3.127 m/s^2 at most, 31.18 s, each at pga_star 2, 3"
+    assert (
+        one.in_words
+        == "El Centro/NS, 3.127 m/s^2 at most, 31.18 s, each at 2, 3 (PGA over g tan(alpha), 1 = the "
+        "acceleration that lifts the block)"
+    )
     assert (job_of({}).in_words, job_of({}).told) == ("", ())
 
 
@@ -153,6 +160,13 @@ spectrum --pulse ricker --sizes-to nan | `--sizes-to` must be positive and finit
 spectrum --pulse ricker --pga 0.3 | --pga has no effect here: pulses of every freq
 job block.size.width = 1.0 | unknown key `size` in [block]
 job x = = 3 | is not valid TOML: Invalid value (at line 1, column 5)
+job [block]; width = 0,5 | (at line 2, column 10); write 0.5 with a decimal point, not 0,5
+job [space]; mass_ratio = [0,01, 0.2] | ; write 0.01 with a decimal point, not 0,01
+job [block]; width = "0,5" | `block.width` must be a number, but is '0,5'; write 0.5 with a decimal point
+optimise --width 0,5 | `block.width` must be a number, but is '0,5'; write 0.5 with a decimal point
+optimise --mass-ratio 0,01 0,2 | ['0,01', '0,2']; write 0.01 with a decimal point, not 0,01
+shake --free 1,5 | invalid float value: '1,5'; write 1.5 with a decimal point, not 1,5
+shake --free x | invalid float value: 'x' (see
 job [block]; [block] | is not valid TOML: Cannot declare
 job [[block]]; width = 1 | `block` must be a table, but is [{'width': 1}]
 shake | a harmonic has no end: give --record FILE or --pulse KIND
@@ -163,7 +177,7 @@ new | required: KIND
 new tower --out /proc/nowhere/tower.toml | cannot write /proc/nowhere/tower.toml
 new towr | did you mean `tower`?
 optmise | did you mean `optimise`?
-optimise --recrods a | unrecognized arguments: --recrods a; did you mean `--records`?
+optimise --recrods a | unrecognized arguments: --recrods; did you mean `--records`?
 optimise --optimiser adamm | but is 'adamm'; did you mean `adam`?
 optimise --scatter frcition=0.1 | unknown key `frcition` in [scatter]; did you mean `fri
 export --as csv --pulse ricker --amplitude 1 | has keys of a pulse (`pulse`) and of a harm
@@ -375,3 +389,15 @@ def test_a_mistake_is_refused_before_anything_heavy_is_imported(tmp_path, comman
     # One sentence, and no line on what the command does.
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert "searching" not in done.stderr
+
+
+@pytest.mark.mends("a job file was read only by --scene")
+def test_a_job_file_is_named_with_or_without_its_option(tmp_path):
+    job, other = tmp_path / "job.toml", tmp_path / "other.toml"
+    job.write_text(
+        "[block]\nwidth = 2.0\nheight = 10.0\nmass = 4e4\n[motion]\namplitude = 0.3\nfrequency = 0.5\n"
+    )
+    for words in ([str(job)], ["--scene", str(job)], [str(job), "--scene", f"{tmp_path}/./job.toml"]):
+        assert common.case(parser().parse_args(["optimise", *words])).job.block.height == 10.0
+    with pytest.raises(ValueError, match=rf"^give one job file: JOB is {job}, and --scene is {other}$"):
+        common.case(parser().parse_args(["optimise", str(job), "--scene", str(other)]))

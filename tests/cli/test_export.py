@@ -1,6 +1,10 @@
 """`tpd export`: the files are those of the library, and no file is replaced unasked."""
 
 import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -67,3 +71,14 @@ def test_model_without_motion_needs_none(tmp_path, monkeypatch):
     assert done.status == 0
     assert "motion  none" in done.out
     assert 'mass="9000.0"' in (tmp_path / "model.xml").read_text()
+
+
+@pytest.mark.mends("a model waited for JAX: five seconds in place of one")
+@pytest.mark.parametrize(
+    "words", ["export --as opensees --width 1 --height 6 --mass 9000 --record el-centro", "record el-centro"]
+)
+def test_a_model_and_a_preview_do_not_import_jax(words, tmp_path):
+    code = f"import sys; from tpd.cli import main; print(main({words.split()}), 'jax' in sys.modules)"
+    env = os.environ | {"PYTHONPATH": str(Path(tpd.__file__).parents[1])}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, env=env)
+    assert done.stdout.splitlines()[-1] == "0 False", done.stderr

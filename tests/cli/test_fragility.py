@@ -5,9 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tpd
 from tests.cli.conftest import COLUMN, HUNG
 from tests.unanswered import unanswered
 from tpd.design.job import job_of
+from tpd.formats.channel import STANDARD_GRAVITY
+from tpd.records import el_centro
 
 TWO = "--records el-centro loma-prieta --scales 1 4 8"
 
@@ -74,3 +77,27 @@ def test_held_out_folders_of_one_name_are_two_groups(tmp_path):
         Path(word, "a.txt").write_text(TIMELESS)
     job = job_of({"motion": {"records": ["el-centro"], "held_out": words, "unit": "g", "dt": 0.01}})
     assert set(job.held_out) == set(words)
+
+
+@pytest.mark.mends("--intensity pga counted m/s^2, and --pga g")
+@pytest.mark.parametrize("words", ["pga", "sa --period 0.5"])
+def test_accelerations_are_in_g_as_those_of_pga_are_and_the_unit_is_printed(run, words):
+    done = run("fragility", COLUMN, "--records el-centro --scales 0.2 0.6 --intensity", words)
+    assert (
+        f"fragility over {done.json('fragility.json')['intensity']} (g), 1 motions of one earthquake"
+        in done.out
+    )
+    assert done.json("fragility.json")["unit"] == "g"
+    block = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
+    how = {"intensity": "pga"} if words == "pga" else {"intensity": "sa", "period": 0.5}
+    scales = STANDARD_GRAVITY * np.array([0.2, 0.6])
+    found = tpd.fragility(block, [el_centro()], scales=scales, gravity=9.81, **how)
+    shares = [float(r["shares"]) for r in done.rows("fragility.csv")]
+    assert shares == pytest.approx(found.columns()["shares"].tolist())
+    assert found.unit == "m/s^2"
+
+
+@pytest.mark.mends("PGA/(g tan alpha) was not explained")
+def test_the_default_intensity_is_explained(run):
+    said = run("fragility", COLUMN, "--records el-centro --scales 1 4").out
+    assert said.count("1 = the acceleration that lifts the block") == 1

@@ -1,5 +1,6 @@
 """The help: fast, with the texts of the schema, and with one example for each command, which runs."""
 
+import os
 import re
 import shlex
 import subprocess
@@ -56,7 +57,7 @@ def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
     text = " ".join(shown(capsys, "optimise").split())
     for said in (
         "whole width of the base, m (default 0.1)",
-        "lower and upper bound of mu = m/M (default 0.01 0.2)",
+        "lower and upper bound of the mass ratio mu = m/M (default 0.01 0.2)",
         "--no-walls do not ask for room between the walls",
         "--exactly search for the motion itself alone with a point bob, as in the paper",
         "seed of every random choice, the runs that verify and judge included (default 0)",
@@ -92,13 +93,13 @@ def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
     assert done.status == STATUS.get(command, 0), done.err
     if command in WRITES:
         assert (tmp_path / WRITES[command]).is_file()
-    elif command != "check":
+    elif command not in ("check", "record"):
         assert list((tmp_path / f"tpd-{command}").glob("*.csv"))
 
 
 @pytest.mark.mends("`python -OO` has no docstrings: the help began with None")
 def test_help_needs_no_docstrings():
-    command = [sys.executable, "-OO", "-m", "tpd.cli", "--help"]
+    command = [sys.executable, "-OO", "-m", "tpd", "--help"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert str(tpd.__doc__).splitlines()[0] in " ".join(done.stdout.split())
@@ -116,3 +117,41 @@ def test_paths_of_options_begin_at_home(monkeypatch, tmp_path):
     for command in ("new tower", "optimise", "response", "map --x mu 0 1 --y lam 0 1", "shake", "spectrum"):
         assert parser().parse_args([*command.split(), "--out=~/out"]).out == tmp_path / "out"
     assert parser().parse_args(["fragility"]).out == Path("tpd-fragility")
+
+
+@pytest.mark.mends("`python -m tpd` did not run")
+def test_the_package_is_a_program_and_american_spelling_gets_a_hint():
+    done = subprocess.run([sys.executable, "-m", "tpd", "optimize"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+    assert "did you mean `optimise`?" in done.stderr
+
+
+@pytest.mark.mends("the words of a command could not be completed")
+@pytest.mark.parametrize(("line", "word"), [("tpd opt", "optimise"), ("tpd shake --rec", "--record")])
+def test_a_shell_completes_the_words_of_a_command(line, word, tmp_path):
+    pytest.importorskip("argcomplete")
+    # What the scripts of argcomplete set in a shell.
+    asked = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_IFS": " "}
+    env = os.environ | asked | {"_ARGCOMPLETE_STDOUT_FILENAME": str(tmp_path / "words")}
+    done = subprocess.run([sys.executable, "-m", "tpd"], env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert word in (tmp_path / "words").read_text().split()
+
+
+UNITS = re.compile(
+    r"\b(m|kg|Hz|rad|g|s|number|ratios?|factors?|share|dimensionless|periods|relative|in its unit|channel|"
+    r"columns|seed|steps)\b"
+)
+"""Units of the numbers of options, and words for those that have none."""
+
+
+@pytest.mark.mends("the help of some numbers stated no unit")
+@pytest.mark.parametrize("command", grammar.COMMANDS)
+def test_the_help_states_the_unit_of_every_number(command):
+    commands = parser()._subparsers._group_actions[0].choices  # type: ignore[union-attr]
+    words = ["FILE", "DIR", "WORD", "KIND", "NAME", "DESIGN", "JOB", "ADDRESS", "UNIT"]
+    for action in commands[command]._actions:
+        # Without an own name a value is one of few words.
+        if action.nargs != 0 and action.metavar is not None and action.metavar not in words:
+            assert UNITS.search(action.help), action.option_strings

@@ -14,7 +14,7 @@ from tests.cli.conftest import call
 from tpd.cli import new
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-COMMAND = [sys.executable, "-m", "tpd.cli", "optimise", "--out", "out"]
+COMMAND = [sys.executable, "-m", "tpd", "optimise", "--out", "out"]
 posix = pytest.mark.skipif(os.name != "posix", reason="signals are others")
 
 
@@ -148,7 +148,7 @@ def test_any_letter_may_be_in_a_path_under_any_locale(tmp_path):
     (folder / "jöb.toml").write_text(job, encoding="utf-8")
     env = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     words = ["export", "--scene", f"{folder}/jöb.toml", "--as", "csv", "--file", f"{folder}/mötion.csv"]
-    done = subprocess.run([sys.executable, "-m", "tpd.cli", *words], env=env, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-m", "tpd", *words], env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "written: " in done.stdout
     assert (folder / "mötion.csv").read_text(encoding="utf-8").startswith("time_s,")

@@ -165,7 +165,7 @@ def test_a_pendulum_is_judged_on_the_records_of_a_job(on_records):
     assert "tuned to (2 runs): mean tilt" in said
     last = done.out.splitlines()[-1]
     assert last.startswith(("NOT RECOMMENDED: ", "TOO FEW EARTHQUAKES"))
-    assert "  motion  2 records, each at pga_star 2, 3" in done.out
+    assert "  motion  2 records, each at 2, 3 (PGA over g tan(alpha), 1 = " in done.out
 
 
 def test_a_design_is_shaken_by_another_record(on_records, tmp_path):

@@ -255,7 +255,7 @@ def test_ctrl_c_leaves_the_chunks_of_a_command_and_none_of_its_processes(tmp_pat
     def chunks():
         return {path: path.stat().st_mtime_ns for path in tmp_path.glob("out.chunks/*/*.npz")}
 
-    with subprocess.Popen([sys.executable, "-m", "tpd.cli", *asked], **how) as run:
+    with subprocess.Popen([sys.executable, "-m", "tpd", *asked], **how) as run:
         while not chunks() and run.poll() is None:
             time.sleep(0.05)
         run.send_signal(signal.SIGINT)
@@ -268,7 +268,7 @@ def test_ctrl_c_leaves_the_chunks_of_a_command_and_none_of_its_processes(tmp_pat
     kept = chunks()
     assert kept
     assert not (tmp_path / "out").exists()
-    done = subprocess.run([sys.executable, "-m", "tpd.cli", *asked], **(how | {"timeout": 300}))
+    done = subprocess.run([sys.executable, "-m", "tpd", *asked], **(how | {"timeout": 300}))
     assert done.returncode == 0, done.stderr
     assert chunks().items() > kept.items()
 

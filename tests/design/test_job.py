@@ -16,7 +16,7 @@ from tpd.answers.ensemble import Ensemble
 from tpd.design import criteria
 from tpd.design import job as jobs
 from tpd.design.criteria import DesignSpace, Worth
-from tpd.design.ground_motion import GroundMotionProblem
+from tpd.design.ground_motion import GroundMotionProblem, motion_factors
 from tpd.design.job_keys import SCHEMA
 from tpd.design.settings import Descent
 from tpd.records import el_centro, loma_prieta
@@ -162,6 +162,22 @@ def test_what_an_option_makes_pointless_in_a_file_is_dropped(given, over, droppe
         jobs.job_of(jobs.merged({"risk": {"share": 0.2}}, {"search": {"seed": 1}}))
 
 
+@pytest.mark.mends('`intensity = "pga"` counted m/s^2, and `pga` g')
+def test_a_job_states_accelerations_in_g():
+    job = jobs.job_of({"motion": {**RECORDS, "held_out": 0.0, "intensity": "pga", "scales": [0.3]}})
+    g = 9.80665
+    assert (job.conditions.intensity, job.conditions.scales) == ("pga_g", (0.3,))
+    # In Python PGA is in m/s^2: the job that repeats the design is in g.
+    of_python = tpd.Conditions.records(job.motions, [0.3 * g], intensity="pga")
+    for conditions in (job.conditions, of_python):
+        problem = GroundMotionProblem.of(job.block, conditions)
+        assert motion_factors(job.scene, conditions) == pytest.approx([0.3 * g / m.pga for m in job.motions])
+        motion = problem.tables["motion"]
+        assert (motion["intensity"], motion["scales"]) == ("pga", [0.3])
+    one = jobs.job_of({"motion": {"records": ["el-centro"], "intensity": "pga", "scales": [0.3]}})
+    assert one.shaking.pga == pytest.approx(0.3 * g)
+
+
 def test_the_kind_of_motion_follows_from_its_keys():
     assert jobs.job_of({}).kind == "harmonic"
     pulse = jobs.job_of({"motion": {"pulse": "ricker", "pulse_frequency": 2.0, "pga": 0.5}})
@@ -245,7 +261,9 @@ def test_one_motion_at_one_size_is_needed_for_a_history_and_sizes_for_a_search()
         _ = unsized.conditions
     with pytest.raises(ValueError, match="the job has 2 sizes of its motion: give one by --scale X"):
         _ = jobs.job_of({"motion": alone | {"scales": [1.0, 2.0]}}).shaking
-    with pytest.raises(ValueError, match="the job has 2 records, but one is needed: --record FILE"):
+    with pytest.raises(
+        ValueError, match=r"the job has 2 records \(el-centro; loma-prieta\), but one is needed"
+    ):
         _ = jobs.job_of({"motion": RECORDS}).shaking
 
 

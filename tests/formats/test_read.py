@@ -208,5 +208,18 @@ def test_a_text_that_begins_like_another_file_is_read(tmp_path):
 
 def test_a_record_says_which_file_and_channel_it_is_of():
     path = DATA / "coalinga_1983_cut.V2"
-    assert [r.source for r in Record.read_all(path)] == [f"{path.name}, channel {i}" for i in range(3)]
+    named = [f"{path.name}, channel {i} ({name})" for i, name in enumerate(("90 DEG", "UP", "0 DEG"))]
+    assert [r.source for r in Record.read_all(path)] == named
     assert Record.read(DATA / "anchorage_2018_cut.V2c").source == "anchorage_2018_cut.V2c"
+
+
+@pytest.mark.mends("a message about a file of several channels did not name the channel")
+def test_a_message_names_the_channel_that_it_is_about(tmp_path):
+    file = tmp_path / "quake.csv"
+    file.write_text("time (s),N (g),E (g)\n" + "".join(f"{0.01 * i:.2f},0.1,{9.0 * i}\n" for i in range(50)))
+    for reads, said in (
+        (Record.read_all, r"^quake.csv, channel 1 \(E\): the peak must be at most 100 m/s\^2"),
+        (Record.read, r"^quake.csv, channel 1 \(E\): the peak"),
+    ):
+        with pytest.raises(UnreadableRecord, match=said):
+            reads(file)

@@ -1,10 +1,13 @@
 """Maps and spectra draw themselves with labelled axes, and are tables."""
 
 import numpy as np
+import pytest
 
 import tpd
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum
 from tpd.design.optimise import Designs
+from tpd.plots.style import new_axes
+from tpd.records.intensity import spectral_acceleration
 
 BARE_SPECTRUM = np.array([[0, 1], [2, -1], [3, 0]])
 OVERTURNING = OverturningSpectrum(
@@ -39,3 +42,16 @@ def test_spectra_draw_themselves_and_are_tables():
     sizes = dict.fromkeys(("mass", "length", "damping_ratio", "value", "bare"), np.array([1.0, np.nan]))
     found = Designs(status=np.array(["found", "refused"]), **sizes)
     assert found.to_dataframe()["status"].tolist() == ["found", "refused"]
+
+
+@pytest.mark.mends("a record had no picture")
+def test_a_record_is_drawn_with_its_peaks_and_its_spectrum():
+    record = tpd.Record(np.sin(2.0 * np.pi * np.arange(201) / 100), 0.01, name="a sine")
+    axes = tpd.plot(record)
+    assert [ax.get_title(loc="right") for ax in axes[:3]] == ["PGA 0.102 g", "PGV 0.318 m/s", "PGD 0.318 m"]
+    labels = ["acceleration (g)", "velocity (m/s)", "displacement (m)"]
+    assert [ax.get_ylabel() for ax in axes] == [*labels, "spectral acceleration, 5 % damping (g)"]
+    periods, sizes = axes[3].lines[0].get_data()
+    assert sizes[20] == pytest.approx(spectral_acceleration(record, periods[20]) / 9.80665)
+    own = [new_axes() for _ in range(4)]
+    assert list(tpd.plot(record, ax=own)) == own

@@ -33,7 +33,7 @@ def test_every_result_takes_what_and_ax_and_the_names_of_its_own(design_map, sin
 
 def test_a_mistake_is_one_sentence(design_map, single):
     for result, how, message in (
-        (3, {}, r"`result` must have a picture \(Design, Front, .*, RockingSpectrum\), but is 3"),
+        (3, {}, r"`result` must have a picture \(Design, Front, .*, RockingSpectrum, Record\), but is 3"),
         (tpd.Design, {}, "`result` must have a picture"),
         (single, {"what": "groups"}, "`what` must be one of landscape, drawing, benefit"),
         (single, {"state": "half"}, "`state` does not apply to a Design: allowed are what, ax"),

@@ -9,7 +9,14 @@ import pytest
 
 from tpd import Block, Pulse, Record
 from tpd.records import el_centro
-from tpd.records.intensity import INTENSITIES, intensity_of, peak_velocity, spectral_acceleration
+from tpd.records.intensity import (
+    INTENSITIES,
+    base_motion,
+    intensity_of,
+    peak_velocity,
+    significant_times,
+    spectral_acceleration,
+)
 
 G = 9.81
 BLOCK = Block(width=0.45, height=1.8, mass=900.0)
@@ -24,7 +31,8 @@ VELOCITY = 2 * 3.0 / (2 * math.pi * 1.5)
     [
         ("pga", 3.0, "m/s^2"),
         ("pgv", VELOCITY, "m/s"),
-        ("pga_star", 3.0 / (G * 0.25), "-"),
+        ("pga_g", 3.0 / 9.80665, "g"),
+        ("pga_star", 3.0 / (G * 0.25), "1 = the acceleration that lifts the block"),
         ("pgv_star", RATE * VELOCITY / (G * 0.25), "-"),
         ("scale", 1.0, "-"),
     ],
@@ -139,3 +147,17 @@ def test_measures_that_do_not_exist():
     ):
         with pytest.raises(ValueError, match=said):
             intensity_of(wrong[0], BLOCK, G, wrong[1])
+
+
+def test_velocity_and_displacement_are_those_of_the_exact_integral_and_the_energy_is_timed():
+    # Two triangles of an area of 0.1 m/s each, one up and one down.
+    record = Record([0.0, 1.0, 0.0, -1.0, 0.0], 0.1, scale=2.0)
+    a, v, d = base_motion(record)
+    assert a.tolist() == [0.0, 2.0, 0.0, -2.0, 0.0]
+    assert v == pytest.approx([0.0, 0.1, 0.2, 0.1, 0.0])
+    # The base moves 0.2 m/s times 0.2 s.
+    assert d == pytest.approx([0.0, 1 / 300, 0.02, 11 / 300, 0.04], rel=1e-12)
+    # Half of the energy in each triangle, so that times are symmetric about the middle.
+    constant = Record(np.ones(101), 0.1)
+    assert significant_times(constant) == pytest.approx((0.5, 9.5), rel=1e-12)
+    assert sum(significant_times(record)) == pytest.approx(0.4, rel=1e-12)

@@ -223,10 +223,10 @@ def test_one_channel_counts_once(tmp_path):
     corrected = esm(300.0 * wave, 0.01)
     raw_cosmos = cosmos(300.0 * wave, 0.01).replace("Corrected acc", "Uncorrected acc")
     for texts, kept in (
-        ({"CE1_V1": v1, "CE1_V2": v2}, "CE1.V2, channel 0"),
+        ({"CE1_V1": v1, "CE1_V2": v2}, "CE1.V2, channel 0 (90 DEG)"),
         (
             {"X1_V1A": geonet(3000.0 * wave, 0.01, corrected=False), "X1_V2A": geonet(2900.0 * wave, 0.01)},
-            "X1.V2A, channel 0",
+            "X1.V2A, channel 0 (N10E)",
         ),
         (
             {"C_asc": corrected.replace("BASELINE REMOVED", "BASELINE NOT REMOVED"), "M_asc": corrected},

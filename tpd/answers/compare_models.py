@@ -83,7 +83,7 @@ class Check(Printed):
             )
             times = f"{r.seconds * 1e3:7.2f} ms{r.first:7.1f} s"
             lines.append(f"{r.name:20}{''.join(sizes)}  {r.status:13}{times}  {r.neglects}")
-        return "\n".join(lines)
+        return "\n".join([*lines, _MEANING])
 
     def __str__(self) -> str:
         verdict = [f"objection: {x}" for x in self.objections] or ["no objection by the nonlinear equations"]
@@ -203,6 +203,10 @@ class _Model(NamedTuple):
     """Whether the model has the loss of energy at impacts."""
 
 
+_MEANING = (
+    "Amplitude and stroke are the largest tilt and bob angle (rad) of the motion that each model reaches "
+    "from rest; where they differ from those of the model nonlinear, what a model neglects matters."
+)
 TOP = "nonlinear"
 """Name of the model that the others are compared with."""
 _MODELS = {

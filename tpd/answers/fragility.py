@@ -157,7 +157,8 @@ def fragility(
         pendulum: compared with the bare block on the same motions.
         intensity: "pga_star" is PGA/(g tan alpha), "pgv_star" is p PGV/(g tan alpha) with p the block's rate
             omega0; "pga" and "pgv" are in m/s^2 and m/s; "sa" is the spectral acceleration in m/s^2 at
-            `period` (s) and 5 % damping; "scale" is the factor on each motion as it is.
+            `period` (s) and 5 % damping; "pga_g" and "sa_g" are in g; "scale" is the factor on each motion as
+            it is.
         states: damage states: tilt over the slenderness that a motion exceeds.
         nonlinear: whether the nonlinear equations follow all motions too, to say how many verdicts change.
         gravity: m/s^2.

@@ -1,5 +1,6 @@
-"""Command line: `tpd new`, `optimise`, `check`, `response`, `map`, `shake`, `spectrum`, `fragility` and
-`export`.
+# PYTHON_ARGCOMPLETE_OK
+"""Command line: `tpd new`, `record`, `optimise`, `check`, `response`, `map`, `shake`, `spectrum`,
+`fragility` and `export`.
 
 The grammar of all commands is in `grammar`. A command is a module with a function `run`, which is imported
 when the command is chosen: the help does not wait for JAX.
@@ -35,8 +36,12 @@ def main(arguments: list[str] | None = None) -> int:
     Without `arguments` those of the process are taken: then the process is this command's, and Ctrl-C ends it
     at once, also while something is imported or compiled.
     """
+    grammar = parser()
     if arguments is not None:
-        return _run(parser().parse_args(arguments))
+        return _run(grammar.parse_args(arguments))
+    # A shell asks for the words that may come next, by way of an optional package.
+    if "_ARGCOMPLETE" in os.environ:
+        import_module("argcomplete").autocomplete(grammar)
     # The exception that Python raises instead waits until compiled code returns. The default action does not
     # wait, and a shell has status 130 for it. Files are complete before they get their names.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -45,7 +50,7 @@ def main(arguments: list[str] | None = None) -> int:
     from tpd.cli import interrupts
 
     with interrupts.lasting_output():
-        read = parser().parse_args()
+        read = grammar.parse_args()
         warnings.showwarning = interrupts.warned
         return _run(read, read.does.format(**vars(read)))
 
@@ -56,9 +61,9 @@ def _run(read: argparse.Namespace, does: str = "") -> int:
     out: Path | None = getattr(read, "out", None)
     made = None if out is None or os.path.exists(out) else out
     try:
-        # A template needs nothing of this.
-        if read.command == "new":
-            return import_module("tpd.cli.new").run(read)
+        # A command that ends at once does not wait for JAX.
+        if not read.does:
+            return import_module(f"tpd.cli.{read.command}").run(read)
         from tpd.cli import common, interrupts
 
         # All inputs are checked before JAX is imported, which takes seconds.

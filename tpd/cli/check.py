@@ -41,7 +41,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     common.say(job.scene, pendulum, job.in_words, job.all_told, problem.at_rest)
     if options.engine is not None:
         return _by_engine(job, pendulum, options, given)
-    models = QUICK if options.quick else MODELS
+    models = MODELS if options.full else QUICK
     with Bar() as bar:
         said, is_sound = _validated(job, problem, pendulum, models, bar)
     print("\n".join(["", *said]))

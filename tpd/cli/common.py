@@ -108,7 +108,11 @@ def case(options: argparse.Namespace) -> Case:
     """
     stated, name = given(options), getattr(options, "design", None)
     if name is None:
-        job = jobs.job_of(jobs.merged({} if options.scene is None else jobs.read(options.scene), stated))
+        # Two names of one file are the same job.
+        named = {x.resolve(): x for x in (getattr(options, "job", None), options.scene) if x is not None}
+        if len(named) > 1:
+            raise ValueError(f"give one job file: JOB is {options.job}, and --scene is {options.scene}")
+        job = jobs.job_of(jobs.merged({} if not named else jobs.read(*named.values()), stated))
         return Case(job, pendulum(options, job.block) if hasattr(options, "pendulum_mass") else None)
     others = {"amplitude", "frequency"} & set(stated.get("motion", {})) or set(stated) - {"motion"}
     if others or any(getattr(options, x, None) is not None for x in ("scene", *_PENDULUM)):

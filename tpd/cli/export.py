@@ -8,18 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from tpd import engines
-from tpd.answers.shaking_history import shaking_history
 from tpd.cli import common
 from tpd.cli.grammar import EXPORTED
 from tpd.cli.interrupts import SOUND
 from tpd.core import files
-from tpd.design.as_built import time_histories
+from tpd.engines.rigid_body import mjcf, opensees
 from tpd.scene.scene import Pendulum, Scene
 
 
-def run(options: argparse.Namespace, inputs: common.Case) -> int:
+def run(options: argparse.Namespace) -> int:
     """Write the file, and print what was exported; return the exit status."""
+    job, pendulum = common.checked(options)
     if options.kind == "csv" and options.sliding is not None:
         raise ValueError("--sliding is of a model of MuJoCo or OpenSees, but --as is csv")
     file = Path(EXPORTED[options.kind]) if options.file is None else options.file
@@ -28,13 +27,14 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
         raise ValueError(f"--file must name a file, but {file} is a directory")
     if file.exists() and not options.overwrite:
         raise ValueError(f"{file} exists already: choose another name with --file, or pass --overwrite")
-    job, pendulum = inputs
     has_motion = options.kind != "mjcf"
     scene = job.single if has_motion else job.scene
     common.say(scene, pendulum, "" if has_motion else "none: give it to the actuators", job.told)
     if pendulum is None and options.design is not None:
         print("The report offers no pendulum: only the bare block is exported.")
     if options.kind == "csv":
+        # A model does not wait for JAX.
+        common.set_up(job)
         columns, fallen = _columns(scene, pendulum)
         content = files.as_table(columns)
         for name in (name for name, column in columns.items() if column[-1] != column[-1]):
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
             print(f"{name}: {why}, and the cells after that are empty")
     else:
         more = {} if options.sliding is None else {"sliding": options.sliding}
-        content = getattr(engines, options.kind)(scene, pendulum, **more)
+        content = {"mjcf": mjcf, "opensees": opensees}[options.kind](scene, pendulum, **more)
     print(f"written: {files.place(file, content)}")
     return SOUND
 
@@ -50,6 +50,9 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
 def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], set[str]]:
     """Motion over time, bare and with the pendulum, from rest by the exact solution, NaN once the block has
     fallen; and which of "bare" and "hung" overturn."""
+    from tpd.answers.shaking_history import shaking_history
+    from tpd.design.as_built import time_histories
+
     if hasattr(scene.motion, "amplitude"):
         found = time_histories(scene, pendulum)
         # An exact displacement stands beside the acceleration; that of a record would be an integral.

@@ -39,7 +39,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
             motions,
             scales=stripes,
             pendulum=pendulum,
-            intensity=asked["intensity"],
+            intensity=job.intensity,
             period=options.period,
             gravity=float(scene.gravity),
             cluster=cluster,
@@ -56,6 +56,7 @@ def _tables(job: Job, pendulum: Pendulum | None, found: Fragility) -> Iterator[t
     content = {
         **common.inputs(job.scene, pendulum, job),
         "intensity": found.intensity,
+        "unit": found.unit,
         "motions": list(found.motions),
         "earthquakes": found.earthquakes,
         "p_values": found.p_values and {name: p.tolist() for name, p in found.p_values.items()},

@@ -17,6 +17,9 @@ KINDS = ("tower", "chimney", "column", "statue", "paper")
 EXPORTED = {"mjcf": "model.xml", "opensees": "model.tcl", "csv": "histories.csv"}
 """Kinds of files that `tpd export` writes, and their names."""
 
+_SLIDING = "coefficient of friction on the floor, dimensionless (default 0.6)"
+_AXIS = "a name, its lower and its upper end, in m, kg and Hz; ratios are dimensionless"
+
 
 def _options(table: str, **metavars: str | tuple[str, ...]) -> tuple[Option, ...]:
     """Options with the names of the keys that they set, by these names."""
@@ -78,7 +81,7 @@ class Command(NamedTuple):
     """Words for its work, said before anything is imported; empty where it ends at once."""
     description: str
     example: str
-    more: str = ""
+    more: str = "Exit status: 0 done; 2 bad input, and one sentence says what is allowed; 130 interrupted."
     """Text after the options."""
 
 
@@ -136,9 +139,9 @@ def _case(command: Parser, *motions: Option) -> None:
     group = command.add_argument_group("pendulum")
     mass, length = group.add_mutually_exclusive_group(), group.add_mutually_exclusive_group()
     _number(mass, "--pendulum-mass", "KG", "mass of the bob, kg")
-    _number(mass, "--mass-ratio", "MU", "mass of the bob over the block's")
+    _number(mass, "--mass-ratio", "MU", "ratio of the masses of bob and block")
     _number(length, "--pendulum-length", "M", "length of the pendulum, m")
-    _number(length, "--length-ratio", "LAM", "length of the pendulum over the half height")
+    _number(length, "--length-ratio", "LAM", "ratio of the length to the half height of the block")
     _number(group, "--pendulum-damping", "ZETA", "damping ratio of the hinge (default 0.1)")
 
 
@@ -156,7 +159,7 @@ def _cluster(command: Parser) -> None:
         "same command goes on where it was interrupted. Needs `tpd[dask]`",
     )
     either = group.add_mutually_exclusive_group()
-    _number(either, "--workers", "N", "processes on this machine", int)
+    _number(either, "--workers", "N", "number of processes on this machine", int)
     either.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster, tcp://host:port")
 
 
@@ -165,7 +168,18 @@ def _new(command: Parser) -> None:
     command.add_argument("--out", type=path_of, metavar="FILE", help="default KIND.toml; it must not exist")
 
 
+def _record(command: Parser) -> None:
+    text = (
+        "files and folders of records, or names of those that are built in: el-centro, loma-prieta, fema-p695"
+    )
+    command.add_argument("records", nargs="+", metavar="FILE", help=text)
+    _group(command, "reading", READING)
+    command.add_argument("--out", type=path_of, metavar="DIR", help="directory of pictures and of a table")
+    _switch(command, "--overwrite", "replace the results in an existing DIR")
+
+
 def _optimise(command: Parser) -> None:
+    command.add_argument("job", type=path_of, nargs="?", metavar="JOB", help="job file, as --scene FILE")
     _scene(command, *HARMONIC, *PULSE, *RECORDS, HELD_OUT)
     _group(command, "design space and limits", DESIGN)
     many = _group(command, "conditions", CONDITIONS)
@@ -183,28 +197,25 @@ def _optimise(command: Parser) -> None:
 def _check(command: Parser) -> None:
     _case(command, *HARMONIC, *PULSE, *RECORDS)
     NO_WALLS.add(command)
-    _switch(command, "--quick", "leave out the smoothed models, which take long to compile")
-    _number(command, "--seed", "N", "of the runs (default: the job's, of an engine 0)", int)
+    _switch(command, "--full", "solve the smoothed models as well, which take long to compile")
+    _number(command, "--seed", "N", "seed of the runs (default: the job's, of an engine 0)", int)
     engine = command.add_argument_group("an independent engine (extra: tpd[engines])")
     text = (
         "follow paired runs in a rigid-body engine with contact and sliding in place of the models, and put "
         "the result into the report"
     )
     engine.add_argument("--engine", choices=("mujoco",), help=text)
-    text = "of the ensemble of the engine (default 64)"
-    engine.add_argument("--runs", type=int, help=text)
-    engine.add_argument("--sliding", type=float, help="coefficient of friction on the floor (default 0.6)")
+    _number(engine, "--runs", "N", "number of runs in the engine (default 64)", int)
+    _number(engine, "--sliding", "MU", _SLIDING)
 
 
 def _response(command: Parser) -> None:
     _case(command, *HARMONIC)
-    _number(command, "--from", "HZ", "default 0.4 of the scene's", dest="low")
-    _number(command, "--to", "HZ", "default twice the scene's", dest="high")
-    _number(command, "--points", "N", "of each branch (default 400)", int, default=400)
-    _switch(command, "--dimensionless", "against xi at constant f; --from and --to are xi")
-    text = (
-        "frequencies over the whole range at which the motion from rest is followed (default 40), 0 for none"
-    )
+    _number(command, "--from", "HZ", "lowest frequency, Hz (default 0.4 of the scene's)", dest="low")
+    _number(command, "--to", "HZ", "highest frequency, Hz (default twice the scene's)", dest="high")
+    _number(command, "--points", "N", "number of points of each branch (default 400)", int, default=400)
+    _switch(command, "--dimensionless", "against xi at constant f; --from and --to are xi, dimensionless")
+    text = "number of frequencies at which the motion from rest is followed (default 40), 0 for none"
     _number(command, "--from-rest", "N", text, int, default=40)
     _out(command, "tpd-response")
 
@@ -212,9 +223,9 @@ def _response(command: Parser) -> None:
 def _map(command: Parser) -> None:
     _case(command, *HARMONIC)
     for axis in ("x", "y"):
-        named: dict[str, Any] = {"metavar": ("NAME", "LO", "HI"), "help": f"the {axis} axis"}
+        named: dict[str, Any] = {"metavar": ("NAME", "LO", "HI"), "help": f"the {axis} axis: {_AXIS}"}
         command.add_argument(f"--{axis}", nargs=3, required=True, **named)
-    _number(command, "--points", "N", "along each axis (default 200)", int, default=200)
+    _number(command, "--points", "N", "number of points along each axis (default 200)", int, default=200)
     _switch(command, "--from-rest", "follow every design from rest: forty times slower")
     _cluster(command)
     _out(command, "tpd-map")
@@ -222,22 +233,27 @@ def _map(command: Parser) -> None:
 
 def _shake(command: Parser) -> None:
     _case(command, *PULSE, *RECORD)
-    _number(command, "--free", "S", "free motion after it (default 20)", default=20.0)
+    _number(command, "--free", "S", "free motion after it, s (default 20)", default=20.0)
     _out(command, "tpd-shake")
 
 
 def _spectrum(command: Parser) -> None:
     _case(command, *PULSE, *RECORD)
-    _number(command, "--points", "N", "along each axis (default 120)", int, default=120)
-    _number(command, "--to", "X", "largest omega_p/p (default 10), or largest 2 pi/p in s (default 12)")
-    _number(command, "--sizes-to", "X", "largest a_p/(g tan alpha) of a pulse (default 10)")
+    _number(command, "--points", "N", "number of points along each axis (default 120)", int, default=120)
+    _number(
+        command,
+        "--to",
+        "X",
+        "largest ratio omega_p/p (default 10); of a record 2 pi/p, s (default 12)",
+    )
+    _number(command, "--sizes-to", "X", "largest ratio a_p/(g tan alpha) of a pulse (default 10)")
     _cluster(command)
     _out(command, "tpd-spectrum")
 
 
 def _fragility(command: Parser) -> None:
     _case(command, *RECORDS, *PULSE)
-    _number(command, "--period", "S", "of --intensity sa, the spectral acceleration")
+    _number(command, "--period", "S", "period of the spectral acceleration of --intensity sa, s")
     _cluster(command)
     _out(command, "tpd-fragility")
 
@@ -246,7 +262,7 @@ def _export(command: Parser) -> None:
     _case(command, *HARMONIC, *PULSE, *RECORD)
     kinds: dict[str, Any] = {"choices": tuple(EXPORTED), "help": "mjcf: MuJoCo; csv: the histories"}
     command.add_argument("--as", dest="kind", required=True, **kinds)
-    _number(command, "--sliding", "MU", "friction of a model on the floor (default 0.6)")
+    _number(command, "--sliding", "MU", _SLIDING)
     text = f"to write to (default {', '.join(EXPORTED.values())})"
     command.add_argument("--file", type=path_of, metavar="FILE", help=text)
     _switch(command, "--overwrite", "replace FILE if it exists")
@@ -258,9 +274,19 @@ COMMANDS = {
         "write a commented job file to begin with",
         "",
         "Write a job file in TOML with a realistic scene of the kind asked for: every key that matters, "
-        "with its unit and the reason for it. Change the numbers, then run `tpd optimise --scene FILE`. "
-        "Exit status: 0 written, 2 bad input or an existing file.",
+        "with its unit and the reason for it. Change the numbers, then run `tpd optimise FILE`.",
         "tpd new tower --out mine.toml",
+        "Exit status: 0 written, 2 bad input or an existing file.",
+    ),
+    "record": Command(
+        _record,
+        "preview a ground motion: its peaks, duration and spectrum",
+        "",
+        "Read records and print what was read and what was left out, PGA in g and m/s^2, PGV, PGD, the time "
+        "from 5 to 95 % of the energy and the spectral acceleration at 5 % damping; of several records a "
+        "line each. A PGA that is implausible gets a warning: look for a wrong unit. With --out also "
+        "pictures of the histories and the response spectrum.",
+        "tpd record el-centro",
     ),
     "optimise": Command(
         _optimise,
@@ -278,22 +304,22 @@ COMMANDS = {
     "check": Command(
         _check,
         "say whether a design, or a pendulum of your own, can be hung",
-        "solving the design by every model",
-        "Solve a design by every model, from the closed forms to the nonlinear equations, and ask of it "
-        "what `tpd optimise` asks of its designs: the same conditions, starts, limits and runs. Exit "
-        "status: 0 it helps and it fits; 2 bad input; 3 one of these fails, and the last line says which; "
-        "130 interrupted.",
-        "tpd check --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2 --quick",
+        "solving the design",
+        "Solve a design from the closed forms to the nonlinear equations, and ask of it what `tpd optimise` "
+        "asks of its designs: the same conditions, starts, limits and runs.",
+        "tpd check --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2",
+        "Exit status: 0 it helps and it fits; 2 bad input; 3 one of these fails, and the last line says "
+        "which; 130 interrupted.",
     ),
     "response": Command(
         _response,
         "amplitude and stroke against frequency",
         "following the motions over frequency, for {out}",
-        "Branches of symmetric period-one orbits against frequency, stable and unstable, and where they"
-        " are lost: of the bare block and, if one is given, with a pendulum. The amplitude of the base "
-        "stays as it is, or with --dimensionless its acceleration f. Beside them, what a start from rest "
-        "settles into, every 0.4 % within 5 % of the scene's frequency. Without options: the block of "
-        "Collini et al. (2016). Exit status: 0 done, 2 bad input, 130 interrupted.",
+        "Branches of symmetric period-one orbits against frequency, stable and unstable, and where they are "
+        "lost: of the bare block and, if one is given, with a pendulum. The amplitude of the base stays as "
+        "it is, or with --dimensionless its acceleration f. Beside them, what a start from rest settles "
+        "into, every 0.4 % within 5 % of the scene's frequency. Without options: the block of Collini et "
+        "al. (2016).",
         "tpd response --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2",
     ),
     "map": Command(
@@ -303,8 +329,7 @@ COMMANDS = {
         "Solve every design on a grid of two names: dimensionless parameters (nu, mu, lam, zeta, k, f, xi, "
         "e, rho) or, in SI units, width, height, mass, friction, restitution, amplitude, frequency, "
         "pendulum-mass, pendulum-length and pendulum-damping. Shown is the largest attracting symmetric "
-        "period-one orbit, or rest; with --from-rest what is settled into from rest. Exit status: 0 done, 2"
-        " bad input, 130 interrupted.",
+        "period-one orbit, or rest; with --from-rest what is settled into from rest.",
         "tpd map --scene tower.toml --x mu 0.01 0.1 --y lam 0.1 0.9",
     ),
     "shake": Command(
@@ -314,9 +339,10 @@ COMMANDS = {
         "Follow a block from rest through one pulse or record, bare and, if one is given, with a pendulum: "
         "largest angles, whether and when it overturns, impacts, and the friction that the base needs. The "
         "nonlinear equations count, and the linear ones, exact between the samples, stand beside them; "
-        "histories, impacts and friction are of the linear equations. Exit status: 0 done, 2 bad input, 3 "
-        "the block overturns in the last of the cases, or its motion has no answer, 130 interrupted.",
+        "histories, impacts and friction are of the linear equations.",
         "tpd shake --scene tower.toml --record el-centro --pga 0.3",
+        "Exit status: 0 done, 2 bad input, 3 the block overturns in the last of the cases, or its motion "
+        "has no answer, 130 interrupted.",
     ),
     "spectrum": Command(
         _spectrum,
@@ -324,27 +350,24 @@ COMMANDS = {
         "following blocks, for {out}",
         "With --pulse: what a pulse of every frequency and size does to the block, over omega_p/p and "
         "a_p/(g tan alpha). With --record: the largest tilt of blocks of the same slenderness and every "
-        "size, over 2 pi/p. Bare and, if one is given, with a pendulum. Exit status: 0 done, 2 bad input, "
-        "130 interrupted.",
+        "size, over 2 pi/p. Bare and, if one is given, with a pendulum.",
         "tpd spectrum --scene tower.toml --pulse ricker",
     ),
     "fragility": Command(
         _fragility,
         "fragility curves over records",
         "following the block, for {out}",
-        "Scale every record to every stripe of an intensity (--scales; default 20 from 0.5 to 8) and follow"
-        " the block through all of them, bare and, if one is given, with a pendulum on the same motions. "
-        "Exit status: 0 done, 2 bad input, 130 interrupted.",
+        "Scale every record to every stripe of an intensity (--scales; default 20 from 0.5 to 8) and follow "
+        "the block through all of them, bare and, if one is given, with a pendulum on the same motions.",
         "tpd fragility --scene tower.toml --records el-centro loma-prieta --scales 1 2 4",
     ),
     "export": Command(
         _export,
         "write a design as a model of MuJoCo or OpenSees, or its motion as a table",
-        "writing the model",
+        "",
         "Write the block and the pendulum of a report, or of the options, as a model for another program, "
         "or their motion from rest as CSV, bare and with the pendulum, under the harmonic of the report or "
-        "the options, or the pulse or record that is given. A model in MJCF has no motion. Exit status: 0 "
-        "done, 2 bad input, 130 interrupted.",
+        "the options, or the pulse or record that is given. A model in MJCF has no motion.",
         "tpd export --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2 --as mjcf",
     ),
 }

@@ -45,6 +45,9 @@ class Parser(argparse.ArgumentParser):
         # argparse prints its whole usage first; the one sentence that matters would scroll away.
         if chosen := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
             message += _meant(chosen[1], re.findall(r"[\w-]+", chosen[2]))
+        from tpd.core.formatting import decimal_comma
+
+        message += decimal_comma(message)
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
@@ -91,6 +92,14 @@ def span(values: np.ndarray, unit: str = "") -> str:
     if not finite.size:
         return "–"
     return f"{number(float(finite.min()))} to {number(float(finite.max()))} {unit}".rstrip()
+
+
+def decimal_comma(text: str) -> str:
+    """Return the end of a message about a text with a decimal comma; empty where the text has none."""
+    found = re.search(r"(?<![\w.,-])-?\d+,\d+(?!\w|,\d)", text)
+    return (
+        "" if found is None else f"; write {found[0].replace(',', '.')} with a decimal point, not {found[0]}"
+    )
 
 
 def meant(word: object, allowed: Iterable[str], *, listing: bool = True) -> str:

@@ -65,11 +65,11 @@ class DesignSpace:
     """
 
     mass_ratio: tuple[float, float] = (0.01, 0.2)
-    """Lower and upper bound of mu = m/M."""
+    """Lower and upper bound of the mass ratio mu = m/M."""
     length_ratio: tuple[float, float] = (0.1, 1.5)
-    """Lower and upper bound of lam = l/b."""
+    """Lower and upper bound of the length ratio lam = l/b."""
     damping_ratio: checks.Real | tuple[float, float] = 0.1
-    """zeta of the hinge: one number, or a lower and an upper bound if it is searched as well."""
+    """Damping ratio zeta of the hinge: one number, or a lower and an upper bound if it is searched too."""
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__

@@ -166,7 +166,10 @@ class GroundMotionProblem(Problem):
         """See `Problem.tables`: each motion must be a built-in record, or the only one a pulse."""
         held = [_name_of(m) for g in self.groups for m in g.motions if g.role is Role.held_out]
         motions, of = self.conditions.motions, self.conditions
-        motion: dict[str, Any] = {"scales": of.scales, "intensity": of.intensity}
+        # A job states PGA in g.
+        unit = STANDARD_GRAVITY if of.intensity == "pga" else 1.0
+        scales = [float(f"{x / unit:.12g}") for x in of.scales]
+        motion: dict[str, Any] = {"scales": scales, "intensity": of.intensity.removesuffix("_g")}
         if len(motions) == 1 and isinstance(pulse := motions[0], Pulse) and not held:
             motion |= {"pulse": pulse.kind, "pulse_frequency": pulse.frequency}
             motion["pga"] = float(pulse.pga) / STANDARD_GRAVITY

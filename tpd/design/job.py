@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 from tpd.core import checks
 from tpd.core.files import path_of
+from tpd.core.formatting import decimal_comma
 from tpd.design.criteria import (
     KINDS,
     DesignSpace,
@@ -48,15 +49,17 @@ from tpd.design.settings import SCATTERED, Descent, GroundSearch
 from tpd.exact import compiling
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
-from tpd.records.intensity import intensity_of
+from tpd.records.intensity import OF_JOBS, intensity_of
 from tpd.records.reading import described, in_words, read_motions
 from tpd.scene.bob import Bob
-from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.conditions import MEASURES, Conditions, check_restitution
 from tpd.scene.ensemble import Ensemble
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse, events_of
 from tpd.scene.scene import Block, Harmonic, Scene
 from tpd.scene.starts import Starts
 
+_FEW = 9
+"""Most records that a message names."""
 _MOST_CONDITIONS = 100_000
 """Beyond it the arrays of a search do not fit into the memory of a usual computer."""
 
@@ -176,6 +179,12 @@ class Job(ABC):
         """
 
     @property
+    def intensity(self) -> str:
+        """Name in `tpd.records.intensity` of what the scales count."""
+        asked: str = self.full["motion"]["intensity"]
+        return OF_JOBS.get(asked, asked)
+
+    @property
     def shaking(self) -> GroundMotion:
         """The only pulse or record, at its only size.
 
@@ -185,8 +194,11 @@ class Job(ABC):
         asked = self.full["motion"]
         motions, scales = self.ground_motions, asked["scales"] or (1.0,)
         if len(motions) > 1:
+            named = "; ".join(getattr(m, "source", "") or getattr(m, "name", "") for m in motions[:_FEW])
+            more = "; and more" if len(motions) > _FEW else ""
             raise ValueError(
-                f"the job has {len(motions)} records, but one is needed: --record FILE, --channel N"
+                f"the job has {len(motions)} records ({named}{more}), but one is needed: --record FILE, "
+                "--channel N"
             )
         if len(scales) > 1:
             raise ValueError(f"the job has {len(scales)} sizes of its motion: give one by --scale X")
@@ -195,9 +207,7 @@ class Job(ABC):
             raise ValueError("the motion must have an acceleration, but is zero at all times")
         size = 1.0
         if asked["scales"] is not None and asked["intensity"] != "scale":
-            size = intensity_of(asked["intensity"], self.block, self.full["site"]["gravity"], None).value(
-                motion
-            )
+            size = intensity_of(self.intensity, self.block, self.full["site"]["gravity"], None).value(motion)
         return motion.scaled(scales[0] / size)
 
     @property
@@ -458,13 +468,13 @@ class RecordsJob(Job):
                 "scaled to; `tpd fragility` and `tpd shake` follow a design through records as they are"
             )
         with naming("motion"):
-            return Conditions.records(self.motions, asked["scales"], intensity=asked["intensity"])
+            return Conditions.records(self.motions, asked["scales"], intensity=self.intensity)
 
     @property
     def in_words(self) -> str:
         """See `Job.in_words`."""
         scales = ", ".join(f"{x:g}" for x in self.conditions.scales)
-        return f"{in_words(self.motions)}, each at {self.conditions.intensity} {scales}"
+        return f"{in_words(self.motions)}, each at {scales} ({MEASURES[self.conditions.intensity]})"
 
     @cached_property
     def ensemble(self) -> Ensemble:
@@ -508,14 +518,18 @@ def read(path: Path) -> dict[str, Any]:
     Raises:
         ValueError: the file cannot be read, or is not TOML.
     """
+    text = ""
     try:
-        found = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
+        found = tomllib.loads(text)
     except OSError as error:
         raise ValueError(f"cannot read {path}: {error.strerror or error}") from None
     except UnicodeDecodeError:
         raise ValueError(f"{path} is not a text file in UTF-8") from None
     except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{path} is not valid TOML: {error}") from None
+        line = re.search(r"line (\d+)", str(error))
+        comma = decimal_comma(text.splitlines()[int(line[1]) - 1]) if line else ""
+        raise ValueError(f"{path} is not valid TOML: {error}{comma}") from None
     except RecursionError:
         raise ValueError(f"{path} is not a job file: it nests too deeply") from None
     if not found:

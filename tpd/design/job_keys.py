@@ -23,7 +23,7 @@ from msgspec import Meta
 
 from tpd.core.checks import shown
 from tpd.core.files import path_of, readable
-from tpd.core.formatting import meant
+from tpd.core.formatting import decimal_comma, meant
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, DesignSpace, Limit, Risk, Worth, limit_of
 from tpd.design.settings import (
     DEFAULT_SPACE,
@@ -35,7 +35,7 @@ from tpd.design.settings import (
 )
 from tpd.records.reading import BUILT_IN, SETS
 from tpd.scene.bob import Bob
-from tpd.scene.conditions import FACTORS, MEASURES, Conditions
+from tpd.scene.conditions import FACTORS, Conditions
 from tpd.scene.ensemble import Ensemble
 from tpd.scene.ground_motion import PULSES, Pulse
 from tpd.scene.scene import Block, Harmonic, Scene, paper_scene
@@ -133,12 +133,15 @@ TABLES: dict[str, dict[str, Key]] = {
             tuple[str, ...], None, f"files and folders of records, in a job file relative to it, or {_names}"
         ),
         "scales": Key(
-            tuple[float, ...], None, "values of the intensity that every motion is scaled to, such as 1.5 2 3"
+            tuple[float, ...],
+            None,
+            "values of the intensity, in its unit, that every motion is scaled to, such as 1.5 2 3",
         ),
         "intensity": Key(
             str,
             None,
-            f"what the scales count: {', '.join(MEASURES)} (default pga_star, of a pulse scale: factors)",
+            "what the scales count: pga_star, which is PGA over g tan(alpha), pgv_star, pga in g, pgv in m/s "
+            "or scale, a factor (default pga_star, of a pulse scale)",
         ),
         "held_out": Key(
             float | tuple[str, ...],
@@ -353,6 +356,7 @@ def as_typed(given: Mapping[str, Any]) -> Tables:
                 words, close = allowed(msgspec.json.schema(type_)), ""
                 if isinstance(value, str):
                     close = meant(value, msgspec.json.schema(type_).get("enum", ()), listing=False)
+                close = close or decimal_comma(shown(value))
                 raise ValueError(f"`{table}.{key}` must be {words}, but is {shown(value)}{close}") from None
     return out
 

@@ -40,7 +40,7 @@ class Descent:
     with smoothed signs and impacts, which is the default unless impacts lose much energy; "piecewise" or
     `Piecewise()` is these orbits themselves, with exact gradients."""
     searches: checks.Whole = field(default=8, kw_only=True)
-    """Designs from which a search begins."""
+    """Number of designs from which a search begins."""
     screening: checks.Whole = field(default=512, kw_only=True)
     """Designs solved before the searches, to choose where they begin."""
     steps: checks.Whole = field(default=20, kw_only=True)
@@ -104,7 +104,7 @@ class GroundSearch:
     """
 
     starts: checks.Whole = 32
-    """Designs spread over the space."""
+    """Number of designs spread over the space."""
     steps: checks.Whole = 32
     """Designs that follow where the trend promises most."""
 

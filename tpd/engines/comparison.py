@@ -23,6 +23,10 @@ from tpd.scene.scene import Harmonic, Pendulum, Scene
 from tpd.scene.status import LOST, UNANSWERED, names_of
 from tpd.theory.equations import Terms
 
+_MEANING = (
+    "Rows in % are shares of the runs, the others quantiles over them; where a fifth of the step changes "
+    "nothing, a difference from the equations is the effect of sliding and of the law of impacts."
+)
 RUNS = 64
 FINE = 16
 """Runs that are repeated with the finer time step."""
@@ -126,7 +130,8 @@ class EngineVerdict(Printed):
             f"{e.size} paired runs, seed {e.seed}; time step {number(1e3 * self.step, 3)} ms, friction of "
             f"sliding {self.sliding:g}."
         )
-        return "\n".join([*([self.warning] if self.warning else []), head, self.losses, "", self.table()])
+        lines = [*([self.warning] if self.warning else []), head, self.losses, "", self.table(), _MEANING]
+        return "\n".join(lines)
 
     def _rows(self, few: int) -> list[list[str]]:
         first = tuple(runs.first(few) for runs in self.with_engine)

@@ -101,15 +101,13 @@ def checked(channel: Channel, baseline: str | None = "none") -> Channel:
             finite.
     """
     a, dt = channel.acceleration, channel.dt
-    # The channel is named where a file has several.
-    where = f" in the channel {channel.component!r}" if channel.component else ""
     if a.size < 2:
-        raise UnreadableRecord(f"a record needs 2 samples or more, but {a.size} were found{where}")
+        raise UnreadableRecord(f"a record needs 2 samples or more, but {a.size} were found")
     if not (STEPS[0] <= dt <= STEPS[1]):
-        raise UnreadableRecord(f"the step must be {STEPS[0]:g} s to {STEPS[1]:g} s, but is {dt:g} s{where}")
+        raise UnreadableRecord(f"the step must be {STEPS[0]:g} s to {STEPS[1]:g} s, but is {dt:g} s")
     if not (np.isfinite(a).all() and channel.peak <= GREATEST_PEAK):
         raise UnreadableRecord(
-            f"the peak must be at most {GREATEST_PEAK:g} m/s^2, but is {channel.peak:g} m/s^2{where}: the "
+            f"the peak must be at most {GREATEST_PEAK:g} m/s^2, but is {channel.peak:g} m/s^2: the "
             "unit or a number is wrong"
         )
     peak = channel.peak

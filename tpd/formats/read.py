@@ -115,22 +115,25 @@ def channels(
     number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
     if dt is not None and not (number and 0.0 < dt < float("inf")):
         raise ValueError(f"`dt` must be positive and finite, in s, but is {dt!r}")
-    file = Path(path)
+    file, found = Path(path), list[Channel]()
+    label = file.name
     try:
-        how = Options(dt, unit, columns, skip)
-        read = [checked(scaled(channel, scale), baseline) for channel in _of_bytes(_content(file), how)]
+        read = _of_bytes(_content(file), Options(dt, unit, columns, skip))
         # The name of a file of several channels is that of none of them.
         named = of_file(file.name) if len(read) == 1 else None
-        found = [directed(channel, named) for channel in read]
-        for channel in found:
+        for i, channel in enumerate(read):
+            if len(read) > 1:
+                component = f" ({channel.component})" if channel.component else ""
+                label = f"{file.name}, channel {i}{component}"
             if dt is not None and abs(dt - channel.dt) > 1e-6 * channel.dt:
                 raise UnreadableRecord(f"the file states a step of {channel.dt:g} s, but `dt` is {dt:g} s")
+            channel = directed(checked(scaled(channel, scale), baseline), named)
+            found.append(replace(channel, source=label))
     except NoAcceleration as error:
-        raise NoAcceleration(f"{file.name}: {error}", error.content) from None
+        raise NoAcceleration(f"{label}: {error}", error.content) from None
     except UnreadableRecord as error:
-        raise UnreadableRecord(f"{file.name}: {error.args[0]}", **error.options) from None
-    labels = [file.name if len(found) == 1 else f"{file.name}, channel {i}" for i in range(len(found))]
-    return [replace(channel, source=label) for channel, label in zip(found, labels, strict=True)]
+        raise UnreadableRecord(f"{label}: {error.args[0]}", **error.options) from None
+    return found
 
 
 def _check_options(columns: Any, skip: Any, scale: Any) -> None:

@@ -1,4 +1,4 @@
-"""Maps and spectra: designs on a grid, what pulses do to a block, and blocks of every size."""
+"""Maps and spectra: designs on a grid, what pulses do to a block, and blocks of every size; records."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from matplotlib.patches import Patch
 from tpd.answers.design_map import DesignMap
 from tpd.answers.spectra import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum, RockingSpectrum
 from tpd.core import checks
-from tpd.plots.style import CASES, INK, LABELS, LINES, edge, legend, new_axes, own_style
+from tpd.formats.channel import STANDARD_GRAVITY
+from tpd.plots.style import CASES, GREY, INK, LABELS, LINES, edge, legend, new_axes, own_style
+from tpd.records.intensity import base_motion, significant_times, spectral_acceleration
+from tpd.scene.record import Record
 
 _MOVING = ("rocking", "sticking", "near_fold", "grazing")
 """Statuses of periodic motions, which have an amplitude."""
@@ -148,3 +151,41 @@ def plot_rocking_spectrum(spectrum: RockingSpectrum, ax: Any = None) -> Any:
     )
     legend(ax, loc="best")
     return ax
+
+
+@own_style()
+def plot_record(record: Record, axes: Any = None) -> Any:
+    """Draw acceleration, velocity and displacement of a record over time, each with its peak, and the
+    response spectrum for 5 % damping. The time between 5 % and 95 % of the energy is shaded.
+
+    Returns:
+        The four axes, an array.
+    """
+    if axes is None:
+        figure = new_axes(size=(9.0, 5.6)).figure
+        figure.clear()
+        axes = figure.subplot_mosaic("as;vs;ds", width_ratios=[3, 2])
+        axes = [axes[name] for name in "avds"]
+    times = float(record.dt) * np.arange(len(record.acceleration))
+    acceleration, velocity, displacement = base_motion(record)
+    shown = (
+        ("acceleration (g)", acceleration / STANDARD_GRAVITY, "PGA {:.3g} g"),
+        ("velocity (m/s)", velocity, "PGV {:.3g} m/s"),
+        ("displacement (m)", displacement, "PGD {:.3g} m"),
+    )
+    for ax, (label, values, words) in zip(axes, shown, strict=False):
+        at = int(np.argmax(np.abs(values)))
+        ax.axvspan(*significant_times(record), color="0.9", lw=0.0)
+        ax.plot(times, values, color=INK, lw=0.7)
+        ax.plot(times[at], values[at], ls="", marker="o", ms=5, mfc="white", mec=INK)
+        ax.set(ylabel=label, xlim=(0.0, times[-1]))
+        ax.set_title(words.format(abs(values[at])), fontsize=9, loc="right")
+    axes[0].set_title(record.name or record.source, fontsize=9, loc="left")
+    axes[2].set_xlabel("time (s), shaded: 5 to 95 % of the energy")
+    periods = np.geomspace(0.05, 5.0, 40)
+    sizes = [spectral_acceleration(record, t) / STANDARD_GRAVITY for t in periods]
+    axes[3].semilogx(periods, sizes, color=INK, lw=1.2)
+    axes[3].set(xlabel="period (s)", ylabel="spectral acceleration, 5 % damping (g)", ylim=(0.0, None))
+    axes[3].set_xticks([0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0], ["0.05", "0.1", "0.2", "0.5", "1", "2", "5"])
+    axes[3].grid(color=GREY, lw=0.3)
+    return axes

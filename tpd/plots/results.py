@@ -17,6 +17,7 @@ from tpd.design.design import Design
 from tpd.design.optimise import Front
 from tpd.plots import compare, drawing, landscape, maps, response
 from tpd.plots.style import CASES
+from tpd.scene.record import Record
 
 
 def plot(
@@ -34,7 +35,7 @@ def plot(
 
     Args:
         result: a design, the answer of `front`, `design_map`, `settled_response`, `branches`, `fragility`,
-            `overturning_spectrum` or `rocking_spectrum`.
+            `overturning_spectrum` or `rocking_spectrum`, or a record.
         what: picture of a design: "landscape", the tilt over mass and length ratio with the limits, which is
             the default; "drawing", block and pendulum to scale; "benefit", the validation runs with and
             without the pendulum, overall and for every condition or, under ground motions, every group; under
@@ -129,5 +130,6 @@ _KINDS: dict[type, tuple[Any, ...]] = {
     Fragility: (compare.plot_fragility, "state", "ax"),
     OverturningSpectrum: (maps.plot_overturning_spectrum, "axes"),
     RockingSpectrum: (maps.plot_rocking_spectrum, "ax"),
+    Record: (maps.plot_record, "axes"),
 }
 """Plot function of each class of results, and the names of its arguments, the axes last."""

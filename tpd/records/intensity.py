@@ -9,10 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from tpd.core import checks
+from tpd.formats.channel import STANDARD_GRAVITY
+from tpd.scene.conditions import MEASURES
 from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.record import Record
 from tpd.scene.scene import Block, Scene
 
-INTENSITIES = ("pga_star", "pgv_star", "pga", "pgv", "sa", "scale")
+INTENSITIES = (*MEASURES, "sa", "sa_g")
+OF_JOBS = {"pga": "pga_g", "sa": "sa_g"}
+"""Accelerations that a job states in g, as it does its `pga`, and in Python are in m/s^2."""
+_LIFTING = "1 = the acceleration that lifts the block"
+"""Unit of PGA/(g tan alpha)."""
 _DAMPING, _MOST_DAMPING = 0.05, 0.99
 """Damping ratio of a spectrum by default, and the largest: a critically damped oscillator does not swing."""
 _FINE = 0.1
@@ -36,24 +43,46 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
         ValueError: a name that does not exist, or a spectral acceleration without a period.
     """
     checks.one_of("intensity", name, INTENSITIES)
-    if (name == "sa") != (period is not None):
+    if name.startswith("sa") != (period is not None):
         raise ValueError(f'`period` belongs to `intensity="sa"`, but they are {period} and {name!r}')
     unit = checks.positive("gravity", gravity) * checks.plain("block", block.slenderness, single=True)
     if period is not None:
         own = checks.positive("period", period, 1e-3, 1e3, " s")
-        return Intensity(f"Sa({own:g} s)", "m/s^2", lambda m: spectral_acceleration(m, own))
+        of_g = Intensity(f"Sa({own:g} s)", "g", lambda m: spectral_acceleration(m, own) / STANDARD_GRAVITY)
+        si = Intensity(of_g.name, "m/s^2", lambda m: spectral_acceleration(m, own))
+        return si if name == "sa" else of_g
 
     def relative_velocity(motion: GroundMotion) -> float:
         return float(Scene(block, motion, gravity).rate) * peak_velocity(motion) / unit
 
     measures = {
-        "pga_star": Intensity("PGA/(g tan alpha)", "-", lambda m: float(m.pga) / unit),
+        "pga_star": Intensity("PGA/(g tan alpha)", _LIFTING, lambda m: float(m.pga) / unit),
         "pgv_star": Intensity("p PGV/(g tan alpha)", "-", relative_velocity),
         "pga": Intensity("PGA", "m/s^2", lambda m: float(m.pga)),
+        "pga_g": Intensity("PGA", "g", lambda m: float(m.pga) / STANDARD_GRAVITY),
         "pgv": Intensity("PGV", "m/s", peak_velocity),
         "scale": Intensity("factor", "-", lambda m: 1.0),
     }
     return measures[name]
+
+
+def base_motion(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return acceleration (m/s^2), velocity (m/s) and displacement (m) of the base at the samples of a
+    record. They are exact: the acceleration is linear between samples, and the base is at rest before."""
+    a, h = float(record.scale) * np.asarray(record.acceleration, dtype=float), float(record.dt)
+    v = np.cumsum([0.0, *(0.5 * h * (a[:-1] + a[1:]))])
+    d = np.cumsum([0.0, *(h * v[:-1] + h**2 * (2.0 * a[:-1] + a[1:]) / 6.0)])
+    return a, v, d
+
+
+def significant_times(record: Record) -> tuple[float, float]:
+    """Return the times (s) at which the integral of the squared acceleration has 5 % and 95 % of its value at
+    the end (M. D. Trifunac and A. G. Brady, Bull. Seismol. Soc. Am. 65, 1975)."""
+    a = np.asarray(record.acceleration, dtype=float)
+    energy = np.cumsum([0.0, *(a[:-1] ** 2 + a[:-1] * a[1:] + a[1:] ** 2)])
+    times = float(record.dt) * np.arange(len(a))
+    first, last = np.interp([0.05 * energy[-1], 0.95 * energy[-1]], energy, times)
+    return float(first), float(last)
 
 
 def peak_velocity(motion: GroundMotion) -> float:

@@ -126,7 +126,7 @@ def _repeated(records: Sequence[Record]) -> list[str]:
     seen: dict[Record, Record] = {}
     # Files write names in capitals or not, and agencies change only the ending, such as .V1 and .V2.
     names = [re.sub(r"[^\w/]|_", "", record.name.lower()).rpartition("/") for record in records]
-    files = [re.sub(r"\.\w+(\.gz)?(, channel \d+)?$", "", record.source.lower()) for record in records]
+    files = [re.sub(r"\.\w+(\.gz)?(, channel \d+.*)?$", "", record.source.lower()) for record in records]
     places = [(station, component, file) for (station, _, component), file in zip(names, files, strict=True)]
     reasons = []
     for record, place in zip(records, places, strict=True):

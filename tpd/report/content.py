@@ -17,14 +17,8 @@ from tpd.design.design import Design, FrontPoint
 from tpd.report import answer, construction, sections, words
 from tpd.report.blocks import Block, Cell, Code, Figure, Listing, Report, Section, Severity, Table, Text
 from tpd.report.notes import notes
+from tpd.scene.conditions import MEASURES
 
-_INTENSITIES = {
-    "pga_star": "PGA/(g tan α)",
-    "pgv_star": "p PGV/(g tan α)",
-    "pga": "PGA, m/s²",
-    "pgv": "PGV, m/s",
-    "scale": "factor on each motion",
-}
 CAPTIONS = {
     "drawing.svg": (
         "The block on its base and its pendulum, to scale, with dimensions",
@@ -168,7 +162,7 @@ def _assumptions(design: Design) -> list[str]:
     scatter = ", ".join(f"{n} ±{w:.1%}" for n, w in problem.scatter.items()) or "nothing"
     intensity = ""
     if design.conditions.motions:
-        intensity = f" ({_INTENSITIES[design.conditions.intensity]})"
+        intensity = f" ({MEASURES[design.conditions.intensity]})"
         text.append(f"{'; '.join(design.conditions.description)}{intensity}, from rest.")
     else:
         more = "" if len(design.conditions) == 1 else ", before the conditions change it"

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tpd.answers.paired import PairedRuns, Part
 from tpd.core.formatting import number
-from tpd.design.as_built import Study
 from tpd.design.criteria import KINDS, Limit, Room, limit_of
-from tpd.design.design import Design
 from tpd.records.reading import in_words
 from tpd.report.blocks import NO_VALUE, Table
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
 from tpd.theory.no_uplift import AtRest
+
+if TYPE_CHECKING:
+    # Words on a scene do not wait for JAX.
+    from tpd.answers.paired import PairedRuns, Part
+    from tpd.design.as_built import Study
+    from tpd.design.design import Design
 
 _CHANGES = {
     "mean severity": "mean tilt / toppling tilt",

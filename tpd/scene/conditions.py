@@ -26,8 +26,15 @@ FASTEST = 10.0
 """Largest rate of an initial state: phi' in shares of nu, psi' in rad per unit tau."""
 MOST_SCATTER = 0.5
 """Largest relative half width of an uncertain number."""
-MEASURES = ("pga_star", "pgv_star", "pga", "pgv", "scale")
-"""Names of `tpd.records.intensity` that scales of ground motions can count."""
+MEASURES = {
+    "pga_star": "PGA over g tan(alpha), 1 = the acceleration that lifts the block",
+    "pgv_star": "p PGV over g tan(alpha)",
+    "pga": "PGA in m/s^2",
+    "pga_g": "PGA in g",
+    "pgv": "PGV in m/s",
+    "scale": "factor on each motion",
+}
+"""Measures that the scales of ground motions can count: names of `tpd.records.intensity`, in words."""
 
 
 @dataclass(frozen=True)
@@ -237,7 +244,8 @@ class Conditions:
             motions: records, pulses and harmonics; of a harmonic 40 periods from rest.
             scales: values of the intensity, above 0.
             intensity: what the scales count: "pga_star" is PGA/(g tan alpha), "pgv_star" p PGV/(g tan alpha),
-                "pga" and "pgv" are in m/s^2 and m/s, "scale" is a factor on the motion as it is.
+                "pga" and "pgv" are in m/s^2 and m/s, "pga_g" is PGA in g, "scale" is a factor on the motion
+                as it is.
             scatter: relative half widths of uncertain numbers by name in `FACTORS`; every condition has a
                 sample of its own from one seeded Latin hypercube.
             samples: conditions for each motion and scale.
@@ -262,7 +270,7 @@ class Conditions:
         for i, motion in enumerate(listed):
             checks.instance(f"motions[{i}]", motion, GroundMotion)
         refuse_zeros(listed)
-        checks.one_of("intensity", intensity, MEASURES)
+        checks.one_of("intensity", intensity, tuple(MEASURES))
         listed_scales = np.atleast_1d(scales) if np.ndim(scales) == 0 else scales
         each = checks.array("scales", listed_scales, (-1,), "a vector of numbers")
         checks.positive("scales", each, every=True)
