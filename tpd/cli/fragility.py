@@ -27,7 +27,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     job, pendulum = inputs
     asked, scene, motions = job.full["motion"], job.scene, job.ground_motions
     stripes = np.linspace(0.5, 8.0, 20) if asked["scales"] is None else np.array(asked["scales"])
-    measure = intensity_of(asked["intensity"], scene.block, float(scene.gravity), options.period)
+    measure = intensity_of(job.intensity, scene.block, float(scene.gravity), options.period)
     factors = [stripes[-1] / measure.value(m) for m in motions]
     strongest = max(factor * float(m.pga) for factor, m in zip(factors, motions, strict=True))
     block = scene.block
