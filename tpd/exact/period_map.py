@@ -34,7 +34,7 @@ from tpd.exact.motion import (
     put,
 )
 from tpd.exact.plant import PLANT, compiled, part
-from tpd.exact.terms import NEWTON_STEPS, RESIDUAL, REST, SLIP, SWING, TILT
+from tpd.exact.terms import LAST_STEP, NEWTON_STEPS, RESIDUAL, REST, SLIP, SWING, TILT
 
 _CLOSE = 1e-9
 """Share of a period by which an event may come too late, near an orbit on which it is within the period."""
@@ -46,7 +46,8 @@ directions that have derivatives, and the largest residual from which Newton's m
 CYCLE = np.dtype(
     [
         ("end", np.float64, (4,)),
-        *((name, np.float64) for name in ("amplitude", "stroke", "crossing", "asymmetry", "closed", "held")),
+        *((name, np.float64) for name in ("amplitude", "stroke", "crossing", "asymmetry")),
+        *((name, np.float64) for name in ("closed", "held", "step")),
         ("best", np.float64, (6,)),
         ("how", np.int64),
         ("by", np.float64, (ROWS, INPUTS)),
@@ -55,7 +56,8 @@ CYCLE = np.dtype(
 )
 """Some periods of a motion, see `tpd.models.base.Cycle`: the state at the end, no numbers if the motion was
 lost; the largest |phi| and |psi|; the least transversality, the asymmetry, whether the mode at the end is
-that of the start, and for how long the block was held; the largest angles to either side, see `MOTION`; how
+that of the start, for how long the block was held, and the step of Newton's method from its start, in shares
+of the scales; the largest angles to either side, see `MOTION`; how
 the motion ended; and the derivatives of the end and of these angles, see `tpd.exact.legs`."""
 Own = namedtuple("Own", "plants motions rooms readers cycles settled legs")
 """Memory of records: a plant, three motions (one that is followed, one on its way to an orbit, and the start
@@ -167,7 +169,7 @@ def cycle(q, m, own, limits, periods, c):
     put(m.best, c.best)
     c.amplitude, c.stroke, c.crossing = largest(m, TILT), largest(m, SWING), m.crossing
     c.asymmetry = abs(max(m.best[0], 0.0) - max(m.best[1], 0.0)) / (c.amplitude if c.amplitude > 0.0 else 1.0)
-    c.closed, c.held, c.how = (1.0 if _same_mode(m, start) else 0.0), m.held, ended
+    c.closed, c.held, c.step, c.how = (1.0 if _same_mode(m, start) else 0.0), m.held, 0.0, ended
     if not sound:
         forget(c)
 
@@ -228,7 +230,7 @@ def residual_of(q, y, end):
 def find_orbit(q, m, own, limits, periods, y):
     """Newton's method from the state `y` with the mode of the motion `m`. Leave the start of the best orbit
     in `y` and its cycle in the first of two, and return its residual."""
-    c, now, move = own.cycles[SPARE], np.empty(4), np.empty((4, 1))
+    c, now, move, scales = own.cycles[SPARE], np.empty(4), np.empty((4, 1)), repetition.scales_of(q)
     error, residual, steps = math.inf, math.inf, 0
     put(y, now)
     while steps < NEWTON_STEPS and error > _ROUND_OFF:
@@ -244,7 +246,6 @@ def find_orbit(q, m, own, limits, periods, y):
         if raised < error:
             error, residual = raised, found
             put(now, y)
-            own.cycles[BEST] = c
             # An orbit that meets an event at tau = 0, such as every conservative one, comes out on either
             # side of it by rounding. Begun before the event and ended after it, the run counts the event
             # twice, the other way round not at all: both leave the state right and its derivative wrong. A
@@ -254,9 +255,11 @@ def find_orbit(q, m, own, limits, periods, y):
             if solved(c.by, move):
                 for i in range(4):
                     now[i] += move[i, ONLY]
-        elif RESIDUAL < error < math.inf:
-            # By rounding a map may miss an event that undoes itself soon: half of a step that led away tries
-            # once more, in the mode in which the last one began.
+                    c.step = max(c.step, abs(move[i, ONLY]) / scales[i])
+            own.cycles[BEST] = c
+        elif error < math.inf and own.cycles[BEST].step > LAST_STEP:
+            # By rounding a map may miss an event that undoes itself soon, and next to a fold a step may be
+            # too long: half of a step that led away tries once more, in the mode in which the last one began.
             m.kind, m.tilt, m.way = kind, tilt, way
             for i in range(4):
                 now[i] = 0.5 * (now[i] + y[i])

@@ -31,7 +31,17 @@ from tpd.exact.period_map import (
 )
 from tpd.exact.plant import compiled, places, plant, put_plants
 from tpd.exact.settle import settle
-from tpd.exact.terms import APERIODIC, GRAZING, MANY, NEAR_FOLD, RESIDUAL, SYMMETRIC, TILT, TILT_RATE
+from tpd.exact.terms import (
+    APERIODIC,
+    GRAZING,
+    LAST_STEP,
+    MANY,
+    NEAR_FOLD,
+    RESIDUAL,
+    SYMMETRIC,
+    TILT,
+    TILT_RATE,
+)
 
 WANDERS, UNSTABLE, NEUTRAL, FOLD, GRAZED = range(8, 13)
 """Numbers of statuses after those of `tpd.exact.repetition`, see `tpd.exact.terms.STEADY_STATUSES`."""
@@ -156,7 +166,7 @@ def _kind_of(own, residual, y):
         how = own.cycles[SPARE].how
         lost = repetition.EVENT_BOUND if how == EXHAUSTED else repetition.FAILED
         return repetition.OVERTURNED if how == LOST else lost
-    if not residual < RESIDUAL:
+    if not (residual < RESIDUAL and c.step < LAST_STEP):
         return repetition.NOT_SETTLED
     if c.held == 2.0:
         return repetition.HELD if y[TILT] != 0.0 else repetition.AT_REST
@@ -220,7 +230,7 @@ def steady_state(x, y0, s, near, own, out):
         multiplier, to_fold, fold = _multipliers(q, c.by, roots)
     if near:
         begun = _kind_of(own, residual, y)
-        if residual < RESIDUAL:
+        if begun != repetition.NOT_SETTLED:
             found.amplitude, found.stroke = c.amplitude, c.stroke
     neutral = is_neutral(q.k, q.e, q.mu, q.zeta, multiplier)
     status = verdict(begun, residual, separation, multiplier, to_fold, c.crossing, neutral)

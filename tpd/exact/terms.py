@@ -57,8 +57,12 @@ UNDECIDED = 1e-11
 """Distance from 1 of the largest multiplier below which rounding decides whether an orbit attracts."""
 RESIDUAL = 1e-8
 """Largest residual of the period map, in shares of the scales, of what is called an orbit."""
-NEWTON_STEPS = 8
-"""Bound on the steps of Newton's method on the period map; three or four usually do."""
+NEWTON_STEPS = 24
+"""Bound on the steps of Newton's method on the period map. Three or four usually do; next to a fold each only
+halves the error."""
+LAST_STEP = 1e-6
+"""Largest step of this method, in shares of the scales, after which a step that leads away is the last one.
+Just beyond a fold the residual is small, and the step is not."""
 SYMMETRIC = 1e-6
 """Largest difference between the tilts to either side, over the amplitude, of a symmetric motion."""
 APERIODIC = 5e-3
