@@ -3,9 +3,9 @@
 import numpy as np
 
 from tests.exact.plants import entry
-from tpd.exact import near_orbits
+from tpd.exact import period_map
 
-eliminate = entry(near_orbits.eliminate)
+eliminate = entry(period_map.eliminate)
 
 
 def test_elimination_solves_and_tells_a_singular_matrix():

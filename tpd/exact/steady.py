@@ -20,12 +20,14 @@ from tpd.exact.motion import FIRST_PIECE, finite, larger, put
 from tpd.exact.period_map import (
     BEGUN,
     BEST,
+    ON_ITS_WAY,
     SPARE,
     Limits,
     cycle,
     find_orbit,
     first_of,
     forget,
+    put_motion,
     residual_of,
     solved,
 )
@@ -218,10 +220,11 @@ def steady_state(x, y0, s, near, own, out):
             residual = find_orbit(q, m, own, limits, periods, y)
             # A motion that comes to its orbit from both sides in turn repeats after two periods first: an
             # orbit that closes after fewer is of that many.
+            other, begin = own.cycles[SPARE], own.motions[ON_ITS_WAY]
+            put_motion(y, m, begin)
             for fewer in range(1, periods):
                 if periods % fewer == 0 and residual < RESIDUAL:
-                    other = own.cycles[SPARE]
-                    put(y, m.y)
+                    put_motion(y, begin, m)
                     cycle(q, m, own, limits, fewer, other)
                     apart = residual_of(q, y, other.end)
                     if other.closed != 0.0 and apart < RESIDUAL:
