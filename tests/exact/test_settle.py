@@ -9,7 +9,7 @@ from tests.exact.test_trajectory import SAMPLES, clock, states
 from tests.reference import REST, SLOW, box, exact, parameters, settled
 from tpd import Status, paper_scene
 from tpd.exact.rows import row_of
-from tpd.exact.runs import GroundForcing, follow
+from tpd.exact.runs import Followed, GroundForcing, follow
 from tpd.exact.trajectories import trajectory
 from tpd.scene.status import names_of
 from tpd.theory import uplift
@@ -79,6 +79,7 @@ def hops(x, tilt, quiet):
     still = GroundForcing((np.zeros((1, 4)),), 4.0 * np.pi)
     start = np.array([tilt, 0.0, 0.0, 0.0])
     run = follow(Terms.linear, row_of(parameters(x)), still, y0=start, rest_rate=quiet)
+    assert isinstance(run, Followed)
     assert np.all(run.state[[0, 2]] == 0.0)
     return int(run.impacts)
 

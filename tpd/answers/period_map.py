@@ -122,7 +122,9 @@ def _linearised(p: Parameters, model: AbstractFlow, settled: Settled) -> _Along:
         step = jnp.linalg.solve(jnp.eye(4) - by_state[:4], out[:4] - y)
         step = jnp.where(jnp.all(jnp.isfinite(step)), step, 0.0)
         longest = jnp.max(jnp.abs(step) / scale)
-        return Orbit(y, residual, out[:4], out[4:], by_parameter, by_state, *met, step, longest), memory
+        return Orbit(
+            y, residual, out[:4], out[4:], by_parameter, by_state, *met, step=step, longest=longest
+        ), memory
 
     return along
 

@@ -125,6 +125,7 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
     else:
         (found,) = LINEAR((shape(size),), packed(map(stop_gradient, settings)), *given[:2])
     of = parts(found, entry.STEADY)
+    # Complex numbers are split in two, because slopes are real.
     numbers = jnp.concatenate([found[:_SIZES], of.multipliers.reshape(-1), of.fold[None]])
     if not isinstance(x, np.ndarray):
         unknown = jnp.full((len(numbers) - _SIZES, len(x)), jnp.nan)

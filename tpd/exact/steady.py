@@ -198,6 +198,7 @@ def steady_state(x, y0, s, near, own, out):
     if not math.isfinite(total):
         return
     if near:
+        # What is not simulated begins as a motion that rocks; what it is shows in its first period.
         plant(x, q)
         put_flow(q, room.march)
         decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), 0.0, m)
@@ -232,6 +233,7 @@ def steady_state(x, y0, s, near, own, out):
                         break
         multiplier, to_fold, fold = _multipliers(q, c.by, roots)
     if near:
+        # The sizes of what is no orbit are no numbers.
         begun = _kind_of(own, residual, y)
         if begun != repetition.NOT_SETTLED:
             found.amplitude, found.stroke = c.amplitude, c.stroke
