@@ -80,7 +80,7 @@ def hops(x, tilt, quiet):
     start = np.array([tilt, 0.0, 0.0, 0.0])
     run = follow(Terms.linear, row_of(parameters(x)), still, y0=start, rest_rate=quiet)
     assert isinstance(run, Followed)
-    assert np.all(run.state[[0, 2]] == 0.0)
+    assert np.all(np.asarray(run.state)[[0, 2]] == 0.0)
     return int(run.impacts)
 
 

@@ -120,6 +120,7 @@ def _linearised(p: Parameters, model: AbstractFlow, settled: Settled) -> _Along:
         residual = jnp.max(jnp.abs(out[:4] - y) / scale)
         by_parameter, by_state = columns[:, :size], columns[:, size:]
         step = jnp.linalg.solve(jnp.eye(4) - by_state[:4], out[:4] - y)
+        # Of a singular I - DP there is no step, and the next one begins at the same state.
         step = jnp.where(jnp.all(jnp.isfinite(step)), step, 0.0)
         longest = jnp.max(jnp.abs(step) / scale)
         return Orbit(

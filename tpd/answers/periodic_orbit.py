@@ -127,11 +127,13 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
     of = parts(found, entry.STEADY)
     # Complex numbers are split in two, because slopes are real.
     numbers = jnp.concatenate([found[:_SIZES], of.multipliers.reshape(-1), of.fold[None]])
+    # Of known parameters JAX asks for no derivative.
     if not isinstance(x, np.ndarray):
         unknown = jnp.full((len(numbers) - _SIZES, len(x)), jnp.nan)
         numbers = with_slopes(x, numbers, jnp.concatenate([of.by, unknown]))
     amplitude, stroke, *state = numbers[:_SIZES]
     *both, fold = numbers[_SIZES:]
+    # A motion whose period does not close is no orbit: it was not followed until it settled.
     names = ("no_orbit" if name == "not_settled" else name for name in STEADY_STATUSES)
     status = jnp.asarray([index_of(name) for name in names], dtype=jnp.int32)[of.status.astype(int)]
     return PeriodicOrbit(

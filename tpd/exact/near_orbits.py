@@ -113,6 +113,7 @@ def orbit_near(q, m, own, past, known, limits, periods):
     the orbit's sizes into `past`, and return True."""
     c, y, gap, scales, apart = own.cycles[BEST], np.empty(4), np.empty(4), scales_of(q), 0.0
     put(m.y, y)
+    # If no orbit is found, the motion goes on as if nobody had looked.
     put_motion(y, m, own.motions[ON_ITS_WAY])
     residual = find_orbit(q, own.motions[ON_ITS_WAY], own, limits, periods, y)
     # The derivative of an orbit at rest does not tell whether the decay of the bob lifts the block yet: there

@@ -170,6 +170,7 @@ def cycle(q, m, own, limits, periods, c):
     c.amplitude, c.stroke, c.crossing = largest(m, TILT), largest(m, SWING), m.crossing
     c.asymmetry = abs(max(m.best[0], 0.0) - max(m.best[1], 0.0)) / (c.amplitude if c.amplitude > 0.0 else 1.0)
     c.closed, c.held, c.step, c.how = (1.0 if _same_mode(m, start) else 0.0), m.held, 0.0, ended
+    # What stands there is of the cycle before.
     if not sound:
         forget(c)
 
@@ -241,6 +242,7 @@ def find_orbit(q, m, own, limits, periods, y):
         # Only a motion that ends in the mode in which it began is an orbit.
         raised = found + (0.0 if c.closed != 0.0 else 0.5 * RESIDUAL)
         steps += 1
+        # A motion that is far from an orbit would spend all steps and come to another one.
         if not found < limits.reach:
             break
         if raised < error:

@@ -164,12 +164,14 @@ def _put_isolated(c, y, out):
 def _kind_of(own, residual, y):
     """Number of the status of a motion that was begun near an orbit and is on it now."""
     c = own.cycles[BEST]
+    # Without a residual the first cycle was lost, and it is still in the second place.
     if not math.isfinite(residual):
         how = own.cycles[SPARE].how
         lost = repetition.EVENT_BOUND if how == EXHAUSTED else repetition.FAILED
         return repetition.OVERTURNED if how == LOST else lost
     if not (residual < RESIDUAL and c.step < LAST_STEP):
         return repetition.NOT_SETTLED
+    # A block that is held throughout keeps its tilt.
     if c.held == 2.0:
         return repetition.HELD if y[TILT] != 0.0 else repetition.AT_REST
     return repetition.STICKING if c.held > 0.0 else repetition.ROCKING
