@@ -79,8 +79,7 @@ def results() -> dict[str, Any]:
         "slopes of orbits": named(np.moveaxis(slopes, 0, -1)[:11]),
         "objective": leaves(objective.evaluate(np.array([[0.15, 0.26, 0.35]]))),
         "gradient of an orbit": leaves(jax.grad(on_orbit)(VALUES)),
-        # Its sequence may begin with the mirror image of another: rounding decides.
-        "periodic": leaves({name: x for name, x in vars(periodic).items() if name != "sequence"}),
+        "periodic": leaves(periodic),
         "nonlinear": leaves(follow(tpd.Terms.nonlinear, row[None], HarmonicForcing(5))),
         "nonlinear steady state": leaves(tpd.steady_state(p, model=tpd.Nonlinear())),
         "history": leaves((history.tilt, history.horizontal, history.impacts)),

@@ -13,7 +13,7 @@ from tpd.exact.arcs import steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.events import BOB
 from tpd.exact.motion import GRID, LEG, MOTION, ROOM
-from tpd.exact.near_orbits import Limits, follow_periods
+from tpd.exact.period_map import Limits, follow_periods
 from tpd.exact.terms import REST, SLIP, TILT, TILT_RATE
 
 RATTLES = (0.25, 0.0986, 0.6, 0.1, 0.05, 0.37, 2.67), (0.25, 0.4, 0.4, 0.3, 0.0, 0.37, 2.67, 0.91)
@@ -35,7 +35,7 @@ def followed(plants, y0, marches, legs, counts, ends):
         for i in range(4):
             m.y[i] = y0[n, i]
         decide(q, m.y, sign(m.y[TILT]), sign(m.y[TILT_RATE]), 0.0, m)
-        ends[n] = follow_periods(q, f, m, legs[n], room, Limits(2e-7 * q.nu, 2000, PERIODS))
+        ends[n] = follow_periods(q, f, m, legs[n], room, Limits(2e-7 * q.nu, 2000, 0, 1.0), PERIODS)
         counts[n] = m.recorded
     return len(motions) + len(rooms)
 

@@ -1,22 +1,19 @@
-"""The elimination that Newton's method uses for periods of a motion."""
+"""The short way to an orbit: a motion near one that attracts is taken there, and not from afar."""
 
 import numpy as np
+import pytest
 
-from tests.exact.plants import entry
-from tpd.exact import near_orbits
+from tests.reference import SLOW, parameters, settled
+from tpd import status_name
+from tpd.answers.periodic_orbit import periodic_orbit
+from tpd.theory.equations import Terms
 
-eliminate = entry(near_orbits.eliminate)
 
-
-def test_elimination_solves_and_tells_a_singular_matrix():
-    rng = np.random.default_rng(2)
-    for _ in range(20):
-        a, b = rng.normal(size=(4, 4)), rng.normal(size=(4, 3))
-        a[0, 0] = 0.0
-        x = b.copy()
-        assert eliminate(a.copy(), x) > 0.0
-        np.testing.assert_allclose(a @ x, b, rtol=0, atol=1e-11)
-    for added in (0.0, np.nan):
-        singular = np.ones((4, 4))
-        singular[3, 3] += added
-        assert not eliminate(singular, np.ones((4, 1))) > 1e-12
+@pytest.mark.parametrize(("share", "early"), [(0.003, True), (0.2, False)])
+def test_a_motion_is_taken_to_an_orbit_from_near_by_alone(share, early):
+    p = parameters(SLOW)
+    orbit = periodic_orbit(p, settled(Terms.linear, p, np.zeros((1, 4))).y[0])
+    assert status_name(orbit.status) == "rocking"
+    found = settled(Terms.linear, p, np.asarray(orbit.state)[None] * (1.0 + share))
+    assert (int(found.elapsed[0]) < 30) is early
+    np.testing.assert_allclose(found.amplitude, orbit.amplitude, rtol=1e-9)

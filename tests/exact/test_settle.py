@@ -8,9 +8,8 @@ import pytest
 from tests.exact.test_trajectory import SAMPLES, clock, states
 from tests.reference import REST, SLOW, box, exact, parameters, settled
 from tpd import Status, paper_scene
-from tpd.exact.multiple_shooting import Events, events
 from tpd.exact.rows import row_of
-from tpd.exact.terms import LANDING
+from tpd.exact.runs import Followed, GroundForcing, follow
 from tpd.exact.trajectories import trajectory
 from tpd.scene.status import names_of
 from tpd.theory import uplift
@@ -77,10 +76,12 @@ def test_a_slow_decay_is_taken_to_its_orbit():
 
 def hops(x, tilt, quiet):
     """Impacts of a block let go at a tilt until it is captured at rest, below a speed in units of nu."""
-    found = events(row_of(parameters(x)), np.array([tilt, 0.0, 0.0, 0.0]), 4, 256, quiet)
-    assert isinstance(found, Events)
-    assert found.resting
-    return int(np.sum(found.endings == LANDING))
+    still = GroundForcing((np.zeros((1, 4)),), 4.0 * np.pi)
+    start = np.array([tilt, 0.0, 0.0, 0.0])
+    run = follow(Terms.linear, row_of(parameters(x)), still, y0=start, rest_rate=quiet)
+    assert isinstance(run, Followed)
+    assert np.all(np.asarray(run.state)[[0, 2]] == 0.0)
+    return int(run.impacts)
 
 
 def test_the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed():

@@ -1,9 +1,8 @@
-"""Periodic orbits as fixed points of a model's period map P, by Newton's method, and their derivatives.
+"""Newton's method on the map of some forcing periods, for models that are programs of JAX.
 
-The map runs `Settled.periods` forcing periods from tau = 0. One run in forward mode gives P and DP, hence
-the Newton step, the Floquet multipliers, and with dP/dp the derivative of the orbit.
-
-`tpd.exact.steady` has the same for the exact motions, in compiled code.
+The method, its bounds and what counts as an orbit are those of `tpd.exact.period_map`, where they are
+explained. One run in forward mode gives the map P and DP, hence the Newton step, the Floquet multipliers, and
+with dP/dp the derivative of the orbit.
 """
 
 from __future__ import annotations
@@ -18,14 +17,11 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from tpd.exact.runs import Settled
-from tpd.exact.terms import RESIDUAL
+from tpd.exact.terms import LAST_STEP, NEWTON_STEPS, RESIDUAL
 from tpd.models.base import AbstractFlow
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import Parameters
 from tpd.scene.status import index_of
-
-_NEWTON_STEPS = 8
-"""Bound on the steps of Newton's method; three or four usually do."""
 
 
 class Orbit(NamedTuple):
@@ -44,6 +40,9 @@ class Orbit(NamedTuple):
     asymmetry: Any
     closed: Any
     """The last three as in `Cycle`."""
+    step: Any = 0.0
+    longest: Any = 0.0
+    """Newton's step from the start, zero if there is none, and its largest share of the scales."""
 
     @property
     def error(self) -> Any:
@@ -81,26 +80,20 @@ def refine(p: Parameters, model: AbstractFlow, begun: Settled, code: Any) -> Orb
     worthwhile = is_rocking(code) | (code == index_of("rest"))
 
     def going(w: _Walk) -> Any:
-        return worthwhile & (w.steps < _NEWTON_STEPS) & (w.best.error > model.round_off)
+        return worthwhile & (w.steps < NEWTON_STEPS) & (w.best.error > model.round_off)
 
     def step(w: _Walk) -> _Walk:
         orbit, memory = along(w.y, w.memory)
-        # y* = P(y*): Newton's step solves (I - DP) dy = P(y) - y.
-        move = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], orbit.end - w.y)
         better = orbit.error < w.best.error
-        best = _where(better, orbit, w.best)
-        newton = jnp.where(jnp.all(jnp.isfinite(move)), w.y + move, w.y)
-        # Half of a step that led away tries once more, in the mode in which the last one began; any other
-        # step begins in the mode in which the last one ended. Both are explained in `tpd.exact.steady`.
-        again = ~better & (w.best.error > RESIDUAL) & jnp.isfinite(w.best.error)
-        newton = jnp.where(again, 0.5 * (w.y + w.best.y), newton)
-        memory = _where(again, w.memory, memory)
-        return _Walk(newton, memory, best, jnp.where(better | again, w.steps + 1, _NEWTON_STEPS))
+        again = ~better & jnp.isfinite(w.best.error) & (w.best.longest > LAST_STEP)
+        onward = jnp.where(again, 0.5 * (w.y + w.best.y), w.y + orbit.step)
+        steps = jnp.where(better | again, w.steps + 1, NEWTON_STEPS)
+        return _Walk(onward, _where(again, w.memory, memory), _where(better, orbit, w.best), steps)
 
     # Nothing has been found yet: all that a run gives is infinite.
     infinite, sizes = jnp.full((6, 9), jnp.inf), jnp.stack([begun.amplitude, begun.stroke])
     rest = infinite[0, 0], infinite[0, :4], sizes, infinite, infinite[:, :4], infinite[0, 0], infinite[0, 0]
-    none = Orbit(begun.y, *rest, jnp.ones((), bool))
+    none = Orbit(begun.y, *rest, jnp.ones((), bool), jnp.zeros(4), infinite[0, 0])
     first = _Walk(begun.y, begun.memory, none, jnp.zeros((), int))
     return jax.lax.while_loop(going, step, first).best
 
@@ -126,7 +119,13 @@ def _linearised(p: Parameters, model: AbstractFlow, settled: Settled) -> _Along:
         out, columns, (met, memory) = jax.vmap(push, out_axes=(None, 1, None))(jnp.eye(x.size))
         residual = jnp.max(jnp.abs(out[:4] - y) / scale)
         by_parameter, by_state = columns[:, :size], columns[:, size:]
-        return Orbit(y, residual, out[:4], out[4:], by_parameter, by_state, *met), memory
+        step = jnp.linalg.solve(jnp.eye(4) - by_state[:4], out[:4] - y)
+        # Of a singular I - DP there is no step, and the next one begins at the same state.
+        step = jnp.where(jnp.all(jnp.isfinite(step)), step, 0.0)
+        longest = jnp.max(jnp.abs(step) / scale)
+        return Orbit(
+            y, residual, out[:4], out[4:], by_parameter, by_state, *met, step=step, longest=longest
+        ), memory
 
     return along
 

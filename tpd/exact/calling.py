@@ -38,12 +38,12 @@ def numbers_in(record: np.dtype) -> int:
 
 def parts(numbers: Any, record: np.dtype) -> Any:
     """Fields of a record of floats, or of a batch of them, by name. The record is an array's last axis.
-    Complex numbers have one more axis, of both parts, and records within it one of their floats."""
+    Complex numbers have one more axis, of both parts."""
     found, fields = {}, cast("Any", record.fields)
     for name, (kind, begin) in fields.items():
         place = begin // 8
         size = kind.itemsize // 8
-        own = {"c": (2,), "V": (numbers_in(kind.base),)}.get(kind.base.kind, ())
+        own = (2,) if kind.base.kind == "c" else ()
         shape = *numbers.shape[:-1], *kind.shape, *own
         found[name] = numbers[..., place : place + size].reshape(shape)
     return SimpleNamespace(**found)

@@ -9,9 +9,8 @@ import numba
 import numpy as np
 
 from tpd.core.machine_code import stored
-from tpd.exact.arcs import Load, arc_from, beginning, state_at, steady
+from tpd.exact.arcs import Load, arc_from, beginning, state_at
 from tpd.exact.compiling import checksum
-from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.custom_call import (
     BEGIN,
     FIELDS,
@@ -25,7 +24,6 @@ from tpd.exact.custom_call import (
     rows_of,
     usual,
 )
-from tpd.exact.cycle_kernel import LINK, SURVEY, survey, traverse
 from tpd.exact.follow import FOLLOWED, put_results, through
 from tpd.exact.legs import (
     ANGLES,
@@ -39,14 +37,13 @@ from tpd.exact.legs import (
     put_states,
     read,
 )
-from tpd.exact.march import put_flow
 from tpd.exact.motion import FIRST_PIECE, LEG, larger, put
-from tpd.exact.near_orbits import Limits, follow_periods
-from tpd.exact.plant import compiled, plant, put_plants
+from tpd.exact.period_map import first_of, memory
+from tpd.exact.plant import compiled, put_plants
 from tpd.exact.repetition import SETTLED
 from tpd.exact.settle import settle
-from tpd.exact.steady import SPARE, STEADY, first_of, memory, steady_state
-from tpd.exact.terms import FAILED, MANY, SWING_PULL, TILT, TILT_PULL, TILT_RATE
+from tpd.exact.steady import STEADY, steady_state
+from tpd.exact.terms import FAILED, SWING_PULL, TILT_PULL
 from tpd.exact.trajectory import trajectory
 
 __all__ = [
@@ -60,13 +57,11 @@ __all__ = [
     "STEADY",
 ]
 
-SETTLE, TRAJECTORY, SHAKE, HISTORY, LEGS_OF, ARCS, STEADY_STATE = range(7)
-"""Tasks; the first number of every row of settings. Histories, legs and arcs are for the host alone."""
+SETTLE, TRAJECTORY, SHAKE, HISTORY, STEADY_STATE, ORBIT = range(6)
+"""Tasks; the first number of every row of settings. Histories are for the host alone."""
 _END, _GROWN, _AT, _LIFTED, SHAKEN = map(np.int64, (3, 7, 8, 11, 12))
 """Places of the quantities with derivatives of a motion through all pieces, after the three angles: the end,
 the growing coordinate, the three times, that of the uplift; and how many there are."""
-ENDED = np.dtype([("legs", np.float64), ("how", np.float64)])
-"""Legs of a motion, for which there may not be room, and how it ended."""
 _USUAL = 20_000
 """Events for which there is room at first."""
 
@@ -81,20 +76,20 @@ def _keep(own):
 def _settle(a, first, last):
     """Rows of `settle`: settings, parameters, starts, beginnings and ramps; what the motions settle to."""
     (s, x, y), own, (_, _, _, times, results, _, _, _) = usual(a, last), memory(), places_in(a)
-    t, out, (q, m, room, r) = at(times, (last, 2), np.float64), at(results, (last,), SETTLED), first_of(own)
+    t, out, (_, m, _, _) = at(times, (last, 2), np.float64), at(results, (last,), SETTLED), first_of(own)
     for n in range(first, last):
         put(y[n], m.y)
-        settle(x[n], q, m, room, r, s[n], t[n, BEGIN], t[n, RAMP], out[n])
+        settle(x[n], own, s[n], t[n, BEGIN], t[n, RAMP], out[n])
     _keep(own)
 
 
 @compiled
-def _steady(a, first, last):
-    """Rows of `steady_state`: settings, parameters and starts; steady states."""
+def _steady(a, first, last, near):
+    """Rows of `steady_state`: settings, parameters and starts; steady states, or orbits `near` the starts."""
     (s, x, y), own, (_, _, _, results, _, _, _, _) = usual(a, last), memory(), places_in(a)
     out = at(results, (last,), STEADY)
     for n in range(first, last):
-        steady_state(x[n], y[n], s[n], own, out[n])
+        steady_state(x[n], y[n], s[n], near, own, out[n])
     _keep(own)
 
 
@@ -175,62 +170,16 @@ def _shake(a, first, last, history):
 
 
 @compiled
-def _legs(a, first, last):
-    """Rows of `follow_periods` from states at tau = 0: settings, parameters and starts; legs, how many there
-    are, for which there may not be room, and how the motion ended."""
-    (s, x, start), own, (_, _, _, results, arrivals, _, _, _) = usual(a, last), memory(), places_in(a)
-    legs, ends = at(results, (last, int(s[first].pieces)), LEG), at(arrivals, (last,), ENDED)
-    (q, m, room, _), f = first_of(own), steady(np.empty((0, 4)))
-    for n in range(first, last):
-        plant(x[n], q)
-        put_flow(q, room.march)
-        put(start[n], m.y)
-        decide(q, m.y, sign(m.y[TILT]), sign(m.y[TILT_RATE]), 0.0, m)
-        limits = Limits(s[n].rest_rate * q.nu, int(s[n].events), int(s[n].periods))
-        ends[n].how, ends[n].legs = follow_periods(q, f, m, legs[n], room, limits), m.recorded
-    _keep(own)
-
-
-@compiled
-def _arcs(a, first, last):
-    """Rows of `traverse` over so many arcs: settings, complex parameters, links, and complex arcs; ends, and
-    if the settings ask for slopes, findings about the arcs of the first row."""
-    settings, design, chain, begins, ends, findings, _, _ = places_in(a)
-    s, x, own = at(settings, (1,), SETTINGS), at(design, (last, MANY), np.complex128), memory()
-    many, slopes = int(s[first].pieces), s[first].slopes != 0.0
-    links, z = at(chain, (many,), LINK), at(begins, (last, many, 6), np.complex128)
-    out, found = at(ends, (last, many, 6), np.complex128), at(findings, (many,), SURVEY)
-    (q, _, room, r), numbers, arc = first_of(own), np.empty(MANY), np.empty(6)
-    other = r.plants[FIRST_PIECE]
-    for n in range(first, last):
-        plant(x[n], other)
-        for i in range(many):
-            traverse(other, links[i], z[n, i], out[n, i])
-    for j in range(MANY):
-        numbers[j] = x[first, j].real
-    plant(numbers, q)
-    for i in range(many if slopes else 0):
-        for j in range(6):
-            arc[j] = z[first, i, j].real
-        survey(q, links[i], arc, room, own.rooms[SPARE], found[i])
-    _keep(own)
-
-
-@compiled
 def _run(a, first, last):
     """Rows of whatever the settings ask for."""
     settings, _, _, _, _, _, _, _ = places_in(a)
     task = at(settings, (last,), SETTINGS)[first].task
     if task == SETTLE:
         _settle(a, first, last)
-    elif task == STEADY_STATE:
-        _steady(a, first, last)
+    elif task in (STEADY_STATE, ORBIT):
+        _steady(a, first, last, task == ORBIT)
     elif task == TRAJECTORY:
         _trajectory(a, first, last)
-    elif task == LEGS_OF:
-        _legs(a, first, last)
-    elif task == ARCS:
-        _arcs(a, first, last)
     else:
         _shake(a, first, last, task == HISTORY)
 

@@ -17,7 +17,8 @@ from tpd.exact.follow import ARRIVED, LOST, Rules, allow, begin, forcing_now, pi
 from tpd.exact.legs import STATE
 from tpd.exact.march import put_flow
 from tpd.exact.motion import FIRST_PIECE, LEG, NO, YES, clear, finite, largest, put
-from tpd.exact.near_orbits import CONVERGED, NEARBY, Limits, Past, orbit_near
+from tpd.exact.near_orbits import CONVERGED, NEARBY, Past, orbit_near
+from tpd.exact.period_map import Limits, first_of
 from tpd.exact.plant import compiled, plant, plant_along
 from tpd.exact.terms import REST, STICK, SWING, SWING_RATE, TILT, TILT_RATE
 
@@ -134,15 +135,16 @@ def _one_period(q, f, m, legs, room, s, grown, limits):
 
 
 @compiled
-def settle(x, q, m, room, r, s, since, ramp, out):
+def settle(x, own, s, since, ramp, out):
     """Follow one motion from its state at tau = `since` until it repeats, rests, is lost, or the periods of
     the settings `s` have elapsed. The shaking grows over `ramp` periods. Put what the motion settles to into
     `out`."""
+    q, m, room, r = first_of(own)
     plant(x, q)
     put_flow(q, room.march)
     y, period, tolerance, capture = m.y, 2.0 * math.pi / q.xi, s.tolerance, s.rest_rate * q.nu
     events, scales, cubics, legs = int(s.events), repetition.scales_of(q), np.empty((0, 4)), np.empty(0, LEG)
-    limits = Limits(capture, events, 1)
+    limits = Limits(capture, events, STATE, NEARBY)
     past, before, of = Past(np.zeros(repetition.LONGEST, repetition.PERIOD), np.zeros(2)), 0.0, _NONE
     last, peaks = past.periods, past.peaks
     put(y, last[0].y)
@@ -196,7 +198,7 @@ def settle(x, q, m, room, r, s, since, ramp, out):
             if tried > 0:
                 wait = 2 * elapsed
                 plant_along(x, STATE, r.plants[STATE])
-                if orbit_near(q, steady(cubics), m, room, r, past, known, Limits(capture, events, tried)):
+                if orbit_near(q, m, own, past, known, limits, tried):
                     status, repeats = repetition.ROCKING, tried
                     # A block that leans and is held all the time does not rock.
                     rests, reach = _rests(q, m, last[0].tilt, 0.0, tolerance)

@@ -1,4 +1,4 @@
-"""The steady state of a motion that has been followed: Newton's method on the map of its periods, what the
+"""The steady state of a motion: the orbit that Newton's method finds on the map of its periods, what the
 multipliers say, and the derivatives of an isolated orbit.
 
 The rules are those of `tpd.answers.steady_state` and `tpd.answers.period_map`, which every other model
@@ -7,18 +7,43 @@ goes by; only here is an orbit told with the fewest periods after which it close
 from __future__ import annotations
 
 import math
-from collections import namedtuple
 
 import numpy as np
 
 from tpd.exact import repetition
-from tpd.exact.half_map_kernel import characteristic, is_neutral, put_roots
-from tpd.exact.legs import INPUTS, READER, STATE
-from tpd.exact.motion import LEG, LEGS, MOTION, ROOM, finite, put
-from tpd.exact.near_orbits import CYCLE, STEP_OF_NEWTON, Limits, cycle, eliminate
-from tpd.exact.plant import PLANT, compiled, part, places, put_plants
+from tpd.exact.contact_kernel import decide, sign
+from tpd.exact.follow import EXHAUSTED, LOST
+from tpd.exact.half_map_kernel import characteristic, determinants, is_neutral, put_roots
+from tpd.exact.legs import ANGLES, STATE
+from tpd.exact.march import put_flow
+from tpd.exact.motion import FIRST_PIECE, finite, larger, put
+from tpd.exact.period_map import (
+    BEGUN,
+    BEST,
+    ON_ITS_WAY,
+    SPARE,
+    Limits,
+    cycle,
+    find_orbit,
+    first_of,
+    forget,
+    put_motion,
+    residual_of,
+    solved,
+)
+from tpd.exact.plant import compiled, places, plant, put_plants
 from tpd.exact.settle import settle
-from tpd.exact.terms import APERIODIC, GRAZING, MANY, NEAR_FOLD, RESIDUAL, SYMMETRIC
+from tpd.exact.terms import (
+    APERIODIC,
+    GRAZING,
+    LAST_STEP,
+    MANY,
+    NEAR_FOLD,
+    RESIDUAL,
+    SYMMETRIC,
+    TILT,
+    TILT_RATE,
+)
 
 WANDERS, UNSTABLE, NEUTRAL, FOLD, GRAZED = range(8, 13)
 """Numbers of statuses after those of `tpd.exact.repetition`, see `tpd.exact.terms.STEADY_STATUSES`."""
@@ -26,100 +51,22 @@ STEADY = np.dtype(
     [
         *((name, np.float64) for name in ("amplitude", "stroke")),
         ("y", np.float64, (4,)),
-        *((name, np.float64) for name in ("multiplier", "lyapunov")),
+        *((name, np.float64) for name in ("multiplier", "lyapunov", "fold")),
         *((name, np.float64) for name in ("status", "periods", "symmetric", "elapsed")),
+        ("multipliers", np.complex128, (4,)),
         ("by", np.float64, (6, MANY)),
     ],
     align=True,
 )
-"""A steady state, see `tpd.answers.steady_state.Steady`, and the derivatives of its first six numbers in the
-parameters, NaN where there are none."""
-Own = namedtuple("Own", "plants motions rooms readers cycles settled legs")
-"""Memory of records: a plant, a motion and its start, two rooms, a reader, two cycles, what a motion settles
-to, and the usual legs. A record does not keep its memory: it is alive as long as these arrays are."""
-_BEST, SPARE = 0, 1
-"""Places of the best cycle so far and of the last one, and of the start of that."""
+"""A steady state, see `tpd.answers.steady_state.Steady`; all multipliers and the margin of the fold, see
+`tpd.answers.periodic_orbit.PeriodicOrbit`; and the derivatives of the first six numbers in the parameters,
+NaN where there are none."""
 _RESIDUAL = np.int64(MANY)
 """Column of the residual of an orbit's map, after those of the parameters."""
 _AMPLITUDE, _STROKE = places(2)
 """Rows of the derivatives of a steady state: of its sizes, before those of the state."""
-_NEWTON_STEPS, _ROUND_OFF = 8, 1e-14
-"""Bound on the steps of Newton's method, and residual of the map that counts as round-off."""
-
-
-@compiled
-def memory():
-    """New memory."""
-    plants, motions, rooms = np.empty(1, PLANT), np.zeros(2, MOTION), np.zeros(2, ROOM)
-    cycles, settled, legs = np.empty(2, CYCLE), np.empty(1, repetition.SETTLED), np.empty(LEGS, LEG)
-    return Own(plants, motions, rooms, np.zeros(1, READER), cycles, settled, legs)
-
-
-@part
-def first_of(own):
-    """Plant, motion, room and reader."""
-    return own.plants[0], own.motions[0], own.rooms[0], own.readers[0]
-
-
-@compiled
-def _solved(by, right):
-    """Whether (I - DP) x = right, shape (4, n), has a solution, which is put into `right`; DP is in `by`."""
-    matrix = np.empty((4, 4))
-    for i in range(4):
-        for j in range(4):
-            matrix[i, j] = (1.0 if i == j else 0.0) - by[i, STATE + j]
-    return eliminate(matrix, right) > 0.0
-
-
-@compiled
-def _residual(q, y, end):
-    """Largest difference between the ends of a cycle, over the scales; no number if the motion was lost."""
-    scales, worst = repetition.scales_of(q), 0.0
-    for i in range(4):
-        # Of a bob that does nothing the swing decides nothing.
-        if i % 2 == 0 or q.mu > 0.0 or q.zeta > 0.0:
-            worst = max(worst, abs(end[i] - y[i]) / scales[i])
-    return worst if finite(end) else math.nan
-
-
-@compiled
-def _find_orbit(q, m, own, limits, y):
-    """Newton's method from the state `y` with the mode of the motion `m`. Leave the start of the best orbit
-    in `y` and its cycle in the first of two, and return its residual."""
-    (_, _, room, r), start, c = first_of(own), own.motions[SPARE], own.cycles[SPARE]
-    now, move = np.empty(4), np.empty((4, 1))
-    error, residual, steps = math.inf, math.inf, 0
-    put(y, now)
-    while steps < _NEWTON_STEPS and error > _ROUND_OFF:
-        kind, tilt, way = m.kind, m.tilt, m.way
-        put(now, m.y)
-        cycle(q, m, own.legs, room, r, limits, start, c)
-        found = _residual(q, now, c.end)
-        # Only a motion that ends in the mode in which it began is an orbit.
-        raised = found + (0.0 if c.closed != 0.0 else 0.5 * RESIDUAL)
-        steps += 1
-        if raised < error:
-            error, residual = raised, found
-            put(now, y)
-            own.cycles[_BEST] = c
-            # An orbit that meets an event at tau = 0, such as every conservative one, comes out on either
-            # side of it by rounding. Begun before the event and ended after it, the run counts the event
-            # twice, the other way round not at all: both leave the state right and its derivative wrong. A
-            # run that begins in the mode in which the last one ended meets it once.
-            for i in range(4):
-                move[i, STEP_OF_NEWTON] = c.end[i] - now[i]
-            if _solved(c.by, move):
-                for i in range(4):
-                    now[i] += move[i, STEP_OF_NEWTON]
-        elif RESIDUAL < error < math.inf:
-            # By rounding a map may miss an event that undoes itself soon: half of a step that led away tries
-            # once more, in the mode in which the last one began.
-            m.kind, m.tilt, m.way = kind, tilt, way
-            for i in range(4):
-                now[i] = 0.5 * (now[i] + y[i])
-        else:
-            break
-    return residual
+_ONE = np.int64(1)
+"""One period."""
 
 
 @compiled
@@ -127,15 +74,14 @@ def _separation(q, m, own, limits, periods, y):
     """Follow a motion that did not repeat from the state `y`: its largest Lyapunov exponent, no number if it
     ends at once. Leave the start of its last cycle in `y`, and that cycle in the first of two, with the
     largest sizes of all."""
-    (_, _, room, r), best, scales = first_of(own), own.cycles[_BEST], repetition.scales_of(q)
-    c, start = own.cycles[SPARE], own.motions[SPARE]
+    best, c, scales = own.cycles[BEST], own.cycles[SPARE], repetition.scales_of(q)
     direction, onward, parted, steps = np.empty(4), np.empty(4), 0.0, 0
     for i in range(4):
         # Of a bob without mass nothing is felt.
         scales[i] = scales[i] if i % 2 == 0 or q.mu > 0.0 else 1e300
         direction[i] = 0.5 * scales[i]
     while steps < periods:
-        cycle(q, m, own.legs, room, r, limits, start, c)
+        cycle(q, m, own, limits, _ONE, c)
         if not finite(c.end):
             break
         c.amplitude, c.stroke = max(c.amplitude, best.amplitude), max(c.stroke, best.stroke)
@@ -149,26 +95,28 @@ def _separation(q, m, own, limits, periods, y):
         for i in range(4):
             direction[i] = onward[i] / size
         parted, steps = parted + math.log(size), steps + 1
-        put(start.y, y)
-        own.cycles[_BEST] = c
+        put(own.motions[BEGUN].y, y)
+        own.cycles[BEST] = c
     return parted / (steps * 2.0 * math.pi / q.xi) if steps > 1 else math.nan
 
 
 @compiled
-def _multipliers(q, by):
-    """Largest modulus of the Floquet multipliers that the block can feel (all, unless mu = 0), and the least
-    distance of one from +1."""
-    felt, roots, largest, apart = np.empty((4, 4)), np.empty(4, np.complex128), 0.0, math.inf
+def _multipliers(q, by, roots):
+    """Put the Floquet multipliers that the block can feel (all, unless mu = 0) into `roots`; return the
+    largest modulus, the least distance of one from +1, and the product of all 1 - multiplier."""
+    felt, largest, apart = np.empty((4, 4)), 0.0, math.inf
     for i in range(4):
         for j in range(4):
             unfelt = q.mu == 0.0 and (i % 2 == 1 or j % 2 == 1)
             felt[i, j] = 0.0 if unfelt else by[i, STATE + j]
             if not math.isfinite(felt[i, j]):
-                return math.inf, 1.0
-    put_roots(characteristic(felt), roots)
+                return math.inf, 1.0, math.nan
+    polynomial = characteristic(felt)
+    put_roots(polynomial, roots)
     for i in range(4):
         largest, apart = max(largest, abs(roots[i])), min(apart, abs(1.0 - roots[i]))
-    return largest, apart
+    fold, _, _ = determinants(polynomial)
+    return largest, apart, fold
 
 
 @compiled
@@ -197,13 +145,14 @@ def _put_isolated(c, y, out):
         right[i, _RESIDUAL] = c.end[i] - y[i]
         for j in range(MANY):
             right[i, j] = c.by[i, j]
-    solved = _solved(c.by, right)
+    regular = solved(c.by, right)
     for k in range(2):
+        row = ANGLES + larger(c, k)
         for j in range(_RESIDUAL + 1):
-            sizes[k, j] = c.by[4 + k, j] if j < _RESIDUAL else (c.amplitude if k == 0 else c.stroke)
+            sizes[k, j] = c.by[row, j] if j < _RESIDUAL else (c.amplitude if k == 0 else c.stroke)
             for i in range(4):
-                sizes[k, j] += c.by[4 + k, STATE + i] * right[i, j]
-            if not solved:
+                sizes[k, j] += c.by[row, STATE + i] * right[i, j]
+            if not regular:
                 sizes[k, j] = math.nan
     out.amplitude, out.stroke = sizes[_AMPLITUDE, _RESIDUAL], sizes[_STROKE, _RESIDUAL]
     for k in range(6):
@@ -212,12 +161,33 @@ def _put_isolated(c, y, out):
 
 
 @compiled
-def steady_state(x, y0, s, own, out):
+def _kind_of(own, residual, y):
+    """Number of the status of a motion that was begun near an orbit and is on it now."""
+    c = own.cycles[BEST]
+    # Without a residual the first cycle was lost, and it is still in the second place.
+    if not math.isfinite(residual):
+        how = own.cycles[SPARE].how
+        lost = repetition.EVENT_BOUND if how == EXHAUSTED else repetition.FAILED
+        return repetition.OVERTURNED if how == LOST else lost
+    if not (residual < RESIDUAL and c.step < LAST_STEP):
+        return repetition.NOT_SETTLED
+    # A block that is held throughout keeps its tilt.
+    if c.held == 2.0:
+        return repetition.HELD if y[TILT] != 0.0 else repetition.AT_REST
+    return repetition.STICKING if c.held > 0.0 else repetition.ROCKING
+
+
+@compiled
+def steady_state(x, y0, s, near, own, out):
     """Follow a motion from `y0` at tau = 0 until it settles, within the bounds of the settings `s`, and put
-    its steady state into the record `out`."""
-    (q, m, room, r), c, found, y, total = first_of(own), own.cycles[_BEST], own.settled[0], out.y, 0.0
-    out.amplitude = out.stroke = out.multiplier = out.lyapunov = math.nan
+    its steady state into the record `out`; or if `near`, the orbit near `y0` of so many periods as the
+    settings say, which need not attract and has derivatives also where it does not."""
+    (q, m, room, r), c, found, y, total = first_of(own), own.cycles[BEST], own.settled[0], out.y, 0.0
+    roots = out.multipliers
+    out.amplitude = out.stroke = out.multiplier = out.lyapunov = out.fold = math.nan
     out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, repetition.FAILED
+    for i in range(4):
+        roots[i] = math.nan
     for j in range(MANY):
         total += abs(x[j])
         for i in range(6):
@@ -229,34 +199,46 @@ def steady_state(x, y0, s, own, out):
     # What is fed with numbers that are none would be followed until its bound.
     if not math.isfinite(total):
         return
-    settle(x, q, m, room, r, s, 0.0, 0.0, found)
+    if near:
+        # What is not simulated begins as a motion that rocks; what it is shows in its first period.
+        plant(x, q)
+        put_flow(q, room.march)
+        decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), 0.0, m)
+        found.status, found.periods, found.elapsed = repetition.ROCKING, s.periods, 0.0
+        found.amplitude = found.stroke = math.nan
+    else:
+        settle(x, own, s, 0.0, 0.0, found)
     begun, periods, out.elapsed = int(found.status), int(found.periods), found.elapsed
     put(m.y, y)
-    residual, separation, multiplier, to_fold = math.inf, math.nan, math.inf, 1.0
+    residual, separation, multiplier, to_fold, fold = math.inf, math.nan, math.inf, 1.0, math.nan
     c.amplitude, c.stroke, c.crossing, c.asymmetry = found.amplitude, found.stroke, math.inf, math.inf
-    limits = Limits(s.rest_rate * q.nu, int(s.events), periods)
+    limits = Limits(s.rest_rate * q.nu, int(s.events), FIRST_PIECE, math.inf)
     # There is nothing to be said of a motion that is lost.
     if begun in (repetition.ROCKING, repetition.STICKING, repetition.AT_REST, repetition.NOT_SETTLED):
         put_plants(x, r.plants)
-        for i in range(6):
-            for j in range(INPUTS):
-                c.by[i, j] = math.inf
+        forget(c)
         if begun == repetition.NOT_SETTLED:
             separation = _separation(q, m, own, limits, int(s.lyapunov), y)
         else:
-            residual = _find_orbit(q, m, own, limits, y)
+            residual = find_orbit(q, m, own, limits, periods, y)
             # A motion that comes to its orbit from both sides in turn repeats after two periods first: an
             # orbit that closes after fewer is of that many.
+            other, begin = own.cycles[SPARE], own.motions[ON_ITS_WAY]
+            put_motion(y, m, begin)
             for fewer in range(1, periods):
                 if periods % fewer == 0 and residual < RESIDUAL:
-                    bounds, other = Limits(limits.capture, limits.events, fewer), own.cycles[SPARE]
-                    put(y, m.y)
-                    cycle(q, m, own.legs, room, r, bounds, own.motions[SPARE], other)
-                    apart = _residual(q, y, other.end)
+                    put_motion(y, begin, m)
+                    cycle(q, m, own, limits, fewer, other)
+                    apart = residual_of(q, y, other.end)
                     if other.closed != 0.0 and apart < RESIDUAL:
-                        own.cycles[_BEST], residual, periods = other, apart, fewer
+                        own.cycles[BEST], residual, periods = other, apart, fewer
                         break
-        multiplier, to_fold = _multipliers(q, c.by)
+        multiplier, to_fold, fold = _multipliers(q, c.by, roots)
+    if near:
+        # The sizes of what is no orbit are no numbers.
+        begun = _kind_of(own, residual, y)
+        if begun != repetition.NOT_SETTLED:
+            found.amplitude, found.stroke = c.amplitude, c.stroke
     neutral = is_neutral(q.k, q.e, q.mu, q.zeta, multiplier)
     status = verdict(begun, residual, separation, multiplier, to_fold, c.crossing, neutral)
     # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
@@ -273,7 +255,7 @@ def steady_state(x, y0, s, own, out):
     periodic, span = rocks or rests or marginal, periods * 2.0 * math.pi / q.xi
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
     ringing = rests and not (q.zeta > 0.0 and multiplier < 1.0)
-    isolated = (not ringing) & (rocks | rests)
+    isolated = (not ringing) & (rocks | rests | (near & marginal))
     if isolated:
         _put_isolated(c, y, out)
     elif marginal or singular or status == WANDERS:
@@ -298,5 +280,10 @@ def steady_state(x, y0, s, own, out):
     symmetric = periodic & (periods % 2 == 1) & (c.asymmetry < SYMMETRIC)
     out.symmetric = 1.0 if symmetric else 0.0
     if periodic or status == repetition.HELD or singular:
-        out.multiplier = multiplier
+        out.multiplier, out.fold = multiplier, fold
+    else:
+        for i in range(4):
+            roots[i] = math.nan
+            # Where there is no orbit near a state, what Newton's method came to is none either.
+            y[i] = math.nan if near else y[i]
     out.status, out.periods = status, periods

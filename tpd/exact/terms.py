@@ -1,6 +1,6 @@
 """Names that compiled code and JAX share, known without loading either.
 
-Kinds of modes and of events, columns of states, and the statuses, sizes and bounds of orbits: where one is
+Kinds of modes, columns of states, and the statuses, sizes and bounds of orbits: where one is
 about to be lost, or is held to be neither attracting nor repelling.
 """
 
@@ -12,8 +12,6 @@ from tpd.scene.parameters import NAMES
 
 SLIP, STICK, REST = range(3)
 """Kinds of the modes of the contact, see `tpd.exact.contact_kernel`."""
-TURN, LANDING, RELEASE = range(3)
-"""Kinds of the events that end an arc of a periodic orbit."""
 TILT, SWING, TILT_RATE, SWING_RATE, TILT_PULL, SWING_PULL = range(6)
 """Columns of a state: phi, psi, phi', psi'; and of its accelerations, phi'' and psi'', where they follow."""
 APART = 2
@@ -23,8 +21,6 @@ K, F, XI, RHO, E = map(NAMES.index, ("k", "f", "xi", "rho", "e"))
 """Columns of the parameters in a row."""
 MANY = len(NAMES)
 """Number of parameters."""
-PHASE, LASTS = 4, 5
-"""Columns of an arc of a periodic orbit after its state: the forcing's phase at its start; its duration."""
 STATUSES = ("rocking", "unstable", "neutral", "near_fold", "grazing", "no_orbit")
 """Names of the statuses of symmetric orbits in compiled code, by their numbers there."""
 ENDS = ("rocking", "sticking", "rest", "held", "overturned", "not_settled", "event_bound", "failed")
@@ -61,6 +57,12 @@ UNDECIDED = 1e-11
 """Distance from 1 of the largest multiplier below which rounding decides whether an orbit attracts."""
 RESIDUAL = 1e-8
 """Largest residual of the period map, in shares of the scales, of what is called an orbit."""
+NEWTON_STEPS = 24
+"""Bound on the steps of Newton's method on the period map. Three or four usually do; next to a fold each only
+halves the error."""
+LAST_STEP = 1e-6
+"""Largest step of this method, in shares of the scales, after which a step that leads away is the last one.
+Just beyond a fold the residual is small, and the step is not."""
 SYMMETRIC = 1e-6
 """Largest difference between the tilts to either side, over the amplitude, of a symmetric motion."""
 APERIODIC = 5e-3
