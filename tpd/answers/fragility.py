@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.ground_batch import Progress, follow_scaled
+from tpd.answers.runs import Progress, follow_scaled
 from tpd.answers.statistics import Lognormal, fit_lognormal, mcnemar, median_words
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
@@ -24,6 +24,7 @@ from tpd.core.formatting import Tabular
 from tpd.records.intensity import intensity_of
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, events_of, refuse_zeros
 from tpd.scene.scene import Block, Pendulum
+from tpd.theory.equations import Terms
 
 STATES: Mapping[str, float] = {"rocking": 0.0, "half": 0.5, "overturned": math.inf}
 """Damage states by default: the tilt over the slenderness that a motion exceeds. 0 is any uplift, infinity an
@@ -200,22 +201,22 @@ def fragility(
     exact = follow_scaled(block, cases, motions, factors, progress=shifted(0), **options)
     nu, quakes = float(block.slenderness), np.unique(events_of(motions), return_inverse=True)[1]
     # Whether every run reaches each of the damage states, as a number; NaN where nothing is known.
-    tilted = {n: np.where(exact.lifted, exact.tilt, -1.0) > x * nu for n, x in states.items()}
-    reached = {n: exact.overturned if math.isinf(states[n]) else hit for n, hit in tilted.items()}
-    hits = {n: np.where(exact.undecided, np.nan, hit) for n, hit in reached.items()}
+    reached = {n: exact.is_overturned if math.isinf(x) else exact.tilt > x * nu for n, x in states.items()}
+    hits = {n: np.where(exact.is_unanswered, np.nan, hit) for n, hit in reached.items()}
     curves = [
         {name: _curve(name, hit[i], quakes, stripes) for name, hit in hits.items()} for i in range(len(cases))
     ]
-    tilts = np.where(exact.undecided, np.nan, exact.tilt) / nu
+    tilts = exact.tilt / nu
     changed, unanswered = None, None
     if nonlinear:
         checked = follow_scaled(
-            block, cases, motions, factors, progress=shifted(1), nonlinear=True, **options
+            block, cases, motions, factors, progress=shifted(1), equations=Terms.nonlinear, **options
         )
-        differs = np.where(exact.undecided | checked.undecided, np.nan, exact.overturned ^ checked.overturned)
+        unknown = exact.is_unanswered | checked.is_unanswered
+        differs = np.where(unknown, np.nan, exact.is_overturned ^ checked.is_overturned)
         shares = [float(np.mean(x[np.isfinite(x)])) if np.isfinite(x).any() else math.nan for x in differs]
         changed = shares[0], shares[-1]
-        unanswered = int(checked.undecided[0].sum()), int(checked.undecided[-1].sum())
+        unanswered = int(checked.is_unanswered[0].sum()), int(checked.is_unanswered[-1].sum())
     p_values = {name: mcnemar(hit[0], hit[-1], quakes) for name, hit in hits.items()}
     crossings = {
         n: (_first_crossing(h[0], stripes), _first_crossing(h[-1], stripes)) for n, h in hits.items()

@@ -8,14 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.ground_batch import Progress, follow_rows, follow_scaled, rows_of
+from tpd.answers.runs import Progress, follow_runs, follow_scaled, rows_of
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
 from tpd.core.formatting import Tabular
+from tpd.exact.runs import GroundForcing
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion, Pulse
 from tpd.scene.pytrees import single
 from tpd.scene.scene import Block, Pendulum, Scene
+from tpd.theory.equations import Terms
 
 UNDECIDED, STANDS, ROCKS, OVERTURNS = -1, 0, 1, 2
 """Outcomes of a cell; OVERTURNS + n is an overturning after n impacts."""
@@ -105,8 +107,8 @@ def overturning_spectrum(
     cases = (None,) if pendulum is None else (None, pendulum)
     how = {"cluster": cluster, "progress": progress}
     found = follow_scaled(block, cases, motions, factors, gravity=gravity, free=free, brief=True, **how)
-    code = np.where(found.overturned, OVERTURNS + found.impacts, np.where(found.lifted, ROCKS, STANDS))
-    cells = np.where(found.undecided, UNDECIDED, code).swapaxes(1, 2)
+    known = np.where(found.is_overturned, OVERTURNS + found.impacts, np.where(found.is_lifted, ROCKS, STANDS))
+    cells = np.where(found.is_unanswered, UNDECIDED, known).astype(int).swapaxes(1, 2)
     return OverturningSpectrum(pulse, w, a, cells[0], cells[1] if pendulum is not None else None)
 
 
@@ -178,8 +180,7 @@ def rocking_spectrum(
     x[:, 6] = float(motion.piece) * np.tile(rates, len(rows))
     late = free * np.tile(rates, len(rows))
     pieces = np.asarray(motion.pieces(), dtype=float)
-    batch = {"x": x, "which": np.zeros(len(x), dtype=int), "free": late}
-    found = follow_rows(batch, [pieces], False, True, cluster=cluster, progress=progress)
-    # A motion that the bound on events ended has a largest tilt as well, but not that of the whole motion.
-    tilt = np.where(found.undecided, np.nan, found.tilt).reshape(len(rows), -1) / float(block.slenderness)
+    forcing = GroundForcing([pieces], late)
+    found = follow_runs(Terms.linear, x, forcing, brief=True, cluster=cluster, progress=progress)
+    tilt = found.tilt.reshape(len(rows), -1) / float(block.slenderness)
     return RockingSpectrum(times, tilt[0], tilt[1] if hung is not None else None)

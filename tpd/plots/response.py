@@ -15,7 +15,7 @@ from tpd.answers.shaking_history import ShakingHistory
 from tpd.design.as_built import TimeHistory, time_histories
 from tpd.design.design import Design
 from tpd.plots.style import CASES, GREY, INK, LABELS, LINES, ORANGE, in_degrees, legend, new_axes, own_style
-from tpd.scene.status import SETTLED
+from tpd.scene.status import SETTLED, names_of
 
 _UNSTABLE = (0, (4, 2))
 _LOST = ({"marker": "^", "ms": 5.5, "mfc": "white"}, {"marker": "x", "ms": 4.5})
@@ -46,11 +46,12 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
     if axes is None:
         axes = np.atleast_1d(new_axes(1 + shares, (7.0, 6.0 if shares else 4.4)))
     axes = np.atleast_1d(axes)
-    settled = np.concatenate([r.amplitude[np.isin(r.status, SETTLED)] for r in responses])
+    known_names = names_of(SETTLED)
+    settled = np.concatenate([r.amplitude[np.isin(r.status, known_names)] for r in responses])
     # Marks of overturning stand above all amplitudes.
     top = 1.35 * float(settled.max(initial=0.0)) or 1.0
     for i, r in enumerate(responses):
-        style, known, lost = CASES[i], np.isin(r.status, SETTLED), r.status == "overturned"
+        style, known, lost = CASES[i], np.isin(r.status, known_names), r.status == "overturned"
         # The axis begins at zero, and a block at rest has its mark there: it must not be cut in half.
         axes[0].plot(r.frequency, np.where(known, r.amplitude, np.nan), **style, clip_on=False)
         if lost.any():
