@@ -36,7 +36,7 @@ def test_validation_runs_stand_with_their_intervals():
 
 def test_a_group_that_is_worse_is_marked():
     runs = harmonic().runs
-    severe = dataclasses.replace(runs.with_pendulum, status=np.full(len(runs.group), "overturned"))
+    severe = dataclasses.replace(runs.with_pendulum, settled_tilt=np.full(len(runs.group), np.inf))
     case = dataclasses.replace(runs, with_pendulum=severe)
     found = dataclasses.replace(harmonic().validated[-1], quoted=case)
     table = sections.over_runs(dataclasses.replace(harmonic(), validated=(found,)))[-1]

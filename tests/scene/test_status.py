@@ -15,7 +15,6 @@ from tpd.scene.status import (
     code_of,
     index_of,
     is_one_of,
-    is_settled,
     names_of,
     status_name,
 )
@@ -27,7 +26,8 @@ def test_names_numbers_and_statuses_belong_together(name):
     assert status_name(status) == name
     assert names_of(status).shape == ()
     assert index_of(name) == code_of(status) == Status.__names__.index(name)
-    assert bool(is_settled(status)) == (name in names_of(SETTLED))
+    assert is_one_of(status, status)
+    assert is_one_of(status, *SETTLED) == (name in names_of(SETTLED))
     # What is no answer of its own says what to do.
     remedy = {*names_of(NOT_ATTRACTING), "held", "overturned", "aperiodic", "not_settled"}
     if name in remedy | {*names_of(UNANSWERED), "no_orbit", "inexact", "not_known"}:
@@ -44,7 +44,7 @@ def test_numbers_in_files_keep_their_names():
 
 def test_groups_of_statuses_are_compared_in_arrays_batches_and_programs():
     codes = np.array([0, 2, 14, 11], dtype=np.int8)
-    batch = Status.where(jnp.array([True, False]), Status.rocking, Status.stood)
+    batch = jax.vmap(lambda x: Status.where(x, Status.rocking, Status.stood))(jnp.array([True, False]))
     for members, in_codes, in_batch in (
         (MOVING, [True, False, False, False], [True, False]),
         (SETTLED, [True, True, False, False], [True, False]),

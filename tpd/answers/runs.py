@@ -76,7 +76,7 @@ class Runs(Printed, Tabular):
     """Largest angle between rod and block, |psi - phi|. Under a harmonic, of which runs do not record it, the
     sum of the largest tilt and the largest swing, which is never less."""
     settled_rod_angle: np.ndarray
-    """The same of the settled motion."""
+    """Largest angle between rod and block of the settled motion, recorded as `rod_angle` is."""
     impacts: np.ndarray
     """Number of impacts under a ground motion; NaN under a harmonic."""
     outcome: np.ndarray

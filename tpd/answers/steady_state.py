@@ -44,7 +44,6 @@ from tpd.scene.status import (
     code_of,
     index_of,
     is_one_of,
-    is_settled,
     status_name,
 )
 
@@ -160,7 +159,7 @@ def steady_state(
         model.__class__.check(model, p)  # pyright: ignore[reportArgumentType]
         steady = _steady_state(p, model, start)
     if throw:
-        settled = is_settled(steady.status)
+        settled = is_one_of(steady.status, *SETTLED)
         steady = eqx.tree_at(
             lambda s: s.amplitude, steady, steady.status.error_if(jnp.asarray(steady.amplitude), ~settled)
         )

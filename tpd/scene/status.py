@@ -8,7 +8,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from tpd.core import checks
 
@@ -84,7 +83,7 @@ class Status(eqx.Enumeration):
 MOVING = (Status.rocking, Status.sticking)
 """Statuses of attracting periodic motions of the block."""
 SETTLED = (*MOVING, Status.rest)
-"""Statuses of attracting motions, see `is_settled`."""
+"""Statuses of attracting motions, with an amplitude and its gradient."""
 NOT_ATTRACTING = (Status.unstable, Status.neutral, Status.near_fold, Status.grazing)
 """Statuses of periodic motions that do not attract, or of which this is not known."""
 STANDING = (Status.stood, Status.rocked)
@@ -120,8 +119,3 @@ def is_one_of(status: Any, *members: Status) -> Any:
     code = code_of(status)
     xp = jnp if isinstance(code, jax.Array) else np
     return xp.isin(code, code_of(members))
-
-
-def is_settled(status: Status) -> Array:
-    """Whether a status is that of an attracting motion, with an amplitude and its gradient."""
-    return is_one_of(status, *SETTLED)
