@@ -157,12 +157,11 @@ def test_a_harmonic_design_is_within_the_space_and_the_limits(harmonic):
     assert harmonic.benefit.low > 0.3, "sixty per cent with these settings"
     # The same pairs again, by the nonlinear equations themselves.
     runs = best.quoted
+    size, seed = len(runs.group), runs.with_pendulum.seed
     again = tpd.paired_runs(
         SCENE,
         harmonic.pendulum,
-        ensemble=dataclasses.replace(
-            harmonic.problem.ensemble, size=len(runs.group), seed=runs.with_pendulum.seed
-        ),
+        ensemble=dataclasses.replace(harmonic.problem.ensemble, size=size, seed=seed),
         conditions=harmonic.conditions,
         equations="nonlinear",
         rtol=1e-6,

@@ -196,6 +196,27 @@ class Runs(Printed, Tabular):
         return "\n".join(lines)
 
 
+class Cases(Tabular):
+    """Base of results without a pendulum and, if there is one, with it."""
+
+    cases: Any
+    """Results without the pendulum first."""
+
+    @property
+    def without_pendulum(self) -> Any:
+        """Result without the pendulum."""
+        return self.cases[0]
+
+    @property
+    def with_pendulum(self) -> Any:
+        """Result with the pendulum; None if there is none."""
+        return self.cases[1] if len(self.cases) > 1 else None
+
+
+CASE_KEYS = ("bare", "hung")
+"""Keys of the cases in tables and files."""
+
+
 def label_of_ramp(ramp: float) -> str:
     """Name the duration in seconds over which the excitation grows."""
     return "sudden starts" if ramp == 0.0 else f"starts over {ramp:g} s"
