@@ -111,9 +111,9 @@ FRAGILITY = Fragility(
     "m/s^2",
     ("a", "b", "c", "d"),
     4,
-    *({"overturned": curve(counts)} for counts in ([0, 2, 4], [0, 1, 3])),
+    tuple({"overturned": curve(counts)} for counts in ([0, 2, 4], [0, 1, 3])),
     None,
-    (np.zeros((4, 3)), None),
+    np.zeros((2, 4, 3)),
     {},
     None,
 )

@@ -13,6 +13,7 @@ from tpd.scene.status import (
     UNANSWERED,
     Status,
     code_of,
+    codes_of,
     index_of,
     is_one_of,
     names_of,
@@ -37,6 +38,7 @@ def test_names_numbers_and_statuses_belong_together(name):
 def test_numbers_in_files_keep_their_names():
     codes = np.array([[2, 4], [15, 0]], dtype=np.int8)
     assert names_of(codes).tolist() == [["rest", "overturned"], ["rocked", "rocking"]]
+    assert codes_of(["rest", "overturned", "rocked"]).tolist() == [2, 4, 15]
     assert len(Status.__names__) == len(Status) == 18
     with pytest.raises(IndexError):
         names_of(np.array([18]))

@@ -53,6 +53,13 @@ class Curve:
     medians: tuple[float, float]
     """Medians of the fits in which all motions without an answer reach the state, and in which none does."""
 
+    def __str__(self) -> str:
+        if not self.undecided.any():
+            return str(self.fit)
+        # All of them reaching the state makes the lower median.
+        low, high = (median_words(x) for x in self.medians)
+        return f"{self.fit} (between {low} and {high}, whatever the motions without an answer do)"
+
 
 @dataclass(frozen=True)
 class Fragility(Cases):
@@ -106,7 +113,7 @@ class Fragility(Cases):
         for name in self.without_pendulum:
             heads = f"{name}: {_LABELS[0]}", f"{' ' * len(name)}  {_LABELS[1]}"
             for head, case in zip(heads, self.cases, strict=False):
-                lines.append(f"  {head} {case[name].fit}{_doubt(case[name])}")
+                lines.append(f"  {head} {case[name]}")
         runs = len(self.motions) * len(self.stripes)
         if lost := _listed([int(next(iter(c.values())).undecided.sum()) for c in self.cases], runs):
             lines.append(f"  without an answer, and not counted: {lost}")
@@ -116,15 +123,6 @@ class Fragility(Cases):
             if lost := _listed(self.unanswered, runs):
                 lines.append(f"  without an answer by these equations, and not compared: {lost}")
         return "\n".join(lines)
-
-
-def _doubt(curve: Curve) -> str:
-    """Words about what the motions without an answer leave open."""
-    if not curve.undecided.any():
-        return ""
-    # All of them reaching the state makes the lower median.
-    low, high = (median_words(x) for x in curve.medians)
-    return f" (between {low} and {high}, whatever the motions without an answer do)"
 
 
 def _listed(counts: Sequence[int], runs: int) -> str:

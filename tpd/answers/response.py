@@ -208,20 +208,18 @@ def settled_response(
             found.append((float(steady.amplitude), float(steady.stroke), status_name(steady.status)))
             report("responding", i + 1, len(line))
     amplitude, stroke, status = map(np.array, zip(*found, strict=True))
+    overturning = None
+    if len(line) >= _LEAST:
+        # Next to overturning a change of a thousandth decides: one run at each value says little.
+        fine = np.linspace(line.min(), line.max(), _RUNS)
+        runs, reach = follow_runs(Terms.linear, axis.at(fine), HarmonicForcing()), _NEAR * np.ptp(line)
+        near = (~runs.is_unanswered & (np.abs(fine - x) <= reach) for x in line)
+        overturning = np.array([Share.of(runs.is_overturned[rows]) for rows in near]).T
     return Response(
         frequency=line,
         amplitude=amplitude,
         stroke=stroke,
         status=status,
         name=axis.name,
-        overturning=_overturning(axis, line) if len(line) >= _LEAST else None,
+        overturning=overturning,
     )
-
-
-def _overturning(axis: Axis, line: np.ndarray) -> np.ndarray:
-    """See `Response.overturning`."""
-    # Next to overturning a change of a thousandth decides: one run at each value says little.
-    fine = np.linspace(line.min(), line.max(), _RUNS)
-    runs, reach = follow_runs(Terms.linear, axis.at(fine), HarmonicForcing()), _NEAR * np.ptp(line)
-    near = (~runs.is_unanswered & (np.abs(fine - x) <= reach) for x in line)
-    return np.array([Share.of(runs.is_overturned[rows]) for rows in near]).T

@@ -20,7 +20,7 @@ from tpd.exact.terms import LAM, MU, NU, SHAKEN, F
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
 from tpd.scene.pytrees import single
 from tpd.scene.scene import Block, Pendulum, Scene
-from tpd.scene.status import SETTLED, UNANSWERED, Status, code_of, index_of, is_one_of, names_of
+from tpd.scene.status import SETTLED, UNANSWERED, Status, code_of, codes_of, is_one_of, names_of
 from tpd.theory.equations import Terms
 
 Progress = Callable[[int, int], None]
@@ -34,7 +34,7 @@ _QUANTILES = {
 _KEYS = {"peak": "tilt", "amplitude": "settled_tilt", "peak_stroke": "swing", "stroke": "settled_swing"}
 """Angles by their keys in JSON."""
 UNANSWERED_ROW = "runs without an answer"
-_SHAKEN = np.array([index_of(name) for name in SHAKEN])
+_SHAKEN = codes_of(SHAKEN)
 """Numbers of outcomes by those of compiled code under ground motions."""
 _CHUNKS = {Terms.linear: 2048, Terms.nonlinear: 128}
 """Runs under a harmonic in a chunk for a cluster: some tenths of a second of work."""

@@ -42,11 +42,13 @@ from tpd.scene.status import (
     UNANSWERED,
     Status,
     code_of,
-    index_of,
+    codes_of,
     is_one_of,
     status_name,
 )
 
+_STATUSES = codes_of(STEADY_STATUSES)
+"""Numbers of statuses by those of compiled code."""
 INEXACT = 0.05
 """Largest relative error of the amplitude of a smoothed motion that is not `inexact`."""
 
@@ -331,7 +333,7 @@ def _answer(out: Any) -> tuple[_Answer, Any]:
     else:
         of, xp, whole = parts(out, record), jnp, partial(jnp.asarray, dtype=int)
     # An array, by which equinox looks up the message of a status.
-    status = xp.asarray(xp.asarray(_statuses())[whole(of.status)])
+    status = xp.asarray(xp.asarray(_STATUSES)[whole(of.status)])
     about = whole(of.periods), of.multiplier, of.symmetric == 1.0, of.lyapunov, of.y, whole(of.elapsed)
     return _Answer(of.amplitude, of.stroke, status, *about), of.by
 
@@ -340,12 +342,6 @@ def _answer(out: Any) -> tuple[_Answer, Any]:
 def _known(record: np.dtype) -> Any:
     """A tuple with the names of a record."""
     return namedtuple("_known", record.names or ())
-
-
-@lru_cache(maxsize=1)
-def _statuses() -> np.ndarray:
-    """Numbers of statuses by those of the compiled code."""
-    return np.array([index_of(name) for name in STEADY_STATUSES], dtype=np.int32)
 
 
 def _solve(x: Float[Array, "9"], model: AbstractFlow, y0: State) -> tuple[_Answer, Float[Array, "6 9"]]:

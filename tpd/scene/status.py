@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -112,6 +113,16 @@ def code_of(status: Any) -> Any:
 def index_of(name: str) -> int:
     """The number of the status of a name."""
     return Status.__names__.index(name)
+
+
+def status_of(codes: Any) -> Status:
+    """The batch of statuses of an array of numbers, traced or not."""
+    return jax.tree.unflatten(jax.tree.structure(Status.rest), [codes])
+
+
+def codes_of(names: Sequence[str]) -> np.ndarray:
+    """The numbers of the statuses of names, such as those of compiled code in their order."""
+    return np.array([index_of(name) for name in names], dtype=np.int32)
 
 
 def is_one_of(status: Any, *members: Status) -> Any:
