@@ -47,7 +47,7 @@ class Branches(Printed, Tabular):
     """(n,), uplift margin at the values of the sweep: where positive, a block at rest stays at rest."""
     rest_stroke: np.ndarray
     """(n,), the bob's largest angle under a resting block, rad."""
-    hung: bool
+    has_pendulum: bool
     """Whether there is a pendulum; without one strokes are those of a bob too light to be felt."""
 
     @property
@@ -117,7 +117,7 @@ def branches(
         bifurcations=found,
         margin=np.asarray(still.margin),
         rest_stroke=np.asarray(still.stroke),
-        hung=axis.setup.hung,
+        has_pendulum=axis.setup.hung,
     )
 
 

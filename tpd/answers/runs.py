@@ -143,6 +143,7 @@ class Runs(Printed, Tabular):
     def quantiles(self, angle: str, at: tuple[float, ...] = (0.5, 0.9, 0.99)) -> tuple[float, ...]:
         """Quantiles of one of `ANGLES`: the least number that at least such a share of the runs does not
         exceed, infinite if that needs runs that overturn."""
+        # Runs that overturn have infinite angles, so that quantiles of all runs are defined.
         values = np.sort(getattr(self, angle)[~self.is_unanswered])
         if not len(values):
             return (math.nan,) * len(at)
@@ -250,6 +251,7 @@ def follow_runs(
     check_where(workers, cluster, progress)
     n, ground = len(rows), isinstance(forcing, GroundForcing)
     own = {name: getattr(forcing, name) for name in (("free", "which") if ground else ("begin", "ramp"))}
+    # What differs from run to run is divided among the chunks of a cluster, and the rest is sent once.
     batch = {name: np.broadcast_to(x, n) for name, x in own.items()}
     batch |= {"rows": rows, "y0": np.zeros((n, 4)) if y0 is None else y0}
     limits = {"events": events, "rtol": rtol, "brief": brief}
@@ -288,6 +290,7 @@ def _results(
         sizes = tilt, settled, swing, settled_swing, swing + tilt, settled_swing + settled
         outcome, impacts = np.asarray(code_of(found.status)), np.full(len(tilt), np.nan)
     else:
+        # A run under a ground motion has no steady state: its largest angles count.
         sizes = found.tilt, found.tilt, found.swing, found.swing, found.relative, found.relative
         outcome, impacts = _SHAKEN[found.status.astype(int)], found.impacts
     overturned, unanswered = outcome == code_of(Status.overturned), is_one_of(outcome, *UNANSWERED)

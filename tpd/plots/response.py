@@ -96,13 +96,13 @@ def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
     Returns:
         The axes, an array.
     """
-    hung = any(b.hung for b in cases.values())
+    hung = any(b.has_pendulum for b in cases.values())
     axes = np.atleast_1d(new_axes(1 + hung, (7.0, 6.6 if hung else 4.4)) if axes is None else axes)
     colours = [GREY, LINES[1]["color"]][-len(cases) :]
     styles = [{"color": c, "lw": 2.6 if c == GREY else 1.5} for c in colours]
     for (label, case), style in zip(cases.items(), styles, strict=True):
         for ax, quantity in zip(axes, ("amplitude", "stroke"), strict=False):
-            if quantity == "amplitude" or case.hung:
+            if quantity == "amplitude" or case.has_pendulum:
                 _lines(ax, case, quantity, style)
                 for b in case.bifurcations:
                     marker, _ = _MARKERS[b.kind]
