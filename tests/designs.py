@@ -8,13 +8,16 @@ from typing import ClassVar
 import numpy as np
 
 import tpd
-from tpd.answers.ensemble import Ensemble, Outcomes
 from tpd.answers.paired import PairedRuns
+from tpd.answers.runs import ANGLES, Runs
 from tpd.core.progress import unreported
 from tpd.design.design import Design
 from tpd.design.problem import STATED, Problem
 from tpd.design.reasons import Reason, ReasonKind
 from tpd.scene.conditions import Conditions
+from tpd.scene.ensemble import Ensemble
+from tpd.scene.status import index_of
+from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
 SCENE = tpd.paper_scene()
@@ -35,27 +38,22 @@ SMALL = {
 """Settings of a search of a few seconds."""
 
 
-def outcomes(
-    tilt, stroke=0.0, peak=1.0, equations: str = "nonlinear", design=RATIOS, seed: int = 0
-) -> Outcomes:
+def outcomes(tilt, stroke=0.0, peak=1.0, equations: str = "nonlinear", design=RATIOS, seed: int = 0) -> Runs:
     """Runs of these settled tilts over nu: 0 is rest, infinity an overturning, NaN no answer; and of these
     bob angles in rad. The largest angles on the way are `peak` times the settled ones."""
     tilt = np.asarray(tilt, dtype=float)
     status = np.where(np.isinf(tilt), "overturned", np.where(tilt == 0.0, "rest", "rocking"))
     status = np.where(np.isnan(tilt), "failed", status)
     swing = np.where(np.isfinite(tilt), stroke, tilt)
-    return Outcomes(
-        ensemble=Ensemble(size=len(tilt), seed=seed),
-        status=status,
-        peak=peak * tilt * NU,
-        amplitude=tilt * NU,
-        peak_stroke=peak * swing,
-        stroke=swing,
-        ramp=np.zeros(len(tilt)),
-        nu=np.full(len(tilt), NU),
-        mu=np.full(len(tilt), design[0]),
-        lam=np.full(len(tilt), design[1]),
-        equations=equations,
+    sizes = tilt * NU, swing, tilt * NU + swing
+    angles = (peak * size if largest else size for size in sizes for largest in (True, False))
+    inputs = {"condition": 0.0, "ramp": 0.0, "nu": NU, "mu": design[0], "lam": design[1], "impacts": np.nan}
+    return Runs(
+        equations=Terms(equations),
+        seed=seed,
+        outcome=np.array([index_of(name) for name in status]),
+        **dict(zip(ANGLES, angles, strict=True)),
+        **{name: np.full(len(tilt), x) for name, x in inputs.items()},
     )
 
 
@@ -117,7 +115,7 @@ class NoisyProblem(Problem):
     def candidates(self, progress):
         return SPACE.unscaled(np.random.default_rng(self.seed).uniform(0.0, 1.0, (24, 3))), None
 
-    def runs(self, design, seed, equations="linear") -> Outcomes:
+    def runs(self, design, seed, equations="linear") -> Runs:
         rng = np.random.default_rng(seed)
         if design is None:
             return outcomes(0.6 + 0.1 * rng.standard_normal(self.count), equations=equations, seed=seed)

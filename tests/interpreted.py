@@ -28,7 +28,7 @@ def results() -> dict[str, Any]:
     import tpd
     from tpd.answers.bifurcations import bifurcations
     from tpd.answers.ensemble import plan
-    from tpd.answers.ground_batch import follow_scaled
+    from tpd.answers.runs import ANGLES, follow_scaled
     from tpd.answers.shaking_history import shaking_history
     from tpd.design.criteria import Geometry
     from tpd.design.orbits import Orbits
@@ -57,8 +57,10 @@ def results() -> dict[str, Any]:
     slopes = orbit_slopes(row[None], orbits, np.eye(len(NAMES))[None], (0, 11))[0, 0]
     runs = plan(p, tpd.Ensemble(size=3))
     shaken = (
-        follow_scaled(scene.block, [None, pendulum], [scene.motion], np.array([[1.0]]), free=2.0, nonlinear=n)
-        for n in (False, True)
+        follow_scaled(
+            scene.block, [None, pendulum], [scene.motion], np.array([[1.0]]), free=2.0, equations=terms
+        )
+        for terms in (tpd.Terms.linear, tpd.Terms.nonlinear)
     )
     block = tpd.Scene(scene.block, tpd.Harmonic(amplitude=0.03, frequency=1.5))
     conditions = tpd.Conditions.band(block, 1.4, 1.6, 2)
@@ -84,7 +86,7 @@ def results() -> dict[str, Any]:
         "nonlinear steady state": leaves(tpd.steady_state(p, model=tpd.Nonlinear())),
         "history": leaves((history.tilt, history.horizontal, history.impacts)),
         "ensemble": leaves(runs),
-        "shaken": [leaves(one) for one in shaken],
+        "shaken": [leaves([getattr(one, n) for n in (*ANGLES, "impacts", "outcome")]) for one in shaken],
         "bifurcations": [
             [b.value, b.amplitude, *(b.slopes.get(n, 0.0) for n in VALUES)]
             for b in bifurcations(p, "k", 0.01, 0.4, samples=12)

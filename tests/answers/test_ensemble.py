@@ -13,7 +13,7 @@ from tests.designs import outcomes as by_hand
 from tests.reference import HUNG as CASES
 from tpd.answers.ensemble import outcomes, plan
 from tpd.answers.statistics import Share
-from tpd.scene.status import Outcome, names_of
+from tpd.scene.status import Status, code_of, names_of
 
 HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
 SPREADS = (
@@ -35,9 +35,9 @@ def followed(p, y0, *, begin=0.0, ramp=0.0, periods):
 )
 def test_without_any_spread_every_run_is_what_is_settled_into_from_rest(equations, amplitude, rtol):
     found = outcomes(HUNG, ensemble=dataclasses.replace(STILL, periods=200), equations=equations)
-    assert set(found.status) == {"rocking"}
-    np.testing.assert_allclose(found.amplitude, amplitude, rtol=rtol)
-    assert np.all(found.peak >= found.amplitude)
+    assert set(names_of(found.outcome)) == {"rocking"}
+    np.testing.assert_allclose(found.settled_tilt, amplitude, rtol=rtol)
+    assert np.all(found.tilt >= found.settled_tilt)
 
 
 def test_a_restitution_scatters_without_a_change_of_the_other_draws():
@@ -80,7 +80,7 @@ def test_the_share_overturned_by_growing_shaking_is_that_of_an_independent_code(
     """Source: closed forms over steps of 0.02 and of 0.01 for 100 periods (commit 42b9f9c)."""
     ensemble = tpd.Ensemble(size=256, seed=5, ramps=(2.0,), slenderness=0.0)
     # The motions are chaotic: rounding may decide a run.
-    assert abs(np.sum(outcomes(tpd.paper_scene(), ensemble=ensemble).lost) - 135) <= 1
+    assert abs(np.sum(outcomes(tpd.paper_scene(), ensemble=ensemble).is_overturned) - 135) <= 1
 
 
 def test_nothing_is_called_rest_while_the_shaking_grows():
@@ -94,7 +94,7 @@ def test_nothing_is_called_rest_while_the_shaking_grows():
 def test_quantiles_count_the_overturned_as_infinite():
     lost = np.arange(100) < 5
     found = by_hand(np.where(lost, np.inf, 0.4))
-    assert found.quantiles("peak", (0.5, 0.95, 0.96)) == pytest.approx((0.1, 0.1, np.inf))
+    assert found.quantiles("tilt", (0.5, 0.95, 0.96)) == pytest.approx((0.1, 0.1, np.inf))
 
 
 def test_conditions_are_dealt_out_evenly():
@@ -133,7 +133,7 @@ def settled(mass, length, equations):
     # A cosine is a sine that begins a quarter of a period late.
     how = {"begin": 0.5 * np.pi / np.asarray(runs.p.xi), "ramp": runs.periods}
     found = reference.settled(tpd.Terms(equations), runs.p, runs.y0, periods=TABLE_1.periods, **how)
-    fell = (names_of(found.status) == Outcome.overturned) | (np.asarray(found.peak) > 1.3)
+    fell = (code_of(found.status) == code_of(Status.overturned)) | (np.asarray(found.peak) > 1.3)
     tilts = np.where(fell, np.inf, np.asarray(found.amplitude)) / np.arctan(0.25)
     return tilts[runs.ramp == 0.0], tilts[runs.ramp > 0.0]
 

@@ -31,12 +31,13 @@ def test_the_papers_block_is_safer_with_its_pendulum():
         assert not found.overturns_more
         assert found.benefit.low > 0.0
         assert found.table().startswith(f"{equations} equations")
-    assert linear.with_pendulum.overturned.high < linear.without_pendulum.overturned.low
+    assert linear.with_pendulum.share_overturned.high < linear.without_pendulum.share_overturned.low
     assert "starts over 2 s" in linear.table()
-    assert str(linear.without_pendulum.overturned) in linear.table()
+    assert str(linear.without_pendulum.share_overturned) in linear.table()
     assert str(linear) == "\n".join([linear.table(), linear.benefit_in_words, linear.overturning_in_words])
     # Chaotic motions: single runs differ, shares by two standard errors of 96 runs at most.
-    assert abs(np.mean(nonlinear.without_pendulum.lost) - np.mean(linear.without_pendulum.lost)) < 0.15
+    shares = (o.without_pendulum.share_overturned.value for o in (nonlinear, linear))
+    assert abs(np.subtract(*shares)) < 0.15
     for name in ("ramp", "nu"):
         with_it, without = (getattr(o, name) for o in (linear.with_pendulum, linear.without_pendulum))
         np.testing.assert_array_equal(with_it, without)
@@ -47,9 +48,9 @@ def test_paired_runs_of_parameters_are_those_with_their_pendulum_and_without():
     few = tpd.Ensemble(size=4, periods=20)
     p = tpd.paper_scene().parameters(PENDULUM)
     both = tpd.paired_runs(p, ensemble=few)
-    np.testing.assert_array_equal(both.with_pendulum.peak, followed(p, ensemble=few).peak)
+    np.testing.assert_array_equal(both.with_pendulum.tilt, followed(p, ensemble=few).tilt)
     alone = followed(dataclasses.replace(p, mu=0.0), ensemble=few)
-    np.testing.assert_array_equal(both.without_pendulum.peak, alone.peak)
+    np.testing.assert_array_equal(both.without_pendulum.tilt, alone.tilt)
     with pytest.raises(ValueError, match="`mu` must be positive"):
         tpd.paired_runs(tpd.paper_scene().parameters())
     with pytest.raises(ValueError, match="`pendulum` must be a Pendulum"):
@@ -124,7 +125,7 @@ def test_runs_without_an_answer_are_left_out_counted_and_named():
     assert found.benefit.mean == pytest.approx(1.0 - 0.3 / 1.4)
     assert (found.pairs, found.undecided, found.only) == (2, 3, (0, 1))
     np.testing.assert_allclose(means(found), [[0.1, 0.2], [0.4, 1.0]])
-    assert found.with_pendulum.overturned.value == 0.0
+    assert found.with_pendulum.share_overturned.value == 0.0
     (row,) = (line for line in found.table().splitlines() if "without an answer" in line)
     assert row.split()[-2:] == ["2", "2"]
     assert found.summary()["undecided"] == 3
@@ -150,7 +151,7 @@ def test_no_pair_and_one_pair_have_a_benefit_of_their_own():
 def test_severity_is_the_tilt_over_nu_and_one_where_the_block_overturns():
     found = outcomes([0.0, 0.3, 1.4, np.inf, np.nan])
     np.testing.assert_allclose(found.severity, [0.0, 0.3, 1.0, 1.0, np.nan], rtol=1e-15)
-    odd = dataclasses.replace(outcomes([0.3]), amplitude=np.array([np.nan]))
+    odd = dataclasses.replace(outcomes([0.3]), settled_tilt=np.array([np.nan]))
     assert odd.severity.tolist() == [1.0]
     # Each run by the slenderness of its own block.
     np.testing.assert_allclose(dataclasses.replace(found, nu=2.0 * found.nu).severity[:3], [0.0, 0.15, 0.7])

@@ -42,9 +42,9 @@ def test_the_overturning_spectrum_has_its_tongues():
     one = tpd.Pulse.one_sine(acceleration=9.80665 / 6.0, frequency=frequency)
     tongues = np.asarray(tpd.critical_scale(tpd.Scene(COLUMN, one)).tongues)
     inside = np.any((sizes[:, None] >= tongues[:, 0]) & (sizes[:, None] < tongues[:, 1]), axis=1)
-    assert np.array_equal(found.bare[:, 0] >= 2, inside)
+    assert np.array_equal(found.without_pendulum[:, 0] >= 2, inside)
     # After an impact in the first tongue, without one in the last.
-    assert found.bare[[0, np.flatnonzero(inside)[0], -1], 0].tolist() == [0, 3, 2]
+    assert found.without_pendulum[[0, np.flatnonzero(inside)[0], -1], 0].tolist() == [0, 3, 2]
     assert found.safe().shape == (2,)
 
 
@@ -61,7 +61,7 @@ def test_the_rocking_spectrum_is_that_of_single_blocks():
         size = (float(tpd.Scene(statue, record).rate) / (2.0 * math.pi / period)) ** 2
         block = tpd.Block(width=0.45 * size, height=1.8 * size, **shape)
         hung = tpd.Pendulum(mass=90.0, length=0.9 * size, damping_ratio=0.4)
-        for pendulum, tilts in ((None, found.bare), (hung, found.hung)):
+        for pendulum, tilts in ((None, found.without_pendulum), (hung, found.with_pendulum)):
             one = tpd.transient(tpd.Scene(block, record), pendulum)
             # Housner's restitution with a bob is another number.
             assert tilts[i] == pytest.approx(float(one.tilt) / 0.25, rel=1e-9)
@@ -72,9 +72,9 @@ def test_the_share_that_is_safe_is_that_of_the_cells_with_an_answer(monkeypatch)
     known = spectrum(HUNG)
     unanswered(monkeypatch, largest)
     found = spectrum(HUNG)
-    assert np.all(known.bare[-1] >= 2)
-    assert np.all(found.bare[-1] == -1)
-    for cells, share in zip((known.bare, known.hung), found.safe(), strict=True):
+    assert np.all(known.without_pendulum[-1] >= 2)
+    assert np.all(found.without_pendulum[-1] == -1)
+    for cells, share in zip(known.cases, found.safe(), strict=True):
         assert share == np.mean(cells[:-1] < 2)
     assert (known.undecided().tolist(), found.undecided().tolist()) == ([0, 0], [2, 2])
 
@@ -101,7 +101,10 @@ def test_a_block_without_an_answer_has_no_tilt(monkeypatch):
     known = rocking()
     unanswered(monkeypatch, middle)
     found = rocking()
-    for before, after in ((known.bare, found.bare), (known.hung, found.hung)):
+    for before, after in (
+        (known.without_pendulum, found.without_pendulum),
+        (known.with_pendulum, found.with_pendulum),
+    ):
         assert np.isnan(after).tolist() == [False, True, False]
         assert np.array_equal(before[[0, 2]], after[[0, 2]])
     assert (known.undecided().tolist(), found.undecided().tolist()) == ([0, 0], [1, 1])

@@ -15,7 +15,7 @@ from tpd.answers.period_map import Orbit
 from tpd.answers.steady_state import _Answer, _compared, _verdict
 from tpd.answers.symmetric_orbits import all_symmetric_orbits
 from tpd.exact.runs import Settled
-from tpd.scene.status import index_of, names_by_code, names_of
+from tpd.scene.status import index_of, names_of
 from tpd.theory import uplift
 
 X = np.array(HUNG[3].x)
@@ -330,7 +330,7 @@ def compared(answer, exact):
     status = jax.tree.unflatten(jax.tree.structure(Status.failed), [jnp.asarray(other[0])])
     settled = Settled(jnp.zeros(4), None, jnp.asarray(1), other[1], none, status, jnp.asarray(1), none, none)
     found = _compared(judged, settled)
-    return str(names_by_code(np.asarray(found.status))), float(found.estimate)
+    return str(names_of(found.status)), float(found.estimate)
 
 
 @pytest.mark.mends("a smoothed motion that is not the exact one from the same start had no warning")

@@ -10,7 +10,7 @@ import numpy as np
 from tests.benchmarks.stored import columns
 from tests.reference import NAMES
 from tpd import Auto, Nonlinear, Parameters, status_name, steady_state
-from tpd.scene.status import SETTLED
+from tpd.scene.status import SETTLED, names_of
 
 QUESTION = "Which model does `Auto` take, and does its estimate hold?"
 SEED, SCENES = 11, 160
@@ -59,7 +59,7 @@ def held(steady: Any, top: Any) -> str:
     if steady.model == "nonlinear":
         return "held"
     rests = name == "rest"
-    if truth not in SETTLED or rests != (truth == "rest"):
+    if truth not in names_of(SETTLED) or rests != (truth == "rest"):
         return "other"
     error = 0.0 if rests else abs(float(steady.amplitude) / float(top.amplitude) - 1.0)
     return "held" if error <= float(steady.estimate) else "broken"

@@ -74,7 +74,11 @@ def test_motions_runs_and_spectra_are_those_of_one_process(cluster):
         verdict = tpd.paired_runs(SCENE, HUNG, ensemble=few, cluster=c)
         axes_of_map = ("mu", np.linspace(0.05, 0.2, 3)), ("lam", np.array([0.3, 0.6]))
         from_rest = tpd.design_map(SCENE, *axes_of_map, pendulum=HUNG, start=np.zeros(4), cluster=c)
-        numbers = {"bare": spectrum.bare, "hung": spectrum.hung, "tilt": rocking.bare}
+        numbers = {
+            "bare": spectrum.without_pendulum,
+            "hung": spectrum.with_pendulum,
+            "tilt": rocking.without_pendulum,
+        }
         numbers |= {"bare tilts": fragility.tilts[0], "hung tilts": fragility.tilts[1]}
         numbers |= {"amplitude": from_rest.amplitude}
         answers.append((numbers, str(fragility), verdict.summary(), from_rest.status.tolist()))

@@ -92,13 +92,13 @@ def test_trial_runs_are_single_motions():
     for i, which in enumerate(made.conditions.which):
         motion = made.conditions.motions[int(which)].scaled(float(factors[i]))
         one = tpd.transient(tpd.Scene(BLOCK, motion), hung)
-        assert found.lost[i] == (tpd.status_name(one.status) == "overturned")
-        if not found.lost[i]:
+        assert found.is_overturned[i] == (tpd.status_name(one.status) == "overturned")
+        if not found.is_overturned[i]:
             assert found.severity[i] == pytest.approx(
                 min(1.0, float(one.tilt / BLOCK.slenderness)), rel=1e-10
             )
-            assert found.turned[i] == pytest.approx(float(one.relative), rel=1e-10)
-    assert found.lost.any()
+            assert found.rod_angle[i] == pytest.approx(float(one.relative), rel=1e-10)
+    assert found.is_overturned.any()
     assert found.stands.any()
     assert found.equations == "linear"
     alone = made.trial_runs(None, 0)
@@ -110,9 +110,9 @@ def test_limits_hold_in_all_but_the_allowed_share_of_the_standing_runs():
     runs = made.trial_runs(DESIGN, 0)
     sizes = made.sizes_in_runs(DESIGN, runs)
     assert set(sizes) == {"stroke", "room", "thickness"}
-    np.testing.assert_allclose(sizes["stroke"], runs.stroke[runs.stands] / 0.5)
+    np.testing.assert_allclose(sizes["stroke"], runs.settled_swing[runs.stands] / 0.5)
     # At all times the angle between rod and block is known by itself, and is less than the sum of both.
-    assert np.all(runs.turned[runs.stands] <= (runs.peak + runs.peak_stroke)[runs.stands] + 1e-12)
+    assert np.all(runs.rod_angle[runs.stands] <= (runs.tilt + runs.swing)[runs.stands] + 1e-12)
     over, name = made.over_limit(DESIGN, runs)
     assert over == pytest.approx(np.mean((sizes["stroke"] > 1.0) | (sizes["room"] > 1.0)))
     assert name in sizes
@@ -142,8 +142,8 @@ def test_runs_without_an_answer_are_neither_a_fall_nor_rest(monkeypatch):
     monkeypatch.setattr("tpd.design.ground_motion.MAX_EVENTS", 160)
     few = made.paired_runs(DESIGN, 5)
     assert whole.undecided == 0 < few.undecided
-    unknown = few.with_pendulum.undecided
-    assert not np.any(few.with_pendulum.lost & unknown)
+    unknown = few.with_pendulum.is_unanswered
+    assert not np.any(few.with_pendulum.is_overturned & unknown)
     assert np.all(np.isnan(few.with_pendulum.severity) == unknown)
     np.testing.assert_array_equal(few.severity[0, ~unknown], whole.severity[0, ~unknown])
     assert few.pairs == len(few.group) - few.undecided
@@ -155,7 +155,7 @@ def test_the_strongest_motions_are_those_of_the_largest_angle_in_which_the_block
     runs, found = made.trial_runs(DESIGN, 0), made.strongest_motions(DESIGN)
     assert len(found) == runs.stands.sum()
     one = tpd.transient(tpd.Scene(BLOCK, found[0]), made.pendulum(DESIGN))
-    assert float(one.relative) == pytest.approx(runs.turned[runs.stands].max(), rel=1e-10)
+    assert float(one.relative) == pytest.approx(runs.rod_angle[runs.stands].max(), rel=1e-10)
 
 
 @pytest.mark.parametrize(

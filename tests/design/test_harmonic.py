@@ -129,10 +129,10 @@ def test_candidates_are_ends_designs_of_paths_and_designs_of_the_whole_space():
 def test_trial_runs_are_of_the_linear_equations_and_of_their_seed():
     made = problem(conditions=BAND, **POINT)
     one, again, other = (made.trial_runs(DESIGN, seed) for seed in (1, 1, 2))
-    assert (one.equations, one.ensemble.size, one.ensemble.periods) == ("linear", 32, 20)
-    np.testing.assert_array_equal(one.amplitude, again.amplitude)
+    assert (one.equations, len(one.tilt), one.seed) == ("linear", 32, 1)
+    np.testing.assert_array_equal(one.settled_tilt, again.settled_tilt)
     assert not set(one.nu[1:]) & set(other.nu[1:])
-    assert len(made.trial_runs(None, 1).status) == 8 * 32
+    assert len(made.trial_runs(None, 1).outcome) == 8 * 32
     assert made.value_of(one) == pytest.approx(np.mean(one.severity))
 
 
@@ -141,7 +141,7 @@ def test_validation_runs_are_half_of_the_ensemble_by_the_nonlinear_equations():
     found = made.paired_runs(DESIGN, 7, progress=lambda *e: events.append(e))
     assert found.with_pendulum.equations == found.without_pendulum.equations == "nonlinear"
     assert (len(found.group), len(found.labels), found.worse) == (16, 5, 0.2)
-    assert found.with_pendulum.ensemble.seed == found.without_pendulum.ensemble.seed == 7
+    assert found.with_pendulum.seed == found.without_pendulum.seed == 7
     np.testing.assert_array_equal(found.with_pendulum.nu, found.without_pendulum.nu)
     assert found.cluster is None
     assert {stage for stage, *_ in events} == {"paired runs"}

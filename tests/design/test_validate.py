@@ -105,9 +105,7 @@ def test_a_bob_touches_a_wall_on_the_way_as_well():
         runs = paired([0.01] * 50, [0.5] * 50, stroke=0.4, design=DESIGN)
         # Bob and block turn to opposite sides at most.
         way = np.full(50, share * angle - 0.01 * float(SCENE.block.slenderness))
-        runs = dataclasses.replace(
-            runs, with_pendulum=dataclasses.replace(runs.with_pendulum, peak_stroke=way)
-        )
+        runs = dataclasses.replace(runs, with_pendulum=dataclasses.replace(runs.with_pendulum, rod_angle=way))
         limits = (tpd.limits.Stroke(0.5), tpd.limits.Room())
         v = validated(runs, limits=limits)
         assert kinds(v) == kind
@@ -194,7 +192,7 @@ def test_runs_that_decide_and_runs_that_are_quoted_are_disjoint():
     assert seeds == [run_seed(problem, attempt, part) for attempt in range(3) for part in (0, 1)]
     decided, quoted = found[0].decided.with_pendulum, found[0].quoted.with_pendulum
     # Only the least tilt that a run may have is in both.
-    assert len(set(decided.amplitude) & set(quoted.amplitude)) <= 1
+    assert len(set(decided.settled_tilt) & set(quoted.settled_tilt)) <= 1
     # Another seed of the problem counts unless the ensemble has one of its own.
     free = [NoisyProblem.of(ensemble=tpd.Ensemble(size=64), seed=seed) for seed in (0, 1)]
     assert run_seed(free[0], 0, 0) != run_seed(free[1], 0, 0)

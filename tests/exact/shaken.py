@@ -8,7 +8,7 @@ import numpy as np
 
 import tpd
 from tests.truth import GRAVITY, el_centro
-from tpd.answers.ground_batch import rows_of
+from tpd.answers.runs import rows_of
 from tpd.exact.follow import OVERTURNED, ROCKED, STOOD
 from tpd.exact.runs import Followed, GroundForcing, follow
 from tpd.exact.terms import XI

@@ -15,6 +15,7 @@ from tpd.design.reasons import DesignStatus
 from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
 from tpd.plots.style import new_axes
 from tpd.scene.conditions import Conditions
+from tpd.scene.status import Status, code_of
 
 
 def test_conditions_are_drawn_in_order_and_in_si_units(band):
@@ -76,7 +77,7 @@ def test_the_benefit_has_intervals_of_the_differences_and_a_row_for_every_group(
         rest = ["at rest at the end"] if runs.cluster is None else []
         assert rows[2:] == ["overturned", *rest, *(f"tilt, {part.label}" for part in parts)]
         assert ax.lines[-1].get_ydata() == [len(rest) + 2.5] * 2
-    ended = dataclasses.replace(runs.with_pendulum, status=np.full(len(runs.group), "rest"))
+    ended = dataclasses.replace(runs.with_pendulum, outcome=np.full(len(runs.group), code_of(Status.rest)))
     decided = dataclasses.replace(runs, with_pendulum=ended)
     resting = dataclasses.replace(under_pulses.best, decided=decided, quoted=None)
     ax = plot_benefit(dataclasses.replace(under_pulses, validated=(resting,)))
@@ -110,9 +111,9 @@ FRAGILITY = Fragility(
     "m/s^2",
     ("a", "b", "c", "d"),
     4,
-    *({"overturned": curve(counts)} for counts in ([0, 2, 4], [0, 1, 3])),
+    tuple({"overturned": curve(counts)} for counts in ([0, 2, 4], [0, 1, 3])),
     None,
-    (np.zeros((4, 3)), None),
+    np.zeros((2, 4, 3)),
     {},
     None,
 )

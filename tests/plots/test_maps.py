@@ -14,10 +14,9 @@ OVERTURNING = OverturningSpectrum(
     tpd.Pulse(kind="one-sine", acceleration=1.0, frequency=1.0),
     np.array([1.0, 2.0]),
     np.array([3.0, 4.0, 5.0]),
-    BARE_SPECTRUM,
-    BARE_SPECTRUM[:, ::-1],
+    np.stack([BARE_SPECTRUM, BARE_SPECTRUM[:, ::-1]]),
 )
-ROCKING = RockingSpectrum(np.array([1.0, 2.0, 3.0]), np.array([0.1, np.inf, np.nan]), None)
+ROCKING = RockingSpectrum(np.array([1.0, 2.0, 3.0]), np.array([[0.1, np.inf, np.nan]]))
 
 
 def test_a_map_draws_each_quantity_and_has_a_row_for_every_design():

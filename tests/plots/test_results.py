@@ -11,7 +11,7 @@ from tpd.plots.style import new_axes
 SCENE = tpd.paper_scene()
 RESPONSE = settled_response(SCENE, "frequency", np.linspace(2.0, 3.0, 3))
 OTHER = settled_response(SCENE, "amplitude", np.array([0.01, 0.012]))
-SPECTRUM = RockingSpectrum(np.array([1.0, 2.0]), np.array([0.1, 0.2]), None)
+SPECTRUM = RockingSpectrum(np.array([1.0, 2.0]), np.array([[0.1, 0.2]]))
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 from tests.reference import LEANING, OVERTURNING, UNSTABLE, parameters
 from tpd import Block, Piecewise, Record, Scene, Smoothed, Status, design_map, steady_state, symmetric_orbits
 from tpd import transient as follow
-from tpd.scene.status import SETTLED, names_by_code, names_of
+from tpd.scene.status import SETTLED, names_of
 
 HUNG = (0.25, 0.05, 0.2, 0.1, 0.05, 0.377, 2.67)
 FOLD = 0.060961548685057224
@@ -67,14 +67,14 @@ REACHED: dict[str, Callable[[], Any]] = {
     "not_known": mapped(0.155, 0.3546, 0.608, 0.0891, 0.0442, 0.122, 1.5464, 0.8054),
 }
 
-GOOD = (*SETTLED, "stood", "rocked")
+GOOD = (*names_of(SETTLED), "stood", "rocked")
 REMEDIES = ("Start", "Change", "Judge", "Raise", "Move", "Add", "Reduce", "reduce")
 
 
 def test_the_scenes_are_of_all_statuses():
-    assert set(REACHED) == set(names_by_code(np.arange(len(REACHED))))
+    assert set(REACHED) == set(names_of(np.arange(len(REACHED))))
     with pytest.raises(IndexError):
-        names_by_code(np.array([len(REACHED)]))
+        names_of(np.array([len(REACHED)]))
 
 
 @pytest.mark.parametrize("name", REACHED)

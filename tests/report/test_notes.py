@@ -11,6 +11,7 @@ from tpd.answers.statistics import Share
 from tpd.design.as_built import Study
 from tpd.report.blocks import Severity
 from tpd.report.notes import notes, overturns_more, strikes
+from tpd.scene.status import Status, code_of
 
 LIGHT = tpd.Pendulum(mass=0.5, length=0.12, damping_ratio=0.1)
 
@@ -94,8 +95,8 @@ def test_a_share_of_overturning_that_does_not_fall_is_named():
 
 def test_runs_without_an_answer_are_counted():
     runs = harmonic().runs
-    status = np.where(np.arange(len(runs.group)) < 3, "failed", runs.with_pendulum.status)
-    lost = dataclasses.replace(runs.with_pendulum, status=status)
+    outcome = np.where(np.arange(len(runs.group)) < 3, code_of(Status.failed), runs.with_pendulum.outcome)
+    lost = dataclasses.replace(runs.with_pendulum, outcome=outcome)
     note = only(changed(quoted=dataclasses.replace(runs, with_pendulum=lost)), "have no answer")
     assert note.text.startswith(f"3 of {len(runs.group)} runs have no answer")
 

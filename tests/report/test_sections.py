@@ -20,7 +20,7 @@ def test_validation_runs_stand_with_their_intervals():
     table, chance, by_group = sections.over_runs(harmonic())
     runs = harmonic().runs
     assert rows(table)["overturned"] == tuple(
-        str(o.overturned) for o in (runs.with_pendulum, runs.without_pendulum)
+        str(o.share_overturned) for o in (runs.with_pendulum, runs.without_pendulum)
     )
     assert "overturned, sudden starts" in rows(table)
     assert chance.text == runs.overturning_in_words
@@ -36,7 +36,7 @@ def test_validation_runs_stand_with_their_intervals():
 
 def test_a_group_that_is_worse_is_marked():
     runs = harmonic().runs
-    severe = dataclasses.replace(runs.with_pendulum, status=np.full(len(runs.group), "overturned"))
+    severe = dataclasses.replace(runs.with_pendulum, settled_tilt=np.full(len(runs.group), np.inf))
     case = dataclasses.replace(runs, with_pendulum=severe)
     found = dataclasses.replace(harmonic().validated[-1], quoted=case)
     table = sections.over_runs(dataclasses.replace(harmonic(), validated=(found,)))[-1]

@@ -1,42 +1,59 @@
 """Statuses: names and numbers that stand for them, and a remedy in every message of a solve that failed."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from tpd.scene.status import (
     MOVING,
+    NOT_ATTRACTING,
     SETTLED,
+    STANDING,
     UNANSWERED,
-    Outcome,
     Status,
+    code_of,
     codes_of,
     index_of,
-    is_moving,
-    is_settled,
-    names_by_code,
+    is_one_of,
     names_of,
     status_name,
 )
 
 
-@pytest.mark.parametrize("name", list(Outcome))
+@pytest.mark.parametrize("name", Status.__names__)
 def test_names_numbers_and_statuses_belong_together(name):
     status = getattr(Status, name)
-    assert status_name(status) == name == str(name)
+    assert status_name(status) == name
     assert names_of(status).shape == ()
-    assert index_of(name) == codes_of(np.array([name]))[0] == list(Outcome).index(name)
-    assert bool(is_moving(status)) == (name in MOVING)
-    assert bool(is_settled(status)) == (name in SETTLED)
+    assert index_of(name) == code_of(status) == Status.__names__.index(name)
+    assert is_one_of(status, status)
+    assert is_one_of(status, *SETTLED) == (name in names_of(SETTLED))
     # What is no answer of its own says what to do.
-    remedy = {"held", "overturned", "aperiodic", "not_settled", "unstable", "neutral", "near_fold", "grazing"}
-    if name in remedy | set(UNANSWERED) | {"no_orbit", "inexact", "not_known"}:
+    remedy = {*names_of(NOT_ATTRACTING), "held", "overturned", "aperiodic", "not_settled"}
+    if name in remedy | {*names_of(UNANSWERED), "no_orbit", "inexact", "not_known"}:
         assert Status[status].count(".") >= 2
 
 
 def test_numbers_in_files_keep_their_names():
-    codes = codes_of(np.array([["rest", "overturned"], ["rocked", "rocking"]]))
-    assert codes.tolist() == [[2, 4], [15, 0]]
-    assert codes.dtype == np.int8
-    assert names_by_code(codes).tolist() == [["rest", "overturned"], ["rocked", "rocking"]]
-    with pytest.raises(ValueError, match=r"names of statuses must be among rocking, .*, but are \['lost'\]"):
-        codes_of(np.array(["lost"]))
+    codes = np.array([[2, 4], [15, 0]], dtype=np.int8)
+    assert names_of(codes).tolist() == [["rest", "overturned"], ["rocked", "rocking"]]
+    assert codes_of(["rest", "overturned", "rocked"]).tolist() == [2, 4, 15]
+    assert len(Status.__names__) == len(Status) == 18
+    with pytest.raises(IndexError):
+        names_of(np.array([18]))
+
+
+def test_groups_of_statuses_are_compared_in_arrays_batches_and_programs():
+    codes = np.array([0, 2, 14, 11], dtype=np.int8)
+    batch = jax.vmap(lambda x: Status.where(x, Status.rocking, Status.stood))(jnp.array([True, False]))
+    for members, in_codes, in_batch in (
+        (MOVING, [True, False, False, False], [True, False]),
+        (SETTLED, [True, True, False, False], [True, False]),
+        (STANDING, [False, False, True, False], [False, True]),
+        (UNANSWERED, [False, False, False, True], [False, False]),
+        ((Status.rest,), [False, True, False, False], [False, False]),
+    ):
+        assert is_one_of(codes, *members).tolist() == in_codes
+        assert is_one_of(batch, *members).tolist() == in_batch
+        assert jax.jit(lambda x, m=members: is_one_of(x, *m))(batch).tolist() == in_batch

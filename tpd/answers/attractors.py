@@ -27,13 +27,13 @@ from tpd.scene.quantities import parameters_of
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.starts import StartKind as StartKind
 from tpd.scene.starts import Starts as Starts
-from tpd.scene.status import MOVING, Outcome, names_of, status_name
+from tpd.scene.status import MOVING, NOT_ATTRACTING, Status, code_of, is_one_of, status_name
 from tpd.theory.equations import Terms
 
 _CLOSE = 1e-4
 """Largest relative difference of the sizes of two motions that may be one. Motions are followed until they
 repeat within a tolerance only, so that starts of one motion end at slightly different sizes."""
-_DIVIDED = (*MOVING, Outcome.unstable, Outcome.neutral, Outcome.near_fold, Outcome.grazing)
+_DIVIDED = (*MOVING, *NOT_ATTRACTING)
 """Statuses whose motions are told from each other."""
 _SAME = 1e-6
 """Largest relative difference of the sizes of two motions that are one, or mirror images, after Newton's
@@ -59,7 +59,7 @@ class Attractor(Printed):
 
     def __str__(self) -> str:
         share = f"{self.status.replace('_', ' ')}: {self.share:.1%} of the starts"
-        if self.status not in MOVING:
+        if not is_one_of(self.steady.status, *MOVING):
             return share
         kind = f"{'symmetric' if self.symmetric else 'asymmetric'}, {counted_periods(self.periods)}"
         s = self.steady
@@ -104,10 +104,10 @@ def attractors(
     # The block does not feel a bob without mass (mu = 0), whose swing may still be decaying.
     felt = bool(np.isfinite(np.asarray(scale_of(fixed))[1]))
     motions: list[Attractor] = []
-    for name, group in _groups(settled, felt):
+    for code, group in _groups(settled, felt):
         # Only the Lyapunov exponent of each motion separates chaos from slow decay, so that these starts
         # are solved one by one; of the others one start stands for its group.
-        for starts_of in [[i] for i in group] if name == Outcome.not_settled else [group]:
+        for starts_of in [[i] for i in group] if code == code_of(Status.not_settled) else [group]:
             s = _solved(fixed, jnp.asarray(y0[starts_of[0]]), model)
             kind = status_name(s.status), int(s.periods), bool(s.symmetric)
             new = Attractor(*kind, len(starts_of) / len(y0), tuple(starts_of), s)
@@ -122,7 +122,7 @@ def attractors(
 
 def _is_same(a: Attractor, b: Attractor, felt: bool) -> bool:
     """Whether both are one motion, or have one status whose motions are not divided."""
-    if a.status != b.status or a.status not in _DIVIDED:
+    if a.status != b.status or not is_one_of(a.steady.status, *_DIVIDED):
         return a.status == b.status
     x, y = (np.array([m.steady.amplitude, m.steady.stroke]) for m in (a, b))
     return a.periods == b.periods and _agree(x, y, _SAME, felt)
@@ -134,22 +134,22 @@ def _agree(a: np.ndarray, b: np.ndarray, share: float, felt: bool) -> bool:
     return bool(close[0] and (close[1] or not felt))
 
 
-def _groups(settled: Settled, felt: bool) -> list[tuple[str, list[int]]]:
-    """Statuses and indices of the starts that seem to reach the same motion."""
+def _groups(settled: Settled, felt: bool) -> list[tuple[int, list[int]]]:
+    """Numbers of statuses and indices of the starts that seem to reach the same motion."""
     # A coarse grouping saves Newton's method for all but one start of each group; the motions that it finds
     # are compared again, far more closely.
-    names, periods = names_of(settled.status), settled.periods
+    codes, periods = code_of(settled.status), settled.periods
     sizes = np.stack([np.asarray(settled.amplitude), np.asarray(settled.stroke)], axis=-1)
-    groups: list[tuple[str, list[int]]] = []
-    for i, name in enumerate(names):
+    groups: list[tuple[int, list[int]]] = []
+    for i, code in enumerate(codes.tolist()):
         for known, group in groups:
             j = group[0]
-            alike = known == name and periods[i] == periods[j]
-            if alike and (name not in MOVING or _agree(sizes[i], sizes[j], _CLOSE, felt)):
+            alike = known == code and periods[i] == periods[j]
+            if alike and (not is_one_of(code, *MOVING) or _agree(sizes[i], sizes[j], _CLOSE, felt)):
                 group.append(i)
                 break
         else:
-            groups.append((name, [i]))
+            groups.append((code, [i]))
     return groups
 
 

@@ -27,7 +27,7 @@ from tpd.models.settling import scale_of
 from tpd.scene.impacts import linear_ratio, velocity_ratio
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.pytrees import Number, State
-from tpd.scene.status import Status, is_settled, status_name
+from tpd.scene.status import SETTLED, Status, is_one_of, status_name
 from tpd.theory.equations import Linear, Terms
 from tpd.theory.no_uplift import uplift
 
@@ -69,7 +69,11 @@ class Auto(AbstractChoice):
             why = f"the block never lifts: {left}, from the start on"
             return replace(steady, model="uplift", estimate=share, reason=why)
         steady, estimate = _exact(fixed, y0)
-        name, settles, off = status_name(steady.status), bool(is_settled(steady.status)), float(estimate)
+        name, settles, off = (
+            status_name(steady.status),
+            bool(is_one_of(steady.status, *SETTLED)),
+            float(estimate),
+        )
         close = settles and off <= self.tolerance
         # Following the nonlinear equations costs most of the time, so that it is left out next to the motion.
         near = close and bool(jnp.max(jnp.abs(y0 - steady.state) / scale_of(fixed)) < _NEAR)
@@ -88,7 +92,7 @@ class Auto(AbstractChoice):
         else:
             why = "the error of the linear equations cannot be estimated here"
         top = steady_state(fixed, model=Nonlinear(), y0=y0)
-        sure = jnp.where(is_settled(top.status), INTEGRATED, jnp.nan)
+        sure = jnp.where(is_one_of(top.status, *SETTLED), INTEGRATED, jnp.nan)
         return replace(top, model="nonlinear", estimate=sure, reason=why)
 
 
@@ -132,7 +136,7 @@ def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
 
 def _same_motion(steady: Steady, reached: Settled) -> bool:
     """Whether the nonlinear equations reach the motion that the linear ones settle into."""
-    if bool(steady.status == Status.rest) or not is_settled(reached.status):
+    if bool(steady.status == Status.rest) or not is_one_of(reached.status, *SETTLED):
         return bool(reached.status == steady.status)
     alike = abs(float(reached.amplitude) - float(steady.amplitude)) <= _ALIKE * float(steady.amplitude)
     # A motion that was followed until it repeated may be told with a multiple of its periods.

@@ -24,7 +24,7 @@ from tpd.exact.terms import BROKEN, CROSSED, FLAT, MERGED, STUCK, TOUCHED, TURNI
 from tpd.scene.parameters import Parameters, from_row
 from tpd.scene.quantities import UNITS, Axis
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import Outcome, names_of
+from tpd.scene.status import Status, names_of, status_name
 
 _FINER = 16
 """Parts that a gap is divided into where no bifurcation was found next to it."""
@@ -467,7 +467,7 @@ def _confirmed(search: _Search, b: Bifurcation) -> Bifurcation:
     for below, above in zip(*sides, strict=True):
         more = below.near - above.near
         if abs(more) == lost and (lost or below.margin * above.margin < 0):
-            none = Outcome.no_orbit.value
+            none = status_name(Status.no_orbit)
             names = none if more < 0 else below.status, none if more > 0 else above.status
             return replace(b, below=names[0], above=names[1])
     reason = f"a {b.kind.value.replace('_', ' ')} was located, but the orbits on both sides do not show it"
@@ -494,7 +494,7 @@ def _neighbours(search: _Search, b: Bifurcation, values: np.ndarray, several: in
     apart = np.where(apart < _NEAR, apart, np.inf)
     out = []
     for i, order in enumerate(np.argsort(apart, axis=1)):
-        close = [str(names[i, j]) for j in order[:several]]
-        status = Outcome.rocking.value if Outcome.rocking in close else close[0]
+        close, rocking = [str(names[i, j]) for j in order[:several]], status_name(Status.rocking)
+        status = rocking if rocking in close else close[0]
         out.append(_Neighbour(int(np.isfinite(apart[i]).sum()), status, float(symmetry[i, order[0]])))
     return out

@@ -24,7 +24,7 @@ from tpd.models.smoothed import Smoothed
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import Setup, bare_parameters_of
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import SETTLED, Outcome, status_name
+from tpd.scene.status import SETTLED, Status, names_of, status_name
 from tpd.theory.equations import Terms
 from tpd.theory.harmonic_balance import one_harmonic
 from tpd.theory.no_uplift import uplift
@@ -136,7 +136,7 @@ def objections(amplitude: float, stroke: float, status: str, limit: float, bare:
     """Sentences that say why a nonlinear motion speaks against its design: it does not settle, its stroke
     exceeds the limit, or the bare block rocks less. Angles in rad."""
     by, out = "by the nonlinear equations", []
-    if status not in SETTLED:
+    if status not in names_of(SETTLED):
         return (f"{by} the motion ends {status}",)
     if stroke > limit:
         out.append(f"{by} the stroke is {stroke:.4g} rad, above {limit:g}")
@@ -189,7 +189,7 @@ def _followed(model: AbstractModel, p: Parameters) -> _Sizes:
 
 def _sizes_of(settled: Settled | Steady) -> _Sizes:
     name = status_name(settled.status)
-    if name == Outcome.overturned:
+    if settled.status == Status.overturned:
         return math.inf, math.inf, name
     return float(settled.amplitude), float(settled.stroke), name
 

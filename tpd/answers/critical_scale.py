@@ -21,6 +21,7 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
+from tpd.answers.runs import Runs, follow_runs
 from tpd.answers.transient import FREE
 from tpd.core import checks
 from tpd.core.checks import Real
@@ -28,11 +29,12 @@ from tpd.exact import runs
 from tpd.exact.derivatives import refused
 from tpd.exact.rows import ground_row_of
 from tpd.exact.runs import GroundForcing
-from tpd.exact.terms import OVERTURNED, ROCKED, STOOD, F
+from tpd.exact.terms import F
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion, refuse_zeros
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, single
 from tpd.scene.scene import Pendulum, Scene
+from tpd.scene.status import Status, code_of
 from tpd.theory.equations import Terms
 
 SCAN = 0.02
@@ -158,28 +160,27 @@ def _scanned(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """First crossing of a scan, all tongues, and the intervals without an answer."""
 
-    def status(scales: np.ndarray) -> np.ndarray:
+    def followed(scales: np.ndarray) -> Runs:
         rows = np.repeat(x[None], scales.size, axis=0)
         rows[:, F] *= scales.ravel()
-        found = runs.follow(Terms.linear, rows, GroundForcing([c], late), brief=True)
-        return found.status.reshape(scales.shape)
+        return follow_runs(Terms.linear, rows, GroundForcing([c], late), brief=True).reshape(*scales.shape)
 
     none = np.full((TONGUES, 2), np.nan)
-    top = ends[1]
+    top, stood = ends[1], code_of(Status.stood)
     # A traced motion may turn out to be one of zeros, which overturns nothing.
     if not np.isfinite(top):
         return np.asarray(np.inf), none, none
     # Lowered by whole steps of the scan until the block stays on its base: so it does at all below.
     low, ratio = float(min(ends)), (1.0 + scan) ** np.ceil(np.log(2.0) / np.log1p(scan))
     for _ in range(_HALVINGS):
-        if status(np.array([low]))[0] == STOOD:
+        if followed(np.array([low])).outcome[0] == stood:
             break
         low /= ratio
     steps = int(np.ceil(np.log(top / low) / np.log1p(scan)))
     scales = np.minimum(low * (1.0 + scan) ** np.arange(steps + 1), top)
-    outcome = status(scales)
-    falls = verdicts(outcome)
-    if outcome[0] != STOOD:
+    scanned = followed(scales)
+    falls = overturning(scanned)
+    if scanned.outcome[0] != stood:
         falls[0] = np.nan
     known = ~np.isnan(falls)
     # Every change between two factors is a border of a tongue.
@@ -188,7 +189,7 @@ def _scanned(
     lo, hi, found = scales[edges], scales[edges + 1], np.ones(len(edges), dtype=bool)
     at = np.isin(edges, inner)
     lo[at], hi[at], found[at] = bisected(
-        lambda scale: verdicts(status(scale)), scales[inner], scales[inner + 1], falls[inner] == 1.0
+        lambda scale: overturning(followed(scale)), scales[inner], scales[inner + 1], falls[inner] == 1.0
     )
     borders = np.where(falls[edges] == 1.0, lo, hi)
     if len(borders) % 2:
@@ -213,9 +214,9 @@ def _padded(intervals: np.ndarray) -> np.ndarray:
     return padded
 
 
-def verdicts(status: np.ndarray) -> np.ndarray:
-    """1 where a motion overturns the block, 0 where it does not, and NaN where there is no answer."""
-    return np.select([status == OVERTURNED, (status == STOOD) | (status == ROCKED)], [1.0, 0.0], np.nan)
+def overturning(found: Runs) -> np.ndarray:
+    """1 where the block overturns in a run, 0 where it does not, and NaN where there is no answer."""
+    return np.where(found.is_unanswered, np.nan, found.is_overturned)
 
 
 def bisected(
@@ -224,7 +225,7 @@ def bisected(
     """Narrow the intervals that hold crossings, and say which are found.
 
     Args:
-        verdict: function of factors, see `verdicts`.
+        verdict: function of factors, see `overturning`.
         lo: factors, shape (crossings,).
         hi: factors, on the other side of each crossing.
         low_falls: whether `lo` is the side that overturns the block.

@@ -22,7 +22,7 @@ from tpd.models.settling import scale_of
 from tpd.scene.parameters import NAMES, Parameters, from_row
 from tpd.scene.quantities import UNITS, Setup
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import Outcome, codes_of, names_by_code, names_of
+from tpd.scene.status import Status, code_of, is_one_of, names_of
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import uplift
 
@@ -31,8 +31,8 @@ _MATCH = 1e-3
 _CHUNK, _CHUNK_FOLLOWED = 16_384, 2048
 """Designs in a chunk for a cluster, without and with a start: some tenths of a second of work."""
 _CHOICE = (
-    *(Outcome.rocking, Outcome.near_fold, Outcome.grazing, Outcome.rest),
-    *(Outcome.neutral, Outcome.unstable, Outcome.not_known),
+    *(Status.rocking, Status.near_fold, Status.grazing, Status.rest),
+    *(Status.neutral, Status.unstable, Status.not_known),
 )
 """Statuses in the order in which one of them becomes the answer where no start is given."""
 
@@ -149,7 +149,7 @@ def design_map(
         else:
             chunk = _CHUNK_FOLLOWED if y0 is not None else _CHUNK
             answer = cluster.map("map", _answers, designs, (y0,), chunk=chunk, progress=report)
-    answer["status"] = names_by_code(answer["status"])
+    answer["status"] = names_of(answer["status"])
     shaped = {n: v.reshape(len(ys), len(xs)) for n, v in answer.items()}
     at = None if y0 is None else tuple(map(float, y0))
     return DesignMap(x_name=x_name, x=xs, y_name=y_name, y=ys, start=at, **shaped)
@@ -170,7 +170,7 @@ def _answers(
         how = {"workers": workers, "progress": progress}
         answer = _followed(designs, orbits, still["stroke"], y0, how)
     more = {"margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
-    return {**answer, **more, "status": codes_of(answer["status"])}
+    return {**answer, **more}
 
 
 def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.ndarray]:
@@ -205,16 +205,17 @@ def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
 
 def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str, np.ndarray]:
     """The answers where no start is given: one of the orbits of each design, or rest."""
-    names = names_of(orbits.status)
-    resting = np.where(margin > 0.0, Outcome.rest, Outcome.not_known)[:, None]
-    names = np.concatenate([names, resting], axis=1)
+    resting = np.where(margin > 0.0, code_of(Status.rest), code_of(Status.not_known))[:, None]
+    codes = np.concatenate([code_of(orbits.status), resting], axis=1)
     amplitude = np.concatenate([orbits.amplitude, np.where(margin > 0.0, 0.0, np.nan)[:, None]], axis=1)
     stroke = np.concatenate([orbits.stroke, np.where(margin > 0.0, reach, np.nan)[:, None]], axis=1)
-    place = np.select([names == n for n in _CHOICE], list(range(len(_CHOICE))), len(_CHOICE))
+    place = np.select(
+        [codes == code_of(status) for status in _CHOICE], list(range(len(_CHOICE))), len(_CHOICE)
+    )
     # Orbits are sorted by amplitude, the largest first, and `argmin` returns the first minimum: the largest
     # orbit of the best status.
     best = np.argmin(place, axis=1)[:, None]
-    taken = {"amplitude": amplitude, "stroke": stroke, "status": names}
+    taken = {"amplitude": amplitude, "stroke": stroke, "status": codes}
     chosen = {n: np.take_along_axis(v, best, axis=1)[:, 0] for n, v in taken.items()}
     return {**chosen, "exact": np.ones(len(margin), bool)}
 
@@ -226,21 +227,22 @@ def _followed(
     n = len(np.asarray(p.nu))
     forcing = HarmonicForcing()
     settled = follow(Terms.linear, row_of(p), forcing, y0=np.tile(y0, (n, 1)), **how)
-    names = names_of(settled.status)
-    amplitude = np.where(names == Outcome.overturned, math.inf, np.asarray(settled.amplitude))
-    stroke = np.where(names == Outcome.overturned, math.inf, np.asarray(settled.stroke))
+    codes = np.asarray(code_of(settled.status))
+    overturned, rocking = codes == code_of(Status.overturned), code_of(Status.rocking)
+    amplitude = np.where(overturned, math.inf, np.asarray(settled.amplitude))
+    stroke = np.where(overturned, math.inf, np.asarray(settled.stroke))
     # Without damping the bob rings for ever, and its reach depends on how the block came to rest.
-    stroke = np.where((names == Outcome.rest) & (np.asarray(p.zeta) > 0.0), reach, stroke)
+    stroke = np.where((codes == code_of(Status.rest)) & (np.asarray(p.zeta) > 0.0), reach, stroke)
     scale = np.asarray(jax.vmap(scale_of)(p))
     # A followed motion ends near its orbit, not on it; the orbit's own sizes are exact.
     apart = np.abs(np.asarray(orbits.state) - np.asarray(settled.y)[:, None]) / scale[:, None]
-    apart = np.where(names_of(orbits.status) == Outcome.rocking, apart.max(axis=-1), np.inf)
+    apart = np.where(np.asarray(code_of(orbits.status)) == rocking, apart.max(axis=-1), np.inf)
     nearest = np.argmin(apart, axis=1)
-    alike = (names == Outcome.rocking) & (np.asarray(settled.periods) == 1)
+    alike = (codes == rocking) & (np.asarray(settled.periods) == 1)
     on = alike & (apart[np.arange(n), nearest] < _MATCH)
     return {
         "amplitude": np.where(on, orbits.amplitude[np.arange(n), nearest], amplitude),
         "stroke": np.where(on, orbits.stroke[np.arange(n), nearest], stroke),
-        "status": names,
-        "exact": on | np.isin(names, (Outcome.rest, Outcome.overturned)),
+        "status": codes,
+        "exact": on | is_one_of(codes, Status.rest, Status.overturned),
     }

@@ -15,19 +15,23 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.ground_batch import Progress, follow_scaled
+from tpd.answers.runs import CASE_KEYS, Cases, Progress, follow_scaled
 from tpd.answers.statistics import Lognormal, fit_lognormal, mcnemar, median_words
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
-from tpd.core.formatting import Tabular
 from tpd.records.intensity import intensity_of
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, events_of, refuse_zeros
 from tpd.scene.scene import Block, Pendulum
+from tpd.theory.equations import Terms
 
 STATES: Mapping[str, float] = {"rocking": 0.0, "half": 0.5, "overturned": math.inf}
 """Damage states by default: the tilt over the slenderness that a motion exceeds. 0 is any uplift, infinity an
 overturning."""
+
+
+_LABELS = ("bare", "with the pendulum")
+"""Names of the cases in text."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +53,20 @@ class Curve:
     medians: tuple[float, float]
     """Medians of the fits in which all motions without an answer reach the state, and in which none does."""
 
+    def __str__(self) -> str:
+        if not self.undecided.any():
+            return str(self.fit)
+        # All of them reaching the state makes the lower median.
+        low, high = (median_words(x) for x in self.medians)
+        return f"{self.fit} (between {low} and {high}, whatever the motions without an answer do)"
+
 
 @dataclass(frozen=True)
-class Fragility(Tabular):
-    """Fragility of a block under a set of ground motions, bare and with a pendulum."""
+class Fragility(Cases):
+    """Fragility of a block under a set of ground motions, without a pendulum and, if there is one, with it.
+
+    What has a number or an array for each case has that without the pendulum first.
+    """
 
     intensity: str
     stripes: np.ndarray
@@ -62,32 +76,31 @@ class Fragility(Tabular):
     """Names of the ground motions."""
     earthquakes: int
     """Earthquakes that they are of: motions of one are no independent observations."""
-    bare: dict[str, Curve]
-    """By damage state."""
-    hung: dict[str, Curve] | None
+    cases: tuple[dict[str, Curve], ...]
+    """Curves by damage state."""
     p_values: dict[str, np.ndarray] | None
-    """By damage state: two-sided probability, at each stripe, of a difference between bare and hung at least
+    """By damage state: two-sided probability, at each stripe, of a difference between the cases at least
     this large if the pendulum changed nothing (McNemar, exact, over earthquakes). Where motions have no
     answer, the largest that their outcomes allow."""
-    tilts: tuple[np.ndarray, np.ndarray | None]
-    """Largest tilt over the slenderness of every motion, shape (motions, stripes), bare and hung; infinite
-    after an overturning, NaN where nothing is known."""
-    first_crossings: dict[str, tuple[float, float]]
-    """By damage state: median of the lowest stripes that reach it, bare and with the pendulum, if any
-    (infinite if fewer than half of the motions do). It depends on the stripes, and lies below the median of
-    the curve where a larger motion may do less. NaN where it hangs on motions without an answer."""
-    changed: tuple[float, float] | None
-    """Share of the runs whose verdict on overturning the nonlinear equations change, bare and hung, among
-    those that both equations answer; NaN if there are none."""
-    unanswered: tuple[int, int] | None = None
-    """Runs that the nonlinear equations do not answer, bare and hung."""
+    tilts: np.ndarray
+    """Largest tilt over the slenderness of every motion, shape (cases, motions, stripes); infinite after an
+    overturning, NaN where nothing is known."""
+    first_crossings: dict[str, tuple[float, ...]]
+    """By damage state: median of the lowest stripes that reach it (infinite if fewer than half of the motions
+    do). It depends on the stripes, and lies below the median of the curve where a larger motion may do less.
+    NaN where it depends on motions without an answer."""
+    changed: tuple[float, ...] | None
+    """Share of the runs whose verdict on overturning the nonlinear equations change, among those that both
+    equations answer; NaN if there are none."""
+    unanswered: tuple[int, ...] | None = None
+    """Runs that the nonlinear equations do not answer."""
 
     def columns(self) -> dict[str, Any]:
         """A row for every case, damage state and stripe: motions that reach it, with an answer and without,
         and the share on the fitted curve."""
-        curves = [*self.bare.values(), *(self.hung or {}).values()]
+        curves = [curve for case in self.cases for curve in case.values()]
         n = len(self.stripes)
-        names = np.repeat(["bare", "hung"], len(self.bare) * n)[: len(curves) * n]
+        names = np.repeat(CASE_KEYS[: len(self.cases)], len(self.without_pendulum) * n)
         rows = {"case": names, "stripe": np.tile(self.stripes, len(curves))}
         rows["state"] = np.repeat([c.state for c in curves], n)
         for name in ("counts", "total", "undecided", "shares"):
@@ -97,38 +110,26 @@ class Fragility(Tabular):
     def __str__(self) -> str:
         quakes = "one earthquake" if self.earthquakes == 1 else f"{self.earthquakes} earthquakes"
         lines = [f"fragility over {self.intensity} ({self.unit}), {len(self.motions)} motions of {quakes}"]
-        for name, curve in self.bare.items():
-            lines.append(f"  {name}: bare {curve.fit}{_doubt(curve)}")
-            if self.hung is not None:
-                hung = self.hung[name]
-                lines.append(f"  {' ' * len(name)}  with the pendulum {hung.fit}{_doubt(hung)}")
-        cases = 1 if self.hung is None else 2
+        for name in self.without_pendulum:
+            heads = f"{name}: {_LABELS[0]}", f"{' ' * len(name)}  {_LABELS[1]}"
+            for head, case in zip(heads, self.cases, strict=False):
+                lines.append(f"  {head} {case[name]}")
         runs = len(self.motions) * len(self.stripes)
-        curves = [next(iter(c.values())) for c in (self.bare, self.hung) if c is not None]
-        if lost := _listed([int(c.undecided.sum()) for c in curves], runs):
+        if lost := _listed([int(next(iter(c.values())).undecided.sum()) for c in self.cases], runs):
             lines.append(f"  without an answer, and not counted: {lost}")
         if self.changed is not None and self.unanswered is not None:
-            shares = " and ".join(f"{x:.1%}" for x in self.changed[:cases])
+            shares = " and ".join(f"{x:.1%}" for x in self.changed)
             lines.append(f"  the nonlinear equations change the verdict of {shares} of the runs")
-            if lost := _listed(self.unanswered[:cases], runs):
+            if lost := _listed(self.unanswered, runs):
                 lines.append(f"  without an answer by these equations, and not compared: {lost}")
         return "\n".join(lines)
 
 
-def _doubt(curve: Curve) -> str:
-    """Words about what the motions without an answer leave open."""
-    if not curve.undecided.any():
-        return ""
-    # All of them reaching the state makes the lower median.
-    low, high = (median_words(x) for x in curve.medians)
-    return f" (between {low} and {high}, whatever the motions without an answer do)"
-
-
 def _listed(counts: Sequence[int], runs: int) -> str:
-    """Numbers of runs, bare and with the pendulum; nothing if they are all zero."""
+    """Numbers of runs of each case; nothing if they are all zero."""
     if not any(counts):
         return ""
-    cases = zip(counts, ("bare", "with the pendulum"), strict=False)
+    cases = zip(counts, _LABELS, strict=False)
     return ", ".join(f"{n} of {runs} runs {case}" for n, case in cases)
 
 
@@ -201,36 +202,34 @@ def fragility(
     exact = follow_scaled(block, cases, motions, factors, progress=shifted(0), **options)
     nu, quakes = float(block.slenderness), np.unique(events_of(motions), return_inverse=True)[1]
     # Whether every run reaches each of the damage states, as a number; NaN where nothing is known.
-    tilted = {n: np.where(exact.lifted, exact.tilt, -1.0) > x * nu for n, x in states.items()}
-    reached = {n: exact.overturned if math.isinf(states[n]) else hit for n, hit in tilted.items()}
-    hits = {n: np.where(exact.undecided, np.nan, hit) for n, hit in reached.items()}
-    curves = [
+    reached = {n: exact.is_overturned if math.isinf(x) else exact.tilt > x * nu for n, x in states.items()}
+    hits = {n: np.where(exact.is_unanswered, np.nan, hit) for n, hit in reached.items()}
+    curves = tuple(
         {name: _curve(name, hit[i], quakes, stripes) for name, hit in hits.items()} for i in range(len(cases))
-    ]
-    tilts = np.where(exact.undecided, np.nan, exact.tilt) / nu
+    )
     changed, unanswered = None, None
     if nonlinear:
         checked = follow_scaled(
-            block, cases, motions, factors, progress=shifted(1), nonlinear=True, **options
+            block, cases, motions, factors, progress=shifted(1), equations=Terms.nonlinear, **options
         )
-        differs = np.where(exact.undecided | checked.undecided, np.nan, exact.overturned ^ checked.overturned)
-        shares = [float(np.mean(x[np.isfinite(x)])) if np.isfinite(x).any() else math.nan for x in differs]
-        changed = shares[0], shares[-1]
-        unanswered = int(checked.undecided[0].sum()), int(checked.undecided[-1].sum())
-    p_values = {name: mcnemar(hit[0], hit[-1], quakes) for name, hit in hits.items()}
-    crossings = {
-        n: (_first_crossing(h[0], stripes), _first_crossing(h[-1], stripes)) for n, h in hits.items()
-    }
+        unknown = exact.is_unanswered | checked.is_unanswered
+        differs = np.where(unknown, np.nan, exact.is_overturned ^ checked.is_overturned)
+        known = [x[np.isfinite(x)] for x in differs]
+        changed = tuple(float(np.mean(x)) if len(x) else math.nan for x in known)
+        unanswered = tuple(int(x.sum()) for x in checked.is_unanswered)
+    p_values = None
+    if pendulum is not None:
+        p_values = {name: mcnemar(hit[0], hit[1], quakes) for name, hit in hits.items()}
+    crossings = {name: tuple(_first_crossing(h, stripes) for h in hit) for name, hit in hits.items()}
     return Fragility(
         intensity=measure.name,
         stripes=stripes,
         unit=measure.unit,
         motions=names,
         earthquakes=len(np.unique(quakes)),
-        bare=curves[0],
-        hung=curves[1] if pendulum is not None else None,
-        p_values=p_values if pendulum is not None else None,
-        tilts=(tilts[0], tilts[1] if pendulum is not None else None),
+        cases=curves,
+        p_values=p_values,
+        tilts=exact.tilt / nu,
         first_crossings=crossings,
         changed=changed,
         unanswered=unanswered,

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.answers.ensemble import UNDECIDED_ROW, Ensemble, Outcomes, label_of_start, outcomes
+from tpd.answers.ensemble import Ensemble, outcomes
+from tpd.answers.runs import UNANSWERED_ROW, Runs, label_of_ramp
 from tpd.answers.statistics import (
     SIGNIFICANT,
     Interval,
@@ -30,7 +31,6 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import bare_parameters_of
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import Outcome
 from tpd.theory.equations import Terms
 
 LEAST = 0.02
@@ -90,8 +90,8 @@ class PairedRuns(Printed):
     run is its settled tilt over the slenderness, at most 1, and 1 where the block overturns.
     """
 
-    with_pendulum: Outcomes
-    without_pendulum: Outcomes
+    with_pendulum: Runs
+    without_pendulum: Runs
     group: np.ndarray
     """Index of the condition, or of the group of ground motions, of every run."""
     labels: tuple[str, ...]
@@ -103,11 +103,15 @@ class PairedRuns(Printed):
     worse: float = WORSE
     """Share by which the mean severity of a part may be higher with the pendulum."""
 
+    @property
+    def _cases(self) -> tuple[Runs, Runs]:
+        return self.with_pendulum, self.without_pendulum
+
     @cached_property
     def description(self) -> str:
         """Number and kind of the counted runs."""
-        n, e = self.pairs, self.with_pendulum.ensemble
-        kind = f"{n} paired runs of the {self.with_pendulum.equations} equations, seed {e.seed or 0}"
+        runs = self.with_pendulum
+        kind = f"{self.pairs} paired runs of the {runs.equations.value} equations, seed {runs.seed}"
         if self.cluster is None:
             return kind
         events = len(np.unique(self.cluster[self._rows]))
@@ -116,12 +120,12 @@ class PairedRuns(Printed):
     @cached_property
     def severity(self) -> np.ndarray:
         """Severity with and without the pendulum, (2, runs); NaN where a run has no answer."""
-        return np.stack([self.with_pendulum.severity, self.without_pendulum.severity])
+        return np.stack([o.severity for o in self._cases])
 
     @cached_property
     def known(self) -> np.ndarray:
         """Whether a run has an answer in both cases."""
-        return ~(self.with_pendulum.undecided | self.without_pendulum.undecided)
+        return ~np.any([o.is_unanswered for o in self._cases], axis=0)
 
     @cached_property
     def _rows(self) -> np.ndarray:
@@ -153,9 +157,8 @@ class PairedRuns(Printed):
         """Mean, median and worst severity, and the shares that overturn and that end at rest."""
         rows = self._rows
         pair = self.severity[:, rows]
-        cases = self.with_pendulum, self.without_pendulum
-        fell = np.array([o.lost[rows] for o in cases], dtype=float)
-        rests = np.array([o.status[rows] == Outcome.rest for o in cases], dtype=float)
+        fell = np.array([o.is_overturned[rows] for o in self._cases], dtype=float)
+        rests = np.array([o.is_at_rest[rows] for o in self._cases], dtype=float)
 
         def mean(name: str, values: np.ndarray) -> Change:
             by = change(values[0], values[1], self._clusters(rows))
@@ -185,7 +188,7 @@ class PairedRuns(Printed):
 
     def _only(self, rows: np.ndarray) -> tuple[int, int]:
         """Numbers of some runs that overturn only with the pendulum, and only without it."""
-        with_it, without = self.with_pendulum.lost[rows], self.without_pendulum.lost[rows]
+        with_it, without = (o.is_overturned[rows] for o in self._cases)
         return int(np.sum(with_it & ~without)), int(np.sum(without & ~with_it))
 
     @cached_property
@@ -199,7 +202,7 @@ class PairedRuns(Printed):
             worse, better = self.only
             is_harm = worse > better and chance_of(worse, better) < SIGNIFICANT
             return Overturned("", worse, better, int(self.known.sum())) if is_harm else None
-        fell = [o.lost.astype(float) for o in (self.with_pendulum, self.without_pendulum)]
+        fell = [o.is_overturned.astype(float) for o in self._cases]
         for label, rows in (("", self.known), *((part.label, part.rows) for part in self.parts)):
             if change(fell[0][rows], fell[1][rows], self._clusters(rows)).is_above:
                 return Overturned(label, *self._only(rows), int(rows.sum()))
@@ -215,7 +218,7 @@ class PairedRuns(Printed):
         ramps = np.unique(self.with_pendulum.ramp)
         chosen = [(label, self.group == i) for i, label in enumerate(self.labels)]
         if len(ramps) > 1:
-            chosen += [(label_of_start(ramp), self.with_pendulum.ramp == ramp) for ramp in ramps]
+            chosen += [(label_of_ramp(ramp), self.with_pendulum.ramp == ramp) for ramp in ramps]
         # One chaotic run decides nothing: pairs must show at 5 % that the mean is higher by more.
         excess = self.severity[0] - (1.0 + self.worse) * self.severity[1] - LEAST * self.worse
         least = -1.0 - self.worse * (1.0 + LEAST)
@@ -236,8 +239,7 @@ class PairedRuns(Printed):
     @property
     def rests_less(self) -> bool:
         """Whether significantly fewer runs end at rest with the pendulum, by more than the share `FEWER`."""
-        cases = self.with_pendulum, self.without_pendulum
-        with_it, without = ((o.status[self.known] == Outcome.rest).astype(float) for o in cases)
+        with_it, without = (o.is_at_rest[self.known].astype(float) for o in self._cases)
         fewer, more = int(np.sum(without > with_it)), int(np.sum(with_it > without))
         return is_positive((1.0 - FEWER) * without - with_it) and chance_of(fewer, more) < SIGNIFICANT
 
@@ -304,13 +306,13 @@ class PairedRuns(Printed):
 
     def table(self) -> str:
         """Shares and quantiles of both cases as text."""
-        cases = self.with_pendulum, self.without_pendulum
-        lines = [f"{cases[0].equations + ' equations':36}{'with pendulum':>26}{'without':>26}"]
+        cases = self._cases
+        lines = [f"{cases[0].equations.value + ' equations':36}{'with pendulum':>26}{'without':>26}"]
         for (name, first), (_, second) in zip(*(o.rows() for o in cases), strict=True):
             lines.append(f"{name:36}{first:>26}{'' if name.startswith('bob') else second:>26}".rstrip())
         if self.undecided:
-            counts = (f"{int(o.undecided.sum()):>26}" for o in cases)
-            lines.append(f"{UNDECIDED_ROW:36}{''.join(counts)}")
+            counts = (f"{int(o.is_unanswered.sum()):>26}" for o in cases)
+            lines.append(f"{UNANSWERED_ROW:36}{''.join(counts)}")
         return "\n".join(lines)
 
     def __str__(self) -> str:
@@ -355,15 +357,16 @@ def paired_runs(
     conditions = Conditions() if conditions is None else conditions
 
     # Both cases use the seed of one ensemble, hence the same initial states, phases and scatter.
-    def follow(subject: Parameters | Scene, pendulum: Pendulum | None) -> Outcomes:
+    def follow(subject: Parameters | Scene, pendulum: Pendulum | None) -> Runs:
         runs: dict[str, Any] = {"ensemble": ensemble, "conditions": conditions, "equations": equations}
         where: dict[str, Any] = {"workers": workers, "cluster": cluster, "progress": progress}
         return outcomes(subject, pendulum, rtol=rtol, **where, **runs)
 
+    with_pendulum = follow(subject, pendulum)
     return PairedRuns(
-        with_pendulum=follow(subject, pendulum),
+        with_pendulum=with_pendulum,
         without_pendulum=follow(subject if isinstance(subject, Scene) else bare_parameters_of(subject), None),
-        group=ensemble.dealt(len(conditions)),
+        group=with_pendulum.condition,
         labels=tuple(map(conditions.label, range(len(conditions)))),
     )
 

@@ -10,16 +10,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.answers.bifurcations import Bifurcation, Sweep, along, bifurcations
+from tpd.answers.runs import follow_runs
 from tpd.answers.statistics import Share
 from tpd.answers.steady_state import steady_state
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted, span
 from tpd.core.progress import Progress, shown
-from tpd.exact.runs import HarmonicForcing, follow
+from tpd.exact.runs import HarmonicForcing
 from tpd.scene.parameters import Parameters, as_arrays, from_row
 from tpd.scene.quantities import UNITS, Axis
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import LOST, UNANSWERED, names_of, status_name
+from tpd.scene.status import status_name
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import uplift
 
@@ -46,7 +47,7 @@ class Branches(Printed, Tabular):
     """(n,), uplift margin at the values of the sweep: where positive, a block at rest stays at rest."""
     rest_stroke: np.ndarray
     """(n,), the bob's largest angle under a resting block, rad."""
-    hung: bool
+    has_pendulum: bool
     """Whether there is a pendulum; without one strokes are those of a bob too light to be felt."""
 
     @property
@@ -116,7 +117,7 @@ def branches(
         bifurcations=found,
         margin=np.asarray(still.margin),
         rest_stroke=np.asarray(still.stroke),
-        hung=axis.setup.hung,
+        has_pendulum=axis.setup.hung,
     )
 
 
@@ -207,21 +208,18 @@ def settled_response(
             found.append((float(steady.amplitude), float(steady.stroke), status_name(steady.status)))
             report("responding", i + 1, len(line))
     amplitude, stroke, status = map(np.array, zip(*found, strict=True))
+    overturning = None
+    if len(line) >= _LEAST:
+        # Next to overturning a change of a thousandth decides: one run at each value says little.
+        fine = np.linspace(line.min(), line.max(), _RUNS)
+        runs, reach = follow_runs(Terms.linear, axis.at(fine), HarmonicForcing()), _NEAR * np.ptp(line)
+        near = (~runs.is_unanswered & (np.abs(fine - x) <= reach) for x in line)
+        overturning = np.array([Share.of(runs.is_overturned[rows]) for rows in near]).T
     return Response(
         frequency=line,
         amplitude=amplitude,
         stroke=stroke,
         status=status,
         name=axis.name,
-        overturning=_overturning(axis, line) if len(line) >= _LEAST else None,
+        overturning=overturning,
     )
-
-
-def _overturning(axis: Axis, line: np.ndarray) -> np.ndarray:
-    """See `Response.overturning`."""
-    # Next to overturning a change of a thousandth decides: one run at each value says little.
-    fine = np.linspace(line.min(), line.max(), _RUNS)
-    settled = follow(Terms.linear, axis.at(fine), HarmonicForcing())
-    names, reach = names_of(settled.status), _NEAR * np.ptp(line)
-    known, lost = ~np.isin(names, UNANSWERED), np.isin(names, LOST)
-    return np.array([Share.of(lost[known & (np.abs(fine - x) <= reach)]) for x in line]).T

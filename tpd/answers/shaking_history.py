@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tpd.answers.ground_batch import rows_of
+from tpd.answers.runs import rows_of
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.exact.terms import SHAKEN, SLIP
 from tpd.exact.trajectories import history
 from tpd.scene.ground_motion import LONGEST_FREE
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import Status, status_name
+from tpd.scene.status import Status
 
 STRONG = 0.01
 """Rate over nu omega0 above which an impact is counted as one: slower ones are a rattle, and how many of them
@@ -51,7 +51,7 @@ class ShakingHistory:
     @property
     def overturned(self) -> bool:
         """Whether the block overturns, within the times or after them."""
-        return status_name(self.status) == "overturned"
+        return bool(self.status == Status.overturned)
 
     def loads(self, pendulum: Pendulum) -> tuple[float, float, float]:
         """Largest force along the rod and of the hinge (N), and largest angular rate between rod and block
@@ -117,9 +117,9 @@ def shaking_history(
     free = float(clock[-1]) - shaken if clock[-1] > shaken + free else free
     start = np.zeros(4) if y0 is None else checks.state(y0) / [1.0, 1.0, rate, rate]
     found = history(row, start, pieces, clock * rate, free=free * rate, events=MAX_EVENTS)
-    states, outcome = found.states, SHAKEN[found.status]
+    states, status = found.states, getattr(Status, SHAKEN[found.status])
     # The equations mean nothing where the block lies down.
-    if outcome == "overturned":
+    if status == Status.overturned:
         states[np.cumsum(~(np.abs(states["tilt"]) < 0.5 * np.pi)) > 0] = np.nan
     base = scene.motion.acceleration_at(clock)
     # In SI: tau is time over 1/omega0.
@@ -139,6 +139,6 @@ def shaking_history(
         (mass + m) * lifting,
         np.stack([found.impacts["time"] / rate, found.impacts["rate"] * rate], axis=1),
         states["kind"] == SLIP,
-        getattr(Status, outcome),
+        status,
         None if pendulum is None else np.stack([across, m * lifting, *rates], axis=1),
     )

@@ -8,21 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.ground_batch import Progress, follow_rows, follow_scaled, rows_of
+from tpd.answers.runs import CASE_KEYS, Cases, Progress, follow_runs, follow_scaled, rows_of
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
-from tpd.core.formatting import Tabular
+from tpd.exact.runs import GroundForcing
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion, Pulse
 from tpd.scene.pytrees import single
 from tpd.scene.scene import Block, Pendulum, Scene
+from tpd.theory.equations import Terms
 
 UNDECIDED, STANDS, ROCKS, OVERTURNS = -1, 0, 1, 2
 """Outcomes of a cell; OVERTURNS + n is an overturning after n impacts."""
 
 
 @dataclass(frozen=True)
-class OverturningSpectrum(Tabular):
+class OverturningSpectrum(Cases):
     """Outcomes over frequency and size of a pulse."""
 
     pulse: Pulse
@@ -32,30 +33,24 @@ class OverturningSpectrum(Tabular):
     acceleration_ratios: np.ndarray
     """a_p/(g tan alpha), shape (accelerations,): the largest acceleration over that which lifts a bare block
     without friction."""
-    bare: np.ndarray
-    """Outcome of the bare block, shape (accelerations, frequencies)."""
-    hung: np.ndarray | None
-    """Outcome with the pendulum, same shape; None without one."""
+    cases: np.ndarray
+    """Outcomes without the pendulum and, if there is one, with it, (cases, accelerations, frequencies)."""
 
     def columns(self) -> dict[str, Any]:
         """A row for every pulse: both ratios, and the outcomes by their numbers."""
         across, up = np.meshgrid(self.frequency_ratios, self.acceleration_ratios)
-        cells = {name: c.ravel() for name, c in zip(("bare", "hung"), self._cells, strict=False)}
+        cells = {name: c.ravel() for name, c in zip(CASE_KEYS, self.cases, strict=False)}
         return {"frequency_ratio": across.ravel(), "acceleration_ratio": up.ravel(), **cells}
 
     def safe(self) -> np.ndarray:
-        """Share of the cells with an answer in which the bare block, and that with a pendulum, does not
-        overturn; NaN where no cell has one."""
-        known = [c[c != UNDECIDED] for c in self._cells]
+        """Share of the cells with an answer in which the block does not overturn, of each case; NaN where no
+        cell has one."""
+        known = [c[c != UNDECIDED] for c in self.cases]
         return np.array([np.mean(c < OVERTURNS) if c.size else np.nan for c in known])
 
     def undecided(self) -> np.ndarray:
-        """Number of cells without an answer, bare and with a pendulum."""
-        return np.array([np.sum(c == UNDECIDED) for c in self._cells])
-
-    @property
-    def _cells(self) -> list[np.ndarray]:
-        return [c for c in (self.bare, self.hung) if c is not None]
+        """Number of cells without an answer, of each case."""
+        return np.sum(self.cases == UNDECIDED, axis=(1, 2))
 
 
 def _vector(name: str, values: Any, usual: np.ndarray) -> np.ndarray:
@@ -105,30 +100,28 @@ def overturning_spectrum(
     cases = (None,) if pendulum is None else (None, pendulum)
     how = {"cluster": cluster, "progress": progress}
     found = follow_scaled(block, cases, motions, factors, gravity=gravity, free=free, brief=True, **how)
-    code = np.where(found.overturned, OVERTURNS + found.impacts, np.where(found.lifted, ROCKS, STANDS))
-    cells = np.where(found.undecided, UNDECIDED, code).swapaxes(1, 2)
-    return OverturningSpectrum(pulse, w, a, cells[0], cells[1] if pendulum is not None else None)
+    known = np.where(found.is_overturned, OVERTURNS + found.impacts, np.where(found.is_lifted, ROCKS, STANDS))
+    cells = np.where(found.is_unanswered, UNDECIDED, known).astype(int).swapaxes(1, 2)
+    return OverturningSpectrum(pulse, w, a, cells)
 
 
 @dataclass(frozen=True)
-class RockingSpectrum(Tabular):
+class RockingSpectrum(Cases):
     """Largest tilt over the slenderness, bare and with a pendulum of stated ratios."""
 
     periods: np.ndarray
     """2 pi/p in s, shape (periods,): p is the block's rate omega0 of the linear equations."""
-    bare: np.ndarray
-    """Largest |phi|/nu of the bare block; infinite where it overturns, NaN where nothing is known."""
-    hung: np.ndarray | None
-    """Largest |phi|/nu with the pendulum; None without one."""
+    cases: np.ndarray
+    """Largest |phi|/nu without the pendulum and, if there is one, with it, (cases, periods); infinite where
+    the block overturns, NaN where nothing is known."""
 
     def columns(self) -> dict[str, Any]:
         """A row for every block: 2 pi/p in s, and the largest tilts over the slenderness."""
-        hung = {} if self.hung is None else {"hung": self.hung}
-        return {"period_s": self.periods, "bare": self.bare} | hung
+        return {"period_s": self.periods, **dict(zip(CASE_KEYS, self.cases, strict=False))}
 
     def undecided(self) -> np.ndarray:
-        """Number of blocks without an answer, bare and with a pendulum."""
-        return np.array([np.sum(np.isnan(t)) for t in (self.bare, self.hung) if t is not None])
+        """Number of blocks without an answer, of each case."""
+        return np.sum(np.isnan(self.cases), axis=1)
 
 
 def rocking_spectrum(
@@ -178,8 +171,6 @@ def rocking_spectrum(
     x[:, 6] = float(motion.piece) * np.tile(rates, len(rows))
     late = free * np.tile(rates, len(rows))
     pieces = np.asarray(motion.pieces(), dtype=float)
-    batch = {"x": x, "which": np.zeros(len(x), dtype=int), "free": late}
-    found = follow_rows(batch, [pieces], False, True, cluster=cluster, progress=progress)
-    # A motion that the bound on events ended has a largest tilt as well, but not that of the whole motion.
-    tilt = np.where(found.undecided, np.nan, found.tilt).reshape(len(rows), -1) / float(block.slenderness)
-    return RockingSpectrum(times, tilt[0], tilt[1] if hung is not None else None)
+    forcing = GroundForcing([pieces], late)
+    found = follow_runs(Terms.linear, x, forcing, brief=True, cluster=cluster, progress=progress)
+    return RockingSpectrum(times, found.tilt.reshape(len(rows), -1) / float(block.slenderness))

@@ -36,8 +36,19 @@ from tpd.models.base import AbstractChoice, AbstractCompiled, AbstractFlow, Abst
 from tpd.models.piecewise import Piecewise
 from tpd.scene.parameters import Parameters, as_arrays, check_parameters, from_row
 from tpd.scene.pytrees import Number, State, single
-from tpd.scene.status import SETTLED, Status, index_of, is_settled, status_name
+from tpd.scene.status import (
+    NOT_ATTRACTING,
+    SETTLED,
+    UNANSWERED,
+    Status,
+    code_of,
+    codes_of,
+    is_one_of,
+    status_name,
+)
 
+_STATUSES = codes_of(STEADY_STATUSES)
+"""Numbers of statuses by those of compiled code."""
 INEXACT = 0.05
 """Largest relative error of the amplitude of a smoothed motion that is not `inexact`."""
 
@@ -150,7 +161,7 @@ def steady_state(
         model.__class__.check(model, p)  # pyright: ignore[reportArgumentType]
         steady = _steady_state(p, model, start)
     if throw:
-        settled = is_settled(steady.status)
+        settled = is_one_of(steady.status, *SETTLED)
         steady = eqx.tree_at(
             lambda s: s.amplitude, steady, steady.status.error_if(jnp.asarray(steady.amplitude), ~settled)
         )
@@ -322,7 +333,7 @@ def _answer(out: Any) -> tuple[_Answer, Any]:
     else:
         of, xp, whole = parts(out, record), jnp, partial(jnp.asarray, dtype=int)
     # An array, by which equinox looks up the message of a status.
-    status = xp.asarray(xp.asarray(_statuses())[whole(of.status)])
+    status = xp.asarray(xp.asarray(_STATUSES)[whole(of.status)])
     about = whole(of.periods), of.multiplier, of.symmetric == 1.0, of.lyapunov, of.y, whole(of.elapsed)
     return _Answer(of.amplitude, of.stroke, status, *about), of.by
 
@@ -331,12 +342,6 @@ def _answer(out: Any) -> tuple[_Answer, Any]:
 def _known(record: np.dtype) -> Any:
     """A tuple with the names of a record."""
     return namedtuple("_known", record.names or ())
-
-
-@lru_cache(maxsize=1)
-def _statuses() -> np.ndarray:
-    """Numbers of statuses by those of the compiled code."""
-    return np.array([index_of(name) for name in STEADY_STATUSES], dtype=np.int32)
 
 
 def _solve(x: Float[Array, "9"], model: AbstractFlow, y0: State) -> tuple[_Answer, Float[Array, "6 9"]]:
@@ -359,12 +364,12 @@ def _compared(answer: _Answer, exact: Settled | None) -> _Answer:
     if exact is None:
         return answer
     (code,) = jax.tree.leaves(exact.status)
-    amplitude = jnp.where(code == index_of("overturned"), jnp.inf, exact.amplitude)
+    amplitude = jnp.where(code == code_of(Status.overturned), jnp.inf, exact.amplitude)
     # Two that rest or overturn are alike, and one alone is not.
     error = jnp.where(answer.amplitude == amplitude, 0.0, jnp.abs(answer.amplitude / amplitude - 1.0))
-    known = jnp.logical_not(_is_one_of(code, "not_settled", "event_bound", "failed"))
-    claimed = _is_one_of(answer.status, *SETTLED, "overturned")
-    status = jnp.where(claimed & known & (error > INEXACT), index_of("inexact"), answer.status)
+    known = jnp.logical_not(is_one_of(code, Status.not_settled, *UNANSWERED))
+    claimed = is_one_of(answer.status, *SETTLED, Status.overturned)
+    status = jnp.where(claimed & known & (error > INEXACT), code_of(Status.inexact), answer.status)
     return answer._replace(status=status, estimate=jnp.where(known, error, jnp.nan))
 
 
@@ -380,20 +385,20 @@ def _judged(p: Parameters, model: AbstractFlow, begun: Settled) -> tuple[_Answer
     # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
     # unless it has more steps than that may take.
     endless = jnp.logical_not(jnp.isfinite(orbit.residual))
-    cut_short = (code == index_of("rest")) & (p.zeta > 0.0) & endless
-    status = jnp.where(cut_short, index_of("event_bound"), status)
+    cut_short = (code == code_of(Status.rest)) & (p.zeta > 0.0) & endless
+    status = jnp.where(cut_short, code_of(Status.event_bound), status)
     # Without a finite derivative of the period map nothing can be said about stability.
-    unsaid = (status == index_of("unstable")) & jnp.logical_not(jnp.isfinite(multiplier))
-    status = jnp.where(unsaid, index_of("failed"), status)
-    sound = jnp.all(jnp.isfinite(orbit.y)) | (status == index_of("overturned"))
-    status = jnp.where(sound, status, index_of("failed"))
+    unsaid = (status == code_of(Status.unstable)) & jnp.logical_not(jnp.isfinite(multiplier))
+    status = jnp.where(unsaid, code_of(Status.failed), status)
+    sound = jnp.all(jnp.isfinite(orbit.y)) | (status == code_of(Status.overturned))
+    status = jnp.where(sound, status, code_of(Status.failed))
     # The tilt at which friction holds a block is a state next to which it is held as well.
-    multiplier = jnp.where(status == index_of("held"), 1.0, multiplier)
+    multiplier = jnp.where(status == code_of(Status.held), 1.0, multiplier)
     sizes, slopes = _answers(p, begun, orbit, status, multiplier)
-    periodic = _is_one_of(status, *SETTLED, "unstable", "neutral")
+    periodic = is_one_of(status, *SETTLED, Status.unstable, Status.neutral)
     lyapunov = jnp.where(periodic, jnp.log(multiplier) / (begun.periods * p.period), jnp.nan)
     symmetric = periodic & (begun.periods % 2 == 1) & (orbit.asymmetry < SYMMETRIC)
-    followed = periodic | _is_one_of(status, "held", "near_fold", "grazing")
+    followed = periodic | is_one_of(status, Status.held, Status.near_fold, Status.grazing)
     multiplier = jnp.where(followed, multiplier, jnp.nan)
     about = status, begun.periods, multiplier, symmetric, lyapunov, orbit.y, begun.elapsed
     return _Answer(sizes[0], sizes[1], *about), slopes
@@ -401,18 +406,18 @@ def _judged(p: Parameters, model: AbstractFlow, begun: Settled) -> tuple[_Answer
 
 def _answers(p: Any, begun: Settled, orbit: Orbit, status: Any, multiplier: Any) -> tuple[Any, Any]:
     """(amplitude, stroke), and the slopes of these and the state where they exist."""
-    rests = status == index_of("rest")
+    rests = status == code_of(Status.rest)
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
     ringing = rests & (p.zeta == 0.0)
     isolated = (is_rocking(status) | rests) & (multiplier < 1.0) & jnp.logical_not(ringing)
     # On an isolated orbit the sizes gain one more Newton step. Elsewhere I - DP may be singular: then they
     # are those of the orbit as it was found.
     unknown = jnp.full(2, jnp.nan)
-    last = jnp.where(status == index_of("failed"), unknown, jnp.stack([begun.amplitude, begun.stroke]))
+    last = jnp.where(status == code_of(Status.failed), unknown, jnp.stack([begun.amplitude, begun.stroke]))
     sizes, slopes = implicit(orbit)
-    followed = _is_one_of(status, "unstable", "neutral", "near_fold", "grazing")
+    followed = is_one_of(status, *NOT_ATTRACTING)
     last = jnp.where(followed, orbit.sizes, last)
-    last = jnp.where(status == index_of("overturned"), jnp.full(2, jnp.inf), last)
+    last = jnp.where(status == code_of(Status.overturned), jnp.full(2, jnp.inf), last)
     sizes, slopes = jnp.where(isolated, sizes, last), jnp.where(isolated, slopes, jnp.nan)
     still = rests & (sizes[1] == 0.0)
     # A block at rest has no amplitude, whatever moves. The stroke of a bob that hangs still is at the corner
@@ -423,11 +428,6 @@ def _answers(p: Any, begun: Settled, orbit: Orbit, status: Any, multiplier: Any)
     return jnp.stack([jnp.where(rests, 0.0, sizes[0]), sizes[1]]), slopes
 
 
-def _is_one_of(status: Any, *names: str) -> Any:
-    """Whether the number of a status is that of one of the names."""
-    return jnp.isin(status, np.array([index_of(name) for name in names]))
-
-
 def _verdict(begun: Any, orbit: Orbit, multiplier: Any, neutral: Any, to_fold: Any, resolution: Any) -> Any:
     """The number of the status of a motion, from that with which following it has ended, and from what
     Newton's method on its period map has found."""
@@ -435,10 +435,10 @@ def _verdict(begun: Any, orbit: Orbit, multiplier: Any, neutral: Any, to_fold: A
     # because its numbers mean nothing if an event was grazed, next to a fold, or off an orbit; and a motion
     # smaller than what the model can resolve is rest, whatever its multipliers.
     moving = is_rocking(begun)
-    status = jnp.where(moving & (multiplier > 1.0), index_of("unstable"), begun)
-    status = jnp.where(moving & neutral, index_of("neutral"), status)
-    status = jnp.where(moving & (orbit.transversality < GRAZING), index_of("grazing"), status)
-    status = jnp.where(moving & (to_fold < 2.0 * NEAR_FOLD), index_of("near_fold"), status)
+    status = jnp.where(moving & (multiplier > 1.0), code_of(Status.unstable), begun)
+    status = jnp.where(moving & neutral, code_of(Status.neutral), status)
+    status = jnp.where(moving & (orbit.transversality < GRAZING), code_of(Status.grazing), status)
+    status = jnp.where(moving & (to_fold < 2.0 * NEAR_FOLD), code_of(Status.near_fold), status)
     open_ = jnp.logical_not(orbit.residual < RESIDUAL)
-    status = jnp.where(moving & open_, index_of("not_settled"), status)
-    return jnp.where(moving & (orbit.sizes[0] < resolution), index_of("rest"), status)
+    status = jnp.where(moving & open_, code_of(Status.not_settled), status)
+    return jnp.where(moving & (orbit.sizes[0] < resolution), code_of(Status.rest), status)

@@ -26,7 +26,7 @@ from tpd.exact.rows import row_of
 from tpd.exact.terms import ASKED, SIZES, STATUSES
 from tpd.scene.parameters import Parameters, check_parameters
 from tpd.scene.pytrees import Number
-from tpd.scene.status import Status, index_of
+from tpd.scene.status import Status, codes_of, status_of
 
 ORBITS = 3
 """Most orbits of a design."""
@@ -135,7 +135,7 @@ _UNKNOWN = ("multipliers", "sticking", "grazing")
 def _leaves(numbers: Any) -> dict[str, Any]:
     """Fields of `Orbits` and `Margins` by name, of orbits as numbers (..., 3, numbers of an orbit)."""
     of = parts(numbers, ENGINE.entry().ORBIT)
-    index, codes = np.array([index_of(name) for name in STATUSES]), of.status.astype(int)
+    index, codes = codes_of(STATUSES), of.status.astype(int)
     return {name: of.sizes[..., place] for name, place in SIZES.items()} | {
         "multipliers": of.multipliers[..., 0] + 1j * of.multipliers[..., 1],
         "sticking": of.sticking,
@@ -175,6 +175,6 @@ _SLOPES = {asked: once(partial(slopes, asked=asked)) for asked in ASKED}
 
 def _orbits(of: dict[str, Any]) -> Orbits:
     margins = Margins(**{name: of[name] for name in ("fold", "symmetry", "torus", "sticking", "grazing")})
-    status = jax.tree.unflatten(jax.tree.structure(Status.no_orbit), [of["status"]])
+    status = status_of(of["status"])
     names = ("amplitude", "stroke", "state", "phase", "crossing", "multipliers", "overflow")
     return Orbits(status=status, margins=margins, **{name: of[name] for name in names})

@@ -26,7 +26,7 @@ from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, single
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import Status, index_of, status_name
+from tpd.scene.status import Status, code_of, codes_of, status_name, status_of
 
 FREE = 20.0
 """Free motion that is followed after a ground motion by default, s."""
@@ -140,7 +140,7 @@ def _answer(found: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transien
     # On one side of such a motion there is an event more: it has no derivative.
     touched = (code == ROCKED) & (found.transversality < GRAZING)
     sound = ((code == ROCKED) | (code == STOOD)) & ~touched
-    status = xp.where(touched, index_of("grazing"), xp.asarray([index_of(name) for name in SHAKEN])[code])
+    status = xp.where(touched, code_of(Status.grazing), xp.asarray(codes_of(SHAKEN))[code])
     # The angles of a bare block's bob, which is too light to be felt, are nobody's.
     hung = xp.array([1.0, bob, bob])
     if xp is np:
@@ -148,7 +148,7 @@ def _answer(found: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transien
     else:
         seconds, kept = partial(_seconds, rate), refused
     times = seconds(found.times, sound[..., None] & (hung > 0.0))
-    fallen = sound | (status == index_of("overturned"))
+    fallen = sound | (status == code_of(Status.overturned))
     return Transient(
         tilt=kept(found.tilt, sound),
         swing=kept(found.swing if bob else xp.zeros_like(found.swing), sound),
@@ -160,7 +160,7 @@ def _answer(found: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transien
         uplift_time=seconds(found.lifted, fallen),
         overturning_time=seconds(found.fell, sound),
         state=kept(found.state * speeds * xp.array([1.0, bob, 1.0, bob]), sound),
-        status=jax.tree.unflatten(jax.tree.structure(Status.failed), [status.astype(np.int32)]),
+        status=status_of(status.astype(np.int32)),
     )
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.fragility import Fragility, fragility
+from tpd.answers.runs import CASE_KEYS
 from tpd.cli import common, outputs
 from tpd.cli.interrupts import SOUND
 from tpd.core import files
@@ -46,7 +47,9 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
             progress=lambda done, total: bar("following motions", done, total),
         )
     print(found)
-    pictures = {f"fragility_{name}.png": partial(outputs.plot, found, name) for name in found.bare}
+    pictures = {
+        f"fragility_{name}.png": partial(outputs.plot, found, name) for name in found.without_pendulum
+    }
     outputs.write(options.out, _tables(job, pendulum, found), pictures)
     return SOUND
 
@@ -60,7 +63,7 @@ def _tables(job: Job, pendulum: Pendulum | None, found: Fragility) -> Iterator[t
         "motions": list(found.motions),
         "earthquakes": found.earthquakes,
         "p_values": found.p_values and {name: p.tolist() for name, p in found.p_values.items()},
-        "fits": {name: _fits(found, name) for name in found.bare},
+        "fits": {name: _fits(found, name) for name in found.without_pendulum},
         "first_crossings": {k: list(v) for k, v in found.first_crossings.items()},
         "changed_by_nonlinear_equations": None if found.changed is None else list(found.changed),
         "undecided_by_nonlinear_equations": None if found.unanswered is None else list(found.unanswered),
@@ -71,7 +74,6 @@ def _tables(job: Job, pendulum: Pendulum | None, found: Fragility) -> Iterator[t
 def _fits(found: Fragility, name: str) -> dict[str, Any]:
     """Median with its interval, and dispersion, of the curves of one state, and what motions without an
     answer leave open."""
-    curves = {"bare": found.bare[name]} | ({} if found.hung is None else {"hung": found.hung[name]})
     return {
         case: {
             "median": c.fit.median,
@@ -81,5 +83,5 @@ def _fits(found: Fragility, name: str) -> dict[str, Any]:
             "undecided": int(c.undecided.sum()),
             "medians_whatever_the_undecided_do": list(c.medians),
         }
-        for case, c in curves.items()
+        for case, c in zip(CASE_KEYS, (case[name] for case in found.cases), strict=False)
     }

@@ -57,9 +57,9 @@ def _overturning(
         **how,
     )
     shares, lost = found.safe().tolist(), found.undecided().tolist()
-    survived = (_share(x, n, found.bare.size) for x, n in zip(shares, lost, strict=True))
+    survived = (_share(x, n, found.without_pendulum.size) for x, n in zip(shares, lost, strict=True))
     print(f"share of the pulses that the block survives: {', '.join(survived)}")
-    _say_undecided("pulses", lost, found.bare.size)
+    _say_undecided("pulses", lost, found.without_pendulum.size)
     return found, {"survived": shares, "undecided": lost}
 
 

@@ -24,7 +24,7 @@ from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
-from tpd.scene.status import status_name
+from tpd.scene.status import STANDING, Status, is_one_of
 from tpd.theory.equations import Terms
 from tpd.theory.free_rocking import equivalent_friction, turning_tilts
 
@@ -45,8 +45,6 @@ _USUAL = 1.0 / 3.0
 """Tilt over nu at which friction and impacts are made to lose the same energy."""
 _SEED = 3
 """Number of the seed of the comparisons, after those of trials and validation."""
-STANDING = "stood", "rocked"
-"""Statuses of a block that stands at the end of a motion."""
 _PULLED, _HALF, _MOST = 0.1, 0.5, 400
 """Tilt of a pull test over that of toppling, the share of it that is waited for, and most impacts counted."""
 
@@ -229,7 +227,7 @@ def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory
         motion = simulate(p, np.zeros(4), tau, model=Piecewise())
         tilt, bob = np.asarray(motion.ys).T[:2]
         found = {"time": np.asarray(tau) / scene.rate, "tilt": tilt, "bob": bob}
-        falls = status_name(motion.status) == "overturned"
+        falls = bool(motion.status == Status.overturned)
         out.append(TimeHistory(with_pendulum=hung is not None, overturned=falls, **found))
     return tuple(out)
 
@@ -351,7 +349,7 @@ def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:
     stands in none."""
     found = [shaking_history(scene, pendulum) for scene in scenes]
     # A block that falls takes its pendulum along.
-    stands = [h for h in found if status_name(h.status) in STANDING]
+    stands = [h for h in found if is_one_of(h.status, *STANDING)]
     if not stands:
         return None
     each = np.array([(*h.loads(pendulum), h.needed_friction) for h in stands])

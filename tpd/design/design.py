@@ -129,7 +129,7 @@ class Design(Printed):
         block stands; empty without any."""
         if self.runs is None:
             return np.zeros(0)
-        return self.runs.with_pendulum.turned[self.runs.with_pendulum.stands]
+        return self.runs.with_pendulum.rod_angle[self.runs.with_pendulum.stands]
 
     @property
     def swing(self) -> float:

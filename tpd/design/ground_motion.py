@@ -13,8 +13,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from tpd.answers.ensemble import Ensemble, Outcomes
+from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import PairedRuns
+from tpd.answers.runs import Runs, follow_runs
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
@@ -31,7 +32,7 @@ from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complet
 from tpd.design.reasons import DesignStatus
 from tpd.design.settings import DEFAULT_SPACE, HELD_OUT, SCATTERED, GroundSearch
 from tpd.exact.rows import row_of
-from tpd.exact.runs import GroundForcing, follow
+from tpd.exact.runs import GroundForcing
 from tpd.exact.terms import F
 from tpd.records.intensity import intensity_of
 from tpd.records.reading import BUILT_IN
@@ -40,7 +41,6 @@ from tpd.scene.ground_motion import GroundMotion, Pulse, events_of
 from tpd.scene.parameters import Parameters, unchecked
 from tpd.scene.record import Record
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
-from tpd.scene.status import UNANSWERED, Outcome
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
@@ -57,8 +57,6 @@ _USUAL = {
 LEAST_EARTHQUAKES = 5
 """Earthquakes that a design must be tuned to, and as many that it must be validated on: of fewer the spread
 between earthquakes is hardly known."""
-_OUTCOMES = np.array([Outcome.stood, Outcome.rocked, Outcome.overturned, Outcome.event_bound, Outcome.failed])
-"""Names of outcomes by the numbers of the compiled code, see `tpd.exact.terms`."""
 _MASSLESS = np.array([0.0, 1.0, 0.3])
 """A bob without mass, which the block does not feel."""
 _EVENTS = 20_000
@@ -218,7 +216,7 @@ class GroundMotionProblem(Problem):
         rng = np.random.default_rng([self.seed, 7])
         return self.space.unscaled(latin_hypercube(rng, self.method.starts, len(self.space.names))), None
 
-    def trial_runs(self, design: np.ndarray | None, seed: int) -> Outcomes:
+    def trial_runs(self, design: np.ndarray | None, seed: int) -> Runs:
         """See `Problem.trial_runs`: every motion at every scale, with blocks that scatter as those of the
         validation runs do."""
         # Without scatter the trials would see less swing than the validation.
@@ -265,7 +263,7 @@ class GroundMotionProblem(Problem):
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """See `Problem.strongest_motions`."""
         runs = self._followed(design, self.scene, self.conditions, Terms.linear.value)
-        order = np.argsort(-np.where(runs.stands, np.nan_to_num(runs.turned), -1.0))
+        order = np.argsort(-np.where(runs.stands, np.nan_to_num(runs.rod_angle), -1.0))
         known = [i for i in order if runs.stands[i]][:MOST_MOTIONS]
         motions, which = self.conditions.motions, np.asarray(self.conditions.which)
         factors = motion_factors(self.scene, self.conditions)
@@ -279,33 +277,17 @@ class GroundMotionProblem(Problem):
         equations: str,
         seed: int = 0,
         progress: Any = None,
-    ) -> Outcomes:
+    ) -> Runs:
         """Follow a design from rest through the motions of all conditions, and freely afterwards."""
         most = MAX_EVENTS if equations == Terms.nonlinear.value else _EVENTS
         # A bob without mass does not act on the block, and shares its scattered properties.
         row = _MASSLESS if design is None else design
-        q, rows = self._rows(row, scene, conditions)
+        _, rows = self._rows(row, scene, conditions)
+        condition = np.asarray(conditions.which)
         pieces = [np.asarray(m.pieces(), dtype=float) for m in conditions.motions]
-        forcing = GroundForcing(pieces, FREE * float(scene.rate), np.asarray(conditions.which))
-        found = follow(Terms(equations), rows, forcing, events=most, progress=progress)
-        names = _OUTCOMES[found.status.astype(int)]
-        fell, unknown = names == Outcome.overturned, np.isin(names, UNANSWERED)
-
-        def size(x: np.ndarray) -> np.ndarray:
-            return np.where(unknown, np.nan, np.where(fell, np.inf, x))
-
-        tilt, swing = size(found.tilt), size(found.swing)
-        return Outcomes(
-            ensemble=replace(self.ensemble, size=len(rows), seed=seed),
-            status=names,
-            peak=tilt,
-            amplitude=tilt,
-            peak_stroke=swing,
-            stroke=swing,
-            relative=size(found.relative),
-            ramp=np.zeros(len(rows)),
-            equations=equations,
-            **{name: np.asarray(getattr(q, name)) for name in ("nu", "mu", "lam")},
+        forcing = GroundForcing(pieces, FREE * float(scene.rate), condition)
+        return follow_runs(
+            Terms(equations), rows, forcing, events=most, condition=condition, seed=seed, progress=progress
         )
 
     def _rows(

@@ -10,8 +10,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tpd.answers.attractors import StartKind, Starts
-from tpd.answers.ensemble import Ensemble, Outcomes, outcomes
+from tpd.answers.ensemble import Ensemble, outcomes
 from tpd.answers.paired import PairedRuns, paired_runs
+from tpd.answers.runs import Runs
 from tpd.core import checks
 from tpd.core.batch import aside
 from tpd.core.progress import Progress, unreported
@@ -41,7 +42,7 @@ from tpd.scene.conditions import Conditions, latin_hypercube, under_all
 from tpd.scene.ground_motion import GroundMotion, Pulse
 from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Harmonic, Pendulum, Scene
-from tpd.scene.status import names_of
+from tpd.scene.status import Status, code_of, names_of
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest, uplift
 
@@ -288,13 +289,13 @@ class HarmonicProblem(Problem):
                 out[size.name] = value if known is None else np.maximum(known, value)
         return out
 
-    def value_of(self, runs: Outcomes) -> float:
+    def value_of(self, runs: Runs) -> float:
         """See `Problem.value_of`: the mean, which the benefit compares; the risk measure is for the
         descents."""
-        known = runs.severity[~runs.undecided]
+        known = runs.severity[~runs.is_unanswered]
         return float(known.mean()) if len(known) else np.nan
 
-    def trial_runs(self, design: np.ndarray | None, seed: int) -> Outcomes:
+    def trial_runs(self, design: np.ndarray | None, seed: int) -> Runs:
         """See `Problem.trial_runs`."""
         size = min(TRIAL_RUNS, self.ensemble.size) * (_WITHOUT if design is None else 1)
         # If there are more conditions than runs, every trial has others.
@@ -339,23 +340,23 @@ class HarmonicProblem(Problem):
         e = orbits.evaluate(row[None])
         q = under_all(orbits.p, row[None], self.conditions)
         settled = follow(Terms.linear, row_of(q), HarmonicForcing())
-        names, lift = names_of(settled.status), uplift(q)
+        outcome, lift = code_of(settled.status), uplift(q)
         sizes = {x: np.asarray(getattr(settled, x)) for x in ("amplitude", "stroke", "peak", "peak_stroke")}
         # The run ends when the block rests, and the bob may still swing: its settled swing has a closed form.
-        sizes["stroke"] = np.where(names == "rest", lift.stroke, sizes["stroke"])
+        sizes["stroke"] = np.where(outcome == code_of(Status.rest), lift.stroke, sizes["stroke"])
         # A run comes near an orbit, which is known to round-off.
         amplitude = e.tilt[0] * np.asarray(q.nu)
         is_orbit = (np.abs(sizes["amplitude"] - amplitude) <= _SAME * amplitude) & (amplitude > 0.0)
         for name, exact in (("amplitude", amplitude), ("stroke", e.stroke[0])):
             sizes[name] = np.where(is_orbit, exact, sizes[name])
-        lost = names == "overturned"
+        overturned = outcome == code_of(Status.overturned)
         return ExactMotions(
             value=float(orbits.value(e)[0]),
             orbits=e,
             margin=np.asarray(lift.margin),
-            status=names,
+            status=names_of(outcome),
             multiplier=np.where(is_orbit, e.multiplier[0], np.nan),
-            **{name: np.where(lost, np.inf, x) for name, x in sizes.items()},
+            **{name: np.where(overturned, np.inf, x) for name, x in sizes.items()},
         )
 
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:

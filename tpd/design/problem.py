@@ -15,8 +15,9 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from tpd.answers.ensemble import Ensemble, Outcomes
+from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import PairedRuns
+from tpd.answers.runs import Runs
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import (
@@ -228,7 +229,7 @@ class Problem(ABC):
         where there was no search)."""
 
     @abstractmethod
-    def trial_runs(self, design: np.ndarray | None, seed: int) -> Outcomes:
+    def trial_runs(self, design: np.ndarray | None, seed: int) -> Runs:
         """Follow cheap runs of a design by the linear equations; of None without a pendulum."""
 
     @abstractmethod
@@ -253,9 +254,9 @@ class Problem(ABC):
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """Return the motions of the conditions in which the rod of a design turns most, at most 24."""
 
-    def value_of(self, runs: Outcomes) -> float:
+    def value_of(self, runs: Runs) -> float:
         """Return the risk of the severities of runs that have an answer; NaN without any."""
-        known = runs.severity[~runs.undecided]
+        known = runs.severity[~runs.is_unanswered]
         return float(self.risk.of(known)) if len(known) else np.nan
 
     def fixed_sizes(self, designs: np.ndarray) -> dict[str, np.ndarray]:
@@ -271,7 +272,7 @@ class Problem(ABC):
             for size in limit.sizes(at_rest, self.geometry)
         }
 
-    def sizes_in_runs(self, design: np.ndarray, runs: Outcomes) -> dict[str, np.ndarray]:
+    def sizes_in_runs(self, design: np.ndarray, runs: Runs) -> dict[str, np.ndarray]:
         """Return limited quantities over their limits, by name, in each run in which the block stands."""
         stands, g = runs.stands, self.geometry
         nu, mu, lam = (np.asarray(x)[stands] for x in (runs.nu, runs.mu, runs.lam))
@@ -284,21 +285,21 @@ class Problem(ABC):
             length_factor=lam / design[1],
         )
 
-        def motion(tilt: np.ndarray, stroke: np.ndarray, relative: np.ndarray | None) -> Evaluation:
+        def motion(tilt: np.ndarray, stroke: np.ndarray, relative: np.ndarray) -> Evaluation:
             shaped = {"tilt": tilt / runs.nu, "stroke": stroke, "relative": relative}
-            rows = {k: None if x is None else x[stands][None] for k, x in shaped.items()}
+            rows = {k: x[stands][None] for k, x in shaped.items()}
             return Evaluation.blank(1, len(nu))._replace(**rows, design=design[None])
 
-        settled = motion(runs.amplitude, runs.stroke, runs.relative)
+        settled = motion(runs.settled_tilt, runs.settled_swing, runs.settled_rod_angle)
         # The bob must keep off the walls from the first moment on, and not only in the settled motion.
-        largest = motion(runs.peak, runs.peak_stroke, runs.turned)
+        largest = motion(runs.tilt, runs.swing, runs.rod_angle)
         return {
             size.name: size.value[0]
             for limit in self.run_limits
             for size in limit.sizes(largest if isinstance(limit, Room) else settled, own)
         }
 
-    def over_limit(self, design: np.ndarray, runs: Outcomes) -> tuple[float, str]:
+    def over_limit(self, design: np.ndarray, runs: Runs) -> tuple[float, str]:
         """Return the share of the runs in which the block stands whose motion exceeds a limit, 0 without any
         such run, and the name of the limit that most of them exceed."""
         sizes = {name: x > 1.0 for name, x in self.sizes_in_runs(design, runs).items() if name not in STILL}

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tpd.answers.ensemble import Outcomes
 from tpd.answers.paired import FEWER
+from tpd.answers.runs import Runs
 from tpd.core.progress import Progress
 from tpd.design.criteria import STILL, first_apart
 from tpd.design.gaussian_process import (
@@ -87,14 +87,14 @@ class Refinement:
     total: int
     """Number of trials that are planned, for the progress."""
     designs: list[np.ndarray] = field(default_factory=list)
-    runs: list[Outcomes] = field(default_factory=list)
+    runs: list[Runs] = field(default_factory=list)
     process: GaussianProcess | None = None
     limits: dict[str, GaussianProcess] = field(default_factory=dict)
     likely: float = _LIKELY
 
     def __post_init__(self) -> None:
         runs = self.problem.trial_runs(None, self.problem.run_seed(1, 0))
-        self.without, self.rests = self.problem.value_of(runs), float(runs.at_rest.value)
+        self.without, self.rests = self.problem.value_of(runs), float(runs.share_at_rest.value)
         self._tail: dict[str, np.ndarray] = {}
 
     def evaluate(self, designs: np.ndarray) -> None:
@@ -104,7 +104,7 @@ class Refinement:
             self.add(design, self.problem.trial_runs(design, self.problem.run_seed(1, len(self.runs) + 1)))
         self.fit()
 
-    def add(self, design: np.ndarray, runs: Outcomes) -> None:
+    def add(self, design: np.ndarray, runs: Runs) -> None:
         """Add the runs of one design."""
         self.designs.append(design)
         self.runs.append(runs)
@@ -131,7 +131,7 @@ class Refinement:
             if len(rows) >= 4 and np.any(x[rows] > -0.7):
                 self.limits[name] = fitted(rows, x[rows], self.limits.get(name))
         if self.rests > _FEW_RESTS:
-            fewer = (1.0 - FEWER) * self.rests - np.array([r.at_rest.value for r in self.runs])
+            fewer = (1.0 - FEWER) * self.rests - np.array([r.share_at_rest.value for r in self.runs])
             self.limits["rests"] = fitted(known, fewer[known], self.limits.get("rests"))
 
     def _quantiles(self) -> dict[str, np.ndarray]:
@@ -222,7 +222,7 @@ class Refinement:
         sizes = [np.fmax(fixed[name], quantiles.get(name, fixed[name])) for name in names]
         x = self.problem.space.scaled(designs)
         trend = np.full(len(x), np.nan) if self.process is None else self.process.at(x)[0]
-        counts = [(r.lost.sum(), r.undecided.sum(), len(r.status)) for r in self.runs]
+        counts = [(r.is_overturned.sum(), r.is_unanswered.sum(), len(r.outcome)) for r in self.runs]
         fell, unknown, runs = np.array(counts, dtype=float).T
         return Trials(
             designs=designs[order],

@@ -149,13 +149,13 @@ def _by_runs(
     reasons, built = _reasons(problem, runs, over, limit, required), list[Reason]()
     if over <= problem.allowed:
         # If the bob exceeds its limits in too many runs, that reason is enough.
-        turned = runs.with_pendulum.turned[runs.with_pendulum.stands]
+        turned = runs.with_pendulum.rod_angle[runs.with_pendulum.stands]
         built = _as_built(problem, design, turned)
     reasons += built
     # A body that is too large as built stays so, however the runs without an answer end.
     if runs.ends and not built:
         stands = runs.with_pendulum.stands.sum()
-        unknown = runs.with_pendulum.undecided.sum()
+        unknown = runs.with_pendulum.is_unanswered.sum()
         verdicts = {bool(reasons)}
         # A run that stands may exceed a limit, if there is one, which is against the pendulum as well.
         for end, more in zip(runs.ends, (unknown if limit else 0, 0), strict=True):
@@ -181,7 +181,7 @@ def _reasons(problem: Problem, runs: PairedRuns, over: float, limit: str, requir
     if over > problem.allowed:
         refuse(ReasonKind.touches_wall, over, problem.allowed, limit=limit)
     if runs.rests_less:
-        rests = (np.sum(o.status[runs.known] == "rest") for o in (runs.with_pendulum, runs.without_pendulum))
+        rests = (np.sum(o.is_at_rest[runs.known]) for o in (runs.with_pendulum, runs.without_pendulum))
         at_rest, without = rests
         refuse(ReasonKind.rests_less, at_rest, without, total=total, low=float((1.0 - FEWER) * without))
     if runs.worse_parts:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.ensemble import Ensemble, Plan, plan
+from tpd.answers.runs import follow_runs
 from tpd.answers.statistics import Share
 from tpd.core import checks
 from tpd.core.formatting import Printed, aligned, number
@@ -17,10 +18,10 @@ from tpd.core.progress import Progress, shown
 from tpd.engines.rigid_body import SLIDING, RigidBody, body_of, parameters_under
 from tpd.engines.rollouts import EngineRuns, available, follow, free_rocking
 from tpd.exact.rows import row_of
+from tpd.exact.runs import GroundForcing, HarmonicForcing
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Harmonic, Pendulum, Scene
-from tpd.scene.status import LOST, UNANSWERED, names_of
 from tpd.theory.equations import Terms
 
 _MEANING = (
@@ -275,10 +276,6 @@ class _Case:
 
     def equations(self, pendulum: Pendulum | None) -> EngineRuns:
         """All runs by the nonlinear equations."""
-        from tpd.exact.runs import GroundForcing, HarmonicForcing
-        from tpd.exact.runs import follow as followed
-        from tpd.exact.terms import EVENT_BOUND, FAILED, OVERTURNED
-
         runs, n = self.plan(pendulum), self.ensemble.size
         if isinstance(self.scene.motion, GroundMotion):
             # The time scale of a ground motion is its own: the scatter of a frequency is for harmonics.
@@ -286,14 +283,12 @@ class _Case:
             x = row_of(runs.p, piece=h)
             pieces = [np.asarray(self.scene.motion.pieces(), dtype=float)]
             forcing = GroundForcing(pieces, _FREE * float(self.scene.rate))
-            found = followed(Terms.nonlinear, x, forcing, y0=runs.y0)
-            # What is not known must not look like standing.
-            return _as_runs(found.tilt, found.tilt, np.isin(found.status, (OVERTURNED, EVENT_BOUND, FAILED)))
-        forcing = HarmonicForcing(self.ensemble.periods, runs.begin, runs.periods)
-        settled = followed(Terms.nonlinear, row_of(runs.p), forcing, y0=runs.y0)
+        else:
+            x, forcing = row_of(runs.p), HarmonicForcing(self.ensemble.periods, runs.begin, runs.periods)
         # What is not known must not look like standing.
-        lost = np.isin(names_of(settled.status), (*LOST, *UNANSWERED))
-        return _as_runs(np.asarray(settled.peak), np.asarray(settled.amplitude), lost)
+        found = follow_runs(Terms.nonlinear, x, forcing, y0=runs.y0).ended(True)
+        none, bounced = np.zeros(n), np.zeros(n, dtype=bool)
+        return EngineRuns(found.is_overturned, found.tilt, found.settled_tilt, none, none, bounced)
 
     def _shaking(
         self, runs: Plan, few: int
@@ -320,12 +315,6 @@ class _Case:
         period = 2.0 * np.pi / w[:, 0]
         end = self.ensemble.periods * period
         return shaking, end, end - _LAST * period
-
-
-def _as_runs(peak: np.ndarray, settled: np.ndarray, lost: np.ndarray) -> EngineRuns:
-    none = np.zeros(len(peak))
-    tilt, late = (np.where(lost, math.inf, v) for v in (peak, settled))
-    return EngineRuns(lost, tilt, late, none, none, np.zeros(len(peak), dtype=bool))
 
 
 def _size(values: np.ndarray, share: float) -> str:

@@ -25,7 +25,7 @@ from tpd.exact.rows import packed
 from tpd.exact.terms import ENDS, TILT_PULL, TILT_RATE, XI
 from tpd.scene.parameters import NAMES
 from tpd.scene.pytrees import Number, State
-from tpd.scene.status import Status, index_of
+from tpd.scene.status import Status, codes_of
 from tpd.theory.equations import Terms
 
 ENGINES = {Terms.linear: LINEAR, Terms.nonlinear: NONLINEAR}
@@ -243,7 +243,7 @@ def _settle_batch(
 
 def _settled_of(numbers: Any, record: np.dtype) -> Settled:
     """Where runs have settled, from the records of compiled code as floats."""
-    of, index = parts(numbers, record), np.array([index_of(name) for name in ENDS], dtype=np.int32)
+    of, index = parts(numbers, record), codes_of(ENDS)
     code, periods, elapsed = (x.astype(int) for x in (of.status, of.periods, of.elapsed))
     status = index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code]
     # From its leaves, because fields are annotated with the shapes of a single motion.

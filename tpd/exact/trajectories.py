@@ -21,7 +21,7 @@ from tpd.exact.runs import ENGINES, REST_RATES
 from tpd.exact.terms import ENDS
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import State
-from tpd.scene.status import Status
+from tpd.scene.status import Status, codes_of, status_of
 from tpd.theory.equations import Terms
 
 MOMENT = np.dtype(
@@ -34,11 +34,6 @@ MOMENT = np.dtype(
 times the forcing; kind of its mode, and the side to which the block leans."""
 IMPACT = np.dtype([("time", np.float64), ("rate", np.float64)])
 """Time of an impact and the rate phi' after it."""
-
-
-def _status_of(number: Array) -> Status:
-    every = [getattr(Status, name) for name in ENDS]
-    return jax.tree.map(lambda *x: jnp.stack(x)[number.astype(int)], *every)
 
 
 @jax.custom_jvp
@@ -88,7 +83,7 @@ def trajectory(
         ys, status = engine((shape(times.size, 4), shape(1)), s, x, y, clock)
         ys = refused_in(given[:3], ys)
     (code,) = stop_gradient(status)
-    return ys, _status_of(code)
+    return ys, status_of(jnp.asarray(codes_of(ENDS))[code.astype(int)])
 
 
 class History(NamedTuple):

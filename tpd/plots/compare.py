@@ -193,11 +193,10 @@ def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = No
     Raises:
         ValueError: a state that the fragility does not have.
     """
-    checks.one_of("state", state, tuple(fragility.bare))
+    checks.one_of("state", state, tuple(fragility.without_pendulum))
     ax = new_axes() if ax is None else ax
     fine = np.linspace(0.5 * fragility.stripes[0], 1.1 * fragility.stripes[-1], 300)
-    cases = [fragility.bare[state]] + ([] if fragility.hung is None else [fragility.hung[state]])
-    for i, c in enumerate(cases):
+    for i, c in enumerate(case[state] for case in fragility.cases):
         _curve(ax, fragility.stripes, c.counts, c.undecided, c.total + c.undecided, c.fit, fine, i)
     unit = "" if fragility.unit == "-" else f" ({fragility.unit})"
     ax.set(xlabel=f"{fragility.intensity}{unit}", ylabel=f"share of motions: {state} (-)", ylim=(0.0, 1.0))

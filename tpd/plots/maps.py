@@ -96,7 +96,7 @@ def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -
     Returns:
         The axes, an array of one or two.
     """
-    cells = [c for c in (spectrum.bare, spectrum.hung) if c is not None]
+    cells = spectrum.cases
     if axes is None:
         axes = np.atleast_1d(new_axes(1, (4.2 * len(cells) + 0.8, 4.6), columns=len(cells)))
     # From white to dark in the order of what is worse, so that it reads in grey.
@@ -132,9 +132,7 @@ def plot_rocking_spectrum(spectrum: RockingSpectrum, ax: Any = None) -> Any:
     """Draw the largest tilt over the slenderness against 2 pi/p; blocks that overturn are marked on top, and
     so are those without an answer."""
     ax = new_axes() if ax is None else ax
-    for tilts, style in zip((spectrum.bare, spectrum.hung), LINES, strict=True):
-        if tilts is None:
-            continue
+    for tilts, style in zip(spectrum.cases, LINES, strict=False):
         known = np.where(np.isfinite(tilts), tilts, np.nan)
         ax.plot(spectrum.periods, known, **style)
         # Above the frame, where no tilt can be.

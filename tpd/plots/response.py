@@ -15,7 +15,7 @@ from tpd.answers.shaking_history import ShakingHistory
 from tpd.design.as_built import TimeHistory, time_histories
 from tpd.design.design import Design
 from tpd.plots.style import CASES, GREY, INK, LABELS, LINES, ORANGE, in_degrees, legend, new_axes, own_style
-from tpd.scene.status import SETTLED
+from tpd.scene.status import SETTLED, names_of
 
 _UNSTABLE = (0, (4, 2))
 _LOST = ({"marker": "^", "ms": 5.5, "mfc": "white"}, {"marker": "x", "ms": 4.5})
@@ -46,11 +46,12 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
     if axes is None:
         axes = np.atleast_1d(new_axes(1 + shares, (7.0, 6.0 if shares else 4.4)))
     axes = np.atleast_1d(axes)
-    settled = np.concatenate([r.amplitude[np.isin(r.status, SETTLED)] for r in responses])
+    known_names = names_of(SETTLED)
+    settled = np.concatenate([r.amplitude[np.isin(r.status, known_names)] for r in responses])
     # Marks of overturning stand above all amplitudes.
     top = 1.35 * float(settled.max(initial=0.0)) or 1.0
     for i, r in enumerate(responses):
-        style, known, lost = CASES[i], np.isin(r.status, SETTLED), r.status == "overturned"
+        style, known, lost = CASES[i], np.isin(r.status, known_names), r.status == "overturned"
         # The axis begins at zero, and a block at rest has its mark there: it must not be cut in half.
         axes[0].plot(r.frequency, np.where(known, r.amplitude, np.nan), **style, clip_on=False)
         if lost.any():
@@ -95,13 +96,13 @@ def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
     Returns:
         The axes, an array.
     """
-    hung = any(b.hung for b in cases.values())
+    hung = any(b.has_pendulum for b in cases.values())
     axes = np.atleast_1d(new_axes(1 + hung, (7.0, 6.6 if hung else 4.4)) if axes is None else axes)
     colours = [GREY, LINES[1]["color"]][-len(cases) :]
     styles = [{"color": c, "lw": 2.6 if c == GREY else 1.5} for c in colours]
     for (label, case), style in zip(cases.items(), styles, strict=True):
         for ax, quantity in zip(axes, ("amplitude", "stroke"), strict=False):
-            if quantity == "amplitude" or case.hung:
+            if quantity == "amplitude" or case.has_pendulum:
                 _lines(ax, case, quantity, style)
                 for b in case.bifurcations:
                     marker, _ = _MARKERS[b.kind]

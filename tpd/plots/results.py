@@ -98,7 +98,7 @@ def draw_branches(result: Branches, without: Branches | None = None, axes: Any =
     """Draw branches, and those of the bare block if there are any."""
     bare, hung = (str(case["label"]) for case in CASES)
     cases: dict[str, Branches] = dict(zip([bare], _without(result, without), strict=False))
-    return response.plot_branches(cases | {hung if result.hung else bare: result}, axes)
+    return response.plot_branches(cases | {hung if result.has_pendulum else bare: result}, axes)
 
 
 def _without(result: Any, without: Any) -> list[Any]:

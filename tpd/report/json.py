@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.ensemble import Outcomes
 from tpd.answers.paired import PairedRuns
+from tpd.answers.runs import Runs
 from tpd.core import files
 from tpd.design.as_built import Study
 from tpd.design.design import Design
@@ -75,7 +75,7 @@ def plain(x: Any) -> Any:
             return x.name
         case np.ndarray() | np.generic():
             return x.tolist()
-        case Outcomes() | PairedRuns():
+        case Runs() | PairedRuns():
             return plain(x.summary())
         case GaussianProcess():
             # It follows from the trials.

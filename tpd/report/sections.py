@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from tpd.answers.ensemble import Outcomes, label_of_start
 from tpd.answers.paired import PairedRuns
+from tpd.answers.runs import Runs, label_of_ramp
 from tpd.core.formatting import number
 from tpd.design.as_built import Study
 from tpd.design.criteria import LABELS
@@ -67,14 +67,14 @@ def over_runs(design: Design) -> list[Block]:
     shares = f"{worst.with_pendulum:.1%}", f"{worst.without_pendulum:.1%}"
     rows.append(("tilt over ν, worst tenth of the runs", *shares))
     if runs.cluster is None:
-        for ramp in cases[0].by_ramp():
-            shares = (str(o.by_ramp()[ramp]) for o in cases)
-            rows.append((f"overturned, {label_of_start(ramp)}", *shares))
-    rows.append(("overturned", *(str(o.overturned) for o in cases)))
-    rows.append(("at rest in the end", *(str(o.at_rest) for o in cases)))
-    for what, quantity in (("largest tilt", "peak"), ("settled tilt", "amplitude")):
+        for ramp in cases[0].share_by_ramp():
+            shares = (str(o.share_by_ramp()[ramp]) for o in cases)
+            rows.append((f"overturned, {label_of_ramp(ramp)}", *shares))
+    rows.append(("overturned", *(str(o.share_overturned) for o in cases)))
+    rows.append(("at rest in the end", *(str(o.share_at_rest) for o in cases)))
+    for what, quantity in (("largest tilt", "tilt"), ("settled tilt", "settled_tilt")):
         rows.append((f"{what}, 50, 90, 99 % of the runs (rad)", *(_quantiles(o, quantity) for o in cases)))
-    rows.append(("bob's largest angle, 50, 90, 99 % (rad)", _quantiles(cases[0], "peak_stroke"), None))
+    rows.append(("bob's largest angle, 50, 90, 99 % (rad)", _quantiles(cases[0], "swing"), None))
     by_width = dict[float, list[str]]()
     for name, width in design.problem.scatter.items():
         by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
@@ -91,8 +91,8 @@ def over_runs(design: Design) -> list[Block]:
     return [table, Text(runs.overturning_in_words), *_by_part(runs)]
 
 
-def _quantiles(o: Outcomes, quantity: str) -> str:
-    return ", ".join("overturned" if math.isinf(x) else number(x, 3) for x in o.quantiles(quantity))
+def _quantiles(runs: Runs, angle: str) -> str:
+    return ", ".join("overturned" if math.isinf(x) else number(x, 3) for x in runs.quantiles(angle))
 
 
 def _which(design: Design) -> str:

@@ -79,8 +79,8 @@ class Block:
     """Width (m) of the space inside the block in which the bob swings. None is not stated: a search that asks
     for room then asks for it."""
     base_friction: Real | None = None
-    """Coefficient of friction between the base and what it stands on, dimensionless. None is not known. It decides whether
-    the block slides before it rocks, and changes no motion."""
+    """Coefficient of friction between the base and what it stands on, dimensionless. None is not known. It
+    decides whether the block slides before it rocks, and changes no motion."""
 
     def __post_init__(self) -> None:
         _convert_numbers(self)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from enum import StrEnum, auto
+from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from tpd.core import checks
 
@@ -76,42 +77,20 @@ class Status(eqx.Enumeration):
         "No symmetric orbit was found, and the block lifts from rest. Whether there is a periodic motion of "
         "another kind is not known. Start a simulation to see what the block does."
     )
+    # Arrays and files hold the numbers of statuses, their places among the names: new ones come last.
+    __names__ = tuple(name for name in vars() if not name.startswith("_"))
 
 
-class Outcome(StrEnum):
-    """Names of the members of `Status`, in their order, as they stand in arrays, tables and files.
-
-    Files hold their numbers as well: new names are for the end.
-    """
-
-    rocking = auto()
-    sticking = auto()
-    rest = auto()
-    held = auto()
-    overturned = auto()
-    aperiodic = auto()
-    not_settled = auto()
-    unstable = auto()
-    neutral = auto()
-    near_fold = auto()
-    grazing = auto()
-    event_bound = auto()
-    failed = auto()
-    no_orbit = auto()
-    stood = auto()
-    rocked = auto()
-    inexact = auto()
-    not_known = auto()
-
-
-MOVING = (Outcome.rocking, Outcome.sticking)
-"""Outcomes of attracting periodic motions, see `is_moving`."""
-SETTLED = (*MOVING, Outcome.rest)
-"""Outcomes of attracting motions, see `is_settled`."""
-LOST = (Outcome.overturned,)
-"""Outcomes of runs that count as overturned."""
-UNANSWERED = (Outcome.event_bound, Outcome.failed)
-"""Outcomes of runs without an answer: they are counted apart, and are neither falls nor rest."""
+MOVING = (Status.rocking, Status.sticking)
+"""Statuses of attracting periodic motions of the block."""
+SETTLED = (*MOVING, Status.rest)
+"""Statuses of attracting motions, with an amplitude and its gradient."""
+NOT_ATTRACTING = (Status.unstable, Status.neutral, Status.near_fold, Status.grazing)
+"""Statuses of periodic motions that do not attract, or of which this is not known."""
+STANDING = (Status.stood, Status.rocked)
+"""Statuses of a block that has not overturned under a ground motion."""
+UNANSWERED = (Status.event_bound, Status.failed)
+"""Statuses of runs without an answer. They are counted apart: the block neither overturns nor stands."""
 
 
 def status_name(status: Status) -> str:
@@ -120,39 +99,34 @@ def status_name(status: Status) -> str:
     return str(names_of(status))
 
 
-def names_of(status: Status) -> np.ndarray:
-    """The names of a batch of statuses (not traced), an array of strings of its shape."""
-    (index,) = jax.tree.leaves(status)
-    return names_by_code(np.asarray(index))
+def names_of(status: Any) -> np.ndarray:
+    """The names of statuses (not traced) or of their numbers: strings in an array, see `code_of`."""
+    return np.asarray(np.array(Status.__names__)[np.asarray(code_of(status))])
 
 
-def codes_of(names: np.ndarray) -> np.ndarray:
-    """Numbers that stand for names of statuses in files: their places in `Outcome`.
-
-    Raises:
-        ValueError: a name that is not in the list.
-    """
-    equal = np.asarray(names)[..., None] == np.array(Outcome)
-    if not equal.any(axis=-1).all():
-        raise ValueError(f"names of statuses must be among {', '.join(Outcome)}, but are {np.unique(names)}")
-    return np.argmax(equal, axis=-1).astype(np.int8)
-
-
-def names_by_code(codes: np.ndarray) -> np.ndarray:
-    """Names of statuses that `codes_of` has turned into numbers."""
-    return np.asarray(np.array(Outcome)[np.asarray(codes)])
+def code_of(status: Any) -> Any:
+    """The numbers of a status, of a batch of statuses, or of a tuple of them; numbers stay what they are."""
+    codes = jax.tree.leaves(status)
+    return codes[0] if len(codes) == 1 else np.array(codes)
 
 
 def index_of(name: str) -> int:
-    """Number that stands for a status."""
-    return tuple(Outcome).index(Outcome(name))
+    """The number of the status of a name."""
+    return Status.__names__.index(name)
 
 
-def is_moving(status: Status) -> Array:
-    """Whether a status is that of an attracting periodic motion of the block."""
-    return (status == Status.rocking) | (status == Status.sticking)
+def status_of(codes: Any) -> Status:
+    """The batch of statuses of an array of numbers, traced or not."""
+    return jax.tree.unflatten(jax.tree.structure(Status.rest), [codes])
 
 
-def is_settled(status: Status) -> Array:
-    """Whether a status is that of an attracting motion, with an amplitude and its gradient."""
-    return is_moving(status) | (status == Status.rest)
+def codes_of(names: Sequence[str]) -> np.ndarray:
+    """The numbers of the statuses of names, such as those of compiled code in their order."""
+    return np.array([index_of(name) for name in names], dtype=np.int32)
+
+
+def is_one_of(status: Any, *members: Status) -> Any:
+    """Whether statuses, or numbers of statuses, are among the members: arrays of NumPy or, traced, of JAX."""
+    code = code_of(status)
+    xp = jnp if isinstance(code, jax.Array) else np
+    return xp.isin(code, code_of(members))

@@ -1,12 +1,16 @@
 """Runs of a block under many motions: against single motions, and for any number of workers."""
 
+import math
+
 import numpy as np
 import pytest
 
 import tpd
 from tests.unanswered import unanswered
-from tpd.answers.ground_batch import follow_rows, follow_scaled, rows_of
+from tpd.answers.runs import ANGLES, follow_runs, follow_scaled, rows_of
+from tpd.exact.runs import GroundForcing
 from tpd.exact.terms import MU
+from tpd.scene.status import names_of
 
 STATUE = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.0, restitution="housner")
 HUNG = tpd.Pendulum(mass=90.0, length=0.9, damping_ratio=0.4)
@@ -24,20 +28,28 @@ def test_the_table_has_every_motion_with_every_pendulum(runs):
     for i, j, k in np.ndindex(2, 2, 3):
         scene = tpd.Scene(STATUE, MOTIONS[j].scaled(FACTORS[j, k]))
         one = tpd.transient(scene, (None, HUNG)[i], free=5.0)
-        for name in ("tilt", "swing", "relative", "impacts"):
-            assert getattr(runs, name)[i, j, k] == pytest.approx(float(getattr(one, name)), rel=1e-9), name
         status = tpd.status_name(one.status)
-        assert (runs.lifted[i, j, k], runs.overturned[i, j, k]) == (status != "stood", status == "overturned")
-    assert 0 < runs.overturned.sum() < 12
-    assert not runs.lifted.all()
-    assert not runs.undecided.any()
+        assert names_of(runs.outcome)[i, j, k] == status
+        assert runs.is_lifted[i, j, k] == (status != "stood")
+        # Angles at the moment of overturning mean nothing; without a pendulum there is a bob without mass.
+        names = {"impacts": one.impacts, "tilt": one.tilt}
+        if i == 1:
+            names |= {"swing": one.swing, "rod_angle": one.relative}
+        for name, known in names.items():
+            known = math.inf if status == "overturned" and name != "impacts" else float(known)
+            assert getattr(runs, name)[i, j, k] == pytest.approx(known, rel=1e-9), name
+    assert 0 < runs.is_overturned.sum() < 12
+    assert not runs.is_lifted.all()
+    assert not runs.is_unanswered.any()
+    assert runs.condition[0].tolist() == [[0, 0, 0], [1, 1, 1]]
 
 
 def test_workers_and_the_order_of_motions_change_nothing(runs):
     seen, given = [], {"free": 5.0, "progress": lambda *n: seen.append(n)}
     one = follow_scaled(STATUE, (None, HUNG), MOTIONS, FACTORS, workers=1, **given)
     turned = follow_scaled(STATUE, (HUNG, None), MOTIONS[::-1], FACTORS[::-1], free=5.0, workers=3)
-    for a, b, c in zip(runs, one, turned, strict=True):
+    for name in (*ANGLES, "impacts", "outcome", "mu"):
+        a, b, c = (getattr(table, name) for table in (runs, one, turned))
         np.testing.assert_array_equal(a, b)
         np.testing.assert_array_equal(a, c[::-1, ::-1])
     assert seen[-1] == (12, 12)
@@ -47,15 +59,19 @@ def test_rows_are_followed_as_they_are(runs):
     x = rows_of(STATUE, HUNG, MOTIONS, 9.80665)
     late = np.full(2, 5.0 * float(tpd.Scene(STATUE, MOTIONS[0]).rate))
     pieces = [np.asarray(m.pieces(), dtype=float) for m in MOTIONS]
-    found = follow_rows({"x": x, "which": np.arange(2), "free": late}, pieces, False, False)
+    found = follow_runs(tpd.Terms.linear, x, GroundForcing(pieces, late, np.arange(2)))
     assert found.tilt[0] == runs.tilt[1, 0, 1]
 
 
-def test_a_run_without_an_answer_is_undecided_and_has_not_overturned(monkeypatch):
+def test_a_run_without_an_answer_has_no_results_and_has_not_overturned(monkeypatch):
     unanswered(monkeypatch, lambda rows: rows[:, MU] > 0.0)
     found = follow_scaled(STATUE, (None, HUNG), MOTIONS, FACTORS, free=5.0)
-    assert found.undecided.tolist() == [[[False] * 3] * 2, [[True] * 3] * 2]
-    assert not found.overturned[1].any()
+    assert found.is_unanswered.tolist() == [[[False] * 3] * 2, [[True] * 3] * 2]
+    assert not found.is_overturned[1].any()
+    for name in (*ANGLES, "impacts", "severity"):
+        assert np.array_equal(np.isnan(getattr(found, name)), found.is_unanswered), name
+    assert found.stands[1].tolist() == [[False] * 3] * 2
+    assert set(found.columns()["outcome"][6:]) == {"event_bound"}
 
 
 @pytest.mark.parametrize(
