@@ -24,6 +24,7 @@ from .answers.transient import transient as transient
 from .cluster.cluster import Cluster as Cluster
 from .core.batch import in_chunks as in_chunks
 from .design.as_built import study as study
+from .design.assess import assess as assess
 from .design.criteria import DesignSpace as DesignSpace
 from .design.criteria import Risk as Risk
 from .design.design import Design as Design

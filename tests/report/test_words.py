@@ -53,7 +53,7 @@ def test_the_threshold_of_uplift_is_that_of_the_closed_form():
         amplitude = factor * PAPER.uplift / PAPER.peak * 0.015
         scene = tpd.Scene(PAPER.block, tpd.Harmonic(amplitude=amplitude, frequency=2.5))
         assert bool(tpd.theory.uplift(scene.parameters()).margin < 0.0) is lifts
-        said, _ = words.at_rest_lines(AtRest.under(scene))
+        said, _ = str(AtRest.under(scene)).splitlines()
         assert said.startswith("  lifts   at 0.3 g; the excitation reaches 0.3 g, ")
         assert said.endswith(": the block lifts" if lifts else ": the block does not lift")
 
@@ -65,7 +65,7 @@ def test_sliding_before_uplift_is_named():
         (0.5, 0.4, "not before it lifts: a coefficient of friction of 0.35 is needed, the base has 0.5"),
         (0.1, 0.4, "at 0.1 g, BEFORE IT LIFTS: a coefficient of friction of 0.35 is needed"),
     ):
-        assert words.sliding(AtRest.of(0.3, 0.05, reach, own)).endswith(said)
+        assert AtRest.of(0.3, 0.05, reach, own).sliding_in_words.endswith(said)
 
 
 def test_a_report_names_the_energy_losses():

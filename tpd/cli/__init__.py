@@ -1,5 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
-"""Command line: `tpd new`, `record`, `optimise`, `check`, `response`, `map`, `shake`, `spectrum`,
+"""Command line: `tpd new`, `record`, `assess`, `optimise`, `check`, `response`, `map`, `shake`, `spectrum`,
 `fragility` and `export`.
 
 The grammar of all commands is in `grammar`. A command is a module with a function `run`, which is imported

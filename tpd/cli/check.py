@@ -12,6 +12,7 @@ from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.core.progress import Bar
+from tpd.design.assess import needless
 from tpd.design.criteria import Mass, check_cavity, stroke_limit
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
@@ -69,8 +70,8 @@ def _validated(
         stroke = stroke_limit(job.limits)
         said = [check(job.scene, pendulum, stroke=stroke, models=models, progress=bar).table(), ""]
     # No pendulum is an answer only where none is needed, under all conditions of the job.
-    if (needless := problem.needs_none) is not None:
-        return [*said, answer.needless(problem)], needless.is_sound
+    if (status := problem.needs_none) is not None:
+        return [*said, needless(problem)], status.is_sound
     if pendulum is None:
         return [*said, "NOT RECOMMENDED: the report has no pendulum."], False
     found = validate(problem, problem.ratios(pendulum), thorough=True, progress=bar)

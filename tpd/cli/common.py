@@ -22,7 +22,7 @@ MOST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as long 
 BARE, HUNG = "bare block", "with the pendulum"
 """Names of both cases."""
 _NEEDED = {
-    **dict.fromkeys(("optimise", "check"), "settings"),
+    **dict.fromkeys(("assess", "optimise", "check"), "settings"),
     **dict.fromkeys(("shake", "spectrum"), "shaking"),
     "fragility": "ground_motions",
 }
@@ -145,7 +145,7 @@ def say(
     from tpd.report import words
 
     more = () if hung is None else (words.pendulum_line(scene, hung),)
-    rest = () if alone is None else words.at_rest_lines(alone)
+    rest = () if alone is None else (str(alone),)
     progress.say("\n".join((*notes, *words.scene_lines(scene, motion), *rest, *more)), sys.stdout)
 
 

@@ -178,6 +178,12 @@ def _record(command: Parser) -> None:
     _switch(command, "--overwrite", "replace the results in an existing DIR")
 
 
+def _assess(command: Parser) -> None:
+    command.add_argument("job", type=path_of, nargs="?", metavar="JOB", help="job file, as --scene FILE")
+    _scene(command, *HARMONIC, *PULSE, *RECORDS)
+    _group(command, "conditions", CONDITIONS)
+
+
 def _optimise(command: Parser) -> None:
     command.add_argument("job", type=path_of, nargs="?", metavar="JOB", help="job file, as --scene FILE")
     _scene(command, *HARMONIC, *PULSE, *RECORDS, HELD_OUT)
@@ -287,6 +293,15 @@ COMMANDS = {
         "line each. A PGA that is implausible gets a warning: look for a wrong unit. With --out also "
         "pictures of the histories and the response spectrum.",
         "tpd record el-centro",
+    ),
+    "assess": Command(
+        _assess,
+        "say whether a block lifts, slides or overturns without any pendulum",
+        "following the block",
+        "Compare the excitation with the acceleration that lifts the block and the friction of its base, and "
+        "follow the block without a pendulum in the runs by which `tpd optimise` validates its designs: "
+        "the share in which it overturns, and what helps instead of a pendulum.",
+        "tpd assess tower.toml",
     ),
     "optimise": Command(
         _optimise,

@@ -227,6 +227,17 @@ class GroundMotionProblem(Problem):
         some = replace(self.conditions, factors={**self.conditions.factors, **factors})
         return self._followed(design, self.scene, some, Terms.linear.value)
 
+    def runs_alone(self, seed: int, progress: Any = None) -> Runs:
+        """See `Problem.runs_alone`."""
+        every, equations = self._every_motion(self.scatter, seed), Terms.nonlinear.value
+        return self._followed(None, self.scene, every, equations, seed, progress)
+
+    def _every_motion(self, scatter: Mapping[str, float], seed: int) -> Conditions:
+        """Every motion of every group at every scale, with blocks that scatter."""
+        motions = [m for g in self.groups for m in g.motions]
+        scales, intensity = sorted(set(self.conditions.scales)), self.conditions.intensity
+        return Conditions.records(motions, scales, intensity=intensity, scatter=scatter, seed=seed)
+
     def paired_runs(
         self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
     ) -> PairedRuns:
@@ -238,10 +249,7 @@ class GroundMotionProblem(Problem):
         if scene is not self.scene:
             # A restitution that is changed does not scatter as well.
             scatter.pop("restitution", None)
-        motions = [m for g in self.groups for m in g.motions]
-        conditions = Conditions.records(
-            motions, scales, intensity=self.conditions.intensity, scatter=scatter, seed=seed
-        )
+        conditions = self._every_motion(scatter, seed)
         conditions = conditions if more is None else conditions * more
         cases = []
         for name, hung in (("with the pendulum", design), ("without", None)):

@@ -309,6 +309,12 @@ class HarmonicProblem(Problem):
         periods = min(TRIAL_PERIODS, self.ensemble.periods)
         return replace(self.ensemble, size=size, periods=periods, seed=seed)
 
+    def runs_alone(self, seed: int, progress: Any = None) -> Runs:
+        """See `Problem.runs_alone`."""
+        half = replace(self.ensemble, size=max(1, self.ensemble.size // 2), seed=seed)
+        how: dict[str, Any] = {"equations": Terms.nonlinear.value, "rtol": _RTOL, "progress": progress}
+        return outcomes(self.scene, ensemble=half, conditions=self.conditions, **how)
+
     def paired_runs(
         self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
     ) -> PairedRuns:

@@ -233,6 +233,10 @@ class Problem(ABC):
         """Follow cheap runs of a design by the linear equations; of None without a pendulum."""
 
     @abstractmethod
+    def runs_alone(self, seed: int, progress: Any = None) -> Runs:
+        """Follow the runs of the nonlinear equations that validate, without a pendulum."""
+
+    @abstractmethod
     def paired_runs(
         self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
     ) -> PairedRuns:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from tpd.core.formatting import aligned, number
 from tpd.design.as_built import Study, build_of
+from tpd.design.assess import alternatives, needless
 from tpd.design.criteria import LABELS, Room, limit_of
 from tpd.design.design import Design
-from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.report import words
 from tpd.report.blocks import Note, Severity, danger, note, wrapped
@@ -80,17 +80,6 @@ def verdict(design: Design, study: Study | None = None) -> Note:
     return kind(headline(design.status, design.refusals))
 
 
-def needless(problem: Problem) -> str:
-    """Return the sentence on a block that the excitation does not make rock, with its margin."""
-    status, alone = problem.needs_none, problem.at_rest
-    if status is DesignStatus.slides:
-        at, uplift = number(alone.base_friction or 0.0, 2), number(alone.uplift, 2)
-        return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
-    needed, push = DesignStatus.no_uplift.value.split(". ", 1)
-    times = number(alone.margin, 2)
-    return f"{needed}, and an excitation that is {times} times as strong would lift it. {push}"
-
-
 def headline(status: DesignStatus, reasons: Sequence[str]) -> str:
     """Return the sentence of a status, with the first reason where that says more."""
     if status in _REASONED and reasons:
@@ -121,6 +110,8 @@ def pairs(design: Design, study: Study) -> Iterator[tuple[str, str]]:
     # The verdict has the first reason.
     for text in design.refusals[design.status in _REASONED :]:
         yield "reason", text
+    if design.status in (DesignStatus.refused, DesignStatus.none_feasible):
+        yield "instead", str(alternatives(design.problem))
     if design.pendulum is not None:
         yield "limits", active_limits(design, study)
     if study.losses:

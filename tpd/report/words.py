@@ -13,7 +13,6 @@ from tpd.records.reading import in_words
 from tpd.report.blocks import NO_VALUE, Table
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
-from tpd.theory.no_uplift import AtRest
 
 if TYPE_CHECKING:
     # Words on a scene do not wait for JAX.
@@ -31,8 +30,6 @@ _CHANGES = {
 _OVERTURNS = 0.01
 """Share of the runs without a pendulum in which the block overturns, from which the overturning is the first
 thing to report."""
-DRY = 0.3
-"""Coefficient of friction that a dry base of stone or concrete may not have."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 
@@ -244,28 +241,6 @@ def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
         return block, lost, f"  motion  {motion or in_words((scene.motion,))}"
     motion = f"  motion  {_motion(scene)}, {number(float(scene.peak))} g"
     return f"Scene: {origin(scene)}.", block, motion, lost
-
-
-def at_rest_lines(alone: AtRest) -> tuple[str, str]:
-    """Lines for a terminal on the resting block without a pendulum: when it lifts, and whether it slides."""
-    ratio, lifts = number(1.0 / alone.margin, 3), "lifts" if alone.margin < 1.0 else "does not lift"
-    reaches = f"the excitation reaches {number(alone.peak, 3)} g, {ratio} times as much"
-    lift = f"  lifts   at {number(alone.uplift, 3)} g; {reaches}: the block {lifts}"
-    return lift, f"  slides  {sliding(alone)}"
-
-
-def sliding(alone: AtRest) -> str:
-    """Return whether the resting block slides before it lifts, in a sentence."""
-    least, own = number(alone.needed_friction, 2), alone.base_friction
-    if own is None:
-        dry = f"; above {DRY:g}, which a dry base may not have: state `base_friction`"
-        more = dry if alone.needed_friction > DRY else ""
-        return f"not before it lifts, if the coefficient of friction of the base is at least {least}{more}"
-    if alone.slides:
-        return f"at {number(own, 2)} g, BEFORE IT LIFTS: a coefficient of friction of {least} is needed"
-    return (
-        f"not before it lifts: a coefficient of friction of {least} is needed, the base has {number(own, 2)}"
-    )
 
 
 def block_of(scene: Scene) -> str:

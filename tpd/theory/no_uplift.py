@@ -15,9 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.core import checks
+from tpd.core.formatting import number
 from tpd.scene.parameters import Parameters, check_parameters
 from tpd.scene.pytrees import Number
 from tpd.scene.scene import Scene
+
+DRY = 0.3
+"""Coefficient of friction that a dry base of stone or concrete may not have."""
 
 
 class Uplift(NamedTuple):
@@ -75,6 +79,25 @@ class AtRest(NamedTuple):
     def slides(self) -> bool:
         """Whether the block is known to slide before it lifts."""
         return self.base_friction is not None and self.base_friction < self.needed_friction
+
+    @property
+    def sliding_in_words(self) -> str:
+        """Whether the resting block slides before it lifts."""
+        least, own = number(self.needed_friction, 2), self.base_friction
+        if own is None:
+            more = f"; above {DRY:g}, which a dry base may not have: state `base_friction`"
+            least += more if self.needed_friction > DRY else ""
+            return f"not before it lifts, if the coefficient of friction of the base is at least {least}"
+        if self.slides:
+            return f"at {number(own, 2)} g, BEFORE IT LIFTS: a coefficient of friction of {least} is needed"
+        has = f"the base has {number(own, 2)}"
+        return f"not before it lifts: a coefficient of friction of {least} is needed, {has}"
+
+    def __str__(self) -> str:
+        ratio, lifts = number(1.0 / self.margin, 3), "lifts" if self.margin < 1.0 else "does not lift"
+        reaches = f"the excitation reaches {number(self.peak, 3)} g, {ratio} times as much"
+        lift = f"  lifts   at {number(self.uplift, 3)} g; {reaches}: the block {lifts}"
+        return f"{lift}\n  slides  {self.sliding_in_words}"
 
 
 def _transfer(p: Parameters) -> tuple[Number, Number, Number]:

@@ -1,0 +1,87 @@
+"""The block alone: margins, sliding, runs without a pendulum, and what helps in place of one."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import tpd
+from tests import designs
+from tests.design.conftest import SCENE
+from tpd.design.assess import alternatives, problem_alone
+from tpd.design.optimise import problem_of
+from tpd.design.reasons import DesignStatus
+from tpd.records.intensity import spectral_acceleration
+
+FEW = tpd.Ensemble(size=64, periods=30)
+
+
+def test_a_statue_far_below_uplift_needs_nothing():
+    # 0.058 g, and uplift at 0.326 g.
+    statue = tpd.Block(width=0.5, height=1.5333, mass=900.0)
+    motion = tpd.Harmonic(amplitude=0.058 * 9.80665 / (2 * math.pi * 2.0) ** 2, frequency=2.0)
+    found = tpd.assess(tpd.Scene(statue, motion), conditions=tpd.Conditions.exactly())
+    assert found.runs is None
+    assert found.overturned is None
+    assert found.at_rest.margin == pytest.approx(0.3261 / 0.058, rel=1e-3)
+    lifts, slides, verdict = str(found).splitlines()
+    reaches = "the excitation reaches 0.058 g, 0.178 times as much: the block does not lift"
+    assert lifts == f"  lifts   at 0.326 g; {reaches}"
+    assert slides.endswith("if the coefficient of friction of the base is at least 0.058")
+    assert verdict.startswith("NOT NEEDED: under all conditions the block without a pendulum stays at rest")
+    assert "an excitation that is 5.6 times as strong would lift it" in verdict
+
+
+def test_a_block_that_slides_first_is_not_followed():
+    block = dataclasses.replace(SCENE.block, base_friction=0.1)
+    found = tpd.assess(dataclasses.replace(SCENE, block=block))
+    assert found.runs is None
+    assert found.verdict.startswith("NOT APPLICABLE: the block slides on its base before it lifts")
+    assert "It slides at 0.1 g, and lifts at 0.3 g." in found.verdict
+
+
+def test_the_runs_are_those_of_the_validation_without_a_pendulum():
+    found = tpd.assess(SCENE, ensemble=FEW, seed=3)
+    problem = found.problem
+    assert problem.needs_none is None
+    pair = problem.paired_runs(np.array([0.1, 0.3, 0.2]), found.runs.seed).without_pendulum
+    np.testing.assert_array_equal(found.runs.outcome, pair.outcome)
+    np.testing.assert_allclose(found.runs.tilt, pair.tilt, rtol=1e-12)
+    assert found.overturned == pair.share_overturned
+    assert str(found).splitlines()[2].startswith(f"OVERTURNS in {pair.share_overturned.value:.1%} of 32 runs")
+    weak = tpd.assess(SCENE, ensemble=FEW, conditions=tpd.Conditions.amplitudes(0.81), seed=3)
+    assert weak.verdict.startswith("ROCKS, AND DOES NOT OVERTURN in any of 32 runs")
+
+
+def test_ground_motions_are_followed_at_all_scales():
+    asked = {k: x for k, x in designs.GROUND.items() if k not in ("limits", "space")}
+    found = tpd.assess(designs.BLOCK, **asked)
+    motions = sum(len(g.motions) for g in found.problem.groups)
+    assert found.runs.tilt.size == motions * len(set(found.problem.conditions.scales))
+
+
+def test_alternatives_are_those_of_statics():
+    problem = problem_of(SCENE, conditions=tpd.Conditions.exactly(), limits=())
+    alone, block = problem.at_rest, SCENE.block
+    found = alternatives(problem)
+    # Moments about the corner: the tie pulls at the height 2 b.
+    f = alone.peak
+    assert found.tie * 0.4 == pytest.approx(16.224 * 9.80665 * (0.2 * f - 0.05 - 0.05 * 0.2))
+    wide = dataclasses.replace(SCENE, block=dataclasses.replace(block, width=found.width, cavity_width=None))
+    assert wide.uplift == pytest.approx(f)
+    # An undamped oscillator passes on 1/(r^2 - 1) at r times its frequency.
+    r = found.isolation * 2.5
+    assert f / (r**2 - 1.0) == pytest.approx(alone.uplift)
+    calm = problem_of(SCENE, conditions=tpd.Conditions.amplitudes(0.5), limits=())
+    assert calm.needs_none is DesignStatus.no_uplift
+    assert alternatives(calm).tie == 0.0
+
+
+def test_isolation_from_ground_motions_is_that_of_the_response_spectrum():
+    conditions = tpd.Conditions.records([tpd.records.el_centro()], (1.5,))
+    problem = problem_alone(designs.BLOCK, conditions=conditions)
+    found, alone = alternatives(problem), problem.at_rest
+    (motion,) = problem.conditions.motions
+    passed = [spectral_acceleration(motion, t) / float(motion.pga) for t in (found.isolation, 1.0)]
+    assert passed[0] * alone.peak <= alone.uplift < passed[1] * alone.peak
