@@ -35,13 +35,14 @@ from .design.optimise import optimise_all as optimise_all
 from .design.reading import read_design as read_design
 from .design.settings import Descent as Descent
 from .design.settings import GroundSearch as GroundSearch
-from .models.nonlinear import Nonlinear as Nonlinear
-from .models.piecewise import Piecewise as Piecewise
+from .models.compiled import Nonlinear as Nonlinear
+from .models.compiled import Piecewise as Piecewise
 from .models.smoothed import Smoothed as Smoothed
 from .plots.results import plot as plot
 from .report.files import write_report as write_report
 from .scene.conditions import Conditions as Conditions
 from .scene.ensemble import Ensemble as Ensemble
+from .scene.ensemble import Starts as Starts
 from .scene.ground_motion import Pulse as Pulse
 from .scene.parameters import Parameters as Parameters
 from .scene.record import Record as Record
@@ -50,7 +51,6 @@ from .scene.scene import Harmonic as Harmonic
 from .scene.scene import Pendulum as Pendulum
 from .scene.scene import Scene as Scene
 from .scene.scene import paper_scene as paper_scene
-from .scene.starts import Starts as Starts
 from .scene.status import Status as Status
 from .scene.status import status_name as status_name
 from .theory.equations import Terms as Terms

@@ -120,16 +120,16 @@ GUARDS = (
           (*_ends("periods7-overturned-1"), *_smoothed(_OVERTURNS),
            "tests/test_segmented.py::test_" + _OVERTURNS)),
     Guard("overturning, all but", "steady_state: unstable on the saddle between rocking and overturning",
-          _STEADY, never("UNSTABLE"), _tests("models/piecewise", _SADDLE)),
+          _STEADY, never("UNSTABLE"), _tests("models/compiled", _SADDLE)),
     Guard("no derivative without an orbit", "steady_state: derivatives only of what is settled and attracts",
           "exact/steady:steady_state", without_term("isolated", "rocks"),
-          (*_tests("models/piecewise", _SADDLE),
+          (*_tests("models/compiled", _SADDLE),
            *_tests("exact/steady", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"))),
     Guard("resonance without damping; huge shaking", "every model: failed where a number is not finite",
           _SETTLED, never("failed"), _ends("periods8-failed-1")),
     Guard("slow shaking", "steady_state: event_bound where the period of a resting block was cut short",
           "exact/steady:steady_state", never("EVENT_BOUND"),
-          _tests("models/piecewise", "a_period_too_long_to_be_followed_is_told")),
+          _tests("models/compiled", "a_period_too_long_to_be_followed_is_told")),
     Guard("smoothing too sharp", "Smoothed: sharpness within bounds",
           "core/checks:within", constant("low", -1.0),
           _smoothed("settings_out_of_range_are_refused")),
@@ -143,7 +143,7 @@ GUARDS = (
           "core/checks:require_x64", unrefused("RuntimeError"),
           _tests("answers/steady_state", "in_32_bits_every_call_refuses_by_name")),
     Guard("scales", "scene: omega0 from the half height", "scene/scene:_rate", constant("half_height", 0.2),
-          _tests("models/piecewise", "neither_millimetres_nor_kilometres_change_a_dimensionless_answer")),
+          _tests("models/compiled", "neither_millimetres_nor_kilometres_change_a_dimensionless_answer")),
 )
 # fmt: on
 

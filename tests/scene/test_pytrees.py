@@ -19,7 +19,7 @@ LIGHT = (
         "scene.quantities",
         "scene.record",
         "scene.scene",
-        "scene.starts",
+        "scene.ensemble",
     ),
 )
 """Modules of what is checked before JAX is imported."""
@@ -34,7 +34,7 @@ for name in {LIGHT}:
 from tpd.scene.conditions import Conditions, under_all
 from tpd.scene.ensemble import Ensemble
 from tpd.scene.scene import paper_scene
-from tpd.scene.starts import Starts
+from tpd.scene.ensemble import Starts
 scene = paper_scene()
 under_all(scene.parameters(), [[0.1, 0.3, 0.1]], Conditions.around(scene))
 for make, wrong in ((Ensemble, {{"size": 0}}), (Starts, {{"tilt": "much"}})):

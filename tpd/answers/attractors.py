@@ -20,13 +20,13 @@ from tpd.core.formatting import Printed, counted_periods
 from tpd.core.progress import shown_count
 from tpd.exact.rows import row_of
 from tpd.exact.runs import HarmonicForcing, Settled, follow
-from tpd.models.piecewise import Piecewise
+from tpd.models.compiled import Piecewise
 from tpd.models.settling import scale_of
+from tpd.scene.ensemble import StartKind as StartKind
+from tpd.scene.ensemble import Starts as Starts
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import parameters_of
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.starts import StartKind as StartKind
-from tpd.scene.starts import Starts as Starts
 from tpd.scene.status import MOVING, NOT_ATTRACTING, Status, code_of, is_one_of, status_name
 from tpd.theory.equations import Terms
 

@@ -21,8 +21,7 @@ from tpd.core import checks
 from tpd.exact.rows import row_of
 from tpd.exact.runs import HarmonicForcing, Settled, follow
 from tpd.models.base import AbstractChoice, setting
-from tpd.models.nonlinear import Nonlinear
-from tpd.models.piecewise import Piecewise
+from tpd.models.compiled import Nonlinear, Piecewise
 from tpd.models.settling import scale_of
 from tpd.scene.impacts import linear_ratio, velocity_ratio
 from tpd.scene.parameters import Parameters, as_arrays

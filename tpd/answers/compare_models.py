@@ -19,7 +19,7 @@ from tpd.core.progress import Progress, shown
 from tpd.exact.rows import row_of
 from tpd.exact.runs import HarmonicForcing, Settled, follow
 from tpd.models.base import AbstractModel
-from tpd.models.piecewise import Piecewise
+from tpd.models.compiled import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import Setup, bare_parameters_of

@@ -33,7 +33,7 @@ from tpd.exact.rows import numbers_of, packed
 from tpd.exact.runs import Settled, solve
 from tpd.exact.terms import GRAZING, NEAR_FOLD, RESIDUAL, STEADY_STATUSES, SYMMETRIC, is_neutral
 from tpd.models.base import AbstractChoice, AbstractCompiled, AbstractFlow, AbstractModel
-from tpd.models.piecewise import Piecewise
+from tpd.models.compiled import Piecewise
 from tpd.scene.parameters import Parameters, as_arrays, check_parameters, from_row
 from tpd.scene.pytrees import Number, State, single
 from tpd.scene.status import (

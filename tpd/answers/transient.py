@@ -20,8 +20,7 @@ from tpd.exact.rows import ground_row_of
 from tpd.exact.runs import Followed, GroundForcing, follow
 from tpd.exact.terms import GRAZING, ROCKED, SHAKEN, STOOD
 from tpd.models.base import AbstractModel
-from tpd.models.nonlinear import Nonlinear
-from tpd.models.piecewise import Piecewise
+from tpd.models.compiled import Nonlinear, Piecewise
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, single

@@ -16,7 +16,7 @@ from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import files
 from tpd.core.formatting import number
 from tpd.design.as_built import TimeHistory
-from tpd.models.nonlinear import Nonlinear
+from tpd.models.compiled import Nonlinear
 from tpd.scene.status import STANDING, UNANSWERED, Status, is_one_of, status_name
 from tpd.theory.no_uplift import AtRest
 

@@ -36,7 +36,7 @@ from tpd.design.settings import VALIDATION_RUNS, Descent
 from tpd.exact.calling import load_compiled
 from tpd.exact.rows import row_of
 from tpd.exact.runs import HarmonicForcing, follow
-from tpd.models.piecewise import Piecewise
+from tpd.models.compiled import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, latin_hypercube, under_all
 from tpd.scene.ground_motion import GroundMotion, Pulse

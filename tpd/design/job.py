@@ -53,10 +53,9 @@ from tpd.records.intensity import OF_JOBS, intensity_of
 from tpd.records.reading import described, in_words, read_motions
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import MEASURES, Conditions, check_restitution
-from tpd.scene.ensemble import Ensemble
+from tpd.scene.ensemble import Ensemble, Starts
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse, events_of
 from tpd.scene.scene import Block, Harmonic, Scene
-from tpd.scene.starts import Starts
 
 _FEW = 9
 """Most records that a message names."""

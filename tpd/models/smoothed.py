@@ -18,7 +18,7 @@ from tpd.exact.rows import row_of
 from tpd.exact.runs import HarmonicForcing, Settled, follow
 from tpd.exact.terms import SWING, TILT, TILT_RATE
 from tpd.models.base import MOST_PERIODS, AbstractFlow, Cycle, setting
-from tpd.models.piecewise import Piecewise
+from tpd.models.compiled import Piecewise
 from tpd.models.settling import Period, settle
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State
