@@ -33,7 +33,7 @@ GROUPS = {
         "optimise_all Job study read_design"
     ),
     "Show a result": "plot write_report",
-    "Check a pendulum": "check paired_runs Ensemble outcomes engines",
+    "Check a block or a pendulum": "assess check paired_runs Ensemble outcomes engines",
     "Pulses and earthquakes": ("transient critical_scale fragility overturning_spectrum rocking_spectrum"),
     "Motions under harmonic shaking": (
         "steady_state simulate Starts attractors settled_response branches symmetric_orbits periodic_orbit "
