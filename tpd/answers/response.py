@@ -29,9 +29,13 @@ round like a square root: an even spacing would cut the tip off."""
 _STEP, _STEPS = 0.004, 12
 """Relative distance of frequencies next to the scene's own, and their number to either side."""
 
-_LEAST, _RUNS, _NEAR = 8, 400, 0.04
-"""Fewest values of a response that has shares of runs, number of runs over its range, and share of the range
-to either side of a value within which they are counted."""
+_BETWEEN, _NEAR = 0.002, 0.05
+"""Natural logarithm of the ratio of one run's value to that of the run before, and the share of a value by
+which the runs near it differ from it at most."""
+_FREQUENCIES, _LEAST = ("frequency", "xi"), 8
+"""Quantities that have runs beyond the range of a response; fewest values of other quantities with runs."""
+BAND = (0.7, 1.5)
+"""Ends of the range of nearby frequencies, over the scene's own frequency."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -145,17 +149,32 @@ class Response(Printed, Tabular):
     status: np.ndarray
     """Names of the steady states' statuses."""
     name: str = "frequency"
-    overturning: np.ndarray | None = None
-    """Share of the runs from rest near each value that overturn, and its 95 % interval, (3, n): of runs at
-    values evenly over the whole range, those within a 25th of the range to either side. None of fewer than
-    eight values."""
+    runs: np.ndarray | None = None
+    """Runs from rest near the values, (2, m): the value of each run, and 1 if the block overturns, 0 if it
+    does not, NaN without an answer. A run's value is a power of the same number in every response, so that
+    two responses count the same runs. None of a value of zero, and of fewer than eight values of another
+    quantity than the frequency."""
+
+    def share_overturned(self, low: float, high: float) -> Share:
+        """Share of the runs from rest between two values in which the block overturns."""
+        value, overturned = np.zeros((2, 0)) if self.runs is None else self.runs
+        inside = (value >= low) & (value <= high) & np.isfinite(overturned)
+        return Share.of(overturned[inside] == 1.0)
+
+    @property
+    def overturning(self) -> np.ndarray | None:
+        """Share of the runs from rest within 5 % of each value that overturn, and its 95 % interval,
+        (3, n)."""
+        if self.runs is None:
+            return None
+        each = [self.share_overturned(*window(x)) for x in self.frequency]
+        return np.reshape(each, (-1, 3)).T
 
     def between(self, low: float, high: float) -> Response:
-        """The part of this response from the value `low` to `high`; shares stay those of all runs."""
+        """The part of this response from the value `low` to `high`, with all runs."""
         close = (self.frequency >= low) & (self.frequency <= high)
-        shares = None if self.overturning is None else self.overturning[:, close]
         names = ("frequency", "amplitude", "stroke", "status")
-        return replace(self, overturning=shares, **{n: getattr(self, n)[close] for n in names})
+        return replace(self, **{n: getattr(self, n)[close] for n in names})
 
     def columns(self) -> dict[str, Any]:
         """A row for every value: status, sizes in rad, share of the runs near it that overturn."""
@@ -213,15 +232,25 @@ def settled_response(
         stroke=stroke,
         status=status,
         name=axis.name,
-        overturning=_overturning(axis, line) if len(line) >= _LEAST else None,
+        runs=_runs_near(axis, line),
     )
 
 
-def _overturning(axis: Axis, line: np.ndarray) -> np.ndarray:
-    """See `Response.overturning`."""
+def window(value: float) -> tuple[float, float]:
+    """Return the range of the runs that are near a value."""
+    return value * (1.0 - _NEAR), value * (1.0 + _NEAR)
+
+
+def _runs_near(axis: Axis, line: np.ndarray) -> np.ndarray | None:
+    """See `Response.runs`."""
     # Next to overturning a change of a thousandth decides: one run at each value says little.
-    fine = np.linspace(line.min(), line.max(), _RUNS)
-    settled = follow(Terms.linear, axis.at(fine), HarmonicForcing())
-    names, reach = names_of(settled.status), _NEAR * np.ptp(line)
-    known, lost = ~np.isin(names, UNANSWERED), np.isin(names, LOST)
-    return np.array([Share.of(lost[known & (np.abs(fine - x) <= reach)]) for x in line]).T
+    low, high, beyond = line.min(), line.max(), axis.name in _FREQUENCIES
+    if low <= 0.0 or not (beyond or len(line) >= _LEAST):
+        return None
+    if beyond:
+        low, high = window(low)[0], window(high)[1]
+    # The same numbers whatever the range is: the report and `tpd response` have ranges of their own.
+    first, last = math.ceil(math.log(low) / _BETWEEN), math.floor(math.log(high) / _BETWEEN)
+    fine = np.exp(_BETWEEN * np.arange(first, last + 1))
+    names = names_of(follow(Terms.linear, axis.at(fine), HarmonicForcing()).status)
+    return np.stack([fine, np.where(np.isin(names, UNANSWERED), np.nan, np.isin(names, LOST))])

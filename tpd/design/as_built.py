@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tpd.answers.paired import PairedRuns
-from tpd.answers.response import Response, frequencies, settled_response
+from tpd.answers.response import BAND, Response, frequencies, settled_response
 from tpd.answers.shaking_history import shaking_history
 from tpd.answers.statistics import Interval
 from tpd.answers.steady_state import sampled, simulate
@@ -28,7 +28,7 @@ from tpd.scene.status import status_name
 from tpd.theory.equations import Terms
 from tpd.theory.free_rocking import equivalent_friction, turning_tilts
 
-_BAND = frequencies(1.0, 0.7, 1.5, 41)
+_BAND = frequencies(1.0, *BAND, 41)
 """Frequencies of a response, in shares of the scene's own."""
 _VARIED = {
     "restitution": 0.5,

@@ -180,6 +180,8 @@ def response_csv(responses: Sequence[Response]) -> str:
     columns = {name: first.frequency}
     for label, r in zip(("without", "with"), responses, strict=False):
         columns |= {f"{label}_status": r.status, f"{label}_amplitude_rad": r.amplitude}
+        if r.overturning is not None:
+            columns[f"{label}_share_overturned"] = r.overturning[0]
     if len(responses) > 1:
         # The bare block's stroke is that of a bob too light to be felt, and means nothing.
         columns["with_stroke_rad"] = responses[1].stroke
