@@ -90,6 +90,8 @@ def test_severities_are_classes_and_all_but_the_first_screen_is_folded():
     tags = read(page).tags
     assert [at["class"] for tag, at in tags if tag == "p" and at] == ["verdict note", "danger", "note"]
     assert [at for tag, at in tags if tag == "details"] == [{}, {}]
+    # Pictures are printed in their own size, in which their words have 8 points.
+    assert ".first img { max-height: none; }" in page
     # Folded on the screen, all sections are printed.
     assert "details::details-content { content-visibility: visible" in page
     assert re.findall(r"([^{};]*)\{ display: none", page.partition("@media print")[2]) == ["\n  .animated "]
