@@ -26,8 +26,8 @@ _METAL = "#b4bcc6"
 Label = tuple[str, tuple[float, float]]
 """Words, and the place (m) that they belong to."""
 _TALL, _WIDE, _PAGE = 4.0, 1.5, 7.3
-"""Largest height of each view, width of the first and of both with their words, inches: a sheet of A4 has this
-width between its margins, so that words are printed in their own size."""
+"""Largest height of each view, width of the first and of both with their words, inches: a sheet of A4 has
+this width between its margins, so that words are printed in their own size."""
 _LEFT, _BETWEEN, _WORDS, _ABOVE, _BELOW = 0.75, 1.0, 2.6, 0.5, 0.9
 """Room for dimensions and words around both views, inches."""
 _STROKE = {True: "settled stroke", False: "largest angle"}
