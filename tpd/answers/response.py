@@ -32,8 +32,6 @@ _STEP, _STEPS = 0.004, 12
 _BETWEEN, _NEAR = 0.002, 0.05
 """Natural logarithm of the ratio of one run's value to that of the run before, and the share of a value by
 which the runs near it differ from it at most."""
-_FREQUENCIES, _LEAST = ("frequency", "xi"), 8
-"""Quantities that have runs beyond the range of a response; fewest values of other quantities with runs."""
 BAND = (0.7, 1.5)
 """Ends of the range of nearby frequencies, over the scene's own frequency."""
 
@@ -152,8 +150,7 @@ class Response(Printed, Tabular):
     runs: np.ndarray | None = None
     """Runs from rest near the values, (2, m): the value of each run, and 1 if the block overturns, 0 if it
     does not, NaN without an answer. A run's value is a power of the same number in every response, so that
-    two responses count the same runs. None of a value of zero, and of fewer than eight values of another
-    quantity than the frequency."""
+    two responses count the same runs. None of another quantity than the frequency."""
 
     def share_overturned(self, low: float, high: float) -> Share:
         """Share of the runs from rest between two values in which the block overturns."""
@@ -232,7 +229,7 @@ def settled_response(
         stroke=stroke,
         status=status,
         name=axis.name,
-        runs=_runs_near(axis, line),
+        runs=_runs_near(axis, line) if axis.name in ("frequency", "xi") else None,
     )
 
 
@@ -241,14 +238,10 @@ def window(value: float) -> tuple[float, float]:
     return value * (1.0 - _NEAR), value * (1.0 + _NEAR)
 
 
-def _runs_near(axis: Axis, line: np.ndarray) -> np.ndarray | None:
+def _runs_near(axis: Axis, line: np.ndarray) -> np.ndarray:
     """See `Response.runs`."""
     # Next to overturning a change of a thousandth decides: one run at each value says little.
-    low, high, beyond = line.min(), line.max(), axis.name in _FREQUENCIES
-    if low <= 0.0 or not (beyond or len(line) >= _LEAST):
-        return None
-    if beyond:
-        low, high = window(low)[0], window(high)[1]
+    low, high = window(line.min())[0], window(line.max())[1]
     # The same numbers whatever the range is: the report and `tpd response` have ranges of their own.
     first, last = math.ceil(math.log(low) / _BETWEEN), math.floor(math.log(high) / _BETWEEN)
     fine = np.exp(_BETWEEN * np.arange(first, last + 1))

@@ -79,8 +79,8 @@ def _sizes(design: Design, build: Build) -> Table:
         forces = (
             f"Forces: the largest of {loads.motions} motions of the job in which the block stands (of "
             "many those in which the bob swings most; harmonics for 40 periods from rest), linear equations, "
-            "nominal block, in proportion to the whole mass. Impacts of the block are left out: take a "
-            "factor of safety."
+            "nominal block, in proportion to the whole mass. Impacts of the block are left out: the parts "
+            "below have a factor of safety for them."
         )
     return Table(("part", "size", "remark"), tuple(rows), forces)
 
@@ -111,7 +111,7 @@ def _parts(build: Build) -> list[Block]:
     if parts.stop_way > 0.0:
         stops = f"spring that stops the bob, at its largest rate, in {_mm(parts.stop_way)}"
         rows += [
-            ("stop, distance from the axis", f"{number(parts.stop)} m", "to the side of the bob; two stops"),
+            ("stop, distance from the axis", f"{number(parts.stop)} m", "one on each side of the bob"),
             ("stop, largest force", f"{number(parts.stop_force, 3)} N", f"{stops}: a tenth of its free way"),
         ]
     caption = (

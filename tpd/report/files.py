@@ -132,11 +132,7 @@ def _words(
 
 
 def draw(name: str, design: Design, study: Study) -> bytes:
-    """Content of one of the files in `names`.
-
-    Raises:
-        ValueError: another name.
-    """
+    """Content of one of the files in `names`; `ValueError` for another name."""
     # A report in words does not wait for Matplotlib.
     from tpd.plots import animation, compare, drawing, landscape, response
     from tpd.plots.style import png, svg
@@ -156,8 +152,7 @@ def draw(name: str, design: Design, study: Study) -> bytes:
         case "response":
             axes = response.plot_response(study.responses or (), scene.motion.frequency)
         case "motion":
-            nu = scene.block.slenderness
-            axes = response.plot_motions(histories, nu, stroke_limit=design.stroke_limit)
+            axes = response.plot_motions(histories, scene.block.slenderness, stroke_limit=design.stroke_limit)
         case "front":
             axes = compare.plot_front(study.front)
         case "animation":
