@@ -131,7 +131,7 @@ def test_shares_are_those_of_runs_from_rest_near_each_value():
     np.testing.assert_array_equal(other.overturning[:, 0], response.overturning[:, at])
     ends = response.frequency[at], 1.95
     assert other.share_overturned(*ends) == response.share_overturned(*ends)
-    assert tpd.settled_response(strong, "amplitude", [0.01, 0.02]).overturning is None
+    assert tpd.settled_response(strong, "amplitude", [0.01, 0.02]).runs is None
 
 
 def test_branches_draw_themselves_and_have_a_row_for_every_orbit():

@@ -159,11 +159,9 @@ class Response(Printed, Tabular):
         return Share.of(overturned[inside] == 1.0)
 
     @property
-    def overturning(self) -> np.ndarray | None:
-        """Share of the runs from rest within 5 % of each value that overturn, and its 95 % interval,
-        (3, n)."""
-        if self.runs is None:
-            return None
+    def overturning(self) -> np.ndarray:
+        """Share of the runs from rest within 5 % of each value that overturn, and its 95 % interval, (3, n);
+        NaN between 0 and 1 without runs."""
         each = [self.share_overturned(*window(x)) for x in self.frequency]
         return np.reshape(each, (-1, 3)).T
 
@@ -176,7 +174,7 @@ class Response(Printed, Tabular):
     def columns(self) -> dict[str, Any]:
         """A row for every value: status, sizes in rad, share of the runs near it that overturn."""
         names = ("share_overturned", "share_low", "share_high")
-        shares = {} if self.overturning is None else dict(zip(names, self.overturning, strict=True))
+        shares = {} if self.runs is None else dict(zip(names, self.overturning, strict=True))
         sizes = {"amplitude_rad": self.amplitude, "stroke_rad": self.stroke}
         return {self.name: self.frequency, "status": self.status, **sizes, **shares}
 

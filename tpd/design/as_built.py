@@ -102,7 +102,7 @@ class Parts(NamedTuple):
     """Distance of a stop from the axis of the block, which the bob reaches in no more than the allowed share
     of the runs; that of the wall if it is less or no run is known, and NaN if no wall is known either."""
     stop_way: float
-    """Way in which the stop brings the bob to rest."""
+    """Way in which the stop brings the bob to rest; NaN if the bob has no free way."""
     stop_force: float
     """Largest force of a stop that is a linear spring: m l^2 rate^2/way, from the energy of the bob."""
 
@@ -338,7 +338,8 @@ def parts_of(build: Build, inertia: float) -> Parts:
     pin = math.sqrt(2.0 * math.sqrt(3.0) * (loads.hinge + moment / arm) / (math.pi * stress))
     rod, pin = (1e-3 * math.ceil(1e3 * float(d)) for d in (rod, pin))
     stop = float(np.fmin(build.reach, build.wall))
-    way = STOPPING * (stop - 0.5 * build.bob_width)
+    free = stop - 0.5 * build.bob_width
+    way = STOPPING * free if free > 0.0 else math.nan
     return Parts(
         rod_diameter=rod,
         rod_mass=STEEL * 0.25 * math.pi * rod**2 * build.rod,

@@ -61,8 +61,8 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
             marks = {"ls": "", "marker": "DP"[i], "mfc": "none", "ms": 5, "color": style["color"]}
             marks["label"] = f"{style['label']}: not settled"
             axes[0].plot(r.frequency[other], np.minimum(r.amplitude[other], 0.85 * top), **marks)
-        if (each := r.overturning) is not None and len(axes) > 1:
-            value, low, high = each
+        if r.runs is not None and len(axes) > 1:
+            value, low, high = r.overturning
             axes[1].fill_between(r.frequency, low, high, color=CASES[i]["color"], alpha=0.2, lw=0)
             axes[1].plot(r.frequency, value, **CASES[i] | {"marker": "", "lw": 1.6})
     if any((r.status == "overturned").any() for r in responses):

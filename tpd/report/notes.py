@@ -169,7 +169,7 @@ def _responses(study: Study) -> Iterator[Note]:
         return
     bare, hung = study.responses
     worse = overturns_more(bare, hung)
-    if worse.any() and hung.overturning is not None and bare.overturning is not None:
+    if worse.any():
         i = int(np.argmax(np.where(worse, hung.overturning[0] - bare.overturning[0], -1.0)))
         low, high = hung.frequency[worse][[0, -1]]
         where = f"Between {low:.3g} and {high:.3g} Hz" if high > low else f"At {low:.3g} Hz"
@@ -183,7 +183,5 @@ def _responses(study: Study) -> Iterator[Note]:
 def overturns_more(bare: Response, hung: Response) -> np.ndarray:
     """Where significantly more of the runs near a frequency overturn with the pendulum: Newcombe's interval
     of the difference of two shares, wider for many frequencies, lies above zero."""
-    if hung.overturning is None or bare.overturning is None:
-        return np.zeros(hung.frequency.size, dtype=bool)
     (value, low, _), (other, _, high) = hung.overturning, bare.overturning
     return value - other > _MANY * np.hypot(value - low, high - other)
