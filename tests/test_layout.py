@@ -50,9 +50,9 @@ LAST = {
     # Modules that are loaded by name count since this version: 135 and 16 624 before, by the same count.
     "modules that the main job may import": 128,
     "code lines of these": 16_585,
-    "floors, all imports counted": 23,
+    "floors, all imports counted": 22,
     "functions of ten or more arguments": 0,
-    "functions of eight lines or fewer, called once": 53,
+    "functions of eight lines or fewer, called once": 52,
     "columns by number in compiled code": 109,
     "imports by string": 0,
     COMMENTS: 5.45,
