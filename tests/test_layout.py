@@ -50,7 +50,7 @@ LAST = {
     # Modules that are loaded by name count since this version: 135 and 16 624 before, by the same count.
     "modules that the main job may import": 128,
     "code lines of these": 16_562,
-    "floors, all imports counted": 23,
+    "floors, all imports counted": 22,
     "functions of ten or more arguments": 0,
     "functions of eight lines or fewer, called once": 49,
     "columns by number in compiled code": 105,

@@ -9,10 +9,13 @@ import tpd
 from tests.designs import HUNG, SCENE
 from tpd.answers.shaking_history import shaking_history
 from tpd.design.as_built import (
+    Loads,
     build_of,
+    free_swing,
     loads_of,
     loss_models,
     losses_of,
+    parts_of,
     pull_test,
     sensitivity_of,
     time_histories,
@@ -76,6 +79,47 @@ def test_loads_are_the_largest_of_the_motions_in_which_the_block_stands():
     assert loads_of([fatal], hung) is None
 
 
+def test_parts_withstand_the_largest_loads(harmonic):
+    """By hand, with 235/3 = 78.3 MPa: a rod of 42 mm has 7.2 + 68.7 MPa, one of 41 mm 7.6 + 73.9 MPa. The
+    damper of 250 N m s/rad at 2 rad/s has 500 N m, over 0.3 m 1667 N; in a pin of 13.9 mm 13.7 kN have 45.2
+    MPa."""
+    loads = Loads(tension=1e4, hinge=1.2e4, rate=2.0, friction=0.1, motions=1)
+    size = {"rod": 1.2, "bob_width": 0.3, "angle": 0.4, "damping": 250.0}
+    build = dataclasses.replace(build_of(harmonic), loads=loads, wall=0.5, reach=0.45, **size)
+    found = parts_of(build, 500.0)
+    assert found._asdict() == pytest.approx(
+        {
+            "rod_diameter": 0.042,
+            "rod_mass": 7850.0 * np.pi * 0.021**2 * 1.2,
+            "pin_diameter": 0.014,
+            "arm": 0.3,
+            "coefficient": 250.0 / 0.09,
+            "force": 500.0 / 0.3,
+            "stroke": 0.24,
+            "speed": 0.6,
+            "stop": 0.45,
+            "stop_way": 0.03,
+            # Half of 500 kg m^2 at 2 rad/s are 1000 J: half of the largest force over the way.
+            "stop_force": 2000.0 / 0.03,
+        },
+        rel=1e-12,
+    )
+    # Between axis and wall a damper has room that is as long as its stroke.
+    narrow = parts_of(dataclasses.replace(build, wall=0.24), 500.0)
+    assert (narrow.arm, narrow.stroke, narrow.stop) == pytest.approx((0.2, 0.16, 0.24))
+    assert narrow.arm * 0.4 + narrow.stroke == pytest.approx(0.24)
+    assert np.isnan(parts_of(dataclasses.replace(build, wall=0.15), 500.0).stop_force)
+    unknown = parts_of(dataclasses.replace(build, wall=np.nan, reach=np.nan), 500.0)
+    assert (unknown.arm, np.isnan(unknown.stop_force)) == (0.3, True)
+
+
+def test_without_a_motion_that_is_withstood_the_loads_are_those_of_a_swing():
+    """From 60 degrees the bob falls by half of its rod: the tension is twice the weight."""
+    found = free_swing(tpd.Pendulum(mass=100.0, length=2.0, damping_ratio=0.1), np.pi / 3.0, 10.0)
+    assert found[:3] == pytest.approx((2000.0, 2000.0, np.sqrt(5.0)))
+    assert (np.isnan(found.friction), found.motions) == (True, 0)
+
+
 def test_a_design_is_built_with_the_rod_of_the_body(harmonic, rejected):
     found, hung = build_of(harmonic), harmonic.pendulum
     g = float(SCENE.gravity)
@@ -90,6 +134,8 @@ def test_a_design_is_built_with_the_rod_of_the_body(harmonic, rejected):
     most = (1.0 + mu) * nu + k
     assert found.lifts_slow_fast == pytest.approx((most / (1.0 + 2.0 * mu), most))
     assert found.lifts[1] == pytest.approx(nu + k)
+    assert found.parts == parts_of(found, hung.mass * hung.length**2)
+    assert found.reach == pytest.approx(found.bob.reach(found.mass, found.rod, found.angle))
     assert build_of(rejected) is None
 
 

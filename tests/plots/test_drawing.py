@@ -29,6 +29,9 @@ def test_the_drawing_is_to_scale_and_nothing_is_cut_off_or_covered(scene, pendul
     figure = ax.figure
     figure.canvas.draw()
     assert ax.get_aspect() == 1.0
+    # On a sheet of A4, which has 7.3 inches between its margins, no word is smaller than 8 points.
+    assert figure.get_figwidth() <= 7.3
+    assert min(t.get_fontsize() for view in figure.axes for t in view.texts if t.get_text()) >= 8.0
     block = ax.patches[0].get_window_extent()
     assert block.height / block.width == pytest.approx(scene.block.height / scene.block.width, rel=0.02)
     # An annotation's own extent would count the line that leads to it.

@@ -1,5 +1,7 @@
 """Maps and spectra draw themselves with labelled axes, and are tables."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -24,6 +26,13 @@ def test_a_map_draws_each_quantity_and_has_a_row_for_every_design():
     design_map = tpd.design_map(tpd.paper_scene(), *axes)
     ax = tpd.plot(design_map, "margin")
     assert ax.figure.axes[1].get_ylabel() == "uplift margin of the resting block (-)"
+    # Tilts that differ by a tenth fill the scale of colours.
+    tilts = 0.1 + 0.01 * np.linspace(0.0, 1.0, 6).reshape(2, 3)
+    alike = dataclasses.replace(design_map, amplitude=tilts, status=np.full((2, 3), "rocking"))
+    (low, high) = tpd.plot(alike).collections[0].get_clim()
+    assert 0.1 < low < 0.101 < 0.109 < high < 0.11
+    one = dataclasses.replace(alike, amplitude=np.full((2, 3), 0.1))
+    tpd.plot(one).figure.canvas.draw()
     table = design_map.to_dataframe()
     last = table.iloc[-1]
     assert (len(table), last["frequency"], last["amplitude"]) == (6, 3.0, 0.015)

@@ -44,14 +44,16 @@ def test_the_response_has_two_curves_with_what_is_lost_or_does_not_settle_apart(
 
 
 def test_shares_of_runs_that_overturn_stand_below_the_amplitudes():
-    values = np.array([[0.1, 0.5, 0.9], [0.0, 0.3, 0.7], [0.3, 0.7, 1.0]])
-    response = dataclasses.replace(examples.response(0.1, 0.2, 0.3), overturning=values)
+    # A run that has no answer does not count.
+    runs = np.array([[1.0, 1.01, 2.0, 2.05, 2.11, 4.0], [1.0, 0.0, 1.0, 1.0, 0.0, np.nan]])
+    shown = examples.response(0.1, 0.2, 0.3, frequency=(1.0, 2.0, 4.0))
+    response = dataclasses.replace(shown, runs=runs)
     above, below = plot_response((response,))
     (line,) = below.lines
-    assert line.get_ydata().tolist() == [0.1, 0.5, 0.9]
+    np.testing.assert_array_equal(line.get_ydata(), [0.5, 1.0, np.nan])
     corners = below.collections[0].get_paths()[0].vertices[:, 1]
     assert (corners.min(), corners.max()) == (0.0, 1.0)
-    assert below.get_ylabel() == "share that overturns (-)"
+    assert below.get_ylabel() == "share that overturns\nwithin 5 % of the value (-)"
     assert not above.texts
     assert len(plot_response((response,), axes=new_axes())) == 1
 
@@ -108,7 +110,7 @@ def test_a_response_draws_itself_and_is_a_table_with_the_shares_of_runs_near_eac
     assert list(table.columns) == [*names, "share_overturned", "share_low", "share_high"]
     np.testing.assert_array_equal(table["amplitude_rad"], response.amplitude)
     assert np.all((table["share_low"] <= table["share_overturned"]) & (table["share_high"] <= 1.0))
-    assert list(dataclasses.replace(response, overturning=None).to_dataframe().columns) == names
+    assert list(dataclasses.replace(response, runs=None).to_dataframe().columns) == names
     # A part of it keeps its shares.
     part, at = response.between(1.5, 2.5), (VALUES >= 1.5) & (VALUES <= 2.5)
     assert part.frequency.tolist() == VALUES[at].tolist()
@@ -118,11 +120,18 @@ def test_a_response_draws_itself_and_is_a_table_with_the_shares_of_runs_near_eac
 def test_shares_are_those_of_runs_from_rest_near_each_value():
     """At the lowest frequencies the paper's block rests, at the strong ones next to its own it overturns."""
     strong = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.06, frequency=2.5))
-    share, low, high = tpd.settled_response(strong, "frequency", np.linspace(0.2, 2.0, 10)).overturning
+    response = tpd.settled_response(strong, "frequency", np.linspace(0.2, 2.0, 10))
+    share, low, high = response.overturning
     assert (share[0], share[-1]) == (0.0, 1.0)
     assert high[0] < 0.25
     assert low[-1] > 0.75
-    assert tpd.settled_response(strong, "frequency", [1.0, 2.0]).overturning is None
+    # A response over other frequencies counts the same runs near a frequency that both have.
+    (at, *_) = np.flatnonzero((share > 0.0) & (share < 1.0))
+    other = tpd.settled_response(strong, "frequency", [response.frequency[at], 3.0])
+    np.testing.assert_array_equal(other.overturning[:, 0], response.overturning[:, at])
+    ends = response.frequency[at], 1.95
+    assert other.share_overturned(*ends) == response.share_overturned(*ends)
+    assert tpd.settled_response(strong, "amplitude", [0.01, 0.02]).runs is None
 
 
 def test_branches_draw_themselves_and_have_a_row_for_every_orbit():

@@ -7,7 +7,7 @@ import numpy as np
 import tpd
 from tests.report.conftest import SCENE, harmonic, rejected, study
 from tpd.answers.statistics import Interval
-from tpd.design.as_built import Sensitivity
+from tpd.design.as_built import Parts, Sensitivity
 from tpd.report import construction
 from tpd.report.blocks import Listing, Table, Text
 
@@ -35,12 +35,36 @@ def test_sizes_are_those_of_the_body_and_loads_those_of_the_motions():
     assert found["largest moment of the damper"][0] == f"{loads.rate * c:.4g} N m"
     assert found["largest power of the damper"][0] == f"{loads.rate**2 * c:.4g} W"
     assert f"largest of {loads.motions} motions" in table.caption
-    assert "No forces are known" in section(loads=None)[0].caption
+    assert found["friction that keeps the base from sliding"][0] == loads.friction
+    swing = section(loads=loads._replace(friction=np.nan, motions=0))[0]
+    assert swing.caption.startswith("Forces: those of the pendulum released at its largest angle, because")
+    assert np.isnan(rows(swing)["friction that keeps the base from sliding"][0])
     assert construction.section(rejected(), study("rejected")) == []
 
 
+def test_parts_have_sizes_with_units_and_state_their_steel_and_factor():
+    parts = Parts(0.042, 13.1, 0.014, 0.3, 2778.0, 1667.0, 0.24, 0.6, 0.45, 0.03, 66667.0)
+    table, second = section(parts=parts, rod=1.2, rod_share=0.1, mass=200.0)[1:3]
+    found = rows(table)
+    assert found["rod, diameter"] == ("42 mm", "round bar of 13.1 kg; the table above has a rod of 20 kg")
+    assert found["pin of the hinge, diameter"][0] == "14 mm"
+    assert found["linear damper, arm"] == ("0.3 m", "from the hinge along the rod: a quarter of the rod")
+    values = ["2780 N s/m", "1670 N", "240 mm", "0.6 m/s"]
+    for name, value in zip(("coefficient", "largest force", "stroke", "largest speed"), values, strict=True):
+        assert found[f"linear damper, {name}"][0] == value
+    assert found["stop, distance from the axis"][0] == "0.45 m"
+    assert found["stop, largest force"][0] == "66700 N"
+    assert "at its largest rate, in 30 mm" in found["stop, largest force"][1]
+    assert "S235 (yield stress 235 MPa, EN 10025-2)" in table.caption
+    assert "factor of safety of 3" in table.caption
+    assert second.text.startswith("On a pin, the pendulum does not swing in the second horizontal direction")
+    table = section(parts=parts._replace(arm=0.2, stop_way=np.nan), rod=1.2)[1]
+    assert "has room in the cavity" in rows(table)["linear damper, arm"][1]
+    assert "stop, largest force" not in rows(table)
+
+
 def test_checks_on_site_have_the_readings_to_expect():
-    checks, hung = section()[1], harmonic().pendulum
+    checks, hung = section()[3], harmonic().pendulum
     assert isinstance(checks, Listing)
     ten, damped, pull = checks.items
     assert f"ten swings take {20 * np.pi * np.sqrt(hung.length / 9.80665):.3g} s" in ten
@@ -49,7 +73,7 @@ def test_checks_on_site_have_the_readings_to_expect():
     # (nu + k)/2 times M g: 0.15 * 16.224 * 9.80665; a tenth of 0.25 rad over 0.4 m
     assert "a horizontal pull of 23.9 N at the top starts uplift" in pull
     assert "has moved by 10 mm (0.025 rad" in pull
-    assert "it comes to rest without swinging back" in section(rebound=0.004)[1].items[1]
+    assert "it comes to rest without swinging back" in section(rebound=0.004)[3].items[1]
 
 
 def test_tolerances_stand_beside_the_benefit_and_what_loses_it_is_named():
@@ -67,7 +91,8 @@ def test_tolerances_stand_beside_the_benefit_and_what_loses_it_is_named():
 
 
 def test_where_no_body_or_rod_acts_as_the_point_no_number_of_one_is_named():
-    table, *_ = section(mass=float("nan"), rod=float("nan"))
+    table, *others = section(mass=float("nan"), rod=float("nan"), parts=None)
+    assert isinstance(others[0], Listing)
     assert rows(table)["rod, hinge to the bob's centre"][0] == "none swings as often"
     assert "no body, a solid ball of steel, acts as a point of" in rows(table)["mass of the bob"][1]
     assert "nan" not in str(table)

@@ -85,12 +85,15 @@ def test_motions_and_responses_are_tables():
     assert float(rows[-1][0]) > 9.0
     bare, hung = study().responses
     head, rows = read(response_csv((bare, hung)))
-    sizes = ["without_status", "without_amplitude_rad", "with_status", "with_amplitude_rad"]
-    assert head == ["frequency_Hz", *sizes, "with_stroke_rad"]
-    numbers = np.array([[row[i] for i in (0, 2, 4, 5)] for row in rows], float).T
-    np.testing.assert_array_equal(numbers, [bare.frequency, bare.amplitude, hung.amplitude, hung.stroke])
-    assert [row[3] for row in rows] == list(hung.status)
-    assert read(response_csv((bare,)))[0] == ["frequency_Hz", *sizes[:2]]
+    names = ("status", "amplitude_rad", "stroke_rad", "share_overturned", "share_low", "share_high")
+    sizes = [f"{case}_{name}" for case in ("without", "with") for name in names]
+    sizes.remove("without_stroke_rad")
+    assert head == ["frequency_Hz", *sizes]
+    numbers = np.array([[row[i] for i in (0, 2, 3, 7, 8)] for row in rows], float).T
+    known = bare.frequency, bare.amplitude, bare.overturning[0], hung.amplitude, hung.stroke
+    np.testing.assert_array_equal(numbers, known)
+    assert [row[6] for row in rows] == list(hung.status)
+    assert read(response_csv((bare,)))[0] == ["frequency_Hz", *sizes[:5]]
 
 
 class Verdict(SimpleNamespace):

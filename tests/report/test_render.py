@@ -1,5 +1,6 @@
 """A report as text and as a page."""
 
+import re
 from html.parser import HTMLParser
 
 import pytest
@@ -84,11 +85,16 @@ def test_page_and_text_say_the_same_in_the_same_order(kind):
 
 
 def test_severities_are_classes_and_all_but_the_first_screen_is_folded():
-    sections = Section("a", (danger("D"), note("N")), printed=True), Section("b", (Text("y"),))
+    sections = Section("a", (danger("D"), note("N"))), Section("b", (Text("y"),))
     page = html(report(note("verdict"), *sections), {})
     tags = read(page).tags
     assert [at["class"] for tag, at in tags if tag == "p" and at] == ["verdict note", "danger", "note"]
-    assert [at for tag, at in tags if tag == "details"] == [{"class": "printed"}, {}]
+    assert [at for tag, at in tags if tag == "details"] == [{}, {}]
+    # Pictures are printed in their own size, in which their words have 8 points.
+    assert ".first img { max-height: none; }" in page
+    # Folded on the screen, all sections are printed.
+    assert "details::details-content { content-visibility: visible" in page
+    assert re.findall(r"([^{};]*)\{ display: none", page.partition("@media print")[2]) == ["\n  .animated "]
     assert page.index("5 kg") < page.index("<details")
     assert ("p", {"class": "verdict danger"}) in read(html(report(danger("no")), {})).tags
 

@@ -30,9 +30,11 @@ round like a square root: an even spacing would cut the tip off."""
 _STEP, _STEPS = 0.004, 12
 """Relative distance of frequencies next to the scene's own, and their number to either side."""
 
-_LEAST, _RUNS, _NEAR = 8, 400, 0.04
-"""Fewest values of a response that has shares of runs, number of runs over its range, and share of the range
-to either side of a value within which they are counted."""
+_BETWEEN, _NEAR = 0.002, 0.05
+"""Natural logarithm of the ratio of one run's value to that of the run before, and the share of a value by
+which the runs near it differ from it at most."""
+BAND = (0.7, 1.5)
+"""Ends of the range of nearby frequencies, over the scene's own frequency."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -146,22 +148,34 @@ class Response(Printed, Tabular):
     status: np.ndarray
     """Names of the steady states' statuses."""
     name: str = "frequency"
-    overturning: np.ndarray | None = None
-    """Share of the runs from rest near each value that overturn, and its 95 % interval, (3, n): of runs at
-    values evenly over the whole range, those within a 25th of the range to either side. None of fewer than
-    eight values."""
+    runs: np.ndarray | None = None
+    """Runs from rest near the values, (2, m): the value of each run, and 1 if the block overturns, 0 if it
+    does not, NaN without an answer. A run's value is a power of the same number in every response, so that
+    two responses count the same runs. None of another quantity than the frequency."""
+
+    def share_overturned(self, low: float, high: float) -> Share:
+        """Share of the runs from rest between two values in which the block overturns."""
+        value, overturned = np.zeros((2, 0)) if self.runs is None else self.runs
+        inside = (value >= low) & (value <= high) & np.isfinite(overturned)
+        return Share.of(overturned[inside] == 1.0)
+
+    @property
+    def overturning(self) -> np.ndarray:
+        """Share of the runs from rest within 5 % of each value that overturn, and its 95 % interval, (3, n);
+        NaN between 0 and 1 without runs."""
+        each = [self.share_overturned(*window(x)) for x in self.frequency]
+        return np.reshape(each, (-1, 3)).T
 
     def between(self, low: float, high: float) -> Response:
-        """The part of this response from the value `low` to `high`; shares stay those of all runs."""
+        """The part of this response from the value `low` to `high`, with all runs."""
         close = (self.frequency >= low) & (self.frequency <= high)
-        shares = None if self.overturning is None else self.overturning[:, close]
         names = ("frequency", "amplitude", "stroke", "status")
-        return replace(self, overturning=shares, **{n: getattr(self, n)[close] for n in names})
+        return replace(self, **{n: getattr(self, n)[close] for n in names})
 
     def columns(self) -> dict[str, Any]:
         """A row for every value: status, sizes in rad, share of the runs near it that overturn."""
         names = ("share_overturned", "share_low", "share_high")
-        shares = {} if self.overturning is None else dict(zip(names, self.overturning, strict=True))
+        shares = {} if self.runs is None else dict(zip(names, self.overturning, strict=True))
         sizes = {"amplitude_rad": self.amplitude, "stroke_rad": self.stroke}
         return {self.name: self.frequency, "status": self.status, **sizes, **shares}
 
@@ -208,18 +222,27 @@ def settled_response(
             found.append((float(steady.amplitude), float(steady.stroke), status_name(steady.status)))
             report("responding", i + 1, len(line))
     amplitude, stroke, status = map(np.array, zip(*found, strict=True))
-    overturning = None
-    if len(line) >= _LEAST:
-        # Next to overturning a change of a thousandth decides: one run at each value says little.
-        fine = np.linspace(line.min(), line.max(), _RUNS)
-        runs, reach = follow_runs(Terms.linear, axis.at(fine), HarmonicForcing()), _NEAR * np.ptp(line)
-        near = (~runs.is_unanswered & (np.abs(fine - x) <= reach) for x in line)
-        overturning = np.array([Share.of(runs.is_overturned[rows]) for rows in near]).T
     return Response(
         frequency=line,
         amplitude=amplitude,
         stroke=stroke,
         status=status,
         name=axis.name,
-        overturning=overturning,
+        runs=_runs_near(axis, line) if axis.name in ("frequency", "xi") else None,
     )
+
+
+def window(value: float) -> tuple[float, float]:
+    """Return the range of the runs that are near a value."""
+    return value * (1.0 - _NEAR), value * (1.0 + _NEAR)
+
+
+def _runs_near(axis: Axis, line: np.ndarray) -> np.ndarray:
+    """See `Response.runs`."""
+    # Next to overturning a change of a thousandth decides: one run at each value says little.
+    low, high = window(line.min())[0], window(line.max())[1]
+    # The same numbers whatever the range is: the report and `tpd response` have ranges of their own.
+    first, last = math.ceil(math.log(low) / _BETWEEN), math.floor(math.log(high) / _BETWEEN)
+    fine = np.exp(_BETWEEN * np.arange(first, last + 1))
+    runs = follow_runs(Terms.linear, axis.at(fine), HarmonicForcing())
+    return np.stack([fine, np.where(runs.is_unanswered, np.nan, runs.is_overturned)])

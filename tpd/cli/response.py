@@ -10,13 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.response import Branches, Response, branches, frequencies, settled_response
+from tpd.answers.response import (
+    BAND,
+    Branches,
+    Response,
+    branches,
+    frequencies,
+    settled_response,
+    window,
+)
 from tpd.cli import common, outputs
 from tpd.cli.common import BARE
 from tpd.cli.interrupts import SOUND
 from tpd.core import checks, files
 from tpd.core.progress import Bar
 from tpd.report.files import response_csv
+from tpd.report.words import overturned_between
 from tpd.scene.scene import Scene
 from tpd.theory.no_uplift import AtRest
 
@@ -41,14 +50,14 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
                 label: settled_response(scene, name, values, pendulum=pendulum, progress=bar)
                 for label, pendulum in hangings.items()
             }
-    near = {label: r.between(0.95 * own, 1.05 * own) for label, r in settled.items()}
-    tried = len(near[BARE].frequency) if near else 0
+    near = {label: r.between(*window(own)) for label, r in settled.items()}
     print("\n".join(f"{label}: {case}" for label, case in cases.items()))
-    if settled:
-        # A single motion from rest says little: near ones are counted.
-        lost = ", ".join(f"{(r.status == 'overturned').sum()} {label}" for label, r in near.items())
-        print(f"from rest, of {tried} frequencies within 5 % of {own:.4g}, overturned: {lost}")
-    else:
+    # A single motion from rest says little: near ones are counted, and over the range that a report has.
+    for ends in (window(own), own * np.array(BAND)) if settled else ():
+        first, last = np.clip(ends, low, high)
+        if first < last:
+            print(overturned_between(tuple(settled.values()), first, last))
+    if not settled:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest N says")
     content = {
         **common.inputs(scene, pendulum),
@@ -72,7 +81,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
         tables.append(("response.csv", response_csv(tuple(settled.values()))))
         pictures["response.png"] = partial(draw, settled)
         # Over the whole range the marks next to the own frequency hide each other.
-        if tried:
+        if len(near[BARE].frequency):
             pictures["response_near.png"] = partial(draw, near)
     outputs.write(options.out, tables, pictures)
     return SOUND

@@ -6,12 +6,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from tpd.answers.paired import PairedRuns
-from tpd.answers.response import Response, frequencies, settled_response
+from tpd.answers.response import BAND, Response, frequencies, settled_response
 from tpd.answers.shaking_history import shaking_history
 from tpd.answers.statistics import Interval
 from tpd.answers.steady_state import sampled, simulate
@@ -20,7 +21,7 @@ from tpd.design.criteria import bob_of
 from tpd.design.design import Design, FrontPoint
 from tpd.design.problem import Variation
 from tpd.models.compiled import Piecewise
-from tpd.scene.bob import Bob
+from tpd.scene.bob import STEEL, Bob
 from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
@@ -28,7 +29,7 @@ from tpd.scene.status import STANDING, Status, is_one_of
 from tpd.theory.equations import Terms
 from tpd.theory.free_rocking import equivalent_friction, turning_tilts
 
-_BAND = frequencies(1.0, 0.7, 1.5, 41)
+_BAND = frequencies(1.0, *BAND, 41)
 """Frequencies of a response, in shares of the scene's own."""
 _VARIED = {
     "restitution": 0.5,
@@ -45,13 +46,20 @@ _USUAL = 1.0 / 3.0
 """Tilt over nu at which friction and impacts are made to lose the same energy."""
 _SEED = 3
 """Number of the seed of the comparisons, after those of trials and validation."""
+YIELD = 235e6
+"""Yield stress of structural steel S235, Pa (EN 10025-2, up to 16 mm thick)."""
+SAFETY = 3.0
+"""Yield stress over the largest stress, for fatigue, impacts of the block and stronger motions."""
+ARM, _PLACE, STOPPING = 0.25, 3.0, 0.1
+"""Arm of the linear damper over the rod; least distance between axis and wall over half of its stroke, which
+leaves a damper as long as its stroke; way of a stop over the free way of the bob."""
 _PULLED, _HALF, _MOST = 0.1, 0.5, 400
 """Tilt of a pull test over that of toppling, the share of it that is waited for, and most impacts counted."""
 
 
 class Loads(NamedTuple):
     """Largest values over the motions in which the block stands, by the linear equations, without impacts.
-    They need not occur at once."""
+    They need not occur at once. Of a swing from the largest angle, if the block stands in no motion."""
 
     tension: float
     """Force along the rod, N."""
@@ -60,9 +68,41 @@ class Loads(NamedTuple):
     rate: float
     """Angular rate between rod and block, rad/s."""
     friction: float
-    """Horizontal over vertical force at the base: with a smaller coefficient of friction the base slides."""
+    """Horizontal over vertical force at the base: with a smaller coefficient of friction the base slides. NaN
+    if the block stands in no motion."""
     motions: int
-    """Motions that were followed over time."""
+    """Motions in which the block stands, of those that were followed over time."""
+
+
+class Parts(NamedTuple):
+    """First sizes of the parts, SI units: steel with the yield stress `YIELD`, of which the largest stress is
+    the share 1/`SAFETY`. Formulas of the strength of materials, such as those of Roark."""
+
+    rod_diameter: float
+    """Round bar under the largest tension N and the largest moment M of the damper, rounded up to whole mm:
+    4 N/(pi d^2) + 32 M/(pi d^3) = stress."""
+    rod_mass: float
+    """Mass of this rod, kg."""
+    pin_diameter: float
+    """Pin of the hinge in double shear under the largest force V of the hinge and the linear damper, rounded
+    up to whole mm: 2 V/(pi d^2) = stress/sqrt(3), the shear by the criterion of von Mises."""
+    arm: float
+    """Distance from the hinge, along the rod, of a horizontal linear damper between rod and wall."""
+    coefficient: float
+    """Its force over its speed, N s/m: c/arm^2 has at small angles the moment c times the rate."""
+    force: float
+    """Its largest force, moment/arm."""
+    stroke: float
+    """Difference between its largest and its least length, 2 arm times the largest angle."""
+    speed: float
+    """Its largest speed, arm times the largest rate."""
+    stop: float
+    """Distance of a stop from the axis of the block, which the bob reaches in no more than the allowed share
+    of the runs; that of the wall if it is less or no run is known, and NaN if no wall is known either."""
+    stop_way: float
+    """Way in which the stop brings the bob to rest; NaN if the bob has no free way."""
+    stop_force: float
+    """Largest force of a stop that is a linear spring: m l^2 rate^2/way, from the energy of the bob."""
 
 
 class PullTest(NamedTuple):
@@ -128,6 +168,8 @@ class Build:
     reach: float
     """How far the body comes from the axis in all but the allowed share of the runs of `Design.turned`; NaN
     where none is known."""
+    angle: float
+    """Angle between rod and block in all but this share, rad; without these runs that of `Design.swing`."""
     frequency: float
     """Own frequency without the damper in the block that stands, Hz."""
     damping: float
@@ -136,24 +178,25 @@ class Build:
     """Angle that the pendulum reaches on the other side after a release, over that of the release."""
     weight: float
     """Weight of the bob on the top of the block, N."""
-    loads: Loads | None
-    """None where the block stands in none of the motions."""
+    loads: Loads
     lifts: tuple[float, float] | None
     """Acceleration of the base over gravity at which the resting block lifts under the harmonic, with the
     pendulum that has settled and without; None on ground motions."""
     lifts_slow_fast: tuple[float, float]
     """This with the pendulum under shakings that are very slow and very fast for it."""
     pull: PullTest
+    parts: Parts | None = None
+    """None where no body acts as the point of the equations."""
 
     @property
     def damper_moment(self) -> float:
-        """Largest moment of the damper, N m; NaN without loads."""
-        return self.damping * self.loads.rate if self.loads else math.nan
+        """Largest moment of the damper, N m."""
+        return self.damping * self.loads.rate
 
     @property
     def damper_power(self) -> float:
-        """Largest power of the damper, W; NaN without loads."""
-        return self.damper_moment * self.loads.rate if self.loads else math.nan
+        """Largest power of the damper, W."""
+        return self.damper_moment * self.loads.rate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,14 +286,16 @@ def build_of(design: Design) -> Build | None:
     body, rod = bob.built(mass, length, g)
     half, rod_share = float(bob.half_height(body)), bob.rod_share(rod, g)
     problem = design.problem
-    reach = bob.reach(body, rod, design.turned)
+    # No angle is interpolated between two runs.
+    largest = partial(np.quantile, q=1.0 - problem.allowed, method="higher")
+    angle = float(largest(design.turned)) if design.turned.size else min(design.swing, 0.5 * math.pi)
     motions = problem.strongest_motions(problem.ratios(hung))
-    loads = loads_of([Scene(block, m, g) for m in motions], hung)
+    loads = loads_of([Scene(block, m, g) for m in motions], hung) or free_swing(hung, angle, g)
     # Rod and hinge carry the whole body: the part that does not swing is taken to pull as the rest does.
     up = body * (1.0 + rod_share) / mass if math.isfinite(body) else 1.0
     # Both limits of |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`.
     capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction)
-    return Build(
+    build = Build(
         bob=bob,
         mass=body,
         dead=body * (1.0 + rod_share) - mass,
@@ -260,17 +305,51 @@ def build_of(design: Design) -> Build | None:
         rod_share=rod_share,
         depth=rod + half,
         wall=math.nan if block.cavity_width is None else 0.5 * float(block.cavity_width),
-        reach=float(np.quantile(reach, 1.0 - problem.allowed, method="higher"))
-        if np.size(reach)
-        else math.nan,
+        reach=float(bob.reach(body, rod, angle)) if design.turned.size else math.nan,
+        angle=angle,
         frequency=math.sqrt(g / length) / (2.0 * math.pi),
         damping=float(hung.hinge_damping(g)),
         rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,
         weight=body * (1.0 + rod_share) * g,
-        loads=None if loads is None else loads._replace(tension=loads.tension * up, hinge=loads.hinge * up),
+        loads=loads._replace(tension=loads.tension * up, hinge=loads.hinge * up),
         lifts=problem.lifts(hung),
         lifts_slow_fast=(capacity / (1.0 + 2.0 * mu), capacity),
         pull=pull_test(scene),
+    )
+    return replace(build, parts=parts_of(build, mass * length**2)) if math.isfinite(body) else build
+
+
+def parts_of(build: Build, inertia: float) -> Parts:
+    """Return the sizes of the parts from the largest loads; formulas: see `Parts`.
+
+    Args:
+        build: the pendulum as it is built.
+        inertia: moment of inertia of the pendulum about its hinge, kg m^2: that of the point.
+    """
+    loads, stress, arm = build.loads, YIELD / SAFETY, ARM * build.rod
+    moment, half = build.damper_moment, build.wall / _PLACE
+    if arm * build.angle > half:
+        arm = half / build.angle
+    # The three roots add up to zero and one is positive: its real part is the largest.
+    rod = max(np.roots([math.pi * stress, 0.0, -4.0 * loads.tension, -32.0 * moment]).real)
+    # The hinge withstands the force of a linear damper, which a damper at the hinge has not.
+    pin = math.sqrt(2.0 * math.sqrt(3.0) * (loads.hinge + moment / arm) / (math.pi * stress))
+    rod, pin = (1e-3 * math.ceil(1e3 * float(d)) for d in (rod, pin))
+    stop = float(np.fmin(build.reach, build.wall))
+    free = stop - 0.5 * build.bob_width
+    way = STOPPING * free if free > 0.0 else math.nan
+    return Parts(
+        rod_diameter=rod,
+        rod_mass=STEEL * 0.25 * math.pi * rod**2 * build.rod,
+        pin_diameter=pin,
+        arm=arm,
+        coefficient=build.damping / arm**2,
+        force=moment / arm,
+        stroke=2.0 * arm * build.angle,
+        speed=arm * loads.rate,
+        stop=stop,
+        stop_way=way,
+        stop_force=inertia * loads.rate**2 / way,
     )
 
 
@@ -355,6 +434,16 @@ def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:
     each = np.array([(*h.loads(pendulum), h.needed_friction) for h in stands])
     tension, hinge, rate, friction = map(float, each.max(axis=0))
     return Loads(tension, hinge, rate, friction, len(stands))
+
+
+def free_swing(pendulum: Pendulum, angle: float, gravity: float) -> Loads:
+    """Return the loads of an undamped swing from rest at an angle (rad), in a block that does not move.
+
+    By the conservation of energy the rate at the lowest point is sqrt(2 g (1 - cos angle)/l), and the tension
+    m g (3 - 2 cos angle)."""
+    fall = gravity * (1.0 - math.cos(angle))
+    tension = float(pendulum.mass) * (gravity + 2.0 * fall)
+    return Loads(tension, tension, math.sqrt(2.0 * fall / float(pendulum.length)), math.nan, 0)
 
 
 def pull_test(scene: Scene) -> PullTest:

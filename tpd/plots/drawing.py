@@ -25,8 +25,9 @@ _METAL = "#b4bcc6"
 """Fill of bob and beam."""
 Label = tuple[str, tuple[float, float]]
 """Words, and the place (m) that they belong to."""
-_TALL, _WIDE = 4.0, 2.6
-"""Largest height and width of each view, inches."""
+_TALL, _WIDE, _PAGE = 4.0, 1.5, 7.3
+"""Largest height of each view, width of the first and of both with their words, inches: a sheet of A4 has
+this width between its margins, so that words are printed in their own size."""
 _LEFT, _BETWEEN, _WORDS, _ABOVE, _BELOW = 0.75, 1.0, 2.6, 0.5, 0.9
 """Room for dimensions and words around both views, inches."""
 _STROKE = {True: "settled stroke", False: "largest angle"}
@@ -139,7 +140,7 @@ def plot_scene(
     scale = min(_TALL / height, _WIDE / (2.0 * wide))
     left = _LEFT + 2.0 * wide * scale + (0.3 if hung is None else _BETWEEN)
     side = 0.0 if hung is None else max(1.1 * hung.reach, min(1.15 * hung.wall, 2.5 * hung.reach))
-    larger = scale if hung is None else min(0.92 * _TALL / hung.depth, _WIDE / (2.0 * side))
+    larger = scale if hung is None else min(0.92 * _TALL / hung.depth, (_PAGE - left - _WORDS) / (2.0 * side))
     size = left + (0.0 if hung is None else 2.0 * side * larger + _WORDS), _TALL + _ABOVE + _BELOW
     figure = Picture(figsize=(max(size[0], 2.6), size[1]), dpi=130)
     FigureCanvasAgg(figure)

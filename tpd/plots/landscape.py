@@ -109,7 +109,7 @@ def _shade(ax: Axes, mu: np.ndarray, lam: np.ndarray, field: np.ndarray, without
     style: dict[str, Any] = {"levels": levels, "extend": "max" if field.max() > levels[-1] else "neither"}
     shades = ax.contourf(mu, lam, field, cmap="Blues", **style)
     lines = ax.contour(mu, lam, field, levels=levels[::3], colors=INK, linewidths=0.4)
-    for text in ax.clabel(lines, fmt="%.3g", fontsize=7, zorder=2):
+    for text in ax.clabel(lines, fmt="%.3g", fontsize=8, zorder=2):
         text.set_path_effects(HALO)
     bar = cast(Any, ax.figure).colorbar(shades, ax=ax, label=words)
     bar.ax.set_title(f"without: {without:.2g}", fontsize=8)

@@ -55,9 +55,8 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
     shown = np.isfinite(values) & np.isin(m.status, coloured)
     low, high = 0.0, 1.0
     if shown.any():
-        # A few designs next to a resonance would make all others alike.
+        # A few designs next to a resonance would make all others alike, and so would a scale from zero.
         low, high = (float(x) for x in np.quantile(values[shown], (0.02, 0.995)))
-        low, high = (low, float(values[shown].max())) if quantity == "margin" else (0.0, high)
     mesh = ax.pcolormesh(m.x, m.y, np.where(shown, values, np.nan), vmin=low, vmax=high, rasterized=True)
     beyond = bool((values[shown] < low).any()), bool((values[shown] > high).any())
     extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get(beyond, "neither")

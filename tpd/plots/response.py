@@ -31,8 +31,8 @@ _MARKERS = {
 
 @own_style()
 def plot_response(responses: Sequence[Response], own: float | None = None, *, axes: Any = None) -> Any:
-    """Draw the settled amplitude from rest, and below it the share of the runs from rest near each value that
-    overturn, with its 95 % interval: next to overturning a single run is chance, a share is not.
+    """Draw the settled amplitude from rest, and below it the share of the runs from rest within 5 % of each
+    value that overturn, with its 95 % interval: next to overturning a single run is chance, a share is not.
 
     Args:
         responses: of the bare block and, if there is one, with the pendulum.
@@ -42,7 +42,7 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
     Returns:
         The axes, an array; one alone where no response has shares.
     """
-    shares = any(r.overturning is not None for r in responses)
+    shares = any(r.runs is not None for r in responses)
     if axes is None:
         axes = np.atleast_1d(new_axes(1 + shares, (7.0, 6.0 if shares else 4.4)))
     axes = np.atleast_1d(axes)
@@ -62,7 +62,7 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
             marks = {"ls": "", "marker": "DP"[i], "mfc": "none", "ms": 5, "color": style["color"]}
             marks["label"] = f"{style['label']}: not settled"
             axes[0].plot(r.frequency[other], np.minimum(r.amplitude[other], 0.85 * top), **marks)
-        if r.overturning is not None and len(axes) > 1:
+        if r.runs is not None and len(axes) > 1:
             value, low, high = r.overturning
             axes[1].fill_between(r.frequency, low, high, color=CASES[i]["color"], alpha=0.2, lw=0)
             axes[1].plot(r.frequency, value, **CASES[i] | {"marker": "", "lw": 1.6})
@@ -73,7 +73,7 @@ def plot_response(responses: Sequence[Response], own: float | None = None, *, ax
     axes[0].set_ylim(0.0, 1.1 * top)
     in_degrees(axes[0])
     if len(axes) > 1:
-        axes[1].set(ylabel="share that overturns (-)", ylim=(0.0, 1.0))
+        axes[1].set(ylabel="share that overturns\nwithin 5 % of the value (-)", ylim=(0.0, 1.0))
     for ax in axes if own is not None else ():
         ax.axvline(own, color=ORANGE, lw=1.0, ls=(0, (1, 2)))
     if own is not None:

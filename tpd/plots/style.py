@@ -16,7 +16,7 @@ from matplotlib.patheffects import withStroke
 INK, GREY, BLUE, ORANGE = "#1a1a1a", "#9a9a9a", "#1f5fa8", "#d9822b"
 
 HALO: list[Any] = [withStroke(linewidth=2.5, foreground="white")]
-"""Path effects of words over a field."""
+"""Path effects of words and lines over a field."""
 CASES: tuple[dict[str, Any], ...] = (
     {"color": GREY, "marker": "s", "ls": "--", "ms": 5.0, "mfc": "white", "mec": INK, "lw": 1.2}
     | {"label": "without pendulum"},
@@ -91,6 +91,8 @@ def edge(
 ) -> None:
     """Draw the line where `z` is zero, with its name at a share of the length of its longest part."""
     line = ax.contour(x, y, z, levels=[0.0], colors=[color], linewidths=1.4, linestyles=style)
+    # In grey the line may be as dark as the field.
+    line.set_path_effects(HALO)
     longest = max(line.allsegs[0], key=len)
     # Lines run on beside each other: their names are apart because their shares differ.
     text = ax.annotate(name, longest[int(share * (len(longest) - 1))], fontsize=8, ha="center", va="center")

@@ -121,8 +121,9 @@ def pairs(design: Design, study: Study) -> Iterator[tuple[str, str]]:
         runs_each = study.losses[0].runs.pairs
         listed = ", ".join([*stated, *cases])
         yield "losses", f"reduction by the linear equations, {runs_each} runs each: {listed}"
-    if beside := words.beside(study):
-        yield "nearby", beside
+    if len(study.responses) > 1:
+        ends = study.responses[0].frequency[[0, -1]]
+        yield "nearby", words.overturned_between(study.responses, *ends)
 
 
 def _pendulum(design: Design, study: Study) -> Iterator[tuple[str, str]]:

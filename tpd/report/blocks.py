@@ -131,8 +131,6 @@ class Section:
 
     title: str
     blocks: tuple[Block, ...]
-    printed: bool = False
-    """Whether it belongs to the pages that are printed."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import math
 
 from tpd.answers.statistics import Interval
 from tpd.core.formatting import number
-from tpd.design.as_built import Build, Study
+from tpd.design.as_built import ARM, SAFETY, YIELD, Build, Study
 from tpd.design.design import Design
 from tpd.design.reasons import DesignStatus
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
@@ -29,11 +29,12 @@ def section(design: Design, study: Study) -> list[Block]:
     """Return the blocks of the section; empty where no pendulum is offered."""
     if study.build is None or design.pendulum is None:
         return []
-    return [_sizes(design, study.build), _checks(study.build), *_sensitivity(design, study)]
+    build = study.build
+    return [_sizes(design, build), *_parts(build), _checks(build), *_sensitivity(design, study)]
 
 
 def _sizes(design: Design, build: Build) -> Table:
-    hung = design.pendulum
+    hung, loads = design.pendulum, build.loads
     assert hung is not None
     zeta = number(float(hung.damping_ratio))
     point = f"{number(float(hung.mass))} kg at {number(float(hung.length))} m"
@@ -54,17 +55,13 @@ def _sizes(design: Design, build: Build) -> Table:
         ("own frequency", f"{number(build.frequency)} Hz", "in the block that stands, without the damper"),
         ("damper at the hinge", f"{number(build.damping)} N m s/rad", f"{zeta} of critical"),
         ("weight on the top", f"{number(build.weight)} N", beam),
+        ("largest force along the rod", f"{number(loads.tension)} N", None),
+        ("largest force of the hinge on its beam", f"{number(loads.hinge)} N", None),
+        ("largest moment of the damper", f"{number(build.damper_moment)} N m", None),
+        ("largest power of the damper", f"{number(build.damper_power)} W", None),
+        ("largest rate between rod and block", f"{number(loads.rate)} rad/s", None),
+        ("friction that keeps the base from sliding", loads.friction, "coefficient; the models do not slide"),
     ]
-    if (loads := build.loads) is not None:
-        slides = "coefficient; the models do not slide"
-        rows += [
-            ("largest force along the rod", f"{number(loads.tension)} N", None),
-            ("largest force of the hinge on its beam", f"{number(loads.hinge)} N", None),
-            ("largest moment of the damper", f"{number(build.damper_moment)} N m", None),
-            ("largest power of the damper", f"{number(build.damper_power)} W", None),
-            ("largest rate between rod and block", f"{number(loads.rate)} rad/s", None),
-            ("friction that keeps the base from sliding", number(loads.friction), slides),
-        ]
     slow, fast = build.lifts_slow_fast
     settled = ""
     if build.lifts is not None:
@@ -74,15 +71,68 @@ def _sizes(design: Design, build: Build) -> Table:
         f"frequency it may be less than both{settled}; {number(float(design.scene.uplift))} g without it"
     )
     rows.append(("acceleration that lifts the resting block", f"{number(slow)} g, {number(fast)} g", lifts))
-    forces = "No forces are known, because the block stands in none of the motions."
-    if loads is not None:
+    forces = (
+        "Forces: those of the pendulum released at its largest angle, because the block stands in none of "
+        "the motions."
+    )
+    if loads.motions:
         forces = (
             f"Forces: the largest of {loads.motions} motions of the job in which the block stands (of "
             "many those in which the bob swings most; harmonics for 40 periods from rest), linear equations, "
-            "nominal block, in proportion to the whole mass. Impacts of the block are left out: take a "
-            "factor of safety."
+            "nominal block, in proportion to the whole mass. Impacts of the block are left out: the parts "
+            "below have a factor of safety for them."
         )
     return Table(("part", "size", "remark"), tuple(rows), forces)
+
+
+def _parts(build: Build) -> list[Block]:
+    """Sizes of rod, pin, linear damper and stop; what the pendulum does in the second direction."""
+    parts = build.parts
+    if parts is None:
+        return []
+    quarter = (
+        "a quarter of the rod" if parts.arm >= ARM * build.rod else "the most that has room in the cavity"
+    )
+    heavy = f"round bar of {number(parts.rod_mass, 3)} kg"
+    angle = f"twice the arm times the largest angle, {number(build.angle, 3)} rad"
+    rows: list[tuple[Cell, ...]] = [
+        (
+            "rod, diameter",
+            _mm(parts.rod_diameter),
+            f"{heavy}; the table above has a rod of {number(build.rod_share * build.mass, 3)} kg",
+        ),
+        ("pin of the hinge, diameter", _mm(parts.pin_diameter), "in double shear"),
+        ("linear damper, arm", f"{number(parts.arm, 3)} m", f"from the hinge along the rod: {quarter}"),
+        ("linear damper, coefficient", f"{number(parts.coefficient, 3)} N s/m", "moment/rate over arm²"),
+        ("linear damper, largest force", f"{number(parts.force, 3)} N", "largest moment over the arm"),
+        ("linear damper, stroke", _mm(parts.stroke), angle),
+        ("linear damper, largest speed", f"{number(parts.speed, 3)} m/s", "the arm times the largest rate"),
+    ]
+    if parts.stop_way > 0.0:
+        stops = f"spring that stops the bob, at its largest rate, in {_mm(parts.stop_way)}"
+        rows += [
+            ("stop, distance from the axis", f"{number(parts.stop)} m", "one on each side of the bob"),
+            ("stop, largest force", f"{number(parts.stop_force, 3)} N", f"{stops}: a tenth of its free way"),
+        ]
+    caption = (
+        f"First sizes for steel S235 (yield stress {YIELD / 1e6:g} MPa, EN 10025-2). The largest stress is "
+        f"the yield stress over a factor of safety of {SAFETY:g}, for fatigue, impacts and stronger motions. "
+        "The rod carries its largest force and the moment of the damper as bending. The linear damper stands "
+        "horizontally between rod and wall, in place of a damper at the hinge. Not included: beam, plates, "
+        "threads and welds."
+    )
+    second = (
+        "On a pin, the pendulum does not swing in the second horizontal direction: there it moves as a rigid "
+        "part of the block and reduces no rocking. If the block can rock in both directions, as a square "
+        "block or flue can, hang the rod on a universal joint with a linear damper in each direction, and "
+        "check each direction as a design of its own."
+    )
+    return [Table(("part", "size", "remark"), tuple(rows), caption), Text(second)]
+
+
+def _mm(x: float) -> str:
+    """A length (m) in mm."""
+    return f"{number(1e3 * x, 3)} mm"
 
 
 def _way(design: Design, build: Build) -> list[tuple[Cell, ...]]:

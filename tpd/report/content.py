@@ -39,8 +39,8 @@ CAPTIONS = {
     "response.svg": (
         "Settled amplitude over frequency, and share of runs that overturn, without (open) and with (filled)",
         "Above: settled motion from rest, linear equations; triangles and crosses: the block overturns. "
-        "Below: share of the runs from rest near each frequency that overturn, with its 95 % interval, "
-        "because a single run near overturning is chance. Dotted: the frequency of the scene.",
+        "Below: share of the runs from rest within 5 % of each frequency that overturn, with its 95 % "
+        "interval, because a single run near overturning is chance. Dotted: the frequency of the scene.",
     ),
     "motion.svg": (
         "Tilt of the block without and with the pendulum, and angle of the rod, against time from rest",
@@ -65,8 +65,6 @@ CAPTIONS = {
     ),
 }
 """Alternative text of every picture, and a caption that says what to see."""
-_PRINTED = ("Notes", "Build it", "Validation runs", "Other energy losses", "Assumptions", "How to repeat it")
-"""Sections that are printed: with the first screen some four pages."""
 
 
 def content(
@@ -112,7 +110,7 @@ def content(
         answer=Table(("", ""), tuple(rows)),
         comparison=None if runs is None else words.comparison(runs),
         figures=(*there["drawing"], *there["animation"]),
-        sections=tuple(Section(t, tuple(b), t in _PRINTED) for t, b in parts.items() if b),
+        sections=tuple(Section(t, tuple(b)) for t, b in parts.items() if b),
     )
 
 

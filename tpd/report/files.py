@@ -132,11 +132,7 @@ def _words(
 
 
 def draw(name: str, design: Design, study: Study) -> bytes:
-    """Content of one of the files in `names`.
-
-    Raises:
-        ValueError: another name.
-    """
+    """Content of one of the files in `names`; `ValueError` for another name."""
     # A report in words does not wait for Matplotlib.
     from tpd.plots import animation, compare, drawing, landscape, response
     from tpd.plots.style import png, svg
@@ -156,8 +152,7 @@ def draw(name: str, design: Design, study: Study) -> bytes:
         case "response":
             axes = response.plot_response(study.responses or (), scene.motion.frequency)
         case "motion":
-            nu = scene.block.slenderness
-            axes = response.plot_motions(histories, nu, stroke_limit=design.stroke_limit)
+            axes = response.plot_motions(histories, scene.block.slenderness, stroke_limit=design.stroke_limit)
         case "front":
             axes = compare.plot_front(study.front)
         case "animation":
@@ -169,21 +164,20 @@ def draw(name: str, design: Design, study: Study) -> bytes:
 
 
 def response_csv(responses: Sequence[Response]) -> str:
-    """CSV with a row for every frequency: status and amplitude without, and with, the pendulum.
+    """CSV with a row for every frequency: status, amplitude and share of the runs near it that overturn,
+    without, and with, the pendulum.
 
     Args:
         responses: of the bare block and, if there is one, with the pendulum, over the same values. An
             amplitude is infinite where the block overturns.
     """
-    first = responses[0]
-    name = f"{first.name}_{UNITS[first.name]}" if first.name in UNITS else first.name
-    columns = {name: first.frequency}
+    name = responses[0].name
+    columns = {f"{name}_{UNITS[name]}" if name in UNITS else name: responses[0].frequency}
     for label, r in zip(("without", "with"), responses, strict=False):
-        columns |= {f"{label}_status": r.status, f"{label}_amplitude_rad": r.amplitude}
-    if len(responses) > 1:
-        # The bare block's stroke is that of a bob too light to be felt, and means nothing.
-        columns["with_stroke_rad"] = responses[1].stroke
-    return files.as_csv(columns, zip(*(column.tolist() for column in columns.values()), strict=True))
+        columns |= {f"{label}_{n}": column for n, column in r.columns().items() if n != name}
+    # The bare block's stroke is that of a bob too light to be felt, and means nothing.
+    del columns["without_stroke_rad"]
+    return files.as_table(columns)
 
 
 def motion_csv(histories: Sequence[TimeHistory]) -> str:

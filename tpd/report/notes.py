@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from tpd.answers.response import Response
+from tpd.answers.response import Response, window
 from tpd.design.as_built import Study
 from tpd.design.criteria import Room, Worth, limit_of
 from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
 from tpd.report.blocks import Note, danger, note
-from tpd.report.words import finite_max
+from tpd.report.words import finite_max, overturned_between
 from tpd.scene.bob import Bob
 from tpd.scene.scene import Block, Pendulum
 
@@ -169,24 +169,19 @@ def _responses(study: Study) -> Iterator[Note]:
         return
     bare, hung = study.responses
     worse = overturns_more(bare, hung)
-    if worse.any() and hung.overturning is not None and bare.overturning is not None:
+    if worse.any():
         i = int(np.argmax(np.where(worse, hung.overturning[0] - bare.overturning[0], -1.0)))
         low, high = hung.frequency[worse][[0, -1]]
-        where, worst = f"At {low:.3g} Hz", ""
-        if high > low:
-            where = f"Between {low:.3g} and {high:.3g} Hz"
-            worst = f"at {hung.frequency[i]:.3g} Hz "
+        where = f"Between {low:.3g} and {high:.3g} Hz" if high > low else f"At {low:.3g} Hz"
         yield danger(
-            f"{where} the block OVERTURNS more often with the pendulum: {worst}in "
-            f"{hung.overturning[0, i]:.0%} of the runs from rest, against {bare.overturning[0, i]:.0%} "
-            "without it (linear equations, same base amplitude)."
+            f"{where} the block OVERTURNS more often with the pendulum "
+            f"({overturned_between((bare, hung), *window(hung.frequency[i]))}; "
+            "linear equations, same base amplitude)."
         )
 
 
 def overturns_more(bare: Response, hung: Response) -> np.ndarray:
     """Where significantly more of the runs near a frequency overturn with the pendulum: Newcombe's interval
     of the difference of two shares, wider for many frequencies, lies above zero."""
-    if hung.overturning is None or bare.overturning is None:
-        return np.zeros(hung.frequency.size, dtype=bool)
     (value, low, _), (other, _, high) = hung.overturning, bare.overturning
     return value - other > _MANY * np.hypot(value - low, high - other)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,12 +13,13 @@ from tpd.design.criteria import KINDS, Limit, Room, limit_of
 from tpd.records.reading import in_words
 from tpd.report.blocks import NO_VALUE, Table
 from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.quantities import UNITS
 from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
 
 if TYPE_CHECKING:
     # Words on a scene do not wait for JAX.
     from tpd.answers.paired import PairedRuns, Part
-    from tpd.design.as_built import Study
+    from tpd.answers.response import Response
     from tpd.design.design import Design
 
 _CHANGES = {
@@ -139,22 +141,18 @@ def bounds(design: Design) -> list[str]:
     return out
 
 
-def beside(study: Study) -> str:
-    """Overturnings over frequency, from rest; empty without a response of both."""
-    if len(study.responses) < 2:
-        return ""
-    bare, hung = study.responses
-    band = f"frequencies from {hung.frequency[0]:.3g} to {hung.frequency[-1]:.3g} Hz"
-    if hung.overturning is None or bare.overturning is None:
-        lost, lost_bare = (int(np.sum(r.status == "overturned")) for r in (hung, bare))
-        shares = f"{lost} of {hung.frequency.size}", str(lost_bare)
-    else:
-        width = float(np.ptp(hung.frequency))
-        areas = (
-            np.trapezoid(r.overturning[0], r.frequency) for r in (hung, bare) if r.overturning is not None
-        )
-        shares = tuple(f"{float(x) / width:.0%}" for x in areas)
-    return f"{band}: {shares[0]} of the runs from rest overturn with the pendulum, {shares[1]} without it"
+def overturned_between(responses: Sequence[Response], low: float, high: float) -> str:
+    """Return the shares of the runs from rest between two values in which the block overturns.
+
+    Args:
+        responses: without and, if there is one, with the pendulum.
+        low, high: the two values; Hz, or of what the responses vary.
+    """
+    cases = zip(("without the pendulum", "with it"), responses, strict=False)
+    shares = (f"{percent(r.share_overturned(low, high).value)} {case}" for case, r in cases)
+    unit = UNITS.get(responses[0].name, "")
+    between = f"{low:.3g} and {high:.3g} {unit}".rstrip()
+    return f"runs from rest between {between}: the block overturns in {', '.join(shares)}"
 
 
 def reduction(runs: PairedRuns) -> str:

@@ -96,12 +96,6 @@ class Bob:
         """Mass of a rod of steel that carries ten times the bob's weight, over the mass of the bob."""
         return STEEL * length * 10.0 * gravity / _STRESS
 
-    def frequency_change(self, mass: float, length: float, gravity: float) -> float:
-        """Relative change of the pendulum's frequency by both. With inertia share i and mass share r of the
-        rod it is sqrt((1 + r/2)/(1 + i + r/3)) - 1."""
-        inertia, rod = self.inertia_share(mass, length), self.rod_share(length, gravity)
-        return math.sqrt((1.0 + 0.5 * rod) / (1.0 + inertia + rod / 3.0)) - 1.0
-
     def built(self, mass: Any, length: Any, gravity: float) -> tuple[Any, Any]:
         """Mass (kg) of a body, and distance (m) from the hinge to its centre, that with its rod swings as
         often as a point of `mass` at `length` and pulls as much; numbers or arrays, NaN where no body does.
