@@ -13,6 +13,7 @@ from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.validate import run_seed, validate
 from tpd.scene.bob import Bob
 
+TILT = {"measure": "tilt"}
 DESIGN = SPACE.unscaled(np.array([0.4, 0.5, 0.4]))
 
 
@@ -39,7 +40,7 @@ def kinds(v) -> list[str]:
         ([0.1] * 20, [0.3] * 20, {}, None, ()),
         ([0.27, 0.29] * 400, [0.3] * 800, {"at_least": 0.05}, None, ()),
         ([0.27, 0.29] * 40, [0.3] * 80, {}, "too_little_benefit", (1.0 - 0.28 / 0.3, 0.1, 0)),
-        ([np.inf] * 8 + [0.0] * 32, [0.5] * 39 + [np.inf], {}, "overturns_more", (8.0, 1.0, 40)),
+        ([np.inf] * 8 + [0.0] * 32, [0.5] * 39 + [np.inf], TILT, "overturns_more", (8.0, 1.0, 40)),
         ([0.1, 0.6] * 4, [0.6, 0.1] * 3 + [0.9] * 2, {}, "too_little_benefit", None),
         ([0.01] * 50 + [0.1] * 50, [0.0] * 50 + [0.5] * 50, {}, "rests_less", (0.0, 50.0, 100)),
     ],

@@ -48,6 +48,8 @@ HEAVIEST_RATIO = 1.0
 """Largest mass ratio m/M: no bob within a block is heavier than the block."""
 LONGEST_RATIO = 2.0
 """Largest length ratio l/b: a pendulum longer than the whole block would swing through the floor."""
+MEASURES = "overturning", "tilt"
+"""What a pendulum can be required to reduce: the share of runs that overturn, or the mean tilt."""
 THICKNESS = "thickness"
 """Name of the bob's half height over half its rod."""
 _ROUNDING = 1e-9
@@ -166,7 +168,11 @@ class Worth:
     """
 
     at_least: checks.Real = 0.1
-    """Least share by which the mean tilt over all runs must fall."""
+    """Least share by which the measure must fall over all runs, significantly at 95 %."""
+    measure: str | None = None
+    """What must fall: "overturning", the share of runs that overturn, or "tilt", the mean tilt, in which an
+    overturning counts as 1. Default: overturning if the block overturns in 1 % or more of the validation runs
+    without the pendulum, else tilt."""
     worse: checks.Real = 0.05
     """Largest share by which the mean tilt under one condition, or after one kind of start, may be above that
     without the pendulum."""
@@ -177,6 +183,8 @@ class Worth:
     def __post_init__(self) -> None:
         shares = "at_least worse" if self.strikes is None else "at_least worse strikes"
         checks.set_checked(self, checks.within, shares, 0.0, 1.0)
+        if self.measure is not None:
+            checks.one_of("measure", self.measure, MEASURES)
 
     @property
     def allowed(self) -> float:

@@ -211,7 +211,10 @@ TABLES: dict[str, dict[str, Key]] = {
         ),
     },
     "limits": {kind.name: _limit(kind) for kind in KINDS},
-    "worth": keys_of(Worth),
+    "worth": {
+        **keys_of(Worth),
+        "measure": Key(Literal["overturning", "tilt"], None, (Worth, "measure")),
+    },
     "search": {
         "model": Key(
             Literal["smoothed", "piecewise"],

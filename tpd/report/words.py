@@ -28,9 +28,6 @@ _CHANGES = {
     "at rest": "at rest in the end",
 }
 """Rows of the comparison, and their names."""
-_OVERTURNS = 0.01
-"""Share of the runs without a pendulum in which the block overturns, from which the overturning is the first
-thing to report."""
 DRY = 0.3
 """Coefficient of friction that a dry base of stone or concrete may not have."""
 _PAPER = "the paper's block (Collini et al. 2016)"
@@ -160,29 +157,35 @@ def beside(study: Study) -> str:
     return f"{band}: {shares[0]} of the runs from rest overturn with the pendulum, {shares[1]} without it"
 
 
-def reduction(runs: PairedRuns) -> str:
-    """Return what the pendulum changes as a sentence, with intervals: the overturning first, if the block
-    overturns in at least 1 % of the runs without the pendulum, and then the mean tilt."""
-    size, fell = runs.benefit, runs.change("overturned")
+def reduction(runs: PairedRuns, measure: str) -> str:
+    """Return what the pendulum reduces as sentences, with intervals: first the measure that was required,
+    then the other one. The overturning is left out where it is rare and was not required."""
+    first = reduced(runs, measure)
+    if measure == "overturning":
+        return f"{first}. The {reduced(runs, 'tilt').removeprefix('the ')}"
+    if runs.first_measure == "tilt":
+        return first
+    return f"{first}. The {reduced(runs, 'overturning').removeprefix('the ')}"
+
+
+def reduced(runs: PairedRuns, measure: str) -> str:
+    """Return how much the pendulum reduces a measure, "overturning" or "tilt", with its interval."""
+    (size, significant), fell = runs.reduction(measure), runs.change("overturned")
+    name, shares = "mean tilt", ""
+    if measure == "overturning":
+        name = "share of runs that overturn"
+        shares = f", from {100.0 * fell.without_pendulum:.1f} % to {100.0 * fell.with_pendulum:.1f} %"
     if math.isnan(size.mean):
-        return "the benefit is unknown"
+        return f"the reduction of the {name} is unknown"
     # A share that rounds to zero must not read "-0 %".
     less = size.mean > -0.005
     mean, low, high = (size.mean, size.low, size.high) if less else (-size.mean, -size.high, -size.low)
     around = ""
     if math.isfinite(low):
-        around = f" (95 % interval {100 * low + 0.0:.0f} to {100 * high + 0.0:.0f} %)"
-    tilt = f"{'reduces' if less else 'increases'} the mean tilt by {percent(abs(mean))}{around}"
-    if fell.without_pendulum < _OVERTURNS:
-        return f"the pendulum {tilt}"
-    with_it, without = f"{100.0 * fell.with_pendulum:.1f} %", f"{100.0 * fell.without_pendulum:.1f} %"
-    shares = f"{without} of the runs without the pendulum, and in {with_it} with it"
-    if fell.low <= 0.0 <= fell.high or math.isnan(fell.low):
-        return f"the block overturns in {shares} (no significant change). The pendulum {tilt}"
-    low, high = sorted(100.0 * abs(x) for x in (fell.low, fell.high))
-    word = "fewer" if fell.high < 0.0 else "more"
-    points = f"95 % interval {low:.0f} to {high:.0f} points {word}"
-    return f"the block overturns in {shares} ({points}). The pendulum {tilt}"
+        doubt = "" if significant or size.high < 0.0 else "; not significant"
+        around = f" (95 % interval {100 * low + 0.0:.0f} to {100 * high + 0.0:.0f} %{doubt})"
+    verb = "reduces" if less else "increases"
+    return f"the pendulum {verb} the {name} by {percent(abs(mean))}{around}{shares}"
 
 
 def percent(share: float) -> str:
