@@ -222,6 +222,9 @@ def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all(
     worth = Worth()
     assert (worth.at_least, worth.worse, worth.strikes) == (0.1, 0.05, None)
     assert (worth.allowed, worth.broken) == (0.01, 0.1)
+    assert (worth.measure, Worth(measure="tilt").measure) == (None, "tilt")
+    with pytest.raises(ValueError, match="`measure` must be one of overturning, tilt, but is 'tild'"):
+        Worth(measure="tild")
     assert Worth(strikes=0.3).allowed == Worth(strikes=0.3).broken == 0.3
     for name in ("at_least", "worse", "strikes"):
         for value in (0.0, 1.0):

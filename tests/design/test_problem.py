@@ -90,7 +90,7 @@ CASES = {
     "point": {"conditions": tpd.Conditions(), "limits": limits.POINT_BOB},
     "space": {"space": tpd.DesignSpace(mass_ratio=(0.02, 0.1), damping_ratio=(0.1, 0.4))},
     "worth": {
-        "worth": limits.Worth(at_least=0.2, strikes=0.05),
+        "worth": limits.Worth(at_least=0.2, measure="tilt", strikes=0.05),
         "ensemble": tpd.Ensemble(size=64, ramps=(1.0,)),
     },
 }

@@ -58,6 +58,54 @@ def test_every_reason_of_the_runs_and_its_numbers(with_it, without, worth, kind,
     assert v.is_harmful is (kind == "overturns_more")
 
 
+def overturnings(*counts, tilts=(0.2, 0.4), runs=400, **more) -> PairedRuns:
+    """Runs of two tilts, of which the first overturn, with the pendulum and without it."""
+    run = np.arange(runs)
+    return paired(*(np.where(run < n, np.inf, x) for n, x in zip(counts, tilts, strict=True)), **more)
+
+
+@pytest.mark.parametrize(
+    ("with_it", "without", "tilts", "stated", "measure", "refused"),
+    [
+        # Two alike statues: of one the overturning falls significantly, and of the other the mean tilt alone.
+        (150, 220, (0.54, 0.4), None, "overturning", False),
+        (210, 220, (0.1, 0.6), None, "overturning", True),
+        # By the mean tilt, in which an overturning counts as 1, their verdicts would be the other way round.
+        (150, 220, (0.54, 0.4), "tilt", "tilt", True),
+        (210, 220, (0.1, 0.6), "tilt", "tilt", False),
+        # Below 1 % of the runs the tilt counts, unless a job states otherwise.
+        (0, 3, (0.2, 0.4), None, "tilt", False),
+        (0, 4, (0.2, 0.4), None, "overturning", True),
+        (0, 3, (0.2, 0.4), "overturning", "overturning", True),
+        (0, 0, (0.2, 0.4), "overturning", "overturning", True),
+    ],
+)
+def test_the_measure_that_must_fall_decides(with_it, without, tilts, stated, measure, refused):
+    v = validated(overturnings(with_it, without, tilts=tilts), worth=Worth(measure=stated, worse=1.0))
+    assert v.measure == measure
+    assert kinds(v) == ["too_little_benefit"] * refused
+    assert all(reason.measure == measure for reason in v.reasons)
+    # A summary has the interval that decided, and the verdict is by that one alone.
+    gain, _ = v.runs.reduction(measure)
+    assert v.runs.summary()["overturning_reduction" if measure == "overturning" else "benefit"] == gain
+    assert refused is not bool(gain.low > 0.05)
+
+
+def test_runs_that_are_quoted_have_the_measure_of_those_that_decided():
+    """Of the runs that are quoted 1 % overturn without the pendulum, and of those that decided slightly
+    fewer."""
+
+    class Twice(Scripted):
+        def paired_runs(self, design, seed, **how):
+            return self.method[seed == run_seed(self, 0, 1)]
+
+    given = NoisyProblem.of(limits=()).inputs | {"method": (overturnings(0, 3), overturnings(0, 4))}
+    v = validate(Twice(**given), DESIGN)
+    assert (v.measure, v.reasons, v.runs.first_measure) == ("tilt", (), "overturning")
+    given |= {"limits": (tpd.limits.Mass(0.1),)}
+    assert validate(Twice(**given), DESIGN).measure == ""
+
+
 def test_identical_runs_are_no_benefit():
     rng = np.random.default_rng(0).uniform(0.1, 0.9, 200)
     for least in (0.1, 0.0):

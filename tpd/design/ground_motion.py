@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, ClassVar
 
@@ -142,9 +142,8 @@ class GroundMotionProblem(Problem):
             which=np.searchsorted(kept, which[rows]),
         )
         # A setting without effect would let somebody believe in it.
-        given, usual = found["ensemble"], _USUAL["ensemble"]
-        for name in {f.name for f in fields(given)} - set(SCATTERED):
-            if getattr(given, name) != getattr(usual, name):
+        for name, usual in vars(_USUAL["ensemble"]).items():
+            if name not in SCATTERED and getattr(found["ensemble"], name) != usual:
                 raise ValueError(f"`ensemble.{name}` is for harmonics, but the conditions are ground motions")
         scene = Scene(scene.block, inside.motions[0], float(scene.gravity))
         return GroundMotionProblem(scene=scene, conditions=inside, groups=groups, **found)

@@ -245,7 +245,6 @@ _KINDS: dict[tuple[str, str], tuple[str, ...]] = {
     **{("motion", name): _SHAKEN for name in ("pga", "scales", "intensity")},
     **{("motion", name): ("records",) for name in ("records", "held_out", "event", *READING)},
     **{(table, name): ("harmonic",) for table in ("conditions", "starts") for name in TABLES[table]},
-    **{("worth", name): ("harmonic",) for name in ("worse", "runs")},
     **{("limits", kind.name): ("harmonic",) for kind in KINDS if not kind.of_motion},
     **{
         ("search", name): ("harmonic",)

@@ -175,6 +175,9 @@ def reduced(runs: PairedRuns, measure: str) -> str:
     if measure == "overturning":
         name = "share of runs that overturn"
         shares = f", from {100.0 * fell.without_pendulum:.1f} % to {100.0 * fell.with_pendulum:.1f} %"
+    if fell.without_pendulum == 0.0 and measure == "overturning":
+        with_it = f"{fell.with_pendulum:.1%} of the runs with the pendulum"
+        return f"the block overturns in {with_it}, and in none without it"
     if math.isnan(size.mean):
         return f"the reduction of the {name} is unknown"
     # A share that rounds to zero must not read "-0 %".
