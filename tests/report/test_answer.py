@@ -16,7 +16,7 @@ from tpd.report.blocks import Severity
 from tpd.report.words import comparison, reduction
 
 MANY = tuple(
-    replace(LITTLE, kind=ReasonKind.as_built, limit="-".join([f"limit {i}"] * 12)) for i in range(40)
+    replace(LITTLE, kind=ReasonKind.breaks_limit, limit="-".join([f"limit {i}"] * 12)) for i in range(40)
 )
 
 

@@ -87,7 +87,6 @@ class ReasonKind(enum.Enum):
         "{reference:.1%} are allowed"
     )
     breaks_limit = "the design exceeds the limit on {limit}: {value:.3g} times the limit"
-    as_built = "as built, the {limit} is {value:.4g}, and the limit is {reference:.4g}"
     worse_condition = (
         "the mean tilt is {value:.1%} of the slenderness with the pendulum, and {reference:.1%} without it, "
         "for {condition}{others}"
@@ -135,8 +134,6 @@ class Reason:
                 return max(self.reference - self.value, -max(self.low, -1.0), 0.0)
             case ReasonKind.breaks_limit:
                 return self.value - 1.0
-            case ReasonKind.as_built:
-                return self.value / self.reference - 1.0
             case _:
                 return 1.0
 

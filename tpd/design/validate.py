@@ -14,7 +14,7 @@ import numpy as np
 from tpd.answers.paired import FEWER, PairedRuns
 from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.core.progress import Progress, unreported
-from tpd.design.criteria import Worth, beyond_as_built
+from tpd.design.criteria import Worth
 from tpd.design.problem import Problem
 from tpd.design.reasons import GRAVE, DesignStatus, Reason, ReasonKind, one_of_a_kind
 from tpd.scene.scene import Pendulum
@@ -91,7 +91,7 @@ def validate(
         for name, x in problem.fixed_sizes(design[None]).items()
         if not x[0] <= 1.0 + _ROUNDING
     ]
-    reasons += [*_exact_harm(problem, exact), *_as_built(problem, design)]
+    reasons += _exact_harm(problem, exact)
     decided = quoted = None
     over, worth = np.nan, problem.worth
     if thorough or not reasons:
@@ -134,30 +134,14 @@ def _exact_harm(problem: Problem, exact: Any) -> list[Reason]:
     return [Reason(kind=kind, value=float(worse), reference=float(better), total=total)]
 
 
-def _as_built(problem: Problem, design: np.ndarray, turned: np.ndarray | None = None) -> list[Reason]:
-    """Limits that the body exceeds as built, in runs with such angles between rod and block."""
-    angles = np.zeros(0) if turned is None else turned
-    given = problem.limits, problem.scene, problem.pendulum(design), angles, problem.allowed
-    return [
-        Reason(kind=ReasonKind.as_built, limit=name, value=value, reference=limit)
-        for name, value, limit in beyond_as_built(*given)
-    ]
-
-
 def _by_runs(
     problem: Problem, design: np.ndarray, runs: PairedRuns, worth: Worth
 ) -> tuple[float, list[Reason]]:
     """Share of the standing runs that exceed a limit, and the reasons against a design by paired runs; with
     one that depends on the runs without an answer, if it does."""
     over, limit = problem.over_limit(design, runs.with_pendulum)
-    reasons, built = _reasons(problem, runs, over, limit, worth), list[Reason]()
-    if over <= problem.allowed:
-        # If the bob exceeds its limits in too many runs, that reason is enough.
-        turned = runs.with_pendulum.rod_angle[runs.with_pendulum.stands]
-        built = _as_built(problem, design, turned)
-    reasons += built
-    # A body that is too large as built stays so, however the runs without an answer end.
-    if runs.ends and not built:
+    reasons = _reasons(problem, runs, over, limit, worth)
+    if runs.ends:
         stands = runs.with_pendulum.stands.sum()
         unknown = runs.with_pendulum.is_unanswered.sum()
         verdicts = {bool(reasons)}
