@@ -96,8 +96,8 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
         ((0, 3), "the pendulum reduces the mean tilt by "),
         (
             (4, 8),
-            "the pendulum reduces the share of runs that overturn by 50 % (95 % interval -24 to 90 %; not "
-            "significant), from 2.0 % to 1.0 %. The pendulum reduces the mean tilt by ",
+            "the pendulum reduces the share of runs that overturn by 50 % (95 % interval -24 to 90 %), "
+            "from 2.0 % to 1.0 %, which is not significant. The pendulum reduces the mean tilt by ",
         ),
         (
             (4, 80),

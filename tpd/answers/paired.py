@@ -289,14 +289,10 @@ class PairedRuns(Printed):
     @property
     def benefit_in_words(self) -> str:
         """The benefit with its interval, such as "33 % less tilt (95 % interval 29 to 37 %)"."""
-        mean, low, high = (100.0 * x for x in (self.benefit.mean, self.benefit.low, self.benefit.high))
-        if np.isnan(mean):
+        if np.isnan(self.benefit.mean):
             return "benefit unknown"
-        # A value that rounds to zero must not read "-0".
-        less = mean > -0.5
-        mean, low, high = (mean, low, high) if less else (-mean, -high, -low)
-        around = f" (95 % interval {low:.0f} to {high:.0f} %)" if np.isfinite(low) else ""
-        return f"{abs(mean):.0f} % {'less' if less else 'more'} tilt{around}"
+        less, size, around = self.benefit.fall_in_words()
+        return f"{size} {'less' if less else 'more'} tilt{around}"
 
     @property
     def overturning_in_words(self) -> str:

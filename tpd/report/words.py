@@ -160,12 +160,9 @@ def beside(study: Study) -> str:
 def reduction(runs: PairedRuns, measure: str) -> str:
     """Return what the pendulum reduces as sentences, with intervals: first the measure that was required,
     then the other one. The overturning is left out where it is rare and was not required."""
-    first = reduced(runs, measure)
-    if measure == "overturning":
-        return f"{first}. The {reduced(runs, 'tilt').removeprefix('the ')}"
-    if runs.first_measure == "tilt":
-        return first
-    return f"{first}. The {reduced(runs, 'overturning').removeprefix('the ')}"
+    other = "tilt" if measure == "overturning" else "overturning"
+    first, then = reduced(runs, measure), reduced(runs, other)
+    return first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
 
 
 def reduced(runs: PairedRuns, measure: str) -> str:
@@ -173,22 +170,15 @@ def reduced(runs: PairedRuns, measure: str) -> str:
     (size, significant), fell = runs.reduction(measure), runs.change("overturned")
     name, shares = "mean tilt", ""
     if measure == "overturning":
-        name = "share of runs that overturn"
-        shares = f", from {100.0 * fell.without_pendulum:.1f} % to {100.0 * fell.with_pendulum:.1f} %"
-    if fell.without_pendulum == 0.0 and measure == "overturning":
-        with_it = f"{fell.with_pendulum:.1%} of the runs with the pendulum"
-        return f"the block overturns in {with_it}, and in none without it"
+        with_it, without = (f"{100.0 * x:.1f} %" for x in (fell.with_pendulum, fell.without_pendulum))
+        name, shares = "share of runs that overturn", f", from {without} to {with_it}"
+        if fell.without_pendulum == 0.0:
+            return f"the block overturns in {with_it} of the runs with the pendulum, and in none without it"
     if math.isnan(size.mean):
         return f"the reduction of the {name} is unknown"
-    # A share that rounds to zero must not read "-0 %".
-    less = size.mean > -0.005
-    mean, low, high = (size.mean, size.low, size.high) if less else (-size.mean, -size.high, -size.low)
-    around = ""
-    if math.isfinite(low):
-        doubt = "" if significant or size.high < 0.0 else "; not significant"
-        around = f" (95 % interval {100 * low + 0.0:.0f} to {100 * high + 0.0:.0f} %{doubt})"
-    verb = "reduces" if less else "increases"
-    return f"the pendulum {verb} the {name} by {percent(abs(mean))}{around}{shares}"
+    less, by, around = size.fall_in_words()
+    doubt = "" if significant or size.high < 0.0 else ", which is not significant"
+    return f"the pendulum {'reduces' if less else 'increases'} the {name} by {by}{around}{shares}{doubt}"
 
 
 def percent(share: float) -> str:
