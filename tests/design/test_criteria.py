@@ -151,7 +151,7 @@ def test_limits_on_room_are_those_of_a_body_on_a_rod(geometry, bob):
         wall = 0.5 * SCENE.block.width * slenderness
         assert offset[0, i] == pytest.approx(ball * length * np.sin(angle) / 0.03)
         assert room["room"].value[0, i] == pytest.approx(bob.reach(heavy, rod, angle) / wall)
-        assert room["thickness"].value[0, i] == pytest.approx(bob.half_height(heavy) / (0.5 * rod))
+        assert room["thickness"].value[0, i] == pytest.approx(bob.half_height(heavy) / (0.6 * rod))
 
 
 def test_the_room_is_that_of_the_cavity():

@@ -51,7 +51,7 @@ LONGEST_RATIO = 2.0
 MEASURES = "overturning", "tilt"
 """What a pendulum can be required to reduce: the share of runs that overturn, or the mean tilt."""
 THICKNESS = "thickness"
-"""Name of the bob's half height over half its rod."""
+"""Name of the bob's half height over the largest share of its rod."""
 DEPTH = "depth"
 """Name of the depth of the bob's lower end below the hinge over the block's height."""
 _LEAST_TILT = 0.02
@@ -487,7 +487,7 @@ class Offset(Limit):
 @dataclass(frozen=True)
 class Room(Limit):
     """Room for the bob as it is built: once settled it keeps off the walls of the block's cavity, half its
-    height is at most half the rod's length, and its lower end is not below the block. In validation runs it
+    height is at most 0.6 of the rod's length, and its lower end is not below the block. In validation runs it
     also keeps off the walls on the way from rest."""
 
     bob: Bob = field(default_factory=Bob)
@@ -498,8 +498,8 @@ class Room(Limit):
         checks.instance("bob", self.bob, Bob)
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """The bob's reach over half the width between the walls, its half height over half the rod, and the
-        depth of its lower end below the hinge over the block's height."""
+        """The bob's reach over half the width between the walls, its half height over the largest share of the
+        rod, and the depth of its lower end below the hinge over the block's height."""
         exists, mass, mass_slope, rod, longer = replace(g, bob=self.bob).body(e.design)
         radius, (angle, angle_slope) = np.asarray(self.bob.radius(mass)), _relative(e, g)
         reach, by_radius, by_rod, by_angle = self.bob.reach_and_slopes(radius, rod, angle)
@@ -590,7 +590,7 @@ KINDS: tuple[type[Limit], ...] = (
 )
 """All limits, in the order of a report."""
 LABELS = {kind.name: kind.label or kind.name for kind in KINDS} | {
-    THICKNESS: "thickness (bob within half the rod)",
+    THICKNESS: "thickness (bob off the hinge)",
     DEPTH: "depth (bob within the block's height)",
 }
 """Words of a report, by the names of limited sizes."""

@@ -17,8 +17,9 @@ from tpd.core import checks
 STEEL = 7850.0
 """Density of steel, kg/m^3."""
 SHAPES = ("ball", "cylinder")
-THICKEST = 0.5
-"""Largest half height of a bob in lengths of its rod: beyond it the body would reach the hinge."""
+THICKEST = 0.6
+"""Largest half height of a bob in lengths of its rod, as it is built: the rest of the rod keeps the body off
+the hinge."""
 _STRESS = 2e8
 """Stress (Pa) of the steel rod, under ten times the weight of the bob, that its mass is estimated with."""
 
