@@ -498,8 +498,8 @@ class Room(Limit):
         checks.instance("bob", self.bob, Bob)
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """The bob's reach over half the width between the walls, its half height over the largest share of the
-        rod, and the depth of its lower end below the hinge over the block's height."""
+        """The bob's reach over half the width between the walls, its half height over the largest one that
+        the rod allows, and the depth of its lower end below the hinge over the block's height."""
         exists, mass, mass_slope, rod, longer = replace(g, bob=self.bob).body(e.design)
         radius, (angle, angle_slope) = np.asarray(self.bob.radius(mass)), _relative(e, g)
         reach, by_radius, by_rod, by_angle = self.bob.reach_and_slopes(radius, rod, angle)
