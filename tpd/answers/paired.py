@@ -166,7 +166,7 @@ class PairedRuns(Printed):
 
     @property
     def first_measure(self) -> str:
-        """What a pendulum should reduce first: "overturning" if the block overturns in 1 % or more of the
+        """Name of the first thing to reduce: "overturning" if the block overturns in 1 % or more of the
         runs without the pendulum, else "tilt"."""
         return "overturning" if self.change("overturned").without_pendulum >= OVERTURNS else "tilt"
 

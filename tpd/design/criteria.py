@@ -49,7 +49,7 @@ HEAVIEST_RATIO = 1.0
 LONGEST_RATIO = 2.0
 """Largest length ratio l/b: a pendulum longer than the whole block would swing through the floor."""
 MEASURES = "overturning", "tilt"
-"""What a pendulum can be required to reduce: the share of runs that overturn, or the mean tilt."""
+"""Measures that a pendulum can be required to reduce: the share of runs that overturn, or the mean tilt."""
 THICKNESS = "thickness"
 """Name of the bob's half height over the largest share of its rod."""
 DEPTH = "depth"
@@ -170,7 +170,7 @@ class Worth:
     at_least: checks.Real = 0.1
     """Least share by which the measure must fall over all runs, significantly at 95 %."""
     measure: str | None = None
-    """What must fall: "overturning", the share of runs that overturn, or "tilt", the mean tilt, in which an
+    """Measure that must fall: "overturning", the share of runs that overturn, or "tilt", the mean tilt, in which an
     overturning counts as 1. Default: overturning if the block overturns in 1 % or more of the validation runs
     without the pendulum, else tilt."""
     worse: checks.Real = 0.05

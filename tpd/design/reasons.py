@@ -117,7 +117,7 @@ class Reason:
     total: int = 0
     """Number of the runs, or of the conditions."""
     measure: str = "tilt"
-    """What falls too little, "tilt" or "overturning"."""
+    """Measure that falls too little, "tilt" or "overturning"."""
 
     @property
     def shortfall(self) -> float:

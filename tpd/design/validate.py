@@ -40,7 +40,7 @@ class Validated:
     """Runs that no decision has used; None where the design is rejected before, or where the motions are too
     few to hold some back."""
     measure: str
-    """What had to fall, "overturning" or "tilt"; empty without runs."""
+    """Measure that had to fall, "overturning" or "tilt"; empty without runs."""
     over_limit: float
     """Share of the runs in which the block stands that exceed a limit."""
     reasons: tuple[Reason, ...]
