@@ -171,8 +171,8 @@ class Worth:
     """Least share by which the measure must fall over all runs, significantly at 95 %."""
     measure: str | None = None
     """Measure that must fall: "overturning", the share of runs that overturn, or "tilt", the mean tilt, in
-    which an overturning counts as 1. Default: overturning if the block overturns in 1 % or more of the validation runs
-    without the pendulum, else tilt."""
+    which an overturning counts as 1. Default: overturning if the block overturns in 1 % or more of the
+    validation runs without the pendulum, else tilt."""
     worse: checks.Real = 0.05
     """Largest share by which the mean tilt under one condition, or after one kind of start, may be above that
     without the pendulum."""
