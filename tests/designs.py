@@ -160,7 +160,7 @@ def records(count: int = 20) -> tuple[tpd.Record, ...]:
 
 GROUND = {
     "conditions": Conditions.records(records(60), (1.5, 2.5, 4.0)),
-    "worth": tpd.limits.Worth(at_least=0.02),
+    "worth": tpd.limits.Worth(at_least=0.02, measure="tilt"),
     "method": tpd.GroundSearch(starts=6, steps=3),
     "limits": (tpd.limits.Stroke(),),
 }
@@ -175,7 +175,7 @@ def harmonic_design(seed: int = 0) -> Design:
 @functools.cache
 def rejected_design() -> Design:
     """The same problem, but a benefit is required that no pendulum has."""
-    worth = tpd.limits.Worth(at_least=0.97)
+    worth = tpd.limits.Worth(at_least=0.97, measure="tilt")
     return tpd.optimise(SCENE, SPACE, **(SMALL | {"worth": worth}))
 
 

@@ -16,7 +16,6 @@ from tpd.design.criteria import (
     Limit,
     Size,
     Worth,
-    beyond_as_built,
     check_limits,
     limit_of,
     stroke_limit,
@@ -30,6 +29,8 @@ SCENE = tpd.paper_scene()
 FACTORS = {"mass": [0.9, 1.1], "length": [1.0, 1.02], "slenderness": [1.0, 0.97]}
 SCATTERED = tpd.Conditions({k: np.array(v) for k, v in FACTORS.items()})
 DESIGN = np.array([0.15, 0.26, 0.35])
+LONG = np.array([0.15, 0.8, 0.35])
+"""One that a body acts as; as the former no ball does."""
 CYLINDERS = tuple(Bob(shape="cylinder", density=11340.0, aspect=aspect) for aspect in (0.5, 4.0))
 ONE_OF_EACH = (
     tpd.limits.Stroke(0.4),
@@ -104,15 +105,16 @@ def sizes(limit, design, geometry):
     return {size.name: size for size in limit.sizes(evaluation(design), geometry)}
 
 
+@pytest.mark.parametrize("design", [DESIGN, LONG], ids=["no body", "body"])
 @pytest.mark.parametrize(
     "limit", [*ONE_OF_EACH, *(tpd.limits.Room(bob) for bob in CYLINDERS)], ids=lambda limit: limit.name
 )
-def test_slopes_of_a_limit_are_those_of_differences(limit, geometry):
-    here = sizes(limit, DESIGN, geometry)
+def test_slopes_of_a_limit_are_those_of_differences(limit, design, geometry):
+    here = sizes(limit, design, geometry)
     for name, size in here.items():
         for axis in range(3):
             step = 1e-6 * np.eye(3)[axis]
-            up, down = (sizes(limit, DESIGN + s * step, geometry)[name].value for s in (1, -1))
+            up, down = (sizes(limit, design + s * step, geometry)[name].value for s in (1, -1))
             expected = (up - down) / 2e-6
             np.testing.assert_allclose(size.slope[..., axis], expected, rtol=1e-7, atol=1e-8, err_msg=name)
     assert here
@@ -135,19 +137,21 @@ def test_limits_on_angles_are_what_they_say(geometry):
 
 @pytest.mark.parametrize("bob", [Bob(), *CYLINDERS], ids=str)
 def test_limits_on_room_are_those_of_a_body_on_a_rod(geometry, bob):
-    hung = SCENE.pendulum(mass_ratio=DESIGN[0], length_ratio=DESIGN[1], damping_ratio=DESIGN[2])
-    e = evaluation(DESIGN)
-    offset = sizes(tpd.limits.Offset(0.03), DESIGN, geometry)["offset"].value
-    room = sizes(tpd.limits.Room(bob), DESIGN, geometry)
-    assert set(room) == {"room", "thickness"}
+    hung = SCENE.pendulum(mass_ratio=LONG[0], length_ratio=LONG[1], damping_ratio=LONG[2])
+    e = evaluation(LONG)
+    offset = sizes(tpd.limits.Offset(0.03), LONG, geometry)["offset"].value
+    room = sizes(tpd.limits.Room(bob), LONG, geometry)
+    assert set(room) == {"room", "thickness", "depth"}
+    body, long = bob.built(hung.mass, hung.length, float(SCENE.gravity))
+    ball = Bob().built(hung.mass, hung.length, float(SCENE.gravity))[1]
     for i in range(2):
         mass, length, slenderness = (np.array(FACTORS[name])[i] for name in FACTORS)
-        rod, heavy = hung.length * length, hung.mass * mass
+        rod, heavy = long * length, body * mass
         angle = e.stroke[0, i] + e.tilt[0, i] * SCENE.block.slenderness * slenderness
         wall = 0.5 * SCENE.block.width * slenderness
-        assert offset[0, i] == pytest.approx(rod * np.sin(angle) / 0.03)
+        assert offset[0, i] == pytest.approx(ball * length * np.sin(angle) / 0.03)
         assert room["room"].value[0, i] == pytest.approx(bob.reach(heavy, rod, angle) / wall)
-        assert room["thickness"].value[0, i] == pytest.approx(bob.half_height(heavy) / (0.5 * rod))
+        assert room["thickness"].value[0, i] == pytest.approx(bob.half_height(heavy) / (0.6 * rod))
 
 
 def test_the_room_is_that_of_the_cavity():
@@ -222,6 +226,9 @@ def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all(
     worth = Worth()
     assert (worth.at_least, worth.worse, worth.strikes) == (0.1, 0.05, None)
     assert (worth.allowed, worth.broken) == (0.01, 0.1)
+    assert (worth.measure, Worth(measure="tilt").measure) == (None, "tilt")
+    with pytest.raises(ValueError, match="`measure` must be one of overturning, tilt, but is 'tild'"):
+        Worth(measure="tild")
     assert Worth(strikes=0.3).allowed == Worth(strikes=0.3).broken == 0.3
     for name in ("at_least", "worse", "strikes"):
         for value in (0.0, 1.0):
@@ -267,22 +274,16 @@ def test_a_limit_on_the_mass_is_on_the_body_as_built(geometry):
 
 
 @pytest.mark.mends("a body that exceeded a limit as built was offered")
-def test_sizes_as_built_beyond_a_limit_are_named():
-    scene, hung = SCENE, SCENE.pendulum(mass_ratio=0.05, length_ratio=0.6, damping_ratio=0.35)
-    body, rod = Bob().built(float(hung.mass), float(hung.length), float(scene.gravity))
-
-    def named(*limits, turned=(0.01, 0.02, 0.05), share=0.0, **block):
-        there = dataclasses.replace(scene, block=dataclasses.replace(scene.block, **block))
-        found = beyond_as_built(limits, there, hung, np.array(turned), share)
-        return {name.split(" of ")[0]: (value, most) for name, value, most in found}
-
-    assert named(tpd.limits.Mass(1.01 * body), tpd.limits.Room(), tpd.limits.Stroke()) == {}
-    heavy = named(tpd.limits.Mass(0.99 * body), tpd.limits.Stroke())
-    assert heavy == {"mass": pytest.approx((body, 0.99 * body))}
-    reach = float(Bob().reach(body, rod, 0.05))
-    narrow = named(tpd.limits.Room(), cavity_width=1.98 * reach)
-    assert narrow == {"distance": pytest.approx((reach, 0.99 * reach))}
-    # The share of the runs that may strike; and a bob that touches the wall where it hangs.
-    assert named(tpd.limits.Room(), share=0.5, cavity_width=1.98 * reach) == {}
-    assert "distance" in named(tpd.limits.Room(), turned=(), cavity_width=1.9 * float(Bob().radius(body)))
-    assert named(cavity_width=0.01) == {}
+def test_a_bob_has_room_below_its_hinge_and_only_if_a_body_swings_as_the_point_does(geometry):
+    """A disc that turns with its rod has so large a moment of inertia that no thin one acts as the point."""
+    disc, design = Bob(shape="cylinder", aspect=0.1), np.array([0.19, 0.3, 0.35])
+    mass, length = design[:2] * (float(SCENE.block.mass), float(SCENE.block.half_height))
+    assert np.isnan(disc.built(mass, length, float(SCENE.gravity))[0])
+    assert disc.half_height(mass) < 0.25 * length
+    assert np.all(sizes(tpd.limits.Room(disc), design, geometry)["thickness"].value > 1.0)
+    for lam, fits in ((1.7, True), (1.9, False)):
+        found = sizes(tpd.limits.Room(), np.array([0.2, lam, 0.35]), geometry)
+        body, rod = Bob().built(0.2 * SCENE.block.mass, lam * SCENE.block.half_height, float(SCENE.gravity))
+        depth = rod * np.array(FACTORS["length"]) + Bob().half_height(body * np.array(FACTORS["mass"]))
+        np.testing.assert_allclose(found["depth"].value[0], depth / SCENE.block.height)
+        assert np.all(found["depth"].value <= 1.0) == fits

@@ -109,7 +109,7 @@ def test_limits_hold_in_all_but_the_allowed_share_of_the_standing_runs():
     made = problem(RECORDS[:4], held_out=0.0)
     runs = made.trial_runs(DESIGN, 0)
     sizes = made.sizes_in_runs(DESIGN, runs)
-    assert set(sizes) == {"stroke", "room", "thickness"}
+    assert set(sizes) == {"stroke", "room", "thickness", "depth"}
     np.testing.assert_allclose(sizes["stroke"], runs.settled_swing[runs.stands] / 0.5)
     # At all times the angle between rod and block is known by itself, and is less than the sum of both.
     assert np.all(runs.rod_angle[runs.stands] <= (runs.tilt + runs.swing)[runs.stands] + 1e-12)

@@ -105,13 +105,13 @@ def test_trial_sizes_are_over_the_limits_of_the_settled_orbits_and_the_bob():
     limits = (tpd.limits.Reserve(20.0), tpd.limits.Room(), tpd.limits.Worsening())
     made = problem(space=WIDE, conditions=BAND, limits=limits)
     found = made.fixed_sizes(np.array([DESIGN, [0.05, 1.95, 0.2]]))
-    assert set(found) == {"room", "thickness", "worsening", "reserve"}
+    assert set(found) == {"room", "thickness", "depth", "worsening", "reserve"}
     # The reserve is at most about one, so that no rocking design has twenty of it.
     assert np.all(found["reserve"] > 1.0)
     e = made.orbits.evaluate(DESIGN[None])
     assert found["reserve"][0] == pytest.approx(2.0 - e.reserve.min() / 20.0)
     runs = made.trial_runs(DESIGN, 3)
-    assert set(made.sizes_in_runs(DESIGN, runs)) == {"room", "thickness"}
+    assert set(made.sizes_in_runs(DESIGN, runs)) == {"room", "thickness", "depth"}
 
 
 def test_candidates_are_ends_designs_of_paths_and_designs_of_the_whole_space():

@@ -55,7 +55,7 @@ JOBS = {
         "bob": {"shape": "cylinder", "density": 11340.0, "aspect": 1.5},
     },
     "limits": {"limits": {"room": False, "worsening": 0.2, "mass": 2.0, "reserve": 1e-5}},
-    "worth": {"worth": {"at_least": 0.2, "worse": 0.0, "strikes": 0.05}},
+    "worth": {"worth": {"at_least": 0.2, "measure": "tilt", "worse": 0.0, "strikes": 0.05}},
     "ensemble": {"ensemble": {"size": 64, "ramps": [1.0], "any_phase": False, "damping": 0.1}},
     "held out": {"motion": {**RECORDS, "records": ["el-centro"], "held_out": ["loma-prieta"]}},
     "scaled": {"motion": {**RECORDS, "held_out": 0.0, "pga": 0.3, "intensity": "scale"}},
@@ -222,7 +222,7 @@ def test_an_option_that_chooses_records_drops_what_a_file_says_of_a_harmonic():
     merged = jobs.merged(given, {"motion": RECORDS})
     assert merged["motion"] == RECORDS | {"kind": "records"}
     assert (merged["conditions"], merged["limits"]) == ({}, {"stroke": 0.4})
-    assert (merged["worth"], merged["search"]) == ({"at_least": 0.2}, {"seed": 4})
+    assert (merged["worth"], merged["search"]) == ({"worse": 0.02, "at_least": 0.2}, {"seed": 4})
     job = jobs.job_of(merged)
     assert job.ensemble == Ensemble(length=0.03)
     # What is of neither kind is dropped as well, and a harmonic drops what is of records.

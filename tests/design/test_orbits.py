@@ -66,7 +66,7 @@ def test_slopes_are_those_of_differences(objective):
 
 def test_constraints_have_names_and_are_tightened_for_a_search(objective):
     e, n = objective.evaluate(GOOD), len(BAND)
-    names = ["stroke", "relative_stroke", "tilt", "offset", "room", "thickness", "reserve"]
+    names = ["stroke", "relative_stroke", "tilt", "offset", "room", "thickness", "depth", "reserve"]
     assert [size.name for size in objective.sizes(e)] == names
     value, slope = objective.constraints(e)
     assert value.shape == (1, n * len(names))

@@ -34,9 +34,9 @@ def test_sizes_that_need_no_run_are_those_of_the_bob_at_rest_under_all_condition
     found = problem.fixed_sizes(np.array([RATIOS, (0.2, 0.3, 0.1)]))
     assert {name: x.shape for name, x in found.items()} == dict.fromkeys(found, (2,))
     np.testing.assert_array_equal(found["stroke"], 0.0)
-    radius = float(tpd.limits.Bob().radius(1.2 * 0.1 * SCENE.block.mass))
-    assert found["room"][0] == pytest.approx(radius / (0.9 * 0.5 * SCENE.block.room))
     body, _ = tpd.limits.Bob().built(0.1 * SCENE.block.mass, 0.6 * SCENE.block.half_height, SCENE.gravity)
+    radius = float(tpd.limits.Bob().radius(1.2 * body))
+    assert found["room"][0] == pytest.approx(radius / (0.9 * 0.5 * SCENE.block.room))
     assert found["mass"][0] == pytest.approx(float(body) / 2.0)
 
 
@@ -90,7 +90,7 @@ CASES = {
     "point": {"conditions": tpd.Conditions(), "limits": limits.POINT_BOB},
     "space": {"space": tpd.DesignSpace(mass_ratio=(0.02, 0.1), damping_ratio=(0.1, 0.4))},
     "worth": {
-        "worth": limits.Worth(at_least=0.2, strikes=0.05),
+        "worth": limits.Worth(at_least=0.2, measure="tilt", strikes=0.05),
         "ensemble": tpd.Ensemble(size=64, ramps=(1.0,)),
     },
 }

@@ -13,6 +13,7 @@ from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.validate import run_seed, validate
 from tpd.scene.bob import Bob
 
+TILT = {"measure": "tilt"}
 DESIGN = SPACE.unscaled(np.array([0.4, 0.5, 0.4]))
 
 
@@ -39,7 +40,7 @@ def kinds(v) -> list[str]:
         ([0.1] * 20, [0.3] * 20, {}, None, ()),
         ([0.27, 0.29] * 400, [0.3] * 800, {"at_least": 0.05}, None, ()),
         ([0.27, 0.29] * 40, [0.3] * 80, {}, "too_little_benefit", (1.0 - 0.28 / 0.3, 0.1, 0)),
-        ([np.inf] * 8 + [0.0] * 32, [0.5] * 39 + [np.inf], {}, "overturns_more", (8.0, 1.0, 40)),
+        ([np.inf] * 8 + [0.0] * 32, [0.5] * 39 + [np.inf], TILT, "overturns_more", (8.0, 1.0, 40)),
         ([0.1, 0.6] * 4, [0.6, 0.1] * 3 + [0.9] * 2, {}, "too_little_benefit", None),
         ([0.01] * 50 + [0.1] * 50, [0.0] * 50 + [0.5] * 50, {}, "rests_less", (0.0, 50.0, 100)),
     ],
@@ -55,6 +56,54 @@ def test_every_reason_of_the_runs_and_its_numbers(with_it, without, worth, kind,
     assert v.status is DesignStatus.refused
     assert len(v.refusals) == len(v.reasons)
     assert v.is_harmful is (kind == "overturns_more")
+
+
+def overturnings(*counts, tilts=(0.2, 0.4), runs=400, **more) -> PairedRuns:
+    """Runs of two tilts, of which the first overturn, with the pendulum and without it."""
+    run = np.arange(runs)
+    return paired(*(np.where(run < n, np.inf, x) for n, x in zip(counts, tilts, strict=True)), **more)
+
+
+@pytest.mark.parametrize(
+    ("with_it", "without", "tilts", "stated", "measure", "refused"),
+    [
+        # Two alike statues: of one the overturning falls significantly, and of the other the mean tilt alone.
+        (150, 220, (0.54, 0.4), None, "overturning", False),
+        (210, 220, (0.1, 0.6), None, "overturning", True),
+        # By the mean tilt, in which an overturning counts as 1, their verdicts would be the other way round.
+        (150, 220, (0.54, 0.4), "tilt", "tilt", True),
+        (210, 220, (0.1, 0.6), "tilt", "tilt", False),
+        # Below 1 % of the runs the tilt counts, unless a job states otherwise.
+        (0, 3, (0.2, 0.4), None, "tilt", False),
+        (0, 4, (0.2, 0.4), None, "overturning", True),
+        (0, 3, (0.2, 0.4), "overturning", "overturning", True),
+        (0, 0, (0.2, 0.4), "overturning", "overturning", True),
+    ],
+)
+def test_the_measure_that_must_fall_decides(with_it, without, tilts, stated, measure, refused):
+    v = validated(overturnings(with_it, without, tilts=tilts), worth=Worth(measure=stated, worse=1.0))
+    assert v.measure == measure
+    assert kinds(v) == ["too_little_benefit"] * refused
+    assert all(reason.measure == measure for reason in v.reasons)
+    # A summary has the interval that decided, and the verdict is by that one alone.
+    gain, _ = v.runs.reduction(measure)
+    assert v.runs.summary()["overturning_reduction" if measure == "overturning" else "benefit"] == gain
+    assert refused is not bool(gain.low > 0.05)
+
+
+def test_runs_that_are_quoted_have_the_measure_of_those_that_decided():
+    """Of the runs that are quoted 1 % overturn without the pendulum, and of those that decided slightly
+    fewer."""
+
+    class Twice(Scripted):
+        def paired_runs(self, design, seed, **how):
+            return self.method[seed == run_seed(self, 0, 1)]
+
+    given = NoisyProblem.of(limits=()).inputs | {"method": (overturnings(0, 3), overturnings(0, 4))}
+    v = validate(Twice(**given), DESIGN)
+    assert (v.measure, v.reasons, v.runs.first_measure) == ("tilt", (), "overturning")
+    given |= {"limits": (tpd.limits.Mass(0.1),)}
+    assert validate(Twice(**given), DESIGN).measure == ""
 
 
 def test_identical_runs_are_no_benefit():
@@ -98,8 +147,9 @@ def test_a_share_of_the_standing_runs_may_exceed_a_limit(allowed, kind):
 
 def test_a_bob_touches_a_wall_on_the_way_as_well():
     """The largest angles count for the walls, the settled ones for the stroke."""
-    rod = float(NoisyProblem.of().pendulum(DESIGN).length)
-    radius = float(Bob().radius(NoisyProblem.of().pendulum(DESIGN).mass))
+    hung = NoisyProblem.of().pendulum(DESIGN)
+    body, rod = Bob().built(float(hung.mass), float(hung.length), float(SCENE.gravity))
+    radius = float(Bob().radius(body))
     angle = float(np.arcsin((0.5 * SCENE.block.room - radius) / rod))
     for share, kind in ((0.9, []), (1.1, ["touches_wall"])):
         runs = paired([0.01] * 50, [0.5] * 50, stroke=0.4, design=DESIGN)
@@ -146,7 +196,7 @@ def test_a_body_that_exceeds_a_limit_as_built_is_no_question_of_runs_without_an_
     scene = dataclasses.replace(SCENE, block=block)
     for allowed in (0.01, 0.05):
         v = validated(runs, (tpd.limits.Room(),), scene=scene, worth=Worth(strikes=allowed))
-        assert kinds(v) == ["as_built"]
+        assert kinds(v) == ["touches_wall"]
         assert v.status is DesignStatus.refused
 
 
@@ -156,11 +206,10 @@ def test_a_limit_on_the_mass_binds_the_built_body_before_any_run():
     assert body > float(hung.mass)
     good = paired([0.1] * 40, [0.5] * 40)
     v = validated(good, limits=(tpd.limits.Mass(0.5 * (body + float(hung.mass))),))
-    assert set(kinds(v)) == {"breaks_limit", "as_built"}
+    assert kinds(v) == ["breaks_limit"]
     assert v.decided is v.quoted is v.runs is None
     assert np.isnan(v.over_limit)
-    built = next(reason for reason in v.reasons if reason.kind is ReasonKind.as_built)
-    assert built.value == pytest.approx(body)
+    assert v.reasons[0].value == pytest.approx(body / (0.5 * (body + float(hung.mass))))
     assert kinds(validated(good, limits=(tpd.limits.Mass(1.001 * body),))) == []
 
 
@@ -232,11 +281,12 @@ def test_sizes_in_runs_are_those_of_the_runs_own_block():
     problem = NoisyProblem.of(limits=(tpd.limits.Room(), tpd.limits.Tilt(0.5)))
     runs = outcomes([0.1, 0.2, np.inf, np.nan], 0.3, design=DESIGN)
     found = problem.sizes_in_runs(DESIGN, runs)
-    assert {name: len(x) for name, x in found.items()} == {"room": 2, "thickness": 2, "tilt": 2}
+    assert {name: len(x) for name, x in found.items()} == {"room": 2, "thickness": 2, "depth": 2, "tilt": 2}
     np.testing.assert_allclose(found["tilt"], [0.2, 0.4])
     hung = problem.pendulum(DESIGN)
     angle = 0.3 + np.array([0.1, 0.2]) * float(SCENE.block.slenderness)
-    reach = Bob().reach(float(hung.mass), float(hung.length), angle) / (0.5 * float(SCENE.block.room))
+    body, rod = Bob().built(float(hung.mass), float(hung.length), float(SCENE.gravity))
+    reach = Bob().reach(body, rod, angle) / (0.5 * float(SCENE.block.room))
     np.testing.assert_allclose(found["room"], reach)
     narrow = dataclasses.replace(runs, nu=0.9 * runs.nu)
     np.testing.assert_allclose(problem.sizes_in_runs(DESIGN, narrow)["tilt"], np.array([0.2, 0.4]) / 0.9)

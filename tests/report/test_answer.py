@@ -16,7 +16,7 @@ from tpd.report.blocks import Severity
 from tpd.report.words import comparison, reduction
 
 MANY = tuple(
-    replace(LITTLE, kind=ReasonKind.as_built, limit="-".join([f"limit {i}"] * 12)) for i in range(40)
+    replace(LITTLE, kind=ReasonKind.breaks_limit, limit="-".join([f"limit {i}"] * 12)) for i in range(40)
 )
 
 
@@ -56,23 +56,37 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
     design = harmonic()
     size = design.benefit
     number = f"{100 * size.mean:.0f} % (95 % interval {100 * size.low:.0f} to {100 * size.high:.0f} %)"
-    sentence = f"The pendulum reduces the mean tilt by {number}. This is not a safety assessment."
+    sentence = f". The pendulum reduces the mean tilt by {number}. This is not a safety assessment."
     fell = design.runs.change("overturned")
     assert fell.without_pendulum > 0.01
     lacking = "NOT TO BE BUILT AS IT IS, since the search assumed a bob without size, and no walls: "
     shares = [f"{100 * share:.1f} %" for share in (fell.without_pendulum, fell.with_pendulum)]
-    first = f"the block overturns in {shares[0]} of the runs without the pendulum, and in {shares[1]} with it"
-    assert verdict(design).text.startswith(f"{lacking}{first} (")
-    assert verdict(design).text.endswith(f"). {sentence}")
+    less = design.overturning_reduction
+    number = f"{100 * less.mean:.0f} % (95 % interval {100 * less.low:.0f} to {100 * less.high:.0f} %)"
+    by = "he pendulum reduces the share of runs that overturn by "
+    first = f"t{by}{number}, from {shares[0]} to {shares[1]}"
+    assert design.best.measure == "overturning"
+    assert verdict(design).text == f"{lacking}{first}{sentence}"
+    # What was required comes first.
+    tilted = replace(design.best, measure="tilt")
+    said = verdict(replace(design, validated=(tilted,))).text
+    assert said.index("the mean tilt by") < said.index(f"T{by}")
     no_benefit = replace(design.runs, with_pendulum=design.runs.without_pendulum)
     losses = (study().losses[0]._replace(runs=no_benefit), *study().losses[1:])
     said = "THE BENEFIT DEPENDS ON THE LOSSES: it is not shown if they are friction (0 %)."
     assert said in verdict(design, replace(study(), losses=losses)).text
-    assert "-0" not in reduction(no_benefit)
+    assert "-0" not in reduction(no_benefit, "overturning")
     swapped = replace(
         design.runs, with_pendulum=design.runs.without_pendulum, without_pendulum=design.runs.with_pendulum
     )
-    assert "he pendulum increases the mean tilt by " in reduction(swapped)
+    first, then = reduction(swapped, "overturning").split(". ", 1)
+    assert re.fullmatch(
+        "the block overturns in .*% of the runs with the pendulum, and in none without it", first
+    )
+    assert then.startswith("The pendulum increases the mean tilt by ")
+    assert "share of runs that overturn by 100 % (95 % interval " in reduction(
+        paired([np.inf] * 40 + [0.1] * 160, [np.inf] * 20 + [0.1] * 180), "tilt"
+    )
 
 
 @pytest.mark.parametrize(
@@ -82,18 +96,20 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
         ((0, 3), "the pendulum reduces the mean tilt by "),
         (
             (4, 8),
-            "the block overturns in 2.0 % of the runs without the pendulum, and in 1.0 % with it (no sign",
+            "the pendulum reduces the share of runs that overturn by 50 % (95 % interval -24 to 90 %), "
+            "from 2.0 % to 1.0 %, which is not significant. The pendulum reduces the mean tilt by ",
         ),
         (
             (4, 80),
-            "the block overturns in 20.0 % of the runs without the pendulum, and in 1.0 % with it (95 % ",
+            "the pendulum reduces the share of runs that overturn by 95 % (95 % interval ",
         ),
     ],
 )
 def test_overturning_leads_if_it_is_at_least_one_per_cent_without_the_pendulum(overturned, first):
     run = np.arange(400)
     tilts = (np.where(run < n, np.inf, tilt) for n, tilt in zip(overturned, (0.2, 0.4), strict=True))
-    assert reduction(paired(*tilts)).startswith(first)
+    runs = paired(*tilts)
+    assert reduction(runs, runs.first_measure).startswith(first)
 
 
 def test_the_table_is_of_one_set_of_runs_and_agrees_with_the_verdict():

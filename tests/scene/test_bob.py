@@ -116,19 +116,17 @@ def test_a_body_as_built_has_both_moments_of_the_point(bob):
 @ALL
 def test_bodies_of_many_points_are_those_of_each_and_have_the_slopes_of_differences(bob):
     g, mass, length = 9.81, np.array([[0.5], [50.0], [571.0]]), np.array([0.05, 0.3, 0.5212, 2.0, 12.0])
-    body, at, by_mass, by_length = bob.built_and_slopes(mass, length, g)
+    body, at, *slopes = bob.built_and_slopes(mass, length, g)
     single = np.array([[bob.built(float(m), float(x), g) for x in length] for m in mass[:, 0]])
     np.testing.assert_allclose(np.stack([body, at], axis=-1), single, rtol=1e-14)
     known = np.isfinite(body)
     assert known.any()
     assert np.all(known == np.isfinite(at))
     for i, step in enumerate((1e-5 * mass, 1e-5 * length)):
-        up, down = (
-            bob.built(mass + (i == 0) * s * step, length + (i == 1) * s * step, g)[0] for s in (1, -1)
-        )
-        slope = np.where(known, (up - down) / (2.0 * step), 0.0)
-        exact = np.where(known, (by_mass, by_length)[i], 0.0)
-        scale = np.abs(body / (mass, length)[i])
-        np.testing.assert_allclose((slope - exact)[known] / scale[known], 0.0, atol=1e-6)
+        up, down = (bob.built(mass + (i == 0) * s * step, length + (i == 1) * s * step, g) for s in (1, -1))
+        for j, size in enumerate((body, at)):
+            exact, scale = slopes[j][i], np.abs(size / (mass, length)[i])
+            error = ((up[j] - down[j]) / (2.0 * step) - exact) / scale
+            np.testing.assert_allclose(error[known], 0.0, atol=1e-6)
     # A heavier point is a heavier body: a limit on the body is one on the point.
     assert np.all((body[1:] - body[:-1])[known[1:] & known[:-1]] > 0.0)

@@ -38,6 +38,9 @@ LEAST = 0.02
 FEWER = 0.1
 """Share of the runs that end at rest without the pendulum which may rock with it: with enough runs any
 difference is significant."""
+OVERTURNS = 0.01
+"""Share of the runs without a pendulum in which the block overturns, from which on fewer overturnings are the
+first purpose of a pendulum, and a smaller mean tilt below it."""
 WORSE = 0.05
 """Share by which the mean tilt of one group of runs may be higher with the pendulum."""
 
@@ -153,6 +156,31 @@ class PairedRuns(Printed):
         return fall(with_it, without, self._clusters(rows), least=LEAST)
 
     @cached_property
+    def overturning_reduction(self) -> Interval:
+        """Share by which the share of runs that overturn falls, with its 95 % interval; NaN where no run
+        overturns without the pendulum."""
+        with_it, without = (o.is_overturned[self._rows] for o in self._cases)
+        if not without.any():
+            return Interval(np.nan, np.nan, np.nan)
+        return fall(with_it, without, self._clusters(self._rows))
+
+    @property
+    def first_measure(self) -> str:
+        """Name of the first thing to reduce: "overturning" if the block overturns in 1 % or more of the
+        runs without the pendulum, else "tilt"."""
+        return "overturning" if self.change("overturned").without_pendulum >= OVERTURNS else "tilt"
+
+    def reduction(self, measure: str) -> tuple[Interval, bool]:
+        """Return the relative reduction of a measure, "overturning" or "tilt", and whether the mean falls
+        significantly.
+
+        In few runs the interval of a ratio of means may lie above zero where that of the difference does not.
+        """
+        if measure == "overturning":
+            return self.overturning_reduction, self.change("overturned").high < 0.0
+        return self.benefit, self.change("mean severity").high < 0.0
+
+    @cached_property
     def changes(self) -> tuple[Change, ...]:
         """Mean, median and worst severity, and the shares that overturn and that end at rest."""
         rows = self._rows
@@ -261,14 +289,10 @@ class PairedRuns(Printed):
     @property
     def benefit_in_words(self) -> str:
         """The benefit with its interval, such as "33 % less tilt (95 % interval 29 to 37 %)"."""
-        mean, low, high = (100.0 * x for x in (self.benefit.mean, self.benefit.low, self.benefit.high))
-        if np.isnan(mean):
+        if np.isnan(self.benefit.mean):
             return "benefit unknown"
-        # A value that rounds to zero must not read "-0".
-        less = mean > -0.5
-        mean, low, high = (mean, low, high) if less else (-mean, -high, -low)
-        around = f" (95 % interval {low:.0f} to {high:.0f} %)" if np.isfinite(low) else ""
-        return f"{abs(mean):.0f} % {'less' if less else 'more'} tilt{around}"
+        less, size, around = self.benefit.fall_in_words()
+        return f"{size} {'less' if less else 'more'} tilt{around}"
 
     @property
     def overturning_in_words(self) -> str:
@@ -294,6 +318,7 @@ class PairedRuns(Printed):
             "pairs": self.pairs,
             "undecided": self.undecided,
             "benefit": self.benefit,
+            "overturning_reduction": self.overturning_reduction,
             "changes": self.changes,
             "overturned_only_with": with_only,
             "overturned_only_without": without_only,

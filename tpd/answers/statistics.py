@@ -69,6 +69,15 @@ class Interval:
             return f"{form.format(self.mean)} (unknown)"
         return f"{form.format(self.mean)} ({form.format(self.low)} to {form.format(self.high)})"
 
+    def fall_in_words(self) -> tuple[bool, str, str]:
+        """Return whether a relative fall is no rise, its size, and, if it is known, its interval."""
+        # A share that rounds to zero must not read "-0 %".
+        less = self.mean > -0.005
+        ends = (self.mean, self.low, self.high) if less else (-self.mean, -self.high, -self.low)
+        mean, low, high = (100.0 * x + 0.0 for x in ends)
+        around = f" (95 % interval {low:.0f} to {high:.0f} %)" if math.isfinite(low) else ""
+        return less, f"{abs(mean):.0f} %", around
+
     @property
     def is_below(self) -> bool:
         """Whether the whole interval is below zero."""

@@ -79,8 +79,9 @@ def _validated(
     runs = found.runs
     if runs is not None:
         said.append(
-            f"{runs.description}: {words.reduction(runs)}. A limit is exceeded in {found.over_limit:.1%} of "
-            f"the runs in which the block stands (at most {problem.allowed:.1%} allowed)."
+            f"{runs.description}: {words.reduction(runs, found.measure)}. A limit is exceeded in "
+            f"{found.over_limit:.1%} of the runs in which the block stands "
+            f"(at most {problem.allowed:.1%} allowed)."
         )
         if runs.undecided:
             said.append(f"{runs.undecided} runs have no answer and are left out.")

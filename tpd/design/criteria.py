@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from tpd.core import checks
 from tpd.scene.bob import THICKEST, Bob
 from tpd.scene.conditions import Conditions, check_restitution
-from tpd.scene.scene import LARGEST_DAMPING, STANDARD_GRAVITY, Block, Pendulum, Scene, check_shaking
+from tpd.scene.scene import LARGEST_DAMPING, STANDARD_GRAVITY, Block, Scene, check_shaking
 
 __all__ = [
     "DEFAULT_LIMITS",
@@ -48,10 +48,12 @@ HEAVIEST_RATIO = 1.0
 """Largest mass ratio m/M: no bob within a block is heavier than the block."""
 LONGEST_RATIO = 2.0
 """Largest length ratio l/b: a pendulum longer than the whole block would swing through the floor."""
+MEASURES = "overturning", "tilt"
+"""Measures that a pendulum can be required to reduce: the share of runs that overturn, or the mean tilt."""
 THICKNESS = "thickness"
-"""Name of the bob's half height over half its rod."""
-_ROUNDING = 1e-9
-"""Share by which a limit may be passed by rounding."""
+"""Name of the bob's half height over the largest share of its rod."""
+DEPTH = "depth"
+"""Name of the depth of the bob's lower end below the hinge over the block's height."""
 _LEAST_TILT = 0.02
 """Tilt, in shares of nu, that a pendulum may leave where the bare block hardly rocks or rests."""
 
@@ -166,7 +168,11 @@ class Worth:
     """
 
     at_least: checks.Real = 0.1
-    """Least share by which the mean tilt over all runs must fall."""
+    """Least share by which the measure must fall over all runs, significantly at 95 %."""
+    measure: str | None = None
+    """Measure that must fall: "overturning", the share of runs that overturn, or "tilt", the mean tilt, in
+    which an overturning counts as 1. Default: overturning if the block overturns in 1 % or more of the
+    validation runs without the pendulum, else tilt."""
     worse: checks.Real = 0.05
     """Largest share by which the mean tilt under one condition, or after one kind of start, may be above that
     without the pendulum."""
@@ -177,6 +183,8 @@ class Worth:
     def __post_init__(self) -> None:
         shares = "at_least worse" if self.strikes is None else "at_least worse strikes"
         checks.set_checked(self, checks.within, shares, 0.0, 1.0)
+        if self.measure is not None:
+            checks.one_of("measure", self.measure, MEASURES)
 
     @property
     def allowed(self) -> float:
@@ -233,6 +241,35 @@ class Geometry:
     def mass(self, designs: np.ndarray) -> np.ndarray:
         """Mass of the bob, kg, (m, n)."""
         return self.block_mass * designs[:, 0, None] * self.mass_factor
+
+    def body(self, designs: np.ndarray) -> Body:
+        """The bob of designs (m, 3) as it is built: it swings as the point of `mass` at `rod` does."""
+        mass, length = self.block_mass * designs[:, 0, None], self.half_height * designs[:, 1, None]
+        body, rod, of_body, of_rod = self.bob.built_and_slopes(mass, length, self.gravity)
+        exists, out = np.isfinite(body), []
+        for value, slopes, point, of_point, factor in (
+            (body, of_body, mass, (1.0, 0.0), self.mass_factor),
+            (rod, of_rod, length, (0.0, 1.0), self.length_factor),
+        ):
+            by_mass, by_length = (np.where(exists, *pair) for pair in zip(slopes, of_point, strict=True))
+            slope = np.stack([self.block_mass * by_mass, self.half_height * by_length, 0.0 * mass], axis=-1)
+            out += [np.where(exists, value, point) * factor, slope * factor[:, None]]
+        return Body(exists, *out)
+
+
+class Body(NamedTuple):
+    """The bob of m designs under n conditions as it is built; where no body swings as the point does, the
+    point."""
+
+    exists: np.ndarray
+    """(m, 1)"""
+    mass: np.ndarray
+    """kg, (m, n)"""
+    mass_slope: np.ndarray
+    """Derivatives with respect to (mu, lam, zeta), (m, n, 3)."""
+    rod: np.ndarray
+    """From the hinge to the bob's centre, m, (m, n)."""
+    rod_slope: np.ndarray
 
 
 class Evaluation(NamedTuple):
@@ -411,6 +448,7 @@ class Mass(Limit):
 
     kg: checks.Real
     name: ClassVar[str] = "mass"
+    label: ClassVar[str] = "mass (bob as built)"
     unit: ClassVar[str] = "kg"
 
     def __post_init__(self) -> None:
@@ -418,20 +456,13 @@ class Mass(Limit):
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The mass of the body over the limit, nominal under all conditions."""
-        mass, length = g.block_mass * e.design[:, 0], g.half_height * e.design[:, 1]
-        body, _, by_mass, by_length = g.bob.built_and_slopes(mass, length, g.gravity)
-        exists, shape = np.isfinite(body), e.tilt.shape
-        growing, longer = np.where(exists, by_mass, 1.0), np.where(exists, by_length, 0.0)
-        slope = np.stack([g.block_mass * growing, g.half_height * longer, 0.0 * mass], axis=-1) / self.kg
-        value = np.where(exists, body, mass) / self.kg
-        yield Size(
-            self.name, np.broadcast_to(value[:, None], shape), np.tile(slope[:, None], (1, shape[1], 1))
-        )
+        body = replace(g, mass_factor=np.ones_like(g.mass_factor)).body(e.design)
+        yield Size(self.name, body.mass / self.kg, body.mass_slope / self.kg)
 
 
 @dataclass(frozen=True)
 class Offset(Limit):
-    """Largest distance of the settled bob's centre from the block's axis, m."""
+    """Largest distance of the settled bob's centre, as it is built, from the block's axis, m."""
 
     distance: checks.Real
     name: ClassVar[str] = "offset"
@@ -444,20 +475,20 @@ class Offset(Limit):
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The offset l sin(angle) over the limit."""
         angle, angle_slope = _relative(e, g)
-        rod = g.rod(e.design)
+        rod, rod_slope = g.body(e.design)[-2:]
         # Beyond a right angle the bob comes back towards the axis, but it has been a rod's length away.
         inside = angle < 0.5 * np.pi
         sine = np.sin(np.minimum(angle, 0.5 * np.pi))
         across = np.where(inside, rod * np.cos(np.where(inside, angle, 0.0)), 0.0)
-        slope = across[..., None] * angle_slope
-        slope[..., 1] += rod / e.design[:, 1, None] * sine
+        slope = across[..., None] * angle_slope + sine[..., None] * rod_slope
         yield Size(self.name, rod * sine / self.distance, slope / self.distance)
 
 
 @dataclass(frozen=True)
 class Room(Limit):
-    """Room for the bob as a body: once settled it keeps off the walls of the block's cavity, and half its
-    height is at most half the rod's length. The verification asks for the way from rest as well."""
+    """Room for the bob as it is built: once settled it keeps off the walls of the block's cavity, half its
+    height is at most 0.6 of the rod's length, and its lower end is not below the block. In validation runs it
+    also keeps off the walls on the way from rest."""
 
     bob: Bob = field(default_factory=Bob)
     name: ClassVar[str] = "room"
@@ -467,20 +498,22 @@ class Room(Limit):
         checks.instance("bob", self.bob, Bob)
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """The bob's reach over half the width between the walls, and its half height over half the rod."""
-        rod, radius = g.rod(e.design), np.asarray(self.bob.radius(g.mass(e.design)))
-        angle, angle_slope = _relative(e, g)
+        """The bob's reach over half the width between the walls, its half height over the largest one that
+        the rod allows, and the depth of its lower end below the hinge over the block's height."""
+        exists, mass, mass_slope, rod, longer = replace(g, bob=self.bob).body(e.design)
+        radius, (angle, angle_slope) = np.asarray(self.bob.radius(mass)), _relative(e, g)
         reach, by_radius, by_rod, by_angle = self.bob.reach_and_slopes(radius, rod, angle)
-        growing, longer = np.zeros_like(angle_slope), np.zeros_like(angle_slope)
         # The radius of a bob without mass has no derivative; a search never starts there.
-        growing[..., 0] = radius / np.maximum(3.0 * e.design[:, 0, None], 1e-9)
-        longer[..., 1] = rod / e.design[:, 1, None]
+        growing = (radius / np.maximum(3.0 * mass, 1e-9 * g.block_mass))[..., None] * mass_slope
         by_all = (by_angle, angle_slope), (by_radius, growing), (by_rod, longer)
         slope = sum(by[..., None] * of for by, of in by_all)
         yield Size(self.name, reach / g.wall, slope / g.wall[:, None])
         high, most = self.bob.slimness * radius, THICKEST * rod
         bulk = (self.bob.slimness * growing - (high / rod)[..., None] * longer) / most[..., None]
-        yield Size(THICKNESS, high / most, bulk)
+        # Where no body swings as the point does, the bob is too thick in any case.
+        yield Size(THICKNESS, high / most + ~exists, bulk)
+        tall = 2.0 * g.half_height
+        yield Size(DEPTH, (rod + high) / tall, (longer + self.bob.slimness * growing) / tall)
 
 
 @dataclass(frozen=True)
@@ -557,11 +590,12 @@ KINDS: tuple[type[Limit], ...] = (
 )
 """All limits, in the order of a report."""
 LABELS = {kind.name: kind.label or kind.name for kind in KINDS} | {
-    THICKNESS: "thickness (bob within half the rod)"
+    THICKNESS: "thickness (bob off the hinge)",
+    DEPTH: "depth (bob within the block's height)",
 }
 """Words of a report, by the names of limited sizes."""
 
-STILL = THICKNESS, Mass.name
+STILL = THICKNESS, DEPTH, Mass.name
 """Names of the limited sizes that no motion changes."""
 POINT_BOB: tuple[Limit, ...] = (Stroke(), Reserve())
 """Limits on a bob without size, as in the paper."""
@@ -577,34 +611,6 @@ def bob_of(limits: tuple[Limit, ...]) -> Bob:
     """The bob as a body: that of the room, or by default a ball of steel."""
     room = limit_of(limits, Room)
     return room.bob if isinstance(room, Room) else Bob()
-
-
-def beyond_as_built(
-    limits: tuple[Limit, ...], scene: Scene, hung: Pendulum, turned: np.ndarray, allowed: float
-) -> list[tuple[str, float, float]]:
-    """Return sizes that a pendulum as built has beyond a limit: their names with units, values and limits.
-
-    Args:
-        limits: of the search.
-        scene: the block, with its gravity.
-        hung: the point that swings as the body does.
-        turned: largest angles between rod and block in the runs that stand, rad.
-        allowed: share of these that may break a limit.
-    """
-    bob, block, most = bob_of(limits), scene.block, limit_of(limits, Mass)
-    body, rod = bob.built(float(hung.mass), float(hung.length), float(scene.gravity))
-    half, sizes = bob.half_height(body), []
-    if isinstance(most, Mass):
-        # A mass that was made of its ratio may differ by rounding.
-        heavy = body if np.isfinite(body) else float(hung.mass)
-        sizes.append(("mass of the bob in kg", heavy, most.kg))
-    if limit_of(limits, Room) is not None:
-        reach = bob.reach(body, rod, np.append(turned, 0.0))
-        way = np.quantile(reach, 1.0 - allowed, method="higher")
-        sizes.append(("distance of the bob from the axis to the wall in m", way, 0.5 * float(block.room)))
-        sizes.append(("depth of the bob below the hinge in m", rod + half, float(block.height)))
-        sizes.append(("half height of the bob, to the hinge, in m", half, rod))
-    return [(name, float(x), float(limit)) for name, x, limit in sizes if x > limit * (1.0 + _ROUNDING)]
 
 
 def stroke_limit(limits: tuple[Limit, ...]) -> float:

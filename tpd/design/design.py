@@ -92,6 +92,12 @@ class Design(Printed):
         return self.runs.benefit
 
     @property
+    def overturning_reduction(self) -> Interval | None:
+        """Share by which the share of runs that overturn falls; as `benefit`, which is that of the mean
+        tilt."""
+        return None if self.runs is None or self.benefit is None else self.runs.overturning_reduction
+
+    @property
     def nearest(self) -> np.ndarray | None:
         """(mu, lam, zeta) of the design that is offered or came nearest; None without any."""
         if self.best is not None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, ClassVar
 
@@ -118,7 +118,7 @@ class GroundMotionProblem(Problem):
             given: further arguments of `tpd.optimise`. By default the risk is `Risk.expected()`, of the
                 severities of all trial runs, and the limits are the stroke and the clearance between the
                 walls, at all times. Of `worth`, `strikes` is the share of the runs in which the block stands
-                that may exceed a limit, and `at_least` the least share by which the mean tilt over all
+                that may exceed a limit, and `at_least` the least share by which the measure over all
                 held-out motions must fall. Of `ensemble` the half widths are those of block and installation
                 in the validation runs.
 
@@ -142,12 +142,9 @@ class GroundMotionProblem(Problem):
             which=np.searchsorted(kept, which[rows]),
         )
         # A setting without effect would let somebody believe in it.
-        for name, used in {"worth": ("at_least", "strikes", "worse"), "ensemble": SCATTERED}.items():
-            for f in fields(found[name]):
-                if f.name not in used and getattr(found[name], f.name) != getattr(_USUAL[name], f.name):
-                    raise ValueError(
-                        f"`{name}.{f.name}` is for harmonics, but the conditions are ground motions"
-                    )
+        for name, usual in vars(_USUAL["ensemble"]).items():
+            if name not in SCATTERED and getattr(found["ensemble"], name) != usual:
+                raise ValueError(f"`ensemble.{name}` is for harmonics, but the conditions are ground motions")
         scene = Scene(scene.block, inside.motions[0], float(scene.gravity))
         return GroundMotionProblem(scene=scene, conditions=inside, groups=groups, **found)
 
@@ -177,7 +174,7 @@ class GroundMotionProblem(Problem):
             motion |= {"records": [_name_of(m) for m in motions], "held_out": held or 0.0}
         return super().tables | {
             "motion": motion,
-            "worth": {"at_least": self.worth.at_least, "strikes": self.worth.strikes},
+            "worth": vars(self.worth),
             "ensemble": {name: getattr(self.ensemble, name) for name in SCATTERED},
         }
 

@@ -211,7 +211,10 @@ TABLES: dict[str, dict[str, Key]] = {
         ),
     },
     "limits": {kind.name: _limit(kind) for kind in KINDS},
-    "worth": keys_of(Worth),
+    "worth": {
+        **keys_of(Worth),
+        "measure": Key(Literal["overturning", "tilt"], None, (Worth, "measure")),
+    },
     "search": {
         "model": Key(
             Literal["smoothed", "piecewise"],
@@ -242,7 +245,6 @@ _KINDS: dict[tuple[str, str], tuple[str, ...]] = {
     **{("motion", name): _SHAKEN for name in ("pga", "scales", "intensity")},
     **{("motion", name): ("records",) for name in ("records", "held_out", "event", *READING)},
     **{(table, name): ("harmonic",) for table in ("conditions", "starts") for name in TABLES[table]},
-    **{("worth", name): ("harmonic",) for name in ("worse", "runs")},
     **{("limits", kind.name): ("harmonic",) for kind in KINDS if not kind.of_motion},
     **{
         ("search", name): ("harmonic",)

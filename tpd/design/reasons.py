@@ -23,8 +23,8 @@ class DesignStatus(enum.Enum):
     _remedy: str
 
     found = (
-        "RECOMMENDED for the stated conditions: in validation runs of the nonlinear equations the block "
-        "rocks less with the pendulum, and under no condition does it do significant harm. This is not a "
+        "RECOMMENDED for the stated conditions: in validation runs of the nonlinear equations the pendulum "
+        "has the required benefit, and under no condition does it do significant harm. This is not a "
         "safety assessment.",
         "Check it with earthquakes and with a contact engine before it is built.",
     )
@@ -87,7 +87,6 @@ class ReasonKind(enum.Enum):
         "{reference:.1%} are allowed"
     )
     breaks_limit = "the design exceeds the limit on {limit}: {value:.3g} times the limit"
-    as_built = "as built, the {limit} is {value:.4g}, and the limit is {reference:.4g}"
     worse_condition = (
         "the mean tilt is {value:.1%} of the slenderness with the pendulum, and {reference:.1%} without it, "
         "for {condition}{others}"
@@ -117,6 +116,8 @@ class Reason:
     """Lower end of the 95 % interval of the value, where it has one; of a count the least that is allowed."""
     total: int = 0
     """Number of the runs, or of the conditions."""
+    measure: str = "tilt"
+    """Measure that falls too little, "tilt" or "overturning"."""
 
     @property
     def shortfall(self) -> float:
@@ -128,25 +129,26 @@ class Reason:
                 return (self.low - self.value) / max(self.total, 1)
             case ReasonKind.touches_wall | ReasonKind.worse_condition:
                 return self.value - self.reference
-            case ReasonKind.too_little_benefit:
+            case ReasonKind.too_little_benefit if math.isfinite(self.value):
                 # A benefit above the least one may be refused because it is not significant.
                 return max(self.reference - self.value, -max(self.low, -1.0), 0.0)
             case ReasonKind.breaks_limit:
                 return self.value - 1.0
-            case ReasonKind.as_built:
-                return self.value / self.reference - 1.0
             case _:
                 return 1.0
 
     @property
     def _fall_in_words(self) -> str:
-        """The value as a fall of the mean tilt, with its interval as far as it is known."""
+        """The value as a fall of the measure, with its interval as far as it is known."""
+        overturning = self.measure == "overturning"
+        of = "share of runs that overturn" if overturning else "mean tilt"
         if math.isnan(self.value):
-            return "change of the mean tilt is unknown"
+            why = " (no run overturns without the pendulum)" if overturning else ""
+            return f"change of the {of} is unknown{why}"
         # Of a single earthquake nothing is known but the mean.
         low = f"from {self.low:.1%}" if math.isfinite(self.low) else "unknown"
         falls = f"falls by {self.value:.1%}" if self.value >= 0.0 else f"increases by {-self.value:.1%}"
-        return f"mean tilt {falls} (95 % interval {low})"
+        return f"{of} {falls} (95 % interval {low})"
 
     def __str__(self) -> str:
         return self.kind.value.format(

@@ -6,7 +6,7 @@ part in any decision, so that the benefit that is quoted is unbiased.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from tpd.answers.paired import FEWER, PairedRuns
 from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.core.progress import Progress, unreported
-from tpd.design.criteria import beyond_as_built
+from tpd.design.criteria import Worth
 from tpd.design.problem import Problem
 from tpd.design.reasons import GRAVE, DesignStatus, Reason, ReasonKind, one_of_a_kind
 from tpd.scene.scene import Pendulum
@@ -39,6 +39,8 @@ class Validated:
     quoted: PairedRuns | None
     """Runs that no decision has used; None where the design is rejected before, or where the motions are too
     few to hold some back."""
+    measure: str
+    """Measure that had to fall, "overturning" or "tilt"; empty without runs."""
     over_limit: float
     """Share of the runs in which the block stands that exceed a limit."""
     reasons: tuple[Reason, ...]
@@ -89,17 +91,19 @@ def validate(
         for name, x in problem.fixed_sizes(design[None]).items()
         if not x[0] <= 1.0 + _ROUNDING
     ]
-    reasons += [*_exact_harm(problem, exact), *_as_built(problem, design)]
+    reasons += _exact_harm(problem, exact)
     decided = quoted = None
-    over = np.nan
+    over, worth = np.nan, problem.worth
     if thorough or not reasons:
         decided = problem.paired_runs(design, run_seed(problem, attempt, 0), progress=progress)
-        over, by_runs = _by_runs(problem, design, decided)
+        # All runs of a design are compared by one measure, also where the share that overturns is near 1 %.
+        worth = replace(worth, measure=worth.measure or decided.first_measure)
+        over, by_runs = _by_runs(problem, design, decided, worth)
         known = {reason.limit for reason in reasons if reason.limit}
         reasons += [r for r in by_runs if r.limit not in known or not r.limit]
     if decided is not None and not reasons and problem.holds_back:
         quoted = problem.paired_runs(design, run_seed(problem, attempt, 1), progress=progress)
-        over, by_runs = _by_runs(problem, design, quoted, required=0.0)
+        over, by_runs = _by_runs(problem, design, quoted, replace(worth, at_least=0.0))
         reasons += by_runs
     return Validated(
         design=design,
@@ -107,6 +111,7 @@ def validate(
         exact=exact,
         decided=decided,
         quoted=quoted,
+        measure="" if decided is None else worth.measure or "",
         over_limit=float(over),
         reasons=tuple(reasons),
     )
@@ -129,45 +134,28 @@ def _exact_harm(problem: Problem, exact: Any) -> list[Reason]:
     return [Reason(kind=kind, value=float(worse), reference=float(better), total=total)]
 
 
-def _as_built(problem: Problem, design: np.ndarray, turned: np.ndarray | None = None) -> list[Reason]:
-    """Limits that the body exceeds as built, in runs with such angles between rod and block."""
-    angles = np.zeros(0) if turned is None else turned
-    given = problem.limits, problem.scene, problem.pendulum(design), angles, problem.allowed
-    return [
-        Reason(kind=ReasonKind.as_built, limit=name, value=value, reference=limit)
-        for name, value, limit in beyond_as_built(*given)
-    ]
-
-
 def _by_runs(
-    problem: Problem, design: np.ndarray, runs: PairedRuns, required: float | None = None
+    problem: Problem, design: np.ndarray, runs: PairedRuns, worth: Worth
 ) -> tuple[float, list[Reason]]:
     """Share of the standing runs that exceed a limit, and the reasons against a design by paired runs; with
     one that depends on the runs without an answer, if it does."""
-    required = problem.worth.at_least if required is None else required
     over, limit = problem.over_limit(design, runs.with_pendulum)
-    reasons, built = _reasons(problem, runs, over, limit, required), list[Reason]()
-    if over <= problem.allowed:
-        # If the bob exceeds its limits in too many runs, that reason is enough.
-        turned = runs.with_pendulum.rod_angle[runs.with_pendulum.stands]
-        built = _as_built(problem, design, turned)
-    reasons += built
-    # A body that is too large as built stays so, however the runs without an answer end.
-    if runs.ends and not built:
+    reasons = _reasons(problem, runs, over, limit, worth)
+    if runs.ends:
         stands = runs.with_pendulum.stands.sum()
         unknown = runs.with_pendulum.is_unanswered.sum()
         verdicts = {bool(reasons)}
         # A run that stands may exceed a limit, if there is one, which is against the pendulum as well.
         for end, more in zip(runs.ends, (unknown if limit else 0, 0), strict=True):
             share = float((over * stands + more) / max(stands + unknown, 1))
-            verdicts.add(bool(_reasons(problem, end, share, limit, required)))
+            verdicts.add(bool(_reasons(problem, end, share, limit, worth)))
         if len(verdicts) > 1:
             kind, total = ReasonKind.undecided, len(runs.known)
             reasons = [Reason(kind=kind, value=float(runs.undecided), total=total)]
     return over, reasons
 
 
-def _reasons(problem: Problem, runs: PairedRuns, over: float, limit: str, required: float) -> list[Reason]:
+def _reasons(problem: Problem, runs: PairedRuns, over: float, limit: str, worth: Worth) -> list[Reason]:
     """Reasons against a design by paired runs."""
     out = list[Reason]()
 
@@ -188,9 +176,8 @@ def _reasons(problem: Problem, runs: PairedRuns, over: float, limit: str, requir
         first = runs.worse_parts[0]
         where = {"condition": first.label, "total": len(runs.worse_parts)}
         refuse(ReasonKind.worse_condition, first.with_pendulum, first.without_pendulum, **where)
-    gain = runs.benefit
-    # In few runs the interval of a ratio of means may lie above zero where that of their difference does not.
-    significant = gain.low > CERTAIN * required and runs.change("mean severity").high < 0.0
-    if not (significant and gain.mean >= required):
-        refuse(ReasonKind.too_little_benefit, gain.mean, required, low=gain.low)
+    measure, required = worth.measure or runs.first_measure, worth.at_least
+    gain, significant = runs.reduction(measure)
+    if not (significant and gain.low > CERTAIN * required and gain.mean >= required):
+        refuse(ReasonKind.too_little_benefit, gain.mean, required, low=gain.low, measure=measure)
     return out

@@ -64,8 +64,8 @@ def _named(text: str, name: str) -> list[str]:
 def verdict(design: Design, study: Study | None = None) -> Note:
     """Return the first sentence of a report: recommended with its benefit, or why not. It is a danger where
     the block overturns more often, or the bob touches a wall."""
-    runs = design.runs
-    if design.status is DesignStatus.found and runs is not None:
+    runs, best = design.runs, design.best
+    if design.status is DesignStatus.found and runs is not None and best is not None:
         head, caution = "RECOMMENDED for the stated conditions", ""
         if missing := words.missing(design):
             head = f"NOT TO BE BUILT AS IT IS, since the search {' and '.join(missing)}"
@@ -73,7 +73,9 @@ def verdict(design: Design, study: Study | None = None) -> Note:
         if against := [case for case in losses if not case.runs.benefit.low > 0.0]:
             cases = " or ".join(f"{case.name} ({words.percent(case.runs.benefit.mean)})" for case in against)
             caution = f" THE BENEFIT DEPENDS ON THE LOSSES: it is not shown if they are {cases}."
-        return note(f"{head}: {words.reduction(runs)}.{caution} This is not a safety assessment.")
+        return note(
+            f"{head}: {words.reduction(runs, best.measure)}.{caution} This is not a safety assessment."
+        )
     if design.status in (DesignStatus.no_uplift, DesignStatus.slides):
         return note(needless(design.problem))
     kind = danger if design.pendulum is None and design.is_harmful else note

@@ -24,6 +24,7 @@ from tpd.report.answer import verdict
 from tpd.report.notes import notes
 from tpd.scene.conditions import Conditions
 
+_DESIGN = "equivalent", "benefit", "overturning_reduction", "conditions", "space", "seed"
 _EVALUATION = ("tilt", "stroke", "margin", "multiplier", "reserve")
 
 
@@ -34,6 +35,7 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any], said: Sequ
     # A limit is its value, or true where it has none; one of the user's own has all its fields.
     fields_of = {limit.name: vars(limit) for limit in problem.limits}
     limits = {n: next(iter(x.values())) if len(x) == 1 else x or True for n, x in fields_of.items()}
+    measure = problem.worth.measure if design.best is None else design.best.measure or problem.worth.measure
     entries = {
         "version": VERSION,
         "status": design.status.name,
@@ -42,10 +44,10 @@ def as_json(design: Design, study: Study, job_tables: dict[str, Any], said: Sequ
         "notes": notes(design, study),
         "pendulum": hung,
         "hinge_damping_N_m_s_per_rad": None if hung is None else float(hung.hinge_damping(gravity)),
-        **{n: getattr(design, n) for n in ("equivalent", "benefit", "conditions", "space", "seed")},
+        **{n: getattr(design, n) for n in _DESIGN},
         **{n: getattr(study, n) for n in ("build", "sensitivity", "losses", "responses", "front")},
         "risk": problem.risk,
-        "worth": replace(problem.worth, strikes=problem.allowed),
+        "worth": replace(problem.worth, strikes=problem.allowed, measure=measure),
         "limits": limits,
         "usage": design.usage,
         "job": job_tables,

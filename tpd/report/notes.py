@@ -13,7 +13,7 @@ from tpd.design.criteria import Room, Worth, limit_of
 from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
 from tpd.report.blocks import Note, danger, note
-from tpd.report.words import finite_max, overturned_between
+from tpd.report.words import finite_max, overturned_between, reduced
 from tpd.scene.bob import Bob
 from tpd.scene.scene import Block, Pendulum
 
@@ -53,11 +53,15 @@ def _runs(design: Design) -> Iterator[Note]:
                 f"A limit is exceeded in {best.over_limit:.1%} of the runs in which the block stands."
             )
         least = design.problem.worth.at_least
-        if best.quoted is not None and best.decided is not None and runs.benefit.mean < least:
+        if (
+            best.quoted is not None
+            and best.decided is not None
+            and (runs.reduction(best.measure)[0].mean < least)
+        ):
             # The runs that are quoted took no part in the decision: they may fall short by chance.
             yield note(
-                f"The runs that decided showed {best.decided.benefit_in_words}, at least the {least:.0%} "
-                "that are required. The runs that are quoted are independent of them and show less."
+                f"In the runs that decided, {reduced(best.decided, best.measure)}, and {least:.0%} is "
+                "required. The runs that are quoted are independent of them and show less."
             )
         fell = runs.change("overturned")
         if not fell.high < 0.0:

@@ -101,9 +101,8 @@ def _which(design: Design) -> str:
     if best is None or best.quoted is None or best.decided is None:
         return ""
     before = f"; designs rejected before: {len(design.validated) - 1}" if design.validated[1:] else ""
-    return (
-        f", which no decision has used{before}. The runs that decided showed {best.decided.benefit_in_words}"
-    )
+    decided = words.reduced(best.decided, best.measure)
+    return f", which no decision has used{before}. In the runs that decided, {decided}"
 
 
 def _by_part(runs: PairedRuns) -> list[Block]:

@@ -29,9 +29,6 @@ _CHANGES = {
     "at rest": "at rest in the end",
 }
 """Rows of the comparison, and their names."""
-_OVERTURNS = 0.01
-"""Share of the runs without a pendulum in which the block overturns, from which the overturning is the first
-thing to report."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 
@@ -155,29 +152,28 @@ def overturned_between(responses: Sequence[Response], low: float, high: float) -
     return f"runs from rest between {between}: the block overturns in {', '.join(shares)}"
 
 
-def reduction(runs: PairedRuns) -> str:
-    """Return what the pendulum changes as a sentence, with intervals: the overturning first, if the block
-    overturns in at least 1 % of the runs without the pendulum, and then the mean tilt."""
-    size, fell = runs.benefit, runs.change("overturned")
+def reduction(runs: PairedRuns, measure: str) -> str:
+    """Return what the pendulum reduces as sentences, with intervals: first the measure that was required,
+    then the other one. The overturning is left out where it is rare and was not required."""
+    other = "tilt" if measure == "overturning" else "overturning"
+    first, then = reduced(runs, measure), reduced(runs, other)
+    return first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
+
+
+def reduced(runs: PairedRuns, measure: str) -> str:
+    """Return how much the pendulum reduces a measure, "overturning" or "tilt", with its interval."""
+    (size, significant), fell = runs.reduction(measure), runs.change("overturned")
+    name, shares = "mean tilt", ""
+    if measure == "overturning":
+        with_it, without = (f"{100.0 * x:.1f} %" for x in (fell.with_pendulum, fell.without_pendulum))
+        name, shares = "share of runs that overturn", f", from {without} to {with_it}"
+        if fell.without_pendulum == 0.0:
+            return f"the block overturns in {with_it} of the runs with the pendulum, and in none without it"
     if math.isnan(size.mean):
-        return "the benefit is unknown"
-    # A share that rounds to zero must not read "-0 %".
-    less = size.mean > -0.005
-    mean, low, high = (size.mean, size.low, size.high) if less else (-size.mean, -size.high, -size.low)
-    around = ""
-    if math.isfinite(low):
-        around = f" (95 % interval {100 * low + 0.0:.0f} to {100 * high + 0.0:.0f} %)"
-    tilt = f"{'reduces' if less else 'increases'} the mean tilt by {percent(abs(mean))}{around}"
-    if fell.without_pendulum < _OVERTURNS:
-        return f"the pendulum {tilt}"
-    with_it, without = f"{100.0 * fell.with_pendulum:.1f} %", f"{100.0 * fell.without_pendulum:.1f} %"
-    shares = f"{without} of the runs without the pendulum, and in {with_it} with it"
-    if fell.low <= 0.0 <= fell.high or math.isnan(fell.low):
-        return f"the block overturns in {shares} (no significant change). The pendulum {tilt}"
-    low, high = sorted(100.0 * abs(x) for x in (fell.low, fell.high))
-    word = "fewer" if fell.high < 0.0 else "more"
-    points = f"95 % interval {low:.0f} to {high:.0f} points {word}"
-    return f"the block overturns in {shares} ({points}). The pendulum {tilt}"
+        return f"the reduction of the {name} is unknown"
+    less, by, around = size.fall_in_words()
+    doubt = "" if significant or size.high < 0.0 else ", which is not significant"
+    return f"the pendulum {'reduces' if less else 'increases'} the {name} by {by}{around}{shares}{doubt}"
 
 
 def percent(share: float) -> str:

@@ -17,8 +17,9 @@ from tpd.core import checks
 STEEL = 7850.0
 """Density of steel, kg/m^3."""
 SHAPES = ("ball", "cylinder")
-THICKEST = 0.5
-"""Largest half height of a bob in lengths of its rod: beyond it the body would reach the hinge."""
+THICKEST = 0.6
+"""Largest half height of a bob in lengths of its rod, as it is built: the rest of the rod keeps the body off
+the hinge."""
 _STRESS = 2e8
 """Stress (Pa) of the steel rod, under ten times the weight of the bob, that its mass is estimated with."""
 
@@ -105,8 +106,11 @@ class Bob:
         """
         return self.built_and_slopes(mass, length, gravity)[:2]
 
-    def built_and_slopes(self, mass: Any, length: Any, gravity: float) -> tuple[Any, Any, Any, Any]:
-        """`built`, and the derivatives of the body's mass in the mass and the length of the point."""
+    def built_and_slopes(
+        self, mass: Any, length: Any, gravity: float
+    ) -> tuple[Any, Any, tuple[Any, Any], tuple[Any, Any]]:
+        """`built`, and the derivatives of the body's mass, and those of its distance, in the mass and the
+        length of the point."""
         pull, share = np.asarray(mass * length, dtype=float), self.rod_share(1.0, gravity)
         own, at = self.inertia_share(1.0, float(self.radius(1.0))), 1.5 * length + 0.0 * pull
 
@@ -128,6 +132,9 @@ class Bob:
                 *_, value, slope = terms(at)
                 at = np.where((slope > 0.0) & (at > 0.0), at - value / slope, np.nan)
             lever, turn, inertia, _, slope = terms(at)
-            by_pull = (1.0 + turn * inertia / (1.5 * lever * slope)) / lever
-            by_length = by_pull * mass - pull * turn / (lever * slope)
-        return (pull / lever)[()], at[()], by_pull * length, by_length
+            by_size = inertia / (1.5 * slope)
+            by_pull = (1.0 + turn * by_size / lever) / lever
+            of_body = by_pull * length, by_pull * mass - pull * turn / (lever * slope)
+            # Of a bob without mass the rod has no derivative: it counts as zero.
+            of_rod = -by_size / np.maximum(mass, np.finfo(float).tiny), lever / slope - by_size / length
+        return (pull / lever)[()], at[()], of_body, of_rod
