@@ -64,12 +64,11 @@ _ROUNDING = 1e-9
 _LEAST_TILT = 0.02
 """Tilt, in shares of nu, that a pendulum may leave where the bare block hardly rocks or rests."""
 
-
 Bounds = checks.Real | tuple[float, float]
 """One number, which is fixed, or a lower and an upper bound, between which the search looks."""
 TWINS = {"mass": "mass_ratio", "length": "length_ratio"}
 """Fields of a design space in SI units, and the ratios that state the same."""
-_USUAL_BOUNDS = {"mass_ratio": (0.01, 0.2), "length_ratio": (0.1, 1.5)}
+USUAL_BOUNDS = {"mass_ratio": (0.01, 0.2), "length_ratio": (0.1, 1.5)}
 _RANGES = {
     "mass_ratio": (0.0, HEAVIEST_RATIO),
     "length_ratio": (1e-3, LONGEST_RATIO),
@@ -114,17 +113,15 @@ class DesignSpace:
             if stated is not None and given is not None:
                 raise ValueError(f"`{name}` and `{ratio}` state the same: give one of them")
             if stated is None and given is None:
-                object.__setattr__(self, ratio, _USUAL_BOUNDS[ratio])
+                object.__setattr__(self, ratio, USUAL_BOUNDS[ratio])
         fixed = 0
         for name, ends in _RANGES.items():
-            value, is_damping = getattr(self, name), name == "damping_ratio"
-            if value is None and not is_damping:
-                continue
-            is_fixed = np.size(value) == 1
-            # A bob without mass is no pendulum; a hinge without a damper is one.
-            number = checks.within if is_damping else checks.positive
-            object.__setattr__(self, name, (number if is_fixed else checks.interval)(name, value, *ends))
-            fixed += is_fixed
+            if (value := getattr(self, name)) is not None or name == "damping_ratio":
+                fixed += np.size(value) == 1
+                # A bob without mass is no pendulum; a hinge without a damper is one.
+                one = checks.within if name == "damping_ratio" else checks.positive
+                check = one if np.size(value) == 1 else checks.interval
+                object.__setattr__(self, name, check(name, value, *ends))
         if fixed == 3:
             raise ValueError(
                 "a search needs two bounds for mass, length or damping ratio, but each has one fixed value: "
@@ -141,8 +138,9 @@ class DesignSpace:
         for name, unit, size in (("mass", "kg", block.mass), ("length", "m", block.half_height)):
             value, (low, high) = getattr(self, name), _RANGES[TWINS[name]]
             if value is not None:
-                for x in np.ravel(value):
-                    checks.within(name, float(x), low * size, high * size, f" {unit} in this block")
+                # Either bound by itself, so that the message has the one that is out of range.
+                for x in np.ravel(value).tolist():
+                    checks.within(name, x, low * size, high * size, f" {unit} in this block")
                 out |= {name: None, TWINS[name]: np.clip(np.array(value) / size, low, high).tolist()}
         return replace(self, **out)
 
@@ -177,7 +175,7 @@ class DesignSpace:
         """Searched values of designs (..., 3) as shares of the bounds, shape (..., len(names))."""
         # Searches work in shares: a kilogramme and a metre have no common length of step.
         low, high = self.bounds
-        return (np.asarray(designs)[..., self.searched] - low) / (high - low)
+        return (np.take(designs, self.searched, axis=-1) - low) / (high - low)
 
     def unscaled(self, unit: np.ndarray) -> np.ndarray:
         """(mu, lam, zeta) of shares of the bounds, shape (..., len(names)) to (..., 3)."""

@@ -170,7 +170,7 @@ class Orbits:
         low, high = self.space.bounds
         limit, limit_slope = self.constraints(e)
         merit_slope, limit_slope = (
-            slope[..., self.space.searched] * (high - low) for slope in (e.merit_slope, limit_slope)
+            np.take(slope, self.space.searched, -1) * (high - low) for slope in (e.merit_slope, limit_slope)
         )
         return Linearisation(e.merit, merit_slope, limit + BACK_OFF, limit_slope)
 

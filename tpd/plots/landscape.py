@@ -83,8 +83,7 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
             edge(ax, x, y, least, "stays at rest", 0.5, color=INK, style="--")
         for i, path in enumerate(design.search.paths):
             ax.plot(*path[:, axes].T, color=INK, lw=0.5, label=None if i else "paths of the descents")
-    label, fill = ("design", ORANGE) if design.pendulum is not None else (NOT_RECOMMENDED, "white")
-    _points(ax, best[None, axes], "*", 17.0, label, fill)
+    _star(ax, design, best[axes])
     rejected = np.array([v.design for v in design.validated if v.reasons]).reshape(-1, 3)
     _points(ax, rejected[:, axes], "X", 7.0, "rejected by the validation", "white")
     across, up = (LABELS[name] for name in space.names[:2])
@@ -104,12 +103,16 @@ def _curve(ax: Axes, design: Design, trials: Trials, process: GaussianProcess, b
     ax.axhline(trials.without_pendulum, color=INK, ls="--", label="without the pendulum")
     over = np.max([np.full(len(x), -1.0), *_limits(design, trials, designs).values()], axis=0) > 0.0
     if over.any():
-        style: dict[str, Any] = {"facecolor": "none", "edgecolor": _HATCH, "hatch": "//", "lw": 0.0}
-        ax.fill_between(x, 0, 1, over, transform=ax.get_xaxis_transform(), label="exceeds a limit", **style)
+        # Over the whole height of the picture, whatever the tilts are.
+        style: dict[str, Any] = {
+            "transform": ax.get_xaxis_transform(),
+            "fc": "none",
+            "ec": _HATCH,
+            "hatch": "//",
+        }
+        ax.fill_between(x, 0.0, 1.0, over, lw=0.0, label="exceeds a limit", **style)
     _points(ax, np.column_stack([trials.designs[:, column], trials.value]), ".", 3.0, "trial designs", INK)
-    label, fill = ("design", ORANGE) if design.pendulum is not None else (NOT_RECOMMENDED, "white")
-    at_best = np.array([[best[column], process.at(space.scaled(best[None]))[0][0]]])
-    _points(ax, at_best, "*", 17.0, label, fill)
+    _star(ax, design, np.array([best[column], process.at(space.scaled(best[None]))[0][0]]))
     ax.set(xlabel=LABELS[space.names[0]], ylabel="tilt over ν in trial runs (-)", xlim=x[[0, -1]])
     legend(ax, columns=3)
     return ax
@@ -142,6 +145,12 @@ def _shade(ax: Axes, mu: np.ndarray, lam: np.ndarray, field: np.ndarray, without
         text.set_path_effects(HALO)
     bar = cast(Any, ax.figure).colorbar(shades, ax=ax, label=words)
     bar.ax.set_title(f"without: {without:.2g}", fontsize=8)
+
+
+def _star(ax: Axes, design: Design, at: np.ndarray) -> None:
+    """The best design."""
+    label, fill = ("design", ORANGE) if design.pendulum is not None else (NOT_RECOMMENDED, "white")
+    _points(ax, at[None], "*", 17.0, label, fill)
 
 
 def _points(ax: Axes, designs: np.ndarray, marker: str, size: float, label: str, mfc: str) -> None:
