@@ -114,15 +114,13 @@ class DesignSpace:
                 raise ValueError(f"`{name}` and `{ratio}` state the same: give one of them")
             if stated is None and given is None:
                 object.__setattr__(self, ratio, USUAL_BOUNDS[ratio])
-        fixed = 0
-        for name, ends in _RANGES.items():
-            if (value := getattr(self, name)) is not None or name == "damping_ratio":
-                fixed += np.size(value) == 1
-                # A bob without mass is no pendulum; a hinge without a damper is one.
-                one = checks.within if name == "damping_ratio" else checks.positive
-                check = one if np.size(value) == 1 else checks.interval
-                object.__setattr__(self, name, check(name, value, *ends))
-        if fixed == 3:
+        given = [x for x in _RANGES if x == "damping_ratio" or getattr(self, x) is not None]
+        for name in given:
+            # A bob without mass is no pendulum; a hinge without a damper is one.
+            number = checks.within if name == "damping_ratio" else checks.positive
+            check = number if np.asarray(getattr(self, name), object).size == 1 else checks.interval
+            checks.set_checked(self, check, name, *_RANGES[name])
+        if not any(isinstance(getattr(self, name), tuple) for name in given):
             raise ValueError(
                 "a search needs two bounds for mass, length or damping ratio, but each has one fixed value: "
                 "`tpd check` validates a pendulum without a search"
@@ -158,8 +156,7 @@ class DesignSpace:
     @property
     def searched(self) -> np.ndarray:
         """Columns of (mu, lam, zeta) that are searched."""
-        low, high = self.ends
-        return np.flatnonzero(low < high)
+        return np.flatnonzero(np.ptp(self.ends, axis=0))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -11,10 +11,10 @@ from scipy.ndimage import median_filter
 
 from tpd.design.design import Design
 from tpd.design.gaussian_process import GaussianProcess, Observations, fit
-from tpd.design.orbits import Orbits, margins
+from tpd.design.harmonic import HarmonicProblem
+from tpd.design.orbits import margins
 from tpd.design.refine import Trials
 from tpd.plots.style import HALO, INK, LABELS, NOT_RECOMMENDED, ORANGE, edge, legend, new_axes, own_style
-from tpd.scene.parameters import as_arrays
 
 _GRID = 48
 """Points along each axis."""
@@ -49,7 +49,8 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     if len(space.names) == 1:
         return _curve(ax, design, trials, trials.process, best)
     axes = space.searched[:2]
-    x, y = np.linspace(*space.bounds[:, :2], _GRID).T
+    low, high = space.bounds[:, :2]
+    x, y = np.linspace(low, high, _GRID).T
     designs = np.tile(best, (_GRID**2, 1))
     designs[:, axes] = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     field, deviation = (z.reshape(_GRID, _GRID) for z in trials.process.at(space.scaled(designs)))
@@ -75,9 +76,7 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     _points(ax, trials.designs[:, axes], ".", 3.0, "trial designs", INK)
     _points(ax, trials.designs[trials.undecided > 0][:, axes], "s", 9.0, "runs without an answer", "none")
     if design.search is not None:
-        problem = design.problem
-        common = as_arrays(design.scene.parameters()), design.conditions, space
-        least = margins(Orbits(*common, problem.risk, problem.limits, problem.geometry), designs).min(axis=1)
+        least = margins(cast(HarmonicProblem, design.problem).orbits, designs).min(axis=1)
         if least.min() < 0.0 < least.max():
             least = least.reshape(_GRID, _GRID)
             edge(ax, x, y, least, "stays at rest", 0.5, color=INK, style="--")
@@ -104,13 +103,8 @@ def _curve(ax: Axes, design: Design, trials: Trials, process: GaussianProcess, b
     over = np.max([np.full(len(x), -1.0), *_limits(design, trials, designs).values()], axis=0) > 0.0
     if over.any():
         # Over the whole height of the picture, whatever the tilts are.
-        style: dict[str, Any] = {
-            "transform": ax.get_xaxis_transform(),
-            "fc": "none",
-            "ec": _HATCH,
-            "hatch": "//",
-        }
-        ax.fill_between(x, 0.0, 1.0, over, lw=0.0, label="exceeds a limit", **style)
+        style: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "fc": "none", "ec": _HATCH}
+        ax.fill_between(x, 0.0, 1.0, over, hatch="//", lw=0.0, label="exceeds a limit", **style)
     _points(ax, np.column_stack([trials.designs[:, column], trials.value]), ".", 3.0, "trial designs", INK)
     _star(ax, design, np.array([best[column], process.at(space.scaled(best[None]))[0][0]]))
     ax.set(xlabel=LABELS[space.names[0]], ylabel="tilt over ν in trial runs (-)", xlim=x[[0, -1]])
