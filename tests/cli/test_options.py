@@ -22,8 +22,10 @@ space.damping_ratio=0.2
 --damping 0.2
 space={mass=[1, 2.5], length=0.12}
 --pendulum-mass 1 2.5 --pendulum-length 0.12
-block.base_friction=0.6; block.radius_of_gyration=0.12; block.width=1; block.height=5; block.mass=9e3
---base-friction 0.6 --radius-of-gyration 0.12 --width 1 --height 5 --mass 9e3
+block={width=1, height=5, mass=9e3, radius_of_gyration=1.5}; motion={amplitude=0.3, frequency=0.5}
+--width 1 --height 5 --mass 9e3 --radius-of-gyration 1.5 --amplitude 0.3 --frequency 0.5
+block.base_friction=0.6
+--base-friction 0.6
 limits={stroke=0.4, room=false}
 --stroke 0.4 --no-walls
 bob.shape='cylinder'; block.cavity_width=0.08
