@@ -26,8 +26,8 @@ HUNG = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
 RATIOS = (0.1, 0.6, 0.1)
 SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=(0.05, 0.4))
 REASON = Reason(kind=ReasonKind.breaks_limit, limit="stroke", value=1.2)
-BLOCK = tpd.Block(width=0.9, height=5.4, mass=8000.0, restitution=0.93, cavity_width=0.9)
-"""A block for ground motions."""
+BLOCK = tpd.Block(width=0.9, height=5.4, mass=4000.0, restitution=0.93, cavity_width=0.7)
+"""A block for ground motions: walls of 0.1 m and 2300 kg/m^3."""
 SMALL = {
     "conditions": Conditions.band(SCENE, 2.2, 2.8, 2),
     "limits": tpd.limits.POINT_BOB,

@@ -30,7 +30,7 @@ def scenes() -> dict[str, tuple[tpd.Scene, tpd.DesignSpace]]:
     from tpd.design.job import job_of
 
     chimney = job_of(tomllib.loads(template("chimney")))
-    flat = tpd.Block(width=0.9, height=2.0, mass=1200.0, friction=0.05, restitution=1.0, cavity_width=0.9)
+    flat = tpd.Block(width=0.9, height=2.0, mass=1200.0, friction=0.05, restitution=1.0, cavity_width=0.8)
     space = tpd.DesignSpace(mass_ratio=(0.01, 0.2), length_ratio=(0.1, 0.8), damping_ratio=(0.05, 0.6))
     return {
         "chimney": (chimney.scene, chimney.space),

@@ -85,11 +85,19 @@ optimise --width wide | `block.width` must be a number, but is 'wide'
 optimise OWN --width 0.3 | [block] `width` must be at most 0.5 of `height` (the linear equations drop
 optimise --amplitude -0.1 | [motion] `amplitude` must be zero or positive, and finite, but is -0.1
 optimise --restitution 1.5 | [block] `restitution` must be between 0 and 1, but is 1.5
-optimise --mass-ratio 0.2 | argument --mass-ratio: expected 2 arguments
+optimise --mass-ratio 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
+optimise --mass-ratio 0.1 0.2 --pendulum-mass 2 | [space] `mass` and `mass_ratio` state the same: give one of
+optimise --pendulum-mass 20 | [space] `mass` must be between 0 and 16.224 kg in this block, but is 20
+optimise --pendulum-length 0.1 0.5 | [space] `length` must be between 0.0002 and 0.4 m in this block, but is
+optimise --pendulum-length long | `space.length` must be a number or a pair of numbers, but is 'long'
+optimise --pendulum-mass 1 --pendulum-length 0.1 | [space] a search needs two bounds for mass, length or
+optimise --pendulum-mass 1 --pareto | `search.pareto` goes with two bounds for the mass, `space.mass` or
+optimise --pendulum-mass 0 | [space] `mass` must be positive and finite, but is 0
 optimise --damping 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
 optimise --damping -1 | [space] `damping_ratio` must be between 0 and 2, but is -1
 optimise --bob cube | [bob] `shape` must be one of ball, cylinder, but is 'cube'
-optimise --cavity 0.2 | [block] `cavity_width` must be at most the outside width, 0.1 m, but is 0.2 m
+optimise --cavity 0.2 | [block] `cavity_width` must be less than the outside width, 0.1 m (walls of no
+optimise --cavity 0.1 | [block] `cavity_width` must be less than the outside width, 0.1 m (walls of no thick
 optimise --exactly --band 2 3 | `conditions.exactly` goes with one motion: no band, no amplitudes and no scatt
 optimise --starts 8 | `search.starts` goes with a pulse or records, which this job does not have
 optimise --measure median | `risk.measure` must be one of cvar, expected, worst, but is 'median'
@@ -115,7 +123,7 @@ job block.width = 2020-01-01 | `block.width` must be a number, but is datetime.d
 job block.restitution = true | `block.restitution` must be a number or a text, but is True
 job project.name = 3 | `project.name` must be a text in one line of at most 100 characters, but is 3
 job site.gravity = 0 | [site] `gravity` must be positive and finite, but is 0
-job space.mass_ratio = [0.1, true] | `space.mass_ratio` must be a pair of numbers, but is [0.1, True]
+job space.mass_ratio = [0.1, true] | `space.mass_ratio` must be a number or a pair of numbers, but is [0.1, T
 job search.budget = 8 | unknown key `budget` in [search]; allowed are model, optimiser
 job ensemble.any_phase = 1 | `ensemble.any_phase` must be true or false, but is 1
 job conditions.band = [2, 3]; conditions.frequencies = 1 | [conditions] `frequencies` must be a whole number,

@@ -4,6 +4,7 @@ import tomllib
 
 import pytest
 
+import tpd
 from tpd.cli import common, grammar, parser
 from tpd.cli.options import Option, plain
 from tpd.design import job as jobs
@@ -19,6 +20,12 @@ space={mass_ratio=[0.1, 0.4], length_ratio=[0.2, 1], damping_ratio=[0.05, 0.3]}
 --mass-ratio 0.1 0.4 --length-ratio 0.2 1 --damping 0.05 0.3
 space.damping_ratio=0.2
 --damping 0.2
+space={mass=[1, 2.5], length=0.12}
+--pendulum-mass 1 2.5 --pendulum-length 0.12
+block={width=1, height=5, mass=9e3, radius_of_gyration=1.5}; motion={amplitude=0.3, frequency=0.5}
+--width 1 --height 5 --mass 9e3 --radius-of-gyration 1.5 --amplitude 0.3 --frequency 0.5
+block.base_friction=0.6
+--base-friction 0.6
 limits={stroke=0.4, room=false}
 --stroke 0.4 --no-walls
 bob.shape='cylinder'; block.cavity_width=0.08
@@ -81,12 +88,21 @@ def test_options_override_a_file_of_other_values(tmp_path, monkeypatch):
     assert (job.scene.block.width, job.risk.name, job.seed) == (0.12, "worst", 2)
 
 
+def test_a_mass_in_kg_replaces_the_ratio_of_a_file_and_the_other_way_round(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "job.toml").write_text("[space]\nmass_ratio = [0.02, 0.1]\nlength = 0.1\n")
+    space = job_of("--scene job.toml --pendulum-mass 1 --length-ratio 0.2 0.6").space
+    assert space == tpd.DesignSpace(mass=1.0, length_ratio=(0.2, 0.6))
+    (tmp_path / "again.toml").write_text(job_of("--scene job.toml --pendulum-mass 1 2").toml)
+    assert job_of("--scene again.toml").space == tpd.DesignSpace(mass=(1.0, 2.0), length=0.1)
+
+
 @pytest.mark.parametrize(
     ("content", "options", "expected"),
     [
-        ("", "--restitution housner", (0.0, "housner")),
+        ("", "--restitution housner", (0.05, "housner")),
         ("restitution = 'housner'\n", "--friction 0.02", (0.02, "housner")),
-        ("restitution = 'housner'\n", "--restitution 0.9", (0.0, 0.9)),
+        ("restitution = 'housner'\n", "--restitution 0.9", (0.05, 0.9)),
     ],
 )
 def test_losses_come_from_the_file_and_the_options(tmp_path, content, options, expected):

@@ -172,7 +172,7 @@ def test_the_strongest_motions_are_those_of_the_largest_angle_in_which_the_block
         ),
         ({"held_out": 1.5}, "`held_out` must be between 0 and 0.9"),
         ({"block": dataclasses.replace(BLOCK, cavity_width=None)}, "`cavity_width`"),
-        ({"limits": (tpd.limits.Mass(0.01),)}, "`mass` must be above the least bob"),
+        ({"limits": (tpd.limits.Mass(0.01),)}, "the limit `mass` must be above the least point mass"),
     ],
 )
 def test_what_has_no_effect_or_makes_no_sense_is_rejected(given, message):

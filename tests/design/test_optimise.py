@@ -16,6 +16,7 @@ from tpd.design.harmonic import HarmonicProblem
 from tpd.design.optimise import problem_of, solve
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.records import el_centro, loma_prieta
+from tpd.report import words
 
 CALM = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.001, frequency=2.5))
 """An excitation that lifts no block, and under which no orbit attracts."""
@@ -282,6 +283,39 @@ def test_every_point_is_the_problem_with_a_lighter_bob(name, request, rejected, 
     for most in ((0.06, 0.03), (0.3,), (0.01,)):
         with pytest.raises(ValueError, match=r"`most` must be increasing masses between 0\.01 and 0\.2"):
             tpd.front(design, most)
+
+
+@pytest.mark.mends("a rod of fixed length could not be stated")
+def test_a_fixed_rod_is_that_of_every_answer(harmonic):
+    space = tpd.DesignSpace(length=0.12, damping_ratio=(0.05, 0.4))
+    found = tpd.optimise(SCENE, space, **designs.SMALL)
+    assert found.pendulum.length == pytest.approx(0.12, rel=1e-15)
+    assert np.all(found.trials.designs[:, 1] == 0.6)
+    assert np.all(found.search.ends[:, 1] == 0.6)
+    assert len(np.unique(found.trials.designs[:, 0])) > 20
+    assert words.bounds(found) == ["least damping ratio of the search, 0.05"]
+    point = tpd.front(found, (0.19,))[0].pendulum
+    assert (point.length, point.mass <= 0.19 * SCENE.block.mass) == (pytest.approx(0.12), True)
+    ground = designs.GROUND | {"worth": tpd.limits.Worth(at_least=0.005)}
+    other = tpd.optimise(designs.BLOCK, tpd.DesignSpace(length=1.0, damping_ratio=0.3), **ground)
+    assert (other.pendulum.length, other.pendulum.damping_ratio) == (pytest.approx(1.0), 0.3)
+
+
+def test_a_fixed_bob_is_that_of_the_answer_and_has_no_lighter_ones():
+    space = tpd.DesignSpace(mass=1.6, damping_ratio=(0.05, 0.4))
+    found = tpd.optimise(SCENE, space, **designs.SMALL)
+    assert found.pendulum.mass == pytest.approx(1.6, rel=1e-15)
+    assert (found.equivalent[:, 0] == found.nearest[0]).all()
+    with pytest.raises(ValueError, match="`design` has a bob of fixed mass"):
+        tpd.front(found)
+
+
+def test_bounds_in_kg_are_those_by_ratio(harmonic):
+    mass = SCENE.block.mass
+    space = tpd.DesignSpace(mass=(0.01 * mass, 0.2 * mass), damping_ratio=(0.05, 0.4))
+    found = tpd.optimise(SCENE, space, **designs.SMALL)
+    assert found.problem.space == harmonic.problem.space
+    assert same(found, harmonic)
 
 
 def test_many_blocks_have_the_answer_of_each_and_statuses_by_name():

@@ -46,8 +46,12 @@ def test_a_limit_on_the_mass_narrows_the_space():
     np.testing.assert_allclose(found.mass_ratio, (0.01, 0.05))
     assert within_mass(space, SCENE.block, (tpd.limits.Mass(100.0),)) == space
     assert within_mass(space, SCENE.block, ()) is space
-    with pytest.raises(ValueError, match=r"`mass` must be above the least bob .* but is 0\.1 kg"):
+    fixed = tpd.DesignSpace(mass_ratio=0.05)
+    assert within_mass(fixed, SCENE.block, (tpd.limits.Mass(1.0),)) is fixed
+    with pytest.raises(ValueError, match=r"the limit `mass` must be above the least .* but is 0\.1 kg"):
         within_mass(space, SCENE.block, (tpd.limits.Mass(0.1),))
+    with pytest.raises(ValueError, match=r"the limit `mass` must be above the least .* but is 0\.8 kg"):
+        within_mass(fixed, SCENE.block, (tpd.limits.Mass(0.8),))
 
 
 def test_walls_need_a_cavity_that_is_stated():

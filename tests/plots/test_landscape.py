@@ -10,7 +10,7 @@ import tpd
 from tests.plots.shown import legend, lines, words
 from tpd.design.gaussian_process import Observations, fit
 from tpd.design.reasons import DesignStatus
-from tpd.plots.style import ORANGE
+from tpd.plots.style import LABELS, ORANGE
 from tpd.scene.conditions import Conditions
 
 
@@ -90,3 +90,35 @@ def test_a_design_without_trials_has_no_landscape(single):
     rest = dataclasses.replace(single, status=DesignStatus.no_uplift, validated=(), trials=None, search=None)
     with pytest.raises(ValueError, match="must have trial runs from which a trend follows, but has none"):
         tpd.plot(rest)
+
+
+@pytest.mark.mends("the landscape needed bounds of mass and length")
+@pytest.mark.parametrize(
+    ("space", "axes", "words"),
+    [
+        ({"mass_ratio": 0.1, "damping_ratio": (0.05, 0.4)}, (1, 2), "at μ = 0.1 (-)"),
+        ({"length_ratio": 0.6, "damping_ratio": (0.05, 0.4)}, (0, 2), "at λ = 0.6 (-)"),
+        ({"length_ratio": 0.6}, (0,), None),
+        ({"mass_ratio": 0.1, "length_ratio": 0.6, "damping_ratio": (0.05, 0.4)}, (2,), None),
+    ],
+)
+def test_fixed_values_have_no_axis(single, space, axes, words):
+    problem = dataclasses.replace(single.problem, space=tpd.DesignSpace(**space))
+    u = np.random.default_rng(1).random((40, len(axes)))
+    x = problem.space.unscaled(u)
+    tilt = 0.2 + x[:, axes[0]]
+    given = {"designs": x, "value": tilt, "process": fit(Observations(u, tilt)), "names": ("stroke",)}
+    given |= {"sizes": np.exp(u[:, :1] - 0.5), "undecided": np.zeros(40, int)}
+    trials = dataclasses.replace(single.trials, **given)
+    best = dataclasses.replace(single.validated[-1], design=x[0])
+    problem = dataclasses.replace(problem, limits=(tpd.limits.Stroke(0.5),))
+    ax = tpd.plot(dataclasses.replace(single, problem=problem, trials=trials, validated=(best,), search=None))
+    shown = lines(ax)["trial designs"].get_xydata()
+    np.testing.assert_allclose(shown, x[:, axes] if words else np.column_stack([x[:, axes[0]], tilt]))
+    assert ax.get_xlabel() == LABELS[("mu", "lam", "zeta")[axes[0]]]
+    if words:
+        assert ax.figure.axes[-1].get_ylabel().endswith(words)
+    else:
+        trend = lines(ax)["design"].get_xydata()[0]
+        assert trend == pytest.approx([x[0, axes[0]], tilt[0]], abs=0.02)
+        assert "exceeds a limit" in legend(ax)

@@ -42,12 +42,12 @@ def changed(design=None, exact=None, **more):
 
 
 def test_a_bob_that_would_touch_the_walls_is_a_danger_with_a_remedy():
-    """Half width 0.05 m, length 0.12 m; a ball of 0.5 kg has a radius of 0.0248 m: 0.2118 rad are left."""
+    """Half width 0.04 m, length 0.12 m; a ball of 0.5 kg has a radius of 0.0248 m: 0.1272 rad are left."""
     ball = (0.5 / 7850.0 * 3.0 / (4.0 * np.pi)) ** (1.0 / 3.0)
-    most = np.arcsin((0.05 - ball) / 0.12)
+    most = np.arcsin((0.04 - ball) / 0.12)
     assert strikes(SCENE.block, LIGHT, {"once settled": most - 1e-6, "on the way": most - 1e-6}) == []
     (note,) = strikes(SCENE.block, LIGHT, {"once settled": 0.1, "on the way from rest": most + 1e-6})
-    start = "On the way from rest the bob, as a solid ball of steel, would reach 0.05 m from the block's axis"
+    start = "On the way from rest the bob, as a solid ball of steel, would reach 0.04 m from the block's axis"
     assert note.text.startswith(start)
     assert f"clear of them up to {np.floor(1e3 * most) / 1e3:g} rad between rod and block" in note.text
     assert "Without `--exactly` the search has walls" in note.text

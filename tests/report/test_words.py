@@ -43,8 +43,8 @@ def test_lines_have_block_motion_and_losses_in_si_units():
     assert losses == "  losses  impact loss: e = 0.9"
 
 
-def test_the_cavity_is_said_and_where_it_is_as_wide_as_the_block():
-    assert ", cavity 0.1 m wide (as wide as the block); " in words.scene_lines(PAPER)[1]
+def test_the_cavity_is_said():
+    assert ", cavity 0.08 m wide; " in words.scene_lines(PAPER)[1]
     assert ", cavity 0.06 m wide; " in words.scene_lines(changed(cavity_width=0.06))[1]
 
 

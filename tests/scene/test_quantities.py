@@ -14,7 +14,7 @@ from tpd.scene.parameters import NAMES
 from tpd.scene.quantities import QUANTITIES, Axis, Setup, with_design
 from tpd.scene.scene import paper_scene
 
-# Its cavity, as wide as the block, would keep the width from being made less.
+# Its cavity would keep the width from being made less.
 SCENE = dataclasses.replace(paper_scene(), block=dataclasses.replace(paper_scene().block, cavity_width=None))
 HUNG = Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
 OTHER = Scene(

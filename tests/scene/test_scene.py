@@ -94,11 +94,16 @@ def test_light_and_heavy_blocks_on_the_moon_and_on_a_shaking_table_are_taken():
         assert float(scene.parameters().f) > 10.0
 
 
-@pytest.mark.mends("a block without a stated cavity had one as wide as itself")
+@pytest.mark.mends("a block without a stated cavity had one as wide as itself, and walls needed no thickness")
 def test_a_block_has_the_cavity_that_is_stated_and_no_other():
     assert Block(**BLOCK).room == np.inf
     assert Block(**BLOCK, cavity_width=0.07).room == 0.07
-    assert paper_scene().block.cavity_width == 0.1, "the paper's block states the widest that there can be"
+    assert paper_scene().block.cavity_width == 0.08
+    for wide in (1.0, 1.001):
+        with pytest.raises(
+            ValueError, match=r"`cavity_width` must be less than the outside width, 0\.\d+ m \(w"
+        ):
+            Block(**BLOCK, cavity_width=wide * BLOCK["width"])
 
 
 def test_housner_s_ratio_of_a_rectangle_is_the_textbook_s():

@@ -13,7 +13,7 @@ from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.core.progress import Bar
 from tpd.design.assess import needless
-from tpd.design.criteria import Mass, check_cavity, stroke_limit
+from tpd.design.criteria import DesignSpace, Mass, check_cavity, stroke_limit
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
@@ -75,7 +75,7 @@ def _validated(
     if pendulum is None:
         return [*said, "NOT RECOMMENDED: the report has no pendulum."], False
     found = validate(problem, problem.ratios(pendulum), thorough=True, progress=bar)
-    said += _outside(found, job)
+    said += _outside(found, problem.space)
     runs = found.runs
     if runs is not None:
         said.append(
@@ -111,12 +111,10 @@ def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace,
     return SOUND if sound else UNSOUND
 
 
-def _outside(found: Validated, job: Job) -> list[str]:
-    """Lines on ratios that the space of the job does not contain."""
-    space, said = job.space, []
-    bounds = {"mass": space.mass_ratio, "length": space.length_ratio, "damping": space.damping_ratio}
-    for x, (name, ends) in zip(found.design, bounds.items(), strict=True):
-        low, high = ends if isinstance(ends, tuple) else (ends, ends)
+def _outside(found: Validated, space: DesignSpace) -> list[str]:
+    """Lines on ratios that the space does not contain."""
+    said = []
+    for x, name, low, high in zip(found.design, ("mass", "length", "damping"), *space.ends, strict=True):
         # A ratio of a pendulum in SI units may differ by rounding.
         if not low * (1.0 - 1e-9) <= x <= high * (1.0 + 1e-9):
             searched = number(low) if low == high else f"{number(low)} to {number(high)}"

@@ -49,6 +49,8 @@ HELD_OUT = Option("--held-out", "motion", "held_out", "X")
 NO_WALLS = Option("--no-walls", "limits", "room", value=False, help="do not ask for room between the walls")
 DESIGN = (
     *_options("space", mass_ratio=("LO", "HI"), length_ratio=("LO", "HI")),
+    Option("--pendulum-mass", "space", "mass", ("LO", "HI")),
+    Option("--pendulum-length", "space", "length", ("LO", "HI")),
     Option("--damping", "space", "damping_ratio", "ZETA"),
     Option("--stroke", "limits", "stroke", "RAD"),
     Option("--bob", "bob", "shape", "WORD"),

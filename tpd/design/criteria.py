@@ -18,7 +18,15 @@ import numpy as np
 from tpd.core import checks
 from tpd.scene.bob import THICKEST, Bob
 from tpd.scene.conditions import Conditions, check_restitution
-from tpd.scene.scene import LARGEST_DAMPING, STANDARD_GRAVITY, Block, Scene, check_shaking
+from tpd.scene.scene import (
+    HEAVIEST,
+    LARGEST_DAMPING,
+    LENGTHS,
+    STANDARD_GRAVITY,
+    Block,
+    Scene,
+    check_shaking,
+)
 
 __all__ = [
     "DEFAULT_LIMITS",
@@ -57,59 +65,122 @@ DEPTH = "depth"
 _LEAST_TILT = 0.02
 """Tilt, in shares of nu, that a pendulum may leave where the bare block hardly rocks or rests."""
 
+Bounds = checks.Real | tuple[float, float]
+"""One number, which is fixed, or a lower and an upper bound, between which the search looks."""
+TWINS = {"mass": "mass_ratio", "length": "length_ratio"}
+"""Fields of a design space in SI units, and the ratios that state the same."""
+USUAL_BOUNDS = {"mass_ratio": (0.01, 0.2), "length_ratio": (0.1, 1.5)}
+_RANGES = {
+    "mass_ratio": (0.0, HEAVIEST_RATIO),
+    "length_ratio": (1e-3, LONGEST_RATIO),
+    "damping_ratio": (0.0, LARGEST_DAMPING),
+    "mass": (0.0, HEAVIEST),
+    "length": LENGTHS,
+}
+"""Largest ranges of a design space."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class DesignSpace:
-    """Bounds of the search.
+    """Bounds of the search: each is one number, which is fixed, or a pair, between which the search looks.
+
+    Mass and length are those of the equivalent point pendulum, the point mass and its distance from the
+    hinge. The body as built is heavier on a shorter rod: `tpd.limits.Mass`, in a job `[limits] mass`, limits
+    the mass of the body.
 
     Raises:
-        ValueError: a bound out of range, reversed or empty.
+        ValueError: a bound out of range, reversed or empty, a ratio beside its value in SI units, or three
+            fixed values.
     """
 
-    mass_ratio: tuple[float, float] = (0.01, 0.2)
-    """Lower and upper bound of the mass ratio mu = m/M."""
-    length_ratio: tuple[float, float] = (0.1, 1.5)
-    """Lower and upper bound of the length ratio lam = l/b."""
-    damping_ratio: checks.Real | tuple[float, float] = 0.1
-    """Damping ratio zeta of the hinge: one number, or a lower and an upper bound if it is searched too."""
+    mass_ratio: Bounds | None = None
+    """Ratio m/M of the bob's point mass to the block's mass: one number, which is fixed, or two bounds
+    (default 0.01 0.2)."""
+    length_ratio: Bounds | None = None
+    """Ratio l/b of the pendulum's length to half the block's height: one number, which is fixed, or two
+    bounds (default 0.1 1.5)."""
+    damping_ratio: Bounds = 0.1
+    """Damping ratio zeta of the hinge: one number, which is fixed, or two bounds."""
+    mass: Bounds | None = None
+    """Mass of the bob as the equivalent point in kg, in place of the ratio: one number, which is fixed, or
+    two bounds ([limits] mass limits the heavier body as built)."""
+    length: Bounds | None = None
+    """Length of the equivalent point pendulum in m, in place of the ratio: one number, which is fixed, or
+    two bounds (the rod of the body as built is shorter)."""
 
     def __post_init__(self) -> None:
-        set_ = object.__setattr__
-        set_(self, "mass_ratio", checks.interval("mass_ratio", self.mass_ratio, 0.0, HEAVIEST_RATIO))
-        set_(self, "length_ratio", checks.interval("length_ratio", self.length_ratio, 1e-3, LONGEST_RATIO))
-        # One number is fixed, a pair is searched: the search has two or three coordinates.
-        check = checks.within if np.size(self.damping_ratio) == 1 else checks.interval
-        set_(self, "damping_ratio", check("damping_ratio", self.damping_ratio, 0.0, LARGEST_DAMPING))
+        for name, ratio in TWINS.items():
+            stated, given = getattr(self, name), getattr(self, ratio)
+            if stated is not None and given is not None:
+                raise ValueError(f"`{name}` and `{ratio}` state the same: give one of them")
+            if stated is None and given is None:
+                object.__setattr__(self, ratio, USUAL_BOUNDS[ratio])
+        given = [x for x in _RANGES if x == "damping_ratio" or getattr(self, x) is not None]
+        for name in given:
+            # A bob without mass is no pendulum; a hinge without a damper is one.
+            number = checks.within if name == "damping_ratio" else checks.positive
+            check = number if np.asarray(getattr(self, name), object).size == 1 else checks.interval
+            checks.set_checked(self, check, name, *_RANGES[name])
+        if not any(isinstance(getattr(self, name), tuple) for name in given):
+            raise ValueError(
+                "a search needs two bounds for mass, length or damping ratio, but each has one fixed value: "
+                "`tpd check` validates a pendulum without a search"
+            )
+
+    def of(self, block: Block) -> DesignSpace:
+        """Return the space of a block, with ratios in place of values in SI units.
+
+        Raises:
+            ValueError: a bob heavier than the block, or a length out of range.
+        """
+        out: dict[str, Any] = {}
+        for name, unit, size in (("mass", "kg", block.mass), ("length", "m", block.half_height)):
+            value, (low, high) = getattr(self, name), _RANGES[TWINS[name]]
+            if value is not None:
+                # Either bound by itself, so that the message has the one that is out of range.
+                for x in np.ravel(value).tolist():
+                    checks.within(name, x, low * size, high * size, f" {unit} in this block")
+                out |= {name: None, TWINS[name]: np.clip(np.array(value) / size, low, high).tolist()}
+        return replace(self, **out)
+
+    @property
+    def ends(self) -> np.ndarray:
+        """Lower and upper ends of (mu, lam, zeta), shape (2, 3); equal where a value is fixed.
+
+        Raises:
+            ValueError: a space in SI units, whose ratios are those of a block.
+        """
+        if self.mass_ratio is None or self.length_ratio is None:
+            raise ValueError("a space in kg or m has ratios only with a block: use `space.of(block)`")
+        return np.array([np.broadcast_to(getattr(self, n), 2) for n in (*TWINS.values(), "damping_ratio")]).T
+
+    @property
+    def searched(self) -> np.ndarray:
+        """Columns of (mu, lam, zeta) that are searched."""
+        return np.flatnonzero(np.ptp(self.ends, axis=0))
 
     @property
     def names(self) -> tuple[str, ...]:
         """Symbols of the searched parameters."""
-        return ("mu", "lam", "zeta") if isinstance(self.damping_ratio, tuple) else ("mu", "lam")
+        return tuple(("mu", "lam", "zeta")[i] for i in self.searched)
 
     @property
     def bounds(self) -> np.ndarray:
         """Lower and upper bounds of the searched parameters, shape (2, len(names))."""
-        pairs = [self.mass_ratio, self.length_ratio]
-        if isinstance(self.damping_ratio, tuple):
-            pairs.append(self.damping_ratio)
-        return np.array(pairs).T
-
-    def full(self, x: np.ndarray) -> np.ndarray:
-        """(mu, lam, zeta) of searched values `x`, shape (..., 2 or 3) to (..., 3)."""
-        if isinstance(self.damping_ratio, tuple):
-            return np.asarray(x)
-        return np.concatenate([x, np.full((*np.shape(x)[:-1], 1), self.damping_ratio)], axis=-1)
+        return self.ends[:, self.searched]
 
     def scaled(self, designs: np.ndarray) -> np.ndarray:
         """Searched values of designs (..., 3) as shares of the bounds, shape (..., len(names))."""
         # Searches work in shares: a kilogramme and a metre have no common length of step.
         low, high = self.bounds
-        return (np.asarray(designs)[..., : low.size] - low) / (high - low)
+        return (np.take(designs, self.searched, axis=-1) - low) / (high - low)
 
     def unscaled(self, unit: np.ndarray) -> np.ndarray:
         """(mu, lam, zeta) of shares of the bounds, shape (..., len(names)) to (..., 3)."""
         low, high = self.bounds
-        return self.full(low + np.asarray(unit) * (high - low))
+        out = np.tile(self.ends[0], (*np.shape(unit)[:-1], 1))
+        out[..., self.searched] = low + np.asarray(unit) * (high - low)
+        return out
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -147,9 +147,7 @@ class HarmonicProblem(Problem):
         check_moves(scene, conditions)
         check_scatter(scene, {name for name, v in conditions.factors.items() if np.ptp(v) > 0.0}, searched)
         # Housner's restitution is least with the heaviest bob.
-        heaviest = under_all(
-            as_arrays(scene.parameters()), searched.full(searched.bounds[1])[None], conditions
-        )
+        heaviest = under_all(as_arrays(scene.parameters()), searched.ends[1:], conditions)
         # Where impacts lose much, the bias of smoothed ones comes near the tolerance of the ends.
         smooth = bool(np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH))
         model = _model_of(found["method"].model, smooth)
@@ -270,7 +268,7 @@ class HarmonicProblem(Problem):
             part = f" under {len(few.conditions)} of the {len(self.conditions)} conditions"
             found = replace(found, description=found.description + part)
         rng = np.random.default_rng([self.seed, 9])
-        drawn = self.space.unscaled(latin_hypercube(rng, _DRAWN, self.space.bounds.shape[1]))
+        drawn = self.space.unscaled(latin_hypercube(rng, _DRAWN, len(self.space.names)))
         sizes = self.fixed_sizes(drawn)
         # Designs that exceed a limit without any run come last: some remain, to show what the limit costs.
         over = np.max([np.zeros(len(drawn)), *sizes.values()], axis=0) > 1.0

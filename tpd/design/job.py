@@ -19,6 +19,7 @@ from tpd.core.files import path_of
 from tpd.core.formatting import decimal_comma
 from tpd.design.criteria import (
     KINDS,
+    TWINS,
     DesignSpace,
     Limit,
     Risk,
@@ -547,7 +548,10 @@ def merged(given: Mapping[str, Any], over: Mapping[str, Any]) -> Tables:
     """
     out = {table: dict(values) for table, values in as_typed(given).items()}
     for table, values in over.items():
-        out.setdefault(table, {}).update(values)
+        # A ratio replaces its value in SI units, and the other way round.
+        replaced = {pair[1 - i] for pair in TWINS.items() for i in (0, 1) if pair[i] in values}
+        kept = {k: x for k, x in out.get(table, {}).items() if table != "space" or k not in replaced}
+        out[table] = kept | dict(values)
     if "seed" in over.get("search", {}):
         # It is of every random choice, also of the runs.
         out.get("ensemble", {}).pop("seed", None)
@@ -595,11 +599,14 @@ def job_of(given: Mapping[str, Any]) -> Job:
     with naming("ensemble"):
         if ensemble.restitution:
             check_restitution(site)
+    with naming("space"):
+        job.space.of(site.block)
     _ = job.risk, job.limits, job.worth
     # Defaults depend on other keys: written out, a job keeps its meaning in a later version.
     numbers = {name: getattr(job.method, name) for name in keys_of(job.search)}
     filled = {"block": ("friction", "restitution", "cavity_width"), "search": tuple(numbers)}
-    found = {"block": vars(job.block), "search": numbers}
+    filled["space"] = tuple(TWINS.values())
+    found = {"block": vars(job.block), "search": numbers, "space": vars(job.space)}
     return replace(job, full={t: v | {k: found[t][k] for k in filled.get(t, ())} for t, v in full.items()})
 
 

@@ -284,6 +284,10 @@ _ONLY_WITH: dict[tuple[str, str], tuple[str, Callable[[Tables], bool]]] = {
         lambda full: full["conditions"]["band"] is not None,
     ),
     ("conditions", "samples"): ("a width in [scatter]", lambda full: bool(widths_of(full))),
+    ("search", "pareto"): (
+        "two bounds for the mass, `space.mass` or `space.mass_ratio`",
+        lambda full: not any(isinstance(full["space"][x], float) for x in ("mass", "mass_ratio")),
+    ),
     ("risk", "measure"): _SEVERAL,
     ("risk", "share"): ("`risk.measure` cvar", lambda full: full["risk"]["measure"] == "cvar"),
 }

@@ -71,7 +71,7 @@ def optimise(
 
     Args:
         scene: block and base motion, SI; under ground motions a block alone is enough.
-        space: bounds of the search; default `DesignSpace()`.
+        space: bounds and fixed values of the pendulum, as ratios or in kg and m; default `DesignSpace()`.
         conditions: default `Conditions.around(scene)`.
         starts: default `Starts.any()`, the largest motion that attracts; with `Starts.rest()` rest counts
             wherever it holds.
@@ -190,11 +190,13 @@ def front(
         progress: called with ("front", bobs done, of how many).
 
     Raises:
-        ValueError: masses that do not increase, or that are not within the design space.
+        ValueError: masses that do not increase or are not within the design space, or a fixed mass.
     """
     checks.instance("design", design, Design)
     block = design.scene.block
-    low, high = design.space.mass_ratio
+    low, high = design.space.ends[:, 0].tolist()
+    if low == high:
+        raise ValueError("`design` has a bob of fixed mass, so that no lighter ones can be compared with it")
     shares = np.geomspace(max(low, high * _LEAST), high, _LIGHTER + 2)[1:-1] if most is None else most
     shares = checks.array("most", shares, (-1,), "a vector of increasing masses")
     if np.any(np.diff(shares) <= 0.0) or not np.all((shares > low) & (shares < high)):

@@ -168,9 +168,10 @@ class Orbits:
         """Merits, tightened constraints and their derivatives along the searched shares of the bounds."""
         # Shares of the bounds: a step is as long along every coordinate.
         low, high = self.space.bounds
-        scale, d = (high - low)[None, None, :], low.size
         limit, limit_slope = self.constraints(e)
-        merit_slope, limit_slope = e.merit_slope[..., :d] * scale, limit_slope[..., :d] * scale
+        merit_slope, limit_slope = (
+            np.take(slope, self.space.searched, -1) * (high - low) for slope in (e.merit_slope, limit_slope)
+        )
         return Linearisation(e.merit, merit_slope, limit + BACK_OFF, limit_slope)
 
     def at(self, unit: np.ndarray) -> Linearisation:

@@ -321,7 +321,7 @@ def _said(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def complete(scene: Scene, usual: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the inputs that all problems have, checked, with usual ones in place of None and of those that
-    are left out; the space is within the limit on the bob's mass.
+    are left out; the space is in ratios and within the limit on the bob's mass.
 
     Raises:
         TypeError: a name that is not among the usual inputs.
@@ -338,7 +338,8 @@ def complete(scene: Scene, usual: Mapping[str, Any], given: Mapping[str, Any]) -
     check_cavity(scene.block, found["limits"])
     if found["ensemble"].restitution:
         check_restitution(scene)
-    return found | {"space": within_mass(found["space"], scene.block, found["limits"])}
+    space = found["space"].of(scene.block)
+    return found | {"space": within_mass(space, scene.block, found["limits"])}
 
 
 def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> DesignSpace:
@@ -347,14 +348,14 @@ def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> 
     Raises:
         ValueError: a mass below the least bob of the space.
     """
-    limit, (low, high) = limit_of(limits, Mass), space.mass_ratio
+    limit, (low, high) = limit_of(limits, Mass), space.ends[:, 0].tolist()
     if not isinstance(limit, Mass):
         return space
     # Every method keeps a bound exactly, and a constraint only to its tolerance.
     most = limit.kg / float(block.mass)
     if most <= low:
         raise ValueError(
-            f"`mass` must be above the least bob of the design space, {low * block.mass:g} kg, but is "
-            f"{limit.kg:g} kg"
+            f"the limit `mass` must be above the least point mass of the design space, {low * block.mass:g} "
+            f"kg, but is {limit.kg:g} kg"
         )
-    return replace(space, mass_ratio=(low, min(high, most)))
+    return space if low == high else replace(space, mass_ratio=(low, min(high, most)))

@@ -213,13 +213,10 @@ class Refinement:
         """Return all trials as a table, the best first."""
         order = self.order()
         designs = np.array(self.designs)
-        fixed, names = (
-            self.problem.fixed_sizes(designs),
-            list(dict.fromkeys(self.problem.fixed_sizes(designs))),
-        )
+        fixed = self.problem.fixed_sizes(designs)
         quantiles = {name: np.exp(x) for name, x in self._quantiles().items()}
         # A design whose block stands in too few runs has no quantile: its tilt says enough.
-        sizes = [np.fmax(fixed[name], quantiles.get(name, fixed[name])) for name in names]
+        sizes = [np.fmax(fixed[name], quantiles.get(name, fixed[name])) for name in fixed]
         x = self.problem.space.scaled(designs)
         trend = np.full(len(x), np.nan) if self.process is None else self.process.at(x)[0]
         counts = [(r.is_overturned.sum(), r.is_unanswered.sum(), len(r.outcome)) for r in self.runs]
@@ -228,8 +225,8 @@ class Refinement:
             designs=designs[order],
             value=np.array([self.problem.value_of(r) for r in self.runs])[order],
             trend=trend[order],
-            names=tuple(names),
-            sizes=np.array(sizes, dtype=float).reshape(len(names), len(designs)).T[order],
+            names=tuple(fixed),
+            sizes=np.array(sizes, dtype=float).reshape(len(fixed), len(designs)).T[order],
             overturned=(fell / np.maximum(runs - unknown, 1.0))[order],
             undecided=unknown.astype(int)[order],
             feasible=((self.keeps(x) >= self.likely) & self.possible(designs))[order],

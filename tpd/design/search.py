@@ -237,9 +237,9 @@ def screened_designs(orbits: Orbits, count: int, seed: int) -> np.ndarray:
     """Seeded designs (mu, lam, zeta), shape (count, 3): three quarters spread over the space, and one quarter
     of the largest uplift margin under all conditions."""
     space = orbits.space
-    wide = space.unscaled(latin_hypercube(np.random.default_rng([seed, 2]), _CLOSED, space.bounds.shape[1]))
+    wide = space.unscaled(latin_hypercube(np.random.default_rng([seed, 2]), _CLOSED, len(space.names)))
     still = np.argsort(-margins(orbits, wide).min(axis=1), kind="stable")[: count // 4]
-    spread = latin_hypercube(np.random.default_rng(seed), count - len(still), space.bounds.shape[1])
+    spread = latin_hypercube(np.random.default_rng(seed), count - len(still), len(space.names))
     return np.concatenate([space.unscaled(spread), wide[still]])
 
 

@@ -10,11 +10,11 @@ from matplotlib.ticker import MaxNLocator
 from scipy.ndimage import median_filter
 
 from tpd.design.design import Design
-from tpd.design.gaussian_process import Observations, fit
-from tpd.design.orbits import Orbits, margins
+from tpd.design.gaussian_process import GaussianProcess, Observations, fit
+from tpd.design.harmonic import HarmonicProblem
+from tpd.design.orbits import margins
 from tpd.design.refine import Trials
 from tpd.plots.style import HALO, INK, LABELS, NOT_RECOMMENDED, ORANGE, edge, legend, new_axes, own_style
-from tpd.scene.parameters import as_arrays
 
 _GRID = 48
 """Points along each axis."""
@@ -26,7 +26,8 @@ _CLIPPED = 0.1, 10.0
 @own_style()
 def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     """Draw the tilt over mass and length ratio at the damping of the best design, as a shaded field: the
-    darker, the more the block tilts.
+    darker, the more the block tilts. If mass or length is fixed the damping ratio takes its axis; if only one
+    parameter is searched, the tilt is a curve over it.
 
     The field is the trend that a Gaussian process estimates from all trial runs, by the linear equations.
     It is grey where the trials do not determine the trend. Hatched is where designs exceed a limit; each edge
@@ -44,44 +45,69 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     if trials is None or trials.process is None or best is None:
         raise ValueError("`design` must have trial runs from which a trend follows, but has none")
     ax = cast(Axes, new_axes(size=(7.0, 5.0)) if ax is None else ax)
-    mu, lam = (np.linspace(*bounds, _GRID) for bounds in (design.space.mass_ratio, design.space.length_ratio))
-    plane = np.stack(np.meshgrid(mu, lam), axis=-1).reshape(-1, 2)
-    designs = np.column_stack([plane, np.full(len(plane), best[2])])
-    field, deviation = (x.reshape(_GRID, _GRID) for x in trials.process.at(design.space.scaled(designs)))
-    words = f"tilt over ν in trial runs, at ζ = {best[2]:.2g} (-)"
-    _shade(ax, mu, lam, field, trials.without_pendulum, words)
+    space = design.space
+    if len(space.names) == 1:
+        return _curve(ax, design, trials, trials.process, best)
+    axes = space.searched[:2]
+    low, high = space.bounds[:, :2]
+    x, y = np.linspace(low, high, _GRID).T
+    designs = np.tile(best, (_GRID**2, 1))
+    designs[:, axes] = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    field, deviation = (z.reshape(_GRID, _GRID) for z in trials.process.at(space.scaled(designs)))
+    (other,) = {0, 1, 2} - {*axes.tolist()}
+    words = f"tilt over ν in trial runs, at {'μλζ'[other]} = {best[other]:.2g} (-)"
+    _shade(ax, x, y, field, trials.without_pendulum, words)
     # Above the contours with their values, which would claim something there.
     if (deviation > trials.process.spread).any():
         levels = [trials.process.spread, np.inf]
-        ax.contourf(mu, lam, deviation, levels=levels, colors=[_UNKNOWN], zorder=2)
+        ax.contourf(x, y, deviation, levels=levels, colors=[_UNKNOWN], zorder=2)
         ax.fill([], [], color=_UNKNOWN, label="trend not known")
     # Next to a fold a single design may lose its orbit: a median of neighbours leaves such specks out.
     limits = _limits(design, trials, designs)
-    edges = {name: median_filter(x.reshape(_GRID, _GRID), 3) for name, x in limits.items()}
+    edges = {name: median_filter(z.reshape(_GRID, _GRID), 3) for name, z in limits.items()}
     worst = np.max([np.full((_GRID, _GRID), -1.0), *edges.values()], axis=0)
     if (worst > 0.0).any():
-        beyond = ax.contourf(mu, lam, worst, levels=[0.0, np.inf], colors="none", hatches=["//"], zorder=2)
+        beyond = ax.contourf(x, y, worst, levels=[0.0, np.inf], colors="none", hatches=["//"], zorder=2)
         beyond.set_edgecolor(_HATCH)
         beyond.set_linewidth(0.0)
-    crossed = {name: x for name, x in edges.items() if x.min() < 0.0 < x.max()}
-    for i, (name, x) in enumerate(crossed.items()):
-        edge(ax, mu, lam, x, name.replace("_", " "), (i + 1.0) / (len(crossed) + 1.0))
-    _points(ax, trials.designs, ".", 3.0, "trial designs", INK)
-    _points(ax, trials.designs[trials.undecided > 0], "s", 9.0, "runs without an answer", "none")
+    crossed = {name: z for name, z in edges.items() if z.min() < 0.0 < z.max()}
+    for i, (name, z) in enumerate(crossed.items()):
+        edge(ax, x, y, z, name.replace("_", " "), (i + 1.0) / (len(crossed) + 1.0))
+    _points(ax, trials.designs[:, axes], ".", 3.0, "trial designs", INK)
+    _points(ax, trials.designs[trials.undecided > 0][:, axes], "s", 9.0, "runs without an answer", "none")
     if design.search is not None:
-        problem = design.problem
-        common = as_arrays(design.scene.parameters()), design.conditions, design.space
-        least = margins(Orbits(*common, problem.risk, problem.limits, problem.geometry), designs).min(axis=1)
+        least = margins(cast(HarmonicProblem, design.problem).orbits, designs).min(axis=1)
         if least.min() < 0.0 < least.max():
             least = least.reshape(_GRID, _GRID)
-            edge(ax, mu, lam, least, "stays at rest", 0.5, color=INK, style="--")
+            edge(ax, x, y, least, "stays at rest", 0.5, color=INK, style="--")
         for i, path in enumerate(design.search.paths):
-            ax.plot(*path[:, :2].T, color=INK, lw=0.5, label=None if i else "paths of the descents")
-    label, fill = ("design", ORANGE) if design.pendulum is not None else (NOT_RECOMMENDED, "white")
-    _points(ax, best[None], "*", 17.0, label, fill)
+            ax.plot(*path[:, axes].T, color=INK, lw=0.5, label=None if i else "paths of the descents")
+    _star(ax, design, best[axes])
     rejected = np.array([v.design for v in design.validated if v.reasons]).reshape(-1, 3)
-    _points(ax, rejected, "X", 7.0, "rejected by the validation", "white")
-    ax.set(xlabel=LABELS["mu"], ylabel=LABELS["lam"], xlim=mu[[0, -1]], ylim=lam[[0, -1]])
+    _points(ax, rejected[:, axes], "X", 7.0, "rejected by the validation", "white")
+    across, up = (LABELS[name] for name in space.names[:2])
+    ax.set(xlabel=across, ylabel=up, xlim=x[[0, -1]], ylim=y[[0, -1]])
+    legend(ax, columns=3)
+    return ax
+
+
+def _curve(ax: Axes, design: Design, trials: Trials, process: GaussianProcess, best: np.ndarray) -> Axes:
+    """The tilt over the only parameter that is searched."""
+    space, unit = design.space, np.linspace(0.0, 1.0, _GRID)[:, None]
+    designs, (trend, deviation), column = space.unscaled(unit), process.at(unit), space.searched[0]
+    x = designs[:, column]
+    band = trend - 2.0 * deviation, trend + 2.0 * deviation
+    ax.fill_between(x, *band, color=_UNKNOWN, label="trend, 2 standard deviations")
+    ax.plot(x, trend, color=INK)
+    ax.axhline(trials.without_pendulum, color=INK, ls="--", label="without the pendulum")
+    over = np.max([np.full(len(x), -1.0), *_limits(design, trials, designs).values()], axis=0) > 0.0
+    if over.any():
+        # Over the whole height of the picture, whatever the tilts are.
+        style: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "fc": "none", "ec": _HATCH}
+        ax.fill_between(x, 0.0, 1.0, over, hatch="//", lw=0.0, label="exceeds a limit", **style)
+    _points(ax, np.column_stack([trials.designs[:, column], trials.value]), ".", 3.0, "trial designs", INK)
+    _star(ax, design, np.array([best[column], process.at(space.scaled(best[None]))[0][0]]))
+    ax.set(xlabel=LABELS[space.names[0]], ylabel="tilt over ν in trial runs (-)", xlim=x[[0, -1]])
     legend(ax, columns=3)
     return ax
 
@@ -115,8 +141,14 @@ def _shade(ax: Axes, mu: np.ndarray, lam: np.ndarray, field: np.ndarray, without
     bar.ax.set_title(f"without: {without:.2g}", fontsize=8)
 
 
+def _star(ax: Axes, design: Design, at: np.ndarray) -> None:
+    """The best design."""
+    label, fill = ("design", ORANGE) if design.pendulum is not None else (NOT_RECOMMENDED, "white")
+    _points(ax, at[None], "*", 17.0, label, fill)
+
+
 def _points(ax: Axes, designs: np.ndarray, marker: str, size: float, label: str, mfc: str) -> None:
     if len(designs):
         # Many designs lie at the edge of the space, where a mark would be cut in half.
         style: dict[str, Any] = {"ls": "", "mec": INK, "clip_on": False, "zorder": 3}
-        ax.plot(*designs[:, :2].T, marker=marker, ms=size, mfc=mfc, label=label, **style)
+        ax.plot(*designs.T, marker=marker, ms=size, mfc=mfc, label=label, **style)

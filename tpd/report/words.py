@@ -130,11 +130,11 @@ def bounds(design: Design) -> list[str]:
     best, out = design.nearest, []
     if best is None:
         return out
-    unit = design.space.scaled(np.asarray(best)[None])[0]
-    for name, x, value in zip(("mass", "length", "damping"), unit, best, strict=False):
+    unit, words = design.space.scaled(np.asarray(best)), ("mass", "length", "damping")
+    for i, x in zip(design.space.searched, unit, strict=True):
         if not 0.01 < x < 0.99:
             side = "largest" if x > 0.5 else "least"
-            out.append(f"{side} {name} ratio of the search, {number(float(value), 3)}")
+            out.append(f"{side} {words[i]} ratio of the search, {number(float(best[i]), 3)}")
     return out
 
 
@@ -271,8 +271,7 @@ def _block(scene: Scene) -> str:
     own, wide = block.radius_of_gyration, block.cavity_width
     shape = "" if own is None else f", radius of gyration {number(float(own))} m"
     # On the width of the cavity hangs whether a bob has room.
-    as_wide = " (as wide as the block)" if wide == block.width else ""
-    cavity = "no cavity stated" if wide is None else f"cavity {number(float(wide))} m wide{as_wide}"
+    cavity = "no cavity stated" if wide is None else f"cavity {number(float(wide))} m wide"
     return f"{width} m wide, {height} m high, {mass} kg{shape}, {cavity}"
 
 

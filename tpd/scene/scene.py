@@ -133,11 +133,11 @@ class Block:
             return
         checks.positive("cavity_width", self.cavity_width, every=True)
         if all(map(checks.is_concrete, (self.cavity_width, self.width))) and np.any(
-            np.asarray(self.cavity_width) > self.width
+            np.asarray(self.cavity_width) >= self.width
         ):
             raise ValueError(
-                f"`cavity_width` must be at most the outside width, {np.max(self.width):g} m, but is "
-                f"{np.max(self.cavity_width):g} m"
+                f"`cavity_width` must be less than the outside width, {np.max(self.width):g} m (walls of no "
+                f"thickness cannot be built), but is {np.max(self.cavity_width):g} m"
             )
 
     @property
@@ -432,8 +432,8 @@ def _rate(gravity: Any, rho: Any, half_height: Any) -> Any:
 def paper_scene() -> Scene:
     """Return the case study of Collini et al. (2016), section 5: a block of 0.1 x 0.2 x 0.4 m and
     2028 kg/m^3 on a base moving 15 mm at 2.5 Hz; friction as in the paper's section 3, and no impact loss.
-    The paper states no cavity: here it is as wide as the block, the widest that there can be."""
+    The paper states no cavity: the one of 80 mm here leaves walls of 10 mm."""
     return Scene(
-        Block(width=0.1, height=0.4, mass=16.224, friction=0.05, restitution=1.0, cavity_width=0.1),
+        Block(width=0.1, height=0.4, mass=16.224, friction=0.05, restitution=1.0, cavity_width=0.08),
         Harmonic(amplitude=0.015, frequency=2.5),
     )
