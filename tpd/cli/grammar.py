@@ -67,6 +67,7 @@ CONDITIONS = (
 SEARCH = (
     *_options("search", optimiser="WORD", searches="N", starts="N", steps="N"),
     Option("--at-least", "worth", "at_least", "X"),
+    Option("--reduce", "worth", "measure", "WORD"),
     Option("--allowed", "worth", "strikes", "X"),
     Option("--seed", "search", "seed", "N"),
     Option("--pareto", "search", "pareto", help="also find three lighter ones, each verified"),

@@ -75,6 +75,10 @@ OFFERED = DesignStatus.found, DesignStatus.tuned_only
 """Statuses with a pendulum."""
 
 
+CERTAIN = 0.5
+"""Share of the required reduction that the lower end of its 95 % interval must exceed."""
+
+
 class ReasonKind(enum.Enum):
     """Why a pendulum is not recommended; the value is the sentence, with the numbers of a `Reason`."""
 
@@ -95,7 +99,10 @@ class ReasonKind(enum.Enum):
         "the block ends at rest in {value:.0f} of {total} runs with the pendulum, and in {reference:.0f} "
         "without it; the loss of one tenth is allowed"
     )
-    too_little_benefit = "the {falls}, and a reduction of {reference:.1%} is required"
+    too_little_benefit = (
+        "the {falls}, and a significant reduction of {reference:.1%} with an interval from at least "
+        "{certain:.1%} is required"
+    )
     undecided = "{value:.0f} of {total} runs have no answer, and the verdict depends on them"
 
 
@@ -154,6 +161,7 @@ class Reason:
         return self.kind.value.format(
             **vars(self) | {"limit": LABELS.get(self.limit, self.limit)},
             falls=self._fall_in_words,
+            certain=CERTAIN * self.reference,
             of=f" ({self.condition})" if self.condition else "",
             others=f", and higher under {self.total - 1} other conditions" if self.total > 1 else "",
         )

@@ -16,11 +16,9 @@ from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import Worth
 from tpd.design.problem import Problem
-from tpd.design.reasons import GRAVE, DesignStatus, Reason, ReasonKind, one_of_a_kind
+from tpd.design.reasons import CERTAIN, GRAVE, DesignStatus, Reason, ReasonKind, one_of_a_kind
 from tpd.scene.scene import Pendulum
 
-CERTAIN = 0.5
-"""Share of the required benefit that the lower end of its 95 % interval must exceed."""
 _ROUNDING = 1e-9
 """Share by which rounding may exceed a limit."""
 
