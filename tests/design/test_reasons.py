@@ -32,8 +32,8 @@ SENTENCES = {
     ),
     ReasonKind.too_little_benefit: (
         {"value": 0.034, "low": -0.01, "reference": 0.1},
-        "the mean tilt falls by 3.4% (95 % interval from -1.0%), and a significant reduction of 10.0% with an "
-        "interval from at least 5.0% is required",
+        "the mean tilt falls by 3.4% (95 % interval from -1.0%), and a significant reduction of 10.0% with "
+        "an interval from at least 5.0% is required",
     ),
     ReasonKind.undecided: (
         {"value": 3.0, "total": 64},
