@@ -28,10 +28,10 @@ def masonry(height: float, nu: float) -> tpd.Block:
 
 
 def designed(block: tpd.Block, quick: bool, space: tpd.DesignSpace | None = None, method: Any = None) -> Any:
-    """The design for a block."""
+    """The design for a block. Few earthquakes show a fall of the mean tilt sooner than one of overturning."""
     far = tpd.records.fema_p695("far-field")
     conditions = tpd.Conditions.records(far[:12] if quick else far, STRIPES[:2] if quick else STRIPES)
-    more = {} if method is None else {"method": method}
+    more = {"worth": tpd.limits.Worth(measure="tilt")} | ({} if method is None else {"method": method})
     return tpd.optimise(block, space, conditions=conditions, seed=SEED, **more)
 
 
