@@ -171,7 +171,7 @@ def test_a_sweep_joins_what_continues():
     ("name", "values", "match"),
     [
         ("omega", [1.0, 2.0], "`name` must be one of nu, mu.* but is 'omega'"),
-        ("f", [0.2, 0.1], "`values` must be two or more finite numbers that increase"),
+        ("f", [0.2, 0.1], "`values` must be a vector of 2 or more increasing numbers"),
         ("nu", [0.1, 0.6], "`nu` must be between 0 and 0.5"),
     ],
 )

@@ -101,9 +101,7 @@ def sweep(subject: Parameters | Scene, name: str, values: Any, *, pendulum: Pend
     """
     checks.require_x64()
     axis = Axis.of(subject, name, pendulum)
-    grid = checks.array("values", values, (-1,), "two or more numbers that increase")
-    if len(grid) < 2 or not np.all(np.diff(grid) > 0):
-        raise ValueError("`values` must be two or more finite numbers that increase, but are not")
+    grid = checks.increasing("values", values)
     axis.check(grid[0], grid[-1])
     return along(axis, grid)
 

@@ -70,11 +70,6 @@ class Interval:
         return f"{form.format(self.mean)} ({form.format(self.low)} to {form.format(self.high)})"
 
     @property
-    def is_below(self) -> bool:
-        """Whether the whole interval is below zero."""
-        return self.high < 0.0
-
-    @property
     def is_above(self) -> bool:
         """Whether the whole interval is above zero."""
         return self.low > 0.0

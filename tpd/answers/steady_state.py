@@ -185,11 +185,7 @@ def simulate(
     check_parameters(p)
     checks.instance("model", model, AbstractModel)
     model.check(p)
-    clock = checks.array("times", times, (-1,), "a vector of two or more increasing numbers")
-    if clock.size < 2:
-        raise ValueError(f"`times` must be a vector of two or more, but has shape {clock.shape}")
-    if checks.is_concrete(clock) and not np.all(np.diff(clock) > 0):
-        raise ValueError("`times` must increase and be finite, but do not")
+    clock = checks.increasing("times", times)
     # Ctrl-C waits for compiled code to return.
     checks.count("number of times", clock.size, most=_MOST_TIMES)
     p, longest = single(p), f"{model.most_periods} forcing periods in one call"

@@ -213,6 +213,16 @@ def array(name: str, value: object, shape: tuple[int, ...], of: str) -> Any:
     raise ValueError(f"`{name}` must be {of}, all finite, but is {shown(value)}")
 
 
+def increasing(name: str, value: object, least: int = 2) -> Any:
+    """Return a vector of numbers, so many at `least`, each above the one before; raise `ValueError` for
+    anything else. Of traced numbers only the shape is checked."""
+    of = f"a vector of {least} or more increasing numbers"
+    found = array(name, value, (-1,), of)
+    if len(found) < least or (is_concrete(found) and not np.all(np.diff(found) > 0.0)):
+        raise ValueError(f"`{name}` must be {of}, but is {shown(found)}")
+    return found
+
+
 def _holds_traced(value: object) -> bool:
     """Return True for a traced value, or nested lists with one."""
     return is_traced(value) or (isinstance(value, (list, tuple)) and any(map(_holds_traced, value)))
