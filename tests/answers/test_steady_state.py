@@ -152,7 +152,7 @@ def test_a_batch_without_vmap_is_refused_in_a_sentence():
 
 IN_32_BITS = r'''
 import numpy as np, tpd
-from tpd.answers.bifurcations import bifurcations, sweep
+from tpd.answers.bifurcations import bifurcations
 from tpd.answers.ensemble import outcomes
 from tpd.theory import *
 scene, pendulum = tpd.paper_scene(), tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1)
@@ -160,7 +160,7 @@ p, values = scene.parameters(pendulum), np.linspace(0.3, 0.4, 9)
 band, y0, few = np.array([2.0, 3.5]), np.zeros(4), tpd.Ensemble(seed=0)
 calls = """
     tpd.steady_state(p); tpd.steady_state(p, model=tpd.Auto()); tpd.simulate(p, y0, np.array([0.0, 1.0]))
-    tpd.symmetric_orbits(p); tpd.periodic_orbit(p, y0); sweep(p, "f", values)
+    tpd.symmetric_orbits(p); tpd.periodic_orbit(p, y0)
     bifurcations(p, "f", 0.3, 0.4); tpd.branches(p, "f", 0.3, 0.4); tpd.check(scene, pendulum, stroke=0.5)
     tpd.design_map(p, ("mu", values), ("lam", values)); tpd.settled_response(scene, "frequency", band)
     tpd.attractors(p, starts=tpd.Starts(size=4, seed=0)); tpd.optimise(scene, tpd.DesignSpace())

@@ -91,6 +91,8 @@ def orbit_near(q, m, own, past, known, limits, periods):
     for i in range(4):
         gap[i] = m.y[i] - y[i]
         apart = max(apart, abs(gap[i]) / scales[i])
+    # With a multiplier next to 1 a motion would be on its way for thousands of periods, and small differences
+    # decide whether it arrives: such a motion is followed.
     largest, _, _ = multipliers(q, c.by, np.empty(4, np.complex128))
     if not (apart < NEARBY and largest < _ATTRACTING):
         return False

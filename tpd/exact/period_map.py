@@ -180,6 +180,8 @@ def cycle(q, m, own, limits, periods, c):
 def eliminate(a, b):
     """Solve a x = b in place for a 4 x 4 matrix and several right-hand sides, shape (4, n), by elimination
     with pivots; return the size of the smallest pivot, 0 if there is none or no number."""
+    # Numba's own solver takes seconds to compile, and a singular matrix is an error there. Here it is usual:
+    # I - DP has no inverse at a fold.
     least, n = math.inf, b.shape[1]
     for c in range(4):
         pivot = c

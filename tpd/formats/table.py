@@ -281,11 +281,8 @@ def _statement(part: str) -> tuple[str, Any] | None:
             return (what, step * _TIMES[units.pop() if units else "s"]) if known and step > 0.0 else None
         if what == "source":
             for word in value.split():
-                if (
-                    plain(word) in FACTORS
-                    or _NO_SOURCE.fullmatch(word)
-                    or orientation(word.replace("up", ""))
-                ):
+                is_up = orientation(word.replace("up", ""))
+                if is_up or plain(word) in FACTORS or _NO_SOURCE.fullmatch(word):
                     raise _Unknown(word)
             return what, value
     return None
