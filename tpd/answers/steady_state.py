@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections import namedtuple
 from functools import lru_cache, partial
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -148,9 +148,8 @@ def steady_state(
         ValueError: bad input, or a parameter that the model has no term for.
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
-    model = _default() if model is None else model
     check_parameters(p)
+    model = _default() if model is None else model
     checks.instance("model", model, (AbstractModel, AbstractChoice))
     checks.flag("throw", throw)
     start: Any = np.zeros(4) if y0 is None else checks.state(y0)
@@ -180,9 +179,8 @@ def simulate(
         ValueError: bad input, or a parameter that the model has no term for.
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
-    model = _default() if model is None else model
     check_parameters(p)
+    model = _default() if model is None else model
     checks.instance("model", model, AbstractModel)
     model.check(p)
     clock = checks.increasing("times", times)
@@ -274,19 +272,12 @@ def _still(x: Any) -> Any:
     return x if checks.is_concrete(x) else stop_gradient(x)
 
 
-class _Answer(NamedTuple):
-    """Numbers of a `Steady`."""
-
-    amplitude: Any
-    stroke: Any
-    status: Any
-    periods: Any
-    multiplier: Any
-    symmetric: Any
-    lyapunov: Any
-    state: Any
-    elapsed: Any
-    estimate: Any = math.nan
+_Answer = namedtuple(
+    "_Answer",
+    "amplitude stroke status periods multiplier symmetric lyapunov state elapsed estimate",
+    defaults=(math.nan,),
+)
+"""Numbers of a `Steady`, in the order of its fields."""
 
 
 def _steady(answer: _Answer) -> Steady:

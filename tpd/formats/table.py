@@ -97,14 +97,16 @@ _NO_SOURCE = re.compile(
 
 @dataclass(frozen=True)
 class Options:
-    """The options of a user for a table."""
+    """The options of a user, see `tpd.Record.read`."""
 
     dt: float | None = None
+    baseline: str | None = None
     unit: str | None = None
     columns: Mapping[str, int] | str | None = None
     """Numbers of columns, from 1, by their names; or `ROWS`."""
     skip: int = 0
     """Number of lines at the top that are not read."""
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)

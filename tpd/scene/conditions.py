@@ -354,8 +354,9 @@ def under_all(p: Parameters, designs: Any, conditions: Conditions) -> Parameters
     n = len(conditions)
     rows = np.tile(conditions.factor_rows(), (len(designs), 1))
     q = under(p, np.repeat(designs, n, axis=0).T, rows.T)
-    values: dict[str, Any] = {**vars(q), "rho": q.inertia_ratio, "e": q.velocity_ratio}
-    return Parameters(**{name: np.broadcast_to(np.asarray(x), len(rows)) for name, x in values.items()})
+    values = {**vars(q), "rho": q.inertia_ratio, "e": q.velocity_ratio}
+    leaves: dict[str, Any] = {n: np.broadcast_to(np.asarray(x), len(rows)) for n, x in values.items()}
+    return Parameters(**leaves)
 
 
 def latin_hypercube(

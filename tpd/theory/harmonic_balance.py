@@ -22,7 +22,6 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Complex, Float
 
-from tpd.core import checks
 from tpd.scene.parameters import Parameters, as_arrays, check_parameters
 from tpd.scene.pytrees import Number
 from tpd.theory.equations import Linear
@@ -103,7 +102,6 @@ def one_harmonic_branches(p: Parameters) -> HarmonicBranches:
     Raises:
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
     check_parameters(p)
     of = _balance(p)
     a2, half = _abs2(of.a), _dot(of.a, of.signs)
@@ -160,7 +158,6 @@ def neglected_harmonics(p: Parameters) -> Neglected:
     Raises:
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
     check_parameters(p)
     of, both = _balance(p), one_harmonic_branches(p)
     of = _Balance(*(x[..., None] for x in jnp.broadcast_arrays(*of)))
@@ -191,7 +188,6 @@ def parametric_branches(p: Parameters) -> HarmonicBranches:
     Raises:
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
     check_parameters(p)
     p = as_arrays(p)
     of = _balance(p)

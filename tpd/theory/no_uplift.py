@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.scene.parameters import Parameters, check_parameters
 from tpd.scene.pytrees import Number
@@ -115,7 +114,6 @@ def uplift(p: Parameters) -> Uplift:
     Raises:
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
     check_parameters(p)
     # Friction adds to the capacity: at rest it resists lifting to either side.
     # An undamped bob in resonance has an infinite stroke.
