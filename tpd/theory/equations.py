@@ -45,7 +45,6 @@ class Linear(eqx.Module):
     weight: Number
     friction: Number
     f: Number
-    xi: Number
     bias: Number
 
     def __init__(self, p: Parameters) -> None:
@@ -62,7 +61,6 @@ class Linear(eqx.Module):
         self.weight = (1.0 + p.mu) * p.nu
         self.friction = p.k
         self.f = p.f
-        self.xi = p.xi
         # Factor of psi' in the moment on a held block: see `tpd.exact.contact_kernel.moment`.
         self.bias = p.mu * c * (p.lam - 2.0)
 
@@ -80,14 +78,6 @@ class Linear(eqx.Module):
         ddphi = (self.m22 * r1 - self.m12 * r2) / self.determinant
         ddpsi = (self.m11 * r2 - self.m21 * r1) / self.determinant
         return jnp.stack([dphi, dpsi, ddphi, ddpsi])
-
-    @property
-    def beyond_return(self) -> Number:
-        """Tilt (rad) from which the linear block does not return: ten times the tilt at which weight,
-        friction and forcing balance."""
-        # Beyond the balance (25) grows like exp(tau), so a factor of ten costs little time, and it leaves
-        # room for the pull of the bob.
-        return 10.0 * (self.weight + self.friction + self.f * self.tilt) / self.tilt
 
 
 class Terms(enum.StrEnum):
@@ -145,8 +135,14 @@ class Equations(eqx.Module):
 
     @property
     def beyond_return(self) -> Number:
-        """Tilt (rad) from which the block does not return: a right angle, or `Linear.beyond_return`."""
-        return 0.5 * jnp.pi if self.terms is Terms.nonlinear else self.linear.beyond_return
+        """Tilt (rad) from which the block does not return: a right angle, or of the linear equations ten
+        times the tilt at which weight, friction and forcing balance."""
+        if self.terms is Terms.nonlinear:
+            return 0.5 * jnp.pi
+        # Beyond the balance (25) grows like exp(tau), so a factor of ten costs little time, and it leaves
+        # room for the pull of the bob.
+        linear = self.linear
+        return 10.0 * (linear.weight + linear.friction + linear.f * linear.tilt) / linear.tilt
 
 
 def smoothed_rates(
