@@ -96,7 +96,13 @@ def plain(name: str, value: Any, *, single: bool = False) -> Any:
         return value
     _check_meaning(name, value)
     if not (isinstance(value, (np.generic, np.ndarray)) or is_jax(value)):
-        return _as_float(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else value
+        if not isinstance(value, numbers.Real) or isinstance(value, bool):
+            return value
+        try:
+            return float(value)
+        except OverflowError:
+            # A whole number of Python may be larger than any float: the check that follows refuses it.
+            return math.inf if value > 0 else -math.inf
     if value.dtype.kind not in _REAL:
         return value
     if single and value.size != 1:
@@ -106,13 +112,6 @@ def plain(name: str, value: Any, *, single: bool = False) -> Any:
         return array.reshape(()) if single and array.ndim else array
     known = np.ascontiguousarray(value, dtype=float)
     return float(known.reshape(())) if single or value.ndim == 0 else known
-
-
-def _as_float(value: Any) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf if value > 0 else -math.inf
 
 
 def _check_meaning(name: str, value: Any) -> None:
