@@ -102,7 +102,7 @@ def plain(name: str, value: Any, *, single: bool = False) -> Any:
             return float(value)
         except OverflowError:
             # A whole number of Python may be larger than any float: the check that follows refuses it.
-            return math.inf if value > 0 else -math.inf
+            return -math.inf if value < 0 else math.inf
     if value.dtype.kind not in _REAL:
         return value
     if single and value.size != 1:
