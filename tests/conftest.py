@@ -59,7 +59,7 @@ LONGEST = (
     "answers/test_bifurcations",
     "answers/test_periodic_orbit",
     "answers/test_steady_state",
-    "models/test_piecewise",
+    "models/test_compiled",
     "cli/test_optimise",
     "exact/test_linear",
     "test_segmented",

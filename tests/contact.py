@@ -5,11 +5,46 @@ from __future__ import annotations
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.exact.terms import REST, SLIP, STICK
-from tpd.scene.pytrees import Number
+from tpd.scene.pytrees import Number, State
+from tpd.theory.equations import Equations, Linear, Terms
+
+
+def matrices(linear: Linear) -> tuple[np.ndarray, ...]:
+    """Mass, damping and stiffness matrices of (25)."""
+    mass = [[linear.m11, linear.m12], [linear.m21, linear.m22]]
+    damping = [[linear.c1, -linear.c1], [-linear.c2, linear.c2]]
+    return tuple(np.array(x, dtype=float) for x in (mass, damping, [[-linear.tilt, 0.0], [0.0, 1.0]]))
+
+
+def held_rates(of: Equations, y: State, sine: Number) -> State:
+    """Derivative d/dtau of the state of a block that is held: only the bob moves."""
+    psi, linear = y[1], of.linear
+    whole = of.terms is Terms.nonlinear
+    pull = linear.f * jnp.cos(psi) * sine - jnp.sin(psi) if whole else linear.f * sine - psi
+    pull = (pull - linear.c2 * y[3]) / linear.m22
+    return jnp.stack([jnp.zeros_like(pull), y[3], jnp.zeros_like(pull), pull])
+
+
+def excess(of: Equations, y: State, step: Number, sine: Number) -> Number:
+    """Moment on a held block minus the moment of its weight. It stays held while this is within the
+    friction. At phi = 0 weight acts against lifting to either side: `step` is the side."""
+    linear, pull, bob, lean = of.linear, held_rates(of, y, sine)[3], of.p.mu * of.rho * of.p.lam, y[0] - y[1]
+    if of.terms is Terms.nonlinear:
+        sin, cos = jnp.sin(y[0]), jnp.cos(y[0])
+        big_s = step * of.p.nu * jnp.sin(lean) + 2.0 * jnp.cos(lean)
+        big_c = step * of.p.nu * jnp.cos(lean) - 2.0 * jnp.sin(lean)
+        shaken = linear.f * sine * (step * linear.weight * sin + linear.tilt * cos)
+        weight = linear.tilt * sin - step * linear.weight * cos
+        return weight - shaken - bob * big_c * y[3] ** 2 + linear.c1 * y[3] + bob * big_s * pull
+    moment = linear.tilt * y[0] - linear.f * linear.tilt * sine - linear.m12 * pull + linear.c1 * y[3]
+    if of.terms is Terms.parametric:
+        moment = moment - step * linear.f * linear.weight * y[0] * sine
+    return moment - step * linear.weight
 
 
 class Mode(eqx.Module):

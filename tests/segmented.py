@@ -18,7 +18,7 @@ import optimistix
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
-from tests.contact import REST, SLIP, STICK, Mode, decide, released, transversality_of
+from tests.contact import REST, SLIP, STICK, Mode, decide, excess, held_rates, released, transversality_of
 from tpd.core import checks
 from tpd.exact.runs import Settled
 from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
@@ -191,7 +191,7 @@ class Segmented(AbstractFlow):
             del args
             sine = jnp.sin(p.xi * tau)
             slip = equations.rates(y, r.mode.tilt_sign, r.mode.rate_sign, sine)
-            return jnp.where(slips, slip, equations.held_rates(y, sine))
+            return jnp.where(slips, slip, held_rates(equations, y, sine))
 
         def first(t: Number, y: State, args: None, **_: object) -> Number:
             del args
@@ -230,8 +230,8 @@ def _signals(equations: Equations, r: _Run, tau: Number, y: State) -> Float[Arra
     sine = jnp.sin(p.xi * tau)
     slip = jnp.stack([r.mode.tilt_sign * y[TILT], r.mode.rate_sign * y[TILT_RATE] / p.xi]) / p.nu
     rests = r.mode.kind == REST
-    up = equations.excess(y, jnp.where(rests, 1.0, r.mode.tilt_sign), sine)
-    low = equations.excess(y, jnp.where(rests, -1.0, r.mode.tilt_sign), sine)
+    up = excess(equations, y, jnp.where(rests, 1.0, r.mode.tilt_sign), sine)
+    low = excess(equations, y, jnp.where(rests, -1.0, r.mode.tilt_sign), sine)
     held = jnp.stack([linear.friction - up, linear.friction + low]) / linear.weight
     others = jnp.stack([r.way * y[SWING_RATE] / p.xi, equations.beyond_return - jnp.abs(y[TILT])])
     return jnp.concatenate([jnp.where(r.mode.kind == SLIP, slip, held), others]) + _GRACE
@@ -241,7 +241,7 @@ def _begin(equations: Equations, y: State, mode: Mode, time: Number) -> _Run:
     """A motion at its start."""
     xi = equations.p.xi
     # From rest the bob's first and second derivatives vanish: look a little ahead instead.
-    ahead = equations.held_rates(y, jnp.sin(xi * time + 1e-3))[SWING_RATE]
+    ahead = held_rates(equations, y, jnp.sin(xi * time + 1e-3))[SWING_RATE]
     rate = stop_gradient(jnp.where(jnp.abs(y[SWING_RATE]) > 1e-12, y[SWING_RATE], ahead))
     way = jnp.where(rate < 0.0, -1.0, 1.0)
     none, zero = jnp.zeros((), bool), jnp.zeros_like(y[TILT])
@@ -258,7 +258,7 @@ def _hurried(equations: Equations, r: _Run, end: Number) -> _Run:
     late = jnp.where(jnp.abs(stop_gradient(late)) < 1e-9 * equations.p.period, late, 0.0)
     sine = jnp.sin(equations.p.xi * r.time)
     slip = equations.rates(r.y, r.mode.tilt_sign, r.mode.rate_sign, sine)
-    rates = jnp.where(r.mode.kind == SLIP, slip, equations.held_rates(r.y, sine))
+    rates = jnp.where(r.mode.kind == SLIP, slip, held_rates(equations, r.y, sine))
     return r._replace(y=r.y + late * rates)
 
 
@@ -269,7 +269,7 @@ def _classify(equations: Equations, y: State, time: Number) -> Mode:
 
 def _decide(equations: Equations, y: State, tilt: Number, rate: Number, sine: Number) -> Mode:
     """The mode of a state of which the signs of phi and phi' are known, zero included."""
-    up, down = (equations.excess(y, jnp.where(tilt == 0, s, tilt), sine) for s in (1.0, -1.0))
+    up, down = (excess(equations, y, jnp.where(tilt == 0, s, tilt), sine) for s in (1.0, -1.0))
     return decide(up, down, equations.linear.friction, tilt, rate)
 
 

@@ -124,7 +124,7 @@ def test_progress_is_told_and_ends_with_all():
     [
         (BARE, ("omega", [1.0, 2.0]), LINE, "`x` must be one of nu, mu.* but is 'omega'"),
         (BARE, LINE, LINE, "`x` and `y` must differ, but both are 'f'"),
-        (BARE, ("xi", [2.0, 1.0]), LINE, "the values of `x` must be two or more"),
+        (BARE, ("xi", [2.0, 1.0]), LINE, "`values of x` must be a vector of 2 or more increasing"),
         (SCENE, ("frequency", [1.0, 2.0]), LINE, "must not both move f, but 'frequency' does so as well"),
         # A corner out of range, though both axes are within theirs.
         (SCENE, ("width", [0.3, 0.41]), ("height", [0.8, 1.0]), r"`nu` must be between .* but is 0\.5125"),

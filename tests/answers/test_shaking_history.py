@@ -72,7 +72,7 @@ def test_nothing_is_said_once_the_block_lies_and_bad_times_are_refused():
     assert (gone[0], gone[-1]) == (False, True)
     assert np.all(np.diff(gone.astype(int)) >= 0)
     for times in (np.array([0.0]), np.array([1.0, 0.5]), np.array([-1.0, 1.0])):
-        with pytest.raises(ValueError, match="`times` must be a vector of increasing numbers from 0 on"):
+        with pytest.raises(ValueError, match=r"must be (a vector of 2 or more increasing|zero or positive)"):
             shaking_history(SINE, times=times)
 
 
@@ -85,7 +85,10 @@ def test_nothing_is_said_once_the_block_lies_and_bad_times_are_refused():
             "`y0` must have no masked elements",
         ),
         ({"y0": np.zeros(2)}, "`y0` must be \\(phi, psi, phi', psi'\\), all finite, but is"),
-        ({"times": np.array([0, 1], "timedelta64[s]")}, "`times` must be a vector of increasing numbers"),
+        (
+            {"times": np.array([0, 1], "timedelta64[s]")},
+            "`times` must be a vector of 2 or more increasing numbers",
+        ),
         ({"free": -1.0}, "`free` must be between 0 and 100000 s, but is -1"),
         ({"free": "x"}, "`free` must be a number, but is 'x'"),
     ],

@@ -81,10 +81,10 @@ def test_the_verdict_by_traced_rules_has_a_name_for_each_loss(what, status):
 @pytest.mark.parametrize(
     ("times", "message"),
     [
-        ([0.0, 1.0, 1.0], "`times` must increase and be finite, but do not"),
-        ([0.0, np.inf], "`times` must be a vector of two or more increasing numbers, all finite, but is"),
-        ([0.0], r"`times` must be a vector of two or more, but has shape \(1,\)"),
-        ([[0.0, 1.0]], "`times` must be a vector of two or more increasing numbers, all finite, but is"),
+        ([0.0, 1.0, 1.0], "`times` must be a vector of 2 or more increasing numbers, but is"),
+        ([0.0, np.inf], "`times` must be a vector of 2 or more increasing numbers, all finite, but is"),
+        ([0.0], "`times` must be a vector of 2 or more increasing numbers, but is"),
+        ([[0.0, 1.0]], "`times` must be a vector of 2 or more increasing numbers, all finite, but is"),
     ],
 )
 def test_times_that_make_no_sense_are_refused(times, message):
@@ -152,7 +152,7 @@ def test_a_batch_without_vmap_is_refused_in_a_sentence():
 
 IN_32_BITS = r'''
 import numpy as np, tpd
-from tpd.answers.bifurcations import bifurcations, sweep
+from tpd.answers.bifurcations import bifurcations
 from tpd.answers.ensemble import outcomes
 from tpd.theory import *
 scene, pendulum = tpd.paper_scene(), tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1)
@@ -160,7 +160,7 @@ p, values = scene.parameters(pendulum), np.linspace(0.3, 0.4, 9)
 band, y0, few = np.array([2.0, 3.5]), np.zeros(4), tpd.Ensemble(seed=0)
 calls = """
     tpd.steady_state(p); tpd.steady_state(p, model=tpd.Auto()); tpd.simulate(p, y0, np.array([0.0, 1.0]))
-    tpd.symmetric_orbits(p); tpd.periodic_orbit(p, y0); sweep(p, "f", values)
+    tpd.symmetric_orbits(p); tpd.periodic_orbit(p, y0)
     bifurcations(p, "f", 0.3, 0.4); tpd.branches(p, "f", 0.3, 0.4); tpd.check(scene, pendulum, stroke=0.5)
     tpd.design_map(p, ("mu", values), ("lam", values)); tpd.settled_response(scene, "frequency", band)
     tpd.attractors(p, starts=tpd.Starts(size=4, seed=0)); tpd.optimise(scene, tpd.DesignSpace())
@@ -184,7 +184,7 @@ print("refused", len(calls))
 def test_in_32_bits_every_call_refuses_by_name():
     done = subprocess.run([sys.executable, "-c", IN_32_BITS], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-2000:]
-    assert done.stdout.startswith("refused 23")
+    assert done.stdout.startswith("refused 22")
 
 
 UNDER_A_SWING = ((0.1, 0.2, 1.0, 0.3, 0.05, 0.01, 2.0), (0.08, 0.15, 0.0, 0.0))

@@ -19,7 +19,6 @@ import tpd
 from tpd import *
 from tpd.answers.bifurcations import bifurcations
 from tpd.answers.ensemble import outcomes
-from tpd.answers.bifurcations import sweep
 
 def listen(event, seconds, **_):
     compiled.append(seconds) if "backend_compile" in event else None
@@ -167,8 +166,8 @@ CALLS = {
     'steady_state(p, y0="rest")': "`y0` must be (phi, psi, phi', psi'), all finite, but is 'rest'",
     'steady_state(p, throw="yes")': "`throw` must be True or False, but is 'yes'",
     "simulate(scene, np.zeros(4), [0.0, 1.0])": "`p` must be a Parameters, but is Scene(",
-    "simulate(p, np.zeros(4), [1.0, 0.0])": "`times` must increase and be finite, but do not",
-    'simulate(p, np.zeros(4), ["a", "b"])': "`times` must be a vector of two or more increasing numbers, all",
+    "simulate(p, np.zeros(4), [1.0, 0.0])": "`times` must be a vector of 2 or more increasing numbers, but",
+    'simulate(p, np.zeros(4), ["a", "b"])': "`times` must be a vector of 2 or more increasing numbers, all",
     "symmetric_orbits(scene)": "`p` must be a Parameters, but is Scene(",
     "theory.uplift(scene)": "`p` must be a Parameters, but is Scene(",
     "periodic_orbit(p, [0.0, nan, 0.0, 0.0])": "`y0` must be (phi, psi, phi', psi'), all finite",
@@ -178,7 +177,6 @@ CALLS = {
     'settled_response(scene, "colour", [1.0])': "`name` must be one of width, height, mass",
     'settled_response(scene, "frequency", [2.0], progress=3)': "`progress` must be True or a function, but i",
     'branches(scene, "frequency", 3.0, 2.0)': "must be an interval low < high",
-    'sweep(scene, "frequency", [2.0, nan])': "`values` must be two or more numbers that increase, all finite",
     'design_map(scene, "mu", ("lam", [0.1, 0.2]), pendulum=hung)': "`x` must be a name and its values, but i",
     'design_map(scene, ("mu", [0.1, 0.2]), ("lam", [0.1, 0.2]), pendulum=hung, start=[0, 0])': "`start` must",
     'design_map(scene, ("pendulum_mass", [1.0, 20.0]), ("lam", [0.1, 0.2]), pendulum=hung)': "`pendulum_mass",
@@ -243,7 +241,7 @@ CALLS = {
     "transient(shaken, free=1e300)": "`free` must be between 0 and 100000 s, but is 1e+300",
     "critical_scale(shaken, highest=1e300)": "`highest` must be between 1e-09 and 1e+09, but is 1e+300",
     "fragility(block, record, scales=[1.0])": "`motions` must be a Sequence, but is Record(",
-    "fragility(block, [record], scales=[])": "`scales` must be a vector of numbers, all finite, but is []",
+    "fragility(block, [record], scales=[])": "`scales` must be a vector of 1 or more increasing numbers",
     "fragility(block, [record], scales=[1.0], states=3)": "`states` must be a Mapping, but is 3",
     'fragility(block, [record], scales=[1.0], states={"x": "a"})': "`states` must name tilts over the slend",
     "fragility(block, [record], scales=[1.0], gravity=0)": "`gravity` must be positive and finite, but is 0",
@@ -341,7 +339,6 @@ ALIKE = {
     "acceleration_ratios=A)": "forms([1, 2, 3])",
     "record.acceleration_at(A)": "forms([0, 0.125, 0.25])",
     'settled_response(scene, "frequency", A)': "forms([2, 3])",
-    'sweep(scene, "frequency", A)': "forms([2, 2.5, 3])",
     'design_map(p, ("mu", A), ("lam", [0.5, 0.75]))': "forms([0.125, 0.25])",
     'design_map(p, ("mu", [0.1, 0.2]), ("lam", [0.5, 0.75]), start=A)': START,
     'Conditions({"mass": A}).factor_rows()': "forms([1, 1.25])",

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm
 
+from tests.contact import matrices
 from tests.exact.plants import entry, plants_of
 from tests.reference import parameters
 from tpd.exact import arcs
@@ -66,8 +67,9 @@ def by_exponential(x, mode, y, load, t):
     linear = Linear(p)
     own, forced, constant = np.zeros((4, 4)), np.zeros((4, 1)), np.zeros((4, 1))
     if kind == SLIP:
-        inverse = np.linalg.inv(linear.mass)
-        own = np.vstack([np.eye(4)[2:], np.hstack([-inverse @ linear.stiffness, -inverse @ linear.damping])])
+        mass, damping, stiffness = matrices(linear)
+        inverse = np.linalg.inv(mass)
+        own = np.vstack([np.eye(4)[2:], np.hstack([-inverse @ stiffness, -inverse @ damping])])
         constant[2:, 0] = inverse @ [-tilt * linear.weight - way * linear.friction, 0.0]
         forced[2:, 0] = inverse @ [-p.f * linear.tilt, p.f]
     else:

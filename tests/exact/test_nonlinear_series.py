@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import tpd
+from tests.contact import held_rates
 from tests.exact.plants import entry
 from tests.reference import parameters
 from tpd.exact import nonlinear_series as series
@@ -70,7 +71,7 @@ def test_a_series_solves_the_equations(held, growth):
             sine = (growth[0] + growth[1] * later) * math.sin(p.xi * later)
             equations, side = Equations(p, tpd.Terms.nonlinear), math.copysign(1.0, y[0])
             if held:
-                expected = equations.held_rates(state, sine)
+                expected = held_rates(equations, state, sine)
             else:
                 expected = equations.rates(state, side, math.copysign(1.0, y[2]), sine)
             np.testing.assert_allclose(slope, expected, atol=2e-10)

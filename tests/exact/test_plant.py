@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.contact import matrices
 from tests.exact.plants import plants_of, slopes_of
 from tests.reference import differences, parameters
 from tpd.theory.equations import Linear
@@ -29,10 +30,10 @@ def roots(x):
 
 def test_the_product_over_the_roots_is_the_determinant_of_the_pencil():
     for x, (s1, s2, p, q) in zip(samples(), roots(samples()), strict=True):
-        linear = Linear(parameters(x))
+        mass, damping, stiffness = matrices(Linear(parameters(x)))
         for s in (-1.3, 0.4, 2.0):
-            product = np.linalg.det(linear.mass) * (s - s1) * (s - s2) * (s**2 + p * s + q)
-            pencil = s**2 * linear.mass + s * linear.damping + linear.stiffness
+            product = np.linalg.det(mass) * (s - s1) * (s - s2) * (s**2 + p * s + q)
+            pencil = s**2 * mass + s * damping + stiffness
             assert product == pytest.approx(np.linalg.det(pencil), rel=1e-10, abs=1e-12)
 
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.models.test_piecewise import E, moved
+from tests.models.test_compiled import E, moved
 from tests.reference import (
     HUNG,
     MOVING,

@@ -38,5 +38,5 @@ def test_a_bob_that_throws_the_block_back_is_refused():
 
 def test_parameters_are_asked_for_by_name():
     check_parameters(P)
-    with pytest.raises(ValueError, match=r"`q` must be a Parameters, but is 3$"):
-        check_parameters(3, "q")
+    with pytest.raises(ValueError, match=r"`p` must be a Parameters, but is 3$"):
+        check_parameters(3)

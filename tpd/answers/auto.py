@@ -68,11 +68,8 @@ class Auto(AbstractChoice):
             why = f"the block never lifts: {left}, from the start on"
             return replace(steady, model="uplift", estimate=share, reason=why)
         steady, estimate = _exact(fixed, y0)
-        name, settles, off = (
-            status_name(steady.status),
-            bool(is_one_of(steady.status, *SETTLED)),
-            float(estimate),
-        )
+        name, off = status_name(steady.status), float(estimate)
+        settles = bool(is_one_of(steady.status, *SETTLED))
         close = settles and off <= self.tolerance
         # Following the nonlinear equations costs most of the time, so that it is left out next to the motion.
         near = close and bool(jnp.max(jnp.abs(y0 - steady.state) / scale_of(fixed)) < _NEAR)

@@ -3,7 +3,13 @@
 At a bifurcation one more function of crossing time, phase and parameter vanishes beside the two conditions of
 the orbit (`tpd.exact.orbits.Vanishing`): a square system in closed form, which Newton's method
 solves to round-off. A sweep supplies the initial guesses, and the orbits that it finds on both sides have to
-agree with the bifurcation."""
+agree with the bifurcation.
+
+What varies is given by its name: one of nu, mu, lam, zeta, k, f, xi, e and rho, the other parameters
+constant. In a scene also width, height, mass, friction, restitution, amplitude, frequency, pendulum_mass,
+pendulum_length or pendulum_damping, the other quantities in SI units constant: a higher `frequency` is a
+larger xi and, at the same amplitude, a larger f. rho follows nu where the subject leaves it so.
+"""
 
 from __future__ import annotations
 
@@ -78,36 +84,6 @@ class Sweep:
         return rows, columns
 
 
-def sweep(subject: Parameters | Scene, name: str, values: Any, *, pendulum: Pendulum | None = None) -> Sweep:
-    """The orbits that `symmetric_orbits` finds over increasing `values` of `name`.
-
-    Neighbours are joined to branches where crossing time, phase and amplitude continue and
-    det(I - G) keeps its sign, so that no branch runs through a fold. rho follows nu where the subject
-    leaves it so.
-
-    Args:
-        subject: dimensionless parameters, or a scene; its value of `name` is not used.
-        name: one of nu, mu, lam, zeta, k, f, xi, e and rho, the other parameters constant. In a scene
-            also width, height, mass, friction, restitution, amplitude, frequency, pendulum_mass,
-            pendulum_length or pendulum_damping, the other quantities in SI units constant: a higher
-            `frequency` is a larger xi and, at the same amplitude, a larger f.
-        values: shape (n,), increasing; in SI units if the name is one of a scene.
-        pendulum: in the scene; default none.
-
-    Raises:
-        ValueError: an unknown name, batched parameters, or values that do not increase or lie
-            outside their range.
-        RuntimeError: JAX is in 32-bit mode.
-    """
-    checks.require_x64()
-    axis = Axis.of(subject, name, pendulum)
-    grid = checks.array("values", values, (-1,), "two or more numbers that increase")
-    if len(grid) < 2 or not np.all(np.diff(grid) > 0):
-        raise ValueError("`values` must be two or more finite numbers that increase, but are not")
-    axis.check(grid[0], grid[-1])
-    return along(axis, grid)
-
-
 def orbits_at(axis: Axis, values: np.ndarray) -> tuple[Orbits, np.ndarray]:
     """The orbits at any values, as NumPy arrays, and the names of their statuses."""
     orbits = all_symmetric_orbits(from_row(list(axis.at(values).T)))
@@ -115,7 +91,11 @@ def orbits_at(axis: Axis, values: np.ndarray) -> tuple[Orbits, np.ndarray]:
 
 
 def along(axis: Axis, grid: np.ndarray) -> Sweep:
-    """Return the sweep over a grid that has been checked."""
+    """Return the orbits that `symmetric_orbits` finds over a checked grid of increasing values.
+
+    Neighbours are joined to branches where crossing time, phase and amplitude continue and det(I - G) keeps
+    its sign, so that no branch runs through a fold.
+    """
     orbits, names = orbits_at(axis, grid)
     shares = orbits.crossing * axis.at(grid)[:, [XI]] / np.pi
     place = np.stack([shares, orbits.phase, np.log(orbits.amplitude)], axis=-1)
@@ -247,7 +227,7 @@ def bifurcations(
 
     Args:
         subject: dimensionless parameters, or a scene; its value of `name` is not used.
-        name: parameter or quantity that varies, as for `sweep`.
+        name: parameter or quantity that varies, see `tpd.answers.bifurcations`.
         low: lower end of its range.
         high: upper end.
         samples: number of values in the first sweep of the range.

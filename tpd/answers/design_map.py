@@ -162,26 +162,20 @@ def _answers(
     processes share the cores."""
     still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
     # The bar is that of the longer part: of the motions, where there are any.
+    orbits = all_symmetric_orbits(designs, workers=workers, progress=progress if y0 is None else None)
     if y0 is None:
-        orbits = all_symmetric_orbits(designs, workers=workers, progress=progress)
         answer = _largest(orbits, still["margin"], still["stroke"])
     else:
-        orbits = all_symmetric_orbits(designs, workers=workers)
         how = {"workers": workers, "progress": progress}
         answer = _followed(designs, orbits, still["stroke"], y0, how)
-    more = {"margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
-    return {**answer, **more}
+    return {**answer, "margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
 
 
 def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.ndarray]:
     """The name and values of one axis, checked."""
     if not (isinstance(axis, (tuple, list)) and len(axis) == 2):
         raise ValueError(f"`{argument}` must be a name and its values, but is {checks.shown(axis)}")
-    name, wanted = axis[0], "two or more numbers that increase"
-    values = checks.array(f"values of {argument}", axis[1], (-1,), wanted)
-    if len(values) < 2 or not np.all(np.diff(values) > 0):
-        wanted = "two or more finite numbers that increase"
-        raise ValueError(f"the values of `{argument}` must be {wanted}, but are not")
+    name, values = axis[0], checks.increasing(f"values of {argument}", axis[1])
     setup.check_name(argument, name)
     for value in (values[0], values[-1]):
         setup.check_sign(name, float(value))

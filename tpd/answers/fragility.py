@@ -174,10 +174,7 @@ def fragility(
     checks.instance("block", block, Block)
     checks.optional("pendulum", pendulum, Pendulum)
     checks.function("progress", progress)
-    stripes = checks.array("scales", scales, (-1,), "a vector of numbers")
-    checks.positive("scales", stripes, every=True)
-    if np.any(np.diff(stripes) <= 0.0):
-        raise ValueError(f"`scales` must be a vector of increasing numbers, but is {stripes.tolist()}")
+    stripes = checks.positive("scales", checks.increasing("scales", scales, 1), every=True)
     checks.instance("states", states, Mapping)
     states = {n: checks.plain("states", x, single=True) for n, x in states.items()}
     named = all(isinstance(n, str) and isinstance(x, float) and x >= 0.0 for n, x in states.items())

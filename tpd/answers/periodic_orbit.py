@@ -88,7 +88,6 @@ def periodic_orbit(
         ValueError: `y0` has not four components, or a bound is not positive.
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
     check_parameters(p)
     periods = checks.count("periods", periods, most=_MOST_PERIODS)
     max_events = checks.count("max_events", max_events, most=100_000)

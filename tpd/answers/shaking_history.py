@@ -111,9 +111,8 @@ def shaking_history(
     shaken, free = len(pieces) * piece, checks.within("free", free, 0.0, LONGEST_FREE, " s")
     if times is None:
         times = np.linspace(0.0, shaken + free, min(20_000, int(len(pieces) + free / piece) + 1))
-    clock = checks.array("times", times, (-1,), "a vector of increasing numbers")
-    if len(clock) < 2 or not np.all(np.diff(clock) > 0.0) or clock[0] < 0.0:
-        raise ValueError("`times` must be a vector of increasing numbers from 0 on, but are not")
+    clock = checks.increasing("times", times)
+    checks.not_negative("times", clock, every=True)
     free = float(clock[-1]) - shaken if clock[-1] > shaken + free else free
     start = np.zeros(4) if y0 is None else checks.state(y0) / [1.0, 1.0, rate, rate]
     found = history(row, start, pieces, clock * rate, free=free * rate, events=MAX_EVENTS)

@@ -79,11 +79,6 @@ class Interval:
         return less, f"{abs(mean):.0f} %", around
 
     @property
-    def is_below(self) -> bool:
-        """Whether the whole interval is below zero."""
-        return self.high < 0.0
-
-    @property
     def is_above(self) -> bool:
         """Whether the whole interval is above zero."""
         return self.low > 0.0

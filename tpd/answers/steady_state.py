@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections import namedtuple
 from functools import lru_cache, partial
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -148,9 +148,8 @@ def steady_state(
         ValueError: bad input, or a parameter that the model has no term for.
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
-    model = _default() if model is None else model
     check_parameters(p)
+    model = _default() if model is None else model
     checks.instance("model", model, (AbstractModel, AbstractChoice))
     checks.flag("throw", throw)
     start: Any = np.zeros(4) if y0 is None else checks.state(y0)
@@ -180,16 +179,11 @@ def simulate(
         ValueError: bad input, or a parameter that the model has no term for.
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
-    model = _default() if model is None else model
     check_parameters(p)
+    model = _default() if model is None else model
     checks.instance("model", model, AbstractModel)
     model.check(p)
-    clock = checks.array("times", times, (-1,), "a vector of two or more increasing numbers")
-    if clock.size < 2:
-        raise ValueError(f"`times` must be a vector of two or more, but has shape {clock.shape}")
-    if checks.is_concrete(clock) and not np.all(np.diff(clock) > 0):
-        raise ValueError("`times` must increase and be finite, but do not")
+    clock = checks.increasing("times", times)
     # Ctrl-C waits for compiled code to return.
     checks.count("number of times", clock.size, most=_MOST_TIMES)
     p, longest = single(p), f"{model.most_periods} forcing periods in one call"
@@ -278,19 +272,12 @@ def _still(x: Any) -> Any:
     return x if checks.is_concrete(x) else stop_gradient(x)
 
 
-class _Answer(NamedTuple):
-    """Numbers of a `Steady`."""
-
-    amplitude: Any
-    stroke: Any
-    status: Any
-    periods: Any
-    multiplier: Any
-    symmetric: Any
-    lyapunov: Any
-    state: Any
-    elapsed: Any
-    estimate: Any = math.nan
+_Answer = namedtuple(
+    "_Answer",
+    "amplitude stroke status periods multiplier symmetric lyapunov state elapsed estimate",
+    defaults=(math.nan,),
+)
+"""Numbers of a `Steady`, in the order of its fields."""
 
 
 def _steady(answer: _Answer) -> Steady:

@@ -98,7 +98,6 @@ def symmetric_orbits(p: Parameters) -> Orbits:
         ValueError: bad input.
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
     check_parameters(p)
     x = row_of(p)
     if x.size > 9:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from threading import Lock, Thread
 from typing import Any
@@ -67,32 +67,22 @@ def in_chunks(
     chunk = _chunk(function, batch) if chunk is None else checks.count("chunk", chunk)
     part_of, length = _parts(batch, chunk)
     compiled = _compiled(function)
-    cores = (os.cpu_count() or 1) if workers is None else checks.count("workers", workers)
 
-    def run(begin: int) -> int:
+    def run(begin: int, end: int) -> int:
         out = compiled(part_of(begin))
         results, structure = jax.tree.flatten(out)
         with lock:
             if not wholes:
                 wholes.extend(np.empty((length, *x.shape[1:]), x.dtype) for x in results)
                 structures.append(structure)
-        end = min(begin + chunk, length)
         for whole, part in zip(wholes, results, strict=True):
             whole[begin:end] = np.asarray(part)[: end - begin]
         return end - begin
 
     wholes: list[np.ndarray] = []
     structures: list[Any] = []
-    lock, done = Lock(), 0
-    # A lone worker needs no thread of its own: memory that new threads free stays with them.
-    with contextlib.ExitStack() as stack:
-        each: Any = map
-        if cores > 1:
-            each = stack.enter_context(_crew(cores, initializer=_x64_initializer())).map
-        for count in each(run, range(0, length, chunk)):
-            done += count
-            if progress is not None:
-                progress(done, length)
+    lock = Lock()
+    shared(run, length, workers, progress, piece=(chunk, chunk))
     return jax.tree.unflatten(structures[0], wholes)
 
 
@@ -205,16 +195,6 @@ def _x64_initializer() -> Callable[[], None]:
     return begin
 
 
-@contextlib.contextmanager
-def _crew(workers: int, initializer: Callable[[], None] | None = None) -> Iterator[ThreadPoolExecutor]:
-    """Threads that do not begin any further work after an error or Ctrl-C."""
-    crew = ThreadPoolExecutor(workers, initializer=initializer)
-    try:
-        yield crew
-    finally:
-        crew.shutdown(cancel_futures=True)
-
-
 def shared(
     run: Callable[[int, int], int],
     n: int,
@@ -233,13 +213,15 @@ def shared(
     # Small pieces, because some motions take a hundred times as long as others. Each writes rows of its
     # own, so that the order in which they end is no matter.
     size = max(piece[0], min(piece[1], -(-n // (4 * cores))))
-    if size >= n:
-        run(0, n)
-        report(n, n)
-        return
-    done = 0
-    with _crew(min(cores, n)) as crew:
-        parts = [crew.submit(run, i, min(i + size, n)) for i in range(0, n, size)]
-        for part in as_completed(parts):
-            done += part.result()
+    firsts, done = range(0, n, size), 0
+    threads = max(1, min(cores, len(firsts)))
+    crew = ThreadPoolExecutor(threads, initializer=_x64_initializer())
+    # A lone worker needs no thread of its own: memory that new threads free stays with them.
+    each = crew.map if threads > 1 else map
+    try:
+        for count in each(run, firsts, (min(first + size, n) for first in firsts)):
+            done += count
             report(done, n)
+    finally:
+        # After an error or Ctrl-C no further piece is begun.
+        crew.shutdown(cancel_futures=True)

@@ -96,7 +96,13 @@ def plain(name: str, value: Any, *, single: bool = False) -> Any:
         return value
     _check_meaning(name, value)
     if not (isinstance(value, (np.generic, np.ndarray)) or is_jax(value)):
-        return _as_float(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else value
+        if not isinstance(value, numbers.Real) or isinstance(value, bool):
+            return value
+        try:
+            return float(value)
+        except OverflowError:
+            # A whole number of Python may be larger than any float: the check that follows refuses it.
+            return -math.inf if value < 0 else math.inf
     if value.dtype.kind not in _REAL:
         return value
     if single and value.size != 1:
@@ -106,13 +112,6 @@ def plain(name: str, value: Any, *, single: bool = False) -> Any:
         return array.reshape(()) if single and array.ndim else array
     known = np.ascontiguousarray(value, dtype=float)
     return float(known.reshape(())) if single or value.ndim == 0 else known
-
-
-def _as_float(value: Any) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf if value > 0 else -math.inf
 
 
 def _check_meaning(name: str, value: Any) -> None:
@@ -211,6 +210,16 @@ def array(name: str, value: object, shape: tuple[int, ...], of: str) -> Any:
         # Errors of JAX about traced values are a TypeError as well.
         pass
     raise ValueError(f"`{name}` must be {of}, all finite, but is {shown(value)}")
+
+
+def increasing(name: str, value: object, least: int = 2) -> Any:
+    """Return a vector of numbers, so many at `least`, each above the one before; raise `ValueError` for
+    anything else. Of traced numbers only the shape is checked."""
+    of = f"a vector of {least} or more increasing numbers"
+    found = array(name, value, (-1,), of)
+    if len(found) < least or (is_concrete(found) and not np.all(np.diff(found) > 0.0)):
+        raise ValueError(f"`{name}` must be {of}, but is {shown(found)}")
+    return found
 
 
 def _holds_traced(value: object) -> bool:

@@ -42,11 +42,8 @@ def claim(directory: Path, *, overwrite: bool) -> None:
     """
     if os.path.lexists(directory) and not directory.is_dir():
         raise ValueError(f"cannot write the report: {directory} is a file, not a directory")
-    if (
-        directory.exists()
-        and not overwrite
-        and any(not p.name.startswith(_PART) for p in directory.iterdir())
-    ):
+    strangers = (p for p in directory.glob("*") if not p.name.startswith(_PART))
+    if not overwrite and any(strangers):
         raise ValueError(
             f"{directory} already holds files: choose another directory with --out, or pass --overwrite"
         )

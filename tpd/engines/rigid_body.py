@@ -13,6 +13,7 @@ import math
 import textwrap
 from dataclasses import dataclass
 from importlib import resources
+from typing import Any
 
 import numpy as np
 
@@ -80,55 +81,20 @@ class RigidBody:
 
     def mjcf(self) -> str:
         """Model as text, in MuJoCo's format."""
-        a, b, radius = self.half_width, self.half_height, RADIUS * self.half_height
-        contact = f'condim="3" friction="{self.sliding!r} 0 0" solref="{self.contact_time!r} 1"'
-        corner = f'<geom type="sphere" size="{radius!r}" pos="{{x!r}} 0 {-b!r}" {contact}/>'
-        tensor = " ".join([repr(self.inertia)] * 3)
-        lines = [
-            '<mujoco model="block with a pendulum">',
-            "  <!-- impacts follow from the contact: about Housner's, and not the block's own ratio -->",
-            '  <compiler angle="radian" inertiafromgeom="false"/>',
-            f'  <option timestep="{self.step!r}" gravity="0 0 {-self.gravity!r}" cone="elliptic"',
-            '          impratio="10" integrator="implicitfast" iterations="50" tolerance="1e-12"/>',
-            "  <worldbody>",
-            '    <site name="ground"/>',
-            f'    <geom type="plane" size="0 0 1" pos="0 0 {-radius!r}" {contact}/>',
-            f'    <body name="block" pos="0 0 {b!r}">',
-            '      <joint name="x" type="slide" axis="1 0 0"/>',
-            '      <joint name="z" type="slide" axis="0 0 1"/>',
-            f'      <joint name="tilt" type="hinge" axis="0 1 0" frictionloss="{self.friction!r}"/>',
-            f'      <inertial pos="0 0 0" mass="{self.mass!r}" diaginertia="{tensor}"/>',
-            '      <site name="block"/>',
-            f"      {corner.format(x=-a)}",
-            f"      {corner.format(x=a)}",
-            *(f"      {line}" for line in self._pendulum()),
-            "    </body>",
-            "  </worldbody>",
-            "  <!-- control: acceleration of the base, m/s^2, the same for every actuator -->",
-            "  <actuator>",
-            *(
-                f'    <motor site="{name}" refsite="ground" gear="{-mass!r} 0 0 0 0 0"/>'
-                for name, mass in (("block", self.mass), ("bob", self.bob))
-                if mass > 0.0
-            ),
-            "  </actuator>",
-            "</mujoco>",
-        ]
-        return "\n".join(lines) + "\n"
+        return _rendered("mujoco.xml.j2", body=self, radius=RADIUS * self.half_height)
 
-    def _pendulum(self) -> list[str]:
-        if self.bob == 0.0:
-            return []
-        # A bob without size: its inertia is that of rounding, which the engine needs above zero.
-        least = " ".join([repr(1e-10 * self.bob * self.rod**2)] * 3)
-        at = f'pos="0 0 {-self.rod!r}"'
-        return [
-            f'<body name="bob" pos="0 0 {self.half_height!r}">',
-            f'  <joint name="rod" type="hinge" axis="0 1 0" damping="{self.damping!r}"/>',
-            f'  <inertial {at} mass="{self.bob!r}" diaginertia="{least}"/>',
-            f'  <site name="bob" {at}/>',
-            "</body>",
-        ]
+
+def _rendered(template: str, **values: Any) -> str:
+    """Return the text of a model from its template, a file beside this one."""
+    # Few commands write a model, and the others should not wait for this package.
+    import jinja2
+
+    source = resources.files("tpd.engines").joinpath(template).read_text(encoding="utf-8")
+    # A name that is missing in the template is an error, not an empty place in a model.
+    environment = jinja2.Environment(
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )
+    return environment.from_string(source).render(values)
 
 
 def parameters_under(scene: Scene, pendulum: Pendulum | None) -> Parameters:
@@ -192,20 +158,13 @@ def opensees(scene: Scene, pendulum: Pendulum | None = None, *, sliding: checks.
     Raises:
         ValueError: bad input.
     """
-    # A model in MJCF needs no template, and should not wait for one.
-    import jinja2
-
     checks.instance("scene", scene, Scene)
     sliding = checks.positive("sliding", sliding)
     p, motion = parameters_under(scene, pendulum), scene.motion
     body = body_of(scene, p, sliding)
     ground = isinstance(motion, GroundMotion)
-    source = resources.files("tpd.engines").joinpath("model.tcl.j2").read_text(encoding="utf-8")
-    # A name that is missing in the template is an error, not an empty place in a model.
-    environment = jinja2.Environment(
-        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
-    )
-    return environment.from_string(source).render(
+    return _rendered(
+        "opensees.tcl.j2",
         body=body,
         ratio=float(p.velocity_ratio),
         step=_STEP_OPENSEES * body.contact_time,

@@ -318,10 +318,6 @@ def state_at(arc, now, t):
     """(phi, psi, phi', psi', phi'', psi'') at an instant."""
     tilt, bob = rate_of(arc, arc.tilt), rate_of(arc, arc.bob)
     angles = value_of(arc.tilt, now, t), value_of(arc.bob, now, t)
-    return (
-        *angles,
-        value_of(tilt, now, t),
-        value_of(bob, now, t),
-        value_of(rate_of(arc, tilt), now, t),
-        value_of(rate_of(arc, bob), now, t),
-    )
+    rates = value_of(tilt, now, t), value_of(bob, now, t)
+    pulls = value_of(rate_of(arc, tilt), now, t), value_of(rate_of(arc, bob), now, t)
+    return *angles, *rates, *pulls

@@ -19,7 +19,9 @@ velocity_ratio, bob_change = shared(impacts.velocity_ratio), shared(impacts.bob_
 
 @compiled
 def moment(q, y0, y1, y3, eta):
-    """Moment on a block held still; see `tpd.theory.equations.Linear.holding_moment`."""
+    """Moment R on a block held still (phi' = 0): it stays held while friction and weight balance R. Row 1 of
+    (25) contains psi'', which row 2 gives for phi'' = 0: f (1 + 2 mu) becomes f, since the bob's share of the
+    forcing goes into its own motion."""
     return q.up * y0 - q.f * eta - (q.up - 1.0) * y1 + q.bias * y3
 
 

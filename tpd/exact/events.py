@@ -88,14 +88,6 @@ def _watch(w, i, x, arc):
 
 
 @compiled
-def watched(w, i):
-    """The signal in row i."""
-    x = w.signals[i, _VALUE]
-    free = x[_CONSTANT], x[_ON_S1], x[_ON_S2], x[_ON_U], x[_ON_V]
-    return Signal(*free, x[_ALONG], x[_ACROSS], x[_GAIN_ALONG], x[_GAIN_ACROSS])
-
-
-@compiled
 def side_of(x):
     """Sign that a signal of a cubic takes at its start: that of the first coefficient that is not zero."""
     first = x.constant if x.constant != 0.0 else x.along

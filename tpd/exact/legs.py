@@ -136,6 +136,7 @@ def past(r, leg, first, last):
     if leg.which == END:
         for j in range(first, last):
             r.shift[j] = 0.0
+    # A held block does not move until it is let go. Let go a little later, it begins in the same state.
     if leg.kind != SLIP or (leg.which != FIRST and leg.which != SECOND):
         return
     for j in range(first, last):

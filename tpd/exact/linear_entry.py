@@ -13,7 +13,6 @@ from tpd.exact.arcs import Load, arc_from, beginning, state_at
 from tpd.exact.compiling import checksum
 from tpd.exact.custom_call import (
     BEGIN,
-    FIELDS,
     RAMP,
     SETTINGS,
     api_version,
@@ -24,6 +23,7 @@ from tpd.exact.custom_call import (
     rows_of,
     usual,
 )
+from tpd.exact.custom_call import FIELDS as FIELDS
 from tpd.exact.follow import FOLLOWED, put_results, through
 from tpd.exact.legs import (
     ANGLES,
@@ -45,17 +45,6 @@ from tpd.exact.settle import settle
 from tpd.exact.steady import STEADY, steady_state
 from tpd.exact.terms import FAILED, SWING_PULL, TILT_PULL
 from tpd.exact.trajectory import trajectory
-
-__all__ = [
-    "CALL",
-    "FIELDS",
-    "FOLLOWED",
-    "INPUTS",
-    "SETTINGS",
-    "SETTLED",
-    "STATES",
-    "STEADY",
-]
 
 SETTLE, TRAJECTORY, SHAKE, HISTORY, STEADY_STATE, ORBIT = range(6)
 """Tasks; the first number of every row of settings. Histories are for the host alone."""

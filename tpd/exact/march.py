@@ -415,11 +415,8 @@ def _arc(q, m, legs, room, i, s, end, released):
     at, begun, n = 0.0, s, (int(a.jump) if sound else 0)
     while n > 0 and room.looks > 0:
         room.looks -= 1
-        far, new_tilt, new_swing = (
-            a.step * n / GRID,
-            _onward(q, a, n, held, tilt),
-            _onward(q, a, n, held, swing),
-        )
+        far = a.step * n / GRID
+        new_tilt, new_swing = _onward(q, a, n, held, tilt), _onward(q, a, n, held, swing)
         h1, u1, h2, u2, h3, u3 = _signals_of(q, m, back, up, down, new_tilt, new_swing)
         # The growing exponential is largest at the end of the step.
         four, five, grown = a.orders[_FOURTH].grown, a.orders[_FIFTH].grown, abs(new_tilt.grown)

@@ -8,7 +8,7 @@ import numpy as np
 
 from tpd.exact.legs import ANGLES, STATE
 from tpd.exact.motion import put
-from tpd.exact.period_map import BEST, ON_ITS_WAY, find_orbit, put_motion
+from tpd.exact.period_map import BEST, ON_ITS_WAY, find_orbit, multipliers, put_motion
 from tpd.exact.plant import compiled
 from tpd.exact.repetition import scales_of
 
@@ -20,42 +20,10 @@ _LINEAR = 0.1
 says."""
 CONVERGED = 1e-10
 """Residual of such an orbit."""
-_SQUARES, _LONG = 16, 1000
-"""Squares of the derivative after which a contraction must have shown, and periods that are summed up."""
+_ATTRACTING, _LONG = 1.0 - 4e-5, 1000
+"""Largest multiplier of an orbit that is known to attract, and periods that are summed up."""
 Past = namedtuple("Past", "periods peaks")
 """The last periods of a motion, newest first, and the largest tilt and swing of all."""
-
-
-@compiled
-def _square(m):
-    """Square a 4 x 4 matrix in place; return its largest entry in size."""
-    old, largest = m.copy(), 0.0
-    for i in range(4):
-        for j in range(4):
-            m[i, j] = 0.0
-            for k in range(4):
-                m[i, j] += old[i, k] * old[k, j]
-            largest = max(largest, abs(m[i, j]))
-    return largest
-
-
-@compiled
-def _contracts(by, scales, unfelt):
-    """Whether the derivative of the map of a period, in rows 0 to 3 and columns 9 to 12, has no multiplier of
-    size 1 or more that the block feels."""
-    # Powers tell it without eigenvalues: those of a contraction vanish, however large the first ones are.
-    m = np.empty((4, 4))
-    for i in range(4):
-        for j in range(4):
-            felt = not unfelt or (i % 2 == 0 and j % 2 == 0)
-            m[i, j] = by[i, STATE + j] * scales[j] / scales[i] if felt else 0.0
-    for _ in range(_SQUARES):
-        largest = _square(m)
-        if not largest < 1e100:
-            return False
-        if largest < 0.1:
-            return True
-    return False
 
 
 @compiled
@@ -123,7 +91,10 @@ def orbit_near(q, m, own, past, known, limits, periods):
     for i in range(4):
         gap[i] = m.y[i] - y[i]
         apart = max(apart, abs(gap[i]) / scales[i])
-    if not apart < NEARBY or not _contracts(c.by, scales, q.mu == 0.0):
+    # With a multiplier next to 1 a motion would be on its way for thousands of periods, and small differences
+    # decide whether it arrives: such a motion is followed.
+    largest, _, _ = multipliers(q, c.by, np.empty(4, np.complex128))
+    if not (apart < NEARBY and largest < _ATTRACTING):
         return False
     if not _approaches(c.by, past.periods, known, periods, y, scales, apart):
         return False

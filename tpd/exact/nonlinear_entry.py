@@ -293,12 +293,8 @@ def _steady_state(q, m, w, s, settled, out):
     _settle(q, m, w, s, 0.0, 0.0, settled)
     status = int(settled.status)
     put(settled.y, out.y)
-    out.amplitude, out.stroke, out.multiplier, out.lyapunov = (
-        settled.amplitude,
-        settled.stroke,
-        math.nan,
-        math.nan,
-    )
+    out.amplitude, out.stroke = settled.amplitude, settled.stroke
+    out.multiplier = out.lyapunov = math.nan
     out.status, out.periods, out.elapsed = status, settled.periods, settled.elapsed
     for i in range(6):
         for j in range(MANY):

@@ -237,6 +237,7 @@ def value_at(c, row, order, t):
 @compiled
 def passing(c, row, order, limit, h):
     """Time at which an angle that is beyond a limit at the time h, and does not turn before, reaches it."""
+    # This ends a run, so that it is done once. Bisection is fast enough, and cannot fail.
     lo, hi = 0.0, h
     for _ in range(HALVED):
         t = 0.5 * (lo + hi)

@@ -77,12 +77,9 @@ def _sample(q, m, table):
     e1, e2, u, v = 1.0, 1.0, 1.0, 0.0
     for i in range(NODES + 1):
         table[_E1, i], table[_E2, i], table[_U, i], table[_V, i] = e1, e2, u, v
-        e1, e2, u, v = (
-            e1 * onward.e1,
-            e2 * onward.e2,
-            u * onward.u - q.q * v * onward.v,
-            u * onward.v + v * (onward.u - q.p * onward.v),
-        )
+        e1, e2, before = e1 * onward.e1, e2 * onward.e2, u
+        u = u * onward.u - q.q * v * onward.v
+        v = before * onward.v + v * (onward.u - q.p * onward.v)
     for i in range(NODES + 1):
         j = NODES - i
         f = Flow(table[_E1, i], table[_E2, i], table[_U, i], table[_V, i])
@@ -144,6 +141,8 @@ def put_brackets(q, m, table, brackets):
 @compiled
 def _lowest(q, m, low, high):
     """Crossing time between two at which the product of both branches is least, or below zero."""
+    # By golden section, in which each step costs one value. A value below zero ends it, because it already
+    # shows that there are two roots.
     a, b = low + _GOLDEN * (high - low), high - _GOLDEN * (high - low)
     at_a, at_b = _value(q, m, a, 0.0), _value(q, m, b, 0.0)
     for _ in range(34):

@@ -19,6 +19,7 @@ from tpd.exact import repetition
 from tpd.exact.arcs import arc_from, instant, load_at, span_of, state_at, steady
 from tpd.exact.events import END
 from tpd.exact.follow import ARRIVED, Rules, allow, begin, piece
+from tpd.exact.half_map_kernel import characteristic, determinants, put_roots
 from tpd.exact.legs import INPUTS, READER, ROWS, STATE, read
 from tpd.exact.motion import (
     FIRST_PIECE,
@@ -179,6 +180,8 @@ def cycle(q, m, own, limits, periods, c):
 def eliminate(a, b):
     """Solve a x = b in place for a 4 x 4 matrix and several right-hand sides, shape (4, n), by elimination
     with pivots; return the size of the smallest pivot, 0 if there is none or no number."""
+    # Numba's own solver takes seconds to compile, and a singular matrix is an error there. Here it is usual:
+    # I - DP has no inverse at a fold.
     least, n = math.inf, b.shape[1]
     for c in range(4):
         pivot = c
@@ -268,3 +271,22 @@ def find_orbit(q, m, own, limits, periods, y):
         else:
             break
     return residual
+
+
+@compiled
+def multipliers(q, by, roots):
+    """Put the Floquet multipliers that the block can feel (all, unless mu = 0) into `roots`; return the
+    largest modulus, the least distance of one from +1, and the product of all 1 - multiplier."""
+    felt, largest, apart = np.empty((4, 4)), 0.0, math.inf
+    for i in range(4):
+        for j in range(4):
+            unfelt = q.mu == 0.0 and (i % 2 == 1 or j % 2 == 1)
+            felt[i, j] = 0.0 if unfelt else by[i, STATE + j]
+            if not math.isfinite(felt[i, j]):
+                return math.inf, 1.0, math.nan
+    polynomial = characteristic(felt)
+    put_roots(polynomial, roots)
+    for i in range(4):
+        largest, apart = max(largest, abs(roots[i])), min(apart, abs(1.0 - roots[i]))
+    fold, _, _ = determinants(polynomial)
+    return largest, apart, fold

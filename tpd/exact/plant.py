@@ -97,9 +97,7 @@ def _positive_root(a4, a3, a2, a1, a0):
     locked = np.sqrt(abs(a1) / a3) if a3 > 0.0 else 0.0
     s = max(free, locked)
     for _ in range(8):
-        value = (((a4 * s + a3) * s + a2) * s + a1) * s + a0
-        slope = ((4.0 * a4 * s + 3.0 * a3) * s + 2.0 * a2) * s + a1
-        s = s - value / slope
+        s = _polished(s, a4, a3, a2, a1, a0)
     return s
 
 

@@ -87,6 +87,7 @@ def stayed(past, periods):
 @compiled
 def put_settled(status, repeats, elapsed, m, past, peaks, out):
     """Put what a motion has settled to into the record `out`."""
+    # Of a motion that repeats itself only its own periods count: those before them belong to the transient.
     own = repeats if repeats > 0 else LONGEST
     amplitude, stroke, stuck = 0.0, 0.0, 0.0
     for j in range(own):

@@ -13,7 +13,7 @@ import numpy as np
 from tpd.exact import repetition
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.follow import EXHAUSTED, LOST
-from tpd.exact.half_map_kernel import characteristic, determinants, is_neutral, put_roots
+from tpd.exact.half_map_kernel import is_neutral
 from tpd.exact.legs import ANGLES, STATE
 from tpd.exact.march import put_flow
 from tpd.exact.motion import FIRST_PIECE, finite, larger, put
@@ -27,6 +27,7 @@ from tpd.exact.period_map import (
     find_orbit,
     first_of,
     forget,
+    multipliers,
     put_motion,
     residual_of,
     solved,
@@ -98,25 +99,6 @@ def _separation(q, m, own, limits, periods, y):
         put(own.motions[BEGUN].y, y)
         own.cycles[BEST] = c
     return parted / (steps * 2.0 * math.pi / q.xi) if steps > 1 else math.nan
-
-
-@compiled
-def _multipliers(q, by, roots):
-    """Put the Floquet multipliers that the block can feel (all, unless mu = 0) into `roots`; return the
-    largest modulus, the least distance of one from +1, and the product of all 1 - multiplier."""
-    felt, largest, apart = np.empty((4, 4)), 0.0, math.inf
-    for i in range(4):
-        for j in range(4):
-            unfelt = q.mu == 0.0 and (i % 2 == 1 or j % 2 == 1)
-            felt[i, j] = 0.0 if unfelt else by[i, STATE + j]
-            if not math.isfinite(felt[i, j]):
-                return math.inf, 1.0, math.nan
-    polynomial = characteristic(felt)
-    put_roots(polynomial, roots)
-    for i in range(4):
-        largest, apart = max(largest, abs(roots[i])), min(apart, abs(1.0 - roots[i]))
-    fold, _, _ = determinants(polynomial)
-    return largest, apart, fold
 
 
 @compiled
@@ -233,7 +215,7 @@ def steady_state(x, y0, s, near, own, out):
                     if other.closed != 0.0 and apart < RESIDUAL:
                         own.cycles[BEST], residual, periods = other, apart, fewer
                         break
-        multiplier, to_fold, fold = _multipliers(q, c.by, roots)
+        multiplier, to_fold, fold = multipliers(q, c.by, roots)
     if near:
         # The sizes of what is no orbit are no numbers.
         begun = _kind_of(own, residual, y)

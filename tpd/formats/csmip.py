@@ -38,12 +38,8 @@ def is_csmip(lines: Sequence[str]) -> bool:
     # GeoNet's titles begin alike; any line of this header may be damaged.
     if " gns " in head or "accelerogram" not in head:
         return False
-    return (
-        bool(_FIRST.match(lines[0]))
-        or "csmip" in head
-        or "cdmg" in head
-        or "uncorrected accelerogram" in head
-    )
+    marks = "csmip", "cdmg", "uncorrected accelerogram"
+    return bool(_FIRST.match(lines[0])) or any(mark in head for mark in marks)
 
 
 def read_csmip(cursor: Cursor, unit: str | None) -> list[Channel]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import gzip
 import io
-import os
 import re
 import warnings
 import zlib
@@ -33,7 +32,8 @@ from tpd.formats.channel import (
     orientation,
     scaled,
 )
-from tpd.formats.table import ROWS, Options, read_table
+from tpd.formats.table import ROWS, read_table
+from tpd.formats.table import Options as Options
 from tpd.formats.text import Cursor, NoAcceleration, UnreadableRecord, shown
 
 _MOST = 200_000_000
@@ -96,29 +96,20 @@ _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
 )
 
 
-def channels(
-    path: str | os.PathLike[str],
-    *,
-    dt: float | None = None,
-    baseline: str | None = None,
-    unit: str | None = None,
-    columns: Mapping[str, int] | str | None = None,
-    skip: int = 0,
-    scale: float = 1.0,
-) -> list[Channel]:
-    """Return all channels of a file, checked. Arguments and errors are those of `tpd.Record.read`."""
-    if unit is not None:
-        given(unit)
-    _check_options(columns, skip, scale)
-    if baseline is not None and baseline not in BASELINES:
-        raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)}, but is {baseline!r}")
+def channels(file: Path, how: Options) -> list[Channel]:
+    """Return all channels of a file, checked. Options and errors are those of `tpd.Record.read`."""
+    dt = how.dt
+    if how.unit is not None:
+        given(how.unit)
+    _check_options(how.columns, how.skip, how.scale)
+    if how.baseline is not None and how.baseline not in BASELINES:
+        raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)}, but is {how.baseline!r}")
     number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
     if dt is not None and not (number and 0.0 < dt < float("inf")):
         raise ValueError(f"`dt` must be positive and finite, in s, but is {dt!r}")
-    file, found = Path(path), list[Channel]()
-    label = file.name
+    found, label = list[Channel](), file.name
     try:
-        read = _of_bytes(_content(file), Options(dt, unit, columns, skip))
+        read = _of_bytes(_content(file), how)
         # The name of a file of several channels is that of none of them.
         named = of_file(file.name) if len(read) == 1 else None
         for i, channel in enumerate(read):
@@ -127,7 +118,7 @@ def channels(
                 label = f"{file.name}, channel {i}{component}"
             if dt is not None and abs(dt - channel.dt) > 1e-6 * channel.dt:
                 raise UnreadableRecord(f"the file states a step of {channel.dt:g} s, but `dt` is {dt:g} s")
-            channel = directed(checked(scaled(channel, scale), baseline), named)
+            channel = directed(checked(scaled(channel, how.scale), how.baseline), named)
             found.append(replace(channel, source=label))
     except NoAcceleration as error:
         raise NoAcceleration(f"{label}: {error}", error.content) from None
@@ -159,16 +150,11 @@ def _check_options(columns: Any, skip: Any, scale: Any) -> None:
         raise ValueError(f"`columns` must name each column once, but is {columns!r}")
 
 
-def one_channel(
-    path: str | os.PathLike[str],
-    *,
-    channel: int | None,
-    **how: Any,
-) -> Channel:
-    """Return one channel of a file. Arguments and errors are those of `tpd.Record.read`."""
+def one_channel(file: Path, channel: int | None, how: Options) -> Channel:
+    """Return one channel of a file. Options and errors are those of `tpd.Record.read`."""
     if channel is not None and (not isinstance(channel, int) or isinstance(channel, bool)):
         raise ValueError(f"`channel` must be a whole number, but is {channel!r}")
-    found = channels(path, **how)
+    found = channels(file, how)
     if channel is None and len(found) == 1:
         return found[0]
     if channel is None or not 0 <= channel < len(found):
@@ -176,7 +162,7 @@ def one_channel(
             f"{i}: {c.component or 'unnamed'} ({c.peak:.3g} m/s^2)" for i, c in enumerate(found)
         )
         wrong = "choose one by `channel`" if channel is None else f"`channel` is {channel}"
-        raise UnreadableRecord(f"{Path(path).name}: the file has the channels {listed}; {wrong}")
+        raise UnreadableRecord(f"{file.name}: the file has the channels {listed}; {wrong}")
     return found[channel]
 
 

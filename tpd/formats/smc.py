@@ -92,7 +92,6 @@ def _agree(values: np.ndarray, dt: float, reals: np.ndarray, printed: list[str])
         stated = Decimal.of(printed[place])
         # Samples have one digit before the point, and their last one depends on the exponent.
         digit = 10.0 ** (np.floor(np.log10(max(abs(stated.value), 1e-30))) - _DIGITS)
-        where = "the header"
-        agree_on_peak(sign * half, stated, where, digit=float(digit))
+        agree_on_peak(sign * half, stated, "the header", digit=float(digit))
         if abs(reals[time]) < _UNKNOWN_REAL:
-            agree_on_peak_time(half, dt, Decimal.of(printed[time]), where)
+            agree_on_peak_time(half, dt, Decimal.of(printed[time]), "the header")

@@ -97,14 +97,16 @@ _NO_SOURCE = re.compile(
 
 @dataclass(frozen=True)
 class Options:
-    """The options of a user for a table."""
+    """The options of a user, see `tpd.Record.read`."""
 
     dt: float | None = None
+    baseline: str | None = None
     unit: str | None = None
     columns: Mapping[str, int] | str | None = None
     """Numbers of columns, from 1, by their names; or `ROWS`."""
     skip: int = 0
     """Number of lines at the top that are not read."""
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -281,11 +283,8 @@ def _statement(part: str) -> tuple[str, Any] | None:
             return (what, step * _TIMES[units.pop() if units else "s"]) if known and step > 0.0 else None
         if what == "source":
             for word in value.split():
-                if (
-                    plain(word) in FACTORS
-                    or _NO_SOURCE.fullmatch(word)
-                    or orientation(word.replace("up", ""))
-                ):
+                is_up = orientation(word.replace("up", ""))
+                if is_up or plain(word) in FACTORS or _NO_SOURCE.fullmatch(word):
                     raise _Unknown(word)
             return what, value
     return None

@@ -118,13 +118,8 @@ class Bob:
             lever, turn = at * (1.0 + 0.5 * share * at), 1.0 + share * at
             inertia = own * self.radius(pull / lever) ** 2
             value = at**2 * (1.0 + share * at / 3.0) + inertia - length * lever
-            return (
-                lever,
-                turn,
-                inertia,
-                value,
-                at * (1.0 + turn) - length * turn - inertia * turn / (1.5 * lever),
-            )
+            slope = at * (1.0 + turn) - length * turn - inertia * turn / (1.5 * lever)
+            return lever, turn, inertia, value, slope
 
         with np.errstate(all="ignore"):
             # The distance is a root of a convex function: Newton's method comes to it from above.

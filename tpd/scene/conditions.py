@@ -95,11 +95,8 @@ class Conditions:
             n_: np.repeat(self.column(n_), m) * np.tile(other.column(n_), n) for n_ in FACTORS if n_ in names
         }
         # As for the factors, the second set varies fastest.
-        which = None
-        if self.which is not None:
-            which = np.repeat(self.which, m)
-        elif other.which is not None:
-            which = np.tile(other.which, n)
+        which = None if self.which is None else np.repeat(self.which, m)
+        which = which if other.which is None else np.tile(other.which, n)
         return Conditions(
             factors,
             (*self.description, *other.description),
@@ -356,11 +353,9 @@ def under_all(p: Parameters, designs: Any, conditions: Conditions) -> Parameters
     # rho and e become numbers here: each condition may have its own, and all leaves need the same length.
     n = len(conditions)
     rows = np.tile(conditions.factor_rows(), (len(designs), 1))
-    each = np.repeat(designs, n, axis=0)
-    q = under(p, each.T, rows.T)
-    names = ("nu", "mu", "lam", "zeta", "k", "f", "xi")
-    values = {**{name: getattr(q, name) for name in names}, "rho": q.inertia_ratio, "e": q.velocity_ratio}
-    leaves: dict[str, Any] = {n: np.broadcast_to(np.asarray(v), len(rows)) for n, v in values.items()}
+    q = under(p, np.repeat(designs, n, axis=0).T, rows.T)
+    values = {**vars(q), "rho": q.inertia_ratio, "e": q.velocity_ratio}
+    leaves: dict[str, Any] = {n: np.broadcast_to(np.asarray(x), len(rows)) for n, x in values.items()}
     return Parameters(**leaves)
 
 

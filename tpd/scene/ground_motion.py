@@ -242,10 +242,8 @@ class Pulse(GroundMotion):
 
         in m/s. The acceleration of the result is velocity times 2 pi frequency.
         """
-        velocity, frequency = (
-            checks.not_negative("velocity", velocity),
-            checks.positive("frequency", frequency),
-        )
+        velocity = checks.not_negative("velocity", velocity)
+        frequency = checks.positive("frequency", frequency)
         return cls(
             kind="mavroeidis-papageorgiou",
             acceleration=2.0 * math.pi * frequency * velocity,

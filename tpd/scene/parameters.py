@@ -137,11 +137,13 @@ def from_row(x: Any) -> Parameters:
     return Parameters(**dict(zip(NAMES, x, strict=True)))
 
 
-def check_parameters(p: object, name: str = "p") -> None:
-    """Raise `ValueError` unless `p` is an object of `Parameters`."""
+def check_parameters(p: object) -> None:
+    """Raise `ValueError` unless `p` is an object of `Parameters`, and `RuntimeError` if JAX computes in 32
+    bits."""
+    checks.require_x64()
     if not isinstance(p, Parameters):
         # A scene is what is given by mistake: it knows its parameters.
-        checks.instance(name, p, Parameters, ": take its `.parameters()`" if hasattr(p, "parameters") else "")
+        checks.instance("p", p, Parameters, ": take its `.parameters()`" if hasattr(p, "parameters") else "")
 
 
 def unchecked(p: Parameters, **changed: Any) -> Parameters:

@@ -156,10 +156,10 @@ class Record(GroundMotion):
                 several channels of which none is chosen; one sentence.
             FileNotFoundError: no such file.
         """
-        from tpd.formats.read import one_channel
+        from tpd.formats.read import Options, one_channel
 
-        how = {"dt": dt, "baseline": baseline, "unit": unit, "columns": columns, "skip": skip, "scale": scale}
-        return _of(one_channel(path_of(path), channel=channel, **how))
+        how = Options(dt, baseline, unit, columns, skip, scale)
+        return _of(one_channel(path_of(path), channel, how))
 
     @staticmethod
     def read_all(
@@ -174,10 +174,10 @@ class Record(GroundMotion):
     ) -> list[Record]:
         """Return all channels of a file, in its order; vertical ones have a note. Arguments and errors are
         those of `read`."""
-        from tpd.formats.read import channels
+        from tpd.formats.read import Options, channels
 
-        how = {"dt": dt, "baseline": baseline, "unit": unit, "columns": columns, "skip": skip, "scale": scale}
-        return [_of(c) for c in channels(path_of(path), **how)]
+        how = Options(dt, baseline, unit, columns, skip, scale)
+        return [_of(c) for c in channels(path_of(path), how)]
 
 
 def _of(channel: Channel) -> Record:

@@ -24,12 +24,11 @@ from collections.abc import Callable
 import equinox as eqx
 import jax.numpy as jnp
 from jax.tree_util import Partial
-from jaxtyping import Array, Float
 
 from tpd.core import checks
 from tpd.scene.impacts import linear_bob_change, linear_ratio
 from tpd.scene.parameters import Parameters
-from tpd.scene.pytrees import Number, Numbers, State
+from tpd.scene.pytrees import Number, State
 
 
 class Linear(eqx.Module):
@@ -46,7 +45,6 @@ class Linear(eqx.Module):
     weight: Number
     friction: Number
     f: Number
-    xi: Number
     bias: Number
 
     def __init__(self, p: Parameters) -> None:
@@ -63,24 +61,8 @@ class Linear(eqx.Module):
         self.weight = (1.0 + p.mu) * p.nu
         self.friction = p.k
         self.f = p.f
-        self.xi = p.xi
-        # Factor of psi' in `holding_moment`.
+        # Factor of psi' in the moment on a held block: see `tpd.exact.contact_kernel.moment`.
         self.bias = p.mu * c * (p.lam - 2.0)
-
-    @property
-    def mass(self) -> Float[Array, "2 2"]:
-        """The mass matrix M."""
-        return jnp.array([[self.m11, self.m12], [self.m21, self.m22]])
-
-    @property
-    def damping(self) -> Float[Array, "2 2"]:
-        """The damping matrix C of the hinge."""
-        return jnp.array([[self.c1, -self.c1], [-self.c2, self.c2]])
-
-    @property
-    def stiffness(self) -> Float[Array, "2 2"]:
-        """The stiffness matrix K: the inverted block, and the bob's weight."""
-        return jnp.array([[-self.tilt, 0.0], [0.0, 1.0]])
 
     def rates(self, y: State, step: Number, drag: Number, sine: Number) -> State:
         """Derivative d/dtau of the state (phi, psi, phi', psi').
@@ -96,32 +78,6 @@ class Linear(eqx.Module):
         ddphi = (self.m22 * r1 - self.m12 * r2) / self.determinant
         ddpsi = (self.m11 * r2 - self.m21 * r1) / self.determinant
         return jnp.stack([dphi, dpsi, ddphi, ddpsi])
-
-    def holding_moment(self, y: State | Numbers, sine: Number) -> Number:
-        """Moment R on a block held still (phi' = 0). It stays held while friction and weight balance R.
-
-        Row 1 of (25) contains psi'', which row 2 gives for phi'' = 0: f (1 + 2 mu) becomes f, since the bob's
-        share of the forcing goes into its own motion.
-        """
-        phi, psi, _, dpsi = y
-        return self.tilt * phi - self.f * sine - (self.tilt - 1.0) * psi + self.bias * dpsi
-
-    @property
-    def beyond_return(self) -> Number:
-        """Tilt (rad) from which the linear block does not return: ten times the tilt at which weight,
-        friction and forcing balance."""
-        # Beyond the balance (25) grows like exp(tau), so a factor of ten costs little time, and it leaves
-        # room for the pull of the bob.
-        return 10.0 * (self.weight + self.friction + self.f * self.tilt) / self.tilt
-
-    def energy(self, y: State, mass_ratio: Number, length_ratio: Number) -> Number:
-        """Energy over M g b of the linear model without forcing; constant where k = zeta = f = 0, e = 1."""
-        # Row 2 times mu lam makes mass and stiffness symmetric, hence the factor on its entries.
-        phi, psi, dphi, dpsi = y
-        bob = mass_ratio * length_ratio
-        kinetic = self.m11 * dphi**2 + 2.0 * self.m12 * dphi * dpsi + bob * self.m22 * dpsi**2
-        potential = -self.tilt * phi**2 + bob * psi**2
-        return 0.5 * (kinetic + potential) + self.weight * jnp.abs(phi)
 
 
 class Terms(enum.StrEnum):
@@ -153,65 +109,40 @@ class Equations(eqx.Module):
 
     def rates(self, y: State, step: Number, drag: Number, sine: Number) -> State:
         """Derivative d/dtau of the state; arguments as in `Linear.rates`."""
+        phi, psi, dphi, dpsi = y
+        p, linear, rho, slip = self.p, self.linear, self.rho, dphi - dpsi
         if self.terms is not Terms.nonlinear:
+            rates = linear.rates(y, step, drag, sine)
+            if self.terms is Terms.linear:
+                return rates
             # The parametric term is one more moment on the block, so it moves both angles through the mass
             # matrix.
-            rates, moment = self.linear.rates(y, step, drag, sine), self._parametric(y, step, sine)
-            by_moment = jnp.stack([self.linear.m22, -self.linear.m21]) / self.linear.determinant
+            moment = -step * linear.f * linear.weight * phi * sine
+            by_moment = jnp.stack([linear.m22, -linear.m21]) / linear.determinant
             return rates + jnp.concatenate([jnp.zeros(2), by_moment * moment])
-        dphi, dpsi = y[2], y[3]
-        linear, (big_s, big_c), slip = self.linear, self._arms(y, step), dphi - dpsi
-        r1 = self._on_block(y, step, sine) - drag * linear.friction - linear.c1 * slip
-        r2 = self._on_bob(y, sine) + self.rho * big_c * dphi**2 + linear.c2 * slip
-        coupling = self.p.mu * self.rho * self.p.lam * big_s
-        determinant = linear.m11 * linear.m22 - coupling * self.rho * big_s
+        sin, cos, lean_sin, lean_cos = jnp.sin(phi), jnp.cos(phi), jnp.sin(phi - psi), jnp.cos(phi - psi)
+        big_s, big_c = step * p.nu * lean_sin + 2.0 * lean_cos, step * p.nu * lean_cos - 2.0 * lean_sin
+        # Moments on the block: weight and base motion, the centripetal force on the bob, friction and hinge.
+        r1 = linear.tilt * sin - step * linear.weight * cos
+        r1 = r1 - linear.f * sine * (step * linear.weight * sin + linear.tilt * cos)
+        r1 = r1 - p.mu * rho * p.lam * big_c * dpsi**2 - drag * linear.friction - linear.c1 * slip
+        r2 = linear.f * jnp.cos(psi) * sine - jnp.sin(psi) + rho * big_c * dphi**2 + linear.c2 * slip
+        coupling = p.mu * rho * p.lam * big_s
+        determinant = linear.m11 * linear.m22 - coupling * rho * big_s
         ddphi = (linear.m22 * r1 + coupling * r2) / determinant
-        ddpsi = (linear.m11 * r2 + self.rho * big_s * r1) / determinant
+        ddpsi = (linear.m11 * r2 + rho * big_s * r1) / determinant
         return jnp.stack([dphi, dpsi, ddphi, ddpsi])
-
-    def held_rates(self, y: State, sine: Number) -> State:
-        """Derivative d/dtau of the state of a block that is held: only the bob moves."""
-        pull = (self._on_bob(y, sine) - self.linear.c2 * y[3]) / self.linear.m22
-        return jnp.stack([jnp.zeros_like(pull), y[3], jnp.zeros_like(pull), pull])
-
-    def excess(self, y: State, step: Number, sine: Number) -> Number:
-        """Moment on a held block minus the moment of its weight. It stays held while this is within the
-        friction. At phi = 0 weight acts against lifting to either side: `step` is the side."""
-        linear, pull = self.linear, self.held_rates(y, sine)[3]
-        if self.terms is Terms.nonlinear:
-            coupling = self.p.mu * self.rho * self.p.lam * self._arms(y, step)[0]
-            return self._on_block(y, step, sine) + linear.c1 * y[3] + coupling * pull
-        moment = linear.tilt * y[0] - linear.f * linear.tilt * sine - linear.m12 * pull + linear.c1 * y[3]
-        return moment + self._parametric(y, step, sine) - step * linear.weight
 
     @property
     def beyond_return(self) -> Number:
-        """Tilt (rad) from which the block does not return: a right angle, or `Linear.beyond_return`."""
-        return 0.5 * jnp.pi if self.terms is Terms.nonlinear else self.linear.beyond_return
-
-    def _arms(self, y: State, step: Number) -> tuple[Number, Number]:
-        """Coefficients S and C of (4), which couple block and bob."""
-        lean = y[0] - y[1]
-        sine, cosine = jnp.sin(lean), jnp.cos(lean)
-        return step * self.p.nu * sine + 2.0 * cosine, step * self.p.nu * cosine - 2.0 * sine
-
-    def _on_block(self, y: State, step: Number, sine: Number) -> Number:
-        """Moment on the block of weight, base motion and the centripetal force on the bob."""
-        linear, (sin, cos) = self.linear, (jnp.sin(y[0]), jnp.cos(y[0]))
-        shaken = linear.f * sine * (step * linear.weight * sin + linear.tilt * cos)
-        weight = linear.tilt * sin - step * linear.weight * cos
-        return weight - shaken - self.p.mu * self.rho * self.p.lam * self._arms(y, step)[1] * y[3] ** 2
-
-    def _on_bob(self, y: State, sine: Number) -> Number:
-        """Moment on the bob of weight and base motion."""
+        """Tilt (rad) from which the block does not return: a right angle, or of the linear equations ten
+        times the tilt at which weight, friction and forcing balance."""
         if self.terms is Terms.nonlinear:
-            return self.linear.f * jnp.cos(y[1]) * sine - jnp.sin(y[1])
-        return self.linear.f * sine - y[1]
-
-    def _parametric(self, y: State, step: Number, sine: Number) -> Number:
-        if self.terms is not Terms.parametric:
-            return jnp.zeros(())
-        return -step * self.linear.f * self.linear.weight * y[0] * sine
+            return 0.5 * jnp.pi
+        # Beyond the balance (25) grows like exp(tau), so a factor of ten costs little time, and it leaves
+        # room for the pull of the bob.
+        linear = self.linear
+        return 10.0 * (linear.weight + linear.friction + linear.f * linear.tilt) / linear.tilt
 
 
 def smoothed_rates(

@@ -81,7 +81,6 @@ def free_motion(p: Parameters) -> Free:
     Raises:
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
     check_parameters(p)
     modes = _modes(p)
     quarter = 0.5 * jnp.pi / p.xi
@@ -128,7 +127,6 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
         ValueError: an amplitude out of range.
         RuntimeError: JAX is in 32-bit mode.
     """
-    checks.require_x64()
     check_parameters(p)
     amplitude = checks.not_negative("amplitude", amplitude, every=True)
     linear = Linear(p)
