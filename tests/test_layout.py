@@ -45,17 +45,17 @@ LAYERS = (
 ELLIPTIC = re.compile(r"(What|Of|The same|That|Those|There)\b")
 """First words of a docstring that does not say what a thing is."""
 LAST = {
-    "code lines": 18_857,
+    "code lines": 18_908,
     "modules": 167,
-    # Modules that are loaded by name count since this version: 135 and 16 624 before, by the same count.
-    "modules that the main job may import": 128,
-    "code lines of these": 16_562,
+    # Modules that are loaded by name count.
+    "modules that the main job may import": 126,
+    "code lines of these": 16_470,
     "floors, all imports counted": 22,
     "functions of ten or more arguments": 0,
     "functions of eight lines or fewer, called once": 49,
     "columns by number in compiled code": 105,
     "imports by string": 0,
-    COMMENTS: 5.45,
+    COMMENTS: 5.51,
 }
 """Measures of the last version. Store a better value when a measure improves, and never a worse one."""
 

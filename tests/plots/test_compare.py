@@ -8,8 +8,6 @@ import pytest
 import tpd
 from tests.plots.examples import FRONT
 from tests.plots.shown import legend, lines
-from tpd.answers.fragility import Curve, Fragility
-from tpd.answers.statistics import fit_lognormal
 from tpd.design.criteria import Reserve
 from tpd.design.reasons import DesignStatus
 from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
@@ -95,38 +93,3 @@ def test_the_front_has_every_design_and_where_none_is_recommended():
     own = new_axes()
     assert plot_front(FRONT, own) is own
     assert tpd.plot(FRONT).get_xlabel() == "mass of the bob (kg)"
-
-
-def curve(counts) -> Curve:
-    hit = np.arange(4)[:, None] < np.array(counts)
-    stripes, total = np.array([1.0, 2.0, 3.0]), np.full(3, 4)
-    fit = fit_lognormal(stripes, hit.astype(float), np.arange(4))
-    shares = np.array(counts) / 4.0
-    return Curve("overturned", shares, np.array(counts), total, np.array([0, 1, 0]), fit, (1.0, 2.0))
-
-
-FRAGILITY = Fragility(
-    "PGA",
-    np.array([1.0, 2.0, 3.0]),
-    "m/s^2",
-    ("a", "b", "c", "d"),
-    4,
-    tuple({"overturned": curve(counts)} for counts in ([0, 2, 4], [0, 1, 3])),
-    None,
-    np.zeros((2, 4, 3)),
-    {},
-    None,
-)
-
-
-def test_a_fragility_draws_a_state_and_has_a_row_for_every_stripe():
-    ax = tpd.plot(FRAGILITY)
-    assert ax.get_xlabel() == "PGA (m/s^2)"
-    with pytest.raises(ValueError, match="`state` must be one of overturned, but is 'half'"):
-        tpd.plot(FRAGILITY, "half")
-    table = FRAGILITY.to_dataframe()
-    assert table["case"].tolist() == ["bare"] * 3 + ["hung"] * 3
-    assert table["stripe"].tolist() == [1.0, 2.0, 3.0] * 2
-    assert table["counts"].tolist() == [0, 2, 4, 0, 1, 3]
-    assert table["undecided"].tolist() == [0, 1, 0] * 2
-    assert set(table["state"]) == {"overturned"}

@@ -1,5 +1,5 @@
-"""Pictures that compare a block with and without its pendulum, with intervals: benefit, conditions, front and
-fragility."""
+"""Pictures that compare a block with and without its pendulum, with intervals: benefit, conditions and
+front."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ from typing import Any, cast
 import numpy as np
 from matplotlib.axes import Axes
 
-from tpd.answers.fragility import Fragility
 from tpd.answers.paired import PairedRuns
-from tpd.answers.statistics import Lognormal
-from tpd.core import checks
 from tpd.design.design import Design, FrontPoint
 from tpd.design.harmonic import ExactMotions
 from tpd.plots.style import (
@@ -183,49 +180,3 @@ def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
     ax.set_ylim(bottom=min([0.0, *low[offered]]))
     legend(ax, columns=3)
     return ax
-
-
-@own_style()
-def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = None) -> Any:
-    """Draw shares at the stripes, the lognormal curves and their 95 % bands for one damage state. A bar at a
-    stripe is what motions without an answer leave open.
-
-    Raises:
-        ValueError: a state that the fragility does not have.
-    """
-    checks.one_of("state", state, tuple(fragility.without_pendulum))
-    ax = new_axes() if ax is None else ax
-    fine = np.linspace(0.5 * fragility.stripes[0], 1.1 * fragility.stripes[-1], 300)
-    for i, c in enumerate(case[state] for case in fragility.cases):
-        _curve(ax, fragility.stripes, c.counts, c.undecided, c.total + c.undecided, c.fit, fine, i)
-    unit = "" if fragility.unit == "-" else f" ({fragility.unit})"
-    ax.set(xlabel=f"{fragility.intensity}{unit}", ylabel=f"share of motions: {state} (-)", ylim=(0.0, 1.0))
-    legend(ax)
-    return ax
-
-
-def _curve(
-    ax: Any,
-    stripes: np.ndarray,
-    count: np.ndarray,
-    unknown: np.ndarray,
-    motions: Any,
-    fit: Lognormal,
-    fine: np.ndarray,
-    case: int,
-) -> None:
-    """Shares of `motions` at the stripes, bars for those that are unknown, and the fit with its band."""
-    style, known, open_at = CASES[case], motions - unknown > 0, unknown > 0
-    shares = (count / np.maximum(motions - unknown, 1))[known]
-    # Open without the pendulum and filled with it, so that they differ in grey.
-    marks = style | {"ls": "", "ms": 6.0, "mec": INK}
-    ax.plot(stripes[known], shares, clip_on=False, zorder=3, **marks)
-    if open_at.any():
-        # From the share if none of the runs without an answer had reached the state to that if all had.
-        ends = (count / motions)[open_at], ((count + unknown) / motions)[open_at]
-        label = f"{style['label']}: {unknown.sum()} runs without an answer"
-        ax.vlines(stripes[open_at], *ends, colors=style["color"], lw=5, alpha=0.35, label=label)
-    if 0.0 < fit.median < np.inf:
-        ax.fill_between(fine, *fit.band(fine), color=style["color"], alpha=0.2, lw=0)
-        label = f"{style['label']}: median {fit.median:.3g}"
-        ax.plot(fine, fit.probability(fine), color=style["color"], ls=style["ls"], lw=1.6, label=label)

@@ -127,7 +127,7 @@ _KINDS: dict[type, tuple[Any, ...]] = {
     DesignMap: (maps.plot_map, "quantity", "ax"),
     Response: (draw_response, "without", "own", "axes"),
     Branches: (draw_branches, "without", "axes"),
-    Fragility: (compare.plot_fragility, "state", "ax"),
+    Fragility: (maps.plot_fragility, "state", "ax"),
     OverturningSpectrum: (maps.plot_overturning_spectrum, "axes"),
     RockingSpectrum: (maps.plot_rocking_spectrum, "ax"),
     Record: (maps.plot_record, "axes"),
