@@ -115,6 +115,9 @@ class NoisyProblem(Problem):
     def candidates(self, progress):
         return SPACE.unscaled(np.random.default_rng(self.seed).uniform(0.0, 1.0, (24, 3))), None
 
+    def runs_alone(self, seed, progress=None):
+        return self.runs(None, seed, "nonlinear")
+
     def runs(self, design, seed, equations="linear") -> Runs:
         rng = np.random.default_rng(seed)
         if design is None:

@@ -57,7 +57,7 @@ def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
     text = " ".join(shown(capsys, "optimise").split())
     for said in (
         "whole width of the base, m (default 0.1)",
-        "lower and upper bound of the mass ratio mu = m/M (default 0.01 0.2)",
+        "fixed, or two bounds (default 0.01 0.2)",
         "--no-walls do not ask for room between the walls",
         "--exactly search for the motion itself alone with a point bob, as in the paper",
         "seed of every random choice, the runs that verify and judge included (default 0)",

@@ -171,7 +171,7 @@ def test_a_pendulum_is_judged_on_the_records_of_a_job(on_records):
 def test_a_design_is_shaken_by_another_record(on_records, tmp_path):
     first = str(on_records[0] / "first")
     done = call("shake", first, out=tmp_path / "out")
-    assert "the job has 2 records, but one is needed: --record FILE" in done.err
+    assert "the job has 2 records (quake.csv; loma-prieta), but one is needed: --record FILE" in done.err
     done = call("shake", first, "--record el-centro --scale 0.5 --free 1", out=tmp_path / "out")
     assert done.status == 0
     assert done.json("shake.json")["scene"]["block"]["height"] == 6.0

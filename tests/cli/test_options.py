@@ -32,8 +32,8 @@ bob.shape='cylinder'; block.cavity_width=0.08
 --bob cylinder --cavity 0.08
 conditions.exactly=true
 --exactly
-worth={at_least=0.2, strikes=0.05}
---at-least 0.2 --allowed 0.05
+worth={at_least=0.2, strikes=0.05, measure='tilt'}
+--at-least 0.2 --allowed 0.05 --reduce tilt
 search={searches=3, seed=7}; conditions.amplitudes=[1, 1.1]
 --searches 3 --seed 7 --amplitudes 1 1.1
 search={optimiser='rmsprop'}; conditions.band=[2, 3]

@@ -160,7 +160,7 @@ def test_runs_depend_on_neither_threads_nor_what_runs_beside_them(equations):
     ensemble = Ensemble(size=48, seed=3, periods=12)
     one = outcomes(p, ensemble=ensemble, equations=equations, workers=1)
     two = outcomes(p, ensemble=ensemble, equations=equations, workers=2)
-    for name in ("status", "peak", "amplitude", "peak_stroke", "stroke"):
+    for name in ("outcome", "tilt", "settled_tilt", "swing", "settled_swing"):
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
 
 

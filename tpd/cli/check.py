@@ -22,6 +22,7 @@ from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco
 from tpd.report import answer, files, words
 from tpd.scene.scene import Pendulum
+from tpd.theory.no_uplift import AtRest
 
 
 def run(options: argparse.Namespace, inputs: common.Case) -> int:
@@ -38,10 +39,11 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
         if given:
             raise ValueError(f"--{next(iter(given))} is of --engine, which is not given")
         check_cavity(job.block, job.limits)
+    if options.engine is not None:
+        common.say(job.scene, pendulum, job.in_words, job.all_told, AtRest.under(job.scene))
+        return _by_engine(job, pendulum, options, given)
     problem = _problem(job, options.seed)
     common.say(job.scene, pendulum, job.in_words, job.all_told, problem.at_rest)
-    if options.engine is not None:
-        return _by_engine(job, pendulum, options, given)
     models = MODELS if options.full else QUICK
     with Bar() as bar:
         said, is_sound = _validated(job, problem, pendulum, models, bar)

@@ -172,7 +172,7 @@ def reduced(runs: PairedRuns, measure: str) -> str:
     if math.isnan(size.mean):
         return f"the reduction of the {name} is unknown"
     less, by, around = size.fall_in_words()
-    doubt = "" if significant or size.high < 0.0 else ", which is not significant"
+    doubt = ", which is not significant" if less and not significant else ""
     return f"the pendulum {'reduces' if less else 'increases'} the {name} by {by}{around}{shares}{doubt}"
 
 

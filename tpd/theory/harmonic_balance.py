@@ -25,7 +25,6 @@ from jaxtyping import Array, Bool, Complex, Float
 from tpd.scene.parameters import Parameters, as_arrays, check_parameters
 from tpd.scene.pytrees import Number
 from tpd.theory.equations import Linear
-from tpd.theory.no_uplift import bob_under_held_block
 
 _Amplitude = Complex[Array, "..."] | complex
 """Complex amplitude of a harmonic."""
@@ -50,13 +49,14 @@ class _Balance(NamedTuple):
 
 def _balance(p: Parameters, order: int = 1) -> _Balance:
     """Coefficients at the frequency `order` xi, with an odd `order`."""
-    linear, xi = Linear(p), order * p.xi
-    d, passed = bob_under_held_block(p, xi)
-    drive = -linear.m21 * xi**2 - 1j * xi * linear.c2
-    a = -linear.m11 * xi**2 - linear.tilt + 1j * xi * linear.c1 - passed * drive
+    linear, c, rho, xi = Linear(p), p.hinge, p.inertia_ratio, order * p.xi
+    d = 1.0 - p.lam * rho * xi**2 + 1j * xi * c
+    h = 2.0 * p.mu * rho * p.lam * xi**2 - 1j * xi * p.mu * p.lam * c
+    drive = 2.0 * rho * xi**2 - 1j * xi * c
+    a = -linear.m11 * xi**2 - linear.tilt + 1j * xi * linear.c1 - h * drive / d
     # sgn(cos theta) has the harmonics +1, -1/3, +1/5, ...; -sgn(sin theta) has i, i/3, i/5, ...
     weight = linear.weight if order % 4 == 1 else -linear.weight
-    return _Balance(d, drive, a, linear.tilt + passed, 4.0 / (jnp.pi * order) * (weight + 1j * p.k))
+    return _Balance(d, drive, a, linear.tilt + h / d, 4.0 / (jnp.pi * order) * (weight + 1j * p.k))
 
 
 def _abs2(z: _Amplitude) -> Number:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.scene.parameters import Parameters, check_parameters
 from tpd.scene.pytrees import Number
@@ -99,13 +100,16 @@ class AtRest(NamedTuple):
         return f"{lift}\n  slides  {self.sliding_in_words}"
 
 
-def bob_under_held_block(p: Parameters, xi: Number) -> tuple[Any, Any]:
-    """Return D, and the share of the forcing that the bob passes on to the block, (B - 1 - 2 mu), at a
-    frequency; complex numbers or arrays."""
-    # A complex number of NumPy's, since a division by zero is an error in Python.
-    rho, drag = p.inertia_ratio, np.complex128(1j) * xi * p.hinge
-    d = 1.0 - p.lam * rho * xi**2 + drag
-    return d, p.mu * p.lam * (2.0 * rho * xi**2 - drag) / d
+def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
+    """Return |D|^2 and the real and imaginary part of B."""
+    # In real numbers, because the search differentiates `uplift` by imaginary steps of the parameters.
+    rho, c = p.inertia_ratio, p.hinge
+    real, imaginary = 1.0 - p.lam * rho * p.xi**2, p.xi * c
+    size2 = real**2 + imaginary**2
+    h_real, h_imag = 2.0 * p.mu * rho * p.lam * p.xi**2, -p.xi * p.mu * p.lam * c
+    b_real = 1.0 + 2.0 * p.mu + (h_real * real + h_imag * imaginary) / size2
+    b_imag = (h_imag * real - h_real * imaginary) / size2
+    return size2, b_real, b_imag
 
 
 def uplift(p: Parameters) -> Uplift:
@@ -118,6 +122,7 @@ def uplift(p: Parameters) -> Uplift:
     # Friction adds to the capacity: at rest it resists lifting to either side.
     # An undamped bob in resonance has an infinite stroke.
     with np.errstate(divide="ignore", invalid="ignore"):
-        d, passed = bob_under_held_block(p, p.xi)
-        moment, capacity = abs(1.0 + 2.0 * p.mu + passed), (1.0 + p.mu) * p.nu + p.k
-        return Uplift(1.0 - p.f * moment / capacity, p.f / abs(d))
+        size2, b_real, b_imag = _transfer(p)
+        moment2, capacity = b_real**2 + b_imag**2, (1.0 + p.mu) * p.nu + p.k
+        sqrt = checks.namespace(moment2, size2).sqrt
+        return Uplift(1.0 - p.f * sqrt(moment2) / capacity, p.f / sqrt(size2))
