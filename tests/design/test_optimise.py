@@ -296,7 +296,7 @@ def test_a_fixed_rod_is_that_of_every_answer(harmonic):
     assert words.bounds(found) == ["least damping ratio of the search, 0.05"]
     point = tpd.front(found, (0.19,))[0].pendulum
     assert (point.length, point.mass <= 0.19 * SCENE.block.mass) == (pytest.approx(0.12), True)
-    ground = designs.GROUND | {"worth": tpd.limits.Worth(at_least=0.005)}
+    ground = designs.GROUND | {"worth": tpd.limits.Worth(at_least=0.005, measure="tilt")}
     other = tpd.optimise(designs.BLOCK, tpd.DesignSpace(length=1.0, damping_ratio=0.3), **ground)
     assert (other.pendulum.length, other.pendulum.damping_ratio) == (pytest.approx(1.0), 0.3)
 

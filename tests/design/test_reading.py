@@ -48,6 +48,7 @@ def design():
         "pendulum": HUNG,
         "exact": None,
         "over_limit": 0.0,
+        "measure": "tilt",
         "reasons": (),
     }
     found |= {"decided": runs, "quoted": None}
