@@ -40,12 +40,13 @@ class Alternatives(NamedTuple):
     spectrum with 5 % damping stays below from this period on. NaN if 8 s is not enough."""
 
     def __str__(self) -> str:
-        isolation = "no base isolation of up to 8 s"
-        if math.isfinite(self.isolation):
-            isolation = f"a base isolation with a period of at least {number(self.isolation, 2)} s"
         force = f"{number(self.tie / 1e3, 2)} kN" if self.tie >= 1e3 else f"{number(self.tie, 2)} N"
         tie = f"a tie at the top for {force}"
-        return f"{tie}, a base {number(self.width, 2)} m wide, or {isolation} (static estimates)"
+        width = f"a base {number(self.width, 2)} m wide"
+        if not math.isfinite(self.isolation):
+            return f"{tie}, or {width}; no base isolation of up to 8 s is enough (static estimates)"
+        period = f"a base isolation with a period of at least {number(self.isolation, 2)} s"
+        return f"{tie}, {width}, or {period} (static estimates)"
 
 
 def alternatives(problem: Problem) -> Alternatives:
