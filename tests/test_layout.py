@@ -45,14 +45,14 @@ LAYERS = (
 ELLIPTIC = re.compile(r"(What|Of|The same|That|Those|There)\b")
 """First words of a docstring that does not say what a thing is."""
 LAST = {
-    "code lines": 18_908,
+    "code lines": 18_929,
     "modules": 167,
     # Modules that are loaded by name count.
     "modules that the main job may import": 126,
-    "code lines of these": 16_470,
+    "code lines of these": 16_487,
     "floors, all imports counted": 22,
     "functions of ten or more arguments": 0,
-    "functions of eight lines or fewer, called once": 49,
+    "functions of eight lines or fewer, called once": 50,
     "columns by number in compiled code": 105,
     "imports by string": 0,
     COMMENTS: 5.51,

@@ -23,7 +23,7 @@ def test_the_block_alone_comes_first(motion, first, tmp_path):
         *("Scene:", "block", "motion", "losses", "lifts", "slides")
     ]
     assert said.startswith(first)
-    assert ("Without a pendulum these help: a tie at the top for" in said) is first.startswith("OVER")
+    assert ("Any one of these prevents uplift without a pendulum: a tie" in said) is first.startswith("OVER")
     assert max(map(len, said.splitlines())) <= 100
 
 

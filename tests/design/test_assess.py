@@ -83,5 +83,8 @@ def test_isolation_from_ground_motions_is_that_of_the_response_spectrum():
     problem = problem_alone(designs.BLOCK, conditions=conditions)
     found, alone = alternatives(problem), problem.at_rest
     (motion,) = problem.conditions.motions
+    # In another gravity all accelerations are as many times as large, and the period stays.
+    there = tpd.Scene(designs.BLOCK, motion, 20.0)
+    assert alternatives(problem_alone(there, conditions=conditions)).isolation == found.isolation
     passed = [spectral_acceleration(motion, t) / float(motion.pga) for t in (found.isolation, 1.0)]
     assert passed[0] * alone.peak <= alone.uplift < passed[1] * alone.peak

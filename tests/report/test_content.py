@@ -21,7 +21,9 @@ def test_the_first_screen_has_verdict_dangers_answer_and_one_comparison():
     report = content(harmonic(), study(), name="Tower", date="2026-11-23")
     assert report.verdict.severity is Severity.note
     assert {n.severity for n in report.dangers} == {Severity.danger}
-    assert [r[0] for r in report.answer.rows[:4]] == ["project", "block", "motion", "conditions"]
+    assert [r[0] for r in report.answer.rows[:6]] == [
+        *("project", "block", "motion", "lifts", "slides", "conditions")
+    ]
     assert [f.name for f in report.figures] == ["drawing.svg", "animation.gif"]
     assert report.title == "Tower: pendulum for a block of 0.1 m × 0.4 m, 2026-11-23"
     assert content(harmonic(), Study()).title == "Pendulum for a block of 0.1 m × 0.4 m"

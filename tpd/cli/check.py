@@ -95,6 +95,8 @@ def _validated(
 
 def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace, how: dict[str, Any]) -> int:
     """Follow the design in an engine, and add the result to its report."""
+    if (own := job.block.base_friction) is not None:
+        how.setdefault("sliding", own)
     with Bar() as bar:
         found = mujoco(job.scene, pendulum, seed=options.seed or 0, progress=bar, **how)
     print(f"\n{found}\n")

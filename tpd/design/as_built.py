@@ -100,7 +100,7 @@ class Parts(NamedTuple):
     """Distance of a stop from the axis of the block, which the bob reaches in no more than the allowed share
     of the runs; that of the wall if it is less or no run is known, and NaN if no wall is known either."""
     stop_way: float
-    """Way in which the stop brings the bob to rest; NaN if the bob has no free way."""
+    """Way in which the stop brings the bob to rest before the wall; NaN if the bob has no free way."""
     stop_force: float
     """Largest force of a stop that is a linear spring: m l^2 rate^2/way, from the energy of the bob."""
 
@@ -337,7 +337,9 @@ def parts_of(build: Build, inertia: float) -> Parts:
     rod, pin = (1e-3 * math.ceil(1e3 * float(d)) for d in (rod, pin))
     stop = float(np.fmin(build.reach, build.wall))
     free = stop - 0.5 * build.bob_width
-    way = STOPPING * free if free > 0.0 else math.nan
+    # The stop must not let the bob through to the wall.
+    way = float(np.fmin(STOPPING * free, build.wall - stop))
+    way = way if way > 0.0 else math.nan
     return Parts(
         rod_diameter=rod,
         rod_mass=STEEL * 0.25 * math.pi * rod**2 * build.rod,

@@ -19,7 +19,7 @@ from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.records.intensity import spectral_acceleration
 from tpd.scene.conditions import Conditions
-from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
+from tpd.scene.scene import Block, Scene
 from tpd.theory.no_uplift import AtRest
 
 _ISOLATION = np.geomspace(0.5, 8.0, 15)
@@ -59,7 +59,7 @@ def alternatives(problem: Problem) -> Alternatives:
         isolation = math.sqrt(1.0 + alone.peak / alone.uplift) / lowest
     else:
         # In units of each motion's own peak, so that the scale of a condition does not matter.
-        strongest = alone.peak * STANDARD_GRAVITY
+        strongest = alone.peak * float(problem.scene.gravity)
         passed = [
             max(spectral_acceleration(m, t) / float(m.pga) for m in motions) * strongest for t in _ISOLATION
         ]
@@ -108,7 +108,7 @@ class Assessment(Printed):
     def __str__(self) -> str:
         lines = [str(self.at_rest), self.verdict]
         if self.runs is not None:
-            lines.append(f"Without a pendulum these help: {self.alternatives}.")
+            lines.append(f"Any one of these prevents uplift without a pendulum: {self.alternatives}.")
         return "\n".join(lines)
 
 

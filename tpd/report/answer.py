@@ -23,6 +23,8 @@ _NAME = 14
 """Columns of the names of rows."""
 _USED = 0.95
 """Share of a limit that is used where the limit counts as active."""
+_ALONE = "block", "motion", "lifts", "slides"
+"""Rows on the block without a pendulum, which the command prints before the search."""
 _REASONED = DesignStatus.refused, DesignStatus.none_feasible, DesignStatus.undecided
 """Statuses of which the first reason says more than their words."""
 
@@ -37,7 +39,7 @@ def answer(
     study = Study(build=build_of(design)) if study is None else study
     first = [verdict(design, study), *dangers(design, study)]
     parts = [wrapped(one.marked) for one in first]
-    rows = [pair for pair in pairs(design, study) if pair[0] not in ("block", "motion")]
+    rows = [pair for pair in pairs(design, study) if pair[0] not in _ALONE]
     runs, indent, shown = design.runs, " " * _NAME, False
     for name, text in rows:
         # The table stands after the pendulum, before what limits it.
@@ -104,6 +106,8 @@ def pairs(design: Design, study: Study) -> Iterator[tuple[str, str]]:
     """Yield names and sentences of the answer, block and motion first."""
     yield "block", words.block_of(design.scene)
     yield "motion", words.excitation(design)
+    yield "lifts", design.problem.at_rest.lifting_in_words
+    yield "slides", design.problem.at_rest.sliding_in_words
     yield "conditions", "; ".join(design.conditions.description) or "this motion exactly"
     yield from _pendulum(design, study)
     if design.runs is not None and design.best is not None and not math.isnan(design.best.over_limit):
@@ -113,7 +117,7 @@ def pairs(design: Design, study: Study) -> Iterator[tuple[str, str]]:
     for text in design.refusals[design.status in _REASONED :]:
         yield "reason", text
     if design.status in (DesignStatus.refused, DesignStatus.none_feasible):
-        yield "instead", str(alternatives(design.problem))
+        yield "alternatives", str(alternatives(design.problem))
     if design.pendulum is not None:
         yield "limits", active_limits(design, study)
     if study.losses:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tpd.answers.response import Response, window
+from tpd.core.formatting import number
 from tpd.design.as_built import Study
 from tpd.design.criteria import Room, Worth, limit_of
 from tpd.design.design import Design
@@ -30,7 +31,7 @@ def notes(design: Design, study: Study) -> tuple[Note, ...]:
     block, found = design.scene.block, list[Note]()
     if float(block.velocity_ratio) == 1.0 and not block.friction:
         found.append(note("The block loses no energy at all, unlike any real block. Give it a restitution."))
-    found += [*_runs(design), *_responses(study), *_earthquakes(design)]
+    found += [*_runs(design), *_responses(study), *_earthquakes(design), *_sliding(design, study)]
     if design.pendulum is not None and design.best is not None and design.best.exact is not None:
         exact, bare = design.best.exact, design.problem.without_pendulum
         found += [*_from_rest(design, exact, bare), *_settled(exact), *_orbits(design, exact, bare)]
@@ -154,6 +155,16 @@ def _orbits(design: Design, exact: ExactMotions, bare: ExactMotions) -> Iterator
     if not design.problem.rest_counts and not np.all(e.attracts):
         under = f"Under {np.sum(~e.attracts)} of {e.attracts.size} conditions"
         yield note(f"{under} no symmetric orbit that attracts was found.")
+
+
+def _sliding(design: Design, study: Study) -> Iterator[Note]:
+    """Sliding of the base while the block rocks, which no run has."""
+    own, build = design.scene.block.base_friction, study.build
+    if own is not None and build is not None and build.loads.friction > own:
+        yield danger(
+            f"THE BASE SLIDES WHILE THE BLOCK ROCKS: its coefficient of friction is {number(own, 2)}, and it "
+            f"needs {number(build.loads.friction, 2)}. The runs have no sliding."
+        )
 
 
 def _earthquakes(design: Design) -> Iterator[Note]:

@@ -48,13 +48,17 @@ class AtRest(NamedTuple):
     """Largest acceleration of the base."""
     base_friction: float | None
     """Coefficient of friction of the base; None if it is not known."""
+    needed_friction: float
+    """Coefficient of friction of the base without which the block slides before it lifts, under any of the
+    conditions: the base pushes the block sideways with as much as its acceleration asks for, and never with
+    more than is enough to lift the block."""
 
     @staticmethod
     def of(nu: Any, k: Any, f: Any, base_friction: float | None = None) -> AtRest:
         """Return that of many conditions: numbers, or arrays of shape (n,)."""
         uplift, peak = np.broadcast_arrays(np.asarray(nu) + np.asarray(k), np.abs(f))
-        worst = np.argmax(peak / uplift)
-        return AtRest(float(uplift.flat[worst]), float(peak.flat[worst]), base_friction)
+        worst, needed = np.argmax(peak / uplift), float(np.max(np.minimum(uplift, peak)))
+        return AtRest(float(uplift.flat[worst]), float(peak.flat[worst]), base_friction, needed)
 
     @staticmethod
     def under(scene: Scene) -> AtRest:
@@ -67,15 +71,6 @@ class AtRest(NamedTuple):
         return self.uplift / self.peak if self.peak > 0.0 else np.inf
 
     @property
-    def needed_friction(self) -> float:
-        """Coefficient of friction of the base without which the block slides before it lifts.
-
-        The base must push the block sideways with as much as its acceleration asks for, and never with more
-        than is enough to lift the block.
-        """
-        return min(self.uplift, self.peak)
-
-    @property
     def slides(self) -> bool:
         """Whether the block is known to slide before it lifts."""
         return self.base_friction is not None and self.base_friction < self.needed_friction
@@ -85,7 +80,7 @@ class AtRest(NamedTuple):
         """Whether the resting block slides before it lifts."""
         least, own = number(self.needed_friction, 2), self.base_friction
         if own is None:
-            more = f"; above {DRY:g}, which a dry base may not have: state `base_friction`"
+            more = f". A dry base may have only {DRY:g}: state `base_friction`"
             least += more if self.needed_friction > DRY else ""
             return f"not before it lifts, if the coefficient of friction of the base is at least {least}"
         if self.slides:
@@ -93,11 +88,15 @@ class AtRest(NamedTuple):
         has = f"the base has {number(own, 2)}"
         return f"not before it lifts: a coefficient of friction of {least} is needed, {has}"
 
-    def __str__(self) -> str:
+    @property
+    def lifting_in_words(self) -> str:
+        """When the resting block lifts, and whether the excitation is strong enough."""
         ratio, lifts = number(1.0 / self.margin, 3), "lifts" if self.margin < 1.0 else "does not lift"
         reaches = f"the excitation reaches {number(self.peak, 3)} g, {ratio} times as much"
-        lift = f"  lifts   at {number(self.uplift, 3)} g; {reaches}: the block {lifts}"
-        return f"{lift}\n  slides  {self.sliding_in_words}"
+        return f"at {number(self.uplift, 3)} g; {reaches}: the block {lifts}"
+
+    def __str__(self) -> str:
+        return f"  lifts   {self.lifting_in_words}\n  slides  {self.sliding_in_words}"
 
 
 def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
