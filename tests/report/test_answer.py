@@ -80,8 +80,10 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
         design.runs, with_pendulum=design.runs.without_pendulum, without_pendulum=design.runs.with_pendulum
     )
     first, then = reduction(swapped, "overturning").split(". ", 1)
-    assert first.startswith("the pendulum increases the share of runs that overturn by ")
-    assert first.endswith(f"from {shares[1]} to {shares[0]}")
+    # A few of the runs overturn with the pendulum, or none, as the last digits of compiled code have it.
+    none = f"the block overturns in {shares[0]} of the runs with the pendulum, and in none without it"
+    some = f"the pendulum increases the share of runs that overturn by .* from {shares[1]} to {shares[0]}"
+    assert re.fullmatch(f"{none}|{some}", first)
     assert then.startswith("The pendulum increases the mean tilt by ")
     assert "share of runs that overturn by 100 % (95 % interval " in reduction(
         paired([np.inf] * 40 + [0.1] * 160, [np.inf] * 20 + [0.1] * 180), "tilt"
