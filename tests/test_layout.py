@@ -45,7 +45,7 @@ LAYERS = (
 ELLIPTIC = re.compile(r"(What|Of|The same|That|Those|There)\b")
 """First words of a docstring that does not say what a thing is."""
 LAST = {
-    "code lines": 18_929,
+    "code lines": 18_930,
     "modules": 167,
     # Modules that are loaded by name count.
     "modules that the main job may import": 126,

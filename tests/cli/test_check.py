@@ -38,7 +38,7 @@ def test_a_pendulum_that_helps_and_fits_is_confirmed(offered):
     status, said = offered
     assert status == 0
     assert said[0] == "Scene: a block of your own."
-    assert said[6].startswith("  bob     540 kg on a rod of 0.515 m; μ = 0.03317, λ = 0.103, ζ = 0.5981")
+    assert said[6].startswith("  point   540 kg on a rod of 0.515 m; μ = 0.03317, λ = 0.103, ζ = 0.5981")
     assert [line.split()[0] for line in said[8:13]] == ["model", "uplift", "one", "exact", "nonlinear"]
     assert said[-1].startswith("RECOMMENDED for the stated conditions")
     assert any("paired runs of the nonlinear equations" in line for line in said)

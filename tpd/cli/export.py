@@ -41,7 +41,8 @@ def run(options: argparse.Namespace) -> int:
             why = "the block overturns" if name[: len("bare")] in fallen else "the motion has no answer"
             print(f"{name}: {why}, and the cells after that are empty")
     else:
-        more = {} if options.sliding is None else {"sliding": options.sliding}
+        sliding = scene.block.base_friction if options.sliding is None else options.sliding
+        more = {} if sliding is None else {"sliding": sliding}
         content = {"mjcf": mjcf, "opensees": opensees}[options.kind](scene, pendulum, **more)
     print(f"written: {files.place(file, content)}")
     return SOUND

@@ -253,12 +253,12 @@ def excitation(design: Design) -> str:
 
 
 def pendulum_line(scene: Scene, hung: Pendulum) -> str:
-    """Line for a terminal about a pendulum in the scene."""
+    """Line for a terminal about a pendulum: the equivalent point mass, and not the body as built."""
     block = scene.block
     numbers = hung.mass / block.mass, hung.length / block.half_height, hung.damping_ratio
     mu, lam, zeta = (number(float(x)) for x in numbers)
     ratios = f"μ = {mu}, λ = {lam}, ζ = {zeta}"
-    return f"  bob     {number(float(hung.mass))} kg on a rod of {number(float(hung.length))} m; {ratios}"
+    return f"  point   {number(float(hung.mass))} kg on a rod of {number(float(hung.length))} m; {ratios}"
 
 
 def _toppling(scene: Scene) -> str:
