@@ -126,7 +126,7 @@ def check(
         for i, name in enumerate(asked):
             done.append(_timed(name, p))
             report("checking", i + 1, len(asked))
-    if not setup.hung:
+    if not setup.has_pendulum:
         # The parameters of a bare block stand for a bob too light to be felt; its stroke means nothing.
         return Check(models=tuple(replace(r, stroke=math.nan) for r in done), limit=math.inf, bare=math.nan)
     return Check(models=tuple(done), limit=stroke, bare=nonlinear(bare_parameters_of(subject))[0])

@@ -119,7 +119,7 @@ def branches(
         bifurcations=found,
         margin=np.asarray(still.margin),
         rest_stroke=np.asarray(still.stroke),
-        has_pendulum=axis.setup.hung,
+        has_pendulum=axis.setup.has_pendulum,
     )
 
 

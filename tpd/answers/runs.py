@@ -351,7 +351,7 @@ def follow_scaled(
     free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     # Rows of one record stand together, so that a thread finds its samples in the cache.
     which = np.repeat(np.arange(len(motions)), factors[0].size)
-    x = np.concatenate([rows_of(block, hung, motions, gravity)[which] for hung in pendulums])
+    x = np.concatenate([rows_of(block, pendulum, motions, gravity)[which] for pendulum in pendulums])
     x[:, F] *= np.tile(factors.ravel(), len(pendulums))
     records = [np.asarray(m.pieces(), dtype=float) for m in motions]
     late = free * single(Scene(block, motions[0], gravity).rate)

@@ -133,7 +133,7 @@ def set_up(job: jobs.Job) -> None:
 
 def say(
     scene: Scene,
-    hung: Pendulum | None = None,
+    pendulum: Pendulum | None = None,
     motion: str = "",
     notes: Iterable[str] = (),
     alone: Any = None,
@@ -144,7 +144,7 @@ def say(
     # Words of the report stand above its designs.
     from tpd.report import words
 
-    more = () if hung is None else (words.pendulum_line(scene, hung),)
+    more = () if pendulum is None else (words.pendulum_line(scene, pendulum),)
     rest = () if alone is None else (str(alone),)
     progress.say("\n".join((*notes, *words.scene_lines(scene, motion), *rest, *more)), sys.stdout)
 
@@ -187,17 +187,17 @@ def pendulum(options: argparse.Namespace, block: Block) -> Pendulum | None:
     return Pendulum(mass=mass, length=length, damping_ratio=0.1 if damping is None else damping)
 
 
-def cases(hung: Pendulum | None) -> dict[str, Pendulum | None]:
+def cases(pendulum: Pendulum | None) -> dict[str, Pendulum | None]:
     """Pendulum by what a case is called: the bare block and, if one is given, the block with it."""
-    return {BARE: None} if hung is None else {BARE: None, HUNG: hung}
+    return {BARE: None} if pendulum is None else {BARE: None, HUNG: pendulum}
 
 
-def inputs(scene: Scene, hung: Pendulum | None, job: jobs.Job | None = None) -> dict[str, Any]:
+def inputs(scene: Scene, pendulum: Pendulum | None, job: jobs.Job | None = None) -> dict[str, Any]:
     """Inputs of a command, for its JSON; samples of records are left out. Of a job of ground motions the JSON
     says what was read."""
     stated = asdict(scene)
     stated["motion"] = {name: x for name, x in stated["motion"].items() if getattr(x, "shape", ()) == ()}
-    pendulum = None if hung is None else asdict(hung)
+    bob = None if pendulum is None else asdict(pendulum)
     # Nothing in these commands is random.
-    found = {"scene": stated, "pendulum": pendulum, "versions": files.versions(), "seed": None}
+    found = {"scene": stated, "pendulum": bob, "versions": files.versions(), "seed": None}
     return found if job is None else found | {"reading": summary(job.motions, job.notes)}

@@ -247,41 +247,41 @@ def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progr
         losses=losses_of(design, progress),
         front=front,
     )
-    scene, hung = design.scene, design.pendulum
+    scene, pendulum = design.scene, design.pendulum
     if not isinstance(scene.motion, Harmonic):
         return out
     responses: tuple[Response, ...] = ()
     if set(design.conditions.factors) <= {"amplitude", "frequency"}:
         values = scene.motion.frequency * _BAND
-        cases = (None,) if hung is None else (None, hung)
+        cases = (None,) if pendulum is None else (None, pendulum)
         how = {"progress": progress}
         responses = tuple(
             settled_response(scene, "frequency", values, pendulum=case, **how) for case in cases
         )
-    return replace(out, histories=time_histories(scene, hung), responses=responses)
+    return replace(out, histories=time_histories(scene, pendulum), responses=responses)
 
 
 def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory, ...]:
     """Return histories from rest by the exact solution: without and, if there is one, with the pendulum."""
     cases, out = (None,) if pendulum is None else (None, pendulum), []
-    for hung in cases:
-        p = as_arrays(scene.parameters(hung))
+    for case in cases:
+        p = as_arrays(scene.parameters(case))
         tau = sampled(p)
         motion = simulate(p, np.zeros(4), tau, model=Piecewise())
         tilt, bob = np.asarray(motion.ys).T[:2]
         found = {"time": np.asarray(tau) / scene.rate, "tilt": tilt, "bob": bob}
         falls = bool(motion.status == Status.overturned)
-        out.append(TimeHistory(with_pendulum=hung is not None, overturned=falls, **found))
+        out.append(TimeHistory(with_pendulum=case is not None, overturned=falls, **found))
     return tuple(out)
 
 
 def build_of(design: Design) -> Build | None:
     """Return the pendulum of a design as it is built; None where none is offered."""
-    hung, scene = design.pendulum, design.scene
-    if hung is None:
+    pendulum, scene = design.pendulum, design.scene
+    if pendulum is None:
         return None
     bob, g = bob_of(design.problem.limits), float(scene.gravity)
-    mass, length, zeta = float(hung.mass), float(hung.length), float(hung.damping_ratio)
+    mass, length, zeta = float(pendulum.mass), float(pendulum.length), float(pendulum.damping_ratio)
     block, mu = scene.block, mass / float(scene.block.mass)
     body, rod = bob.built(mass, length, g)
     half, rod_share = float(bob.half_height(body)), bob.rod_share(rod, g)
@@ -289,8 +289,8 @@ def build_of(design: Design) -> Build | None:
     # No angle is interpolated between two runs.
     largest = partial(np.quantile, q=1.0 - problem.allowed, method="higher")
     angle = float(largest(design.turned)) if design.turned.size else min(design.swing, 0.5 * math.pi)
-    motions = problem.strongest_motions(problem.ratios(hung))
-    loads = loads_of([Scene(block, m, g) for m in motions], hung) or free_swing(hung, angle, g)
+    motions = problem.strongest_motions(problem.ratios(pendulum))
+    loads = loads_of([Scene(block, m, g) for m in motions], pendulum) or free_swing(pendulum, angle, g)
     # Rod and hinge carry the whole body: the part that does not swing is taken to pull as the rest does.
     up = body * (1.0 + rod_share) / mass if math.isfinite(body) else 1.0
     # Both limits of |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`.
@@ -308,11 +308,11 @@ def build_of(design: Design) -> Build | None:
         reach=float(bob.reach(body, rod, angle)) if design.turned.size else math.nan,
         angle=angle,
         frequency=math.sqrt(g / length) / (2.0 * math.pi),
-        damping=float(hung.hinge_damping(g)),
+        damping=float(pendulum.hinge_damping(g)),
         rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,
         weight=body * (1.0 + rod_share) * g,
         loads=loads._replace(tension=loads.tension * up, hinge=loads.hinge * up),
-        lifts=problem.lifts(hung),
+        lifts=problem.lifts(pendulum),
         lifts_slow_fast=(capacity / (1.0 + 2.0 * mu), capacity),
         pull=pull_test(scene),
     )
@@ -393,10 +393,10 @@ def losses_of(design: Design, progress: Progress = unreported) -> tuple[LossCase
 
 def _compared(design: Design, scene: Scene | None = None, more: Conditions | None = None) -> PairedRuns:
     """Paired runs of the linear equations in a changed scene or under a further condition."""
-    problem, hung = design.problem, design.pendulum
-    assert hung is not None
+    problem, pendulum = design.problem, design.pendulum
+    assert pendulum is not None
     varied = Variation(Terms.linear.value, scene, more)
-    return problem.paired_runs(problem.ratios(hung), problem.run_seed(_SEED), varied)
+    return problem.paired_runs(problem.ratios(pendulum), problem.run_seed(_SEED), varied)
 
 
 def loss_models(scene: Scene) -> dict[str, Block]:

@@ -86,7 +86,7 @@ class Setup:
     values: Mapping[str, float]
     scene: bool
     """True for quantities of a scene in SI units, False for dimensionless parameters."""
-    hung: bool
+    has_pendulum: bool
     """True with a pendulum."""
 
     @staticmethod
@@ -151,7 +151,7 @@ class Setup:
     def check_name(self, argument: str, name: str) -> None:
         """Raise `ValueError` unless `name`, given as `argument`, can be varied."""
         checks.one_of(argument, name, self.names)
-        if self.scene and not self.hung and name in _OF_PENDULUM:
+        if self.scene and not self.has_pendulum and name in _OF_PENDULUM:
             raise ValueError(f"`{name}` cannot be varied without a pendulum, but none is given")
 
     def check_sign(self, name: str, value: float) -> None:
@@ -161,7 +161,7 @@ class Setup:
             check = checks.not_negative if name in _MAY_BE_ZERO else checks.positive
             check(name, value)
         # A mass or a length of the pendulum that varies has the same bounds as one that is given.
-        if name in _BOUNDS and self.hung:
+        if name in _BOUNDS and self.has_pendulum:
             of, words = _BOUNDS[name]
             checks.at_most(name, value, self.values[of], words)
 
@@ -214,7 +214,7 @@ class Axis:
     @property
     def others(self) -> tuple[str, ...]:
         """Names of the other numbers, in the order of the columns of `jacobian` after the first."""
-        absent = self.setup.scene and not self.setup.hung
+        absent = self.setup.scene and not self.setup.has_pendulum
         return tuple(
             n for n in self.setup.values if n != self.name and not (absent and n.startswith("pendulum_"))
         )
