@@ -22,7 +22,7 @@ from tpd.theory.no_uplift import AtRest
 
 SCENE = tpd.paper_scene()
 NU = float(SCENE.block.slenderness)
-HUNG = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
+PENDULUM = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
 RATIOS = (0.1, 0.6, 0.1)
 SPACE = tpd.DesignSpace(mass_ratio=(0.01, 0.2), damping_ratio=(0.05, 0.4))
 REASON = Reason(kind=ReasonKind.breaks_limit, limit="stroke", value=1.2)
@@ -31,20 +31,20 @@ BLOCK = tpd.Block(width=0.9, height=5.4, mass=4000.0, restitution=0.93, cavity_w
 SMALL = {
     "conditions": Conditions.band(SCENE, 2.2, 2.8, 2),
     "limits": tpd.limits.POINT_BOB,
-    "worth": tpd.limits.Worth(at_least=0.05, strikes=0.05),
+    "requirements": tpd.limits.Requirements(at_least=0.05, wall_contacts=0.05),
     "method": tpd.Descent(searches=2, screening=32, steps=3, finish=1, model=tpd.Piecewise()),
     "ensemble": Ensemble(size=96, periods=30),
 }
 """Settings of a search of a few seconds."""
 
 
-def outcomes(tilt, stroke=0.0, peak=1.0, equations: str = "nonlinear", design=RATIOS, seed: int = 0) -> Runs:
+def outcomes(tilt, swing=0.0, peak=1.0, equations: str = "nonlinear", design=RATIOS, seed: int = 0) -> Runs:
     """Runs of these settled tilts over nu: 0 is rest, infinity an overturning, NaN no answer; and of these
     bob angles in rad. The largest angles on the way are `peak` times the settled ones."""
     tilt = np.asarray(tilt, dtype=float)
     status = np.where(np.isinf(tilt), "overturned", np.where(tilt == 0.0, "rest", "rocking"))
     status = np.where(np.isnan(tilt), "failed", status)
-    swing = np.where(np.isfinite(tilt), stroke, tilt)
+    swing = np.where(np.isfinite(tilt), swing, tilt)
     sizes = tilt * NU, swing, tilt * NU + swing
     angles = (peak * size if largest else size for size in sizes for largest in (True, False))
     inputs = {"condition": 0.0, "ramp": 0.0, "nu": NU, "mu": design[0], "lam": design[1], "impacts": np.nan}
@@ -57,11 +57,11 @@ def outcomes(tilt, stroke=0.0, peak=1.0, equations: str = "nonlinear", design=RA
     )
 
 
-def paired(with_pendulum, without, group=None, stroke=0.0, design=RATIOS, **more) -> PairedRuns:
+def paired(with_pendulum, without, group=None, swing=0.0, design=RATIOS, **more) -> PairedRuns:
     """Paired runs of these settled tilts over nu."""
     group = np.zeros(len(with_pendulum), int) if group is None else np.asarray(group)
     labels = tuple(f"condition {i}" for i in range(int(group.max()) + 1))
-    cases = outcomes(with_pendulum, stroke, design=design), outcomes(without)
+    cases = outcomes(with_pendulum, swing, design=design), outcomes(without)
     return PairedRuns(with_pendulum=cases[0], without_pendulum=cases[1], group=group, labels=labels, **more)
 
 
@@ -72,7 +72,7 @@ class NoisyProblem(Problem):
     without a pendulum is 0.6."""
 
     attempts: ClassVar[int] = 3
-    holds_back: ClassVar[bool] = True
+    has_validation_runs: ClassVar[bool] = True
     count: int = 64
     unanswered: float = 0.0
     """Share of the runs without an answer."""
@@ -90,7 +90,7 @@ class NoisyProblem(Problem):
             "limits": (tpd.limits.Stroke(0.5),),
             "method": None,
             "ensemble": Ensemble(size=64, seed=0),
-            "worth": tpd.limits.Worth(),
+            "requirements": tpd.limits.Requirements(),
             "seed": 0,
             "asked": [],
         }
@@ -102,7 +102,7 @@ class NoisyProblem(Problem):
 
     @property
     def allowed(self):
-        return self.worth.allowed
+        return self.requirements.allowed
 
     def tilt(self, design) -> float:
         """Mean tilt over nu without noise."""
@@ -163,7 +163,7 @@ def records(count: int = 20) -> tuple[tpd.Record, ...]:
 
 GROUND = {
     "conditions": Conditions.records(records(60), (1.5, 2.5, 4.0)),
-    "worth": tpd.limits.Worth(at_least=0.02, measure="tilt"),
+    "requirements": tpd.limits.Requirements(at_least=0.02, measure="tilt"),
     "method": tpd.GroundSearch(starts=6, steps=3),
     "limits": (tpd.limits.Stroke(),),
 }
@@ -178,8 +178,8 @@ def harmonic_design(seed: int = 0) -> Design:
 @functools.cache
 def rejected_design() -> Design:
     """The same problem, but a benefit is required that no pendulum has."""
-    worth = tpd.limits.Worth(at_least=0.97, measure="tilt")
-    return tpd.optimise(SCENE, SPACE, **(SMALL | {"worth": worth}))
+    requirements = tpd.limits.Requirements(at_least=0.97, measure="tilt")
+    return tpd.optimise(SCENE, SPACE, **(SMALL | {"requirements": requirements}))
 
 
 @functools.cache

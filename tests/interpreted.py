@@ -28,8 +28,8 @@ def results() -> dict[str, Any]:
     import tpd
     from tpd.answers.bifurcations import bifurcations
     from tpd.answers.ensemble import plan
+    from tpd.answers.motion_history import motion_history
     from tpd.answers.runs import ANGLES, follow_scaled
-    from tpd.answers.shaking_history import shaking_history
     from tpd.design.criteria import Geometry
     from tpd.design.orbits import Orbits
     from tpd.exact.orbits import orbit_slopes, solve_orbits
@@ -67,7 +67,7 @@ def results() -> dict[str, Any]:
     free, space = block.parameters(), tpd.DesignSpace()
     objective = Orbits(free, conditions, space, tpd.Risk.worst(), (), Geometry.of(block, conditions))
 
-    history = shaking_history(scene, pendulum, times=np.linspace(0.0, 2.0, 9))
+    history = motion_history(scene, pendulum, times=np.linspace(0.0, 2.0, 9))
 
     periodic = tpd.periodic_orbit(p, steady.state)
 

@@ -68,7 +68,7 @@ _UNKNOWN = np.nan
 
 # Source: an event-driven integration, closed forms with events and unknown crossing times, which
 # agree to the digits given. The gradients keep rho = 3/(4 (1 + nu^2)) tied to nu.
-HUNG = (
+WITH = (
     Case(
         "short light pendulum",
         (0.25, 0.05, 0.2, 0.1, 0.05, 0.377, 2.67),
@@ -108,13 +108,13 @@ def _bare(xi: float, amplitude: float, nu: float, k: float, f: float, dxi: float
 
 
 # Source: as above, to the digits printed there; lam and zeta do nothing when mu = 0.
-BARE = (
+WITHOUT = (
     _bare(1.5, 0.0973880, 0.382245, -0.375897, 0.397339, -0.087944),
     _bare(2.0, 0.0637170, 0.248983, -0.237463, 0.257936, -0.050442),
     _bare(4.0, 0.0188571, _UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN),
 )
 
-MOVING = (*HUNG, *BARE)
+MOVING = (*WITH, *WITHOUT)
 CASES = (*MOVING, STILL)
 
 UNSTABLE = ((0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 1.0), 0.155239, 1.458)
@@ -148,7 +148,7 @@ class Answer(NamedTuple):
     """What the package says, with d(amplitude, stroke, state)/d(parameters)."""
 
     amplitude: float
-    stroke: float
+    swing: float
     status: str
     slopes: np.ndarray
     steady: Steady
@@ -164,7 +164,7 @@ def solver(model: AbstractModel | Callable[..., AbstractModel], size: int) -> Ca
 
         def sizes(x: jax.Array) -> tuple[jax.Array, Steady]:
             s = steady_state(parameters(x), model=chosen, y0=y0)
-            return jnp.stack([s.amplitude, s.stroke, *s.state]), s
+            return jnp.stack([s.amplitude, s.swing, *s.state]), s
 
         return jax.jacrev(sizes, has_aux=True)(x)
 
@@ -173,7 +173,7 @@ def solver(model: AbstractModel | Callable[..., AbstractModel], size: int) -> Ca
         full[: len(x)] = x
         slopes, s = solve(full, np.asarray(y0, dtype=float), *map(np.asarray, settings))
         slopes = np.asarray(slopes)[:, : len(x)]
-        return Answer(float(s.amplitude), float(s.stroke), status_name(s.status), slopes, s)
+        return Answer(float(s.amplitude), float(s.swing), status_name(s.status), slopes, s)
 
     return answer
 
@@ -214,7 +214,7 @@ def along(x: Any, y0: Any, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, s
 def assert_overturned(answer: Answer) -> None:
     """Check that the status is of an overturning, without sizes or a gradient."""
     assert answer.status == "overturned"
-    assert answer.amplitude == answer.stroke == np.inf
+    assert answer.amplitude == answer.swing == np.inf
     assert np.all(np.isnan(answer.slopes))
     assert np.isnan(answer.steady.multiplier)
 

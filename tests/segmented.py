@@ -62,7 +62,7 @@ class _Run(NamedTuple):
     up: Number
     """Largest phi met at a turn, not below zero."""
     down: Number
-    stroke: Number
+    swing: Number
     segments: Int[Array, ""]
     lost: Bool[Array, ""]
     held: Bool[Array, ""]
@@ -123,7 +123,7 @@ class Segmented(AbstractFlow):
             rests = _stays(p, r, y) & ~exhausted
             peak = jnp.maximum(r.up, r.down)
             amplitude = jnp.where(rests, jnp.abs(r.y[TILT]), peak)
-            return Period(r.y, r.mode, amplitude, r.stroke, rests, r.lost, exhausted, r.held, peak, r.stroke)
+            return Period(r.y, r.mode, amplitude, r.swing, rests, r.lost, exhausted, r.held, peak, r.swing)
 
         mode = _classify(equations, y0, jnp.zeros(()))
         return settle(one_period, p, y0, mode, tolerance=self.tolerance, max_periods=self.max_periods)
@@ -137,7 +137,7 @@ class Segmented(AbstractFlow):
             r = self._advance(equations, run, p.period, precise=True)
             # Cut short, the motion stands where it stood: that is not to pass for an orbit.
             end = jnp.where(r.segments < self.max_events, r.y, jnp.nan)
-            return end, r.mode, (r.up, r.down, r.stroke), r.transversality
+            return end, r.mode, (r.up, r.down, r.swing), r.transversality
 
         return cycle_by_events(settled, y, one_period)
 
@@ -178,7 +178,7 @@ class Segmented(AbstractFlow):
 
         r = jax.lax.while_loop(going, step, run)
         up, down = jnp.maximum(r.up, r.y[TILT]), jnp.maximum(r.down, -r.y[TILT])
-        return r._replace(up=up, down=down, stroke=jnp.maximum(r.stroke, jnp.abs(r.y[SWING])))
+        return r._replace(up=up, down=down, swing=jnp.maximum(r.swing, jnp.abs(r.y[SWING])))
 
     def _segment(
         self, equations: Equations, r: _Run, end: Number, precise: bool
@@ -316,7 +316,7 @@ def _meet(equations: Equations, r: _Run, time: Number, y: State, rest_rate: floa
         way=jnp.where(flipped, -r.way, r.way),
         up=jnp.maximum(r.up, y[TILT]),
         down=jnp.maximum(r.down, -y[TILT]),
-        stroke=jnp.maximum(r.stroke, jnp.abs(y[SWING])),
+        swing=jnp.maximum(r.swing, jnp.abs(y[SWING])),
         lost=r.lost | (which == _LOST),
         held=r.held | (mode.kind != SLIP),
         transversality=jnp.minimum(r.transversality, met),
@@ -405,7 +405,7 @@ def cycle_by_events(
 
     zero = jnp.zeros_like(y[TILT])
     first = (y, settled.memory, (zero, zero, zero), jnp.full_like(zero, jnp.inf))
-    y, mode, (up, down, stroke), transversality = jax.lax.fori_loop(0, settled.periods, onward, first)
+    y, mode, (up, down, swing), transversality = jax.lax.fori_loop(0, settled.periods, onward, first)
     amplitude = jnp.maximum(up, down)
     asymmetry = jax.lax.stop_gradient(jnp.abs(up - down) / jnp.where(amplitude > 0, amplitude, 1.0))
-    return Cycle(y, amplitude, stroke, mode, transversality, asymmetry, mode.equals(settled.memory))
+    return Cycle(y, amplitude, swing, mode, transversality, asymmetry, mode.equals(settled.memory))

@@ -24,7 +24,7 @@ from tpd.theory.equations import Equations, Linear, Terms
 NU, MU, LAM, ZETA, K, F, XI, RHO = 0.23, 0.17, 0.6, 0.15, 0.04, 0.3, 2.3, 0.68
 HINGE = 2.0 * ZETA * math.sqrt(LAM * RHO)
 P = tpd.Parameters(nu=NU, mu=MU, lam=LAM, zeta=ZETA, k=K, f=F, xi=XI, rho=RHO)
-BARE = replace(P, mu=0.0, k=0.0, f=0.1)
+WITHOUT = replace(P, mu=0.0, k=0.0, f=0.1)
 # Tilt, angle of the bob and their rates; the block leans to the left and moves to the right.
 PHI, PSI, DPHI, DPSI = Y = np.array([-0.11, 0.3, 0.2, -0.5])
 S, SIGMA, SINE = -1.0, 1.0, 0.8
@@ -54,13 +54,13 @@ def terms_25(a, b):
 def equations():
     a, b = Equations(P, Terms.nonlinear).rates(Y, S, SIGMA, SINE)[2:]
     np.testing.assert_allclose(terms_4(MU, a, b), 0.0, atol=1e-14)
-    bare = replace(P, mu=0.0)
-    a = Equations(bare, Terms.nonlinear).rates(Y, S, SIGMA, SINE)[2]
+    without = replace(P, mu=0.0)
+    a = Equations(without, Terms.nonlinear).rates(Y, S, SIGMA, SINE)[2]
     # (12) over M g b, with the friction of (14).
     forced = a + F * SINE * (S * NU * math.sin(PHI) + math.cos(PHI)) + S * NU * math.cos(PHI) - math.sin(PHI)
     assert forced + K * SIGMA == pytest.approx(0.0, abs=1e-14)
     # (14): first order in the tilt, and the parametric term.
-    a = Equations(bare, Terms.parametric).rates(Y, S, SIGMA, SINE)[2]
+    a = Equations(without, Terms.parametric).rates(Y, S, SIGMA, SINE)[2]
     assert a == pytest.approx(PHI - S * NU - F * SINE * (1 + S * NU * PHI) - K * SIGMA, rel=1e-14)
 
 
@@ -70,9 +70,9 @@ def no_uplift():
     d = 1 - LAM * RHO * XI**2 + 1j * XI * HINGE
     moment = 1 + 2 * MU + (2 * MU * RHO * LAM * XI**2 - 1j * XI * MU * LAM * HINGE) / d
     assert found.margin == pytest.approx(1 - abs(moment) * F / ((1 + MU) * NU + K), rel=1e-14)
-    assert found.stroke == pytest.approx(F / abs(d), rel=1e-14)
+    assert found.swing == pytest.approx(F / abs(d), rel=1e-14)
     # (5): alpha omega^2 > g a/b lifts the bare block.
-    assert uplift(BARE).margin == pytest.approx(1 - 0.1 / NU, rel=1e-14)
+    assert uplift(WITHOUT).margin == pytest.approx(1 - 0.1 / NU, rel=1e-14)
 
 
 BLOCK = tpd.Block(width=0.9, height=3.0, mass=2000.0, radius_of_gyration=0.95)
@@ -93,7 +93,7 @@ def inertia():
 
 def free():
     # (10) at its end: nu + (Phi - nu) cosh(tau) vanishes a quarter of a period after the turn.
-    phi = float(free_motion(BARE).amplitude)
+    phi = float(free_motion(WITHOUT).amplitude)
     assert NU + (phi - NU) * math.cosh(math.pi / (2 * XI)) == pytest.approx(0.0, abs=1e-14)
     assert phi == pytest.approx(NU * (1 - 1 / math.cosh(math.pi / (2 * XI))), rel=1e-13)
 
@@ -102,7 +102,7 @@ def arc():
     # (18) with the forcing f sin(xi tau), from a turn at tau = 0 and before the first event.
     phi, tau, g = 0.2 * NU, 0.3, 0.1 / (1 + XI**2)
     at = NU + (phi - NU) * math.cosh(tau) + g * (math.sin(XI * tau) - XI * math.sinh(tau))
-    found = simulate(BARE, np.array([phi, 0.0, 0.0, 0.0]), np.array([0.0, tau])).ys[1, 0]
+    found = simulate(WITHOUT, np.array([phi, 0.0, 0.0, 0.0]), np.array([0.0, tau])).ys[1, 0]
     assert 0 < at < phi
     assert float(found) == pytest.approx(at, rel=1e-12)
 
@@ -110,13 +110,13 @@ def arc():
 def orbit():
     # Without friction (19) is exact: sin gamma = 0.
     base, g = NU * (1 - 1 / math.cosh(math.pi / (2 * XI))), 0.1 / (1 + XI**2)
-    found = np.asarray(symmetric_orbits(BARE).amplitude)
+    found = np.asarray(symmetric_orbits(WITHOUT).amplitude)
     assert np.nanmin(np.abs(found - (base + g))) < 1e-12
     assert np.nanmin(np.abs(found - (base - g))) < 1e-12
 
 
 def bare_balance():
-    for phi in map(float, parametric_branches(replace(BARE, k=K)).amplitude):
+    for phi in map(float, parametric_branches(replace(WITHOUT, k=K)).amplitude):
         # (23).
         cosine = (4 * NU - math.pi * phi * (1 + XI**2)) / (0.1 * (math.pi + 8 / 3 * NU * phi))
         sine = 4 * K / (0.1 * (math.pi + 4 / 3 * NU * phi))
@@ -139,7 +139,7 @@ def balance():
     both = [np.linalg.solve(matrix, np.array([-f * (1 + 2 * MU), f]) + signs) for f in (0.1, -0.1)]
     found = one_harmonic_branches(p)
     expected = sorted((phi, abs(psi)) for phi, psi in both)
-    found = sorted(zip(map(float, found.amplitude), map(float, found.stroke), strict=True))
+    found = sorted(zip(map(float, found.amplitude), map(float, found.swing), strict=True))
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
@@ -163,7 +163,7 @@ def impact(e=0.8):
 
 
 def friction():
-    p = replace(BARE, f=F, e=0.9)
+    p = replace(WITHOUT, f=F, e=0.9)
     # 4 k Phi = two impacts, each of (1 - e^2) (nu Phi - Phi^2/2).
     lost = 2 * (1 - 0.9**2) * (NU * 0.1 - 0.1**2 / 2)
     assert equivalent_friction(p, 0.1) == pytest.approx(lost / (4 * 0.1), rel=1e-13)

@@ -6,15 +6,15 @@ import jax
 import numpy as np
 import pytest
 
-from tests.reference import BARE, HUNG, parameters
+from tests.reference import WITH, parameters
 from tests.segmented import Segmented
 from tpd import Smoothed
 
 COUNTS = {
-    (Smoothed, HUNG[0]): (4655, 40),
-    (Smoothed, BARE[1]): (2147, 20),
-    (Segmented, HUNG[0]): (611, 11),
-    (Segmented, BARE[1]): (1335, 25),
+    (Smoothed, WITH[0]): (4655, 40),
+    (Smoothed, WITHOUT[1]): (2147, 20),
+    (Segmented, WITH[0]): (611, 11),
+    (Segmented, WITHOUT[1]): (1335, 25),
 }
 """Steps of all solves, and periods. Half as many are rather work that is no longer counted."""
 
@@ -30,7 +30,7 @@ def test_an_integrated_model_takes_no_more_steps_than_stated(kind, monkeypatch):
 
     monkeypatch.setattr(diffrax, "diffeqsolve", noted)
     run = jax.jit(lambda x, y0: model.settle(parameters(x), y0).elapsed)
-    for case in (HUNG[0], BARE[1]):
+    for case in (WITH[0], WITHOUT[1]):
         steps.clear()
         periods = int(run(np.array(case.x), np.array(case.y0)))
         jax.effects_barrier()

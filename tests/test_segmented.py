@@ -14,12 +14,12 @@ from tests import reference
 from tests.contact import SLIP, Mode
 from tests.exact.test_trajectory import STICKING
 from tests.reference import (
-    HUNG,
     LEANING,
     NAMES,
     OVERTURNING,
     REST,
     STILL,
+    WITH,
     Answer,
     EventDriven,
     assert_overturned,
@@ -39,7 +39,7 @@ from tpd.scene.parameters import as_arrays
 from tpd.scene.status import Status
 from tpd.theory.equations import Equations
 
-X = HUNG[3].x
+X = WITH[3].x
 SETTLED = 0.0659875
 """rad; of X with all terms: also what SciPy's LSODA comes to on (4) written out anew with tanh for the
 signs, of width 1e-3, 3e-4 and 1e-4: 0.066007, 0.066000, 0.065997."""
@@ -50,11 +50,11 @@ def nonlinear(x, slopes=False):
 
     def sizes(x):
         s = steady_state(as_arrays(parameters(x)), model=Segmented())
-        return jnp.stack([s.amplitude, s.stroke, *s.state])
+        return jnp.stack([s.amplitude, s.swing, *s.state])
 
     s = steady_state(as_arrays(parameters(x)), model=Segmented())
     derivatives = np.asarray(jax.jacrev(sizes)(jnp.array(x))) if slopes else np.empty(0)
-    return Answer(float(s.amplitude), float(s.stroke), status_name(s.status), derivatives, s)
+    return Answer(float(s.amplitude), float(s.swing), status_name(s.status), derivatives, s)
 
 
 @jax.jit
@@ -101,8 +101,8 @@ def test_the_settled_nonlinear_amplitude_is_known_and_near_the_linear_one():
 def test_smoothed_comes_to_the_same():
     smoothed = steady_state(as_arrays(parameters(X)), model=Smoothed(terms=Terms.nonlinear))
     assert status_name(smoothed.status) == "rocking"
-    sizes = [settled().amplitude, settled().stroke]
-    np.testing.assert_allclose([smoothed.amplitude, smoothed.stroke], sizes, rtol=1e-4)
+    sizes = [settled().amplitude, settled().swing]
+    np.testing.assert_allclose([smoothed.amplitude, smoothed.swing], sizes, rtol=1e-4)
 
 
 def test_an_overturning_has_a_status_and_no_gradient():
@@ -119,7 +119,7 @@ def test_rest_is_exact():
     answer = nonlinear(STILL.x, slopes=True)
     assert (answer.status, answer.amplitude) == ("rest", 0.0)
     np.testing.assert_array_equal(answer.slopes[0], 0.0)
-    assert answer.stroke == pytest.approx(linear(STILL.x).stroke, rel=0.02)
+    assert answer.swing == pytest.approx(linear(STILL.x).swing, rel=0.02)
 
 
 def test_polishing_changes_neither_status_nor_sizes_of_a_sticking_block():
@@ -131,7 +131,7 @@ def test_polishing_changes_neither_status_nor_sizes_of_a_sticking_block():
     found = reference.settled(tpd.Terms.nonlinear, p)
     assert status_name(found.status) == "sticking"
     assert float(found.amplitude) == pytest.approx(answer.amplitude, abs=2e-6 * x[0])
-    assert float(found.stroke) == pytest.approx(answer.stroke, rel=tolerance)
+    assert float(found.swing) == pytest.approx(answer.swing, rel=tolerance)
 
 
 def test_an_implicit_solver_settles_into_the_same_motion():
@@ -166,7 +166,7 @@ def test_gradients_are_those_of_differences():
     for i in (1, 2, 4, 7):
         # rho is tied to nu; steps of 0.2 %.
         expected = differences(
-            lambda x: np.array([nonlinear(x).amplitude, nonlinear(x).stroke]), x, i, share=2e-3
+            lambda x: np.array([nonlinear(x).amplitude, nonlinear(x).swing]), x, i, share=2e-3
         )
         # The motion is integrated to 1e-11: over the step in k, the smallest, that is 1e-7 of a difference.
         atol = 1e-7 if NAMES[i] == "k" else 1e-8
@@ -187,9 +187,9 @@ def test_the_distance_to_the_linear_model_falls_as_the_square_of_the_angles():
 
 def test_steps_that_run_out_are_told_by_name_and_without_a_nan():
     model = Segmented(max_steps=4, max_periods=3)
-    found = jax.jit(lambda x: model.settle(parameters(x), jnp.zeros(4)))(np.array(HUNG[0].x))
+    found = jax.jit(lambda x: model.settle(parameters(x), jnp.zeros(4)))(np.array(WITH[0].x))
     assert status_name(found.status) == "event_bound"
-    for size in (found.amplitude, found.stroke, found.y):
+    for size in (found.amplitude, found.swing, found.y):
         assert np.all(np.isfinite(np.asarray(size)))
 
 
@@ -209,7 +209,7 @@ def test_settings_that_make_no_sense_are_refused(wrong, message):
 
 
 def test_times_are_whole_periods_and_what_is_left_with_their_derivatives():
-    p = as_arrays(parameters(HUNG[0].x))
+    p = as_arrays(parameters(WITH[0].x))
     period = float(p.period)
     times = jnp.array([0.0, 0.3, 1.0 - 1e-13, 7.25, 1e6 + 0.5]) * period
     whole, since = split(p, times)
@@ -220,7 +220,7 @@ def test_times_are_whole_periods_and_what_is_left_with_their_derivatives():
 
 
 def test_legs_end_at_every_time_and_at_every_period_and_a_failure_ends_all():
-    p = as_arrays(parameters(HUNG[0].x))
+    p = as_arrays(parameters(WITH[0].x))
 
     def leg(y, seen, begin, end):
         failed = Status.where(seen >= 4, Status.event_bound, Status.rocking)

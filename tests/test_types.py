@@ -20,10 +20,10 @@ design = tpd.optimise(
     conditions=conditions,
     starts=tpd.Starts.any(),
     risk=tpd.Risk.cvar(0.2),
-    limits=[limits.Stroke(0.4), limits.Room(limits.Bob(density=7850.0)), limits.Worsening()],
+    limits=[limits.Stroke(0.4), limits.Clearance(limits.Bob(density=7850.0)), limits.Worsening()],
     method=tpd.Descent("adam", searches=8),
     ensemble=tpd.Ensemble(size=128, seed=1),
-    worth=limits.Worth(at_least=0.2),
+    worth=limits.Requirements(at_least=0.2),
     seed=1,
     progress=True,
 )

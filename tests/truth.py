@@ -66,21 +66,21 @@ class Piece(NamedTuple):
 
 
 class System:
-    """The coefficients for some parameters; a `bare` block has no bob to follow."""
+    """The coefficients for some parameters; a `without` block has no bob to follow."""
 
-    def __init__(self, x: Sequence[Any], mp: Any, *, bare: bool = False, quiet: float = _QUIET) -> None:
+    def __init__(self, x: Sequence[Any], mp: Any, *, without: bool = False, quiet: float = _QUIET) -> None:
         """`x` is (nu, mu, lam, zeta, k, e)."""
         nu, mu, lam, zeta, self.k, self.e = (mp.mpf(v) for v in x)
-        self.mp, self.nu, self.lam, self.bare, self.quiet = mp, nu, lam, bare, quiet
+        self.mp, self.nu, self.lam, self.without, self.quiet = mp, nu, lam, without, quiet
         self.rho = rho = mp.mpf(3) / (4 * (1 + nu**2))
         self.tilt, self.weight, self.share = 1 + 2 * mu, (1 + mu) * nu, mu * lam
         self.damp, self.hang = (
-            (mp.mpf(0), mp.mpf(0)) if bare else (2 * zeta * mp.sqrt(lam * rho), 1 / (lam * rho))
+            (mp.mpf(0), mp.mpf(0)) if without else (2 * zeta * mp.sqrt(lam * rho), 1 / (lam * rho))
         )
         a, b, c, d = 1 + mu * rho * (4 + nu**2), -2 * mu * rho * lam, -2 * rho, lam * rho
         det = a * d - b * c
         zero = mp.mpf(0)
-        self.inverse = (mp.mpf(1), zero, zero, zero) if bare else (d / det, -b / det, -c / det, a / det)
+        self.inverse = (mp.mpf(1), zero, zero, zero) if without else (d / det, -b / det, -c / det, a / det)
         i11, i12, i21, i22 = self.inverse
         stiff = abs(i11) * self.tilt + abs(i12) + abs(i21) * self.tilt + abs(i22)
         self.window = 1 / (2 * (1 + mp.sqrt(stiff) + self.damp * (abs(i22) + abs(i11) * self.share)))
@@ -164,7 +164,7 @@ class System:
             return "turn", y, self.decided(y, eta)
         # The rod pulls along itself only: the bob keeps its speed across, lam psi' - 2 phi'. So it does
         # through all the remaining hops of a rattle, which take phi' to nothing.
-        bob = zero if self.bare else 2 / self.lam
+        bob = zero if self.without else 2 / self.lam
         still = [zero, psi, zero, dpsi - bob * dphi]
         if abs(self.e * dphi) < self.quiet * self.nu and self.decided(still, eta)[0] == "rest":
             return "landing", still, ("rest", 0, 0)
@@ -243,7 +243,7 @@ class Run:
         self.system, self.end = system, [system.mp.mpf(v) for v in y0]
         self.tau = self.begun = system.mp.mpf(0)
         self.amplitude, self.when = abs(self.end[0]), self.tau
-        self.stroke, self.relative = abs(self.end[1]), abs(self.end[1] - self.end[0])
+        self.swing, self.relative = abs(self.end[1]), abs(self.end[1] - self.end[0])
         self.uplift: Number | None = None
         self.mode: Mode | None = None
         self.modes: set[str] = set()
@@ -314,12 +314,12 @@ class Run:
         phi, psi = self.end[:2]
         if abs(phi) > self.amplitude:
             self.amplitude, self.when = abs(phi), self.tau
-        self.stroke, self.relative = max(self.stroke, abs(psi)), max(self.relative, abs(psi - phi))
+        self.swing, self.relative = max(self.swing, abs(psi)), max(self.relative, abs(psi - phi))
         self.overturned = abs(phi) > _GONE * self.system.nu
 
     def _swings(self, series: list[Poly], end: Number) -> None:
         """The pendulum's turning points within a window; those of the block are events."""
-        if self.system.bare:
+        if self.system.without:
             return
         phi, psi, dphi, dpsi = series[:4]
         gap, slope = ([b - a for a, b in zip(p, q, strict=True)] for p, q in ((phi, psi), (dphi, dpsi)))
@@ -413,11 +413,11 @@ def el_centro() -> tuple[float, ...]:
 def system_of(x: Mapping[str, Any], mp: Any) -> System:
     """The coefficients of a scene in SI. `x`: width, height, friction, restitution, gravity and, with a
     pendulum, bob (kg), mass of the block (kg), length (m) and damping (ratio)."""
-    half, bob, bare = mp.mpf(x["height"]) / 2, (0, 1, 0), not x.get("bob")
-    if not bare:
+    half, bob, without = mp.mpf(x["height"]) / 2, (0, 1, 0), not x.get("bob")
+    if not without:
         bob = mp.mpf(x["bob"]) / mp.mpf(x["mass"]), mp.mpf(x["length"]) / half, x["damping"]
     numbers = (mp.mpf(x["width"]) / mp.mpf(x["height"]), *bob, x["friction"], x["restitution"])
-    system = System(numbers, mp, bare=bare, quiet=_GROUND_QUIET)
+    system = System(numbers, mp, without=without, quiet=_GROUND_QUIET)
     system.omega = mp.sqrt(mp.mpf(x["gravity"]) * system.rho / half)
     return system
 
@@ -488,7 +488,7 @@ def harmonic_row(row: Mapping[str, Any]) -> dict[str, Any]:
     # A settled row holds a state near its orbit: its own.
     at, method = (row["y0"], follow) if row["what"] == "transient" else (row["end"], settled)
     run = method(x, at, row["periods"])
-    sizes = {"amplitude": mp.nstr(run.amplitude, DIGITS), "stroke": mp.nstr(run.stroke, DIGITS)}
+    sizes = {"amplitude": mp.nstr(run.amplitude, DIGITS), "stroke": mp.nstr(run.swing, DIGITS)}
     end = [mp.nstr(v, DIGITS) for v in run.end]
     return {**row, **sizes, "end": end, "modes": sorted(run.modes), "events": run.events}
 
@@ -497,7 +497,7 @@ def case_row(case: Mapping[str, Any]) -> dict[str, Any]:
     """A motion under a pulse or a record. Angles in rad, times in s, rates per unit of tau."""
     mp = digits()
     run = shaken(case, mp)
-    seconds, bare = 1 / run.system.omega, run.system.bare
+    seconds, without = 1 / run.system.omega, run.system.without
 
     def text(v: Any) -> str | None:
         return None if v is None else mp.nstr(v, 20, strip_zeros=False)
@@ -508,9 +508,9 @@ def case_row(case: Mapping[str, Any]) -> dict[str, Any]:
         out |= {
             "tilt": text(run.amplitude),
             "tilt_time": text(run.when * seconds),
-            "swing": None if bare else text(run.stroke),
-            "relative_swing": None if bare else text(run.relative),
-            "end": [None if bare and i % 2 else text(v) for i, v in enumerate(run.end)],
+            "swing": None if without else text(run.swing),
+            "relative_swing": None if without else text(run.relative),
+            "end": [None if without and i % 2 else text(v) for i, v in enumerate(run.end)],
             "impacts": run.impacts,
         }
     if "derivatives" in case["results"]:

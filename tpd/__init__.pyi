@@ -23,7 +23,7 @@ from .answers.symmetric_orbits import symmetric_orbits as symmetric_orbits
 from .answers.transient import transient as transient
 from .cluster.cluster import Cluster as Cluster
 from .core.batch import in_chunks as in_chunks
-from .design.as_built import study as study
+from .design.as_built import details as details
 from .design.assess import assess as assess
 from .design.criteria import DesignSpace as DesignSpace
 from .design.criteria import Risk as Risk
@@ -32,9 +32,9 @@ from .design.job import Job as Job
 from .design.optimise import front as front
 from .design.optimise import optimise as optimise
 from .design.optimise import optimise_all as optimise_all
-from .design.reading import read_design as read_design
 from .design.settings import Descent as Descent
 from .design.settings import GroundSearch as GroundSearch
+from .design.stored_design import read_design as read_design
 from .models.compiled import Nonlinear as Nonlinear
 from .models.compiled import Piecewise as Piecewise
 from .models.smoothed import Smoothed as Smoothed

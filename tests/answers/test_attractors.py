@@ -2,45 +2,45 @@
 
 import pytest
 
-from tests.reference import BARE, parameters
 from tests.reference import exact as solve
+from tests.reference import parameters
 from tpd import Starts, attractors
 from tpd.models.compiled import Piecewise
 
-BARE_BLOCK = parameters(BARE[1].x)
+BARE_BLOCK = parameters(WITHOUT[1].x)
 """Rests, rocks or overturns, as it starts."""
 
 
 @pytest.fixture(scope="module")
-def bare():
+def without():
     return attractors(BARE_BLOCK)
 
 
-def test_a_bare_block_rocks_rests_or_overturns(bare):
-    assert {a.status for a in bare} == {"rocking", "rest", "overturned"}
-    assert sum(a.share for a in bare) == pytest.approx(1.0)
-    assert sorted(i for a in bare for i in a.starts) == list(range(64))
-    shares = [a.share for a in bare]
+def test_a_bare_block_rocks_rests_or_overturns(without):
+    assert {a.status for a in without} == {"rocking", "rest", "overturned"}
+    assert sum(a.share for a in without) == pytest.approx(1.0)
+    assert sorted(i for a in without for i in a.starts) == list(range(64))
+    shares = [a.share for a in without]
     assert shares == sorted(shares, reverse=True)
-    assert [(a.status, a.starts) for a in attractors(BARE_BLOCK)] == [(a.status, a.starts) for a in bare]
+    assert [(a.status, a.starts) for a in attractors(BARE_BLOCK)] == [(a.status, a.starts) for a in without]
 
 
-def test_an_attractor_prints_on_one_line(bare):
-    rocking = next(a for a in bare if a.status == "rocking")
-    lost = next(a for a in bare if a.status == "overturned")
+def test_an_attractor_prints_on_one_line(without):
+    rocking = next(a for a in without if a.status == "rocking")
+    lost = next(a for a in without if a.status == "overturned")
     assert str(lost) == repr(lost) == f"overturned: {lost.share:.1%} of the starts"
     kind = "symmetric, 1 period, amplitude 0.06372 rad, stroke"
     assert str(rocking).startswith(f"rocking: {rocking.share:.1%} of the starts, {kind}")
 
 
-def test_an_attractor_is_the_steady_state_of_its_starts(bare):
+def test_an_attractor_is_the_steady_state_of_its_starts(without):
     states = Starts().states(BARE_BLOCK.nu)
-    for found in bare:
+    for found in without:
         for i in found.starts[:3]:
-            alone = solve(BARE[1].x, states[i])
+            alone = solve(WITHOUT[1].x, states[i])
             assert alone.status == found.status
             assert alone.steady.amplitude == pytest.approx(float(found.steady.amplitude), rel=1e-9)
-    rocking = next(a for a in bare if a.status == "rocking")
+    rocking = next(a for a in without if a.status == "rocking")
     assert (rocking.symmetric, rocking.periods) == (True, 1)
 
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import HUNG, STILL, parameters
+from tests.reference import STILL, WITH, parameters
 from tests.reference import exact as linear
 from tpd import Auto, Parameters, status_name, steady_state
 from tpd.theory import uplift
@@ -31,7 +31,7 @@ def test_a_block_that_never_lifts_is_answered_by_the_closed_form():
     assert status_name(found.status) == "rest"
     assert found.amplitude == 0.0
     assert 0.0 < float(found.estimate) < 0.05
-    assert found.stroke == pytest.approx(linear(LOW).stroke, rel=1e-9)
+    assert found.swing == pytest.approx(linear(LOW).swing, rel=1e-9)
     np.testing.assert_allclose(found.state, linear(LOW).steady.state, atol=1e-12)
     assert "of the moment that would lift the block is in reserve" in found.reason
 
@@ -46,27 +46,27 @@ def test_a_bob_that_swings_at_the_start_leaves_less_in_reserve():
 
 
 def test_an_answer_prints_its_sizes_its_model_and_the_reason():
-    found = chosen(HUNG[3].x, 0.5)
+    found = chosen(WITH[3].x, 0.5)
     lines = str(found).splitlines()
     assert lines[0] == "rocking: The block settles into periodic rocking."
     assert lines[1] == f"  amplitude    {float(found.amplitude):.6g} rad"
     assert lines[4] == "  repeats      after 1 period"
     assert lines[5].startswith(f"  model        exact, estimated error {float(found.estimate):.2g}: ")
     # An exact solution that was asked for itself names no model; a batch of answers has no single status.
-    assert len(str(linear(HUNG[3].x).steady).splitlines()) == 5
-    batch = jax.tree.map(lambda x: jnp.stack([x, x]), linear(HUNG[3].x).steady)
+    assert len(str(linear(WITH[3].x).steady).splitlines()) == 5
+    batch = jax.tree.map(lambda x: jnp.stack([x, x]), linear(WITH[3].x).steady)
     assert str(batch) == repr(batch)
 
 
-@pytest.mark.parametrize("x", [SMALL, LIFTS, HUNG[3].x], ids=["small", "lifts", "hung"])
+@pytest.mark.parametrize("x", [SMALL, LIFTS, WITH[3].x], ids=["small", "lifts", "hung"])
 def test_a_tighter_tolerance_takes_the_nonlinear_model_and_the_estimate_covers_the_error(x):
     found, top = chosen(x, 0.5), chosen(x, 1e-5)
     assert (found.model, top.model) == ("exact", "nonlinear")
     assert abs(float(found.amplitude) / float(top.amplitude) - 1.0) <= float(found.estimate) <= 0.5
     assert "within the tolerance 0.5" in found.reason
     assert f"may be off by {float(found.estimate):.2g}, beyond the tolerance 1e-05" in top.reason
-    if x == HUNG[3].x:
-        assert float(found.amplitude) == pytest.approx(HUNG[3].amplitude, rel=1e-9)
+    if x == WITH[3].x:
+        assert float(found.amplitude) == pytest.approx(WITH[3].amplitude, rel=1e-9)
         # SciPy's LSODA with signs smoothed by 1e-4 gives 0.065997.
         assert float(top.amplitude) == pytest.approx(0.0659875, rel=1e-5)
 
@@ -111,7 +111,7 @@ def test_an_undamped_bob_keeps_its_own_swing_under_a_block_that_never_lifts(mu):
     found = steady_state(p, model=Auto())
     assert (found.model, status_name(found.status)) == ("uplift", "rest")
     # From rest the own swing is as large as the forced one at the start asks: sqrt(lam rho) xi times it.
-    forced = float(uplift(p).stroke)
+    forced = float(uplift(p).swing)
     own = np.sqrt(0.5 * p.inertia_ratio) * 2.0 * forced
-    assert float(found.stroke) == pytest.approx(forced + own, rel=1e-12)
+    assert float(found.swing) == pytest.approx(forced + own, rel=1e-12)
     np.testing.assert_array_equal(found.state, np.zeros(4))

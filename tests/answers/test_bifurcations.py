@@ -23,14 +23,14 @@ LOW = np.array([0.08, 0.0, 0.05, 0.0, 0.0, 0.02, 0.6, 0.5])
 HIGH = np.array([0.35, 0.5, 2.0, 1.2, 0.15, 0.6, 6.0, 1.0])
 """The box that random scenes are drawn from, in NAMES without rho."""
 
-BARE = (0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 2.0, 1.0)
+WITHOUT = (0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 2.0, 1.0)
 HELD = (0.217, 0.436, 0.754, 0.718, 0.122, 0.245, 2.344, 0.575)
 """Friction takes hold of its attracting orbit as the forcing falls."""
 TOUCHING = (0.155, 0.4563, 1.0546, 0.3645, 0.02616, 0.152, 2.632, 0.8115)
 """Its repelling orbit stops falling for a moment as the forcing grows."""
 
 LOST = (
-    (Kind.fold, BARE, "f", 0.05, 0.1),
+    (Kind.fold, WITHOUT, "f", 0.05, 0.1),
     (Kind.symmetry_breaking, (*UNSTABLE[0], 1.0), "xi", 0.9, 1.2),
     (Kind.sticking, HELD, "f", 0.3, 0.4),
     (Kind.grazing, TOUCHING, "f", 0.297, 0.33),
@@ -160,7 +160,7 @@ def test_a_point_that_the_orbits_beside_it_do_not_show_is_not_confirmed(monkeypa
 
 
 def test_a_sweep_joins_what_continues():
-    s = sweep(parameters(BARE), "xi", np.linspace(0.8, 3.0, 221))
+    s = sweep(parameters(WITHOUT), "xi", np.linspace(0.8, 3.0, 221))
     # The largest goes on where it loses its symmetry; the repelling one begins by sticking.
     assert s.branches == 2
     rows, columns = s.line(0)
@@ -184,11 +184,11 @@ def test_a_sweep_joins_what_continues():
 )
 def test_a_search_refuses_bad_input(name, high, samples, match):
     with pytest.raises(ValueError, match=match):
-        bifurcations(parameters(BARE), name, 0.15, high, samples=samples)
+        bifurcations(parameters(WITHOUT), name, 0.15, high, samples=samples)
 
 
 def test_batched_parameters_are_refused():
-    p = Parameters(**{n: jnp.full(3, v) for n, v in zip(NAMES, BARE, strict=False)})
+    p = Parameters(**{n: jnp.full(3, v) for n, v in zip(NAMES, WITHOUT, strict=False)})
     with pytest.raises(ValueError, match="`nu` must be a single number"):
         bifurcations(p, "f", 0.1, 0.2)
 

@@ -15,7 +15,9 @@ PENDULUM = Pendulum(mass=3.2448, length=0.2, damping_ratio=0.1)
 def test_a_check_has_every_model_asked_for_and_the_nonlinear_one():
     calls = []
     quick = ("uplift", "exact")
-    found = check(paper_scene(), PENDULUM, stroke=0.5, models=quick, progress=lambda *at: calls.append(at))
+    found = check(
+        paper_scene(), PENDULUM, swing_limit=0.5, models=quick, progress=lambda *at: calls.append(at)
+    )
     assert [r.name for r in found.models] == ["uplift", "exact", "nonlinear"]
     assert calls == [("checking", i, 3) for i in (1, 2, 3)]
     p = paper_scene().parameters(PENDULUM)
@@ -25,8 +27,8 @@ def test_a_check_has_every_model_asked_for_and_the_nonlinear_one():
     # The nonlinear equations add what is of second order in the bob's swing.
     assert found.top.status == "rest"
     settled = reference.settled(tpd.Terms.nonlinear, as_arrays(p), np.zeros(4))
-    assert found.top.stroke == pytest.approx(float(settled.stroke), rel=1e-6)
-    assert found.top.stroke != pytest.approx(float(exact.stroke), rel=1e-4)
+    assert found.top.swing == pytest.approx(float(settled.swing), rel=1e-6)
+    assert found.top.swing != pytest.approx(float(exact.swing), rel=1e-4)
     assert found.objections == ()
     assert all(r.seconds > 0 and r.neglects for r in found.models)
     *others, last, meaning = found.table().splitlines()
@@ -36,15 +38,15 @@ def test_a_check_has_every_model_asked_for_and_the_nonlinear_one():
     assert "nothing of the paper's (4)" in last
     assert str(found) == f"{found.table()}\nno objection by the nonlinear equations"
     # Dimensionless parameters stand for the scene and its pendulum.
-    same = check(p, stroke=0.5, models=("exact",))
+    same = check(p, swing_limit=0.5, models=("exact",))
     assert same.top.amplitude == found.top.amplitude
-    assert same.bare == pytest.approx(found.bare, rel=1e-6)
+    assert same.without == pytest.approx(found.without, rel=1e-6)
 
 
 def test_what_does_not_hold_is_said():
     scene = paper_scene()
     resonant = scene.pendulum(mass_ratio=0.1, length_ratio=0.20964589, damping_ratio=0.1)
-    found = check(scene, resonant, stroke=1.5, models=("exact",))
+    found = check(scene, resonant, swing_limit=1.5, models=("exact",))
     assert found.models[0].status == "rocking"
     assert found.objections == ("by the nonlinear equations the motion ends overturned",)
     assert str(found).endswith("objection: by the nonlinear equations the motion ends overturned")
@@ -80,11 +82,11 @@ def test_objections(motion, objection):
 
 
 def test_bad_input_is_refused():
-    with pytest.raises(ValueError, match="`stroke` must be positive and finite, but is 0"):
-        check(paper_scene(), None, stroke=0.0)
+    with pytest.raises(ValueError, match="`swing_limit` must be positive and finite, but is 0"):
+        check(paper_scene(), None, swing_limit=0.0)
     for wrong in (np.array([0.1, 0.2]), np.zeros(0)):
-        with pytest.raises(ValueError, match="`stroke` must be a single number, but is"):
-            check(paper_scene(), None, stroke=wrong)
+        with pytest.raises(ValueError, match="`swing_limit` must be a single number, but is"):
+            check(paper_scene(), None, swing_limit=wrong)
     with pytest.raises(ValueError, match=r"`models` must be one of uplift, .* but is 'guess'"):
         check(paper_scene(), None, models=("guess",))
     assert MODELS[0] == "uplift"

@@ -26,9 +26,9 @@ def resonant(damping: float, cycles: int, length: float = 1.0) -> tuple[tpd.Scen
     return tpd.Scene(BLOCK, train), tpd.Pendulum(mass=900.0, length=length, damping_ratio=damping)
 
 
-def falls(scene: tpd.Scene, hung: tpd.Pendulum, factor: float) -> bool:
+def falls(scene: tpd.Scene, pendulum: tpd.Pendulum, factor: float) -> bool:
     moved = tpd.Scene(scene.block, scene.motion.scaled(factor))
-    status = tpd.status_name(tpd.transient(moved, hung).status)
+    status = tpd.status_name(tpd.transient(moved, pendulum).status)
     assert status in ("stood", "rocked", "overturned")
     return status == "overturned"
 
@@ -36,22 +36,22 @@ def falls(scene: tpd.Scene, hung: tpd.Pendulum, factor: float) -> bool:
 @pytest.mark.mends("the bottom of the scan was given as the critical scale where it overturned the block")
 @pytest.mark.parametrize(("damping", "cycles", "most"), [(0.02, 10, 0.34), (0.01, 30, 0.17)])
 def test_a_bob_in_resonance_throws_its_block_over_below_half_of_what_lifts_it(damping, cycles, most):
-    scene, hung = resonant(damping, cycles)
-    found = tpd.critical_scale(scene, hung, scan=0.05)
+    scene, pendulum = resonant(damping, cycles)
+    found = tpd.critical_scale(scene, pendulum, scan=0.05)
     scale = float(found.scale)
     assert 0.05 < scale < most
-    assert falls(scene, hung, scale * (1.0 + 1e-9))
-    assert not falls(scene, hung, scale * (1.0 - 1e-9))
+    assert falls(scene, pendulum, scale * (1.0 + 1e-9))
+    assert not falls(scene, pendulum, scale * (1.0 - 1e-9))
     # Well below, nothing that a finer scan tries overturns the block, down to where it no longer lifts.
-    assert not any(falls(scene, hung, x) for x in np.geomspace(0.3 * scale, 0.95 * scale, 25))
+    assert not any(falls(scene, pendulum, x) for x in np.geomspace(0.3 * scale, 0.95 * scale, 25))
 
 
 @pytest.mark.mends("the derivative of the bottom of the scan was that of no crossing")
 def test_the_derivative_of_a_crossing_in_resonance_is_that_of_differences():
-    scene, hung = resonant(0.02, 10)
+    scene, pendulum = resonant(0.02, 10)
 
     def scale(x):
-        moved = replace(hung, mass=900.0 * x[0], length=x[1])
+        moved = replace(pendulum, mass=900.0 * x[0], length=x[1])
         return tpd.critical_scale(scene, moved, scan=0.1).scale
 
     found, one = jax.grad(scale)(jnp.ones(2)), np.ones(2)
@@ -75,14 +75,14 @@ def test_a_tongue_ends_with_the_scan(highest):
 @pytest.mark.mends("a scan that ended below its beginning went beyond its end")
 def test_a_scan_that_ends_below_what_lifts_the_block_overturns_nothing():
     # With a step of 50 % the first factor after half of what lifts the block is 0.75 of it.
-    for scene, hung in ((SINE, None), resonant(0.01, 30)):
-        found = tpd.critical_scale(scene, hung, scan=0.5, highest=0.06)
+    for scene, pendulum in ((SINE, None), resonant(0.01, 30)):
+        found = tpd.critical_scale(scene, pendulum, scan=0.5, highest=0.06)
         assert np.isinf(float(found.scale))
         assert "does not overturn up to 0.06 times" in str(found)
         assert np.isnan(found.tongues).all()
     assert np.isnan(jax.grad(lambda e: tpd.critical_scale(lossy(e), highest=0.06).scale)(0.95))
-    scene, hung = resonant(0.01, 30)
-    found = tpd.critical_scale(scene, hung, scan=0.02, highest=0.2)
+    scene, pendulum = resonant(0.01, 30)
+    found = tpd.critical_scale(scene, pendulum, scan=0.02, highest=0.2)
     assert float(found.scale) < 0.17
     assert np.nanmax(found.tongues) == pytest.approx(0.2)
 

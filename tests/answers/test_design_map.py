@@ -17,8 +17,8 @@ from tpd.answers.design_map import DesignMap
 from tpd.scene.status import names_of
 from tpd.theory.no_uplift import uplift
 
-SCENE, HUNG = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
-BARE = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)
+SCENE, PENDULUM = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
+WITHOUT = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)
 LINE = ("f", [0.1, 0.2])
 
 
@@ -26,11 +26,11 @@ LINE = ("f", [0.1, 0.2])
 def over_motion() -> DesignMap:
     """In SI units, with every status there is without a start but the two of measure zero."""
     axes = ("frequency", np.linspace(1.0, 5.0, 6)), ("amplitude", np.array([0.002, 0.02, 0.045]))
-    return design_map(SCENE, *axes, pendulum=HUNG)
+    return design_map(SCENE, *axes, pendulum=PENDULUM)
 
 
 def shaken(**changes: float) -> Parameters:
-    return replace(SCENE, motion=replace(SCENE.motion, **changes)).parameters(HUNG)
+    return replace(SCENE, motion=replace(SCENE.motion, **changes)).parameters(PENDULUM)
 
 
 def expected(p: Parameters) -> tuple[str, float, float]:
@@ -38,24 +38,24 @@ def expected(p: Parameters) -> tuple[str, float, float]:
     orbits, still = orbits_of(p), uplift(p)
     names = list(names_of(orbits.status))
     if "rocking" not in names and still.margin > 0:
-        return "rest", 0.0, float(still.stroke)
+        return "rest", 0.0, float(still.swing)
     for name in ("rocking", "unstable"):
         if name in names:
             i = names.index(name)
-            return name, float(orbits.amplitude[i]), float(orbits.stroke[i])
+            return name, float(orbits.amplitude[i]), float(orbits.swing[i])
     return "not_known", math.nan, math.nan
 
 
 def test_cells_are_the_orbits_of_their_designs():
     x, y = ("mu", np.linspace(0.02, 0.2, 5)), ("lam", np.linspace(0.12, 1.0, 4))
-    m, p = design_map(SCENE, x, y, pendulum=HUNG), SCENE.parameters(HUNG)
-    assert m.amplitude.shape == m.stroke.shape == m.status.shape == m.margin.shape == (4, 5)
+    m, p = design_map(SCENE, x, y, pendulum=PENDULUM), SCENE.parameters(PENDULUM)
+    assert m.amplitude.shape == m.swing.shape == m.status.shape == m.margin.shape == (4, 5)
     for i, j in np.ndindex(4, 5):
         at = replace(p, mu=float(m.x[j]), lam=float(m.y[i]))
-        status, amplitude, stroke = expected(at)
+        status, amplitude, swing = expected(at)
         assert m.status[i, j] == status
         np.testing.assert_allclose(m.amplitude[i, j], amplitude, rtol=1e-12)
-        np.testing.assert_allclose(m.stroke[i, j], stroke, rtol=1e-9)
+        np.testing.assert_allclose(m.swing[i, j], swing, rtol=1e-9)
         np.testing.assert_allclose(m.margin[i, j], float(uplift(at).margin), rtol=1e-10)
     assert m.exact.all()
     assert len(m.counts) >= 2
@@ -66,9 +66,9 @@ def test_in_si_units_cells_are_scenes():
     m = over_motion()
     assert set(m.counts) == {"rocking", "rest", "unstable"}
     for i, j in np.ndindex(3, 6):
-        status, amplitude, stroke = expected(shaken(frequency=float(m.x[j]), amplitude=float(m.y[i])))
+        status, amplitude, swing = expected(shaken(frequency=float(m.x[j]), amplitude=float(m.y[i])))
         assert m.status[i, j] == status
-        np.testing.assert_allclose([m.amplitude[i, j], m.stroke[i, j]], [amplitude, stroke], rtol=1e-9)
+        np.testing.assert_allclose([m.amplitude[i, j], m.swing[i, j]], [amplitude, swing], rtol=1e-9)
 
 
 def test_a_map_prints_its_axes_statuses_and_ranges():
@@ -88,7 +88,7 @@ def test_a_map_prints_its_axes_statuses_and_ranges():
 def test_a_parameter_and_a_quantity_that_leaves_it_alone_go_together():
     mass = np.array([0.05, 0.1])
     m, same = (
-        design_map(SCENE, axis, ("frequency", [2.5, 3.0]), pendulum=HUNG)
+        design_map(SCENE, axis, ("frequency", [2.5, 3.0]), pendulum=PENDULUM)
         for axis in (("mu", mass), ("pendulum_mass", mass * SCENE.block.mass))
     )
     np.testing.assert_allclose(m.amplitude, same.amplitude, rtol=1e-12)
@@ -96,18 +96,18 @@ def test_a_parameter_and_a_quantity_that_leaves_it_alone_go_together():
 
 def test_from_a_start_cells_are_what_is_settled_into():
     axes = ("frequency", np.array([2.0, 2.2, 2.4, 3.3, 4.0])), ("pendulum_length", [0.03, 0.05, 0.2])
-    m = design_map(SCENE, *axes, pendulum=HUNG, start=np.zeros(4))
+    m = design_map(SCENE, *axes, pendulum=PENDULUM, start=np.zeros(4))
     assert {"rocking", "rest", "overturned"} <= set(m.counts)
     assert m.start == (0.0, 0.0, 0.0, 0.0)
     for i, j in np.ndindex(m.status.shape):
         motion = replace(SCENE.motion, frequency=float(m.x[j]))
-        s = steady_state(replace(SCENE, motion=motion).parameters(replace(HUNG, length=float(m.y[i]))))
+        s = steady_state(replace(SCENE, motion=motion).parameters(replace(PENDULUM, length=float(m.y[i]))))
         assert m.status[i, j] == status_name(s.status)
         # On an orbit known to rounding; or followed until it repeats within 1e-6 of nu or nu + f, which
         # leaves that over one less the multiplier: the bob's is close to one.
         by_tilt, by_bob = (1e-12, 1e-12) if m.exact[i, j] else (1e-6, 1e-4)
         np.testing.assert_allclose(m.amplitude[i, j], float(s.amplitude), rtol=1e-12, atol=by_tilt)
-        np.testing.assert_allclose(m.stroke[i, j], float(s.stroke), rtol=1e-10, atol=by_bob)
+        np.testing.assert_allclose(m.swing[i, j], float(s.swing), rtol=1e-10, atol=by_bob)
     assert m.exact[(m.status == "rest") | (m.status == "overturned")].all()
     assert m.exact[m.status == "rocking"].any()
     assert not m.exact.all()
@@ -115,16 +115,21 @@ def test_from_a_start_cells_are_what_is_settled_into():
 
 def test_progress_is_told_and_ends_with_all():
     seen: list[tuple[int, int]] = []
-    design_map(BARE, ("xi", [1.5, 2.0]), LINE, progress=lambda *n: seen.append(n))
+    design_map(WITHOUT, ("xi", [1.5, 2.0]), LINE, progress=lambda *n: seen.append(n))
     assert seen == [(4, 4)]
 
 
 @pytest.mark.parametrize(
     ("subject", "x", "y", "match"),
     [
-        (BARE, ("omega", [1.0, 2.0]), LINE, "`x` must be one of nu, mu.* but is 'omega'"),
-        (BARE, LINE, LINE, "`x` and `y` must differ, but both are 'f'"),
-        (BARE, ("xi", [2.0, 1.0]), LINE, "`values of x` must be a vector of 2 or more increasing"),
+        (WITHOUT, ("omega", [1.0, 2.0]), LINE, "`x` must be one of nu, mu.* but is 'omega'"),
+        (WITHOUT, LINE, LINE, "`x` and `y` must differ, but both are 'f'"),
+        (
+            WITHOUT,
+            ("xi", [2.0, 1.0]),
+            LINE,
+            "`values of x` must be a vector of 2 or more increasing",
+        ),
         (SCENE, ("frequency", [1.0, 2.0]), LINE, "must not both move f, but 'frequency' does so as well"),
         # A corner out of range, though both axes are within theirs.
         (SCENE, ("width", [0.3, 0.41]), ("height", [0.8, 1.0]), r"`nu` must be between .* but is 0\.5125"),
@@ -147,7 +152,7 @@ def test_a_picture_colours_what_moves_hatches_the_rest_and_names_its_axes():
     ax = tpd.plot(m)
     assert ax.get_xlabel() == "frequency of the base motion (Hz)"
     assert ax.get_ylabel() == "amplitude of the base motion (m)"
-    for axes, drawn in ((ax, m.status == "rocking"), (tpd.plot(m, "stroke"), m.status != "unstable")):
+    for axes, drawn in ((ax, m.status == "rocking"), (tpd.plot(m, "swing"), m.status != "unstable")):
         (mesh,) = [c for c in axes.collections if isinstance(c, QuadMesh)]
         shown = ~np.ma.getmaskarray(np.ma.masked_invalid(mesh.get_array())).reshape(m.status.shape)
         np.testing.assert_array_equal(shown, drawn)

@@ -10,12 +10,12 @@ import pytest
 import tpd
 from tests import reference
 from tests.designs import outcomes as by_hand
-from tests.reference import HUNG as CASES
+from tests.reference import WITH as CASES
 from tpd.answers.ensemble import outcomes, plan
 from tpd.answers.statistics import Share
 from tpd.scene.status import Status, code_of, names_of
 
-HUNG = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
+WITH = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
 SPREADS = (
     *("tilt", "tilt_rate", "swing", "swing_rate", "amplitude", "frequency", "friction", "damping"),
     *("restitution", "slenderness", "mass", "length"),
@@ -34,14 +34,14 @@ def followed(p, y0, *, begin=0.0, ramp=0.0, periods):
     [("linear", CASES[3].amplitude, 1e-5), ("nonlinear", 0.0659875, 1.5e-5)],
 )
 def test_without_any_spread_every_run_is_what_is_settled_into_from_rest(equations, amplitude, rtol):
-    found = outcomes(HUNG, ensemble=dataclasses.replace(STILL, periods=200), equations=equations)
+    found = outcomes(WITH, ensemble=dataclasses.replace(STILL, periods=200), equations=equations)
     assert set(names_of(found.outcome)) == {"rocking"}
     np.testing.assert_allclose(found.settled_tilt, amplitude, rtol=rtol)
     assert np.all(found.tilt >= found.settled_tilt)
 
 
 def test_a_restitution_scatters_without_a_change_of_the_other_draws():
-    lossy = dataclasses.replace(HUNG, e=0.9)
+    lossy = dataclasses.replace(WITH, e=0.9)
     without, scattered = (plan(lossy, tpd.Ensemble(size=96, restitution=w)) for w in (0.0, 0.05))
     np.testing.assert_array_equal(without.y0, scattered.y0)
     np.testing.assert_array_equal(without.p.k, scattered.p.k)
@@ -55,25 +55,25 @@ def test_a_restitution_scatters_without_a_change_of_the_other_draws():
 
 def test_block_and_installation_scatter_by_default_and_restitution_where_it_is_a_number():
     e = tpd.Ensemble(size=256, tilt=0.2)
-    runs, lossy = plan(HUNG, e), plan(dataclasses.replace(HUNG, e=0.9), e)
+    runs, lossy = plan(WITH, e), plan(dataclasses.replace(WITH, e=0.9), e)
     spread = (("nu", 0.02), ("mu", 0.02), ("lam", 0.02), ("zeta", 0.2), ("k", 0.2), ("xi", e.frequency))
     for name, width in spread:
-        factor = np.asarray(getattr(runs.p, name)) / getattr(HUNG, name)
+        factor = np.asarray(getattr(runs.p, name)) / getattr(WITH, name)
         assert factor[0] == pytest.approx(1.0, rel=1e-15)
         assert 1.0 - width <= factor.min() < 1.0 - 0.98 * width
         assert 1.0 + 0.98 * width < factor.max() <= 1.0 + width
     np.testing.assert_array_equal(runs.p.e, 1.0)
     # The base's displacement stays: f goes with the square of the frequency.
-    amplitude = np.asarray(runs.p.f) / HUNG.f / (np.asarray(runs.p.xi) / HUNG.xi) ** 2
+    amplitude = np.asarray(runs.p.f) / WITH.f / (np.asarray(runs.p.xi) / WITH.xi) ** 2
     np.testing.assert_allclose(amplitude, 1.0, atol=e.amplitude + 1e-12)
-    assert np.abs(runs.y0[:, 0]).max() <= 0.2 * HUNG.nu
+    assert np.abs(runs.y0[:, 0]).max() <= 0.2 * WITH.nu
     assert np.all((runs.begin >= 0) & (runs.begin < 2 * np.pi / np.asarray(runs.p.xi)))
     assert set(runs.ramp) == {0.0, 2.0}
     assert np.mean(runs.ramp == 0.0) == pytest.approx(0.5, abs=0.02)
     assert (*runs.y0[0], runs.begin[0], runs.ramp[0]) == (0.0,) * 6
     assert 0.882 <= np.min(lossy.p.e) < 0.883
-    found = outcomes(HUNG, ensemble=dataclasses.replace(e, size=4, periods=5))
-    np.testing.assert_allclose(found.lam, plan(HUNG, dataclasses.replace(e, size=4)).p.lam)
+    found = outcomes(WITH, ensemble=dataclasses.replace(e, size=4, periods=5))
+    np.testing.assert_allclose(found.lam, plan(WITH, dataclasses.replace(e, size=4)).p.lam)
 
 
 def test_the_share_overturned_by_growing_shaking_is_that_of_an_independent_code():
@@ -84,7 +84,7 @@ def test_the_share_overturned_by_growing_shaking_is_that_of_an_independent_code(
 
 
 def test_nothing_is_called_rest_while_the_shaking_grows():
-    p = dataclasses.replace(HUNG, f=0.3)
+    p = dataclasses.replace(WITH, f=0.3)
     assert names_of(followed(p, np.zeros(4), periods=1).status)[0] == "rest"
     slow = followed(p, np.zeros(4), ramp=10.0, periods=100)
     assert names_of(slow.status)[0] == "rest"
@@ -99,18 +99,18 @@ def test_quantiles_count_the_overturned_as_infinite():
 
 def test_conditions_are_dealt_out_evenly():
     conditions = tpd.Conditions.amplitudes(0.5, 1.0)
-    runs = plan(HUNG, dataclasses.replace(STILL, size=64), 1.0, conditions)
+    runs = plan(WITH, dataclasses.replace(STILL, size=64), 1.0, conditions)
     assert sorted(np.round(np.asarray(runs.p.f), 12)) == [0.25] * 32 + [0.5] * 32
 
 
 def test_bad_subjects_are_refused():
     with pytest.raises(ValueError, match="`pendulum` goes with a scene"):
-        outcomes(HUNG, tpd.Pendulum(mass=3.2448, length=0.203, damping_ratio=0.1))
+        outcomes(WITH, tpd.Pendulum(mass=3.2448, length=0.203, damping_ratio=0.1))
     with pytest.raises(ValueError, match="`f` must be a single number, but is"):
-        outcomes(dataclasses.replace(HUNG, f=jnp.array([0.1, 0.2])))
+        outcomes(dataclasses.replace(WITH, f=jnp.array([0.1, 0.2])))
     for wrong in ("parametric", tpd.Terms.parametric):
         with pytest.raises(ValueError, match="`equations` must be one of linear, nonlinear, but is"):
-            outcomes(HUNG, ensemble=STILL, equations=wrong)
+            outcomes(WITH, ensemble=STILL, equations=wrong)
 
 
 # The paper's Table 1: cases of which it says what happens, as shares over ensembles of runs. A block of
@@ -128,8 +128,8 @@ TABLE_1 = tpd.Ensemble(size=48, periods=50, any_phase=False, **EVEN)
 def settled(mass, length, equations):
     """Settled tilts over that of toppling, infinite where the block overturns, of a mass ratio and a length
     over the whole height: of the sudden starts, the first of them with 15 mm, and of the growing ones."""
-    hung = SCENE.pendulum(mass_ratio=mass, length_ratio=2.0 * length, damping_ratio=0.0) if mass else None
-    runs = plan(SCENE.parameters(hung), TABLE_1, float(SCENE.rate))
+    with_it = SCENE.pendulum(mass_ratio=mass, length_ratio=2.0 * length, damping_ratio=0.0) if mass else None
+    runs = plan(SCENE.parameters(with_it), TABLE_1, float(SCENE.rate))
     # A cosine is a sine that begins a quarter of a period late.
     how = {"begin": 0.5 * np.pi / np.asarray(runs.p.xi), "ramp": runs.periods}
     found = reference.settled(tpd.Terms(equations), runs.p, runs.y0, periods=TABLE_1.periods, **how)
@@ -156,10 +156,10 @@ def test_table_1_of_the_paper(equations, tolerance, least):
         assert growing.max() < 0.01
         assert np.isinf(sudden).mean() > 0.1
     # A short rod overturns the block at every mass, and up to 20 % of mass nothing is gained.
-    bare = tilts(0.0, 0.4)
+    without_it = tilts(0.0, 0.4)
     for mass in (0.05, 0.1, 0.2, 0.3, 0.4):
         assert np.isinf(tilts(mass, 0.1)).mean() > (0.85 if mass == 0.4 else least)
     for mass in (0.05, 0.1, 0.2):
         found = tilts(mass, 0.1, 0.4, 0.6)
-        assert Share.of(np.isinf(found)).low > np.isinf(bare).mean()
-        assert np.median(found[np.isfinite(found)]) > np.median(bare[np.isfinite(bare)])
+        assert Share.of(np.isinf(found)).low > np.isinf(without_it).mean()
+        assert np.median(found[np.isfinite(found)]) > np.median(without_it[np.isfinite(without_it)])

@@ -15,7 +15,7 @@ from tpd.exact.terms import MU, F
 
 GRAVITY = 9.80665
 STATUE = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.0, restitution="housner")
-HUNG = tpd.Pendulum(mass=90.0, length=0.9, damping_ratio=0.4)
+PENDULUM = tpd.Pendulum(mass=90.0, length=0.9, damping_ratio=0.4)
 
 
 def noise(seed: int, n: int = 400) -> tpd.Record:
@@ -31,15 +31,15 @@ RECORDS = [noise(seed) for seed in range(12)]
 
 @pytest.fixture(scope="module")
 def found() -> Fragility:
-    return tpd.fragility(STATUE, RECORDS, scales=[0.8, 1.5, 3.0, 6.0, 12.0], pendulum=HUNG)
+    return tpd.fragility(STATUE, RECORDS, scales=[0.8, 1.5, 3.0, 6.0, 12.0], pendulum=PENDULUM)
 
 
 def test_shares_are_counts_of_single_motions(found):
     unit = GRAVITY * float(STATUE.slenderness)
     for i, stripe in enumerate(found.stripes):
         scenes = [tpd.Scene(STATUE, record.scaled_to(pga=stripe * unit)) for record in RECORDS]
-        for hung, curve in ((None, found.without_pendulum), (HUNG, found.with_pendulum)):
-            ends = [tpd.status_name(tpd.transient(scene, hung).status) for scene in scenes]
+        for with_it, curve in ((None, found.without_pendulum), (PENDULUM, found.with_pendulum)):
+            ends = [tpd.status_name(tpd.transient(scene, with_it).status) for scene in scenes]
             assert curve["overturned"].counts[i] == ends.count("overturned")
             assert curve["rocking"].counts[i] == 12 - ends.count("stood")
     # Tilts are over the slenderness.
@@ -57,16 +57,18 @@ def test_nothing_rocks_below_the_threshold_and_the_first_crossing_is_named(found
     assert "rocking: bare median" in str(found)
 
 
-def taken(monkeypatch, hung: bool, fewest: float) -> None:
+def taken(monkeypatch, with_it: bool, fewest: float) -> None:
     """Take the answers of all motions of stripes from `fewest` (PGA over g tan alpha) on."""
     nu = float(STATUE.slenderness)
-    unanswered(monkeypatch, lambda rows: (rows[:, F] > fewest * nu) & ((rows[:, MU] > 0.0) | ~np.bool_(hung)))
+    unanswered(
+        monkeypatch, lambda rows: (rows[:, F] > fewest * nu) & ((rows[:, MU] > 0.0) | ~np.bool_(with_it))
+    )
 
 
 @pytest.mark.mends("motions without an answer left no trace in counts, shares and words")
 def test_motions_without_an_answer_are_counted_and_named(monkeypatch, found):
     taken(monkeypatch, True, 11.0)
-    lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=HUNG)
+    lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=PENDULUM)
     assert "and not counted: 0 of 60 runs bare, 12 of 60 runs with the pendulum" in str(lost)
     assert "whatever the motions without an answer do" in str(lost)
     curve, before = lost.with_pendulum["overturned"], found.with_pendulum["overturned"]
@@ -89,7 +91,7 @@ def test_motions_without_an_answer_are_counted_and_named(monkeypatch, found):
 def test_a_first_crossing_that_hangs_on_motions_without_an_answer_is_not_known(monkeypatch, found):
     unit = float(STATUE.slenderness)
     unanswered(monkeypatch, lambda rows: np.isclose(rows[:, F], 1.5 * unit) & (rows[:, MU] == 0.0))
-    lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=HUNG, nonlinear=False)
+    lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=PENDULUM, nonlinear=False)
     assert math.isnan(lost.first_crossings["rocking"][0])
     assert lost.first_crossings["rocking"][1] == found.first_crossings["rocking"][1]
 
@@ -122,7 +124,7 @@ def test_runs_that_the_nonlinear_equations_do_not_answer_are_named(monkeypatch):
 @pytest.mark.mends("motions without an answer were not drawn")
 def test_motions_without_an_answer_are_drawn(monkeypatch, found):
     taken(monkeypatch, True, 11.0)
-    lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=HUNG, nonlinear=False)
+    lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=PENDULUM, nonlinear=False)
     drawn = {c.get_label(): c for c in tpd.plot(lost).collections}
     (bar,) = drawn["with pendulum: 12 runs without an answer"].get_segments()
     assert bar.tolist() == [[12.0, 0.0], [12.0, 1.0]]
@@ -160,7 +162,9 @@ def test_bad_input_is_one_sentence(options, said):
 
 @pytest.mark.mends("the motions of one earthquake, even copies of one motion, counted as independent")
 def test_copies_of_motions_make_nothing_surer(found):
-    twice = tpd.fragility(STATUE, [*RECORDS, *RECORDS], scales=found.stripes, pendulum=HUNG, nonlinear=False)
+    twice = tpd.fragility(
+        STATUE, [*RECORDS, *RECORDS], scales=found.stripes, pendulum=PENDULUM, nonlinear=False
+    )
     for once, copies in (
         (found.without_pendulum, twice.without_pendulum),
         (found.with_pendulum, twice.with_pendulum),

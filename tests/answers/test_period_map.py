@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import HUNG, exact, parameters
+from tests.reference import WITH, exact, parameters
 from tests.segmented import Segmented
 from tpd import Terms
 from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, refine
@@ -13,7 +13,7 @@ from tpd.exact.rows import numbers_of, packed
 from tpd.scene.parameters import from_row
 from tpd.scene.status import index_of
 
-CASE = HUNG[0]
+CASE = WITH[0]
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.exact.orbit_cases import chosen, felt
-from tests.reference import BARE, UNSTABLE, along, differences, parameters
+from tests.reference import UNSTABLE, along, differences, parameters
 from tpd import status_name
 from tpd.answers.periodic_orbit import PeriodicOrbit, continue_orbit, periodic_orbit
 
@@ -79,7 +79,7 @@ def near(x: Any, y0: Any, periods: int = 1, max_events: int = 2000) -> PeriodicO
 
 
 def sizes(o: PeriodicOrbit) -> jax.Array:
-    return jnp.concatenate([jnp.stack([o.amplitude, o.stroke]), o.state])
+    return jnp.concatenate([jnp.stack([o.amplitude, o.swing]), o.state])
 
 
 @jax.jit
@@ -126,7 +126,7 @@ def test_simulation_stays_on_the_orbit_and_has_its_multipliers_wherever_cut(scen
     ys, slopes, _ = along(scene.x, orbit.state, period)
     np.testing.assert_allclose(ys[-1], orbit.state, rtol=0.0, atol=2e-12)
     largest = np.max(np.abs(ys), axis=0)
-    for size, seen in ((orbit.amplitude, largest[0]), (orbit.stroke, largest[1])):
+    for size, seen in ((orbit.amplitude, largest[0]), (orbit.swing, largest[1])):
         assert (1.0 - 2e-3) * float(size) < seen < (1.0 + 1e-9) * float(size)
     _, other, _ = along(scene.x, ys[137], period[137] + period)
     # Rounding of the tilt moves hops of 1e-6 by 1e-10, and the multipliers of the rattle with them.
@@ -155,9 +155,9 @@ def test_gradients_are_the_differences(scene: Scene) -> None:
 
 
 @functools.cache
-def bare() -> PeriodicOrbit:
+def without() -> PeriodicOrbit:
     """The attracting orbit of the bare block at xi = 1.5, whose branch loses symmetry near 1.0443."""
-    return near((*BARE[0].x, 1.0), (0.06571, 0.00324, 0.1113, -0.85042))
+    return near((*WITHOUT[0].x, 1.0), (0.06571, 0.00324, 0.1113, -0.85042))
 
 
 def moved(orbit: PeriodicOrbit, x: Any, i: int, stops: Any) -> PeriodicOrbit:
@@ -169,7 +169,7 @@ def moved(orbit: PeriodicOrbit, x: Any, i: int, stops: Any) -> PeriodicOrbit:
 
 def test_continuation_passes_where_the_orbit_repels() -> None:
     x, amplitude, half = (*UNSTABLE[0], 1.0), *UNSTABLE[1:]
-    before = moved(bare(), x, 6, np.linspace(1.5, 1.05, 10))
+    before = moved(without(), x, 6, np.linspace(1.5, 1.05, 10))
     assert status_name(before.status) == "rocking"
     after = moved(before, x, 6, (1.04,))
     assert status_name(after.status) == "unstable"
@@ -183,13 +183,13 @@ def test_continuation_passes_where_the_orbit_repels() -> None:
     slope = differences(lambda x: np.asarray(sizes(continue_orbit(at(x), end))), x, 6, share=1e-3)
     np.testing.assert_allclose(answer.slopes[:, 6], slope, rtol=1e-7, atol=1e-7)
     back = moved(end, x, 6, np.linspace(1.0, 1.5, 12))
-    np.testing.assert_allclose(back.state, bare().state, rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(back.state, without().state, rtol=0.0, atol=1e-13)
 
 
 def test_fold_is_told_and_refused() -> None:
     """Followed down in f until the orbit is gone: next to its end the status says so, the fold's margin
     vanishes, and there are no derivatives."""
-    x, orbit, step = np.array((*BARE[0].x, 1.0)), bare(), 0.01
+    x, orbit, step = np.array((*WITHOUT[0].x, 1.0)), without(), 0.01
     while step > 1e-15:
         onward = moved(orbit, x, 5, (x[5] - step,))
         near_by = abs(float(onward.amplitude) - float(orbit.amplitude)) < 0.01
@@ -247,9 +247,9 @@ def test_programs_answer_as_the_host_does() -> None:
     for one, other in zip(jax.tree.leaves(on_host), jax.tree.leaves(jax.jit(answer)(x)), strict=True):
         assert one.dtype == other.dtype
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13)
-    batch = jax.jit(jax.vmap(jax.value_and_grad(lambda x: answer(x).stroke)))
+    batch = jax.jit(jax.vmap(jax.value_and_grad(lambda x: answer(x).swing)))
     for value, slopes in zip(*batch(jnp.stack([x, x])), strict=True):
-        assert float(value) == pytest.approx(float(on_host.stroke), rel=1e-12)
+        assert float(value) == pytest.approx(float(on_host.swing), rel=1e-12)
         np.testing.assert_allclose(slopes, found(scene).slopes[1], rtol=1e-9)
 
 

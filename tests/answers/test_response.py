@@ -15,30 +15,30 @@ from tpd.answers.response import Branches, frequencies
 from tpd.scene.quantities import Setup
 from tpd.theory.no_uplift import uplift
 
-SCENE, HUNG = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
-BARE = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)
+SCENE, PENDULUM = paper_scene(), Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
+WITHOUT = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)
 
 
 @functools.cache
-def bare() -> Branches:
-    return branches(BARE, "xi", 0.9, 4.0, samples=125)
+def without_it() -> Branches:
+    return branches(WITHOUT, "xi", 0.9, 4.0, samples=125)
 
 
 @functools.cache
-def hung() -> Branches:
-    return branches(SCENE, "frequency", 1.7, 3.0, pendulum=HUNG, samples=100)
+def with_it() -> Branches:
+    return branches(SCENE, "frequency", 1.7, 3.0, pendulum=PENDULUM, samples=100)
 
 
 def fold() -> Bifurcation:
-    (found,) = [b for b in hung().bifurcations if b.kind is Kind.fold]
+    (found,) = [b for b in with_it().bifurcations if b.kind is Kind.fold]
     return found
 
 
 def test_symmetry_breaks_and_sticking_begins_where_the_branches_say_so():
-    breaking, sticking = bare().bifurcations
+    breaking, sticking = without_it().bifurcations
     assert (breaking.kind, sticking.kind) == (Kind.symmetry_breaking, Kind.sticking)
     assert breaking.value == pytest.approx(1.0443, abs=5e-5)
-    s = bare().sweep
+    s = without_it().sweep
     rows, columns = s.line(0)
     np.testing.assert_array_equal(s.status[rows, columns] == "rocking", s.value[rows] > breaking.value)
     # The values crowd towards what happens: the branch ends at it, far within one even spacing.
@@ -47,16 +47,16 @@ def test_symmetry_breaks_and_sticking_begins_where_the_branches_say_so():
 
 
 def test_a_resting_block_stays_where_the_margin_is_positive():
-    case = hung()
-    p = Setup.of(SCENE, HUNG).at({"frequency": case.sweep.value})
+    case = with_it()
+    p = Setup.of(SCENE, PENDULUM).at({"frequency": case.sweep.value})
     assert set(np.sign(case.margin)) == {-1.0, 1.0}
     np.testing.assert_allclose(case.margin, np.asarray(uplift(p).margin), rtol=1e-12)
-    np.testing.assert_allclose(case.rest_stroke, np.asarray(uplift(p).stroke), rtol=1e-12)
+    np.testing.assert_allclose(case.rest_swing, np.asarray(uplift(p).swing), rtol=1e-12)
 
 
 def test_the_fold_over_hz_is_the_fold_of_the_scene_there():
-    b, s = fold(), hung().sweep
-    p = Setup.of(SCENE, HUNG).at({"frequency": b.value})
+    b, s = fold(), with_it().sweep
+    p = Setup.of(SCENE, PENDULUM).at({"frequency": b.value})
     near = bifurcations(p, "xi", 0.99 * p.xi, 1.01 * p.xi, samples=40)
     (same,) = [a for a in near if a.kind is Kind.fold]
     assert same.value == pytest.approx(p.xi, rel=1e-12)
@@ -77,18 +77,18 @@ def test_settled_from_rest_the_paper_s_block_rocks_as_known_at_its_frequency():
         "Response from rest over frequency: 2 values, 1.5 to 2.5 Hz",
         "  status      1 rocking, 1 rest",
         "  amplitude   0 to 0.08333 rad",
-        f"  stroke      {r.stroke.min():.4g} to {r.stroke.max():.4g} rad",
+        f"  stroke      {r.swing.min():.4g} to {r.swing.max():.4g} rad",
     ]
     assert r._repr_html_() == f"<pre>{r}</pre>"
 
 
 def test_branches_print_one_line_for_each_bifurcation():
-    breaking, sticking = bare().bifurcations
-    assert str(bare()).splitlines() == ["2 branches from 0.9 to 4", f"  {breaking}", f"  {sticking}"]
+    breaking, sticking = without_it().bifurcations
+    assert str(without_it()).splitlines() == ["2 branches from 0.9 to 4", f"  {breaking}", f"  {sticking}"]
     where = f"symmetry breaking  {breaking.value:10.6g}, amplitude {breaking.amplitude:.5g} rad"
     assert str(breaking) == repr(breaking) == f"{where}: unstable below, rocking above"
     assert f"{fold().value:.6g} Hz, amplitude {fold().amplitude:.5g} rad: " in str(fold())
-    assert str(hung()).splitlines()[0].endswith(" branches from 1.7 to 3 Hz")
+    assert str(with_it()).splitlines()[0].endswith(" branches from 1.7 to 3 Hz")
     lost = replace(breaking, kind=Kind.unresolved, reason="no cause was found")
     assert str(lost) == f"unresolved         {breaking.value:10.6g}: no cause was found"
 
@@ -97,9 +97,9 @@ def test_a_response_refuses_bad_input():
     with pytest.raises(ValueError, match="`frequency` must be positive and finite, but is 0"):
         settled_response(SCENE, "frequency", [1.0, 0.0])
     with pytest.raises(ValueError, match="`name` must be one of"):
-        branches(BARE, "frequency", 1.0, 2.0)
+        branches(WITHOUT, "frequency", 1.0, 2.0)
     with pytest.raises(ValueError, match="`samples` must be a whole number, 8 or more"):
-        branches(BARE, "xi", 1.0, 2.0, samples=3)
+        branches(WITHOUT, "xi", 1.0, 2.0, samples=3)
 
 
 def test_frequencies_are_close_near_the_own_one():
@@ -112,14 +112,14 @@ def test_frequencies_are_close_near_the_own_one():
 
 
 def test_a_picture_draws_stable_solid_unstable_dashed_and_marks_what_is_lost():
-    (ax,) = tpd.plot(bare())
+    (ax,) = tpd.plot(without_it())
     assert ax.get_xlabel() == r"frequency ratio $\xi$ = $\omega/\omega_0$ (-)"
     labels = [text.get_text() for text in ax.get_legend().get_texts()]
     assert labels == ["without pendulum", "stable", "unstable", "symmetry breaks", "begins to stick"]
-    tilt, bob = tpd.plot(hung(), without=replace(hung()))
+    tilt, bob = tpd.plot(with_it(), without=replace(with_it()))
     assert tilt.get_ylabel() == r"largest tilt $|\varphi|$ (rad)"
     assert bob.get_ylabel() == r"largest bob angle $|\psi|$ (rad)"
-    b, s = fold(), hung().sweep
+    b, s = fold(), with_it().sweep
     drawn = [line for line in tilt.lines if len(line.get_xdata())]
     marks = [line.get_xydata()[0] for line in drawn if line.get_marker() == "o"]
     np.testing.assert_allclose(marks, [[b.value, b.amplitude]] * 2)

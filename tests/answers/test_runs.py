@@ -13,21 +13,21 @@ from tpd.exact.terms import MU
 from tpd.scene.status import names_of
 
 STATUE = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.0, restitution="housner")
-HUNG = tpd.Pendulum(mass=90.0, length=0.9, damping_ratio=0.4)
+PENDULUM = tpd.Pendulum(mass=90.0, length=0.9, damping_ratio=0.4)
 MOTIONS = [tpd.Pulse.ricker(acceleration=3.0, frequency=1.0), tpd.Record(4.0 * np.sin(np.arange(90.0)), 0.03)]
 FACTORS = np.array([[0.2, 1.0, 5.0], [0.5, 1.5, 4.0]])
 
 
 @pytest.fixture(scope="module")
 def runs():
-    return follow_scaled(STATUE, (None, HUNG), MOTIONS, FACTORS, free=5.0)
+    return follow_scaled(STATUE, (None, PENDULUM), MOTIONS, FACTORS, free=5.0)
 
 
 def test_the_table_has_every_motion_with_every_pendulum(runs):
     assert runs.tilt.shape == (2, 2, 3)
     for i, j, k in np.ndindex(2, 2, 3):
         scene = tpd.Scene(STATUE, MOTIONS[j].scaled(FACTORS[j, k]))
-        one = tpd.transient(scene, (None, HUNG)[i], free=5.0)
+        one = tpd.transient(scene, (None, PENDULUM)[i], free=5.0)
         status = tpd.status_name(one.status)
         assert names_of(runs.outcome)[i, j, k] == status
         assert runs.is_lifted[i, j, k] == (status != "stood")
@@ -46,8 +46,8 @@ def test_the_table_has_every_motion_with_every_pendulum(runs):
 
 def test_workers_and_the_order_of_motions_change_nothing(runs):
     seen, given = [], {"free": 5.0, "progress": lambda *n: seen.append(n)}
-    one = follow_scaled(STATUE, (None, HUNG), MOTIONS, FACTORS, workers=1, **given)
-    turned = follow_scaled(STATUE, (HUNG, None), MOTIONS[::-1], FACTORS[::-1], free=5.0, workers=3)
+    one = follow_scaled(STATUE, (None, PENDULUM), MOTIONS, FACTORS, workers=1, **given)
+    turned = follow_scaled(STATUE, (PENDULUM, None), MOTIONS[::-1], FACTORS[::-1], free=5.0, workers=3)
     for name in (*ANGLES, "impacts", "outcome", "mu"):
         a, b, c = (getattr(table, name) for table in (runs, one, turned))
         np.testing.assert_array_equal(a, b)
@@ -56,7 +56,7 @@ def test_workers_and_the_order_of_motions_change_nothing(runs):
 
 
 def test_rows_are_followed_as_they_are(runs):
-    x = rows_of(STATUE, HUNG, MOTIONS, 9.80665)
+    x = rows_of(STATUE, PENDULUM, MOTIONS, 9.80665)
     late = np.full(2, 5.0 * float(tpd.Scene(STATUE, MOTIONS[0]).rate))
     pieces = [np.asarray(m.pieces(), dtype=float) for m in MOTIONS]
     found = follow_runs(tpd.Terms.linear, x, GroundForcing(pieces, late, np.arange(2)))
@@ -65,7 +65,7 @@ def test_rows_are_followed_as_they_are(runs):
 
 def test_a_run_without_an_answer_has_no_results_and_has_not_overturned(monkeypatch):
     unanswered(monkeypatch, lambda rows: rows[:, MU] > 0.0)
-    found = follow_scaled(STATUE, (None, HUNG), MOTIONS, FACTORS, free=5.0)
+    found = follow_scaled(STATUE, (None, PENDULUM), MOTIONS, FACTORS, free=5.0)
     assert found.is_unanswered.tolist() == [[[False] * 3] * 2, [[True] * 3] * 2]
     assert not found.is_overturned[1].any()
     for name in (*ANGLES, "impacts", "severity"):

@@ -10,7 +10,7 @@ from tests.unanswered import unanswered
 from tpd.exact.terms import MU, XI, F
 
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
-HUNG = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
+PENDULUM = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
 PULSE = tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0)
 STRONG = tpd.Pulse.one_sine(acceleration=3.0, frequency=1.0)
 PERIODS = np.array([2.0, 4.0, 8.0])
@@ -37,7 +37,7 @@ def middle(rows: np.ndarray) -> np.ndarray:
 
 def test_the_overturning_spectrum_has_its_tongues():
     sizes = np.linspace(0.9, 12.0, 60)
-    found = spectrum(HUNG, (5.0,), sizes)
+    found = spectrum(PENDULUM, (5.0,), sizes)
     frequency = 5.0 * float(tpd.Scene(COLUMN, PULSE).rate) / (2.0 * math.pi)
     one = tpd.Pulse.one_sine(acceleration=9.80665 / 6.0, frequency=frequency)
     tongues = np.asarray(tpd.critical_scale(tpd.Scene(COLUMN, one)).tongues)
@@ -60,8 +60,8 @@ def test_the_rocking_spectrum_is_that_of_single_blocks():
         # A block of the same shape whose rate is this one.
         size = (float(tpd.Scene(statue, record).rate) / (2.0 * math.pi / period)) ** 2
         block = tpd.Block(width=0.45 * size, height=1.8 * size, **shape)
-        hung = tpd.Pendulum(mass=90.0, length=0.9 * size, damping_ratio=0.4)
-        for pendulum, tilts in ((None, found.without_pendulum), (hung, found.with_pendulum)):
+        with_it = tpd.Pendulum(mass=90.0, length=0.9 * size, damping_ratio=0.4)
+        for pendulum, tilts in ((None, found.without_pendulum), (with_it, found.with_pendulum)):
             one = tpd.transient(tpd.Scene(block, record), pendulum)
             # Housner's restitution with a bob is another number.
             assert tilts[i] == pytest.approx(float(one.tilt) / 0.25, rel=1e-9)
@@ -69,9 +69,9 @@ def test_the_rocking_spectrum_is_that_of_single_blocks():
 
 @pytest.mark.mends("cells without an answer counted as overturned")
 def test_the_share_that_is_safe_is_that_of_the_cells_with_an_answer(monkeypatch):
-    known = spectrum(HUNG)
+    known = spectrum(PENDULUM)
     unanswered(monkeypatch, largest)
-    found = spectrum(HUNG)
+    found = spectrum(PENDULUM)
     assert np.all(known.without_pendulum[-1] >= 2)
     assert np.all(found.without_pendulum[-1] == -1)
     for cells, share in zip(known.cases, found.safe(), strict=True):
@@ -88,12 +88,12 @@ def test_without_any_answer_no_share_is_known(monkeypatch):
 @pytest.mark.mends("cells without an answer had the colour of those that stand")
 def test_cells_without_an_answer_are_drawn(monkeypatch):
     unanswered(monkeypatch, lambda rows: largest(rows) & (rows[:, MU] > 0.0))
-    bare, hung = tpd.plot(spectrum(HUNG))
-    assert not bare.lines
-    (crosses,) = hung.lines
+    without, with_it = tpd.plot(spectrum(PENDULUM))
+    assert not without.lines
+    (crosses,) = with_it.lines
     assert (crosses.get_label(), crosses.get_marker()) == ("no answer: 2 of 8", "x")
     assert crosses.get_xydata().tolist() == [[3.0, 12.0], [5.0, 12.0]]
-    assert hung.get_legend() is not None
+    assert with_it.get_legend() is not None
 
 
 @pytest.mark.mends("the tilt up to where the bound on events ended a motion was given as its largest")

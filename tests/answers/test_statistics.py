@@ -115,8 +115,8 @@ def test_limits_hold_the_mean_and_one_cluster_leaves_it_unknown():
     rng = np.random.default_rng(1)
     for _ in range(200):
         n = int(rng.integers(2, 30))
-        hung, bare = np.clip(rng.normal(rng.random(2)[:, None], 0.5, (2, n)), 0.0, 1.0)
-        for found in (change(hung, bare), fall(hung, bare), fall(hung, bare, least=0.3)):
+        pendulum, without = np.clip(rng.normal(rng.random(2)[:, None], 0.5, (2, n)), 0.0, 1.0)
+        for found in (change(pendulum, without), fall(pendulum, without), fall(pendulum, without, least=0.3)):
             assert found.low <= found.mean <= found.high
     for found in (changed(np.ones(3), np.zeros(3, int)), fall(np.ones(2), np.ones(2), np.zeros(2, int))):
         assert math.isinf(found.low)
@@ -129,8 +129,8 @@ def test_limits_hold_the_mean_and_one_cluster_leaves_it_unknown():
 
 @pytest.mark.mends("a fall of runs that were all alike had an interval without a width")
 def test_a_fall_of_runs_that_are_all_alike_has_a_width():
-    for hung, bare in ((0.5, 1.0), (1.0, 1.0), (0.0, 1.0), (0.3, 0.2), (0.0, 0.0), (0.6, 0.0)):
-        found = fall(np.full(18, hung), np.full(18, bare), np.repeat(np.arange(6), 3), least=0.02)
+    for pendulum, without in ((0.5, 1.0), (1.0, 1.0), (0.0, 1.0), (0.3, 0.2), (0.0, 0.0), (0.6, 0.0)):
+        found = fall(np.full(18, pendulum), np.full(18, without), np.repeat(np.arange(6), 3), least=0.02)
         assert found.low < found.mean <= found.high <= 1.0
         assert found.high - found.low > 0.3
 
@@ -161,10 +161,10 @@ def test_a_fall_is_a_ratio_of_means_whose_interval_covers_the_truth():
     # Bare tilts about a mean of each earthquake, hung ones at 0.7 of these with a scatter.
     rng, hits, clusters = np.random.default_rng(0), 0, np.repeat(np.arange(20), 3)
     for _ in range(300):
-        bare = np.repeat(rng.uniform(0.2, 0.8, 20), 3) + rng.uniform(-0.1, 0.1, 60)
-        hung = bare * (0.7 + np.repeat(rng.uniform(-0.3, 0.3, 20), 3))
-        found = fall(hung, bare, clusters)
-        assert found.mean == pytest.approx(1.0 - hung.mean() / bare.mean())
+        without = np.repeat(rng.uniform(0.2, 0.8, 20), 3) + rng.uniform(-0.1, 0.1, 60)
+        pendulum = without * (0.7 + np.repeat(rng.uniform(-0.3, 0.3, 20), 3))
+        found = fall(pendulum, without, clusters)
+        assert found.mean == pytest.approx(1.0 - pendulum.mean() / without.mean())
         hits += found.low <= 0.3 <= found.high
     assert hits / 300 > 0.93
 

@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 
 from tests.exact.test_steady import LOSSES
-from tests.reference import CONSERVING, HUNG, LEANING, OVERTURNING, REST, STILL, exact, orbits_of, parameters
+from tests.reference import (
+    CONSERVING,
+    LEANING,
+    OVERTURNING,
+    REST,
+    STILL,
+    WITH,
+    exact,
+    orbits_of,
+    parameters,
+)
 from tpd import Parameters, Status, simulate, status_name, steady_state, symmetric_orbits
 from tpd.answers.period_map import Orbit
 from tpd.answers.steady_state import _Answer, _compared, _verdict
@@ -18,7 +28,7 @@ from tpd.exact.runs import Settled
 from tpd.scene.status import index_of, names_of
 from tpd.theory import uplift
 
-X = np.array(HUNG[3].x)
+X = np.array(WITH[3].x)
 NAMES = ("mu", "lam", "zeta", "k", "f", "xi")
 
 
@@ -26,7 +36,7 @@ def test_forward_mode_of_a_batch_agrees_with_reverse_mode_of_one():
     # `exact` takes its Jacobian in reverse mode.
     def sizes(x):
         steady = steady_state(parameters(x))
-        return jnp.stack([steady.amplitude, steady.stroke]), steady.status
+        return jnp.stack([steady.amplitude, steady.swing]), steady.status
 
     designs = np.array([X, STILL.x])
     slopes, statuses = jax.vmap(jax.jacfwd(sizes, has_aux=True))(designs)
@@ -123,7 +133,7 @@ def test_a_block_that_stays_down_rests_however_slowly_the_bob_does(mu):
     assert float(uplift(p).margin) > 0.0
     settled = steady_state(p)
     assert (status_name(settled.status), float(settled.amplitude)) == ("rest", 0.0)
-    assert settled.stroke == pytest.approx(0.0744690, rel=1e-6)
+    assert settled.swing == pytest.approx(0.0744690, rel=1e-6)
 
 
 @pytest.mark.mends("derivatives in a start were always zero")
@@ -135,7 +145,7 @@ def test_numbers_of_any_type_and_starts_have_derivatives():
     slope = jax.grad(lambda mu: settled(mu).amplitude)
     assert slope(jnp.float32(0.2)) == pytest.approx(float(slope(0.2)), rel=1e-5)
     assert jax.jit(jax.grad(lambda mu, k: settled(mu, k).amplitude))(0.2, 0) == slope(0.2) != 0.0
-    in_start = jax.grad(lambda y0, k, zeta: settled(0.2, k, y0, zeta).stroke)
+    in_start = jax.grad(lambda y0, k, zeta: settled(0.2, k, y0, zeta).swing)
     np.testing.assert_array_equal(in_start(jnp.zeros(4), 0.0, 0.1), 0.0)
     # Nothing damps the bob of a block at rest: its reach is that of the start.
     assert np.isnan(in_start(jnp.array([0.0, 0.05, 0.0, 0.0]), 1.0, 0.0)).all()
@@ -161,7 +171,8 @@ band, y0, few = np.array([2.0, 3.5]), np.zeros(4), tpd.Ensemble(seed=0)
 calls = """
     tpd.steady_state(p); tpd.steady_state(p, model=tpd.Auto()); tpd.simulate(p, y0, np.array([0.0, 1.0]))
     tpd.symmetric_orbits(p); tpd.periodic_orbit(p, y0)
-    bifurcations(p, "f", 0.3, 0.4); tpd.branches(p, "f", 0.3, 0.4); tpd.check(scene, pendulum, stroke=0.5)
+    bifurcations(p, "f", 0.3, 0.4); tpd.branches(p, "f", 0.3, 0.4)
+    tpd.check(scene, pendulum, swing_limit=0.5)
     tpd.design_map(p, ("mu", values), ("lam", values)); tpd.settled_response(scene, "frequency", band)
     tpd.attractors(p, starts=tpd.Starts(size=4, seed=0)); tpd.optimise(scene, tpd.DesignSpace())
     tpd.optimise(scene, conditions=tpd.Conditions.band(scene, 2.0, 3.5))
@@ -198,7 +209,7 @@ def test_a_block_that_friction_holds_leaning_is_held(x, y0):
     ys = np.asarray(simulate(parameters(x), np.array(y0), np.array([0.0, *times])).ys)[1:]
     assert np.ptp(ys[:, 0]) == 0.0
     assert answer.amplitude == pytest.approx(abs(ys[0, 0]), rel=1e-12)
-    assert answer.stroke == pytest.approx(np.abs(ys[:, 1]).max(), rel=1e-3)
+    assert answer.swing == pytest.approx(np.abs(ys[:, 1]).max(), rel=1e-3)
     np.testing.assert_allclose(answer.steady.state, ys[0], rtol=0, atol=1e-8)
     assert np.all(np.isnan(answer.slopes))
     assert float(answer.steady.multiplier) == 1.0
@@ -243,7 +254,7 @@ def test_a_block_whose_hops_shrink_for_ever_is_at_rest():
     assert answer.status == still.status == "rest"
     assert answer.amplitude == 0.0
     np.testing.assert_array_equal(answer.slopes[0], 0.0)
-    assert answer.stroke == pytest.approx(still.stroke, rel=1e-12)
+    assert answer.swing == pytest.approx(still.swing, rel=1e-12)
     np.testing.assert_allclose(answer.slopes[1], still.slopes[1], rtol=1e-9, atol=1e-12)
 
 
@@ -305,7 +316,7 @@ def test_arrays_of_one_number_and_wholes_have_the_answer_of_floats():
     x, y0 = SCENES["rocking"]
     found = [settled(given, y0) for given in (x, map(np.asarray, x), jnp.asarray(x), np.array(x))]
     whole = [settled((*x[:6], xi, *x[7:]), np.zeros(4, int)) for xi in (4, 4.0, np.float64(4.0))]
-    assert len({(float(s.amplitude), float(s.stroke), *map(float, s.state)) for s in [*found, *whole]}) == 1
+    assert len({(float(s.amplitude), float(s.swing), *map(float, s.state)) for s in [*found, *whole]}) == 1
 
 
 def test_a_derivative_in_one_of_plain_numbers_is_that_of_the_answer():

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.answers.test_bifurcations import BARE as FOLDING
 from tests.answers.test_bifurcations import HIGH, LOW, Kind, lost
+from tests.answers.test_bifurcations import WITHOUT as FOLDING
 from tests.exact.orbit_cases import Answers, among, chosen, full, solve
 from tests.properties.bounded import bounded
 from tests.reference import CONSERVING, MOVING, NAMES, UNSTABLE, differences, exact, named
 from tpd import status_name
 
-NUMBERS = ("amplitude", "stroke", "state", "phase", "crossing", "multipliers", "slopes")
+NUMBERS = ("amplitude", "swing", "state", "phase", "crossing", "multipliers", "slopes")
 F, XI = NAMES.index("f"), NAMES.index("xi")
 
 
@@ -58,7 +58,7 @@ def test_an_attracting_orbit_is_the_steady_state_from_its_own_state():
         assert status_name(s.status) == "rocking"
         assert s.periods == 1
         assert o.amplitude == pytest.approx(float(s.amplitude), rel=1e-11)
-        assert o.stroke == pytest.approx(float(s.stroke), rel=1e-11)
+        assert o.swing == pytest.approx(float(s.swing), rel=1e-11)
         np.testing.assert_allclose(o.state, s.state, rtol=0, atol=1e-11 * np.abs(o.state).max())
 
 
@@ -70,7 +70,7 @@ def by_differences(x, amplitude, share):
         differences(lambda y: asked.append(y) or 0.0, x, i, share=share)
     o = solve(asked)
     row, nearest = np.arange(len(asked)), np.nanargmin(np.abs(o.amplitude - amplitude), axis=1)
-    numbers = (o.amplitude, o.stroke, *np.moveaxis(o.state, -1, 0), o.phase, o.crossing, o.fold, o.symmetry)
+    numbers = (o.amplitude, o.swing, *np.moveaxis(o.state, -1, 0), o.phase, o.crossing, o.fold, o.symmetry)
     values = iter(np.stack(numbers, axis=-1)[row, nearest])
     return np.stack([differences(lambda y: next(values), x, i, share=share) for i in range(8)], axis=-1)
 
@@ -88,11 +88,11 @@ def test_slopes_are_those_of_differences(kind):
     for x, o in safe:
         expected = by_differences(x, o.amplitude, 0.004)
         errors.append(np.abs(o.slopes - expected).max(axis=1) / np.abs(expected).max(axis=1))
-    sizes, strokes, states = np.array(errors)[:, 0], np.array(errors)[:, 1], np.array(errors)[:, 2:]
+    sizes, swings, states = np.array(errors)[:, 0], np.array(errors)[:, 1], np.array(errors)[:, 2:]
     assert np.max(sizes) < 1e-6
     assert np.max(states) < 1e-5
     # One may have another peak of the bob taking over within the steps.
-    assert np.sort(strokes)[-2] < 1e-5
+    assert np.sort(swings)[-2] < 1e-5
 
 
 def test_a_neutral_orbit_has_the_gradient_of_differences():
@@ -129,7 +129,7 @@ def test_there_is_never_a_nan_without_a_status(x):
     assert np.all(there | np.isin(o.status, ("near_fold", "grazing", "no_orbit", "neutral")))
     for name in (*NUMBERS, "fold", "symmetry", "sticking"):
         assert np.all(np.isfinite(getattr(o, name)[there])), name
-    for name in ("amplitude", "stroke", "sticking", "grazing"):
+    for name in ("amplitude", "swing", "sticking", "grazing"):
         assert np.all(getattr(o, name)[there] > 0), name
     assert np.all(np.diff(o.amplitude[o.exists]) < 0)
     largest = np.abs(o.multipliers).max(axis=-1)

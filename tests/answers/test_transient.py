@@ -25,7 +25,7 @@ def bob(mass=450.0, length=0.9) -> tpd.Pendulum:
     return tpd.Pendulum(mass=mass, length=length, damping_ratio=0.1)
 
 
-HUNG = bob()
+PENDULUM = bob()
 
 
 def column(pulse: tpd.Pulse | tpd.Record) -> tpd.Scene:
@@ -69,9 +69,9 @@ def scene_of(s, motion) -> tuple[tpd.Scene, tpd.Pendulum | None]:
 
 
 def given(case) -> tuple[tpd.Scene, tpd.Pendulum | None, dict]:
-    scene, hung = scene_of(case["scene"], motion_of(case))
+    scene, with_it = scene_of(case["scene"], motion_of(case))
     y0 = np.array(case["y0"], dtype=float) * clock(scene)
-    return scene, hung, {"y0": y0, "free": float(case["free"])}
+    return scene, with_it, {"y0": y0, "free": float(case["free"])}
 
 
 def clock(scene) -> np.ndarray:
@@ -82,8 +82,8 @@ def clock(scene) -> np.ndarray:
 @pytest.mark.parametrize("name", CASES)
 def test_a_motion_is_that_of_fifty_digits(name):
     known = CASES[name]["results"]
-    scene, hung, how = given(CASES[name])
-    found = tpd.transient(scene, hung, **how)
+    scene, with_it, how = given(CASES[name])
+    found = tpd.transient(scene, with_it, **how)
     assert (named(found) == "overturned") == known["overturned"]
     assert float(found.uplift_time) == pytest.approx(float(known["uplift_time"]), rel=1e-7, abs=1e-12)
     if known["overturned"]:
@@ -101,7 +101,7 @@ def test_a_motion_is_that_of_fifty_digits(name):
 
 @pytest.mark.parametrize("name", [n for n, c in CASES.items() if "derivatives" in c["results"]])
 def test_its_derivatives_are_those_of_fifty_digits(name):
-    scene, hung, how = given(CASES[name])
+    scene, with_it, how = given(CASES[name])
     block, own = scene.block, float(CASES[name]["scene"]["scale"])
 
     def tilt(x):
@@ -109,7 +109,7 @@ def test_its_derivatives_are_those_of_fifty_digits(name):
         pendulum = tpd.Pendulum(mass=x["bob"], length=x["length"], damping_ratio=x["damping"])
         return tpd.transient(tpd.Scene(changed, scene.motion.scaled(x["scale"] / own)), pendulum, **how).tilt
 
-    at = {"bob": hung.mass, "length": hung.length, "damping": hung.damping_ratio, "scale": own}
+    at = {"bob": with_it.mass, "length": with_it.length, "damping": with_it.damping_ratio, "scale": own}
     at |= {"friction": block.friction, "restitution": block.restitution}
     found = jax.grad(tilt)({key: float(value) for key, value in at.items()})
     for key, known in CASES[name]["results"]["derivatives"].items():
@@ -122,8 +122,8 @@ def test_critical_scales_are_those_of_fifty_digits(row):
     s, m = row["scene"], row["motion"]
     size = GRAVITY * float(s["width"]) / float(s["height"])
     pulse = getattr(tpd.Pulse, m["kind"])(acceleration=size, frequency=float(m["frequency"]))
-    scene, hung = scene_of(s, pulse)
-    found = tpd.critical_scale(scene, hung)
+    scene, with_it = scene_of(s, pulse)
+    found = tpd.critical_scale(scene, with_it)
     assert float(found.scale) == pytest.approx(float(row["scale"]), rel=1e-10)
     # The first tongue begins there, and another one is above it.
     assert float(found.tongues[0, 0]) == float(found.scale)
@@ -144,11 +144,11 @@ def test_boundaries_of_the_one_sine_spectrum_are_those_of_fifty_digits(row):
 
 
 def test_a_train_of_sines_is_the_harmonic_from_rest():
-    hung = tpd.Pendulum(mass=900.0, length=1.5, damping_ratio=0.3)
+    with_it = tpd.Pendulum(mass=900.0, length=1.5, damping_ratio=0.3)
     harmonic = tpd.Harmonic(amplitude=0.05, frequency=1.2)
     train = tpd.Pulse.sine_train(acceleration=0.05 * harmonic.rate**2, frequency=1.2, cycles=6)
-    found = tpd.transient(column(train), hung, free=0.0)
-    p = tpd.Scene(COLUMN, harmonic).parameters(hung)
+    found = tpd.transient(column(train), with_it, free=0.0)
+    p = tpd.Scene(COLUMN, harmonic).parameters(with_it)
     moved = tpd.simulate(p, np.zeros(4), np.array([0.0, 6.0 * float(p.period)])).ys[-1]
     # The base of the harmonic moves to the other side first.
     np.testing.assert_allclose(-found.state, moved * clock(column(train)), rtol=1e-9, atol=1e-11)
@@ -171,7 +171,7 @@ def test_every_motion_has_a_status():
     late = tpd.transient(column(sine(2.5)), free=0.5)
     assert (named(late), float(late.tilt)) == ("overturned", math.inf)
     assert float(late.overturning_time) > 1.0
-    few = tpd.transient(column(sine(2.0)), HUNG, max_events=3)
+    few = tpd.transient(column(sine(2.0)), PENDULUM, max_events=3)
     assert named(few) == "event_bound"
     for size, bound in ((3.5, 1000), (2.0, 3)):
         slope = jax.grad(lambda m, s=size, n=bound: tpd.transient(column(sine(s)), bob(m), max_events=n).tilt)
@@ -183,7 +183,7 @@ def test_the_start_and_the_free_time_have_derivatives():
 
     @jax.jit
     def end(x):
-        return tpd.transient(scene, HUNG, y0=x[:4], free=x[4]).state
+        return tpd.transient(scene, PENDULUM, y0=x[:4], free=x[4]).state
 
     x = jnp.array([0.02, 0.01, 0.1, -0.05, 0.2])
     slopes = np.asarray(jax.jacfwd(end)(x))
@@ -195,12 +195,12 @@ def test_the_start_and_the_free_time_have_derivatives():
 TIMES = ("tilt_time", "swing_time", "relative_time", "uplift_time", "overturning_time")
 
 
-def times_of(x, *, hung=True, y0=None):
+def times_of(x, *, with_it=True, y0=None):
     """Times (s) of the motion under a sine of x[0] uplift accelerations and of x[1] Hz, of a column of height
     x[2] with a bob of mass x[3] on a length x[4], or without one."""
     block = tpd.Block(width=1.0, height=x[2], mass=9000.0, friction=0.01, restitution=0.95)
     pulse = tpd.Pulse.one_sine(acceleration=x[0] * GRAVITY / 6.0, frequency=x[1])
-    pendulum = tpd.Pendulum(mass=x[3], length=x[4], damping_ratio=0.1) if hung else None
+    pendulum = tpd.Pendulum(mass=x[3], length=x[4], damping_ratio=0.1) if with_it else None
     found = tpd.transient(tpd.Scene(block, pulse), pendulum, y0=y0, free=8.0)
     return jnp.stack([getattr(found, name) for name in TIMES])
 
@@ -210,9 +210,9 @@ def times_of(x, *, hung=True, y0=None):
 @pytest.mark.parametrize(
     ("size", "hung", "known"), [(2.1, True, [0, 1, 2, 3]), (2.1, False, [0, 3]), (8.0, True, [3])]
 )
-def test_times_have_the_derivatives_of_differences(size, hung, known):
-    x, felt = np.array([size, 1.2375, 6.0, 450.0, 0.9]), 5 if hung else 3
-    value = jax.jit(lambda x: times_of(x, hung=hung))
+def test_times_have_the_derivatives_of_differences(size, with_it, known):
+    x, felt = np.array([size, 1.2375, 6.0, 450.0, 0.9]), 5 if with_it else 3
+    value = jax.jit(lambda x: times_of(x, with_it=with_it))
     forward, backward = (np.asarray(d(value)(jnp.asarray(x))) for d in (jax.jacfwd, jax.jacrev))
     assert np.all(np.isnan(np.delete(forward, known, 0)))
     assert np.all(np.isnan(np.delete(backward, known, 0)[:, :felt]))
@@ -247,10 +247,10 @@ def test_a_time_without_a_derivative_has_none_rather_than_zero(size, y0, unknown
 def test_samples_have_no_derivative_rather_than_none():
     scene = column(tpd.Record(np.sin(np.linspace(0.0, 18.0, 90)) * 2.5, 0.02))
     for name in ("tilt", *TIMES[:4]):
-        slopes = jax.grad(lambda s, name=name: getattr(tpd.transient(s, HUNG), name))(scene)
+        slopes = jax.grad(lambda s, name=name: getattr(tpd.transient(s, PENDULUM), name))(scene)
         assert np.all(np.isnan(slopes.motion.acceleration))
     # That in the scale of the record is known.
-    assert jax.grad(lambda x: tpd.transient(column(scene.motion.scaled(x)), HUNG).tilt)(1.0) > 0.0
+    assert jax.grad(lambda x: tpd.transient(column(scene.motion.scaled(x)), PENDULUM).tilt)(1.0) > 0.0
 
 
 @pytest.mark.mends("second derivatives raised an error of the compiled code's interface")
@@ -266,10 +266,10 @@ def test_second_derivatives_are_refused():
 def test_an_angle_that_is_largest_at_the_very_end_grows_with_the_free_time():
     block = tpd.Block(width=2.0, height=20.0, mass=80_000.0, restitution=1.0)
     scene = tpd.Scene(block, tpd.Pulse.ricker(acceleration=0.1, frequency=8.0))
-    hung = tpd.Pendulum(mass=2000.0, length=8.0, damping_ratio=0.1)
+    with_it = tpd.Pendulum(mass=2000.0, length=8.0, damping_ratio=0.1)
 
     def angles(free):
-        r = tpd.transient(scene, hung, y0=np.array([0.02, 0.0, 0.05, 0.1]), free=free)
+        r = tpd.transient(scene, with_it, y0=np.array([0.02, 0.0, 0.05, 0.1]), free=free)
         return jnp.stack([r.tilt, r.swing, r.relative])
 
     found = jax.jacfwd(angles)(0.1)
@@ -278,29 +278,29 @@ def test_an_angle_that_is_largest_at_the_very_end_grows_with_the_free_time():
 
 
 @pytest.mark.parametrize(
-    ("motion", "hung"), [(sine(2.0), None), (tpd.records.el_centro().scaled(1.155), HUNG)]
+    ("motion", "hung"), [(sine(2.0), None), (tpd.records.el_centro().scaled(1.155), PENDULUM)]
 )
-def test_nonlinear_motions_are_those_of_the_batch(motion, hung):
-    found = tpd.transient(column(motion), hung, model=tpd.Nonlinear(rtol=1e-8))
+def test_nonlinear_motions_are_those_of_the_batch(motion, with_it):
+    found = tpd.transient(column(motion), with_it, model=tpd.Nonlinear(rtol=1e-8))
     batch = follow_scaled(
-        COLUMN, (hung,), [motion], np.ones((1, 1)), free=20.0, equations=tpd.Terms.nonlinear
+        COLUMN, (with_it,), [motion], np.ones((1, 1)), free=20.0, equations=tpd.Terms.nonlinear
     )
     assert named(found) == "rocked"
     for name, of in (("tilt", "tilt"), ("impacts", "impacts"), ("swing", "swing"), ("relative", "rod_angle")):
         # The table follows a bob without mass where there is no pendulum.
-        if hung is not None or name in ("tilt", "impacts"):
+        if with_it is not None or name in ("tilt", "impacts"):
             assert float(getattr(found, name)) == getattr(batch, of)[0, 0, 0], name
-    assert (float(found.swing) > 0.01) == (hung is not None)
+    assert (float(found.swing) > 0.01) == (with_it is not None)
 
 
 def test_nonlinear_motions_tend_to_the_linear_ones_of_slender_blocks():
     names, errors = ("tilt", "tilt_time", "swing", "relative", "swing_time", "relative_time"), []
     for nu in (0.02, 0.01):
         block = tpd.Block(width=6.0 * nu, height=6.0, mass=9000.0, friction=0.0, restitution=0.95)
-        hung = tpd.Pendulum(mass=720.0, length=2.0, damping_ratio=0.1)
+        with_it = tpd.Pendulum(mass=720.0, length=2.0, damping_ratio=0.1)
         scene = tpd.Scene(block, tpd.Pulse.one_sine(acceleration=2.0 * GRAVITY * nu, frequency=1.2375))
         models = tpd.Nonlinear(rtol=1e-11), None
-        ours, exact = (tpd.transient(scene, hung, model=model, free=2.0) for model in models)
+        ours, exact = (tpd.transient(scene, with_it, model=model, free=2.0) for model in models)
         errors.append([float(getattr(ours, n) / getattr(exact, n)) - 1.0 for n in names])
         assert float(ours.uplift_time) == pytest.approx(float(exact.uplift_time), rel=nu**2)
     # What (25) leaves out is of second order in the angles.
@@ -321,8 +321,8 @@ def test_nonlinear_motions_have_no_derivatives_rather_than_zero():
 
 
 def test_a_nonlinear_motion_has_a_status():
-    def end(motion, hung=HUNG, **how):
-        found = tpd.transient(column(motion), hung, model=tpd.Nonlinear(), **how)
+    def end(motion, with_it=PENDULUM, **how):
+        found = tpd.transient(column(motion), with_it, model=tpd.Nonlinear(), **how)
         return found, (named(found), float(found.tilt))
 
     stood, said = end(sine(0.8))
@@ -335,16 +335,16 @@ def test_a_nonlinear_motion_has_a_status():
 
 @pytest.mark.mends("a time of overturning was the end of a step or a window, up to 6 % too late")
 @pytest.mark.parametrize("nonlinear", [True, False])
-@pytest.mark.parametrize("hung", [None, HUNG])
-def test_the_time_of_overturning_is_that_of_the_event_loop(nonlinear, hung):
+@pytest.mark.parametrize("hung", [None, PENDULUM])
+def test_the_time_of_overturning_is_that_of_the_event_loop(nonlinear, with_it):
     for way in (-1.0, 1.0):
         samples = way * (3.0 + 2.0 * np.random.default_rng(0).normal(size=12))
         record = tpd.Record(np.array([0.0, *samples, 0.0]), 0.1)
         scene = column(record)
         model = tpd.Nonlinear(rtol=1e-10) if nonlinear else None
-        found = tpd.transient(scene, hung, model=model, free=10.0)
+        found = tpd.transient(scene, with_it, model=model, free=10.0)
         assert named(found) == "overturned"
-        p, rate = scene.ground_parameters(hung), float(scene.rate)
+        p, rate = scene.ground_parameters(with_it), float(scene.rate)
         x = [float(getattr(p, name)) for name in NAMES]
         _, mu, *_ = x
         eta = -np.asarray(record.acceleration) / float(record.pga) * x[NAMES.index("f")]
@@ -357,7 +357,7 @@ def test_the_time_of_overturning_is_that_of_the_event_loop(nonlinear, hung):
         assert abs(float(found.state[0])) == pytest.approx(loop.GONE, rel=1e-10)
         # No event is sooner by a coarser tolerance: a step's length is not part of the answer.
         if nonlinear:
-            coarse = tpd.transient(scene, hung, model=tpd.Nonlinear(rtol=1e-6), free=10.0)
+            coarse = tpd.transient(scene, with_it, model=tpd.Nonlinear(rtol=1e-6), free=10.0)
             assert float(coarse.overturning_time) == pytest.approx(loop.fell / rate, rel=1e-5)
 
 
@@ -366,8 +366,8 @@ def test_the_time_of_overturning_is_that_of_the_event_loop(nonlinear, hung):
 def test_the_time_of_overturning_under_a_harmonic_is_that_of_the_event_loop(nonlinear):
     train = tpd.Pulse.sine_train(acceleration=0.5 * GRAVITY, frequency=0.8, cycles=6)
     scene = column(train)
-    found = tpd.transient(scene, HUNG, model=tpd.Nonlinear(rtol=1e-10) if nonlinear else None)
-    p, rate = scene.ground_parameters(HUNG), float(scene.rate)
+    found = tpd.transient(scene, PENDULUM, model=tpd.Nonlinear(rtol=1e-10) if nonlinear else None)
+    p, rate = scene.ground_parameters(PENDULUM), float(scene.rate)
     x = [float(getattr(p, name)) for name in NAMES]
     x[NAMES.index("xi")] = 2.0 * math.pi * 0.8 / rate
     # The base moves to the other side first.

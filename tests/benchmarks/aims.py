@@ -85,13 +85,13 @@ def _command(name: str, when: str, aim: float) -> Callable[[Rows], tuple[str, bo
 
 
 def _grid(rows: Rows) -> tuple[str, bool]:
-    found = stored.module("worth").behind(rows)
+    found = stored.module("benefit").behind(rows)
     worst = max(found.values(), default=0.0)
     return f"{worst:.1f} points below it at most, in {len(found)} scenes", worst <= 2.0
 
 
 def _band(rows: Rows) -> tuple[str, bool]:
-    (r,) = (r for r in rows if r["scene"] == stored.module("worth").BAND)
+    (r,) = (r for r in rows if r["scene"] == stored.module("benefit").BAND)
     return f"{r['first']:.1f} s, then {r['seconds']:.1f} s", r["first"] <= 20.0 and r["seconds"] <= 3.0
 
 
@@ -155,10 +155,10 @@ AIMS = (
     Aim("commands", "`check`, `response`, `map`, first call", "12 s", _command("", "first", 12.0), _COMPILED),
     Aim("commands", "`check`, `response`, `map`, later", "4 s", _command("", "later", 4.0),
         "Limit: as measured, of `check`, which follows 512 paired runs by the nonlinear equations."),
-    Aim("worth", "Default answer against the best of a grid, fresh runs", "2 points below at most", _grid,
+    Aim("benefit", "Default answer against the best of a grid, fresh runs", "2 points below at most", _grid,
         "Limit: 5 points: 512 runs tell the edges of a narrow strip badly. (No aim any more: the settled "
         "optimum of a linear grid, most of whose designs the nonlinear equations refuse.)"),
-    Aim("worth", "Design over 20 frequencies, first, later", "20 s, 3 s", _band,
+    Aim("benefit", "Design over 20 frequencies, first, later", "20 s, 3 s", _band,
         "Limit: as measured. A quarter was the search, the rest nonlinear runs of survey and verdict."),
     Aim("optima", "The best value is found", "all 15 runs", _found, "As measured."),
     Aim("optima", "Designs until there over the best derivative-free method's", "5 %", _designs,

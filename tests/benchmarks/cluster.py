@@ -24,9 +24,9 @@ Where = tpd.Cluster | None
 def by_map(cluster: Where, shift: float = 0.0, points: int = 400) -> np.ndarray:
     """Amplitudes of a map; a small `shift` makes it another map, so that nothing is there already."""
     scene = tpd.paper_scene()
-    hung = scene.pendulum(mass_ratio=0.1, length_ratio=0.4, damping_ratio=0.1)
+    with_it = scene.pendulum(mass_ratio=0.1, length_ratio=0.4, damping_ratio=0.1)
     axes = ("mu", np.linspace(0.02, 0.3 + shift, points)), ("lam", np.linspace(0.1, 1.0, points))
-    return tpd.design_map(scene, *axes, pendulum=hung, cluster=cluster).amplitude
+    return tpd.design_map(scene, *axes, pendulum=with_it, cluster=cluster).amplitude
 
 
 def by_records(cluster: Where, shift: float = 0.0, motions: int = 22) -> np.ndarray:

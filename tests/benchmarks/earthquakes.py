@@ -31,7 +31,9 @@ def designed(block: tpd.Block, quick: bool, space: tpd.DesignSpace | None = None
     """The design for a block. Few earthquakes show a fall of the mean tilt sooner than one of overturning."""
     far = tpd.records.fema_p695("far-field")
     conditions = tpd.Conditions.records(far[:12] if quick else far, STRIPES[:2] if quick else STRIPES)
-    more = {"worth": tpd.limits.Worth(measure="tilt")} | ({} if method is None else {"method": method})
+    more = {"requirements": tpd.limits.Requirements(measure="tilt")} | (
+        {} if method is None else {"method": method}
+    )
     return tpd.optimise(block, space, conditions=conditions, seed=SEED, **more)
 
 
@@ -93,7 +95,7 @@ def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
             shares = "{:.0%} → {:.0%}".format(*r["overturned"])
             words = f"{change[i, j]:+.0f}\n{shares}".replace("-", "−")
         ink = "white" if change[i, j] < -12 else INK
-        weight = "bold" if r["status"] == "found" else "normal"
+        weight = "bold" if r["status"] == "recommended" else "normal"
         ax.text(j, i, words, ha="center", va="center", fontsize=8, weight=weight, color=ink)
     image = ax.imshow(change, origin="lower", aspect="auto", cmap="Blues_r", vmin=-24.0, vmax=4.0)
     ax.figure.colorbar(image, label="change of the mean tilt (% of ν)")

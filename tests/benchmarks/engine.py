@@ -8,7 +8,7 @@ import numpy as np
 
 import tpd
 from tests.benchmarks.stored import columns, timed
-from tests.reference import HUNG, parameters
+from tests.reference import WITH, parameters
 
 QUESTION = "How many designs a second, with gradients, multipliers and statuses; how long does a run take?"
 SEED = 0
@@ -24,7 +24,7 @@ PERIOD = "forcing period of a run on one core, {equations}, {scene}"
 def designs(n: int) -> np.ndarray:
     """(n, 8) about the known scenes."""
     x = np.ones((n, 8))
-    x[:, :7] = np.array([HUNG[i % 4].x for i in range(n)])
+    x[:, :7] = np.array([WITH[i % 4].x for i in range(n)])
     x[:, 1:4] *= np.random.default_rng(SEED).uniform(1.0 - SPREAD, 1.0 + SPREAD, (n, 3))
     return x
 
@@ -92,9 +92,9 @@ def run(quick: bool) -> list[dict[str, Any]]:
     many, scene = (200 if quick else 10_000), tpd.paper_scene()
     tpd.outcomes(scene, ensemble=tpd.Ensemble(size=50, seed=1))
     note(ENSEMBLE, many, timed(lambda: tpd.outcomes(scene, ensemble=tpd.Ensemble(size=many, seed=SEED))))
-    for name, (scene, hung, ramps) in scenes_of_runs().items():
+    for name, (scene, pendulum, ramps) in scenes_of_runs().items():
         ensemble = tpd.Ensemble(size=40 if quick else 400, seed=SEED, periods=50, ramps=ramps)
-        p, y0, begin, ramp, _ = plan(parameters_of(scene, hung), ensemble, float(scene.rate))
+        p, y0, begin, ramp, _ = plan(parameters_of(scene, pendulum), ensemble, float(scene.rate))
         forcing = HarmonicForcing(50, begin=begin, ramp=ramp)
         for equations in tpd.Terms.linear, tpd.Terms.nonlinear:
             work = partial(follow, equations, row_of(p), forcing, y0=y0, workers=1)

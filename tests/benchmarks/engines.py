@@ -18,8 +18,8 @@ def cases() -> Iterator[tuple[str, tpd.Scene, tpd.Pendulum]]:
     """The paper's block, a chimney, and a column under a pulse."""
     own = tpd.paper_scene()
     small = replace(own.block, restitution="housner", friction=0.0)
-    hung = tpd.Pendulum(mass=0.4 * float(small.mass), length=0.08, damping_ratio=0.3)
-    yield "paper's block", replace(own, block=small), hung
+    pendulum = tpd.Pendulum(mass=0.4 * float(small.mass), length=0.08, damping_ratio=0.3)
+    yield "paper's block", replace(own, block=small), pendulum
     size = {"width": 1.3, "height": 10.0, "mass": 16_280.0, "cavity_width": 0.9, "radius_of_gyration": 2.92}
     sway = tpd.Harmonic(frequency=0.85, amplitude=0.081)
     bob = tpd.Pendulum(mass=563.0, length=0.521, damping_ratio=0.2)
@@ -32,8 +32,8 @@ def cases() -> Iterator[tuple[str, tpd.Scene, tpd.Pendulum]]:
 def run(quick: bool) -> list[dict[str, Any]]:
     """Return one row for each scene."""
     rows = []
-    for name, scene, hung in list(cases())[2 if quick else 0 :]:
-        found = tpd.engines.mujoco(scene, hung)
+    for name, scene, pendulum in list(cases())[2 if quick else 0 :]:
+        found = tpd.engines.mujoco(scene, pendulum)
         row = {"engine": "mujoco", "scene": name, "runs": len(found.with_engine[0].overturned)}
         for key in ("with_engine", "finer", "with_equations"):
             row[key] = [float(runs.overturned.mean()) for runs in getattr(found, key)]

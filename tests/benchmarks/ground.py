@@ -29,10 +29,10 @@ def scenes() -> dict[str, tuple[tpd.Scene, tpd.Pendulum | None]]:
     record = tpd.records.el_centro()
     statue = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.01, restitution=0.9)
     column = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
-    hung = tpd.Pendulum(mass=783.0, length=2.042, damping_ratio=0.129)
+    with_it = tpd.Pendulum(mass=783.0, length=2.042, damping_ratio=0.129)
     return {
         "statue, bare": (tpd.Scene(statue, record.scaled(1.192)), None),
-        "column, hung": (tpd.Scene(column, record.scaled(1.155)), hung),
+        "column, hung": (tpd.Scene(column, record.scaled(1.155)), with_it),
     }
 
 
@@ -44,14 +44,14 @@ def against_digits() -> float:
         if case["motion"].get("record") != "el_centro" or known["overturned"]:
             continue
         sizes = ("width", "height", "mass", "friction", "restitution")
-        block, hung = tpd.Block(**{k: float(s[k]) for k in sizes}), None
+        block, with_it = tpd.Block(**{k: float(s[k]) for k in sizes}), None
         if "bob" in s:
             bob, length, damping = (float(s[k]) for k in ("bob", "length", "damping"))
-            hung = tpd.Pendulum(mass=bob, length=length, damping_ratio=damping)
+            with_it = tpd.Pendulum(mass=bob, length=length, damping_ratio=damping)
         motion = tpd.records.el_centro().scaled(float(s["scale"]))
         scene = tpd.Scene(block, motion, float(s.get("gravity", 9.80665)))
         y0 = np.array(case["y0"], float) * [1.0, 1.0, float(scene.rate), float(scene.rate)]
-        found = tpd.transient(scene, hung, y0=y0, free=float(case["free"]))
+        found = tpd.transient(scene, with_it, y0=y0, free=float(case["free"]))
         worst = max(worst, abs(float(found.tilt) / float(known["tilt"]) - 1.0))
     return worst
 
@@ -97,10 +97,10 @@ def fixed_steps(p: Any, a: np.ndarray, h: float, parts: int, free: float) -> flo
     return best
 
 
-def _peer(scene: tpd.Scene, hung: tpd.Pendulum | None) -> tuple:
+def _peer(scene: tpd.Scene, with_it: tpd.Pendulum | None) -> tuple:
     """Arguments of `fixed_steps`."""
     shaken = tpd.Scene(scene.block, tpd.Harmonic(amplitude=0.01, frequency=1.0), scene.gravity)
-    p = as_arrays(shaken.parameters(hung))
+    p = as_arrays(shaken.parameters(with_it))
     rho = 3.0 / (4.0 * (1.0 + p.nu**2))
     given = tuple(float(x) for x in (p.nu, p.mu, p.lam, p.zeta, p.k, rho, p.e))
     a = -np.asarray(scene.motion.acceleration) * float(scene.motion.scale) / float(scene.gravity)
@@ -110,12 +110,12 @@ def _peer(scene: tpd.Scene, hung: tpd.Pendulum | None) -> tuple:
 def run(quick: bool) -> list[dict[str, Any]]:
     """Errors and times."""
     rows: list[dict[str, Any]] = [{"what": "50 digits", "error": against_digits()}]
-    for name, (scene, hung) in scenes().items():
+    for name, (scene, with_it) in scenes().items():
         value = jax.jit(lambda s, h: tpd.transient(s, h, free=FREE).tilt)
-        exact = float(value(scene, hung))
+        exact = float(value(scene, with_it))
         row = {"what": "motion", "scene": name, "steps": 0, "error": 0.0}
-        rows.append(row | {"ms": 1e3 * timed(partial(value, scene, hung), 31)})
-        p, a, h = _peer(scene, hung)
+        rows.append(row | {"ms": 1e3 * timed(partial(value, scene, with_it), 31)})
+        p, a, h = _peer(scene, with_it)
         for parts in PARTS:
             work = partial(fixed_steps, p, a, h, parts, FREE * float(scene.rate))
             row = {"what": "motion", "scene": name, "steps": parts, "error": abs(work() / exact - 1.0)}
@@ -130,7 +130,7 @@ def batches(motions: int) -> dict[str, Any]:
     """A long record with derivatives, a fragility, a spectrum."""
     rng = np.random.default_rng(SEED)
     column = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution="housner")
-    hung = tpd.Pendulum(mass=900.0, length=3.0, damping_ratio=0.4)
+    with_it = tpd.Pendulum(mass=900.0, length=3.0, damping_ratio=0.4)
 
     def noise() -> tpd.Record:
         white = np.convolve(rng.standard_normal(4021), np.hanning(21), "valid")
@@ -139,13 +139,13 @@ def batches(motions: int) -> dict[str, Any]:
     records = [noise() for _ in range(motions)]
     scene = tpd.Scene(column, records[0])
     both = jax.jit(jax.value_and_grad(lambda h: tpd.transient(scene, h).tilt))
-    curves = partial(tpd.fragility, column, records, scales=np.linspace(0.5, 4.0, 20), pendulum=hung)
+    curves = partial(tpd.fragility, column, records, scales=np.linspace(0.5, 4.0, 20), pendulum=with_it)
     grid = np.linspace(0.5, 10.0, 5 * motions)
     sine = tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0)
     ratios = {"frequency_ratios": grid, "acceleration_ratios": grid}
-    spectrum = partial(tpd.overturning_spectrum, column, sine, hung, **ratios)
+    spectrum = partial(tpd.overturning_spectrum, column, sine, with_it, **ratios)
     return {
-        "40 s at 0.01 s, tilt and 3 derivatives": lambda: both(hung),
+        "40 s at 0.01 s, tilt and 3 derivatives": lambda: both(with_it),
         f"fragility, {motions} records × 20 stripes × 2": partial(curves, nonlinear=False),
         "the same, by the nonlinear equations as well": curves,
         f"overturning spectrum, {len(grid)}² × 2": spectrum,

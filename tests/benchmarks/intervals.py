@@ -70,18 +70,18 @@ def _covered(of: Callable[[], Pairs], truth: tuple[float, float], repeats: int) 
     """Coverage by either method, and the median width, of the change and the fall."""
     cells = {name: [] for name in ("change", "fall", "change before", "fall before", "width", "fall width")}
     for _ in range(repeats):
-        hung, bare, clusters = of()
-        new = change(hung, bare, clusters), fall(hung, bare, clusters)
+        pendulum, without_it, clusters = of()
+        new = change(pendulum, without_it, clusters), fall(pendulum, without_it, clusters)
         for name, interval, value in zip(("change", "fall"), new, truth, strict=True):
             cells[name].append(holds(interval, value))
         cells["width"].append(new[0].high - new[0].low)
         cells["fall width"].append(new[1].high - new[1].low)
-        differences = hung - bare
-        old = before(differences, np.ones_like(bare), clusters)
+        differences = pendulum - without_it
+        old = before(differences, np.ones_like(without_it), clusters)
         cells["change before"].append(holds(old, truth[0]))
         # A ratio to zero had no interval.
         cells["fall before"].append(
-            bool(bare.any()) and holds(before(-differences, bare, clusters), truth[1])
+            bool(without_it.any()) and holds(before(-differences, without_it, clusters), truth[1])
         )
     middles = ("width", "fall width")
     return {k: float(np.median(v) if k in middles else np.mean(v)) for k, v in cells.items()}
@@ -92,13 +92,15 @@ def few(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
     rows = []
     for name, middle in TILTS.items():
         all_runs = in_earthquakes(rng, np.full(100_000, 3), middle)
-        hung, bare = all_runs.with_pendulum.mean(), all_runs.without_pendulum.mean()
+        pendulum, without_it = all_runs.with_pendulum.mean(), all_runs.without_pendulum.mean()
         for n in EARTHQUAKES:
 
             def sample(n: int = n, middle: float = middle) -> Pairs:
                 return in_earthquakes(rng, np.minimum(rng.geometric(0.3, n), 12), middle)
 
-            covered = _covered(sample, (float(hung - bare), float(1.0 - hung / bare)), repeats)
+            covered = _covered(
+                sample, (float(pendulum - without_it), float(1.0 - pendulum / without_it)), repeats
+            )
             rows.append({"what": "few", "tilts": name, "earthquakes": n, **covered})
     return rows
 
@@ -109,8 +111,8 @@ def rare(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
     for share in SHARES:
         for n in RUNS:
             for gain, both in EVENTS:
-                hung = share * (1.0 - gain)
-                chances = (both * hung, share - both * hung, (1.0 - both) * hung)
+                pendulum = share * (1.0 - gain)
+                chances = (both * pendulum, share - both * pendulum, (1.0 - both) * pendulum)
 
                 def sample(n: int = n, chances: tuple[float, ...] = chances) -> Pairs:
                     either, only_without, only_with = rng.multinomial(n, [*chances, 1.0 - sum(chances)])[:3]
@@ -121,7 +123,7 @@ def rare(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
                     )
                     return Pairs(with_it.astype(float), without.astype(float), runs)
 
-                covered = _covered(sample, (hung - share, gain), repeats)
+                covered = _covered(sample, (pendulum - share, gain), repeats)
                 rows.append({"what": "rare", "share": share, "runs": n, "gain": gain, **covered})
     return rows
 
@@ -166,13 +168,13 @@ def population(rng: np.random.Generator, truth: float, runs: int = 200_000) -> n
     (1 + `CANDIDATES`, runs)."""
     tilt = SEVERITY["middle"] + SEVERITY["spread"] * rng.standard_normal(runs)
     noise = SEVERITY["noise"] * rng.standard_normal((1 + CANDIDATES, runs))
-    bare = np.clip(tilt + noise[0], 0.0, 1.0)
+    without_it = np.clip(tilt + noise[0], 0.0, 1.0)
 
-    def hung(factor: Any) -> np.ndarray:
+    def pendulum(factor: Any) -> np.ndarray:
         return np.clip(factor * tilt + noise[1:], 0.0, 1.0)
 
-    factor = brentq(lambda x: 1.0 - hung(x).mean() / bare.mean() - truth, 0.1, 1.5)
-    return np.concatenate([bare[None], hung(factor)])
+    factor = brentq(lambda x: 1.0 - pendulum(x).mean() / without_it.mean() - truth, 0.1, 1.5)
+    return np.concatenate([without_it[None], pendulum(factor)])
 
 
 def judged(rng: np.random.Generator, runs: np.ndarray, size: int, sets: int) -> Sets:
@@ -180,10 +182,10 @@ def judged(rng: np.random.Generator, runs: np.ndarray, size: int, sets: int) -> 
     (sets, candidates)."""
     found = np.empty((3, sets, len(runs) - 1))
     for i in range(sets):
-        bare, *hung = runs[:, rng.integers(0, runs.shape[1], size)]
-        for j, severity in enumerate(hung):
-            benefit = fall(severity, bare)
-            found[:, i, j] = benefit.mean, benefit.low, change(severity, bare).high
+        without_it, *pendulum = runs[:, rng.integers(0, runs.shape[1], size)]
+        for j, severity in enumerate(pendulum):
+            benefit = fall(severity, without_it)
+            found[:, i, j] = benefit.mean, benefit.low, change(severity, without_it).high
     return Sets(*found)
 
 

@@ -41,8 +41,8 @@ def problems() -> dict[str, Any]:
         "shaken less, from rest": (less, (1.5, 2.8), 0.5, tpd.Starts.rest()),
     }
     out = {}
-    for name, (of, band, stroke, starts) in given.items():
-        limits = tpd.limits.Stroke(stroke), tpd.limits.Reserve()
+    for name, (of, band, swing, starts) in given.items():
+        limits = tpd.limits.Stroke(swing), tpd.limits.Reserve()
         conditions = tpd.Conditions.band(of, *band)
         asked = {"conditions": conditions, "starts": starts, "risk": tpd.Risk.worst(), "limits": limits}
         out[name] = Problem.of(of, space, **asked)

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from tests.benchmarks.stored import columns, markdown
-from tests.reference import HUNG, Answer, Case, exact, parameters
+from tests.reference import WITH, Answer, Case, exact, parameters
 from tests.reference import solver as solver_of
 from tpd import Parameters, Smoothed
 from tpd.models.smoothed import rocking_scale
@@ -76,7 +76,7 @@ def _row(solve: Callable, case: Case, e: float, way: str, width: float) -> dict[
 def stable_step(solver: diffrax.AbstractSolver, steps: int = 2000) -> tuple[float, float]:
     """Of a resting block of the default width the stiffest eigenvalue (its modulus, per unit tau), and by
     bisection the largest step of an explicit solver with which a push within the layer dies away."""
-    x = HUNG[0].x
+    x = WITH[0].x
     widths = Smoothed().widths(parameters(x))
     field = smoothed_rates(parameters((*x[:5], 0.0, *x[6:])), *(float(w) for w in widths))
     slopes = jax.jacfwd(lambda y: field(jnp.zeros(()), y, None))(jnp.zeros(4))
@@ -103,7 +103,7 @@ def stable_step(solver: diffrax.AbstractSolver, steps: int = 2000) -> tuple[floa
 def run(quick: bool) -> list[dict[str, Any]]:
     """Errors over the widths, and steps."""
     solve = solver_of(lambda shares: Widths(shares=shares), 8)
-    cases, widths = (HUNG[:1], WIDTHS[:5:2]) if quick else (HUNG, WIDTHS)
+    cases, widths = (WITH[:1], WIDTHS[:5:2]) if quick else (WITH, WIDTHS)
     of = [(e, "both signs") for e in RATIOS] + [(1.0, way) for way in list(WAYS)[1:]]
     rows = [_row(solve, c, e, way, w) for e, way in of for w in widths for c in cases]
     for name in SOLVERS[: 1 if quick else None]:

@@ -13,12 +13,12 @@ import pytest
 import tpd
 from tests.report.conftest import harmonic
 from tpd.cli import main
-from tpd.design.as_built import Study
+from tpd.design.as_built import Details
 from tpd.report.json import as_json
 
 COLUMN = "--width 1 --height 6 --mass 9000 --friction 0 --restitution 0.9595"
 PENDULUM = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
-HUNG = "--pendulum-mass 450 --pendulum-length 0.9"
+WITH = "--pendulum-mass 450 --pendulum-length 0.9"
 
 
 class Done(NamedTuple):
@@ -54,6 +54,6 @@ def run(tmp_path) -> Callable[..., Done]:
     return lambda *words: call(*words, out=tmp_path / "out")
 
 
-def design_json(job: dict, hung: dict | None = None) -> str:
+def design_json(job: dict, pendulum: dict | None = None) -> str:
     """design.json of a job and a pendulum."""
-    return json.dumps(json.loads(as_json(harmonic(), Study(), job)) | {"pendulum": hung})
+    return json.dumps(json.loads(as_json(harmonic(), Details(), job)) | {"pendulum": pendulum})

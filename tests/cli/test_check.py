@@ -70,8 +70,8 @@ def test_a_limit_on_the_mass_below_the_least_bob_of_the_space_is_no_bad_input(tm
 
 def test_a_design_s_directory_is_checked_as_the_options_are(offered, tmp_path):
     job = jobs.job_of(tomllib.loads(CHIMNEY)).tables
-    hung = {"mass": 540.0, "length": 0.515, "damping_ratio": 0.5981}
-    (tmp_path / "design.json").write_text(design_json(job, hung))
+    with_it = {"mass": 540.0, "length": 0.515, "damping_ratio": 0.5981}
+    (tmp_path / "design.json").write_text(design_json(job, with_it))
     done = call("check", str(tmp_path))
     said, expected = done.out.splitlines(), offered[1]
     assert (done.status, said[:7], said[14:]) == (0, expected[:7], expected[14:])

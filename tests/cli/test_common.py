@@ -9,13 +9,13 @@ import sys
 
 import pytest
 
-from tests.cli.conftest import HUNG, call
+from tests.cli.conftest import PENDULUM, call
 from tests.formats.synthetic import knet, shaking
 from tpd import Pendulum, Record, paper_scene
 from tpd.cli import common, main, parser
 from tpd.cli.new import template
 from tpd.design.job import job_of
-from tpd.records.reading import facts
+from tpd.records.read import facts
 
 MAP = "--x mu 0.01 0.2 --y lam 0.1 1.5"
 
@@ -26,8 +26,8 @@ def pendulum(command: str) -> Pendulum | None:
 
 
 def test_a_pendulum_is_given_in_si_units_or_in_ratios():
-    hung = pendulum("response --pendulum-mass 0.8112 --length-ratio 0.5")
-    assert hung == Pendulum(mass=0.8112, length=0.1, damping_ratio=0.1)
+    with_it = pendulum("response --pendulum-mass 0.8112 --length-ratio 0.5")
+    assert with_it == Pendulum(mass=0.8112, length=0.1, damping_ratio=0.1)
     assert pendulum("response --mass-ratio 0.05 --pendulum-length 0.1").mass == pytest.approx(0.8112)
     assert pendulum("response") is None
     # What a map varies need not be given.
@@ -318,9 +318,9 @@ def test_every_command_shows_what_was_read_of_a_record(run, tmp_path, command):
     (tmp_path / "XXX001.EW").write_text(knet(1e5 * shaking(100) + 1e4, 0.01))
     (tmp_path / "held.EW").write_text(knet(1e5 * shaking(100, 1) + 1e4, 0.01).replace("1999/", "1998/"))
     block = template("column").partition("[motion]")[0]
-    motion = 'records = ["XXX001.EW"]\nscales = [1]\nheld_out = ["held.EW"]\n'
+    motion = 'records = ["XXX001.EW"]\nscales = [1]\nvalidation_share = ["held.EW"]\n'
     (tmp_path / "job.toml").write_text(f"{block}[motion]\n{motion}")
-    words = f"{command} --scene {tmp_path / 'job.toml'} {HUNG} "
+    words = f"{command} --scene {tmp_path / 'job.toml'} {PENDULUM} "
     words += {
         "shake": "--free 0.1",
         "spectrum": "--points 2",
@@ -338,7 +338,7 @@ def test_every_command_shows_what_was_read_of_a_record(run, tmp_path, command):
     assert all(note in first for note in motion.notes)
     assert "; baseline removed: the mean, " in first
     if command == "check":
-        assert "held out, held.EW: record: held.EW, 100 samples" in done.out
+        assert "validation, held.EW: record: held.EW, 100 samples" in done.out
     if done.files:
         read = done.json(f"{command}.json")["reading"]
         assert read["records"] == [facts(motion)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.cli.conftest import COLUMN, HUNG
+from tests.cli.conftest import COLUMN, PENDULUM
 from tests.unanswered import unanswered
 from tpd.design.job import job_of
 from tpd.formats.channel import STANDARD_GRAVITY
@@ -16,7 +16,7 @@ TWO = "--records el-centro loma-prieta --scales 1 4 8"
 
 
 def test_fragility_over_records(run):
-    done = run("fragility", COLUMN, HUNG, TWO)
+    done = run("fragility", COLUMN, PENDULUM, TWO)
     assert done.status == 0
     table = done.rows("fragility.csv")
     # Two cases, three states, three stripes.
@@ -34,7 +34,7 @@ def test_fragility_over_records(run):
 def test_runs_without_an_answer_are_named(run, monkeypatch):
     # All motions above 3 g tan alpha.
     unanswered(monkeypatch, lambda rows: rows[:, 5] > 0.5)
-    done = run("fragility", COLUMN, HUNG, TWO)
+    done = run("fragility", COLUMN, PENDULUM, TWO)
     assert done.status == 0
     assert "not counted: 4 of 6 runs bare, 4 of 6 runs with the pendulum" in done.out
     assert done.json("fragility.json")["fits"]["overturned"]["hung"]["undecided"] == 4
@@ -75,8 +75,8 @@ def test_held_out_folders_of_one_name_are_two_groups(tmp_path):
     for word in words:
         Path(word).mkdir(parents=True)
         Path(word, "a.txt").write_text(TIMELESS)
-    job = job_of({"motion": {"records": ["el-centro"], "held_out": words, "unit": "g", "dt": 0.01}})
-    assert set(job.held_out) == set(words)
+    job = job_of({"motion": {"records": ["el-centro"], "validation_share": words, "unit": "g", "dt": 0.01}})
+    assert set(job.validation_share) == set(words)
 
 
 @pytest.mark.mends("--intensity pga counted m/s^2, and --pga g")

@@ -12,7 +12,7 @@ import pytest
 
 import tpd
 from tests.cli.conftest import call
-from tests.report.conftest import harmonic, study
+from tests.report.conftest import details, harmonic
 from tpd.cli import grammar, main, optimise, parser
 from tpd.cli.new import template
 
@@ -82,7 +82,7 @@ def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
     # A search takes long; its answer is made by hand.
     monkeypatch.setattr(optimise, "solve", lambda *_, **__: harmonic())
     monkeypatch.setattr("tpd.report.files.draw", lambda *_: b"<svg/>")
-    monkeypatch.setattr(optimise, "study", lambda *_, **__: replace(study(), histories=()))
+    monkeypatch.setattr(optimise, "study", lambda *_, **__: replace(details(), histories=()))
     # Nor are bifurcations searched for: they are in the tests of `tpd response`.
     monkeypatch.setattr("tpd.answers.response.bifurcations", lambda *_, **__: ())
     few = "[ensemble]\nsize = 16\nperiods = 20\n[search]\nscreening = 8\n"

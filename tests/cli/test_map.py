@@ -14,8 +14,8 @@ def test_the_map_is_that_of_the_library(run):
     assert all(line.startswith("tpd: ") for line in done.err.splitlines())
     assert done.files.keys() == {"map.csv", "map.json", "amplitude.png", "stroke.png", "margin.png"}
     x, y = ("frequency", np.linspace(1, 5, 4)), ("pendulum_length", np.linspace(0.05, 0.2, 4))
-    hung = tpd.Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
-    m = design_map(tpd.paper_scene(), x, y, pendulum=hung)
+    with_it = tpd.Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
+    m = design_map(tpd.paper_scene(), x, y, pendulum=with_it)
     rows = done.rows("map.csv")
     assert [row["status"] for row in rows] == list(m.status.ravel())
     np.testing.assert_array_equal([float(row["amplitude_rad"]) for row in rows], m.amplitude.ravel())

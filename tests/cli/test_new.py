@@ -12,7 +12,7 @@ from tpd.design import job as jobs
 from tpd.report import words
 
 EACH = pytest.mark.parametrize("kind", KINDS)
-PULSE, SHAKEN = ("pulse", "pulse_frequency", "pga"), ("records", "scales", "held_out")
+PULSE, SHAKEN = ("pulse", "pulse_frequency", "pga"), ("records", "scales", "validation_share")
 RECORDS = "--records el-centro loma-prieta --scales 2 3"
 
 
@@ -81,7 +81,7 @@ def test_every_template_goes_with_records(kind, asked, tmp_path):
     assert done.err.splitlines()[-1] == "tpd: the search begins"
     job = jobs.job_of(jobs.read(tmp_path / "mine.toml"))
     assert (asked["scene"].gravity, asked["scene"].block) == (9.79, job.scene.block)
-    assert (asked["space"], asked["worth"]) == (job.space, job.worth)
+    assert (asked["space"], asked["requirements"]) == (job.space, job.requirements)
     assert {x.name for x in asked["limits"]} == {x.name for x in job.limits} - {"worsening", "reserve"}
 
 

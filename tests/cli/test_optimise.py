@@ -11,14 +11,14 @@ import pytest
 import tpd
 from tests.cli.conftest import call
 from tests.formats.synthetic import peer, shaking
-from tests.report.conftest import SCENE, harmonic, rejected, study
+from tests.report.conftest import SCENE, details, harmonic, rejected
 from tpd.cli import optimise
 from tpd.cli.new import template
 from tpd.design import job as jobs
 from tpd.design.design import FrontPoint
 from tpd.design.optimise import problem_of
 from tpd.design.reasons import DesignStatus
-from tpd.records.reading import facts
+from tpd.records.read import facts
 
 BAND = """
 [block]
@@ -46,7 +46,7 @@ def answered(monkeypatch, tmp_path):
 
         monkeypatch.setattr(optimise, "solve", search)
         monkeypatch.setattr("tpd.report.files.draw", lambda *_: b"<svg/>")
-        shown = replace(study(), histories=())
+        shown = replace(details(), histories=())
         monkeypatch.setattr(optimise, "study", lambda *_, front, **__: replace(shown, front=front))
         return call("optimise", *words, out=Path("out")), asked
 
@@ -120,7 +120,7 @@ def test_quiet_json_and_verbose(answered):
 
 
 def test_a_front_is_made_for_a_design_that_is_offered(answered, monkeypatch):
-    points = (FrontPoint(5.0, "found", harmonic().pendulum, (0.3, 0.2, 0.4)),)
+    points = (FrontPoint(5.0, "recommended", harmonic().pendulum, (0.3, 0.2, 0.4)),)
     monkeypatch.setattr(optimise, "front", lambda *_, **__: points)
     done, _ = answered(harmonic(), "--pareto")
     assert "front.svg" in done.files
@@ -186,7 +186,7 @@ def test_the_report_says_what_was_read_of_every_record(on_records):
     content = first.json("design.json")["reading"]
     assert {r["source"] for r in content["records"]} == {"quake.csv", "loma-prieta"}
     expected = {"quake.csv": facts(quake) | {"earthquake": "mine"}, "loma-prieta": facts(quakes)}
-    assert {r.pop("group") for r in content["records"]} == {"tuned to", "held out"}
+    assert {r.pop("group") for r in content["records"]} == {"tuned to", "validation"}
     assert {r["source"]: r for r in content["records"]} == expected
     assert any("1 state no orientation" in note for note in content["notes"])
     text, page = (first.files[f"report.{kind}"].read_text(encoding="utf-8") for kind in ("txt", "html"))
@@ -218,7 +218,7 @@ def test_what_is_left_out_of_the_records_held_out_is_said(tmp_path):
     for i, (name, day) in enumerate(texts.items()):
         (tmp_path / name).write_text(peer(0.3 * shaking(100, i), 0.01).replace("1/2/1999", day))
     names = [str(tmp_path / name) for name in texts]
-    job = jobs.job_of({"motion": {"records": names[:1], "held_out": names[1:], "scales": [1.0]}})
-    assert job.held_notes == (
-        "held out, b.AT2: left out, since the design is tuned to their earthquakes: b.AT2",
+    job = jobs.job_of({"motion": {"records": names[:1], "validation_share": names[1:], "scales": [1.0]}})
+    assert job.validation_notes == (
+        "validation, b.AT2: left out, since the design is tuned to their earthquakes: b.AT2",
     )

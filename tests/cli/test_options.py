@@ -42,12 +42,12 @@ search={optimiser='rmsprop', steps=4, pareto=true}
 --optimiser rmsprop --steps 4 --pareto
 motion={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, cycles=2, phase=0.5}
 --pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 0.4 --cycles 2 --phase 0.5
-motion={records=['el-centro', 'b.txt'], scales=[2, 3], intensity='pga', held_out=0.3}; search.starts=8
---records el-centro b.txt --scales 2 3 --intensity pga --held-out 0.3 --starts 8
+motion={records=['el-centro', 'b.txt'], scales=[2, 3], intensity='pga', validation_share=0.3}; search.starts=8
+--records el-centro b.txt --scales 2 3 --intensity pga --validation-share 0.3 --starts 8
 motion={records=['a.txt', 'b.txt'], scales=[1], event=['1940', 'B'], baseline='mean'}
 --records a.txt b.txt --scales 1 --event 1940 B --baseline mean
-motion={records=['a.txt'], scales=[1], held_out=['el-centro'], dt=0.01, unit='g', channel=1}
---records a.txt --scales 1 --held-out el-centro --dt 0.01 --unit g --channel 1
+motion={records=['a.txt'], scales=[1], validation_share=['el-centro'], dt=0.01, unit='g', channel=1}
+--records a.txt --scales 1 --validation-share el-centro --dt 0.01 --unit g --channel 1
 motion={records=['a.txt'], scales=[1], columns=['time=1', 'N=2'], skip=3, scale=10}
 --records a.txt --scales 1 --columns time=1 N=2 --skip 3 --scale 10
 conditions={band=[2.3, 2.7], amplitudes=[0.8, 1, 1.2]}; risk.measure='cvar'
@@ -114,7 +114,9 @@ def test_losses_come_from_the_file_and_the_options(tmp_path, content, options, e
 def test_every_declared_option_is_compared_with_a_file():
     groups = [x for x in vars(grammar).values() if isinstance(x, tuple) and isinstance(x[0], Option)]
     assert len(groups) == 9
-    declared = {option.flag for group in groups for option in group if not option.one} | {"--held-out"}
+    declared = {option.flag for group in groups for option in group if not option.one} | {
+        "--validation-share"
+    }
     assert {*declared, "--scatter"} == {word for word in TABLE.split() if word[:2] == "--"}
 
 

@@ -27,8 +27,8 @@ def test_the_response_is_that_of_the_library(run):
     assert [float(r["frequency_Hz"]) for r in settled] == frequencies(2.5, 1.7, 3.0, 2).tolist()
     for r in settled:
         assert math.isinf(float(r["with_amplitude_rad"])) == (r["with_status"] == "overturned")
-    hung = tpd.Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
-    known = branches(tpd.paper_scene(), "frequency", 1.7, 3.0, pendulum=hung, samples=24)
+    with_it = tpd.Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
+    known = branches(tpd.paper_scene(), "frequency", 1.7, 3.0, pendulum=with_it, samples=24)
     content = done.json("response.json")
     found = content["bifurcations"]["with the pendulum"]
     assert [b["value"] for b in found] == [b.value for b in known.bifurcations] != []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.cli.conftest import COLUMN, HUNG, call
+from tests.cli.conftest import COLUMN, PENDULUM, call
 from tpd.cli import shake
 from tpd.core import files
 from tpd.plots import response
@@ -17,16 +17,16 @@ BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=
 
 
 def test_shake_says_what_the_library_says(run):
-    done = run("shake", COLUMN, HUNG, PULSE, "0.4", "--free", "5")
+    done = run("shake", COLUMN, PENDULUM, PULSE, "0.4", "--free", "5")
     assert done.status == 0
     names = {"histories.csv", "histories.png", "impacts.csv", "animation.gif", "shake.json"}
     assert done.files.keys() == names
     results = done.json("shake.json")["results"]
     scene = tpd.Scene(BLOCK, tpd.Pulse.one_sine(acceleration=0.4 * 9.80665, frequency=1.2375))
-    hung = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
-    known = tpd.transient(scene, hung, free=5.0)
+    pendulum = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
+    known = tpd.transient(scene, pendulum, free=5.0)
     # The nonlinear equations count, and the linear ones stand beside them.
-    counts = tpd.transient(scene, hung, free=5.0, model=tpd.Nonlinear())
+    counts = tpd.transient(scene, pendulum, free=5.0, model=tpd.Nonlinear())
     ours = results["with the pendulum"]
     for name in ("tilt", "swing", "relative"):
         assert ours[name] == pytest.approx(float(getattr(counts, name)), rel=1e-12)
@@ -68,8 +68,8 @@ def test_what_sizes_a_room_is_of_the_nonlinear_equations_and_impacts_have_a_stat
     assert results["swing"] == pytest.approx(0.4428, abs=1e-4)
     # 696 impacts with all hops of each rattle.
     strong, hits = results["linear"]["impacts_faster_than_rad_s"], done.rows("impacts.csv")
-    hung = [abs(float(r["rate_after_rad_s"])) for r in hits if r["case"] == "with the pendulum"]
-    assert results["linear"]["impacts"] == sum(rate > strong for rate in hung) < 0.5 * len(hung)
+    pendulum = [abs(float(r["rate_after_rad_s"])) for r in hits if r["case"] == "with the pendulum"]
+    assert results["linear"]["impacts"] == sum(rate > strong for rate in pendulum) < 0.5 * len(pendulum)
     assert f"impacts faster than {strong:.4g} rad/s" in done.out
 
 
@@ -125,7 +125,7 @@ def test_a_block_that_stands_has_no_empty_cell_and_no_mark(tmp_path, monkeypatch
         t = dt * np.arange(n)
         lines = [f"{x:.4f},{0.25 * np.sin(8.0 * x):.6f}" for x in t]
         (tmp_path / "record.csv").write_text("time (s),acceleration (g)\n" + "\n".join(lines) + "\n")
-        done = call("shake", COLUMN, HUNG, f"--record {tmp_path / 'record.csv'}", out=tmp_path / str(i))
+        done = call("shake", COLUMN, PENDULUM, f"--record {tmp_path / 'record.csv'}", out=tmp_path / str(i))
         results = done.json("shake.json")["results"]
         assert {x["linear"]["status"] for x in results.values()} == {"rocked"}
         rows = done.rows("histories.csv")

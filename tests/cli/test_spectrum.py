@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from tests.cli.conftest import COLUMN, HUNG
+from tests.cli.conftest import COLUMN, PENDULUM
 from tests.unanswered import unanswered
 
 
 def test_the_spectrum_of_a_pulse_and_of_a_record(run):
-    done = run("spectrum", COLUMN, HUNG, "--pulse", "ricker", "--points", "5")
+    done = run("spectrum", COLUMN, PENDULUM, "--pulse", "ricker", "--points", "5")
     assert done.status == 0
     assert done.files.keys() == {"spectrum.csv", "spectrum.json", "spectrum.png"}
     assert len(done.rows("spectrum.csv")) == 25
     assert "share of the pulses that the block survives" in done.out
     record = "--record el-centro --points 3 --overwrite"
-    done = run("spectrum", COLUMN, HUNG, record)
+    done = run("spectrum", COLUMN, PENDULUM, record)
     assert done.status == 0
     assert [float(r["period_s"]) for r in done.rows("spectrum.csv")] == np.linspace(0.5, 12.0, 3).tolist()
 
@@ -23,7 +23,7 @@ def test_the_spectrum_of_a_pulse_and_of_a_record(run):
 def test_runs_without_an_answer_are_named(run, monkeypatch):
     # All motions above 3 g tan alpha.
     unanswered(monkeypatch, lambda rows: rows[:, 5] > 0.5)
-    done = run("spectrum", COLUMN, HUNG, "--pulse one-sine --points 4 --sizes-to 5")
+    done = run("spectrum", COLUMN, PENDULUM, "--pulse one-sine --points 4 --sizes-to 5")
     assert done.status == 0
     assert "pulses without an answer: 8 of 16 for the bare block, 8 of 16 with the pendulum" in done.out
     # Six of the eight with an answer stand; those without may stand or not.

@@ -23,7 +23,7 @@ from tests.damage import WAYS, damage
 from tpd.cluster.cluster import Cluster, ClusterError, fingerprint, store, stored
 
 SCENE = tpd.paper_scene()
-HUNG = SCENE.pendulum(mass_ratio=0.1, length_ratio=0.4, damping_ratio=0.1)
+PENDULUM = SCENE.pendulum(mass_ratio=0.1, length_ratio=0.4, damping_ratio=0.1)
 
 
 @pytest.fixture(scope="module")
@@ -65,15 +65,15 @@ def test_motions_runs_and_spectra_are_those_of_one_process(cluster):
     pulse = tpd.Pulse.one_sine(acceleration=3.0, frequency=1.5)
     axes = {"frequency_ratios": np.linspace(1, 6, 5), "acceleration_ratios": np.linspace(1, 8, 7)}
     motions = [pulse.scaled(x) for x in (0.7, 1.0, 1.3)]
-    stripes = {"scales": [1.0, 2.0, 4.0], "pendulum": HUNG}
+    stripes = {"scales": [1.0, 2.0, 4.0], "pendulum": PENDULUM}
     few, answers = tpd.Ensemble(size=8, periods=10), []
     for c in (None, cluster):
-        spectrum = tpd.overturning_spectrum(SCENE.block, pulse, HUNG, cluster=c, **axes)
+        spectrum = tpd.overturning_spectrum(SCENE.block, pulse, PENDULUM, cluster=c, **axes)
         rocking = tpd.rocking_spectrum(SCENE.block, pulse, periods=np.array([0.3, 0.6]), cluster=c)
         fragility = tpd.fragility(SCENE.block, motions, cluster=c, **stripes)
-        verdict = tpd.paired_runs(SCENE, HUNG, ensemble=few, cluster=c)
+        verdict = tpd.paired_runs(SCENE, PENDULUM, ensemble=few, cluster=c)
         axes_of_map = ("mu", np.linspace(0.05, 0.2, 3)), ("lam", np.array([0.3, 0.6]))
-        from_rest = tpd.design_map(SCENE, *axes_of_map, pendulum=HUNG, start=np.zeros(4), cluster=c)
+        from_rest = tpd.design_map(SCENE, *axes_of_map, pendulum=PENDULUM, start=np.zeros(4), cluster=c)
         numbers = {
             "bare": spectrum.without_pendulum,
             "hung": spectrum.with_pendulum,
@@ -288,7 +288,7 @@ def test_fingerprints_differ_where_inputs_do():
     values += [
         *Enum("E", "A B"),
         SCENE,
-        HUNG,
+        PENDULUM,
         [("a", 1)],
         NamedTuple("A", [("a", int)])(1),
         NamedTuple("B", [("a", int)])(1),

@@ -129,8 +129,8 @@ def new_wave(kind):
 
     @kind
     def turned(x):
-        room = grown(x)
-        return np.sinh(room[1]) * x + room[2] if x > 0.5 else np.cos(room[1]) / x
+        clearance = grown(x)
+        return np.sinh(clearance[1]) * x + clearance[2] if x > 0.5 else np.cos(clearance[1]) / x
 
     return (lambda x: turned(x) + np.sqrt(abs(turned(2.0 * x) - grown(x)[1]))), turned
 

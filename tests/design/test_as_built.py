@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.designs import HUNG, SCENE
-from tpd.answers.shaking_history import shaking_history
+from tests.designs import PENDULUM, SCENE
+from tpd.answers.motion_history import motion_history
 from tpd.design.as_built import (
     Loads,
     build_of,
@@ -68,15 +68,15 @@ def test_the_pull_test_waits_for_half_of_the_tilt():
 
 def test_loads_are_the_largest_of_the_motions_in_which_the_block_stands():
     block = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution=0.95)
-    hung = tpd.Pendulum(mass=900.0, length=0.7, damping_ratio=0.3)
+    with_it = tpd.Pendulum(mass=900.0, length=0.7, damping_ratio=0.3)
     weak, strong, fatal = (
         Scene(block, tpd.Pulse.one_sine(acceleration=a, frequency=0.8)) for a in (1.0, 2.0, 40.0)
     )
-    each = [shaking_history(scene, hung).loads(hung) for scene in (weak, strong)]
-    found = loads_of([weak, strong, fatal], hung)
+    each = [motion_history(scene, with_it).loads(with_it) for scene in (weak, strong)]
+    found = loads_of([weak, strong, fatal], with_it)
     assert found.motions == 2
     assert found[:3] == pytest.approx(np.max(each, axis=0))
-    assert loads_of([fatal], hung) is None
+    assert loads_of([fatal], with_it) is None
 
 
 def test_parts_withstand_the_largest_loads(harmonic):
@@ -106,8 +106,8 @@ def test_parts_withstand_the_largest_loads(harmonic):
     )
     # Between axis and wall a damper has room that is as long as its stroke.
     narrow = parts_of(dataclasses.replace(build, wall=0.24), 500.0)
-    assert (narrow.arm, narrow.stroke, narrow.stop) == pytest.approx((0.2, 0.16, 0.24))
-    assert narrow.arm * 0.4 + narrow.stroke == pytest.approx(0.24)
+    assert (narrow.arm, narrow.swing, narrow.stop) == pytest.approx((0.2, 0.16, 0.24))
+    assert narrow.arm * 0.4 + narrow.swing == pytest.approx(0.24)
     assert np.isnan(parts_of(dataclasses.replace(build, wall=0.15), 500.0).stop_force)
     unknown = parts_of(dataclasses.replace(build, wall=np.nan, reach=np.nan), 500.0)
     assert (unknown.arm, np.isnan(unknown.stop_force)) == (0.3, True)
@@ -121,20 +121,20 @@ def test_without_a_motion_that_is_withstood_the_loads_are_those_of_a_swing():
 
 
 def test_a_design_is_built_with_the_rod_of_the_body(harmonic, rejected):
-    found, hung = build_of(harmonic), harmonic.pendulum
+    found, with_it = build_of(harmonic), harmonic.pendulum
     g = float(SCENE.gravity)
-    assert found.frequency == pytest.approx(np.sqrt(g / hung.length) / (2.0 * np.pi))
-    assert found.damping == pytest.approx(float(hung.hinge_damping()))
+    assert found.frequency == pytest.approx(np.sqrt(g / with_it.length) / (2.0 * np.pi))
+    assert found.damping == pytest.approx(float(with_it.hinge_damping()))
     assert found.depth == pytest.approx(found.rod + 0.5 * found.bob_height)
-    assert (found.mass, found.rod) == pytest.approx(found.bob.built(hung.mass, hung.length, g))
-    assert found.dead == pytest.approx(found.mass * (1.0 + found.rod_share) - hung.mass)
-    assert found.loads.tension > found.weight == pytest.approx((hung.mass + found.dead) * g)
+    assert (found.mass, found.rod) == pytest.approx(found.bob.built(with_it.mass, with_it.length, g))
+    assert found.dead == pytest.approx(found.mass * (1.0 + found.rod_share) - with_it.mass)
+    assert found.loads.tension > found.weight == pytest.approx((with_it.mass + found.dead) * g)
     # (1 + mu) nu + k, over 1 + 2 mu for a pendulum that moves with the block.
-    mu, nu, k = hung.mass / SCENE.block.mass, float(SCENE.block.slenderness), 0.05
+    mu, nu, k = with_it.mass / SCENE.block.mass, float(SCENE.block.slenderness), 0.05
     most = (1.0 + mu) * nu + k
     assert found.lifts_slow_fast == pytest.approx((most / (1.0 + 2.0 * mu), most))
     assert found.lifts[1] == pytest.approx(nu + k)
-    np.testing.assert_array_equal(found.parts, parts_of(found, hung.mass * hung.length**2))
+    np.testing.assert_array_equal(found.parts, parts_of(found, with_it.mass * with_it.length**2))
     assert found.reach == pytest.approx(found.bob.reach(found.mass, found.rod, found.angle))
     assert build_of(rejected) is None
 
@@ -192,7 +192,7 @@ def test_models_of_the_losses_have_those_of_the_block_or_as_large_ones(e, k, fri
 
 
 def test_time_histories_are_from_rest_with_and_without_the_pendulum():
-    found = time_histories(SCENE, HUNG)
+    found = time_histories(SCENE, PENDULUM)
     assert [h.with_pendulum for h in found] == [False, True]
     assert found[0].time[-1] == pytest.approx(24.0 / 2.5)
     assert [h.with_pendulum for h in time_histories(SCENE, None)] == [False]

@@ -14,8 +14,8 @@ from tpd.design.criteria import (
     Evaluation,
     Geometry,
     Limit,
+    Requirements,
     Size,
-    Worth,
     check_limits,
     limit_of,
     stroke_limit,
@@ -38,7 +38,7 @@ ONE_OF_EACH = (
     tpd.limits.Tilt(0.5),
     tpd.limits.Mass(2.0),
     tpd.limits.Offset(0.03),
-    tpd.limits.Room(),
+    tpd.limits.Clearance(),
     tpd.limits.Worsening(0.1),
     tpd.limits.Multiplier(0.9),
     tpd.limits.Reserve(0.1),
@@ -85,11 +85,11 @@ def evaluation(design: np.ndarray) -> Evaluation:
     mu, lam, zeta = design
     tilt = np.array([0.3 + mu * lam, 0.2 + lam**2 * zeta])
     tilt_slope = np.array([[lam, mu, 0.0], [0.0, 2 * lam * zeta, lam**2]])
-    stroke = np.array([0.2 + mu * zeta, 0.1 + mu**2 + zeta])
-    stroke_slope = np.array([[zeta, 0.0, mu], [2 * mu, 0.0, 1.0]])
-    reserve, reserve_slope = 0.1 + 0.2 * stroke, 0.2 * stroke_slope
+    swing = np.array([0.2 + mu * zeta, 0.1 + mu**2 + zeta])
+    swing_slope = np.array([[zeta, 0.0, mu], [2 * mu, 0.0, 1.0]])
+    reserve, reserve_slope = 0.1 + 0.2 * swing, 0.2 * swing_slope
     one = np.ones((1, 2))
-    parts = (x[None] for x in (tilt, tilt_slope, tilt, tilt_slope, stroke, stroke_slope))
+    parts = (x[None] for x in (tilt, tilt_slope, tilt, tilt_slope, swing, swing_slope))
     none = np.zeros((1, 2), int), np.full((1, 2, 2), np.nan)
     last = -one, 0.5 * one, reserve[None], reserve_slope[None], *none, design[None]
     return Evaluation(*parts, *last)
@@ -98,7 +98,7 @@ def evaluation(design: np.ndarray) -> Evaluation:
 @pytest.fixture(scope="module")
 def geometry() -> Geometry:
     """Geometry, with a bare block that rocks at a tilt of 0.4 and 0.1 in shares of nu."""
-    return dataclasses.replace(Geometry.of(SCENE, SCATTERED), bare_tilt=np.array([0.4, 0.1]))
+    return dataclasses.replace(Geometry.of(SCENE, SCATTERED), tilt_without_pendulum=np.array([0.4, 0.1]))
 
 
 def sizes(limit, design, geometry):
@@ -107,7 +107,7 @@ def sizes(limit, design, geometry):
 
 @pytest.mark.parametrize("design", [DESIGN, LONG], ids=["no body", "body"])
 @pytest.mark.parametrize(
-    "limit", [*ONE_OF_EACH, *(tpd.limits.Room(bob) for bob in CYLINDERS)], ids=lambda limit: limit.name
+    "limit", [*ONE_OF_EACH, *(tpd.limits.Clearance(bob) for bob in CYLINDERS)], ids=lambda limit: limit.name
 )
 def test_slopes_of_a_limit_are_those_of_differences(limit, design, geometry):
     here = sizes(limit, design, geometry)
@@ -123,11 +123,11 @@ def test_slopes_of_a_limit_are_those_of_differences(limit, design, geometry):
 def test_limits_on_angles_are_what_they_say(geometry):
     e, nu = evaluation(DESIGN), SCENE.block.slenderness * np.array(FACTORS["slenderness"])
     np.testing.assert_allclose(geometry.slenderness, nu)
-    stroke, relative, tilt, _, _, _, _, multiplier, reserve = (
+    swing, relative, tilt, _, _, _, _, multiplier, reserve = (
         next(iter(limit.sizes(e, geometry)), None) for limit in ONE_OF_EACH
     )
-    np.testing.assert_allclose(stroke.value, e.stroke / 0.4)
-    np.testing.assert_allclose(relative.value, (e.stroke + e.tilt * nu) / 0.6)
+    np.testing.assert_allclose(swing.value, e.swing / 0.4)
+    np.testing.assert_allclose(relative.value, (e.swing + e.tilt * nu) / 0.6)
     np.testing.assert_allclose(tilt.value, e.tilt / 0.5)
     np.testing.assert_allclose(multiplier.value, e.multiplier / 0.9)
     # The reserve is a lower limit: a size of one where it is just met, below one where there is more.
@@ -137,21 +137,21 @@ def test_limits_on_angles_are_what_they_say(geometry):
 
 @pytest.mark.parametrize("bob", [Bob(), *CYLINDERS], ids=str)
 def test_limits_on_room_are_those_of_a_body_on_a_rod(geometry, bob):
-    hung = SCENE.pendulum(mass_ratio=LONG[0], length_ratio=LONG[1], damping_ratio=LONG[2])
+    with_it = SCENE.pendulum(mass_ratio=LONG[0], length_ratio=LONG[1], damping_ratio=LONG[2])
     e = evaluation(LONG)
     offset = sizes(tpd.limits.Offset(0.03), LONG, geometry)["offset"].value
-    room = sizes(tpd.limits.Room(bob), LONG, geometry)
-    assert set(room) == {"room", "thickness", "depth"}
-    body, long = bob.built(hung.mass, hung.length, float(SCENE.gravity))
-    ball = Bob().built(hung.mass, hung.length, float(SCENE.gravity))[1]
+    clearance = sizes(tpd.limits.Clearance(bob), LONG, geometry)
+    assert set(clearance) == {"clearance", "thickness", "depth"}
+    body, long = bob.built(with_it.mass, with_it.length, float(SCENE.gravity))
+    ball = Bob().built(with_it.mass, with_it.length, float(SCENE.gravity))[1]
     for i in range(2):
         mass, length, slenderness = (np.array(FACTORS[name])[i] for name in FACTORS)
         rod, heavy = long * length, body * mass
-        angle = e.stroke[0, i] + e.tilt[0, i] * SCENE.block.slenderness * slenderness
+        angle = e.swing[0, i] + e.tilt[0, i] * SCENE.block.slenderness * slenderness
         wall = 0.5 * SCENE.block.cavity_width * slenderness
         assert offset[0, i] == pytest.approx(ball * length * np.sin(angle) / 0.03)
-        assert room["room"].value[0, i] == pytest.approx(bob.reach(heavy, rod, angle) / wall)
-        assert room["thickness"].value[0, i] == pytest.approx(bob.half_height(heavy) / (0.6 * rod))
+        assert clearance["clearance"].value[0, i] == pytest.approx(bob.reach(heavy, rod, angle) / wall)
+        assert clearance["thickness"].value[0, i] == pytest.approx(bob.half_height(heavy) / (0.6 * rod))
 
 
 def test_the_room_is_that_of_the_cavity():
@@ -164,7 +164,7 @@ def test_a_worsening_is_relative_to_the_bare_block(geometry):
     e, worsening = evaluation(DESIGN), tpd.limits.Worsening(0.25)
     (size,) = worsening.sizes(e, geometry)
     np.testing.assert_allclose(size.value, e.tilt / (1.25 * np.array([0.4, 0.1])))
-    calm = dataclasses.replace(geometry, bare_tilt=np.array([0.0, np.nan]))
+    calm = dataclasses.replace(geometry, tilt_without_pendulum=np.array([0.0, np.nan]))
     (size,) = worsening.sizes(e, calm)
     assert size.value[0, 0] == pytest.approx(e.tilt[0, 0] / (1.25 * 0.02))
     assert size.value[0, 1] == 0.0
@@ -176,7 +176,7 @@ def test_a_worsening_is_relative_to_the_bare_block(geometry):
 
 
 def test_beyond_a_right_angle_the_bob_is_a_rods_length_away(geometry):
-    e = evaluation(DESIGN)._replace(stroke=np.array([[1.6, 3.0]]))
+    e = evaluation(DESIGN)._replace(swing=np.array([[1.6, 3.0]]))
     (size,) = tpd.limits.Offset(0.03).sizes(e, geometry)
     np.testing.assert_allclose(size.value, geometry.rod(DESIGN[None]) / 0.03)
     np.testing.assert_allclose(size.slope[..., [0, 2]], 0.0)
@@ -184,7 +184,7 @@ def test_beyond_a_right_angle_the_bob_is_a_rods_length_away(geometry):
 
 def test_no_bob_takes_no_room_and_has_a_slope_that_is_a_number(geometry):
     e = evaluation(DESIGN)._replace(design=np.array([[0.0, 0.26, 0.35]]))
-    for limit in (tpd.limits.Room(), tpd.limits.Room(CYLINDERS[1]), tpd.limits.Offset(0.03)):
+    for limit in (tpd.limits.Clearance(), tpd.limits.Clearance(CYLINDERS[1]), tpd.limits.Offset(0.03)):
         for size in limit.sizes(e, geometry):
             assert np.isfinite(size.value).all()
             assert np.isfinite(size.slope).all()
@@ -251,19 +251,19 @@ def test_masses_in_kg_and_lengths_in_m_are_ratios_of_a_block():
 
 
 def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all():
-    worth = Worth()
-    assert (worth.at_least, worth.worse, worth.strikes) == (0.1, 0.05, None)
-    assert (worth.allowed, worth.broken) == (0.01, 0.1)
-    assert (worth.measure, Worth(measure="tilt").measure) == (None, "tilt")
+    requirements = Requirements()
+    assert (requirements.at_least, requirements.worse, requirements.wall_contacts) == (0.1, 0.05, None)
+    assert (requirements.allowed, requirements.broken) == (0.01, 0.1)
+    assert (requirements.measure, Requirements(measure="tilt").measure) == (None, "tilt")
     with pytest.raises(ValueError, match="`measure` must be one of overturning, tilt, but is 'tild'"):
-        Worth(measure="tild")
-    assert Worth(strikes=0.3).allowed == Worth(strikes=0.3).broken == 0.3
-    for name in ("at_least", "worse", "strikes"):
+        Requirements(measure="tild")
+    assert Requirements(wall_contacts=0.3).allowed == Requirements(wall_contacts=0.3).broken == 0.3
+    for name in ("at_least", "worse", "wall_contacts"):
         for value in (0.0, 1.0):
-            assert getattr(Worth(**{name: value}), name) == value
+            assert getattr(Requirements(**{name: value}), name) == value
         for value in (-0.1, 1.1, float("nan")):
             with pytest.raises(ValueError, match=f"`{name}` must be"):
-                Worth(**{name: value})
+                Requirements(**{name: value})
 
 
 @pytest.mark.parametrize(
@@ -300,7 +300,7 @@ def test_a_limit_on_the_mass_is_on_the_body_as_built(geometry):
     np.testing.assert_allclose(size.value, body / 2.0, rtol=1e-12)
     assert body > 1.02 * mass
     light = Bob(density=1000.0)
-    other = Geometry.of(SCENE, SCATTERED, (tpd.limits.Room(light), tpd.limits.Mass(2.0)))
+    other = Geometry.of(SCENE, SCATTERED, (tpd.limits.Clearance(light), tpd.limits.Mass(2.0)))
     (lighter,) = tpd.limits.Mass(2.0).sizes(evaluation(design), other)
     assert lighter.value[0, 0] != size.value[0, 0]
     # Where no body swings as the point does, the mass of the point counts.
@@ -316,9 +316,9 @@ def test_a_bob_has_room_below_its_hinge_and_only_if_a_body_swings_as_the_point_d
     mass, length = design[:2] * (float(SCENE.block.mass), float(SCENE.block.half_height))
     assert np.isnan(disc.built(mass, length, float(SCENE.gravity))[0])
     assert disc.half_height(mass) < 0.25 * length
-    assert np.all(sizes(tpd.limits.Room(disc), design, geometry)["thickness"].value > 1.0)
+    assert np.all(sizes(tpd.limits.Clearance(disc), design, geometry)["thickness"].value > 1.0)
     for lam, fits in ((1.7, True), (1.9, False)):
-        found = sizes(tpd.limits.Room(), np.array([0.2, lam, 0.35]), geometry)
+        found = sizes(tpd.limits.Clearance(), np.array([0.2, lam, 0.35]), geometry)
         body, rod = Bob().built(0.2 * SCENE.block.mass, lam * SCENE.block.half_height, float(SCENE.gravity))
         depth = rod * np.array(FACTORS["length"]) + Bob().half_height(body * np.array(FACTORS["mass"]))
         np.testing.assert_allclose(found["depth"].value[0], depth / SCENE.block.height)

@@ -46,7 +46,7 @@ def test_of_rejected_designs_the_one_that_misses_least_is_shown(rejected):
     assert "reason      the mean tilt falls by " in str(rejected)
     # A design that was rejected before any run comes after those with runs, and a danger weighs its size.
     early = dataclasses.replace(rejected.validated[0], decided=None, quoted=None, reasons=())
-    wall = Reason(kind=ReasonKind.touches_wall, limit="room", value=1.0, reference=0.01)
+    wall = Reason(kind=ReasonKind.touches_wall, limit="clearance", value=1.0, reference=0.01)
     far = dataclasses.replace(rejected.validated[0], reasons=(wall,))
     near = rejected.validated[1]
     shown = dataclasses.replace(rejected, validated=(early, far, near))
@@ -87,4 +87,4 @@ def test_the_arguments_that_pose_a_problem_again(harmonic, ground):
     again = harmonic.again(space=space)
     assert (again["space"], again["seed"], again["limits"]) == (space, 0, harmonic.problem.limits)
     assert set(harmonic.again()) - set(ground.again()) == {"starts", "objective"}
-    assert set(ground.again()) - set(harmonic.again()) == {"held_out"}
+    assert set(ground.again()) - set(harmonic.again()) == {"validation_share"}

@@ -20,7 +20,7 @@ UNSCATTERED = tpd.Ensemble(friction=0.0, restitution=0.0, damping=0.0, slenderne
 
 
 def problem(motions=RECORDS, scales=(1.3, 2.0, 5.0), block=BLOCK, **given) -> GroundMotionProblem:
-    limits = (tpd.limits.Stroke(), tpd.limits.Room())
+    limits = (tpd.limits.Stroke(), tpd.limits.Clearance())
     return GroundMotionProblem.of(
         block, tpd.Conditions.records(motions, scales), **({"limits": limits} | given)
     )
@@ -29,14 +29,14 @@ def problem(motions=RECORDS, scales=(1.3, 2.0, 5.0), block=BLOCK, **given) -> Gr
 def test_an_earthquake_is_on_one_side_only():
     for seed in range(5):
         tuned, held = grouped(RECORDS, 0.5, seed)
-        assert (tuned.role, held.role) == (Role.tuned, Role.held_out)
+        assert (tuned.role, held.role) == (Role.tuned, Role.validation)
         assert not set(events_of(tuned.motions)) & set(events_of(held.motions))
         assert not set(tuned.events) & set(held.events)
         assert (len(tuned.motions), len(held.motions)) == (10, 10)
     assert len(grouped(RECORDS, 0.0, 0)) == 1
     others = grouped(RECORDS[:4], {"others": RECORDS[2:8]}, 0)
     assert [m.name for m in others[1].motions] == [m.name for m in RECORDS[4:8]]
-    with pytest.raises(ValueError, match="all are held out"):
+    with pytest.raises(ValueError, match="it takes all"):
         grouped(RECORDS[:2], 0.5, 0)
     with pytest.raises(ValueError, match="other earthquakes"):
         grouped(RECORDS[:2], {"same": RECORDS[:2]}, 0)
@@ -52,18 +52,18 @@ def test_an_earthquake_has_one_number_in_all_groups():
 
 
 @pytest.mark.parametrize(
-    ("motions", "held_out", "evidence"),
+    ("motions", "validation_share", "evidence"),
     [
-        (RECORDS, 0.5, "found"),
+        (RECORDS, 0.5, "recommended"),
         (RECORDS[:18], 0.5, "too_few"),
         (RECORDS, 0.8, "too_few"),
         (RECORDS, 0.0, "tuned_only"),
-        (RECORDS[:10], {"a": RECORDS[10:14], "b": RECORDS[14:]}, "found"),
+        (RECORDS[:10], {"a": RECORDS[10:14], "b": RECORDS[14:]}, "recommended"),
         (RECORDS[:10], {"a": RECORDS[:18]}, "too_few"),
     ],
 )
-def test_five_earthquakes_on_either_side_are_needed_for_a_verdict(motions, held_out, evidence):
-    assert problem(motions, held_out=held_out).evidence is DesignStatus[evidence]
+def test_five_earthquakes_on_either_side_are_needed_for_a_verdict(motions, validation_share, evidence):
+    assert problem(motions, validation_share=validation_share).evidence is DesignStatus[evidence]
 
 
 def test_the_problem_is_that_of_the_group_that_is_tuned_to():
@@ -71,14 +71,14 @@ def test_the_problem_is_that_of_the_group_that_is_tuned_to():
     tuned, held = made.groups
     assert made.conditions.motions == tuned.motions
     assert made.scene.motion is tuned.motions[0]
-    assert (made.attempts, made.holds_back, made.allowed) == (1, False, 0.1)
+    assert (made.attempts, made.has_validation_runs, made.allowed) == (1, False, 0.1)
     assert made.rounds == (32, 1)
     again = GroundMotionProblem.of(
         made.inputs.pop("scene"), **{k: v for k, v in made.inputs.items() if k != "scene"}
     )
     assert [g.motions for g in again.groups] == [g.motions for g in (tuned, held)]
-    assert again.inputs["held_out"] == {"held out": held.motions}
-    assert problem(held_out=0.0).inputs["held_out"] == 0.0
+    assert again.inputs["validation_share"] == {"validation": held.motions}
+    assert problem(validation_share=0.0).inputs["validation_share"] == 0.0
     one, two = (problem(seed=seed).candidates(unreported)[0] for seed in (0, 1))
     assert one.shape == (32, 3)
     assert not np.array_equal(one, two)
@@ -86,12 +86,12 @@ def test_the_problem_is_that_of_the_group_that_is_tuned_to():
 
 def test_trial_runs_are_single_motions():
     # Without scatter, which the trials share with the validation runs.
-    made = problem(RECORDS[:4], held_out=0.0, ensemble=UNSCATTERED)
-    found, hung = made.trial_runs(DESIGN, 0), made.pendulum(DESIGN)
+    made = problem(RECORDS[:4], validation_share=0.0, ensemble=UNSCATTERED)
+    found, with_it = made.trial_runs(DESIGN, 0), made.pendulum(DESIGN)
     factors = motion_factors(made.scene, made.conditions)
     for i, which in enumerate(made.conditions.which):
         motion = made.conditions.motions[int(which)].scaled(float(factors[i]))
-        one = tpd.transient(tpd.Scene(BLOCK, motion), hung)
+        one = tpd.transient(tpd.Scene(BLOCK, motion), with_it)
         assert found.is_overturned[i] == (tpd.status_name(one.status) == "overturned")
         if not found.is_overturned[i]:
             assert found.severity[i] == pytest.approx(
@@ -106,22 +106,22 @@ def test_trial_runs_are_single_motions():
 
 
 def test_limits_hold_in_all_but_the_allowed_share_of_the_standing_runs():
-    made = problem(RECORDS[:4], held_out=0.0)
+    made = problem(RECORDS[:4], validation_share=0.0)
     runs = made.trial_runs(DESIGN, 0)
     sizes = made.sizes_in_runs(DESIGN, runs)
-    assert set(sizes) == {"stroke", "room", "thickness", "depth"}
+    assert set(sizes) == {"stroke", "clearance", "thickness", "depth"}
     np.testing.assert_allclose(sizes["stroke"], runs.settled_swing[runs.stands] / 0.5)
     # At all times the angle between rod and block is known by itself, and is less than the sum of both.
     assert np.all(runs.rod_angle[runs.stands] <= (runs.tilt + runs.swing)[runs.stands] + 1e-12)
     over, name = made.over_limit(DESIGN, runs)
-    assert over == pytest.approx(np.mean((sizes["stroke"] > 1.0) | (sizes["room"] > 1.0)))
+    assert over == pytest.approx(np.mean((sizes["stroke"] > 1.0) | (sizes["clearance"] > 1.0)))
     assert name in sizes
 
 
 def test_validation_runs_scatter_block_and_pendulum_alike_in_both_cases():
     made = problem(ensemble=tpd.Ensemble(restitution=0.02))
     found = made.paired_runs(DESIGN, 5)
-    assert found.labels == ("tuned to", "held out")
+    assert found.labels == ("tuned to", "validation")
     assert found.group.tolist() == [0] * 30 + [1] * 30
     np.testing.assert_array_equal(found.counted, found.group == 1)
     assert len(np.unique(found.cluster)) == 10
@@ -129,7 +129,7 @@ def test_validation_runs_scatter_block_and_pendulum_alike_in_both_cases():
     assert 0.01 < np.ptp(found.with_pendulum.nu) / float(BLOCK.slenderness) <= 0.04
     other = made.paired_runs(DESIGN, 6)
     assert not set(found.with_pendulum.nu) & set(other.with_pendulum.nu)
-    alone = problem(held_out=0.0).paired_runs(DESIGN, 5)
+    alone = problem(validation_share=0.0).paired_runs(DESIGN, 5)
     assert alone.counted is None
     # One more condition is on top of all others.
     more = made.paired_runs(DESIGN, 5, Variation(more=tpd.Conditions({"mass": np.array([1.5])})))
@@ -137,7 +137,7 @@ def test_validation_runs_scatter_block_and_pendulum_alike_in_both_cases():
 
 
 def test_runs_without_an_answer_are_neither_a_fall_nor_rest(monkeypatch):
-    made = problem(RECORDS[:4], held_out=0.0)
+    made = problem(RECORDS[:4], validation_share=0.0)
     whole = made.paired_runs(DESIGN, 5)
     monkeypatch.setattr("tpd.design.ground_motion.MAX_EVENTS", 160)
     few = made.paired_runs(DESIGN, 5)
@@ -151,7 +151,7 @@ def test_runs_without_an_answer_are_neither_a_fall_nor_rest(monkeypatch):
 
 
 def test_the_strongest_motions_are_those_of_the_largest_angle_in_which_the_block_stands():
-    made = problem(RECORDS[:4], held_out=0.0, ensemble=UNSCATTERED)
+    made = problem(RECORDS[:4], validation_share=0.0, ensemble=UNSCATTERED)
     runs, found = made.trial_runs(DESIGN, 0), made.strongest_motions(DESIGN)
     assert len(found) == runs.stands.sum()
     one = tpd.transient(tpd.Scene(BLOCK, found[0]), made.pendulum(DESIGN))
@@ -162,15 +162,15 @@ def test_the_strongest_motions_are_those_of_the_largest_angle_in_which_the_block
     ("given", "message"),
     [
         (
-            {"worth": tpd.limits.Worth(strikes=0.2), "ensemble": tpd.Ensemble(size=4)},
+            {"requirements": tpd.limits.Requirements(wall_contacts=0.2), "ensemble": tpd.Ensemble(size=4)},
             "`ensemble.size` is for",
         ),
         ({"ensemble": tpd.Ensemble(periods=4)}, "`ensemble.periods` is for harmonics"),
         (
             {"limits": (tpd.limits.Reserve(),)},
-            "`limits` of ground motions must be of Stroke, .*Room, but has",
+            "`limits` of ground motions must be of Stroke, .*Clearance, but has",
         ),
-        ({"held_out": 1.5}, "`held_out` must be between 0 and 0.9"),
+        ({"validation_share": 1.5}, "`validation_share` must be between 0 and 0.9"),
         ({"block": dataclasses.replace(BLOCK, cavity_width=None)}, "`cavity_width`"),
         ({"limits": (tpd.limits.Mass(0.01),)}, "the limit `mass` must be above the least point mass"),
     ],

@@ -35,10 +35,10 @@ def test_defaults_are_a_neighbourhood_and_all_limits():
     assert problem(seed=4, ensemble=tpd.Ensemble(seed=2)).ensemble.seed == 2
     assert not made.orbits.rest_counts
     assert problem(starts=tpd.Starts.rest()).orbits.rest_counts
-    assert np.all(np.isfinite(made.orbits.geometry.bare_tilt)), "the limit on worsening needs it"
-    assert (made.evidence, made.allowed) == (DesignStatus.found, 0.01)
+    assert np.all(np.isfinite(made.orbits.geometry.tilt_without_pendulum)), "the limit on worsening needs it"
+    assert (made.evidence, made.allowed) == (DesignStatus.recommended, 0.01)
     # The runs, and not only the settled orbits, must keep to the limits on the motion.
-    assert [limit.name for limit in made.run_limits] == ["stroke", "room"]
+    assert [limit.name for limit in made.run_limits] == ["stroke", "clearance"]
 
 
 def test_impacts_are_smoothed_unless_they_lose_nearly_all():
@@ -79,13 +79,13 @@ def test_exact_motions_are_those_of_the_steady_state():
         s = tpd.steady_state(scene.parameters(made.pendulum(DESIGN)))
         assert found.status[i] == tpd.status_name(s.status)
         assert found.amplitude[i] == pytest.approx(float(s.amplitude), rel=1e-12, abs=1e-9)
-        assert found.stroke[i] == pytest.approx(float(s.stroke), rel=1e-7)
+        assert found.swing[i] == pytest.approx(float(s.swing), rel=1e-7)
     assert np.all(found.peak >= 0.999 * found.amplitude)
     assert found.value == pytest.approx(found.orbits.tilt.max())
     hard = problem(conditions=tpd.Conditions.amplitudes(1.0, 6.0), **POINT).without_pendulum
     assert hard.status.tolist() == ["rocking", "overturned"]
     assert hard.amplitude[0] == pytest.approx(0.0833335, abs=1e-4)
-    assert hard.amplitude[1] == hard.stroke[1] == hard.peak[1] == np.inf
+    assert hard.amplitude[1] == hard.swing[1] == hard.peak[1] == np.inf
 
 
 def test_only_a_block_that_rests_under_all_conditions_needs_no_pendulum():
@@ -102,16 +102,16 @@ def test_only_a_block_that_rests_under_all_conditions_needs_no_pendulum():
 
 
 def test_trial_sizes_are_over_the_limits_of_the_settled_orbits_and_the_bob():
-    limits = (tpd.limits.Reserve(20.0), tpd.limits.Room(), tpd.limits.Worsening())
+    limits = (tpd.limits.Reserve(20.0), tpd.limits.Clearance(), tpd.limits.Worsening())
     made = problem(space=WIDE, conditions=BAND, limits=limits)
     found = made.fixed_sizes(np.array([DESIGN, [0.05, 1.95, 0.2]]))
-    assert set(found) == {"room", "thickness", "depth", "worsening", "reserve"}
+    assert set(found) == {"clearance", "thickness", "depth", "worsening", "reserve"}
     # The reserve is at most about one, so that no rocking design has twenty of it.
     assert np.all(found["reserve"] > 1.0)
     e = made.orbits.evaluate(DESIGN[None])
     assert found["reserve"][0] == pytest.approx(2.0 - e.reserve.min() / 20.0)
     runs = made.trial_runs(DESIGN, 3)
-    assert set(made.sizes_in_runs(DESIGN, runs)) == {"room", "thickness", "depth"}
+    assert set(made.sizes_in_runs(DESIGN, runs)) == {"clearance", "thickness", "depth"}
 
 
 def test_candidates_are_ends_designs_of_paths_and_designs_of_the_whole_space():
@@ -137,7 +137,7 @@ def test_trial_runs_are_of_the_linear_equations_and_of_their_seed():
 
 
 def test_validation_runs_are_half_of_the_ensemble_by_the_nonlinear_equations():
-    events, made = [], problem(conditions=BAND, worth=tpd.limits.Worth(worse=0.2), **POINT)
+    events, made = [], problem(conditions=BAND, requirements=tpd.limits.Requirements(worse=0.2), **POINT)
     found = made.paired_runs(DESIGN, 7, progress=lambda *e: events.append(e))
     assert found.with_pendulum.equations == found.without_pendulum.equations == "nonlinear"
     assert (len(found.group), len(found.labels), found.worse) == (16, 5, 0.2)
@@ -153,8 +153,8 @@ def test_validation_runs_are_half_of_the_ensemble_by_the_nonlinear_equations():
 def test_the_motions_of_the_largest_bob_angle_come_first():
     """Not the strongest excitation, but the one near the pendulum's own frequency."""
     made = problem(conditions=BAND, **POINT)
-    stroke = made.orbits.evaluate(DESIGN[None]).stroke[0]
+    swing = made.orbits.evaluate(DESIGN[None]).swing[0]
     frequencies = SCENE.motion.frequency * BAND.column("frequency")
     found = made.strongest_motions(DESIGN)
-    expected = frequencies[np.argsort(-stroke)]
+    expected = frequencies[np.argsort(-swing)]
     np.testing.assert_allclose([float(m.frequency) for m in found], expected)

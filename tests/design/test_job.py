@@ -15,7 +15,7 @@ from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
 from tpd.design import criteria
 from tpd.design import job as jobs
-from tpd.design.criteria import DesignSpace, Worth
+from tpd.design.criteria import DesignSpace, Requirements
 from tpd.design.ground_motion import GroundMotionProblem, motion_factors
 from tpd.design.job_keys import SCHEMA
 from tpd.design.settings import Descent
@@ -54,11 +54,13 @@ JOBS = {
         "motion": {"amplitude": 0.03, "frequency": 2.0},
         "bob": {"shape": "cylinder", "density": 11340.0, "aspect": 1.5},
     },
-    "limits": {"limits": {"room": False, "worsening": 0.2, "mass": 2.0, "reserve": 1e-5}},
-    "worth": {"worth": {"at_least": 0.2, "measure": "tilt", "worse": 0.0, "strikes": 0.05}},
+    "limits": {"limits": {"clearance": False, "worsening": 0.2, "mass": 2.0, "reserve": 1e-5}},
+    "requirements": {
+        "requirements": {"at_least": 0.2, "measure": "tilt", "worse": 0.0, "wall_contacts": 0.05}
+    },
     "ensemble": {"ensemble": {"size": 64, "ramps": [1.0], "any_phase": False, "damping": 0.1}},
-    "held out": {"motion": {**RECORDS, "records": ["el-centro"], "held_out": ["loma-prieta"]}},
-    "scaled": {"motion": {**RECORDS, "held_out": 0.0, "pga": 0.3, "intensity": "scale"}},
+    "held out": {"motion": {**RECORDS, "records": ["el-centro"], "validation_share": ["loma-prieta"]}},
+    "scaled": {"motion": {**RECORDS, "validation_share": 0.0, "pga": 0.3, "intensity": "scale"}},
     "pulse": {
         "motion": {"pulse": "mavroeidis-papageorgiou", "pulse_frequency": 1, "cycles": 2.0, "phase": 0.5},
         "search": {"steps": 3, "starts": 5},
@@ -74,7 +76,7 @@ def test_a_job_that_is_written_is_read_back_as_the_same_job(given):
     assert jobs.job_of(json.loads(json.dumps(job.tables))) == job
     assert job.toml.startswith("# Repeat this run: tpd optimise --scene")
     again = jobs.job_of(job.tables)
-    for name in {"scene", *job.settings} - {"conditions", "held_out"}:
+    for name in {"scene", *job.settings} - {"conditions", "validation_share"}:
         assert getattr(again, name) == getattr(job, name), name
     np.testing.assert_array_equal(conditions(again).factor_rows(), conditions(job).factor_rows())
     VALIDATOR.validate(job.tables)
@@ -98,10 +100,10 @@ def test_without_tables_the_job_is_that_of_the_papers_block():
     assert job.limits == criteria.DEFAULT_LIMITS == jobs.job_of(BAND).limits
     assert isinstance(job.method, Descent)
     assert (job.method.searches, job.method.screening, job.method.steps) == (8, 512, 20)
-    assert (job.risk, job.ensemble, job.worth) == (
+    assert (job.risk, job.ensemble, job.requirements) == (
         criteria.Risk.worst(),
         Ensemble(size=2048, seed=0),
-        Worth(),
+        Requirements(),
     )
     assert job.seed == 0
 
@@ -111,9 +113,9 @@ def test_tables_become_objects():
     assert len(conditions(exactly)) == 1
     assert exactly.limits == (criteria.Stroke(), criteria.Reserve())
     bob = Bob(shape="cylinder", density=11340.0, aspect=1.5)
-    assert criteria.Room(bob) in jobs.job_of(JOBS["bob"]).limits
+    assert criteria.Clearance(bob) in jobs.job_of(JOBS["bob"]).limits
     without = jobs.job_of(JOBS["limits"]).limits
-    assert not any(isinstance(limit, criteria.Room) for limit in without)
+    assert not any(isinstance(limit, criteria.Clearance) for limit in without)
     assert criteria.Worsening(0.2) in without
     assert jobs.job_of({"search": {"model": "piecewise"}}).method.model == "piecewise"
     job = jobs.job_of(JOBS["robust"])
@@ -164,7 +166,7 @@ def test_what_an_option_makes_pointless_in_a_file_is_dropped(given, over, droppe
 
 @pytest.mark.mends('`intensity = "pga"` counted m/s^2, and `pga` g')
 def test_a_job_states_accelerations_in_g():
-    job = jobs.job_of({"motion": {**RECORDS, "held_out": 0.0, "intensity": "pga", "scales": [0.3]}})
+    job = jobs.job_of({"motion": {**RECORDS, "validation_share": 0.0, "intensity": "pga", "scales": [0.3]}})
     g = 9.80665
     assert (job.conditions.intensity, job.conditions.scales) == ("pga_g", (0.3,))
     # In Python PGA is in m/s^2: the job that repeats the design is in g.
@@ -183,14 +185,22 @@ def test_the_kind_of_motion_follows_from_its_keys():
     pulse = jobs.job_of({"motion": {"pulse": "ricker", "pulse_frequency": 2.0, "pga": 0.5}})
     assert pulse.kind == "pulse"
     assert pulse.scene.motion == tpd.Pulse.ricker(acceleration=0.5 * 9.80665, frequency=2.0)
-    assert (pulse.conditions.intensity, pulse.conditions.scales, pulse.held_out) == ("scale", (1.0,), 0.0)
+    assert (pulse.conditions.intensity, pulse.conditions.scales, pulse.validation_share) == (
+        "scale",
+        (1.0,),
+        0.0,
+    )
     job = jobs.job_of({"motion": RECORDS})
     assert job.kind == "records"
     assert [m.name for m in job.motions] == [m.name for m in (el_centro(), loma_prieta())]
-    assert (job.conditions.intensity, job.conditions.scales, job.held_out) == ("pga_star", (2.0, 3.0), 0.5)
+    assert (job.conditions.intensity, job.conditions.scales, job.validation_share) == (
+        "pga_star",
+        (2.0, 3.0),
+        0.5,
+    )
     assert job.scene == tpd.Scene(tpd.paper_scene().block, job.motions[0])
     asked = GroundMotionProblem.of(job.block, job.conditions)
-    for name in ("space", "risk", "limits", "method", "worth", "ensemble"):
+    for name in ("space", "risk", "limits", "method", "requirements", "ensemble"):
         assert getattr(job, name) == getattr(asked, name), name
 
 
@@ -198,7 +208,9 @@ def test_paths_are_relative_to_the_file_and_written_in_full(tmp_path, monkeypatc
     text = "".join(f"{0.01 * i:.2f},{0.3 * np.sin(0.08 * i):.6f}\n" for i in range(100))
     (tmp_path / "there" / "quake").mkdir(parents=True)
     (tmp_path / "there" / "quake" / "one.csv").write_text("time (s),acc (g)\n" + text)
-    motion = "[motion]\nrecords = ['quake', 'el-centro']\nscales = [2]\nheld_out = ['quake/one.csv']\n"
+    motion = (
+        "[motion]\nrecords = ['quake', 'el-centro']\nscales = [2]\nvalidation_share = ['quake/one.csv']\n"
+    )
     (tmp_path / "there" / "job.toml").write_text(motion)
     monkeypatch.chdir(tmp_path)
     job = jobs.job_of(jobs.read(Path("there/job.toml")))
@@ -207,7 +219,7 @@ def test_paths_are_relative_to_the_file_and_written_in_full(tmp_path, monkeypatc
     # The job of a report finds its records wherever it lies.
     (tmp_path / "scene.toml").write_text(job.toml)
     assert jobs.job_of(jobs.read(tmp_path / "scene.toml")) == job
-    assert list(job.held_out) == ["one.csv"]
+    assert list(job.validation_share) == ["one.csv"]
 
 
 def test_an_option_that_chooses_records_drops_what_a_file_says_of_a_harmonic():
@@ -215,14 +227,14 @@ def test_an_option_that_chooses_records_drops_what_a_file_says_of_a_harmonic():
         "motion": {"amplitude": 0.02, "frequency": 3.0},
         "conditions": {"band": [2.0, 3.0], "frequencies": 5},
         "limits": {"reserve": 0.1, "stroke": 0.4},
-        "worth": {"worse": 0.02, "at_least": 0.2},
+        "requirements": {"worse": 0.02, "at_least": 0.2},
         "search": {"searches": 3, "seed": 4},
         "scatter": {"frequency": 0.1, "length": 0.03},
     }
     merged = jobs.merged(given, {"motion": RECORDS})
     assert merged["motion"] == RECORDS | {"kind": "records"}
     assert (merged["conditions"], merged["limits"]) == ({}, {"stroke": 0.4})
-    assert (merged["worth"], merged["search"]) == ({"worse": 0.02, "at_least": 0.2}, {"seed": 4})
+    assert (merged["requirements"], merged["search"]) == ({"worse": 0.02, "at_least": 0.2}, {"seed": 4})
     job = jobs.job_of(merged)
     assert job.ensemble == Ensemble(length=0.03)
     # What is of neither kind is dropped as well, and a harmonic drops what is of records.
@@ -283,7 +295,7 @@ mass = 1000
 restitution = 0.9
 [motion]
 records = ["~/größe.csv", "el-centro", "b.csv"]
-held_out = ["~/others"]
+validation_share = ["~/others"]
 """
 
 
@@ -298,7 +310,7 @@ def test_a_file_of_any_editor_is_read_and_its_paths_begin_at_home(tmp_path, monk
     motion = jobs.Job.read("~/../job.toml").full["motion"]
     home = f"{tmp_path}/home"
     assert motion["records"] == (f"{home}/größe.csv", "el-centro", f"{tmp_path}/b.csv")
-    assert motion["held_out"] == (f"{home}/others",)
+    assert motion["validation_share"] == (f"{home}/others",)
     (tmp_path / "job.toml").write_bytes(JOB.encode("utf-16"))
     with pytest.raises(ValueError, match=r"job\.toml is not a text file in UTF-8"):
         jobs.Job.read(tmp_path / "job.toml")

@@ -10,7 +10,7 @@ from tests.design.test_job import refusal
 from tpd.answers.ensemble import Ensemble
 from tpd.design import criteria
 from tpd.design import job as jobs
-from tpd.design.criteria import DesignSpace, Worth
+from tpd.design.criteria import DesignSpace, Requirements
 from tpd.design.job_keys import SCHEMA, TABLES, json_schema
 from tpd.design.settings import Descent
 from tpd.scene.bob import Bob
@@ -19,7 +19,13 @@ from tpd.scene.scene import Block
 
 
 def test_every_field_of_the_classes_is_a_key_with_its_default():
-    tables = {"block": Block, "bob": Bob, "space": DesignSpace, "worth": Worth, "ensemble": Ensemble}
+    tables = {
+        "block": Block,
+        "bob": Bob,
+        "space": DesignSpace,
+        "requirements": Requirements,
+        "ensemble": Ensemble,
+    }
     for table, kind in tables.items():
         for f in dataclasses.fields(kind):
             key = TABLES[table][f.name]
@@ -33,9 +39,9 @@ def test_every_field_of_the_classes_is_a_key_with_its_default():
 def test_every_limit_is_a_key_that_becomes_it():
     assert list(TABLES["limits"]) == [kind.name for kind in criteria.KINDS]
     for kind in criteria.KINDS:
-        given = True if kind is criteria.Room else 0.125
+        given = True if kind is criteria.Clearance else 0.125
         (found,) = (x for x in jobs.job_of({"limits": {kind.name: given}}).limits if isinstance(x, kind))
-        assert found == (kind() if kind is criteria.Room else kind(0.125))
+        assert found == (kind() if kind is criteria.Clearance else kind(0.125))
         off = jobs.job_of({"limits": {kind.name: False}})
         assert not any(isinstance(x, kind) for x in off.limits)
 

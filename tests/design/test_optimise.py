@@ -52,7 +52,7 @@ def harmful(count, **given) -> Harmful:
 def test_the_best_design_of_the_trials_is_validated_and_recommended():
     stages = []
     found = solve(NoisyProblem.of(limits=()), lambda stage, *_: stages.append(stage))
-    assert found.status is DesignStatus.found
+    assert found.status is DesignStatus.recommended
     (best,) = found.validated
     np.testing.assert_array_equal(best.design, found.trials.designs[0])
     assert found.pendulum == best.pendulum
@@ -72,7 +72,8 @@ def test_no_stage_shares_runs_with_another():
 
 
 @pytest.mark.parametrize(
-    ("count", "validated", "status"), [(1, 2, "found"), (2, 3, "found"), (9, 3, "refused")]
+    ("count", "validated", "status"),
+    [(1, 2, "recommended"), (2, 3, "recommended"), (9, 3, "not_recommended")],
 )
 def test_a_rejected_design_joins_the_trials_and_the_next_is_no_neighbour(count, validated, status):
     found = solve(harmful(count))
@@ -88,12 +89,14 @@ def test_a_rejected_design_joins_the_trials_and_the_next_is_no_neighbour(count, 
         assert rows.sum() == 2
         assert found.trials.overturned[rows].max() == pytest.approx(20 / 64)
     assert len(found.trials.designs) == 24 + 4 * 8 + len(rejected)
-    assert (found.pendulum is None, found.equivalent is None) == (status == "refused",) * 2
+    assert (found.pendulum is None, found.equivalent is None) == (status == "not_recommended",) * 2
 
 
 def test_after_a_rejection_no_unpromising_design_is_validated():
     """The trend must promise 30 % of the required benefit: here of all of the tilt, and then of one tenth."""
-    stopped = solve(harmful(9, worth=tpd.limits.Worth(at_least=1.0), limits=(tpd.limits.Tilt(0.9),)))
+    stopped = solve(
+        harmful(9, requirements=tpd.limits.Requirements(at_least=1.0), limits=(tpd.limits.Tilt(0.9),))
+    )
     assert len(stopped.validated) == 3
 
     class Little(Harmful):
@@ -101,7 +104,7 @@ def test_after_a_rejection_no_unpromising_design_is_validated():
             return 0.59 + 0.01 * super().tilt(design)
 
     found = solve(Little(**harmful(9).inputs))
-    assert (found.status, len(found.validated)) == (DesignStatus.refused, 1)
+    assert (found.status, len(found.validated)) == (DesignStatus.not_recommended, 1)
 
 
 def test_where_no_design_keeps_to_the_limits_none_is_validated():
@@ -148,7 +151,7 @@ def test_ctrl_c_is_an_exception():
 
 
 def test_a_harmonic_design_is_within_the_space_and_the_limits(harmonic):
-    assert harmonic.status is DesignStatus.found
+    assert harmonic.status is DesignStatus.recommended
     best, (low, high) = harmonic.validated[-1], SPACE.bounds
     assert np.all((best.design >= low - 1e-12) & (best.design <= high + 1e-12))
     assert harmonic.pendulum.mass == pytest.approx(best.design[0] * SCENE.block.mass)
@@ -183,7 +186,7 @@ def test_one_seed_is_one_design_and_another_seed_has_other_runs(harmonic):
 
 
 def test_a_rejected_design_says_why(rejected):
-    assert rejected.status is DesignStatus.refused
+    assert rejected.status is DesignStatus.not_recommended
     assert (rejected.pendulum, rejected.benefit) == (None, None)
     assert {r.kind for v in rejected.validated for r in v.reasons} == {ReasonKind.too_little_benefit}
     assert "a significant reduction of 97.0% with an interval from at least 48.5%" in rejected.refusals[0]
@@ -192,11 +195,11 @@ def test_a_rejected_design_says_why(rejected):
 
 
 def test_a_design_on_ground_motions_is_validated_on_earthquakes_that_it_never_saw(ground):
-    assert ground.status is DesignStatus.found
+    assert ground.status is DesignStatus.recommended
     (best,) = ground.validated
     runs = best.runs
     assert best.quoted is None
-    assert runs.labels == ("tuned to", "held out")
+    assert runs.labels == ("tuned to", "validation")
     assert not set(runs.cluster[runs.group == 0]) & set(runs.cluster[runs.group == 1])
     np.testing.assert_array_equal(runs.counted, runs.group == 1)
     assert runs.description.endswith(", 15 earthquakes")
@@ -213,7 +216,7 @@ def test_a_design_on_built_in_records_is_of_too_few_earthquakes():
     found = tpd.optimise(designs.BLOCK, conditions=tpd.Conditions.records(motions, (2.0, 3.0)), **asked)
     assert found.problem.evidence is DesignStatus.too_few
     assert found.pendulum is None
-    assert found.status in (DesignStatus.too_few, DesignStatus.refused)
+    assert found.status in (DesignStatus.too_few, DesignStatus.not_recommended)
     assert "inf" not in str(found)
     assert "nan" not in str(found)
 
@@ -247,7 +250,7 @@ def test_a_block_that_slides_before_it_lifts_gets_no_pendulum():
     [
         (designs.BLOCK, {"starts": tpd.Starts.rest()}, "`starts` is for harmonics"),
         (designs.BLOCK, {"objective": tpd.limits.SteadyTilt()}, "`objective` is for harmonics"),
-        (SCENE, {"conditions": None, "held_out": 0.5}, "`held_out` is for ground motions"),
+        (SCENE, {"conditions": None, "validation_share": 0.5}, "`validation_share` is for ground motions"),
         (designs.BLOCK, {"conditions": None}, "go with ground motions"),
         (SCENE, {"conditions": None, "method": tpd.GroundSearch()}, "go with ground motions"),
     ],
@@ -273,7 +276,7 @@ def test_every_point_is_the_problem_with_a_lighter_bob(name, request, rejected, 
     assert [lighter.most, last.most] == pytest.approx([0.06 * mass, 0.2 * mass])
     assert (last.status, last.pendulum) == (design.status.name, design.pendulum)
     assert last.saved[0] == design.benefit.mean
-    assert (lighter.status, lighter.pendulum) == ("refused", None)
+    assert (lighter.status, lighter.pendulum) == ("not_recommended", None)
     assert np.isnan(lighter.saved[0])
     (given,) = asked
     space = given.pop("space")
@@ -296,7 +299,7 @@ def test_a_fixed_rod_is_that_of_every_answer(harmonic):
     assert words.bounds(found) == ["least damping ratio of the search, 0.05"]
     point = tpd.front(found, (0.19,))[0].pendulum
     assert (point.length, point.mass <= 0.19 * SCENE.block.mass) == (pytest.approx(0.12), True)
-    ground = designs.GROUND | {"worth": tpd.limits.Worth(at_least=0.005, measure="tilt")}
+    ground = designs.GROUND | {"requirements": tpd.limits.Requirements(at_least=0.005, measure="tilt")}
     other = tpd.optimise(designs.BLOCK, tpd.DesignSpace(length=1.0, damping_ratio=0.3), **ground)
     assert (other.pendulum.length, other.pendulum.damping_ratio) == (pytest.approx(1.0), 0.3)
 

@@ -20,7 +20,7 @@ LIMITS = (
     tpd.limits.RelativeStroke(0.8),
     tpd.limits.Tilt(0.5),
     tpd.limits.Offset(0.03),
-    tpd.limits.Room(),
+    tpd.limits.Clearance(),
     tpd.limits.Reserve(0.05),
 )
 DESIGNS = np.array([[0.05, 0.5, 0.1], [0.1, 0.7, 0.1], [0.15, 0.4, 0.1]])
@@ -47,7 +47,7 @@ def test_a_condition_is_answered_by_its_largest_attracting_orbit_or_by_rest(obje
         found = orbits_of(p)
         assert KINDS[e.kind[0, i]] == "rocking"
         assert e.tilt[0, i] == pytest.approx(float(found.amplitude[0]) / p.nu, rel=1e-10)
-        assert e.stroke[0, i] == pytest.approx(float(found.stroke[0]), rel=1e-10)
+        assert e.swing[0, i] == pytest.approx(float(found.swing[0]), rel=1e-10)
         assert e.margin[0, i] == pytest.approx(float(tpd.theory.uplift(p).margin), rel=1e-10)
     np.testing.assert_allclose(margins(objective, GOOD), e.margin, rtol=1e-12)
     np.testing.assert_array_equal(e.merit, e.tilt)
@@ -66,18 +66,18 @@ def test_slopes_are_those_of_differences(objective):
 
 def test_constraints_have_names_and_are_tightened_for_a_search(objective):
     e, n = objective.evaluate(GOOD), len(BAND)
-    names = ["stroke", "relative_stroke", "tilt", "offset", "room", "thickness", "depth", "reserve"]
+    names = ["stroke", "relative_stroke", "tilt", "offset", "clearance", "thickness", "depth", "reserve"]
     assert [size.name for size in objective.sizes(e)] == names
     value, slope = objective.constraints(e)
     assert value.shape == (1, n * len(names))
     assert slope.shape == (*value.shape, 3)
-    np.testing.assert_array_equal(value[0, :n], e.stroke[0] / 0.5 - 1.0)
+    np.testing.assert_array_equal(value[0, :n], e.swing[0] / 0.5 - 1.0)
     np.testing.assert_array_equal(objective.linearised(e).limit, value + BACK_OFF)
 
 
 def test_a_quantity_that_is_not_finite_breaks_its_limit(objective):
     e = objective.evaluate(GOOD)
-    e = e._replace(stroke=np.full_like(e.stroke, np.inf), tilt=np.full_like(e.tilt, np.nan))
+    e = e._replace(swing=np.full_like(e.swing, np.inf), tilt=np.full_like(e.tilt, np.nan))
     value, slope = objective.constraints(e)
     assert np.all(value[0, :10] == 10.0)
     assert np.isfinite(slope).all()
@@ -123,8 +123,8 @@ def test_the_torus_margin_vanishes_where_a_pair_of_multipliers_leaves_the_circle
     sides = []
     for factor in (0.99, 1.0, 1.01):
         motion = dataclasses.replace(SCENE.motion, frequency=2.0, amplitude=0.015 * factor)
-        hung = SCENE.pendulum(mass_ratio=edge[0, 0], length_ratio=edge[0, 1], damping_ratio=edge[0, 2])
-        orbit = orbits_of(dataclasses.replace(SCENE, motion=motion).parameters(hung))
+        with_it = SCENE.pendulum(mass_ratio=edge[0, 0], length_ratio=edge[0, 1], damping_ratio=edge[0, 2])
+        orbit = orbits_of(dataclasses.replace(SCENE, motion=motion).parameters(with_it))
         sides.append((float(orbit.margins.torus[0]), float(np.abs(orbit.multipliers[0]).max())))
         assert orbit.margins.fold[0] > 1.0
         assert orbit.margins.symmetry[0] > 1.0
@@ -142,7 +142,7 @@ class Both(tpd.limits.Objective):
 
     def values(self, e, g):
         w = self.weight
-        return tpd.limits.Size(self.name, e.tilt + w * e.stroke, e.tilt_slope + w * e.stroke_slope)
+        return tpd.limits.Size(self.name, e.tilt + w * e.swing, e.tilt_slope + w * e.swing_slope)
 
 
 def test_an_objective_of_the_user_applies_where_the_block_rocks():
@@ -151,7 +151,7 @@ def test_an_objective_of_the_user_applies_where_the_block_rocks():
         orbits(conditions=conditions, **more).evaluate(GOOD) for more in ({"objective": Both(0.5)}, {})
     )
     assert [KINDS[kind] for kind in e.kind[0]] == ["rest", "rocking"]
-    np.testing.assert_array_equal(e.merit[0], [-e.margin[0, 0], e.tilt[0, 1] + 0.5 * e.stroke[0, 1]])
+    np.testing.assert_array_equal(e.merit[0], [-e.margin[0, 0], e.tilt[0, 1] + 0.5 * e.swing[0, 1]])
     np.testing.assert_array_equal(e.merit_slope[0, 0], usual.merit_slope[0, 0])
     of_user = orbits(objective=Both(0.5))
     for i in range(3):
@@ -182,7 +182,7 @@ def test_steps_follow_the_exact_orbits_as_designs_move(walk, objective):
     rocks = e.kind == ROCKING
     assert rocks.any()
     np.testing.assert_allclose(e.tilt[rocks], exact.tilt[rocks], rtol=1e-4)
-    np.testing.assert_allclose(e.stroke[rocks], exact.stroke[rocks], rtol=2e-3)
+    np.testing.assert_allclose(e.swing[rocks], exact.swing[rocks], rtol=2e-3)
     steep = np.abs(exact.tilt_slope[rocks]).max(axis=-1, keepdims=True)
     assert np.max(np.abs(e.tilt_slope[rocks] - exact.tilt_slope[rocks]) / steep) < 0.02
     assert walk.lost.sum() == 0

@@ -21,22 +21,22 @@ SOLID = dataclasses.replace(SCENE.block, cavity_width=None)
 
 def test_a_design_is_the_pendulum_of_its_ratios():
     problem = NoisyProblem.of()
-    hung = problem.pendulum(np.array(RATIOS))
-    assert hung == SCENE.pendulum(mass_ratio=0.1, length_ratio=0.6, damping_ratio=0.1)
-    np.testing.assert_allclose(problem.ratios(hung), RATIOS, rtol=1e-15)
+    with_it = problem.pendulum(np.array(RATIOS))
+    assert with_it == SCENE.pendulum(mass_ratio=0.1, length_ratio=0.6, damping_ratio=0.1)
+    np.testing.assert_allclose(problem.ratios(with_it), RATIOS, rtol=1e-15)
     assert problem.inputs["scene"] is SCENE
 
 
 def test_sizes_that_need_no_run_are_those_of_the_bob_at_rest_under_all_conditions():
     scattered = tpd.Conditions({"mass": np.array([0.9, 1.2]), "slenderness": np.array([1.0, 0.9])})
-    some = (limits.Stroke(0.5), limits.Room(), limits.Mass(2.0))
+    some = (limits.Stroke(0.5), limits.Clearance(), limits.Mass(2.0))
     problem = NoisyProblem.of(limits=some, conditions=scattered)
     found = problem.fixed_sizes(np.array([RATIOS, (0.2, 0.3, 0.1)]))
     assert {name: x.shape for name, x in found.items()} == dict.fromkeys(found, (2,))
     np.testing.assert_array_equal(found["stroke"], 0.0)
     body, _ = tpd.limits.Bob().built(0.1 * SCENE.block.mass, 0.6 * SCENE.block.half_height, SCENE.gravity)
     radius = float(tpd.limits.Bob().radius(1.2 * body))
-    assert found["room"][0] == pytest.approx(radius / (0.9 * 0.5 * SCENE.block.room))
+    assert found["clearance"][0] == pytest.approx(radius / (0.9 * 0.5 * SCENE.block.clear_width))
     assert found["mass"][0] == pytest.approx(float(body) / 2.0)
 
 
@@ -55,10 +55,10 @@ def test_a_limit_on_the_mass_narrows_the_space():
 
 
 def test_walls_need_a_cavity_that_is_stated():
-    with pytest.raises(ValueError, match=r"`cavity_width`.*must be given, but is not.*`Block`.*`Room`"):
-        check_cavity(SOLID, (tpd.limits.Room(),))
+    with pytest.raises(ValueError, match=r"`cavity_width`.*must be given, but is not.*`Block`.*`Clearance`"):
+        check_cavity(SOLID, (tpd.limits.Clearance(),))
     check_cavity(SOLID, tpd.limits.POINT_BOB)
-    check_cavity(SCENE.block, (tpd.limits.Room(),))
+    check_cavity(SCENE.block, (tpd.limits.Clearance(),))
 
 
 def test_what_does_not_move_the_block_or_cannot_scatter_is_rejected():
@@ -90,11 +90,13 @@ CASES = {
         "starts": tpd.Starts.rest(),
     },
     "exact orbits": {"method": tpd.Descent("rmsprop", model="piecewise", tolerance=0.02)},
-    "limits": {"limits": (limits.Stroke(0.3), limits.Room(tpd.limits.Bob(density=2000.0)), limits.Mass(5.0))},
+    "limits": {
+        "limits": (limits.Stroke(0.3), limits.Clearance(tpd.limits.Bob(density=2000.0)), limits.Mass(5.0))
+    },
     "point": {"conditions": tpd.Conditions(), "limits": limits.POINT_BOB},
     "space": {"space": tpd.DesignSpace(mass_ratio=(0.02, 0.1), damping_ratio=(0.1, 0.4))},
-    "worth": {
-        "worth": limits.Worth(at_least=0.2, measure="tilt", strikes=0.05),
+    "requirements": {
+        "requirements": limits.Requirements(at_least=0.2, measure="tilt", wall_contacts=0.05),
         "ensemble": tpd.Ensemble(size=64, ramps=(1.0,)),
     },
 }
@@ -114,7 +116,7 @@ def test_the_job_of_a_design_asks_its_question(asked):
     job = design.job
     assert job_of(tomllib.loads(job.toml)) == job
     again = answer(scene=job.scene, **job.settings)
-    for name in ("scene", "space", "starts", "risk", "limits", "worth", "ensemble", "seed"):
+    for name in ("scene", "space", "starts", "risk", "limits", "requirements", "ensemble", "seed"):
         assert getattr(again, name) == getattr(design, name), name
     assert repr(again.method) == repr(design.method)
     np.testing.assert_array_equal(again.conditions.factor_rows(), design.conditions.factor_rows())
@@ -146,6 +148,6 @@ def test_what_no_file_can_say_is_refused(asked, sentence):
 def test_motions_that_exist_only_in_python_are_refused():
     record = tpd.Record(np.sin(np.arange(100) / 5.0), 0.01)
     conditions = tpd.Conditions.records([record], (2.0,))
-    asked = GroundMotionProblem.of(ASKED, conditions, held_out=0.0)
+    asked = GroundMotionProblem.of(ASKED, conditions, validation_share=0.0)
     with pytest.raises(ValueError, match="a job file cannot say motions that exist only in Python"):
         _ = asked.job

@@ -12,7 +12,7 @@ SENTENCES = {
         "the block overturns in 19 of 64 runs (2.5 Hz) only with the pendulum, and in 3 only without it",
     ),
     ReasonKind.touches_wall: (
-        {"value": 0.03, "reference": 0.01, "limit": "room"},
+        {"value": 0.03, "reference": 0.01, "limit": "clearance"},
         "the pendulum exceeds the limit on clearance (bob to the wall) in 3.0% of the runs in which the "
         "block stands, and 1.0% are allowed",
     ),
@@ -88,15 +88,15 @@ def test_by_how_much_a_requirement_is_missed(kind, given, missed):
 
 def test_one_reason_of_each_kind_and_limit_is_kept_the_dangers_first():
     little = Reason(kind=ReasonKind.too_little_benefit, value=0.0, reference=0.1)
-    wall = Reason(kind=ReasonKind.touches_wall, limit="room", value=0.3)
-    stroke, again = (Reason(kind=ReasonKind.breaks_limit, limit="stroke", value=x) for x in (1.2, 1.4))
+    wall = Reason(kind=ReasonKind.touches_wall, limit="clearance", value=0.3)
+    swing, again = (Reason(kind=ReasonKind.breaks_limit, limit="stroke", value=x) for x in (1.2, 1.4))
     tilt = Reason(kind=ReasonKind.breaks_limit, limit="tilt", value=1.1)
-    assert one_of_a_kind([little, stroke, again, tilt, wall]) == [wall, little, stroke, tilt]
+    assert one_of_a_kind([little, swing, again, tilt, wall]) == [wall, little, swing, tilt]
 
 
 def test_only_a_validated_design_or_none_needed_is_sound_and_every_status_has_a_remedy():
     sound = {status for status in DesignStatus if status.is_sound}
-    assert sound == {DesignStatus.found, DesignStatus.no_uplift}
+    assert sound == {DesignStatus.recommended, DesignStatus.no_uplift}
     assert all(status.remedy.endswith(".") for status in DesignStatus)
     assert all(status.value[:2].isupper() and status.value.endswith(".") for status in DesignStatus)
     assert len({status.value for status in DesignStatus}) == len(DesignStatus) == 8

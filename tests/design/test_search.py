@@ -91,7 +91,7 @@ def test_an_objective_of_the_user_moves_the_optimum_its_way():
         o = orbits(limits=tpd.limits.POINT_BOB[1:], objective=Both(weight))
         found = search_designs(o, settings, 0)
         e = o.evaluate(found.ends[found.order[:1]])
-        sizes.append((float(e.tilt.max()), float(e.stroke.max())))
+        sizes.append((float(e.tilt.max()), float(e.swing.max())))
     assert sizes[0][0] < sizes[1][0]
     assert sizes[0][1] > sizes[1][1]
 

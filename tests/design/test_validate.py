@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tests.designs import SCENE, SPACE, NoisyProblem, outcomes, paired
 from tpd.answers.paired import PairedRuns
-from tpd.design.criteria import Worth
+from tpd.design.criteria import Requirements
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.validate import run_seed, validate
 from tpd.scene.bob import Bob
@@ -22,7 +22,7 @@ class Scripted(NoisyProblem):
 
     def paired_runs(self, design, seed, **how):
         self.asked.append(("paired", seed))
-        return dataclasses.replace(self.method, worse=self.worth.worse)
+        return dataclasses.replace(self.method, worse=self.requirements.worse)
 
 
 def validated(runs: PairedRuns, limits=(), **given):
@@ -35,7 +35,7 @@ def kinds(v) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("with_it", "without", "worth", "kind", "numbers"),
+    ("with_it", "without", "requirements", "kind", "numbers"),
     [
         ([0.1] * 20, [0.3] * 20, {}, None, ()),
         ([0.27, 0.29] * 400, [0.3] * 800, {"at_least": 0.05}, None, ()),
@@ -45,15 +45,15 @@ def kinds(v) -> list[str]:
         ([0.01] * 50 + [0.1] * 50, [0.0] * 50 + [0.5] * 50, {}, "rests_less", (0.0, 50.0, 100)),
     ],
 )
-def test_every_reason_of_the_runs_and_its_numbers(with_it, without, worth, kind, numbers):
-    v = validated(paired(with_it, without), worth=Worth(**worth))
+def test_every_reason_of_the_runs_and_its_numbers(with_it, without, requirements, kind, numbers):
+    v = validated(paired(with_it, without), requirements=Requirements(**requirements))
     assert kinds(v) == ([] if kind is None else [kind])
     for reason in v.reasons:
         if numbers is None:
             assert reason.low <= 0.0 < reason.reference < reason.value, "it may be chance"
         else:
             assert (reason.value, reason.reference, reason.total) == pytest.approx(numbers)
-    assert v.status is DesignStatus.refused
+    assert v.status is DesignStatus.not_recommended
     assert len(v.refusals) == len(v.reasons)
     assert v.is_harmful is (kind == "overturns_more")
 
@@ -81,7 +81,9 @@ def overturnings(*counts, tilts=(0.2, 0.4), runs=400, **more) -> PairedRuns:
     ],
 )
 def test_the_measure_that_must_fall_decides(with_it, without, tilts, stated, measure, refused):
-    v = validated(overturnings(with_it, without, tilts=tilts), worth=Worth(measure=stated, worse=1.0))
+    v = validated(
+        overturnings(with_it, without, tilts=tilts), requirements=Requirements(measure=stated, worse=1.0)
+    )
     assert v.measure == measure
     assert kinds(v) == ["too_little_benefit"] * refused
     assert all(reason.measure == measure for reason in v.reasons)
@@ -109,7 +111,7 @@ def test_runs_that_are_quoted_have_the_measure_of_those_that_decided():
 def test_identical_runs_are_no_benefit():
     rng = np.random.default_rng(0).uniform(0.1, 0.9, 200)
     for least in (0.1, 0.0):
-        v = validated(paired(rng, rng), worth=Worth(at_least=least))
+        v = validated(paired(rng, rng), requirements=Requirements(at_least=least))
         assert kinds(v) == ["too_little_benefit"]
         assert v.runs.benefit.low < v.runs.benefit.mean == 0.0 < v.runs.benefit.high
 
@@ -123,7 +125,7 @@ def test_a_worse_condition_is_named_and_the_others_are_counted():
     assert reason.kind is ReasonKind.worse_condition
     assert (reason.condition, reason.total) == ("condition 2", 2)
     assert (reason.value, reason.reference) == (pytest.approx(0.4), pytest.approx(0.3))
-    assert kinds(validated(runs, worth=Worth(worse=0.4))) == []
+    assert kinds(validated(runs, requirements=Requirements(worse=0.4))) == []
 
 
 @pytest.mark.parametrize(
@@ -131,12 +133,12 @@ def test_a_worse_condition_is_named_and_the_others_are_counted():
 )
 def test_a_share_of_the_standing_runs_may_exceed_a_limit(allowed, kind):
     """Five of the hundred runs that stand swing beyond the limit, and more of those that overturn."""
-    stroke = np.where(np.arange(110) < 15, 0.6, 0.4)
+    swing = np.where(np.arange(110) < 15, 0.6, 0.4)
     with_it = np.where(np.arange(110) < 10, np.inf, 0.1)
     v = validated(
-        paired(with_it, [np.inf] * 20 + [0.5] * 90, stroke=stroke),
+        paired(with_it, [np.inf] * 20 + [0.5] * 90, swing=swing),
         limits=(tpd.limits.Stroke(0.5),),
-        worth=Worth(strikes=allowed),
+        requirements=Requirements(wall_contacts=allowed),
     )
     assert kinds(v) == kind
     assert v.over_limit == pytest.approx(0.05)
@@ -150,16 +152,16 @@ def test_a_bob_touches_a_wall_on_the_way_as_well():
     hung = NoisyProblem.of().pendulum(DESIGN)
     body, rod = Bob().built(float(hung.mass), float(hung.length), float(SCENE.gravity))
     radius = float(Bob().radius(body))
-    angle = float(np.arcsin((0.5 * SCENE.block.room - radius) / rod))
+    angle = float(np.arcsin((0.5 * SCENE.block.clear_width - radius) / rod))
     for share, kind in ((0.9, []), (1.1, ["touches_wall"])):
-        runs = paired([0.01] * 50, [0.5] * 50, stroke=0.4, design=DESIGN)
+        runs = paired([0.01] * 50, [0.5] * 50, swing=0.4, design=DESIGN)
         # Bob and block turn to opposite sides at most.
         way = np.full(50, share * angle - 0.01 * float(SCENE.block.slenderness))
         runs = dataclasses.replace(runs, with_pendulum=dataclasses.replace(runs.with_pendulum, rod_angle=way))
-        limits = (tpd.limits.Stroke(0.5), tpd.limits.Room())
+        limits = (tpd.limits.Stroke(0.5), tpd.limits.Clearance())
         v = validated(runs, limits=limits)
         assert kinds(v) == kind
-        assert all(reason.limit == "room" for reason in v.reasons)
+        assert all(reason.limit == "clearance" for reason in v.reasons)
 
 
 def test_a_verdict_that_depends_on_runs_without_an_answer_is_undecided():
@@ -176,7 +178,7 @@ def test_a_verdict_that_depends_on_runs_without_an_answer_is_undecided():
     # Where a wall may be touched the run might have touched it.
     limits = (tpd.limits.Stroke(0.5),)
     assert kinds(validated(paired([0.1] * 49 + [np.nan], [0.3] * 50), limits=limits)) == ["undecided"]
-    over = paired([0.1] * 48 + [np.nan] * 2, [0.3] * 50, stroke=0.6)
+    over = paired([0.1] * 48 + [np.nan] * 2, [0.3] * 50, swing=0.6)
     assert kinds(validated(over, limits=limits)) == ["touches_wall"]
 
 
@@ -192,12 +194,14 @@ def test_a_body_that_exceeds_a_limit_as_built_is_no_question_of_runs_without_an_
     block = dataclasses.replace(SCENE.block, cavity_width=point + built)
     tilt = np.full(50, 0.01)
     tilt[-1] = np.nan
-    runs = paired(tilt, [0.5] * 50, stroke=0.0175, design=DESIGN)
+    runs = paired(tilt, [0.5] * 50, swing=0.0175, design=DESIGN)
     scene = dataclasses.replace(SCENE, block=block)
     for allowed in (0.01, 0.05):
-        v = validated(runs, (tpd.limits.Room(),), scene=scene, worth=Worth(strikes=allowed))
+        v = validated(
+            runs, (tpd.limits.Clearance(),), scene=scene, requirements=Requirements(wall_contacts=allowed)
+        )
         assert kinds(v) == ["touches_wall"]
-        assert v.status is DesignStatus.refused
+        assert v.status is DesignStatus.not_recommended
 
 
 def test_a_limit_on_the_mass_binds_the_built_body_before_any_run():
@@ -267,7 +271,7 @@ def test_quoted_runs_that_show_harm_reject_a_design_and_a_smaller_benefit_does_n
 
 def test_where_no_runs_are_held_back_those_that_decide_are_quoted():
     class Once(Scripted):
-        holds_back = False
+        has_validation_runs = False
 
     given = NoisyProblem.of(limits=()).inputs | {"method": paired([0.1] * 40, [0.5] * 40)}
     v = validate(Once(**given), DESIGN)
@@ -278,20 +282,25 @@ def test_where_no_runs_are_held_back_those_that_decide_are_quoted():
 
 def test_sizes_in_runs_are_those_of_the_runs_own_block():
     """The walls of a more slender block are nearer, and a longer rod reaches further."""
-    problem = NoisyProblem.of(limits=(tpd.limits.Room(), tpd.limits.Tilt(0.5)))
+    problem = NoisyProblem.of(limits=(tpd.limits.Clearance(), tpd.limits.Tilt(0.5)))
     runs = outcomes([0.1, 0.2, np.inf, np.nan], 0.3, design=DESIGN)
     found = problem.sizes_in_runs(DESIGN, runs)
-    assert {name: len(x) for name, x in found.items()} == {"room": 2, "thickness": 2, "depth": 2, "tilt": 2}
+    assert {name: len(x) for name, x in found.items()} == {
+        "clearance": 2,
+        "thickness": 2,
+        "depth": 2,
+        "tilt": 2,
+    }
     np.testing.assert_allclose(found["tilt"], [0.2, 0.4])
     hung = problem.pendulum(DESIGN)
     angle = 0.3 + np.array([0.1, 0.2]) * float(SCENE.block.slenderness)
     body, rod = Bob().built(float(hung.mass), float(hung.length), float(SCENE.gravity))
-    reach = Bob().reach(body, rod, angle) / (0.5 * float(SCENE.block.room))
-    np.testing.assert_allclose(found["room"], reach)
+    reach = Bob().reach(body, rod, angle) / (0.5 * float(SCENE.block.clear_width))
+    np.testing.assert_allclose(found["clearance"], reach)
     narrow = dataclasses.replace(runs, nu=0.9 * runs.nu)
     np.testing.assert_allclose(problem.sizes_in_runs(DESIGN, narrow)["tilt"], np.array([0.2, 0.4]) / 0.9)
-    wider = problem.sizes_in_runs(DESIGN, dataclasses.replace(runs, nu=1.1 * runs.nu))["room"]
+    wider = problem.sizes_in_runs(DESIGN, dataclasses.replace(runs, nu=1.1 * runs.nu))["clearance"]
     np.testing.assert_allclose(wider, reach / 1.1)
-    assert problem.over_limit(DESIGN, runs) == (float(np.mean(reach > 1.0)), "room")
+    assert problem.over_limit(DESIGN, runs) == (float(np.mean(reach > 1.0)), "clearance")
     none = outcomes([np.inf, np.nan], design=DESIGN)
     assert problem.over_limit(DESIGN, none) == (0.0, "")

@@ -14,7 +14,7 @@ from tpd.report.files import add_engine
 
 pytest.importorskip("mujoco")
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution="housner")
-HUNG = tpd.Pendulum(mass=900.0, length=2.1, damping_ratio=0.2)
+PENDULUM = tpd.Pendulum(mass=900.0, length=2.1, damping_ratio=0.2)
 
 
 def one_sine(scale):
@@ -23,7 +23,7 @@ def one_sine(scale):
 
 def test_a_column_overturns_where_the_equations_say():
     # Least scales of a one-sine pulse by several engines: 2.45 bare, 7.0 with the pendulum.
-    for scale, pendulum, fell in ((2.3, None, 0), (2.6, None, 1), (6.5, HUNG, 0), (7.6, HUNG, 1)):
+    for scale, pendulum, fell in ((2.3, None, 0), (2.6, None, 1), (6.5, PENDULUM, 0), (7.6, PENDULUM, 1)):
         found = compared(one_sine(scale), pendulum, runs=1)
         assert int(found.with_engine[0].overturned[0]) == fell
         assert int(found.with_equations[0].overturned[0]) == fell
@@ -37,7 +37,7 @@ def assert_alike(found, rtol, least=0):
 
 
 def test_tilts_of_both_are_alike_and_the_verdict_says_so():
-    found = compared(one_sine(2.2), HUNG, runs=6)
+    found = compared(one_sine(2.2), PENDULUM, runs=6)
     assert_alike(found, 0.03, least=3)
     assert not found.disagrees
     assert found.warning == ""
@@ -48,8 +48,8 @@ def test_tilts_of_both_are_alike_and_the_verdict_says_so():
 def test_a_harmonic_is_followed_with_the_starts_of_the_ensemble():
     scene = tpd.paper_scene()
     scene = replace(scene, block=replace(scene.block, restitution="housner", friction=0.0))
-    hung = tpd.Pendulum(mass=0.4 * float(scene.block.mass), length=0.08, damping_ratio=0.3)
-    assert_alike(compared(scene, hung, runs=3, periods=12), 0.05)
+    with_it = tpd.Pendulum(mass=0.4 * float(scene.block.mass), length=0.08, damping_ratio=0.3)
+    assert_alike(compared(scene, with_it, runs=3, periods=12), 0.05)
 
 
 def runs(tilt):
@@ -60,7 +60,7 @@ def runs(tilt):
 def verdict_of(engine, finer, equations):
     names = ("with_engine", "finer", "with_equations")
     pairs = {n: tuple(map(runs, pair)) for n, pair in zip(names, (engine, finer, equations), strict=True)}
-    asked = {"scene": one_sine(2.0), "pendulum": HUNG, "ensemble": tpd.Ensemble(size=2), "step": 1e-3}
+    asked = {"scene": one_sine(2.0), "pendulum": PENDULUM, "ensemble": tpd.Ensemble(size=2), "step": 1e-3}
     return EngineVerdict(engine="MuJoCo 0", sliding=0.6, restitution=0.9, **asked, **pairs)
 
 
@@ -91,8 +91,8 @@ def test_a_disagreement_comes_before_the_answer(tmp_path):
 
 def test_the_command_checks_a_pendulum_in_the_engine(capsys):
     asked = "check --width 0.1 --height 0.4 --mass 8 --restitution housner --frequency 2.5 --amplitude 0.015"
-    hung = "--pendulum-mass 3.2 --pendulum-length 0.08 --engine mujoco --runs 1"
-    assert main([*asked.split(), *hung.split()]) == 3
+    with_it = "--pendulum-mass 3.2 --pendulum-length 0.08 --engine mujoco --runs 1"
+    assert main([*asked.split(), *with_it.split()]) == 3
     printed = capsys.readouterr().out
     assert "the pendulum does not help" in printed
     assert "equations (4)" in printed

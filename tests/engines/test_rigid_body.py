@@ -13,7 +13,7 @@ from tpd.engines import mjcf, opensees
 
 tkinter = pytest.importorskip("tkinter")
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution="housner")
-HUNG = tpd.Pendulum(mass=900.0, length=2.1, damping_ratio=0.2)
+PENDULUM = tpd.Pendulum(mass=900.0, length=2.1, damping_ratio=0.2)
 PULSE = tpd.Pulse.one_sine(acceleration=2.0 * 9.80665 / 6.0, frequency=1.2375)
 SCENE = tpd.Scene(COLUMN, PULSE)
 STUBS = (
@@ -53,7 +53,7 @@ OWN = 9000.0 * (0.5**2 + 3.0**2) / 3.0
 def test_the_text_for_mujoco_has_the_masses_of_the_scene():
     mujoco = pytest.importorskip("mujoco")
 
-    model = mujoco.MjModel.from_xml_string(mjcf(SCENE, HUNG))
+    model = mujoco.MjModel.from_xml_string(mjcf(SCENE, PENDULUM))
     np.testing.assert_allclose(model.body_mass, [0.0, 9000.0, 900.0])
     np.testing.assert_allclose(model.body_inertia[1], OWN, rtol=1e-12)
     assert model.nu == 2
@@ -63,7 +63,7 @@ def test_the_text_for_mujoco_has_the_masses_of_the_scene():
 
 
 def test_the_text_for_opensees_has_the_masses_of_the_scene():
-    said, values = stubbed(opensees(SCENE, HUNG))
+    said, values = stubbed(opensees(SCENE, PENDULUM))
 
     def numbers(command):
         return {words[1]: [float(x) for x in words[2:]] for words in said if words[0] == command}
@@ -76,7 +76,7 @@ def test_the_text_for_opensees_has_the_masses_of_the_scene():
     assert places["7"][:2] == places["6"][:2] == [0.0, 6.0]
     assert places["8"][:2] == pytest.approx([0.0, 3.9])
     dashpot = next(words for words in said if words[:2] == ("uniaxialMaterial", "Viscous"))
-    assert float(dashpot[3]) == pytest.approx(HUNG.hinge_damping())
+    assert float(dashpot[3]) == pytest.approx(PENDULUM.hinge_damping())
     assert len(values) == len(PULSE.pieces()) + 1
     assert max(map(float, values)) == pytest.approx(PULSE.pga, rel=1e-4)
 
@@ -139,10 +139,10 @@ def by_opensees(text: str, folder) -> dict[str, np.ndarray]:
 
 
 def test_a_column_with_its_pendulum_moves_as_by_the_equations(tmp_path):
-    from tpd.answers.shaking_history import shaking_history
+    from tpd.answers.motion_history import motion_history
 
-    found = by_opensees(opensees(SCENE, HUNG), tmp_path)
-    ours = shaking_history(SCENE, HUNG, times=np.linspace(0.0, 2.0, 201))
+    found = by_opensees(opensees(SCENE, PENDULUM), tmp_path)
+    ours = motion_history(SCENE, PENDULUM, times=np.linspace(0.0, 2.0, 201))
     tilt, swing = (np.interp(ours.times, *found[name].T) for name in ("tilt", "rod"))
     for theirs, linear in ((tilt, ours.tilt), (swing, ours.swing)):
         # The contact is elastic, and tpd's history here is linear in the tilt: phases part with time.

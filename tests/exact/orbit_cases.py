@@ -37,7 +37,7 @@ def _solve(x: jax.Array) -> tuple:
     def sizes(x: jax.Array) -> tuple:
         o = symmetric_orbits(parameters(x))
         m, many = o.margins, o.multipliers
-        numbers = (o.amplitude, o.stroke, *o.state.T, o.phase, o.crossing, m.fold, m.symmetry)
+        numbers = (o.amplitude, o.swing, *o.state.T, o.phase, o.crossing, m.fold, m.symmetry)
         unknown = (m.sticking, m.grazing, *many.real.T, *many.imag.T)
         return (jnp.stack(numbers, axis=1), jnp.stack(unknown, axis=1)), o
 
@@ -57,7 +57,7 @@ def solve(xs: Any) -> Answers:
     (slopes, unknown), o = in_chunks(_solve, points, chunk=BATCH)
     assert np.all(np.isnan(unknown))
     m = o.margins
-    sizes = (o.amplitude, o.stroke, o.state, o.phase, o.crossing, o.multipliers)
+    sizes = (o.amplitude, o.swing, o.state, o.phase, o.crossing, o.multipliers)
     return Answers(names_of(o.status), *sizes, m.fold, m.symmetry, m.sticking, m.grazing, slopes, o.overflow)
 
 

@@ -85,11 +85,11 @@ def random_scenes(count: int) -> list[tuple[Case, np.ndarray, float]]:
             length=0.5 * width * slenderness * 10.0 ** rng.uniform(-1.5, 0.3),
             damping_ratio=float(rng.choice([0.0, 0.02, 0.1, 0.6, 1.0, 2.0])),
         )
-        hung = pendulum if rng.random() < 0.8 else None
+        with_it = pendulum if rng.random() < 0.8 else None
         a, dt = _samples(rng)
         share = rng.choice([1.0, rng.uniform(0.5, 1.0), rng.uniform(1.0, 3.0)], p=[0.1, 0.2, 0.7])
         a = a * share * GRAVITY / slenderness
-        out.append((Case(block, hung, record(a, dt)), a, dt))
+        out.append((Case(block, with_it, record(a, dt)), a, dt))
     return out
 
 

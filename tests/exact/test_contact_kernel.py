@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tests.exact.plants import entry, plants_of
-from tests.reference import HUNG, parameters
+from tests.reference import WITH, parameters
 from tpd.exact import contact_kernel
 from tpd.exact.events import FIRST, SECOND
 from tpd.exact.motion import MOTION
@@ -64,7 +64,7 @@ def test_events_change_state_and_mode(mode, which, y, rests, after, state):
 
 
 def test_an_impact_conserves_the_second_row_of_the_momentum_and_a_rattle_is_the_sum_of_its_hops():
-    x = (*HUNG[0].x, 0.7)
+    x = (*WITH[0].x, 0.7)
     p, linear, plants = parameters(x), Linear(parameters(x)), plants_of([x])
     rates = np.array([[0.7, -0.2]])
     for _ in range(200):

@@ -13,7 +13,7 @@ from tpd.exact.runs import GroundForcing, follow
 from tpd.exact.terms import XI
 
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.01, restitution=0.9595)
-HUNG = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
+PENDULUM = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
 SINE = tpd.Pulse.one_sine(acceleration=2.0 * 9.80665 / 6.0, frequency=1.2375)
 NOISE = record(np.append(0.0, 4.0 * np.random.default_rng(4).standard_normal(40)), 0.05)
 
@@ -27,7 +27,7 @@ def results(z, pieces, free=1.5):
 
 @pytest.mark.parametrize("motion", [SINE, NOISE], ids=["sine", "record"])
 def test_every_number_has_the_derivatives_of_differences(motion):
-    rows, (pieces,), _ = operands([Case(COLUMN, HUNG, motion)])
+    rows, (pieces,), _ = operands([Case(COLUMN, PENDULUM, motion)])
     point = np.append(rows[0], [0.01, 0.02, -0.01, 0.05])
     values, by = (np.asarray(f(point, pieces)) for f in (results, jax.jacfwd(results)))
     # A block that begins tilted has no uplift. The slope of the growing coordinate is right where that

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.reference import HUNG, exact, parameters, settled
+from tests.reference import WITH, exact, parameters, settled
 from tpd.exact import linear_entry as entry
 from tpd.exact.calling import LINEAR
 from tpd.exact.rows import row_of
@@ -12,11 +12,11 @@ from tpd.theory.equations import Terms
 
 
 def test_the_steady_state_is_where_the_motion_settles():
-    p, steady, limits = as_arrays(parameters(HUNG[0].x)), np.zeros(1, entry.STEADY), {"periods": 500}
+    p, steady, limits = as_arrays(parameters(WITH[0].x)), np.zeros(1, entry.STEADY), {"periods": 500}
     limits |= {"events": 500, "rest_rate": 2e-7, "tolerance": 1e-8, "lyapunov": 100}
     row = row_of(p)[None].copy()
     entry.run(0, 1, np.array([LINEAR.settings("STEADY_STATE", **limits)]), row, np.zeros((1, 4)), steady)
-    known, found = exact(HUNG[0].x), settled(Terms.linear, p, np.zeros((1, 4)))
+    known, found = exact(WITH[0].x), settled(Terms.linear, p, np.zeros((1, 4)))
     assert float(steady["amplitude"][0]) == known.amplitude
     assert int(steady["elapsed"][0]) == int(found.elapsed[0]) == int(known.steady.elapsed)
     assert float(found.amplitude[0]) == pytest.approx(known.amplitude, rel=1e-7)

@@ -12,14 +12,14 @@ from tpd.exact import nonlinear_entry
 def scenes(kind, count, seed=4):
     """Random parameters and starts, friction from none to that which holds a leaning block."""
     u = np.random.default_rng(seed).random((count, 12))
-    nu, hung, lossy = 0.1 + 0.25 * u[:, 0], kind.startswith("hung"), kind.endswith("impacts")
+    nu, pendulum, lossy = 0.1 + 0.25 * u[:, 0], kind.startswith("hung"), kind.endswith("impacts")
     p = tpd.Parameters(
         nu=nu,
-        mu=(0.02 + 0.3 * u[:, 1]) * hung,
+        mu=(0.02 + 0.3 * u[:, 1]) * pendulum,
         lam=0.2 + 1.3 * u[:, 2],
         zeta=0.05 + 0.3 * u[:, 3],
         k=nu * u[:, 4] ** 2 * (0.3 if lossy else 1.0),
-        f=nu * (0.4 + (1.2 if hung else 2.0) * u[:, 5]),
+        f=nu * (0.4 + (1.2 if pendulum else 2.0) * u[:, 5]),
         xi=1.0 + 6.0 * u[:, 6],
         e=0.6 + 0.35 * u[:, 7] if lossy else np.ones(count),
     )

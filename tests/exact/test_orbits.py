@@ -37,7 +37,7 @@ def test_slopes_are_linear_in_the_direction_and_nan_where_not_asked_for():
     assert np.sum(there) > 10
     expected = np.einsum("nmds,d->nms", every, along[0, 0])
     np.testing.assert_allclose(one[there][:, :3], expected[there][:, :3], rtol=1e-10, atol=1e-12)
-    assert np.all(np.isnan(one[:, :, SIZES["stroke"] :]))
+    assert np.all(np.isnan(one[:, :, SIZES["swing"] :]))
     i = int(np.argmax(there[:, 0]))
     alone = engine.slopes(X[i], engine.solved(X[i]), (0, 3))
     np.testing.assert_allclose(alone[0, :, :3], every[i, 0, :, :3], rtol=1e-12)

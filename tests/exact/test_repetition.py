@@ -60,7 +60,7 @@ def test_scales_grow_with_the_rate_of_the_shaking(xi, known):
 )
 def test_the_shaking_grows_until_it_has_its_full_size(monkeypatch, elapsed, since, share, until):
     monkeypatch.setattr(r, "steady", lambda cubics: r.Forcing(True, 1.0, 0.0, 0, cubics))
-    f, grown = r.shaking_in.py_func(2.5, 3.0, elapsed, since, np.empty((0, 4)))
+    f, grown = r.excitation_in.py_func(2.5, 3.0, elapsed, since, np.empty((0, 4)))
     assert f.share == pytest.approx(share)
     assert grown == pytest.approx(until)
     assert f.share + f.rate * grown == pytest.approx(1.0)

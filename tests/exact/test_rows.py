@@ -8,19 +8,19 @@ import jax.numpy as jnp
 import numpy as np
 
 from tests import interpreted
-from tests.reference import HUNG, parameters
+from tests.reference import WITH, parameters
 from tpd.exact.rows import numbers_of, packed, row_of
 from tpd.scene.parameters import NAMES, from_row
 
 
 def test_parameters_come_back_with_ratios_of_their_own():
-    p = parameters((*HUNG[0].x, 0.8))
+    p = parameters((*WITH[0].x, 0.8))
     q = from_row(packed(numbers_of(p)))
     assert float(q.rho) == float(p.inertia_ratio)
     np.testing.assert_array_equal(row_of(q), row_of(p))
-    many = row_of(parameters((*HUNG[0].x[:6], np.array([2.0, 3.0]))), piece=np.array([0.1, 0.2]))
+    many = row_of(parameters((*WITH[0].x[:6], np.array([2.0, 3.0]))), piece=np.array([0.1, 0.2]))
     np.testing.assert_array_equal(many[:, NAMES.index("xi")], [0.1, 0.2])
-    assert isinstance(row_of(parameters(jnp.asarray(HUNG[0].x))), np.ndarray)
+    assert isinstance(row_of(parameters(jnp.asarray(WITH[0].x))), np.ndarray)
 
 
 def test_no_result_depends_on_the_order_of_the_parameters():

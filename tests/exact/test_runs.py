@@ -20,16 +20,16 @@ from tpd.exact.runs import GroundForcing, follow
 from tpd.scene.status import names_of
 
 BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9)
-HUNG = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
+PENDULUM = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
 SCENE = tpd.Scene(BLOCK, tpd.Pulse.one_sine(acceleration=3.0, frequency=1.2))
 NAMES = ("tilt", "swing", "relative", "times", "state", "status", "impacts", "lifted")
 
 
 def test_one_motion_is_that_of_a_batch_and_records_are_shared():
-    p, pieces = SCENE.ground_parameters(HUNG), jnp.asarray(SCENE.motion.pieces())
+    p, pieces = SCENE.ground_parameters(PENDULUM), jnp.asarray(SCENE.motion.pieces())
     row, forcing = ground_row_of(p), GroundForcing([pieces], 3.0)
     alone = jax.jit(lambda y0: follow(tpd.Terms.linear, row, forcing, y0=y0, events=1000))(jnp.zeros(4))
-    rows, each, _ = operands([Case(BLOCK, HUNG, SCENE.motion)])
+    rows, each, _ = operands([Case(BLOCK, PENDULUM, SCENE.motion)])
     np.testing.assert_allclose(ground_row_of(p), rows[0], rtol=1e-14)
     some = [np.zeros((2, 4)), each[0], each[0][:5]]
     three = GroundForcing(some, np.full(3, 3.0), np.array([1, 2, 1]))
@@ -59,7 +59,7 @@ def test_linear_results_depend_neither_on_the_threads_nor_on_the_batch():
 
 
 TALL = tpd.Parameters(nu=0.25, mu=0.2, lam=0.8, zeta=0.1, k=0.05, f=0.5, xi=3.5)
-SIZES = ("amplitude", "stroke", "peak", "peak_stroke")
+SIZES = ("amplitude", "swing", "peak", "peak_swing")
 
 
 nonlinear = functools.partial(settled, tpd.Terms.nonlinear)
@@ -161,4 +161,4 @@ def test_a_block_at_rest_under_a_bob_that_repeats_itself_after_two_periods_is_no
     found = nonlinear(p, (0.0, 1e-3, 0.0, 0.0))
     assert names_of(found.status) == "rest"
     assert found.amplitude == 0.0
-    assert float(found.stroke) == pytest.approx(1e-3, rel=1e-6)
+    assert float(found.swing) == pytest.approx(1e-3, rel=1e-6)

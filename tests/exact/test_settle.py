@@ -18,8 +18,8 @@ from tpd.theory.equations import Terms
 
 @pytest.mark.mends("a block at rest under a bob that settles was called sticking, with an amplitude of zero")
 def test_the_papers_block_rests_under_a_pendulum_that_keeps_it_down():
-    bare = paper_scene().parameters()
-    x = (bare.nu, 0.197, 1.2, 0.1, bare.k, bare.f, bare.xi)
+    without = paper_scene().parameters()
+    x = (without.nu, 0.197, 1.2, 0.1, without.k, without.f, without.xi)
     assert uplift(parameters(x)).margin > 0.0
     answer = exact(x)
     assert (answer.status, answer.amplitude) == ("rest", 0.0)
@@ -58,7 +58,7 @@ def test_no_settled_motion_loses_its_status_to_the_short_way():
     both = np.isin(names, ("rocking", "sticking")) & moved & (x[:, 1] > 0.0)
     assert np.sum(both) > 20
     np.testing.assert_array_equal(short.periods[both], long.periods[both])
-    for size in ("amplitude", "stroke", "peak", "peak_stroke"):
+    for size in ("amplitude", "swing", "peak", "peak_swing"):
         ours, theirs = (np.asarray(getattr(s, size))[both] for s in (short, long))
         np.testing.assert_allclose(ours, theirs, rtol=5e-4, atol=1e-6)
     assert not np.any(moved & np.isin(names, ("rest", "overturned")))

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from tests.exact.test_trajectory import REACH, clock, scales, states
-from tests.reference import BARE, HUNG, MOVING, SLOW, UNSTABLE, along, differences, exact, parameters
+from tests.reference import (
+    MOVING,
+    SLOW,
+    UNSTABLE,
+    WITH,
+    along,
+    differences,
+    exact,
+    parameters,
+)
 from tests.truth import load
 from tpd import Piecewise, simulate, status_name, steady_state
 from tpd.exact import repetition, steady, terms
@@ -26,7 +35,7 @@ def test_a_settled_motion_has_the_sizes_and_state_of_fifty_digits(row):
     s = SETTLE(x, np.array(row["y0"]))
     assert status_name(s.status) in ("rocking", "sticking", "rest")
     assert float(s.amplitude) == pytest.approx(float(row["amplitude"]), rel=REACH)
-    assert float(s.stroke) == pytest.approx(float(row["stroke"]), rel=REACH)
+    assert float(s.swing) == pytest.approx(float(row["swing"]), rel=REACH)
     end = np.array([float(v) for v in row["end"]])
     # On any of the forcing periods of its motion: on which one it is depends on how long it was followed.
     begins = np.array([0.0, *2.0 * np.pi / x[6] * np.arange(1, int(s.periods) + 1)])
@@ -68,11 +77,11 @@ def test_the_multiplier_is_that_of_the_map_over_one_period(case):
     assert answer.steady.multiplier == pytest.approx(largest, rel=1e-9)
     # Sizes are the largest angles of a settled period; a peak hides at most half a sample from the nearest.
     angles = np.abs(states(case.x, answer.steady.state, clock(case.x, 1))[:, :2]).max(axis=0)
-    np.testing.assert_allclose([answer.amplitude, answer.stroke], angles, rtol=5e-4)
-    assert np.all(np.array([answer.amplitude, answer.stroke]) >= angles * (1 - 1e-12))
+    np.testing.assert_allclose([answer.amplitude, answer.swing], angles, rtol=5e-4)
+    assert np.all(np.array([answer.amplitude, answer.swing]) >= angles * (1 - 1e-12))
 
 
-@pytest.mark.parametrize("x", [HUNG[3].x, PERIOD_THREE], ids=["period one", "period three"])
+@pytest.mark.parametrize("x", [WITH[3].x, PERIOD_THREE], ids=["period one", "period three"])
 def test_the_lyapunov_exponent_of_an_orbit_is_the_rate_of_its_multiplier(x):
     found = exact(x).steady
     duration = int(found.periods) * 2.0 * np.pi / x[6]
@@ -112,7 +121,7 @@ def test_derivatives_that_are_not_known_are_refused():
         found = steady_state(parameters(x))
         return jnp.stack([found.multiplier, found.lyapunov])
 
-    assert np.all(np.isnan(slopes(np.array(HUNG[3].x))))
+    assert np.all(np.isnan(slopes(np.array(WITH[3].x))))
 
 
 def test_a_motion_that_leans_is_not_called_symmetric():
@@ -120,7 +129,7 @@ def test_a_motion_that_leans_is_not_called_symmetric():
     assert answer.status == "rocking"
     assert int(answer.steady.periods) == 1
     assert not bool(answer.steady.symmetric)
-    assert bool(exact(BARE[0].x, BARE[0].y0).steady.symmetric)
+    assert bool(exact(WITHOUT[0].x, WITHOUT[0].y0).steady.symmetric)
 
 
 def test_a_motion_on_a_repelling_orbit_is_called_unstable_and_has_no_gradient():
@@ -138,7 +147,7 @@ def test_an_undamped_bob_under_a_resting_block_has_the_reach_of_its_two_swings()
     ratio = xi * np.sqrt(lam * 0.75 / (1 + nu**2))
     answer = exact((nu, mu, lam, 0.0, 0.03, f, xi))
     assert answer.status == "rest"
-    assert answer.stroke == pytest.approx(f / abs(1 - ratio**2) * (1 + ratio), rel=0.1)
+    assert answer.swing == pytest.approx(f / abs(1 - ratio**2) * (1 + ratio), rel=0.1)
     # The derivative of the stroke does not exist, and does not spoil that of the amplitude in reverse mode.
     np.testing.assert_array_equal(answer.slopes[0], 0.0)
     assert np.all(np.isnan(answer.slopes[1]))

@@ -81,12 +81,12 @@ def test_the_stroke_of_a_bob_that_is_quick_is_the_largest_swing():
         # Half a period: the other half mirrors it, and unstable orbits have less time to be left.
         times = np.linspace(0.0, np.pi / xs[i, 6], 2001)
         bob = np.abs(np.asarray(simulate(parameters(xs[i]), o.state[i, j], times).ys)[:, 1])
-        assert bob.max() * (1.0 - 1e-6) <= o.stroke[i, j] <= bob.max() * (1.0 + 1e-2), xs[i].tolist()
+        assert bob.max() * (1.0 - 1e-6) <= o.swing[i, j] <= bob.max() * (1.0 + 1e-2), xs[i].tolist()
 
 
 def test_a_path_with_too_many_peaks_is_not_followed_and_the_answer_says_so():
-    bare = (0.2, 0.0, 0.4, 0.1, 0.05, 0.1, 1.5)
-    o = solve([bare, (*bare[:2], 3e-7, *bare[3:])])
+    without = (0.2, 0.0, 0.4, 0.1, 0.05, 0.1, 1.5)
+    o = solve([without, (*without[:2], 3e-7, *without[3:])])
     assert o.exists[:, 0].tolist() == [True, False]
     assert o.overflow.tolist() == [False, True]
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import HUNG, LEANING, parameters, settled
+from tests.reference import LEANING, WITH, parameters, settled
 from tpd import Piecewise, Terms, simulate, status_name, steady_state
 from tpd.exact.trajectories import trajectory
 from tpd.scene.parameters import as_arrays
@@ -13,7 +13,7 @@ from tpd.scene.parameters import as_arrays
 
 @pytest.mark.parametrize("size", ["amplitude", "state"])
 def test_reverse_and_forward_mode_agree(size):
-    p = as_arrays(parameters(HUNG[1].x))
+    p = as_arrays(parameters(WITH[1].x))
 
     def answer(p):
         if size == "amplitude":
@@ -26,7 +26,7 @@ def test_reverse_and_forward_mode_agree(size):
 
 
 @pytest.mark.parametrize("equations", [Terms.linear, Terms.nonlinear])
-@pytest.mark.parametrize(("x", "y0", "status"), [(HUNG[3].x, (0.0,) * 4, "rocking"), (*LEANING, "held")])
+@pytest.mark.parametrize(("x", "y0", "status"), [(WITH[3].x, (0.0,) * 4, "rocking"), (*LEANING, "held")])
 def test_what_settled_comes_back_after_its_periods(equations, x, y0, status):
     p = as_arrays(parameters(x))
     found = settled(equations, p, jnp.array(y0), tolerance=1e-8)

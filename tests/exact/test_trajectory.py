@@ -5,7 +5,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import HUNG, OVERTURNING, REST, EventDriven, along, box, differences, exact, parameters
+from tests.reference import (
+    OVERTURNING,
+    REST,
+    WITH,
+    EventDriven,
+    along,
+    box,
+    differences,
+    exact,
+    parameters,
+)
 from tests.truth import load
 from tpd import Piecewise, Status, simulate, status_name
 from tpd.exact.rows import row_of
@@ -74,7 +84,12 @@ def test_a_motion_reaches_every_horizon_in_a_few_events():
 
 
 def test_too_few_events_are_reported_and_leave_no_numbers():
-    motion = simulate(parameters(HUNG[0].x), np.zeros(4), clock(HUNG[0].x, 30), model=Piecewise(max_events=1))
+    motion = simulate(
+        parameters(WITH[0].x),
+        np.zeros(4),
+        clock(WITH[0].x, 30),
+        model=Piecewise(max_events=1),
+    )
     assert motion.status == Status.event_bound
     assert np.all(np.isnan(motion.ys[-1]))
 
@@ -119,6 +134,6 @@ def test_states_have_the_derivatives_of_differences_also_late(count):
 @pytest.mark.mends("second derivatives raised an error of the compiled code's interface")
 def test_second_derivatives_are_refused():
     def end(x):
-        return simulate(parameters((*x, *HUNG[0].x[2:])), np.zeros(4), clock(HUNG[0].x, 2)).ys[-1, 0]
+        return simulate(parameters((*x, *WITH[0].x[2:])), np.zeros(4), clock(WITH[0].x, 2)).ys[-1, 0]
 
-    assert np.all(np.isnan(jax.hessian(end)(jnp.array(HUNG[0].x[:2]))))
+    assert np.all(np.isnan(jax.hessian(end)(jnp.array(WITH[0].x[:2]))))

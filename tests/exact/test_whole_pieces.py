@@ -16,7 +16,7 @@ from tpd.exact.terms import REST, SLIP
 
 SCENES = random_scenes(60)
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
-HUNG = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
+PENDULUM = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
 
 
 @numba.njit
@@ -53,8 +53,8 @@ def test_samples_doubled_by_their_middles_change_nothing():
     known, finer = motions([case for case, _, _ in SCENES]), motions(changed(SCENES, doubled))
     assert np.array_equal(finer.status, known.status)
     rocked = known.status == ROCKED
-    hung = rocked & np.array([case.pendulum is not None for case, _, _ in SCENES])
-    for name, sure in zip(("tilt", "swing", "relative"), (rocked, hung, hung), strict=True):
+    with_it = rocked & np.array([case.pendulum is not None for case, _, _ in SCENES])
+    for name, sure in zip(("tilt", "swing", "relative"), (rocked, with_it, with_it), strict=True):
         error = np.abs(getattr(finer, name)[sure] / getattr(known, name)[sure] - 1.0)
         # A long rattle doubles a rounding at every few impacts.
         assert np.median(error) < 1e-14
@@ -63,7 +63,7 @@ def test_samples_doubled_by_their_middles_change_nothing():
 
 def test_less_is_followed_where_less_is_asked():
     sizes = np.linspace(0.9, 4.0, 40) * 9.80665 / 6.0
-    cases = [Case(COLUMN, HUNG, tpd.Pulse.one_sine(acceleration=a, frequency=1.2375)) for a in sizes]
+    cases = [Case(COLUMN, PENDULUM, tpd.Pulse.one_sine(acceleration=a, frequency=1.2375)) for a in sizes]
     rows, pieces, _ = operands(cases)
     forcing = GroundForcing(pieces, 30.0, np.arange(40))
     full, brief = (follow(tpd.Terms.linear, rows, forcing, brief=b) for b in (False, True))

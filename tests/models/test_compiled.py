@@ -7,19 +7,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.answers.test_bifurcations import BARE as FOLDING
 from tests.answers.test_bifurcations import TOUCHING, Kind, lost
+from tests.answers.test_bifurcations import WITHOUT as FOLDING
 from tests.exact.orbit_cases import among
 from tests.exact.orbit_cases import solve as orbits
 from tests.exact.test_trajectory import STICKING
 from tests.reference import (
-    BARE,
     CASES,
-    HUNG,
     LEANING,
     NAMES,
     OVERTURNING,
     STILL,
+    WITH,
+    WITHOUT,
     assert_overturned,
     differences,
     exact,
@@ -71,29 +71,29 @@ def test_amplitude_and_gradient_are_the_known_ones(case):
     np.testing.assert_allclose(found, expected, rtol=case.gradient_rtol, atol=case.gradient_atol)
 
 
-@pytest.mark.parametrize("x", [STILL.x, (*HUNG[3].x, 0.8)], ids=["rest", "impacts"])
+@pytest.mark.parametrize("x", [STILL.x, (*WITH[3].x, 0.8)], ids=["rest", "impacts"])
 def test_amplitude_and_stroke_have_the_gradients_of_differences(x):
     # From the settled state, since far steps from elsewhere may end on another orbit. The amplitude is known
     # to about 1e-14 of itself, hence its differences to 1e-8 even where they are small.
     answer = exact(x)
     for i in range(len(x)):
         expected = differences(
-            lambda x: np.array([(a := exact(x, answer.steady.state)).amplitude, a.stroke]), x, i
+            lambda x: np.array([(a := exact(x, answer.steady.state)).amplitude, a.swing]), x, i
         )
         np.testing.assert_allclose(answer.slopes[:2, i], expected, rtol=1e-7, atol=1e-11, err_msg=NAMES[i])
 
 
 def test_the_gradient_of_a_bare_block_says_what_a_first_light_bob_would_do():
-    case = BARE[0]
-    bare, h = exact(case.x, case.y0), 1e-4
+    case = WITHOUT[0]
+    without, h = exact(case.x, case.y0), 1e-4
     values = [exact(moved(case.x, MU, mu), case.y0).amplitude for mu in (0, h, 2 * h, 3 * h)]
-    assert bare.slopes[0, MU] == pytest.approx(np.dot([-11, 18, -9, 2], values) / (6 * h), rel=1e-6)
+    assert without.slopes[0, MU] == pytest.approx(np.dot([-11, 18, -9, 2], values) / (6 * h), rel=1e-6)
 
 
 @pytest.mark.mends("the derivative of the estimate was zero")
 def test_an_estimate_that_nobody_made_has_no_derivative():
     def estimate(mu):
-        return jnp.asarray(steady_state(parameters((0.25, mu, *HUNG[0].x[2:]))).estimate)
+        return jnp.asarray(steady_state(parameters((0.25, mu, *WITH[0].x[2:]))).estimate)
 
     assert np.isnan(jax.grad(estimate)(0.05))
 
@@ -143,13 +143,13 @@ def test_starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name():
     answers, low, high = [], 0.16, 0.3
     for _ in range(45):
         tilt = 0.5 * (low + high)
-        answers.append(exact(BARE[1].x, (tilt, 0.0, 0.0, 0.0)))
+        answers.append(exact(WITHOUT[1].x, (tilt, 0.0, 0.0, 0.0)))
         low, high = (low, tilt) if answers[-1].status == "overturned" else (tilt, high)
     # Every one is the attractor with its gradient, or rest, or lost, or the saddle in between, refused.
     assert {a.status for a in answers} == {"rocking", "rest", "overturned", "unstable"}
     saddle = next(a.amplitude for a in answers if a.status == "unstable")
     assert saddle > 0.2
-    sizes = {"rocking": BARE[1].amplitude, "rest": 0.0, "overturned": np.inf, "unstable": saddle}
+    sizes = {"rocking": WITHOUT[1].amplitude, "rest": 0.0, "overturned": np.inf, "unstable": saddle}
     for a in answers:
         assert a.amplitude == pytest.approx(sizes[a.status], rel=1e-6)
         assert np.all(np.isfinite(a.slopes[0])) == (a.status in names_of(SETTLED))
@@ -164,7 +164,7 @@ def test_at_resonance_a_bob_under_a_resting_block_swings_by_its_damping_alone():
     for zeta in (1e-1, 1e-3, 1e-6):
         light = exact((nu, 0.0, lam, zeta, 0.05, f, xi))
         assert light.status == "rest"
-        assert light.stroke == pytest.approx(f / (2.0 * zeta), rel=1e-9)
+        assert light.swing == pytest.approx(f / (2.0 * zeta), rel=1e-9)
         assert light.slopes[1, ZETA] == pytest.approx(-f / (2.0 * zeta**2), rel=1e-6)
     for zeta in (1e-2, 1e-8):
         heavy = exact((nu, 0.1, lam, zeta, 0.05, f, xi))
@@ -212,7 +212,7 @@ def test_neither_millimetres_nor_kilometres_change_a_dimensionless_answer(height
     np.testing.assert_allclose(answer.slopes[0], expected.slopes[0], rtol=1e-8, atol=1e-10)
 
 
-@pytest.mark.parametrize("x", [HUNG[0].x, HUNG[3].x, STICKING, STILL.x, OVERTURNING], ids=str)
+@pytest.mark.parametrize("x", [WITH[0].x, WITH[3].x, STICKING, STILL.x, OVERTURNING], ids=str)
 def test_a_steady_state_is_that_of_integration(x):
     ours = steady_state(parameters(x), model=Nonlinear())
     theirs = jax.jit(lambda p: steady_state(p, model=Segmented()))(as_arrays(parameters(x)))
@@ -222,7 +222,7 @@ def test_a_steady_state_is_that_of_integration(x):
     assert math.isnan(ours.lyapunov)
     assert ours.amplitude == pytest.approx(float(theirs.amplitude), rel=2e-7, abs=1e-8 * x[0])
     if name in ("rocking", "sticking"):
-        assert ours.stroke == pytest.approx(float(theirs.stroke), rel=1e-6)
+        assert ours.swing == pytest.approx(float(theirs.swing), rel=1e-6)
         # What capture at rest leaves out is of the square of its speed.
         np.testing.assert_allclose(ours.state, theirs.state, rtol=0, atol=1e-6)
         assert (ours.periods, bool(ours.symmetric)) == (int(theirs.periods), bool(theirs.symmetric))
@@ -235,7 +235,7 @@ def test_a_block_that_friction_holds_is_held():
 
 
 def test_values_are_those_under_jit_and_derivatives_are_nan():
-    x = HUNG[0].x
+    x = WITH[0].x
 
     def amplitude(nu):
         return steady_state(parameters((nu, *x[1:])), model=Nonlinear()).amplitude

@@ -38,7 +38,7 @@ def exact(p, design):
 
     def sizes(x):
         o = tpd.symmetric_orbits(under(p, x, ONE))
-        return jnp.stack([o.amplitude[0], o.stroke[0]]), o
+        return jnp.stack([o.amplitude[0], o.swing[0]]), o
 
     slopes, orbits = jax.jit(jax.jacfwd(sizes, has_aux=True))(design)
     return sizes(design)[0], slopes, orbits
@@ -71,8 +71,8 @@ def test_a_few_steps_give_the_exact_orbit_and_its_slopes(scene):
     assert residuals[0] < 1e-3
     assert residuals[2] < 1e-9
     assert bool(step.solved)
-    np.testing.assert_allclose([step.turn[0], step.stroke], sizes, rtol=5e-4)
-    for mine, other in ((step.slope[0], slopes[0]), (step.stroke_slope, slopes[1])):
+    np.testing.assert_allclose([step.turn[0], step.swing], sizes, rtol=5e-4)
+    for mine, other in ((step.slope[0], slopes[0]), (step.swing_slope, slopes[1])):
         assert np.max(np.abs(mine - other)) < 2e-3 * np.max(np.abs(other))
     m = orbits.margins
     least = min(float(x[0]) for x in (m.fold, m.symmetry, m.torus))

@@ -4,12 +4,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import HUNG, parameters
+from tests.reference import WITH, parameters
 from tpd import status_name
 from tpd.models.settling import LONGEST, Period, blank, scale_of, settle
 from tpd.scene.parameters import as_arrays
 
-P = as_arrays(parameters(HUNG[0].x))
+P = as_arrays(parameters(WITH[0].x))
 NO, YES = jnp.zeros((), bool), jnp.ones((), bool)
 
 
@@ -55,7 +55,7 @@ def test_sizes_are_those_of_the_motion_s_own_periods_and_peaks_those_of_all():
     record = after(period(B, size=0.4), period(A, size=0.2), period(C, size=0.1), period(A, size=0.3))
     settled = record.settled()
     assert float(settled.amplitude) == pytest.approx(0.3)
-    assert float(settled.stroke) == pytest.approx(0.6)
+    assert float(settled.swing) == pytest.approx(0.6)
     assert float(settled.peak) == pytest.approx(0.5)
     lost = after(period(A, lost=YES)).settled()
     assert np.isinf(lost.peak)
@@ -68,9 +68,9 @@ def test_more_periods_than_are_remembered_are_no_repetition():
 
 
 def test_a_bob_without_mass_is_left_out_of_the_scales_unless_asked_for():
-    bare = as_arrays(parameters((0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 4.0)))
-    np.testing.assert_allclose(scale_of(bare), [0.2, np.inf, 0.8, np.inf])
-    np.testing.assert_allclose(scale_of(bare, bob=jnp.asarray(True)), [0.2, 0.3, 0.8, 1.2])
+    without = as_arrays(parameters((0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 4.0)))
+    np.testing.assert_allclose(scale_of(without), [0.2, np.inf, 0.8, np.inf])
+    np.testing.assert_allclose(scale_of(without, bob=jnp.asarray(True)), [0.2, 0.3, 0.8, 1.2])
 
 
 def test_a_motion_is_followed_until_it_repeats_or_the_bound_is_reached():

@@ -7,12 +7,12 @@ import pytest
 
 from tests.models.test_compiled import E, moved
 from tests.reference import (
-    HUNG,
     MOVING,
     NAMES,
     OVERTURNING,
     REST,
     STILL,
+    WITH,
     assert_overturned,
     differences,
     exact,
@@ -35,8 +35,8 @@ def test_default_settings_are_within_a_thousandth_of_the_exact_orbit(case):
     assert found.status == "rocking"
     assert found.amplitude == pytest.approx(expected.amplitude, rel=1e-3)
     np.testing.assert_allclose(found.slopes[0], expected.slopes[0], rtol=5e-3, atol=1e-12)
-    if case in HUNG:
-        assert found.stroke == pytest.approx(expected.stroke, rel=1e-3)
+    if case in WITH:
+        assert found.swing == pytest.approx(expected.swing, rel=1e-3)
         assert found.steady.multiplier == pytest.approx(float(expected.steady.multiplier), rel=1e-3)
         assert found.steady.periods == expected.steady.periods
 
@@ -96,7 +96,7 @@ def test_a_resting_block_is_at_rest_although_the_smoothed_one_hums():
         assert answer.status == exact(x).status == "rest"
         assert answer.amplitude == 0.0
         np.testing.assert_array_equal(answer.slopes[0], 0.0)
-        assert answer.stroke == pytest.approx(exact(x).stroke, rel=1e-2)
+        assert answer.swing == pytest.approx(exact(x).swing, rel=1e-2)
 
 
 def test_an_overturning_has_a_status_and_no_gradient():
@@ -105,15 +105,15 @@ def test_an_overturning_has_a_status_and_no_gradient():
 
 
 def test_widths_follow_the_orbit_that_is_expected():
-    p, usual = parameters(HUNG[0].x), Smoothed()
+    p, usual = parameters(WITH[0].x), Smoothed()
     found = Smoothed(sharpness=4.0 * usual.sharpness).widths(p)
     np.testing.assert_allclose(found, [4.0 * width for width in usual.widths(p)], rtol=1e-15)
     width, rate_width = Smoothed(sharpness=0.01).widths(p)
     assert width == pytest.approx(0.01 * rocking_scale(p), rel=1e-14)
     assert rate_width == pytest.approx(p.xi * width, rel=1e-14)
     # One harmonic of free rocking, no forcing: 3 % above (11) here.
-    bare = parameters((0.2, 0.0, 0.4, 0.2, 0.0, 0.0, 4.0))
-    assert rocking_scale(bare) == pytest.approx(0.2 * (1 - 1 / np.cosh(np.pi / 2 / 4.0)), rel=0.05)
+    without = parameters((0.2, 0.0, 0.4, 0.2, 0.0, 0.0, 4.0))
+    assert rocking_scale(without) == pytest.approx(0.2 * (1 - 1 / np.cosh(np.pi / 2 / 4.0)), rel=0.05)
 
 
 @pytest.mark.parametrize("model", [Smoothed, Segmented])
@@ -143,7 +143,7 @@ def test_smoothed_impacts_of_a_block_that_all_but_stops_are_not_called_settled()
 
 def test_smoothed_impacts_too_sharp_to_be_met_by_every_step_are_right_or_told():
     # Steps that pass over an impact's layer lose no energy there.
-    x = (*HUNG[0].x, 0.5)
+    x = (*WITH[0].x, 0.5)
     answer = smoothed(x, coarser=0.005)
     if answer.status in names_of(SETTLED):
         assert answer.amplitude == pytest.approx(exact(x).amplitude, rel=1e-4)
@@ -157,7 +157,7 @@ def test_a_solver_that_cannot_keep_up_says_so_by_name_and_without_a_nan():
     model = Smoothed(sharpness=1e-6)
     settled = jax.jit(lambda x: model.settle(parameters(x), jnp.zeros(4)))(np.array(STILL.x))
     assert status_name(settled.status) == "event_bound"
-    for size in (settled.amplitude, settled.stroke, settled.y):
+    for size in (settled.amplitude, settled.swing, settled.y):
         assert np.all(np.isfinite(np.asarray(size)))
 
 
@@ -176,7 +176,7 @@ def test_the_smoothed_equations_4_have_no_number_with_impacts():
 
     @jax.jit
     def rates(e):
-        p = parameters((*HUNG[0].x, e))
+        p = parameters((*WITH[0].x, e))
         return smoothed_rates(p, *Smoothed().widths(p), Terms.nonlinear)(jnp.zeros(()), y, None)
 
     assert np.all(np.isfinite(rates(1.0)))
@@ -196,7 +196,7 @@ def test_the_smoothed_equations_4_have_no_number_with_impacts():
 )
 def test_impacts_without_a_smoothed_counterpart_are_refused(call, terms, e, message):
     with pytest.raises(ValueError, match=message):
-        call(parameters((*HUNG[0].x, e)), model=Smoothed(terms=terms))
+        call(parameters((*WITH[0].x, e)), model=Smoothed(terms=terms))
 
 
 @pytest.mark.parametrize(

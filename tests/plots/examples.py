@@ -11,9 +11,9 @@ SCENE = tpd.paper_scene()
 PENDULUM = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
 FRONT = Front(
     (
-        FrontPoint(0.8112, "refused", None, (np.nan,) * 3),
-        FrontPoint(1.2, "found", PENDULUM, (0.2, 0.1, 0.3)),
-        FrontPoint(1.6224, "found", PENDULUM, (0.5, 0.4, 0.6)),
+        FrontPoint(0.8112, "not_recommended", None, (np.nan,) * 3),
+        FrontPoint(1.2, "recommended", PENDULUM, (0.2, 0.1, 0.3)),
+        FrontPoint(1.6224, "recommended", PENDULUM, (0.5, 0.4, 0.6)),
     )
 )
 """No pendulum is recommended with the lightest bob; the last point is the design."""
@@ -30,7 +30,7 @@ def response(*amplitudes, frequency=(2.4, 2.45, 2.6), status="rocking") -> Respo
     return Response(
         frequency=np.array(frequency),
         amplitude=np.array(amplitudes),
-        stroke=np.full(len(amplitudes), 0.1),
+        swing=np.full(len(amplitudes), 0.1),
         status=np.broadcast_to(np.asarray(status, dtype="<U16"), len(amplitudes)),
     )
 

@@ -26,7 +26,7 @@ def test_conditions_are_drawn_in_order_and_in_si_units(band):
     without = band.problem.without_pendulum.orbits
     known = np.where(without.attracts[0], nu * without.tilt[0], np.nan)[::-1]
     assert lines(ax)["without pendulum"].get_ydata() == pytest.approx(known, nan_ok=True)
-    assert lines(below)["bob"].get_ydata() == pytest.approx(exact.orbits.stroke[0, ::-1])
+    assert lines(below)["bob"].get_ydata() == pytest.approx(exact.orbits.swing[0, ::-1])
     assert below.get_xlabel() == "frequency of the base motion (Hz)"
     low, high = ax.get_ylim()
     assert -0.05 * high <= low <= 0.0
@@ -36,7 +36,7 @@ def test_conditions_that_overturn_from_rest_and_a_design_that_is_not_recommended
     exact = dataclasses.replace(band.best.exact, status=np.array(["overturned", *["rocking"] * 3]))
     rejected = dataclasses.replace(band.best, exact=exact)
     problem = dataclasses.replace(band.problem, limits=(Reserve(),))
-    changed = {"problem": problem, "status": DesignStatus.refused}
+    changed = {"problem": problem, "status": DesignStatus.not_recommended}
     ax, below = plot_conditions(dataclasses.replace(band, validated=(rejected,), **changed))
     assert "with pendulum" not in lines(ax)
     assert lines(ax)["best design, not recommended: overturns from rest"].get_xdata() == pytest.approx([3.0])

@@ -25,7 +25,7 @@ CHIMNEY = tpd.Scene(tpd.Block(width=1.0, height=10.0, mass=20e3), tpd.Harmonic(a
     ],
 )
 def test_the_drawing_is_to_scale_and_nothing_is_cut_off_or_covered(scene, pendulum):
-    ax = plot_scene(scene, pendulum, stroke=0.0 if pendulum is None else 0.5)
+    ax = plot_scene(scene, pendulum, swing=0.0 if pendulum is None else 0.5)
     figure = ax.figure
     figure.canvas.draw()
     assert ax.get_aspect() == 1.0
@@ -55,7 +55,7 @@ CAVE = dataclasses.replace(
 
 @pytest.mark.parametrize("bob", [Bob(), Bob(shape="cylinder", aspect=2.0), Bob(density=2000.0)])
 def test_the_pendulum_is_drawn_as_it_is_built(bob):
-    whole, detail = plot_scene(CAVE, examples.PENDULUM, stroke=0.2, bob=bob).figure.axes
+    whole, detail = plot_scene(CAVE, examples.PENDULUM, swing=0.2, bob=bob).figure.axes
     whole.figure.canvas.draw()
     mass, rod = bob.built(1.6224, 0.12, CAVE.gravity)
     half, radius = float(bob.half_height(mass)), float(bob.radius(mass))
@@ -82,11 +82,11 @@ def test_the_pendulum_is_drawn_as_it_is_built(bob):
 def test_the_room_to_the_wall_is_stated_and_the_angle_at_which_it_ends():
     bob, wide = Bob(), dataclasses.replace(CAVE, block=dataclasses.replace(CAVE.block, cavity_width=0.095))
     mass, rod = bob.built(1.6224, 0.12, CAVE.gravity)
-    room = 0.0475 - float(bob.radius(mass))
-    text = said(wide, examples.PENDULUM, stroke=0.05, bob=bob)
-    assert f"{number(room - rod * np.sin(0.05), 3)} m clear to the wall" in text
-    assert f"meets at ±{np.arcsin(room / rod):.3g} rad" in text
-    assert "the bob touches the wall" in said(wide, examples.PENDULUM, stroke=0.3, bob=bob)
+    clearance = 0.0475 - float(bob.radius(mass))
+    text = said(wide, examples.PENDULUM, swing=0.05, bob=bob)
+    assert f"{number(clearance - rod * np.sin(0.05), 3)} m clear to the wall" in text
+    assert f"meets at ±{np.arcsin(clearance / rod):.3g} rad" in text
+    assert "the bob touches the wall" in said(wide, examples.PENDULUM, swing=0.3, bob=bob)
 
 
 def test_a_body_that_swings_too_slowly_on_any_rod_is_not_called_built():

@@ -49,9 +49,11 @@ def test_spectra_draw_themselves_and_are_tables():
     assert drawn["without pendulum: overturns"] == [2.0]
     assert drawn["without pendulum: no answer"] == [3.0]
     assert ROCKING.to_dataframe().to_dict("list")["period_s"] == [1.0, 2.0, 3.0]
-    sizes = dict.fromkeys(("mass", "length", "damping_ratio", "value", "bare"), np.array([1.0, np.nan]))
-    found = Designs(status=np.array(["found", "refused"]), **sizes)
-    assert found.to_dataframe()["status"].tolist() == ["found", "refused"]
+    sizes = dict.fromkeys(
+        ("mass", "length", "damping_ratio", "value", "value_without"), np.array([1.0, np.nan])
+    )
+    found = Designs(status=np.array(["recommended", "not_recommended"]), **sizes)
+    assert found.to_dataframe()["status"].tolist() == ["recommended", "not_recommended"]
 
 
 @pytest.mark.mends("a record had no picture")

@@ -8,7 +8,7 @@ import pytest
 import tpd
 from tests.plots import examples
 from tests.plots.shown import legend, lines
-from tpd.answers.shaking_history import ShakingHistory
+from tpd.answers.motion_history import MotionHistory
 from tpd.plots.response import plot_motions, plot_response
 from tpd.plots.style import new_axes
 
@@ -24,18 +24,18 @@ def near(ax, marker: str):
 
 def test_the_response_has_two_curves_with_what_is_lost_or_does_not_settle_apart():
     status = ["overturned", "rocking", "aperiodic"]
-    bare, hung = (examples.response(np.inf, 0.02, 0.01, status=status) for _ in range(2))
-    (ax,) = plot_response((bare, hung), 2.5)
+    without_it, with_it = (examples.response(np.inf, 0.02, 0.01, status=status) for _ in range(2))
+    (ax,) = plot_response((without_it, with_it), 2.5)
     for marker, level in (("^", 0.027), ("x", 0.95 * 0.027)):
         mark = near(ax, marker)
         assert (mark.get_xdata(), mark.get_ydata()) == (pytest.approx([2.4]), pytest.approx([level]))
     drawn = lines(ax)
     assert drawn["without pendulum: not settled"].get_xdata() == pytest.approx([2.6])
-    bare, hung = drawn["without pendulum"], drawn["with pendulum"]
+    without_it, with_it = drawn["without pendulum"], drawn["with pendulum"]
     # In grey as well.
     for look in ("marker", "linestyle", "markerfacecolor"):
-        assert getattr(bare, f"get_{look}")() != getattr(hung, f"get_{look}")()
-    assert bare.get_ydata() == pytest.approx([np.nan, 0.02, np.nan], nan_ok=True)
+        assert getattr(without_it, f"get_{look}")() != getattr(with_it, f"get_{look}")()
+    assert without_it.get_ydata() == pytest.approx([np.nan, 0.02, np.nan], nan_ok=True)
     low, high = ax.get_ylim()
     assert low == 0.0
     assert high > 0.027
@@ -78,12 +78,12 @@ def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
     time, one = np.linspace(0.0, 1.0, 11), np.ones(11)
     values = {"times": time, "base": one, "tilt": 0.01 * one, "horizontal": -one, "vertical": 4.0 * one}
     rest = {"impacts": np.zeros((0, 2)), "rocking": one > 0.0, "status": tpd.Status.rest}
-    bare = ShakingHistory(swing=None, **values, **rest)
-    base, tilt, friction = plot_motions((bare,), 0.25)
+    without_it = MotionHistory(swing=None, **values, **rest)
+    base, tilt, friction = plot_motions((without_it,), 0.25)
     assert base.lines[0].get_ydata().tolist() == one.tolist()
     assert friction.lines[0].get_ydata() == pytest.approx(0.25 * one)
     assert legend(tilt) == {"without pendulum"}
-    assert len(plot_motions((bare, dataclasses.replace(bare, swing=0.1 * one)), 0.25)) == 4
+    assert len(plot_motions((without_it, dataclasses.replace(without_it, swing=0.1 * one)), 0.25)) == 4
     # The outcome makes the mark: neither a row without an answer nor a large tilt that comes back.
     for tilts, status, marked in (
         (np.where(time > 0.95, np.nan, 0.01), tpd.Status.rocked, False),
@@ -92,7 +92,7 @@ def test_motions_under_a_record_have_the_base_above_and_the_friction_below():
         (np.where(time == 0.5, 0.55, 0.01), tpd.Status.overturned, True),
         (0.01 * one, tpd.Status.overturned, True),
     ):
-        _, tilt, _ = plot_motions((dataclasses.replace(bare, tilt=tilts, status=status),), 0.25)
+        _, tilt, _ = plot_motions((dataclasses.replace(without_it, tilt=tilts, status=status),), 0.25)
         assert ("overturns" in [t.get_text() for t in tilt.texts]) is marked
         drawn = lines(tilt)["without pendulum"].get_ydata()
         assert np.isfinite(drawn).sum() == (5 if marked and tilts[5] > 0.5 else np.isfinite(tilts).sum())
@@ -106,7 +106,7 @@ def test_a_response_draws_itself_and_is_a_table_with_the_shares_of_runs_near_eac
     with pytest.raises(TypeError, match="unexpected keyword argument 'axis'"):
         tpd.plot(response, axis=None)
     table = response.to_dataframe()
-    names = ["frequency", "status", "amplitude_rad", "stroke_rad"]
+    names = ["frequency", "status", "amplitude_rad", "swing_rad"]
     assert list(table.columns) == [*names, "share_overturned", "share_low", "share_high"]
     np.testing.assert_array_equal(table["amplitude_rad"], response.amplitude)
     assert np.all((table["share_low"] <= table["share_overturned"]) & (table["share_high"] <= 1.0))
@@ -140,6 +140,6 @@ def test_branches_draw_themselves_and_have_a_row_for_every_orbit():
     assert "without pendulum" in legend(ax)
     table, s = branches.to_dataframe(), branches.sweep
     assert len(table) == sum(len(s.line(i)[0]) for i in range(s.branches)) > 0
-    sizes = ["amplitude_rad", "stroke_rad", "phase_rad"]
+    sizes = ["amplitude_rad", "swing_rad", "phase_rad"]
     assert list(table.columns) == ["branch", "frequency", "status", *sizes]
     np.testing.assert_array_equal(table["amplitude_rad"][table["branch"] == 0], s.amplitude[s.line(0)])

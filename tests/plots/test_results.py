@@ -21,7 +21,7 @@ def design_map():
 
 
 def test_every_result_takes_what_and_ax_and_the_names_of_its_own(design_map, single):
-    for how in ({"what": "stroke"}, {"quantity": "stroke"}):
+    for how in ({"what": "swing"}, {"quantity": "swing"}):
         bar = tpd.plot(design_map, **how).figure.axes[1]
         assert bar.get_ylabel().startswith("largest bob angle")
     for name in ("ax", "axes"):
@@ -39,7 +39,7 @@ def test_a_mistake_is_one_sentence(design_map, single):
         (single, {"state": "half"}, "`state` does not apply to a Design: allowed are what, ax"),
         (single, {"axes": new_axes()}, "`axes` does not apply to a Design"),
         (design_map, {"what": "status"}, "`quantity` must be one of amplitude, stroke, margin"),
-        (design_map, {"what": "stroke", "quantity": "margin"}, "`quantity` has two values"),
+        (design_map, {"what": "swing", "quantity": "margin"}, "`quantity` has two values"),
         (design_map, {"own": 2.0}, "`own` does not apply to a DesignMap: allowed are quantity, ax"),
         (design_map, {"ax": 3}, "`ax` must be a Axes, but is 3"),
         (SPECTRUM, {"what": "amplitude"}, "`what` does not apply to a RockingSpectrum: allowed are ax"),

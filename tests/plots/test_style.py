@@ -50,8 +50,8 @@ def test_several_axes_share_the_scale_between_them_and_an_empty_legend_is_none()
 
 
 def test_both_cases_differ_without_colour_and_labels_have_units():
-    bare, hung = CASES
-    assert all(bare[key] != hung[key] for key in ("marker", "ls", "mfc"))
+    without, pendulum = CASES
+    assert all(without[key] != pendulum[key] for key in ("marker", "ls", "mfc"))
     assert all(label.endswith(")") for label in LABELS.values())
 
 

@@ -128,10 +128,10 @@ METHOD = tpd.Descent(searches=8, screening=48, steps=12, model=tpd.Piecewise())
 BAND = tpd.Conditions.band(SCENE, 2.0, 3.5, 4)
 
 
-def optimum(stroke, heaviest):
+def optimum(swing, heaviest):
     """Least risk over nu of what the searches find on exact orbits within a limit and a space."""
     space = tpd.DesignSpace(mass_ratio=(0.01, heaviest), damping_ratio=(0.05, 0.4))
-    limits = (tpd.limits.Stroke(stroke),)
+    limits = (tpd.limits.Stroke(swing),)
     problem = HarmonicProblem.of(SCENE, space, conditions=BAND, limits=limits, method=METHOD)
     best = float(np.min(search(problem.orbits, METHOD, 0).end_values))
     assert np.isfinite(best)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from tests.reference import HUNG, named, orbits_of, parameters
+from tests.reference import WITH, named, orbits_of, parameters
 from tests.reference import exact as solve
 from tpd import Parameters, Status, simulate
 from tpd.scene.status import SETTLED, names_of
@@ -43,7 +43,7 @@ seeded = settings(
 def test_there_is_no_number_without_a_status_nor_nan_that_none_explains(x, y0):
     found = solve(x, y0)
     assert found.status in (*names_of(SETTLED), *OTHERS)
-    sizes = np.array([found.amplitude, found.stroke])
+    sizes = np.array([found.amplitude, found.swing])
     assert not np.any(np.isnan(sizes))
     assert np.all(sizes >= 0)
     if found.status == "overturned":
@@ -51,7 +51,7 @@ def test_there_is_no_number_without_a_status_nor_nan_that_none_explains(x, y0):
     if found.status in names_of(SETTLED):
         # Under a resting block an undamped bob rings for ever, and one that hangs still is at a corner.
         undamped = found.status == "rest" and x[3] < 1e-12
-        at_corner = found.status == "rest" and found.stroke == 0.0
+        at_corner = found.status == "rest" and found.swing == 0.0
         assert np.all(np.isfinite(sizes))
         assert np.all(np.isfinite(found.steady.state))
         assert found.steady.multiplier < 1.0 or undamped
@@ -99,7 +99,7 @@ def test_forcing_shifted_by_whole_periods_changes_nothing(x, y0, periods):
 
 def test_orbits_depend_on_neither_order_nor_size_of_their_batch():
     rng = np.random.default_rng(4)
-    x = np.array([HUNG[i % 4].x for i in range(400)]) * rng.uniform(0.95, 1.05, (400, 7))
+    x = np.array([WITH[i % 4].x for i in range(400)]) * rng.uniform(0.95, 1.05, (400, 7))
     x[:, 0] = np.minimum(x[:, 0], 0.5)
     order = rng.permutation(len(x))
 
@@ -111,10 +111,10 @@ def test_orbits_depend_on_neither_order_nor_size_of_their_batch():
         np.testing.assert_array_equal(one[:5], few)
 
 
-@pytest.mark.parametrize("case", HUNG[:3], ids=named)
+@pytest.mark.parametrize("case", WITH[:3], ids=named)
 def test_a_bob_without_mass_is_the_limit_of_light_ones(case):
-    bare, *light = (solve([case.x[0], mu, *case.x[2:]]).amplitude for mu in (0.0, 1e-3, 1e-4, 1e-5))
-    apart = [abs(amplitude - bare) for amplitude in light]
+    without, *light = (solve([case.x[0], mu, *case.x[2:]]).amplitude for mu in (0.0, 1e-3, 1e-4, 1e-5))
+    apart = [abs(amplitude - without) for amplitude in light]
     # To first order in the mass.
     assert apart[0] / apart[1] == pytest.approx(10.0, rel=0.05)
     assert apart[1] / apart[2] == pytest.approx(10.0, rel=0.05)
@@ -127,7 +127,7 @@ def test_a_bob_on_the_shortest_rod_is_a_mass_on_the_top():
     nu, mu, zeta, k, f, xi = 0.25, 0.1, 0.7, 0.05, 0.377, 2.67
     rho = 0.75 / (1.0 + nu**2)
     inertia, weight = 1.0 + mu * rho * (4.0 + nu**2), 1.0 + 2.0 * mu
-    bare = Parameters(
+    without = Parameters(
         nu=(1.0 + mu) / weight * nu,
         mu=0.0,
         lam=1.0,
@@ -137,7 +137,7 @@ def test_a_bob_on_the_shortest_rod_is_a_mass_on_the_top():
         xi=xi * np.sqrt(inertia / weight),
         rho=rho,
     )
-    limit = largest(bare)
+    limit = largest(without)
     apart = [
         abs(largest(parameters((nu, mu, lam, zeta, k, f, xi))) / limit - 1.0)
         for lam in (1e-2, 1e-3, 1e-4, 1e-6)

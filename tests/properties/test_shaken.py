@@ -150,8 +150,8 @@ def test_a_model_at_another_scale_and_gravity_has_the_same_angles(case, length, 
         replace(scene.motion.scaled(gravity), dt=scene.motion.dt * time),
         gravity=scene.gravity * gravity,
     )
-    hung = replace(pendulum, mass=pendulum.mass * length**3, length=pendulum.length * length)
-    one, two = transient(scene, pendulum, free=FREE), transient(other, hung, free=FREE * time)
+    with_it = replace(pendulum, mass=pendulum.mass * length**3, length=pendulum.length * length)
+    one, two = transient(scene, pendulum, free=FREE), transient(other, with_it, free=FREE * time)
     assert status_name(one.status) == status_name(two.status)
     assume(status_name(one.status) in DECIDED)
     np.testing.assert_allclose(angles(two), angles(one), rtol=1e-7, atol=1e-12)
@@ -162,11 +162,11 @@ def test_a_model_at_another_scale_and_gravity_has_the_same_angles(case, length, 
 @given(shaken)
 def test_a_bob_without_mass_leaves_the_bare_block(case):
     scene, pendulum = made(case)
-    bare = transient(scene, free=FREE)
+    without = transient(scene, free=FREE)
     light = transient(scene, replace(pendulum, mass=0.0), free=FREE)
-    assert status_name(light.status) == status_name(bare.status)
-    assert light.tilt == pytest.approx(bare.tilt, rel=1e-12)
-    assert bare.swing == bare.relative == 0.0
+    assert status_name(light.status) == status_name(without.status)
+    assert light.tilt == pytest.approx(without.tilt, rel=1e-12)
+    assert without.swing == without.relative == 0.0
 
 
 @bounded(40)
@@ -176,10 +176,10 @@ def test_a_block_lifts_where_the_record_first_exceeds_its_threshold(case):
     scene, _ = made(case)
     threshold = (scene.block.slenderness + scene.ground_parameters().k) * scene.gravity
     assume(abs(scene.motion.pga / threshold - 1.0) > 1e-6)
-    bare = transient(scene, free=0.0)
-    assert np.isfinite(bare.uplift_time) == (scene.motion.pga > threshold)
-    if np.isfinite(bare.uplift_time):
-        there = scene.motion.acceleration_at(np.array([bare.uplift_time]))[0]
+    without = transient(scene, free=0.0)
+    assert np.isfinite(without.uplift_time) == (scene.motion.pga > threshold)
+    if np.isfinite(without.uplift_time):
+        there = scene.motion.acceleration_at(np.array([without.uplift_time]))[0]
         assert abs(there) == pytest.approx(threshold, rel=1e-6)
 
 
@@ -207,8 +207,8 @@ def test_a_sampled_sine_tends_to_the_sine_with_the_square_of_the_step(share, mas
 def _tilt(factors, scene, pendulum):
     scale, width, length = factors
     block = replace(scene.block, width=scene.block.width * width)
-    hung = replace(pendulum, length=pendulum.length * length)
-    found = transient(Scene(block, scene.motion.scaled(scale)), hung, free=FREE)
+    with_it = replace(pendulum, length=pendulum.length * length)
+    found = transient(Scene(block, scene.motion.scaled(scale)), with_it, free=FREE)
     return found.tilt, found.status
 
 

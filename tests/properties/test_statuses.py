@@ -11,7 +11,7 @@ from tpd import Block, Piecewise, Record, Scene, Smoothed, Status, design_map, s
 from tpd import transient as follow
 from tpd.scene.status import SETTLED, names_of
 
-HUNG = (0.25, 0.05, 0.2, 0.1, 0.05, 0.377, 2.67)
+PENDULUM = (0.25, 0.05, 0.2, 0.1, 0.05, 0.377, 2.67)
 FOLD = 0.060961548685057224
 """f at which the two orbits of the bare block (nu .2, k .05, xi 2) merge, by `tpd.answers.bifurcations`."""
 TOUCH = 0.30475055580416444
@@ -47,13 +47,13 @@ def just_beside(fold: float) -> Any:
 
 
 REACHED: dict[str, Callable[[], Any]] = {
-    "rocking": settled(*HUNG),
+    "rocking": settled(*PENDULUM),
     "sticking": settled(0.278, 0.227, 1.56, 0.17, 0.173, 0.536, 8.161, 0.76),
     "rest": settled(0.2, 0.1, 0.4, 0.2, 0.03, 0.25, 4.0),
     "held": settled(*LEANING[0], y0=LEANING[1]),
     "overturned": settled(*OVERTURNING),
     "aperiodic": settled(0.088, 0.593, 1.995, 0.94, 0.024, 0.594, 5.87, 0.051),
-    "not_settled": settled(*HUNG, model=Piecewise(max_periods=3)),
+    "not_settled": settled(*PENDULUM, model=Piecewise(max_periods=3)),
     "unstable": orbits(*UNSTABLE[0]),
     "neutral": orbits(0.2, 0.1, 0.4, 0.0, 0.0, 0.2, 3.0, 1.0),
     "near_fold": lambda: just_beside(FOLD),

@@ -4,13 +4,13 @@ import functools
 from dataclasses import replace
 
 import tpd
-from tpd.design.as_built import Study
+from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind
 
 SCENE = tpd.paper_scene()
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=5000.0, cavity_width=0.8, restitution=0.9595)
-STRIKES = Reason(kind=ReasonKind.touches_wall, limit="room", value=0.27, reference=0.01)
+STRIKES = Reason(kind=ReasonKind.touches_wall, limit="clearance", value=0.27, reference=0.01)
 LITTLE = Reason(kind=ReasonKind.too_little_benefit, value=-0.02, reference=0.1, low=-0.1)
 
 
@@ -22,7 +22,7 @@ def harmonic(at_least: float = 0.1) -> Design:
         limits=tpd.limits.POINT_BOB,
         method=tpd.Descent(searches=2, screening=32, steps=4, finish=1),
         ensemble=tpd.Ensemble(size=64),
-        worth=tpd.limits.Worth(at_least=at_least),
+        requirements=tpd.limits.Requirements(at_least=at_least),
     )
 
 
@@ -40,9 +40,9 @@ def ground() -> Design:
 
 
 @functools.cache
-def study(kind: str = "harmonic") -> Study:
+def details(kind: str = "harmonic") -> Details:
     """What the report of a design shows beside it."""
-    return tpd.study(DESIGNS[kind]())
+    return tpd.details(DESIGNS[kind]())
 
 
 def tuned() -> Design:
@@ -54,7 +54,7 @@ def against(*reasons: Reason, design: Design | None = None) -> Design:
     """A design with one validated pendulum, which is rejected for these reasons."""
     design = harmonic() if design is None else design
     bad = replace(design.validated[-1], reasons=reasons)
-    return replace(design, status=DesignStatus.refused, validated=(bad,))
+    return replace(design, status=DesignStatus.not_recommended, validated=(bad,))
 
 
 DESIGNS = {"harmonic": harmonic, "rejected": rejected, "ground": ground, "tuned": tuned}

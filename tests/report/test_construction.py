@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 import tpd
-from tests.report.conftest import SCENE, harmonic, rejected, study
+from tests.report.conftest import SCENE, details, harmonic, rejected
 from tpd.answers.statistics import Interval
 from tpd.design.as_built import Parts, Sensitivity
 from tpd.report import construction
@@ -14,8 +14,8 @@ from tpd.report.blocks import Listing, Table, Text
 
 def section(**changes):
     """Blocks of the recommended design, with another build."""
-    build = dataclasses.replace(study().build, **changes)
-    return construction.section(harmonic(), dataclasses.replace(study(), build=build))
+    build = dataclasses.replace(details().build, **changes)
+    return construction.section(harmonic(), dataclasses.replace(details(), build=build))
 
 
 def rows(table: Table) -> dict:
@@ -23,15 +23,17 @@ def rows(table: Table) -> dict:
 
 
 def test_sizes_are_those_of_the_body_and_loads_those_of_the_motions():
-    table, hung, loads = section()[0], harmonic().pendulum, study().build.loads
+    table, with_it, loads = section()[0], harmonic().pendulum, details().build.loads
     found = rows(table)
-    body, rod = tpd.limits.Bob().built(hung.mass, hung.length, 9.80665)
+    body, rod = tpd.limits.Bob().built(with_it.mass, with_it.length, 9.80665)
     assert found["mass of the bob"][0] == f"{body:.4g} kg"
-    assert f"acts as a point of {hung.mass:.4g} kg at {hung.length:.4g} m" in found["mass of the bob"][1]
+    assert (
+        f"acts as a point of {with_it.mass:.4g} kg at {with_it.length:.4g} m" in found["mass of the bob"][1]
+    )
     assert found["rod, hinge to the bob's centre"][0] == f"{rod:.4g} m"
     wide = 2.0 * (3.0 * body / (4.0 * np.pi * 7850.0)) ** (1.0 / 3.0)
     assert found["bob, width by height"][0] == f"{wide:.4g} m × {wide:.4g} m"
-    c = float(hung.hinge_damping())
+    c = float(with_it.hinge_damping())
     assert found["largest moment of the damper"][0] == f"{loads.rate * c:.4g} N m"
     assert found["largest power of the damper"][0] == f"{loads.rate**2 * c:.4g} W"
     assert f"largest of {loads.motions} motions" in table.caption
@@ -39,7 +41,7 @@ def test_sizes_are_those_of_the_body_and_loads_those_of_the_motions():
     swing = section(loads=loads._replace(friction=np.nan, motions=0))[0]
     assert swing.caption.startswith("Forces: those of the pendulum released at its largest angle, because")
     assert np.isnan(rows(swing)["friction that keeps the base from sliding"][0])
-    assert construction.section(rejected(), study("rejected")) == []
+    assert construction.section(rejected(), details("rejected")) == []
 
 
 def test_parts_have_sizes_with_units_and_state_their_steel_and_factor():
@@ -64,10 +66,10 @@ def test_parts_have_sizes_with_units_and_state_their_steel_and_factor():
 
 
 def test_checks_on_site_have_the_readings_to_expect():
-    checks, hung = section()[3], harmonic().pendulum
+    checks, with_it = section()[3], harmonic().pendulum
     assert isinstance(checks, Listing)
     ten, damped, pull = checks.items
-    assert f"ten swings take {20 * np.pi * np.sqrt(hung.length / 9.80665):.3g} s" in ten
+    assert f"ten swings take {20 * np.pi * np.sqrt(with_it.length / 9.80665):.3g} s" in ten
     # exp(-pi 0.1/sqrt(1 - 0.01))
     assert "it swings to 73% of the angle on the other side" in damped
     # (nu + k)/2 times M g: 0.15 * 16.224 * 9.80665; a tenth of 0.25 rad over 0.4 m
@@ -79,14 +81,14 @@ def test_checks_on_site_have_the_readings_to_expect():
 def test_tolerances_stand_beside_the_benefit_and_what_loses_it_is_named():
     holds, lost = Interval(0.3, 0.2, 0.4), Interval(0.1, -0.05, 0.25)
     varied = (Sensitivity("mass", 0.05, holds, holds), Sensitivity("slenderness", 0.05, lost, holds))
-    *_, table, said = construction.section(harmonic(), dataclasses.replace(study(), sensitivity=varied))
+    *_, table, said = construction.section(harmonic(), dataclasses.replace(details(), sensitivity=varied))
     found = rows(table)
     assert found["mass of the bob"] == ("±2%", "±5%", "30% (20% to 40%)", "30% (20% to 40%)", "weigh it")
     assert found["slenderness ν"][2] == "10% (-5% to 25%)"
     assert said == Text(
         "The benefit is no longer significant if these are varied as in column 3: slenderness ν."
     )
-    *_, said = construction.section(harmonic(), dataclasses.replace(study(), sensitivity=varied[:1]))
+    *_, said = construction.section(harmonic(), dataclasses.replace(details(), sensitivity=varied[:1]))
     assert said == Text("The benefit remains significant in all of these cases.")
 
 
@@ -105,5 +107,5 @@ def test_the_scatter_of_a_restitution_is_said_of_the_loss():
     problem = dataclasses.replace(problem, scene=dataclasses.replace(SCENE, block=block))
     design = dataclasses.replace(harmonic(), problem=problem)
     varied = (Sensitivity("restitution", 0.5, holds, holds),)
-    *_, table, _ = construction.section(design, dataclasses.replace(study(), sensitivity=varied))
+    *_, table, _ = construction.section(design, dataclasses.replace(details(), sensitivity=varied))
     assert rows(table)["loss at an impact, 1 - e"][0] == "±38%"

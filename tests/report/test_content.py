@@ -5,8 +5,8 @@ import math
 
 import pytest
 
-from tests.report.conftest import DESIGNS, ground, harmonic, study
-from tpd.design.as_built import Study
+from tests.report.conftest import DESIGNS, details, ground, harmonic
+from tpd.design.as_built import Details
 from tpd.design.design import FrontPoint
 from tpd.report.blocks import Code, Figure, Severity, Table
 from tpd.report.content import CAPTIONS, content, names
@@ -18,7 +18,7 @@ def section(report, title):
 
 
 def test_the_first_screen_has_verdict_dangers_answer_and_one_comparison():
-    report = content(harmonic(), study(), name="Tower", date="2026-11-23")
+    report = content(harmonic(), details(), name="Tower", date="2026-11-23")
     assert report.verdict.severity is Severity.note
     assert {n.severity for n in report.dangers} == {Severity.danger}
     assert [r[0] for r in report.answer.rows[:6]] == [
@@ -26,7 +26,7 @@ def test_the_first_screen_has_verdict_dangers_answer_and_one_comparison():
     ]
     assert [f.name for f in report.figures] == ["drawing.svg", "animation.gif"]
     assert report.title == "Tower: pendulum for a block of 0.1 m × 0.4 m, 2026-11-23"
-    assert content(harmonic(), Study()).title == "Pendulum for a block of 0.1 m × 0.4 m"
+    assert content(harmonic(), Details()).title == "Pendulum for a block of 0.1 m × 0.4 m"
     # No section repeats the comparison.
     assert report.comparison not in [block for s in report.sections for block in s.blocks]
 
@@ -43,24 +43,24 @@ def test_sections_stand_in_one_order_and_are_left_out_where_they_are_empty(kind)
         "Records",
     ]
     order += ["Lighter pendulums", "Assumptions", "How to repeat it"]
-    report = content(DESIGNS[kind](), study(kind), "[block]\n")
+    report = content(DESIGNS[kind](), details(kind), "[block]\n")
     titles = [s.title for s in report.sections]
     assert titles == [title for title in order if title in titles]
     assert ("Records" in titles) is (kind in ("ground", "tuned"))
     assert ("Build it" in titles) is (kind in ("harmonic", "tuned"))
     assert ("Settled motion" in titles) is (kind in ("harmonic", "rejected"))
     drawn = [b.name for s in report.sections for b in s.blocks if isinstance(b, Figure)]
-    assert sorted(drawn + [f.name for f in report.figures]) == sorted(names(DESIGNS[kind](), study(kind)))
+    assert sorted(drawn + [f.name for f in report.figures]) == sorted(names(DESIGNS[kind](), details(kind)))
     assert set(drawn) <= set(CAPTIONS)
 
 
 def test_the_front_has_a_row_for_every_mass():
     points = (
         FrontPoint(2.0, "none_feasible", None, (math.nan,) * 3),
-        FrontPoint(5.0, "found", harmonic().pendulum, (0.3, 0.2, 0.4)),
+        FrontPoint(5.0, "recommended", harmonic().pendulum, (0.3, 0.2, 0.4)),
     )
     (figure, table) = section(
-        content(harmonic(), dataclasses.replace(study(), front=points)), "Lighter pendulums"
+        content(harmonic(), dataclasses.replace(details(), front=points)), "Lighter pendulums"
     )
     assert isinstance(figure, Figure)
     assert isinstance(table, Table)
@@ -69,16 +69,16 @@ def test_the_front_has_a_row_for_every_mass():
 
 
 def test_the_job_repeats_the_run_where_there_is_one(tmp_path):
-    blocks = section(content(harmonic(), study(), "[block]\n", tmp_path), "How to repeat it")
+    blocks = section(content(harmonic(), details(), "[block]\n", tmp_path), "How to repeat it")
     said = [block.text for block in blocks if isinstance(block, Code)]
     assert said == [f"tpd optimise --scene {tmp_path}/scene.toml --out {tmp_path}-again", "[block]\n"]
-    assert not any(isinstance(b, Code) for b in section(content(harmonic(), study()), "How to repeat it"))
+    assert not any(isinstance(b, Code) for b in section(content(harmonic(), details()), "How to repeat it"))
 
 
 def test_records_are_listed_with_the_notes_on_their_files():
-    table, notes = section(content(ground(), study("ground"), said=("a.AT2: offset removed",)), "Records")
+    table, notes = section(content(ground(), details("ground"), said=("a.AT2: offset removed",)), "Records")
     assert [row[:3] for row in table.rows] == [
         ("tuned to", "loma-prieta", "Loma Prieta 1989"),
-        ("held out", "el-centro", "Imperial Valley 1940"),
+        ("validation", "el-centro", "Imperial Valley 1940"),
     ]
     assert notes.items == ("a.AT2: offset removed",)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.report.conftest import harmonic, rejected, study, tuned
-from tpd.design.as_built import Study, TimeHistory
+from tests.report.conftest import details, harmonic, rejected, tuned
+from tpd.design.as_built import Details, TimeHistory
 from tpd.design.job import job_of
 from tpd.design.problem import Problem
 from tpd.report import files
@@ -26,7 +26,7 @@ def read(text: str) -> tuple[list[str], list[list[str]]]:
 def test_all_files_are_written_and_the_page_last(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "draw", lambda name, *_: b"<svg/>" if name[-3:] == "svg" else b"GIF8")
     toml = "[block]\nwidth = 0.1\n"
-    written = write(tmp_path / "out", harmonic(), study(), {"block": {"width": 0.1}}, toml)
+    written = write(tmp_path / "out", harmonic(), details(), {"block": {"width": 0.1}}, toml)
     names = [path.name for path in written]
     data = ["report.txt", "design.json", "scene.toml", "response.csv", "motion.csv", "trials.csv"]
     drawn = ["benefit.svg", "search.png", "response.svg", "motion.svg", "drawing.svg"]
@@ -47,35 +47,37 @@ def test_a_report_is_written_with_the_job_where_one_says_what_was_asked(tmp_path
 
     monkeypatch.setattr(files, "draw", lambda *_: b"<svg/>")
     monkeypatch.setattr(Problem, "job", property(lambda _: job_of({})))
-    design, study = rejected(), Study()
-    assert "scene.toml" in {path.name for path in tpd.write_report(design, tmp_path / "a", study=study)}
+    design, details = rejected(), Details()
+    assert "scene.toml" in {path.name for path in tpd.write_report(design, tmp_path / "a", details=details)}
     with pytest.raises(ValueError, match="already holds files"):
-        tpd.write_report(design, tmp_path / "a", study=study)
+        tpd.write_report(design, tmp_path / "a", details=details)
     monkeypatch.setattr(Problem, "job", property(unsaid))
     with pytest.warns(UserWarning, match=r"the report goes without scene\.toml: a limit of one's own"):
-        written = tpd.write_report(design, tmp_path / "b", study=study)
+        written = tpd.write_report(design, tmp_path / "b", details=details)
     assert "scene.toml" not in {path.name for path in written}
 
 
 def test_pictures_of_lines_are_svg_and_fields_are_not_and_the_drawing_has_the_body_that_was_asked_for():
     for name in ("benefit", "response", "motion"):
-        found = draw(f"{name}.svg", harmonic(), study())
+        found = draw(f"{name}.svg", harmonic(), details())
         assert ElementTree.fromstring(found).tag.endswith("svg")
-    assert draw("search.png", harmonic(), Study()).startswith(b"\x89PNG")
-    found = draw("drawing.svg", harmonic(), Study())
-    assert found == draw("drawing.svg", harmonic(), Study())
-    words, build = re.sub(r"<[^>]+>", " ", found.decode()), study().build
+    assert draw("search.png", harmonic(), Details()).startswith(b"\x89PNG")
+    found = draw("drawing.svg", harmonic(), Details())
+    assert found == draw("drawing.svg", harmonic(), Details())
+    words, build = re.sub(r"<[^>]+>", " ", found.decode()), details().build
     assert "kg" in words
     assert f"{build.bob_width:.3g}" in words
     with pytest.raises(ValueError, match="`name` must be one of benefit"):
-        draw("other.svg", harmonic(), Study())
+        draw("other.svg", harmonic(), Details())
 
 
 def test_motions_and_responses_are_tables():
-    bare, hung = study().histories
-    head, rows = read(motion_csv((bare, hung)))
+    without, with_it = details().histories
+    head, rows = read(motion_csv((without, with_it)))
     assert head == ["time_s", "without_tilt_rad", "with_tilt_rad", "with_bob_rad"]
-    np.testing.assert_array_equal(np.array(rows, float).T, [bare.time, bare.tilt, hung.tilt, hung.bob])
+    np.testing.assert_array_equal(
+        np.array(rows, float).T, [without.time, without.tilt, with_it.tilt, with_it.bob]
+    )
     # After an overturning the cells are empty.
     time = np.linspace(0.0, 10.0, 11)
     tilt = np.where(time > 5.0, np.nan, 0.1)
@@ -83,17 +85,17 @@ def test_motions_and_responses_are_tables():
     head, rows = read(motion_csv((lost,)))
     assert (head, rows[-1][1]) == (["time_s", "without_tilt_rad"], "")
     assert float(rows[-1][0]) > 9.0
-    bare, hung = study().responses
-    head, rows = read(response_csv((bare, hung)))
-    names = ("status", "amplitude_rad", "stroke_rad", "share_overturned", "share_low", "share_high")
+    without, with_it = details().responses
+    head, rows = read(response_csv((without, with_it)))
+    names = ("status", "amplitude_rad", "swing_rad", "share_overturned", "share_low", "share_high")
     sizes = [f"{case}_{name}" for case in ("without", "with") for name in names]
     sizes.remove("without_stroke_rad")
     assert head == ["frequency_Hz", *sizes]
     numbers = np.array([[row[i] for i in (0, 2, 3, 7, 8)] for row in rows], float).T
-    known = bare.frequency, bare.amplitude, bare.overturning[0], hung.amplitude, hung.stroke
+    known = without.frequency, without.amplitude, without.overturning[0], with_it.amplitude, with_it.swing
     np.testing.assert_array_equal(numbers, known)
-    assert [row[6] for row in rows] == list(hung.status)
-    assert read(response_csv((bare,)))[0] == ["frequency_Hz", *sizes[:5]]
+    assert [row[6] for row in rows] == list(with_it.status)
+    assert read(response_csv((without,)))[0] == ["frequency_Hz", *sizes[:5]]
 
 
 class Verdict(SimpleNamespace):
@@ -126,7 +128,7 @@ def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_n
 
     monkeypatch.setattr(files, "draw", drawn)
     there, said = [], []
-    job = harmonic(), study(), {}, "[block]"
+    job = harmonic(), details(), {}, "[block]"
     then = lambda: there.extend(p.name for p in tmp_path.iterdir())  # noqa: E731
     written = write(tmp_path, *job, then=then, warn=said.append)
     assert set(there) == {
@@ -143,7 +145,7 @@ def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_n
     monkeypatch.setattr(Problem, "job", property(lambda _: job_of({})))
     monkeypatch.setenv("HOME", str(tmp_path))
     with pytest.warns(UserWarning, match=r"search\.png is not drawn: latex"):
-        written = tpd.write_report(harmonic(), "~/saved", study=Study())
+        written = tpd.write_report(harmonic(), "~/saved", details=Details())
     assert written[0] == tmp_path / "saved" / "report.txt"
 
 

@@ -8,8 +8,8 @@ from importlib import resources
 import jsonschema
 import pytest
 
-from tests.report.conftest import DESIGNS, LITTLE, against, ground, harmonic, study
-from tpd.design.as_built import Study
+from tests.report.conftest import DESIGNS, LITTLE, against, details, ground, harmonic
+from tpd.design.as_built import Details
 from tpd.design.design import FrontPoint
 from tpd.design.reasons import DesignStatus
 from tpd.report.answer import verdict
@@ -21,18 +21,18 @@ JOB = {"block": {"width": 0.1}, "search": {"seed": 0}}
 
 
 def written(design, about=None) -> dict:
-    return json.loads(as_json(design, Study() if about is None else about, JOB))
+    return json.loads(as_json(design, Details() if about is None else about, JOB))
 
 
 @pytest.mark.parametrize("kind", DESIGNS)
 def test_every_design_is_what_the_schema_describes(kind):
     VALIDATOR.check_schema(SCHEMA)
-    content, design = written(DESIGNS[kind](), study(kind)), DESIGNS[kind]()
+    content, design = written(DESIGNS[kind](), details(kind)), DESIGNS[kind]()
     VALIDATOR.validate(content)
     assert list(content) == sorted(content)
     assert content["version"] == 9
     assert (content["status"], content["job"]) == (design.status.name, JOB)
-    assert content["verdict"] == verdict(design, study(kind)).text
+    assert content["verdict"] == verdict(design, details(kind)).text
     assert content["pendulum"] == (design.pendulum and dataclasses.asdict(design.pendulum))
     assert content["reasons"] == list(design.refusals)
     assert content["runs"]["benefit"]["mean"] == design.runs.benefit.mean
@@ -45,15 +45,15 @@ def test_designs_without_runs_and_with_a_front_are_described_as_well():
         harmonic(), status=DesignStatus.no_uplift, validated=(), trials=None, search=None
     )
     points = (
-        FrontPoint(3.0, "refused", None, (math.nan,) * 3),
-        FrontPoint(5.0, "found", harmonic().pendulum, (0.3, 0.2, 0.4)),
+        FrontPoint(3.0, "not_recommended", None, (math.nan,) * 3),
+        FrontPoint(5.0, "recommended", harmonic().pendulum, (0.3, 0.2, 0.4)),
     )
-    for content in (written(calm), written(harmonic(), dataclasses.replace(study(), front=points))):
+    for content in (written(calm), written(harmonic(), dataclasses.replace(details(), front=points))):
         VALIDATOR.validate(content)
 
 
 def test_other_content_is_refused():
-    sound = written(harmonic(), study())
+    sound = written(harmonic(), details())
     wrong = {"version": 8, "pendulum": {"mass": 1.0}, "status": "good", "seed": "large", "more": 1}
     for key, value in wrong.items():
         assert not VALIDATOR.is_valid(sound | {key: value}), key

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.report.conftest import DESIGNS, SCENE, ground, harmonic, study, tuned
-from tpd.design.as_built import Study
+from tests.report.conftest import DESIGNS, SCENE, details, ground, harmonic, tuned
+from tpd.design.as_built import Details
 from tpd.report.blocks import Severity
-from tpd.report.notes import notes, overturns_more, strikes
+from tpd.report.notes import notes, overturns_more, wall_contacts
 from tpd.scene.status import Status, code_of
 
 LIGHT = tpd.Pendulum(mass=0.5, length=0.12, damping_ratio=0.1)
@@ -17,12 +17,12 @@ LIGHT = tpd.Pendulum(mass=0.5, length=0.12, damping_ratio=0.1)
 
 def only(design, about: str, study_of=None):
     """The one note that holds these words."""
-    (found,) = (n for n in notes(design, Study() if study_of is None else study_of) if about in n.text)
+    (found,) = (n for n in notes(design, Details() if study_of is None else study_of) if about in n.text)
     return found
 
 
 def said(design, about: str) -> bool:
-    return any(about in n.text for n in notes(design, Study()))
+    return any(about in n.text for n in notes(design, Details()))
 
 
 def changed(design=None, exact=None, **more):
@@ -45,13 +45,13 @@ def test_a_bob_that_would_touch_the_walls_is_a_danger_with_a_remedy():
     """Half width 0.04 m, length 0.12 m; a ball of 0.5 kg has a radius of 0.0248 m: 0.1272 rad are left."""
     ball = (0.5 / 7850.0 * 3.0 / (4.0 * np.pi)) ** (1.0 / 3.0)
     most = np.arcsin((0.04 - ball) / 0.12)
-    assert strikes(SCENE.block, LIGHT, {"once settled": most - 1e-6, "on the way": most - 1e-6}) == []
-    (note,) = strikes(SCENE.block, LIGHT, {"once settled": 0.1, "on the way from rest": most + 1e-6})
+    assert wall_contacts(SCENE.block, LIGHT, {"once settled": most - 1e-6, "on the way": most - 1e-6}) == []
+    (note,) = wall_contacts(SCENE.block, LIGHT, {"once settled": 0.1, "on the way from rest": most + 1e-6})
     start = "On the way from rest the bob, as a solid ball of steel, would reach 0.04 m from the block's axis"
     assert note.text.startswith(start)
     assert f"clear of them up to {np.floor(1e3 * most) / 1e3:g} rad between rod and block" in note.text
     assert "Without `--exactly` the search has walls" in note.text
-    (note,) = strikes(SCENE.block, dataclasses.replace(LIGHT, mass=16.0), {"settled": 0.0})
+    (note,) = wall_contacts(SCENE.block, dataclasses.replace(LIGHT, mass=16.0), {"settled": 0.0})
     assert note.severity is Severity.danger
     assert "clear of them at no angle" in note.text
 
@@ -60,7 +60,7 @@ def test_walls_are_watched_in_all_motions_and_reported_once():
     n = len(harmonic().conditions)
     zero = np.zeros(n)
     orbits = {"stroke": zero[None], "tilt": zero[None]}
-    still = {"stroke": zero, "amplitude": zero, "peak": zero, "peak_stroke": zero, "orbits": orbits}
+    still = {"stroke": zero, "amplitude": zero, "peak": zero, "peak_swing": zero, "orbits": orbits}
     light = {"pendulum": LIGHT}
     half = only(changed(exact=dict(still), **light), "TOUCH").text
     assert half.startswith("In half of the validation runs the bob, as a solid ball of steel")
@@ -74,8 +74,8 @@ def test_walls_are_watched_in_all_motions_and_reported_once():
 
 def test_overturning_from_rest_is_counted_and_a_danger_where_it_is_not_outweighed():
     n = len(harmonic().conditions)
-    bare = harmonic().problem.without_pendulum.status == "overturned"
-    stood = np.flatnonzero(~bare)
+    without = harmonic().problem.without_pendulum.status == "overturned"
+    stood = np.flatnonzero(~without)
     status = np.where(np.arange(n) == stood[0], "overturned", "rocking").astype(object).astype(str)
     note = only(changed(exact={"status": status}), "OVERTURNS")
     assert f"under 1 of {n} conditions" in note.text
@@ -102,7 +102,7 @@ def test_runs_without_an_answer_are_counted():
 
 @pytest.mark.parametrize("kind", DESIGNS)
 def test_dangers_come_first_and_nothing_is_said_twice(kind):
-    found = notes(DESIGNS[kind](), study(kind))
+    found = notes(DESIGNS[kind](), details(kind))
     order = [n.severity.value for n in found]
     assert order == sorted(order)
     assert len({n.text for n in found}) == len(found)
@@ -110,7 +110,7 @@ def test_dangers_come_first_and_nothing_is_said_twice(kind):
 
 def test_wall_contact_is_a_danger_whatever_a_job_allows():
     for share, count in ((0.62, 1), (0.005, 0)):
-        found = notes(changed(tuned(), over_limit=share), Study())
+        found = notes(changed(tuned(), over_limit=share), Details())
         dangers = [n for n in found if n.severity is Severity.danger]
         assert sum("A limit is exceeded in 62.0% of the runs" in n.text for n in dangers) == count
     assert not said(ground(), "A limit is exceeded")
@@ -119,7 +119,7 @@ def test_wall_contact_is_a_danger_whatever_a_job_allows():
 def test_more_overturning_nearby_is_a_danger_where_chance_does_not_explain_it():
     def pair(*cases):
         """Responses with shares of 32 runs each, and Wilson's intervals."""
-        plain, at = study().responses[0], np.array([2.0, 2.45, 3.0])
+        plain, at = details().responses[0], np.array([2.0, 2.45, 3.0])
         runs = (
             np.stack([np.repeat(at, 32), [i < round(32 * v) for v in case for i in range(32)]])
             for case in cases
@@ -130,7 +130,7 @@ def test_more_overturning_nearby_is_a_danger_where_chance_does_not_explain_it():
     assert overturns_more(*worse).tolist() == [False, True, False]
     # 4 of 32 runs against 1 are chance: Newcombe's interval of the difference holds zero.
     assert not overturns_more(*pair((0.03125, 0.0, 0.0), (0.125, 0.0, 0.0))).any()
-    note = only(harmonic(), "OVERTURNS more often", Study(responses=worse))
+    note = only(harmonic(), "OVERTURNS more often", Details(responses=worse))
     assert note.severity is Severity.danger
     assert note.text == (
         "At 2.45 Hz the block OVERTURNS more often with the pendulum (runs from rest between 2.33 and 2.57 "

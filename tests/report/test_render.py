@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from tests.report.conftest import DESIGNS, harmonic, study
+from tests.report.conftest import DESIGNS, details, harmonic
 from tpd.report.blocks import Code, Figure, Note, Report, Section, Table, Text, danger, note
 from tpd.report.content import content, names
 from tpd.report.render import html, text
@@ -54,8 +54,8 @@ def report(verdict: Note, *sections: Section) -> Report:
 
 
 def test_the_page_is_whole_and_needs_nothing_from_outside():
-    pictures = dict.fromkeys(names(harmonic(), study()), PNG)
-    page = html(content(harmonic(), study(), "[block]\n"), pictures)
+    pictures = dict.fromkeys(names(harmonic(), details()), PNG)
+    page = html(content(harmonic(), details(), "[block]\n"), pictures)
     reader = read(page)
     assert "http:" not in page
     assert "https:" not in page
@@ -70,7 +70,7 @@ def test_the_page_is_whole_and_needs_nothing_from_outside():
 
 @pytest.mark.parametrize("kind", DESIGNS)
 def test_page_and_text_say_the_same_in_the_same_order(kind):
-    found = content(DESIGNS[kind](), study(kind), "[block]\n")
+    found = content(DESIGNS[kind](), details(kind), "[block]\n")
     said, report = (" ".join(x.split()) for x in (read(html(found, {})).text, text(found)))
     assert report.startswith(found.verdict.marked)
     # A section of pictures alone is not in the text.

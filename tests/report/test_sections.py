@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tests.report.conftest import DESIGNS, LITTLE, STRIKES, against, ground, harmonic, rejected, study
+from tests.report.conftest import DESIGNS, LITTLE, STRIKES, against, details, ground, harmonic, rejected
 from tpd.design.reasons import DesignStatus
 from tpd.report import sections
 from tpd.report.blocks import Table
@@ -55,14 +55,14 @@ def test_a_table_of_all_groups_does_not_claim_to_be_of_the_counted_runs():
 
 
 def test_losses_have_a_row_each():
-    (table,) = sections.other_losses(study())
+    (table,) = sections.other_losses(details())
     found = rows(table)
     assert list(found) == ["friction", "impacts", "friction and impacts"]
-    for case in study().losses:
+    for case in details().losses:
         fell = case.runs.change("overturned")
         shares = f"{fell.with_pendulum:.1%} / {fell.without_pendulum:.1%}"
         assert found[case.name][1:3] == (case.runs.benefit_in_words, shares)
-    assert sections.other_losses(study("rejected")) == []
+    assert sections.other_losses(details("rejected")) == []
 
 
 def test_limits_that_keep_better_designs_out_are_named():
@@ -72,7 +72,7 @@ def test_limits_that_keep_better_designs_out_are_named():
     assert text.text.startswith(f"Of {len(trials.designs)} designs with trial runs {kept} keep to all limits")
     (over,) = np.sum(trials.sizes[:, [trials.names.index("stroke")]] > 1.0, axis=0)
     assert (f"designs that exceed a limit: stroke {over}" in text.text) == (over > 0)
-    assert f"stroke {harmonic().usage['stroke']:.0%}" in text.text
+    assert f"stroke {harmonic().usage['swing']:.0%}" in text.text
     best = trials.best_without()
     assert rows(table)["all limits"][0] == pytest.approx(trials.designs[best, 0] * 16.224)
     # The best of all designs exceeds one limit: without this limit it is the best one.

@@ -6,7 +6,7 @@ import numpy as np
 
 import tpd
 from tests.report.conftest import harmonic
-from tpd.design.criteria import Mass, Risk, Room
+from tpd.design.criteria import Clearance, Mass, Risk
 from tpd.report import words
 from tpd.scene.bob import Bob
 from tpd.theory.no_uplift import AtRest
@@ -96,8 +96,8 @@ def test_angles_that_are_infinite_or_unknown_are_told_apart():
 
 def test_limits_in_words():
     assert words.limit(Mass(2.0)) == "mass 2 kg"
-    assert words.limit(Room()) == "the bob, a solid ball of steel, keeps off the walls"
-    wood = Room(Bob(shape="cylinder", density=700.0))
+    assert words.limit(Clearance()) == "the bob, a solid ball of steel, keeps off the walls"
+    wood = Clearance(Bob(shape="cylinder", density=700.0))
     assert "a solid cylinder of 700 kg/m³, 2 times as high as wide" in words.limit(wood)
     said = [words.limit(limit) for limit in harmonic().problem.limits]
     assert said == ["stroke 0.5 rad", "reserve 0.05"]

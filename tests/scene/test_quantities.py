@@ -16,14 +16,14 @@ from tpd.scene.scene import paper_scene
 
 # Its cavity would keep the width from being made less.
 SCENE = dataclasses.replace(paper_scene(), block=dataclasses.replace(paper_scene().block, cavity_width=None))
-HUNG = Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
+PENDULUM = Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
 OTHER = Scene(
     Block(width=1.1, height=4.0, mass=3e3, friction=0.04, radius_of_gyration=1.3, restitution=0.8),
     Harmonic(amplitude=0.2, frequency=0.8),
 )
 TIED = Scene(Block(width=1.1, height=4.0, mass=3e3, friction=0.04, restitution="housner"), OTHER.motion)
 """Its restitution by Housner's formula."""
-BARE = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)
+WITHOUT = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)
 
 
 def moved(scene: Scene, pendulum: Pendulum, name: str, value: float) -> Parameters:
@@ -51,11 +51,11 @@ EACH = [
 
 @pytest.mark.parametrize(("scene", "name"), EACH)
 def test_a_quantity_moves_what_it_moves_in_the_scene_and_nothing_else(scene, name):
-    axis, setup = Axis.of(scene, name, HUNG), Setup.of(scene, HUNG)
-    base = vector(scene.parameters(HUNG))
+    axis, setup = Axis.of(scene, name, PENDULUM), Setup.of(scene, PENDULUM)
+    base = vector(scene.parameters(PENDULUM))
     values = setup.values[name] * np.array([0.9, 0.95, 1.0])
     for value, point in zip(values, axis.at(values), strict=True):
-        expected = moved(scene, HUNG, name, float(value))
+        expected = moved(scene, PENDULUM, name, float(value))
         np.testing.assert_allclose(point, vector(expected), rtol=1e-15)
         at = setup.at({name: float(value)})
         np.testing.assert_allclose(vector(at), point, rtol=1e-15)
@@ -70,7 +70,7 @@ def test_a_quantity_moves_what_it_moves_in_the_scene_and_nothing_else(scene, nam
 
 @pytest.mark.parametrize(("scene", "name"), EACH)
 def test_derivatives_along_a_quantity_are_those_of_differences(scene, name):
-    axis = Axis.of(scene, name, HUNG)
+    axis = Axis.of(scene, name, PENDULUM)
     assert set(axis.others) == set(axis.setup.values) - {name}
     value = axis.setup.values[name]
     slopes = axis.jacobian(value)
@@ -84,19 +84,19 @@ def test_derivatives_along_a_quantity_are_those_of_differences(scene, name):
 
 def test_a_parameter_takes_its_tied_inertia_along():
     h = 1e-5
-    free = Parameters(**{**{n: getattr(BARE, n) for n in NAMES}, "rho": 0.7})
-    for p in (BARE, free):
+    free = Parameters(**{**{n: getattr(WITHOUT, n) for n in NAMES}, "rho": 0.7})
+    for p in (WITHOUT, free):
         axis = Axis.of(p, "nu")
         difference = np.diff(axis.at(np.array([0.2 - h, 0.2 + h])), axis=0)[0] / (2.0 * h)
         np.testing.assert_allclose(axis.jacobian(0.2)[:, 0], difference, atol=1e-9)
         assert ("rho" in axis.others) == (p is free)
-    assert Axis.of(BARE, "nu").jacobian(0.2)[NAMES.index("rho"), 0] < -0.1
+    assert Axis.of(WITHOUT, "nu").jacobian(0.2)[NAMES.index("rho"), 0] < -0.1
 
 
 @pytest.mark.parametrize("name", ["nu", "mu"])
 def test_a_parameter_takes_housner_s_restitution_along(name):
-    p = TIED.parameters(HUNG)
-    for axis in (Axis.of(p, name), Axis.of(TIED, name, HUNG)):
+    p = TIED.parameters(PENDULUM)
+    for axis in (Axis.of(p, name), Axis.of(TIED, name, PENDULUM)):
         assert "e" not in axis.others
         x = getattr(p, name)
         for value in (x, 1.1 * x):
@@ -106,16 +106,16 @@ def test_a_parameter_takes_housner_s_restitution_along(name):
         difference = np.diff(axis.at(np.array([x - h, x + h])), axis=0)[0] / (2.0 * h)
         np.testing.assert_allclose(axis.jacobian(x)[:, 0], difference, rtol=1e-7, atol=1e-9)
         assert difference[NAMES.index("e")] < 0.0
-    assert Setup.of(TIED, HUNG).at({name: value}).velocity_ratio == expected[NAMES.index("e")]
+    assert Setup.of(TIED, PENDULUM).at({name: value}).velocity_ratio == expected[NAMES.index("e")]
 
 
 def test_a_parameter_of_a_scene_leaves_the_others_alone():
-    p = SCENE.parameters(HUNG)
-    at = Setup.of(SCENE, HUNG).at({"xi": 3.0, "pendulum_mass": 1.6})
+    p = SCENE.parameters(PENDULUM)
+    at = Setup.of(SCENE, PENDULUM).at({"xi": 3.0, "pendulum_mass": 1.6})
     np.testing.assert_allclose(
         vector(at), vector(p) * np.where(np.isin(NAMES, "mu"), 2.0, 1.0) + np.isin(NAMES, "xi") * (3.0 - p.xi)
     )
-    axis = Axis.of(SCENE, "xi", HUNG)
+    axis = Axis.of(SCENE, "xi", PENDULUM)
     assert axis.others == tuple(n for n in NAMES if n not in ("xi", "rho"))
 
 
@@ -149,7 +149,7 @@ def test_without_a_pendulum_nothing_of_it_can_be_varied():
 )
 def test_values_out_of_range_are_refused_by_name(name, value, match):
     with pytest.raises(ValueError, match=match):
-        Axis.of(SCENE, name, HUNG).check(value)
+        Axis.of(SCENE, name, PENDULUM).check(value)
 
 
 @pytest.mark.mends("a range of a quantity in another unit was solved")
@@ -164,7 +164,7 @@ def test_values_out_of_range_are_refused_by_name(name, value, match):
     ],
 )
 def test_a_range_in_another_unit_is_asked_back(name, values, match):
-    setup = Setup.of(SCENE, HUNG)
+    setup = Setup.of(SCENE, PENDULUM)
     with pytest.raises(ValueError, match=match):
         setup.check("x", name, *values)
     setup.check("x", "frequency", 0.5, 50.0)  # the upper end may exceed what any ground does
@@ -172,13 +172,13 @@ def test_a_range_in_another_unit_is_asked_back(name, values, match):
 
 def test_a_pendulum_beside_parameters_is_refused():
     with pytest.raises(ValueError, match="`pendulum` goes with a scene"):
-        Setup.of(BARE, HUNG)
+        Setup.of(WITHOUT, PENDULUM)
     with pytest.raises(ValueError, match=r"`name` must be one of nu, mu.*but is 'frequency'"):
-        Axis.of(BARE, "frequency")
+        Axis.of(WITHOUT, "frequency")
 
 
 def test_another_design_replaces_the_pendulum_and_nothing_else():
-    p = SCENE.parameters(HUNG)
+    p = SCENE.parameters(PENDULUM)
     q = jax.jit(with_design)(p, jnp.array([0.2, 0.3, 0.4]))
     np.testing.assert_array_equal([q.mu, q.lam, q.zeta], [0.2, 0.3, 0.4])
     for name in set(NAMES) - {"rho"} - {"mu", "lam", "zeta"}:

@@ -96,8 +96,8 @@ def test_light_and_heavy_blocks_on_the_moon_and_on_a_shaking_table_are_taken():
 
 @pytest.mark.mends("a block without a stated cavity had one as wide as itself, and walls needed no thickness")
 def test_a_block_has_the_cavity_that_is_stated_and_no_other():
-    assert Block(**BLOCK).room == np.inf
-    assert Block(**BLOCK, cavity_width=0.07).room == 0.07
+    assert Block(**BLOCK).clearance == np.inf
+    assert Block(**BLOCK, cavity_width=0.07).clearance == 0.07
     assert paper_scene().block.cavity_width == 0.08
     for wide in (1.0, 1.001):
         with pytest.raises(
@@ -116,12 +116,15 @@ def test_housner_s_ratio_of_a_rectangle_is_the_textbook_s():
 
 
 def test_housner_s_ratio_takes_the_bob_along():
-    block, hung = Block(**BLOCK, restitution="housner"), Pendulum(mass=1.6224, length=0.1, damping_ratio=0.1)
-    p = Scene(block, Harmonic(**MOTION)).parameters(hung)
+    block, with_it = (
+        Block(**BLOCK, restitution="housner"),
+        Pendulum(mass=1.6224, length=0.1, damping_ratio=0.1),
+    )
+    p = Scene(block, Harmonic(**MOTION)).parameters(with_it)
     share = p.inertia_ratio * 0.25**2
     assert p.velocity_ratio == pytest.approx((1 - 2.1 * share) / (1 + 0.1 * share), rel=1e-14)
     assert p.velocity_ratio < block.velocity_ratio - 0.005
-    given = Scene(Block(**BLOCK, restitution=0.9), Harmonic(**MOTION)).parameters(hung)
+    given = Scene(Block(**BLOCK, restitution=0.9), Harmonic(**MOTION)).parameters(with_it)
     assert given.velocity_ratio == given.e == 0.9
 
 
@@ -138,7 +141,7 @@ def test_a_block_loses_energy_by_housner_s_impacts_and_no_friction_unless_they_a
         assert (p.k, p.e) == expected
 
 
-HUNG = Pendulum(mass=1.2, length=0.05, damping_ratio=0.2)
+WITH = Pendulum(mass=1.2, length=0.05, damping_ratio=0.2)
 TIED = Scene(Block(**BLOCK, friction=0.02, restitution="housner"), Harmonic(**MOTION))
 SCENES = {
     # A cavity moves no parameter, so that it has no derivative to compare.
@@ -172,7 +175,7 @@ def test_derivatives_of_the_parameters_in_si_are_those_of_differences(name):
         numbers = p.nu, p.mu, p.lam, p.zeta, p.k, p.f, p.xi, p.inertia_ratio, p.velocity_ratio
         return jnp.stack([jnp.asarray(x) for x in numbers])
 
-    both = (SCENES[name], HUNG)
+    both = (SCENES[name], WITH)
     slopes = jax.tree.leaves(jax.jit(jax.jacrev(vector))(both))
     for slope, expected in zip(slopes, differences_in_si(vector, both, 1e-3), strict=True):
         np.testing.assert_allclose(slope, expected, rtol=1e-9, atol=1e-9)
@@ -185,7 +188,7 @@ def slopes_in_si(both):
 
 
 def test_derivatives_of_the_amplitude_in_si_are_those_of_differences():
-    both = (TIED, HUNG)
+    both = (TIED, WITH)
     amplitude, slopes = slopes_in_si(both)
     assert float(amplitude) == pytest.approx(0.0737342, rel=1e-5)
     assert jax.tree.structure(slopes) == jax.tree.structure(both)
@@ -193,13 +196,13 @@ def test_derivatives_of_the_amplitude_in_si_are_those_of_differences():
     expected = differences_in_si(lambda both: slopes_in_si(both)[0], both, 1e-4)
     np.testing.assert_allclose(jax.tree.leaves(slopes), expected, rtol=1e-7)
     # The gradient of the pendulum alone, without `jit`: rad per kg, per metre and per unit of zeta.
-    alone = jax.grad(lambda hung: steady_state(TIED.parameters(hung)).amplitude)(HUNG)
+    alone = jax.grad(lambda with_it: steady_state(TIED.parameters(with_it)).amplitude)(WITH)
     np.testing.assert_allclose(jax.tree.leaves(alone), jax.tree.leaves(slopes[1]), rtol=1e-9)
 
 
 @pytest.mark.parametrize("batched", [Pendulum, Block, Harmonic])
 def test_a_batch_of_any_part_meets_one_of_the_others(batched):
-    first = {Pendulum: HUNG, Block: TIED.block, Harmonic: TIED.motion}
+    first = {Pendulum: WITH, Block: TIED.block, Harmonic: TIED.motion}
     second = {
         Pendulum: Pendulum(mass=1.6, length=0.06, damping_ratio=0.3),
         Block: Block(width=0.11, height=0.4, mass=15.0, friction=0.03, restitution="housner"),

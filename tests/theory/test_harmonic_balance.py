@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.reference import HUNG, MOVING, NAMES, differences, exact, named, orbits_of, parameters
+from tests.reference import MOVING, NAMES, WITH, differences, exact, named, orbits_of, parameters
 from tpd import Parameters
 from tpd.theory import neglected_harmonics, one_harmonic, one_harmonic_branches, parametric_branches
 
@@ -22,17 +22,17 @@ def test_one_harmonic_is_the_larger_root_a_little_above_the_exact_amplitude(case
     assert SLOPES(np.array(case.x))[5] > 0
 
 
-@pytest.mark.parametrize("case", HUNG, ids=named)
+@pytest.mark.parametrize("case", WITH, ids=named)
 def test_one_harmonic_knows_the_stroke_too(case):
-    assert float(ONE(np.array(case.x)).stroke) == pytest.approx(exact(case.x).stroke, rel=0.1)
+    assert float(ONE(np.array(case.x)).swing) == pytest.approx(exact(case.x).swing, rel=0.1)
 
 
 def test_without_enough_forcing_no_orbit_exists():
-    weak = jnp.array((*HUNG[0].x[:5], 0.01, *HUNG[0].x[6:]))
+    weak = jnp.array((*WITH[0].x[:5], 0.01, *WITH[0].x[6:]))
     for found in (ONE(weak), one_harmonic_branches(parameters(weak)), parametric_branches(parameters(weak))):
         assert not np.any(found.exists)
         assert not np.any(found.amplitude)
-        assert not np.any(found.stroke)
+        assert not np.any(found.swing)
     assert np.all(np.isinf(neglected_harmonics(parameters(weak)).bound))
     assert np.all(np.isfinite(SLOPES(weak)))
     for slopes in PAIRS_SLOPES.values():
@@ -74,14 +74,14 @@ def test_both_branches_satisfy_the_balance_taken_by_sampling_a_period(case, para
         bob = (forcing - drive * phi) / (1 - p.lam * rho * p.xi**2 + 1j * p.xi * c)
         assert abs(projected(p, phi, bob, forcing, parametric)) < 1e-8
         assert abs(projected(p, 1.01 * phi, bob, forcing, parametric)) > 1e-4
-        assert abs(bob) == pytest.approx(float(found.stroke[i]), rel=1e-12)
+        assert abs(bob) == pytest.approx(float(found.swing[i]), rel=1e-12)
 
 
 def test_the_upper_branch_is_the_one_that_one_harmonic_gives():
     p = Parameters(**scenes(50))
     both, one = one_harmonic_branches(p), one_harmonic(p)
     assert 40 < int(one.exists.sum()) < 50
-    for a, b in ((both.amplitude, one.amplitude), (both.stroke, one.stroke), (both.exists, one.exists)):
+    for a, b in ((both.amplitude, one.amplitude), (both.swing, one.swing), (both.exists, one.exists)):
         np.testing.assert_array_equal(a[:, 0], b)
 
 
@@ -153,7 +153,7 @@ PAIRS_SLOPES = {name: jax.jit(jax.jacrev(form)) for name, form in PAIRS.items()}
 
 
 @pytest.mark.parametrize("form", PAIRS)
-@pytest.mark.parametrize("x", [HUNG[0].x, HUNG[3].x, (0.2, 0.02, 0.4, 0.2, 0.05, 0.1, 2.0)], ids=str)
+@pytest.mark.parametrize("x", [WITH[0].x, WITH[3].x, (0.2, 0.02, 0.4, 0.2, 0.05, 0.1, 2.0)], ids=str)
 def test_gradients_of_both_branches_are_those_of_differences(form, x):
     function = PAIRS[form]
     slopes = PAIRS_SLOPES[form](jnp.array(x))

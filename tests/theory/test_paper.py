@@ -21,7 +21,7 @@ NU, MU, LAM, RHO, F, XI, K, HINGE, TAU = SYMBOLS
 PHI, PSI = sp.symbols("Phi Psi", real=True)
 T, AMPLITUDE, GAMMA, THETA = sp.symbols("t Phi gamma theta", real=True)
 EIGHT_THIRDS = sp.Rational(8, 3)
-BARE = Parameters(nu=0.2, mu=0.0, lam=1.0, zeta=0.1, k=0.05, f=0.1, xi=2.0)
+WITHOUT = Parameters(nu=0.2, mu=0.0, lam=1.0, zeta=0.1, k=0.05, f=0.1, xi=2.0)
 
 
 def same(x, y):
@@ -139,12 +139,15 @@ def test_19_lacks_a_sign_and_a_factor_in_the_phase():
     (found,) = sp.solve(before - after, sine)
     printed = K * (1 + XI**2) * s / (F * c)
     assert sp.simplify(found + printed / XI) == 0
-    mended, as_printed = paper.quarter_crossing(BARE), paper.printed_quarter_crossing(BARE)
+    mended, as_printed = (
+        paper.quarter_crossing(WITHOUT),
+        paper.printed_quarter_crossing(WITHOUT),
+    )
     value = float(printed.subs({K: 0.05, F: 0.1, XI: 2.0}))
     np.testing.assert_allclose(np.sin(mended.gamma), -value / 2, rtol=1e-12)
     assert value > 1, "as printed there would be no such motion"
     assert np.all(np.isnan(as_printed.gamma))
-    exact = orbits_of(BARE)
+    exact = orbits_of(WITHOUT)
     off = abs(float(mended.amplitude[1] / exact.amplitude[0]) - 1)
     assert 0.05 < off < 0.15, "nor is it exact when mended"
 
@@ -181,10 +184,10 @@ def test_23_belongs_to_the_mended_equation():
         third = sp.Rational(4, 3) * NU * PHI
         assert same(cosine, (4 * NU - sp.pi * PHI * (1 + XI**2)) / (F * (sp.pi + mark * 2 * third)))
         assert same(sine, 4 * K / (F * (sp.pi + mark * third)))
-    found = parametric_branches(BARE)
+    found = parametric_branches(WITHOUT)
     assert np.all(found.exists)
     for amplitude, phase in zip(found.amplitude, found.phase, strict=True):
-        cosine, sine = paper.printed_bare_balance(BARE, float(amplitude))
+        cosine, sine = paper.printed_bare_balance(WITHOUT, float(amplitude))
         assert float(cosine**2 + sine**2) == pytest.approx(1.0, rel=1e-10)
         # -f cos(xi tau + gamma) is f sin(xi tau + phase) with gamma = phase + pi/2.
         np.testing.assert_allclose([cosine, sine], [-np.sin(phase), np.cos(phase)], atol=1e-10)

@@ -63,7 +63,7 @@ class Attractor(Printed):
             return share
         kind = f"{'symmetric' if self.symmetric else 'asymmetric'}, {counted_periods(self.periods)}"
         s = self.steady
-        return f"{share}, {kind}, amplitude {s.amplitude:.4g} rad, stroke {s.stroke:.4g} rad"
+        return f"{share}, {kind}, amplitude {s.amplitude:.4g} rad, stroke {s.swing:.4g} rad"
 
 
 def attractors(
@@ -124,7 +124,7 @@ def _is_same(a: Attractor, b: Attractor, felt: bool) -> bool:
     """Whether both are one motion, or have one status whose motions are not divided."""
     if a.status != b.status or not is_one_of(a.steady.status, *_DIVIDED):
         return a.status == b.status
-    x, y = (np.array([m.steady.amplitude, m.steady.stroke]) for m in (a, b))
+    x, y = (np.array([m.steady.amplitude, m.steady.swing]) for m in (a, b))
     return a.periods == b.periods and _agree(x, y, _SAME, felt)
 
 
@@ -139,7 +139,7 @@ def _groups(settled: Settled, felt: bool) -> list[tuple[int, list[int]]]:
     # A coarse grouping saves Newton's method for all but one start of each group; the motions that it finds
     # are compared again, far more closely.
     codes, periods = code_of(settled.status), settled.periods
-    sizes = np.stack([np.asarray(settled.amplitude), np.asarray(settled.stroke)], axis=-1)
+    sizes = np.stack([np.asarray(settled.amplitude), np.asarray(settled.swing)], axis=-1)
     groups: list[tuple[int, list[int]]] = []
     for i, code in enumerate(codes.tolist()):
         for known, group in groups:

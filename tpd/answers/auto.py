@@ -110,9 +110,9 @@ def _still(p: Parameters, y0: State) -> tuple[Steady, Number, Number]:
     # An undamped bob keeps its own swing for ever.
     decays = p.zeta > 0.0
     state = jnp.where(decays, jnp.stack([none, c, none, p.xi * s]), y0)
-    stroke = jnp.where(decays, lift.stroke, lift.stroke + own)
-    rest = none, stroke, Status.rest, count, unknown, jnp.ones((), bool), unknown, state, 0 * count
-    reach = (lift.stroke + own) * (p.mu > 0)
+    swing = jnp.where(decays, lift.swing, lift.swing + own)
+    rest = none, swing, Status.rest, count, unknown, jnp.ones((), bool), unknown, state, 0 * count
+    reach = (lift.swing + own) * (p.mu > 0)
     return Steady(*rest), jnp.where(answers, reserve, -jnp.inf), _dropped_at_rest(p, reach)
 
 
@@ -127,7 +127,7 @@ def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
     # e as a number of its own, so that there is a derivative with respect to it.
     p = replace(p, e=jnp.asarray(p.velocity_ratio))
     slope, steady = jax.jacrev(size, has_aux=True)(p)
-    return steady, dropped(p, steady.amplitude, steady.stroke, slope)
+    return steady, dropped(p, steady.amplitude, steady.swing, slope)
 
 
 def _same_motion(steady: Steady, reached: Settled) -> bool:

@@ -57,7 +57,7 @@ class Sweep:
     """Names: rocking (attracting), unstable, neutral, near_fold, grazing or no_orbit."""
     amplitude: np.ndarray
     """Largest |phi|, rad."""
-    stroke: np.ndarray
+    swing: np.ndarray
     """Largest |psi|, rad."""
     phase: np.ndarray
     """Phase xi tau of the forcing at the upper turn, rad, in (-pi, pi]."""
@@ -99,7 +99,7 @@ def along(axis: Axis, grid: np.ndarray) -> Sweep:
     orbits, names = orbits_at(axis, grid)
     shares = orbits.crossing * axis.at(grid)[:, [XI]] / np.pi
     place = np.stack([shares, orbits.phase, np.log(orbits.amplitude)], axis=-1)
-    same = ("amplitude", "stroke", "phase", "crossing", "multipliers", "overflow")
+    same = ("amplitude", "swing", "phase", "crossing", "multipliers", "overflow")
     arrays: Any = {n: np.asarray(getattr(orbits, n)) for n in same}
     branch = _joined(grid, place, np.sign(orbits.margins.fold))
     about = {"name": axis.name, "value": grid, "status": names, "branch": branch}

@@ -22,7 +22,7 @@ from tpd.models.base import AbstractModel
 from tpd.models.compiled import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.scene.parameters import Parameters, as_arrays
-from tpd.scene.quantities import Setup, bare_parameters_of
+from tpd.scene.quantities import Setup, parameters_without_pendulum
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import SETTLED, Status, names_of, status_name
 from tpd.theory.equations import Terms
@@ -41,7 +41,7 @@ class Answer:
     name: str
     amplitude: float
     """Largest |phi| of the settled motion from rest."""
-    stroke: float
+    swing: float
     """Largest |psi|."""
     status: str
     seconds: float
@@ -58,7 +58,7 @@ class Check(Printed):
     models: tuple[Answer, ...]
     limit: float
     """Largest allowed stroke, rad."""
-    bare: float
+    without: float
     """Nonlinear amplitude of the bare block, rad; infinite if it overturns, NaN without a pendulum."""
 
     @property
@@ -69,17 +69,17 @@ class Check(Printed):
     @property
     def objections(self) -> tuple[str, ...]:
         """Sentences that say why the nonlinear equations refuse the design; empty if they confirm it."""
-        return objections(self.top.amplitude, self.top.stroke, self.top.status, self.limit, self.bare)
+        return objections(self.top.amplitude, self.top.swing, self.top.status, self.limit, self.without)
 
     def table(self) -> str:
         """One line for each model."""
         lines = [
-            f"{'model':20}{'amplitude':>11}{'stroke':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
+            f"{'model':20}{'amplitude':>11}{'swing':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
         ]
         for r in self.models:
             sizes = (
                 f"{'-':>{w}}" if math.isnan(x) else f"{x:{w}.6f}"
-                for x, w in ((r.amplitude, 11), (r.stroke, 10))
+                for x, w in ((r.amplitude, 11), (r.swing, 10))
             )
             times = f"{r.seconds * 1e3:7.2f} ms{r.first:7.1f} s"
             lines.append(f"{r.name:20}{''.join(sizes)}  {r.status:13}{times}  {r.neglects}")
@@ -94,7 +94,7 @@ def check(
     subject: Parameters | Scene,
     pendulum: Pendulum | None = None,
     *,
-    stroke: checks.Real = math.inf,
+    swing_limit: checks.Real = math.inf,
     models: tuple[str, ...] | None = None,
     progress: Progress | bool | None = None,
 ) -> Check:
@@ -103,7 +103,7 @@ def check(
     Args:
         subject: a scene, or dimensionless parameters (plain numbers).
         pendulum: in the scene; default none, the bare block.
-        stroke: limit on the bob's angle, rad.
+        swing_limit: limit on the bob's angle, rad.
         models: names of models out of `MODELS`, default all; the nonlinear one is always there.
         progress: True for a bar on stderr, or called with ("checking", models done, of how many).
 
@@ -113,8 +113,8 @@ def check(
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
-    if not (isinstance(stroke, float) and stroke == math.inf):
-        stroke = checks.positive("stroke", stroke)
+    if not (isinstance(swing_limit, float) and swing_limit == math.inf):
+        swing_limit = checks.positive("swing_limit", swing_limit)
     models = MODELS if models is None else models
     checks.instance("models", models, (tuple, list))
     for name in models:
@@ -128,21 +128,25 @@ def check(
             report("checking", i + 1, len(asked))
     if not setup.has_pendulum:
         # The parameters of a bare block stand for a bob too light to be felt; its stroke means nothing.
-        return Check(models=tuple(replace(r, stroke=math.nan) for r in done), limit=math.inf, bare=math.nan)
-    return Check(models=tuple(done), limit=stroke, bare=nonlinear(bare_parameters_of(subject))[0])
+        return Check(models=tuple(replace(r, swing=math.nan) for r in done), limit=math.inf, without=math.nan)
+    return Check(
+        models=tuple(done),
+        limit=swing_limit,
+        without=nonlinear(parameters_without_pendulum(subject))[0],
+    )
 
 
-def objections(amplitude: float, stroke: float, status: str, limit: float, bare: float) -> tuple[str, ...]:
+def objections(amplitude: float, swing: float, status: str, limit: float, without: float) -> tuple[str, ...]:
     """Sentences that say why a nonlinear motion speaks against its design: it does not settle, its stroke
     exceeds the limit, or the bare block rocks less. Angles in rad."""
     by, out = "by the nonlinear equations", []
     if status not in names_of(SETTLED):
         return (f"{by} the motion ends {status}",)
-    if stroke > limit:
-        out.append(f"{by} the stroke is {stroke:.4g} rad, above {limit:g}")
+    if swing > limit:
+        out.append(f"{by} the swing is {swing:.4g} rad, above {limit:g}")
     # A block that rests with the pendulum is no worse than any bare block.
-    if amplitude > 0.0 and amplitude >= bare:
-        out.append(f"{by} the block rocks {amplitude:.4g} rad, and {bare:.4g} without the pendulum")
+    if amplitude > 0.0 and amplitude >= without:
+        out.append(f"{by} the block rocks {amplitude:.4g} rad, and {without:.4g} without the pendulum")
     return tuple(out)
 
 
@@ -159,9 +163,9 @@ def _timed(name: str, p: Parameters) -> Answer:
     begin = time.perf_counter()
     solve(p)
     middle = time.perf_counter()
-    amplitude, stroke, status = solve(p)
+    amplitude, swing, status = solve(p)
     times = {"first": middle - begin, "seconds": time.perf_counter() - middle}
-    sizes = {"amplitude": amplitude, "stroke": stroke}
+    sizes = {"amplitude": amplitude, "swing": swing}
     return Answer(name=name, status=status, neglects=model.neglects, **sizes, **times)
 
 
@@ -171,14 +175,14 @@ _one_harmonic = eqx.filter_jit(one_harmonic)
 def _at_rest(p: Parameters) -> _Sizes:
     lift = uplift(p)
     amplitude, status = (0.0, "rest") if lift.margin >= 0.0 else (math.nan, "lifts")
-    return amplitude, float(lift.stroke), status
+    return amplitude, float(lift.swing), status
 
 
 def _balanced(p: Parameters) -> _Sizes:
     found = _one_harmonic(p)
     if not bool(found.exists):
         return math.nan, math.nan, "no_orbit"
-    return float(found.amplitude), float(found.stroke), "rocking"
+    return float(found.amplitude), float(found.swing), "rocking"
 
 
 def _followed(model: AbstractModel, p: Parameters) -> _Sizes:
@@ -191,7 +195,7 @@ def _sizes_of(settled: Settled | Steady) -> _Sizes:
     name = status_name(settled.status)
     if settled.status == Status.overturned:
         return math.inf, math.inf, name
-    return float(settled.amplitude), float(settled.stroke), name
+    return float(settled.amplitude), float(settled.swing), name
 
 
 class _Model(NamedTuple):

@@ -51,7 +51,7 @@ class DesignMap(Printed, Tabular):
     """State at tau = 0 that the designs were followed from; None where none was asked for."""
     amplitude: np.ndarray
     """Largest |phi| of the motion that `design_map` describes. Infinite where the block overturns."""
-    stroke: np.ndarray
+    swing: np.ndarray
     """Largest |psi| of this motion. Without a pendulum, that of a bob too light to be felt."""
     status: np.ndarray
     """Names of statuses."""
@@ -72,8 +72,8 @@ class DesignMap(Printed, Tabular):
     def columns(self) -> dict[str, Any]:
         """A row for every design: both numbers, status, sizes in rad and uplift margin."""
         x, y = np.meshgrid(self.x, self.y)
-        names = {"amplitude": "amplitude_rad", "stroke": "stroke_rad", "margin": "uplift_margin"}
-        fields = ("status", "amplitude", "stroke", "margin", "exact", "overflow")
+        names = {"amplitude": "amplitude_rad", "swing": "swing_rad", "margin": "uplift_margin"}
+        fields = ("status", "amplitude", "swing", "margin", "exact", "overflow")
         columns = {names.get(n, n): getattr(self, n).ravel() for n in fields}
         return {self.x_name: x.ravel(), self.y_name: y.ravel()} | columns
 
@@ -81,7 +81,7 @@ class DesignMap(Printed, Tabular):
         lines = ["Design map" if self.start is None else f"Design map from the start {self.start}"]
         for name, values in ((self.x_name, self.x), (self.y_name, self.y)):
             lines.append(f"  {name:15} {len(values)} values, {span(values, UNITS.get(name, ''))}")
-        sizes = {"amplitude": "rad", "stroke": "rad", "margin": ""}
+        sizes = {"amplitude": "rad", "swing": "rad", "margin": ""}
         lines.append(f"  {'status':15} {counted(self.status)}")
         return "\n".join([*lines, *(f"  {n:15} {span(getattr(self, n), u)}" for n, u in sizes.items())])
 
@@ -164,10 +164,10 @@ def _answers(
     # The bar is that of the longer part: of the motions, where there are any.
     orbits = all_symmetric_orbits(designs, workers=workers, progress=progress if y0 is None else None)
     if y0 is None:
-        answer = _largest(orbits, still["margin"], still["stroke"])
+        answer = _largest(orbits, still["margin"], still["swing"])
     else:
         how = {"workers": workers, "progress": progress}
-        answer = _followed(designs, orbits, still["stroke"], y0, how)
+        answer = _followed(designs, orbits, still["swing"], y0, how)
     return {**answer, "margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
 
 
@@ -202,14 +202,14 @@ def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str,
     resting = np.where(margin > 0.0, code_of(Status.rest), code_of(Status.not_known))[:, None]
     codes = np.concatenate([code_of(orbits.status), resting], axis=1)
     amplitude = np.concatenate([orbits.amplitude, np.where(margin > 0.0, 0.0, np.nan)[:, None]], axis=1)
-    stroke = np.concatenate([orbits.stroke, np.where(margin > 0.0, reach, np.nan)[:, None]], axis=1)
+    swing = np.concatenate([orbits.swing, np.where(margin > 0.0, reach, np.nan)[:, None]], axis=1)
     place = np.select(
         [codes == code_of(status) for status in _CHOICE], list(range(len(_CHOICE))), len(_CHOICE)
     )
     # Orbits are sorted by amplitude, the largest first, and `argmin` returns the first minimum: the largest
     # orbit of the best status.
     best = np.argmin(place, axis=1)[:, None]
-    taken = {"amplitude": amplitude, "stroke": stroke, "status": codes}
+    taken = {"amplitude": amplitude, "swing": swing, "status": codes}
     chosen = {n: np.take_along_axis(v, best, axis=1)[:, 0] for n, v in taken.items()}
     return {**chosen, "exact": np.ones(len(margin), bool)}
 
@@ -224,9 +224,9 @@ def _followed(
     codes = np.asarray(code_of(settled.status))
     overturned, rocking = codes == code_of(Status.overturned), code_of(Status.rocking)
     amplitude = np.where(overturned, math.inf, np.asarray(settled.amplitude))
-    stroke = np.where(overturned, math.inf, np.asarray(settled.stroke))
+    swing = np.where(overturned, math.inf, np.asarray(settled.swing))
     # Without damping the bob rings for ever, and its reach depends on how the block came to rest.
-    stroke = np.where((codes == code_of(Status.rest)) & (np.asarray(p.zeta) > 0.0), reach, stroke)
+    swing = np.where((codes == code_of(Status.rest)) & (np.asarray(p.zeta) > 0.0), reach, swing)
     scale = np.asarray(jax.vmap(scale_of)(p))
     # A followed motion ends near its orbit, not on it; the orbit's own sizes are exact.
     apart = np.abs(np.asarray(orbits.state) - np.asarray(settled.y)[:, None]) / scale[:, None]
@@ -236,7 +236,7 @@ def _followed(
     on = alike & (apart[np.arange(n), nearest] < _MATCH)
     return {
         "amplitude": np.where(on, orbits.amplitude[np.arange(n), nearest], amplitude),
-        "stroke": np.where(on, orbits.stroke[np.arange(n), nearest], stroke),
+        "swing": np.where(on, orbits.swing[np.arange(n), nearest], swing),
         "status": codes,
         "exact": on | is_one_of(codes, Status.rest, Status.overturned),
     }

@@ -29,7 +29,7 @@ from tpd.core import checks
 from tpd.core.formatting import Printed
 from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import Parameters
-from tpd.scene.quantities import bare_parameters_of
+from tpd.scene.quantities import parameters_without_pendulum
 from tpd.scene.scene import Pendulum, Scene
 from tpd.theory.equations import Terms
 
@@ -390,7 +390,9 @@ def paired_runs(
     with_pendulum = follow(subject, pendulum)
     return PairedRuns(
         with_pendulum=with_pendulum,
-        without_pendulum=follow(subject if isinstance(subject, Scene) else bare_parameters_of(subject), None),
+        without_pendulum=follow(
+            subject if isinstance(subject, Scene) else parameters_without_pendulum(subject), None
+        ),
         group=with_pendulum.condition,
         labels=tuple(map(conditions.label, range(len(conditions)))),
     )

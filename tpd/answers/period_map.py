@@ -91,7 +91,7 @@ def refine(p: Parameters, model: AbstractFlow, begun: Settled, code: Any) -> Orb
         return _Walk(onward, _where(again, w.memory, memory), _where(better, orbit, w.best), steps)
 
     # Nothing has been found yet: all that a run gives is infinite.
-    infinite, sizes = jnp.full((6, 9), jnp.inf), jnp.stack([begun.amplitude, begun.stroke])
+    infinite, sizes = jnp.full((6, 9), jnp.inf), jnp.stack([begun.amplitude, begun.swing])
     rest = infinite[0, 0], infinite[0, :4], sizes, infinite, infinite[:, :4], infinite[0, 0], infinite[0, 0]
     none = Orbit(begun.y, *rest, jnp.ones((), bool), jnp.zeros(4), infinite[0, 0])
     first = _Walk(begun.y, begun.memory, none, jnp.zeros((), int))
@@ -109,7 +109,7 @@ def _linearised(p: Parameters, model: AbstractFlow, settled: Settled) -> _Along:
 
         def run(x: Float[Array, "n"]) -> tuple[Float[Array, "6"], tuple]:
             cycle = model.cycle(unflatten(x[:size]), now, x[size:])
-            sizes = jnp.stack([cycle.amplitude, cycle.stroke])
+            sizes = jnp.stack([cycle.amplitude, cycle.swing])
             met = cycle.transversality, cycle.asymmetry, cycle.closed
             return jnp.concatenate([cycle.end, sizes]), (met, cycle.memory)
 

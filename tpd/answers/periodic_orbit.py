@@ -35,7 +35,7 @@ _SIZES = 6
 class PeriodicOrbit(eqx.Module):
     """A periodic orbit; angles in rad.
 
-    `amplitude`, `stroke` and `state` are differentiable in every parameter, also on unstable and neutral
+    `amplitude`, `swing` and `state` are differentiable in every parameter, also on unstable and neutral
     orbits; elsewhere, as those of `multipliers` and `fold`, their derivatives are NaN. Where the status is
     no_orbit, event_bound or failed all numbers are NaN, and where it is overturned all but amplitude and
     stroke, which are infinite.
@@ -46,7 +46,7 @@ class PeriodicOrbit(eqx.Module):
     the motion in its first period, overturned, event_bound or failed (a number that is not finite)."""
     amplitude: Float[Array, "*batch"]
     """Largest |phi|."""
-    stroke: Float[Array, "*batch"]
+    swing: Float[Array, "*batch"]
     """Largest |psi|."""
     state: Float[Array, "*batch 4"]
     """(phi, psi, phi', psi') at tau = 0 modulo the orbit's period."""
@@ -130,7 +130,7 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
     if not isinstance(x, np.ndarray):
         unknown = jnp.full((len(numbers) - _SIZES, len(x)), jnp.nan)
         numbers = with_slopes(x, numbers, jnp.concatenate([of.by, unknown]))
-    amplitude, stroke, *state = numbers[:_SIZES]
+    amplitude, swing, *state = numbers[:_SIZES]
     *both, fold = numbers[_SIZES:]
     # A motion whose period does not close is no orbit: it was not followed until it settled.
     names = ("no_orbit" if name == "not_settled" else name for name in STEADY_STATUSES)
@@ -138,7 +138,7 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
     return PeriodicOrbit(
         status=jax.tree.unflatten(jax.tree.structure(Status.rocking), [status]),
         amplitude=amplitude,
-        stroke=stroke,
+        swing=swing,
         state=jnp.stack(state),
         periods=jnp.asarray(of.periods, dtype=int),
         symmetric=jnp.asarray(of.symmetric != 0.0),

@@ -47,7 +47,7 @@ class Branches(Printed, Tabular):
     """Places where orbits fold, lose their symmetry, stick or graze."""
     margin: np.ndarray
     """(n,), uplift margin at the values of the sweep: where positive, a block at rest stays at rest."""
-    rest_stroke: np.ndarray
+    rest_swing: np.ndarray
     """(n,), the bob's largest angle under a resting block, rad."""
     has_pendulum: bool
     """Whether there is a pendulum; without one strokes are those of a bob too light to be felt."""
@@ -63,7 +63,7 @@ class Branches(Printed, Tabular):
         at = [np.array(s.line(i)) for i in range(s.branches)]
         branch = np.repeat(np.arange(len(at)), [places.shape[1] for places in at])
         i, j = np.concatenate([np.zeros((2, 0), int), *at], axis=1)
-        sizes = {f"{n}_rad": getattr(s, n)[i, j] for n in ("amplitude", "stroke", "phase")}
+        sizes = {f"{n}_rad": getattr(s, n)[i, j] for n in ("amplitude", "swing", "phase")}
         return {"branch": branch, self.name: s.value[i], "status": s.status[i, j], **sizes}
 
     def __str__(self) -> str:
@@ -118,7 +118,7 @@ def branches(
         sweep=along(axis, grid),
         bifurcations=found,
         margin=np.asarray(still.margin),
-        rest_stroke=np.asarray(still.stroke),
+        rest_swing=np.asarray(still.swing),
         has_pendulum=axis.setup.has_pendulum,
     )
 
@@ -143,7 +143,7 @@ class Response(Printed, Tabular):
     """Hz, or values of `name`."""
     amplitude: np.ndarray
     """Settled |phi| from rest, rad; infinite where the block overturns."""
-    stroke: np.ndarray
+    swing: np.ndarray
     """Settled |psi|, rad."""
     status: np.ndarray
     """Names of the steady states' statuses."""
@@ -169,20 +169,20 @@ class Response(Printed, Tabular):
     def between(self, low: float, high: float) -> Response:
         """The part of this response from the value `low` to `high`, with all runs."""
         close = (self.frequency >= low) & (self.frequency <= high)
-        names = ("frequency", "amplitude", "stroke", "status")
+        names = ("frequency", "amplitude", "swing", "status")
         return replace(self, **{n: getattr(self, n)[close] for n in names})
 
     def columns(self) -> dict[str, Any]:
         """A row for every value: status, sizes in rad, share of the runs near it that overturn."""
         names = ("share_overturned", "share_low", "share_high")
         shares = {} if self.runs is None else dict(zip(names, self.overturning, strict=True))
-        sizes = {"amplitude_rad": self.amplitude, "stroke_rad": self.stroke}
+        sizes = {"amplitude_rad": self.amplitude, "swing_rad": self.swing}
         return {self.name: self.frequency, "status": self.status, **sizes, **shares}
 
     def __str__(self) -> str:
         over = f"{len(self.frequency)} values, {span(self.frequency, UNITS.get(self.name, ''))}"
         head = f"Response from rest over {self.name}: {over}\n  status      {counted(self.status)}"
-        sizes = f"  amplitude   {span(self.amplitude, 'rad')}\n  stroke      {span(self.stroke, 'rad')}"
+        sizes = f"  amplitude   {span(self.amplitude, 'rad')}\n  stroke      {span(self.swing, 'rad')}"
         return f"{head}\n{sizes}"
 
 
@@ -219,13 +219,13 @@ def settled_response(
         # One value after the other: in a batch all values would wait for the slowest transient.
         for i, value in enumerate(line):
             steady = steady_state(as_arrays(axis.setup.at({axis.name: float(value)})))
-            found.append((float(steady.amplitude), float(steady.stroke), status_name(steady.status)))
+            found.append((float(steady.amplitude), float(steady.swing), status_name(steady.status)))
             report("responding", i + 1, len(line))
-    amplitude, stroke, status = map(np.array, zip(*found, strict=True))
+    amplitude, swing, status = map(np.array, zip(*found, strict=True))
     return Response(
         frequency=line,
         amplitude=amplitude,
-        stroke=stroke,
+        swing=swing,
         status=status,
         name=axis.name,
         runs=_runs_near(axis, line) if axis.name in ("frequency", "xi") else None,

@@ -31,7 +31,7 @@ _QUANTILES = {
     "settled tilt, rad": "settled_tilt",
     "bob's angle, rad": "swing",
 }
-_KEYS = {"peak": "tilt", "amplitude": "settled_tilt", "peak_stroke": "swing", "stroke": "settled_swing"}
+_KEYS = {"peak": "tilt", "amplitude": "settled_tilt", "peak_swing": "swing", "swing": "settled_swing"}
 """Angles by their keys in JSON."""
 UNANSWERED_ROW = "runs without an answer"
 _SHAKEN = codes_of(SHAKEN)
@@ -214,7 +214,7 @@ class Cases(Tabular):
         return self.cases[1] if len(self.cases) > 1 else None
 
 
-CASE_KEYS = ("bare", "hung")
+CASE_KEYS = ("without_pendulum", "with_pendulum")
 """Keys of the cases in tables and files."""
 
 
@@ -285,7 +285,7 @@ def _results(
     found = runs.follow(equations, batch["rows"], forcing, **how, **limits)
     if isinstance(found, Settled):
         tilt, settled, swing, settled_swing = map(
-            np.asarray, (found.peak, found.amplitude, found.peak_stroke, found.stroke)
+            np.asarray, (found.peak, found.amplitude, found.peak_swing, found.swing)
         )
         sizes = tilt, settled, swing, settled_swing, swing + tilt, settled_swing + settled
         outcome, impacts = np.asarray(code_of(found.status)), np.full(len(tilt), np.nan)

@@ -160,12 +160,14 @@ def rocking_spectrum(
     times = _vector("periods", periods, np.linspace(1.0, 12.0, 200))
     free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     scene = Scene(block, motion, gravity)
-    hung = None
+    with_it = None
     if mass_ratio is not None:
-        hung = scene.pendulum(mass_ratio=mass_ratio, length_ratio=length_ratio, damping_ratio=damping_ratio)
+        with_it = scene.pendulum(
+            mass_ratio=mass_ratio, length_ratio=length_ratio, damping_ratio=damping_ratio
+        )
     # Each period is another size of the block, and the same numbers without dimension.
     rates = 2.0 * np.pi / times
-    rows = [rows_of(block, h, [motion], gravity) for h in ((None,) if hung is None else (None, hung))]
+    rows = [rows_of(block, h, [motion], gravity) for h in ((None,) if with_it is None else (None, with_it))]
     x = np.repeat(np.concatenate(rows), times.size, axis=0)
     # All numbers but the duration of a piece depend on shapes and ratios only.
     x[:, 6] = float(motion.piece) * np.tile(rates, len(rows))

@@ -56,7 +56,7 @@ INEXACT = 0.05
 class Steady(eqx.Module):
     """A steady state; angles in rad.
 
-    `amplitude` is the largest |phi| and `stroke` the largest |psi| over the settled period(s). They and
+    `amplitude` is the largest |phi| and `swing` the largest |psi| over the settled period(s). They and
     `state` are differentiable in every parameter when `status` is rocking, sticking or rest; elsewhere
     their derivative is NaN and `status` says why, but where it is inexact: then they belong to the smoothed
     motion. Stroke and state of a bob under a resting block have
@@ -68,7 +68,7 @@ class Steady(eqx.Module):
     """
 
     amplitude: Number
-    stroke: Number
+    swing: Number
     status: Status
     periods: Int[Array, "..."] | int
     """Forcing periods in one period of the motion."""
@@ -100,7 +100,7 @@ class Steady(eqx.Module):
         lines = [
             f"{status_name(self.status)}: {Status[self.status]}",
             f"  amplitude    {self.amplitude:.6g} rad",
-            f"  stroke       {self.stroke:.6g} rad",
+            f"  stroke       {self.swing:.6g} rad",
             f"  multiplier   {number(float(self.multiplier))}",
             f"  repeats      after {counted_periods(int(self.periods))}",
         ]
@@ -294,7 +294,7 @@ def _structure() -> Any:
     )
 
 
-_DEPENDING = "amplitude", "stroke", "state", "multiplier", "lyapunov", "estimate"
+_DEPENDING = "amplitude", "swing", "state", "multiplier", "lyapunov", "estimate"
 """Numbers of an answer that depend on parameters; the derivatives of the last three nobody has computed."""
 
 
@@ -322,7 +322,7 @@ def _answer(out: Any) -> tuple[_Answer, Any]:
     # An array, by which equinox looks up the message of a status.
     status = xp.asarray(xp.asarray(_STATUSES)[whole(of.status)])
     about = whole(of.periods), of.multiplier, of.symmetric == 1.0, of.lyapunov, of.y, whole(of.elapsed)
-    return _Answer(of.amplitude, of.stroke, status, *about), of.by
+    return _Answer(of.amplitude, of.swing, status, *about), of.by
 
 
 @lru_cache(maxsize=1)
@@ -400,7 +400,7 @@ def _answers(p: Any, begun: Settled, orbit: Orbit, status: Any, multiplier: Any)
     # On an isolated orbit the sizes gain one more Newton step. Elsewhere I - DP may be singular: then they
     # are those of the orbit as it was found.
     unknown = jnp.full(2, jnp.nan)
-    last = jnp.where(status == code_of(Status.failed), unknown, jnp.stack([begun.amplitude, begun.stroke]))
+    last = jnp.where(status == code_of(Status.failed), unknown, jnp.stack([begun.amplitude, begun.swing]))
     sizes, slopes = implicit(orbit)
     followed = is_one_of(status, *NOT_ATTRACTING)
     last = jnp.where(followed, orbit.sizes, last)

@@ -57,7 +57,7 @@ class Orbits(eqx.Module):
     """The symmetric period-one orbits of one design, the largest first; leading axis `ORBITS` (3),
     status `no_orbit` where no more were found, and NaN beside it. Angles in rad.
 
-    `amplitude`, `stroke`, `state`, `phase` and `crossing` are differentiable in every parameter, also on
+    `amplitude`, `swing`, `state`, `phase` and `crossing` are differentiable in every parameter, also on
     unstable orbits; their derivative is NaN where the status is near_fold, grazing or no_orbit. That of
     `multipliers` is NaN everywhere.
     """
@@ -66,7 +66,7 @@ class Orbits(eqx.Module):
     """rocking (attracting), unstable, neutral, near_fold, grazing or no_orbit."""
     amplitude: Float[Array | np.ndarray, "*orbits"]
     """Largest |phi|."""
-    stroke: Float[Array | np.ndarray, "*orbits"]
+    swing: Float[Array | np.ndarray, "*orbits"]
     """Largest |psi|."""
     state: Float[Array | np.ndarray, "*orbits 4"]
     """(phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
@@ -175,5 +175,5 @@ _SLOPES = {asked: once(partial(slopes, asked=asked)) for asked in ASKED}
 def _orbits(of: dict[str, Any]) -> Orbits:
     margins = Margins(**{name: of[name] for name in ("fold", "symmetry", "torus", "sticking", "grazing")})
     status = status_of(of["status"])
-    names = ("amplitude", "stroke", "state", "phase", "crossing", "multipliers", "overflow")
+    names = ("amplitude", "swing", "state", "phase", "crossing", "multipliers", "overflow")
     return Orbits(status=status, margins=margins, **{name: of[name] for name in names})

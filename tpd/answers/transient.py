@@ -60,7 +60,7 @@ class Transient(eqx.Module):
     """Impacts on the base, all hops of a rattle included down to the one that is called rest: slower than
     2e-7 nu (phi' in tau) by `Piecewise` (with a restitution of 0.9999 or more than up to 8e-5 nu, where
     slower ones would exhaust `max_events`), than `rest_rate` nu by `Nonlinear`. Their number depends on that;
-    `ShakingHistory.impacts_above` counts those above a stated rate."""
+    `MotionHistory.impacts_above` counts those above a stated rate."""
     uplift_time: Number
     """Time at which the block leaves its base for the first time; infinite if it never does."""
     overturning_time: Number
@@ -75,8 +75,8 @@ class Transient(eqx.Module):
         if not (checks.is_concrete(self.tilt) and jnp.ndim(self.tilt) == 0):
             return repr(self)
         lines = [f"{status_name(self.status)}: {Status[self.status]}"]
-        hung = float(self.swing) != 0.0
-        for name in ("tilt", "swing", "relative") if hung else ("tilt",):
+        with_it = float(self.swing) != 0.0
+        for name in ("tilt", "swing", "relative") if with_it else ("tilt",):
             at = f"at {getattr(self, name + '_time'):.4g} s"
             lines.append(f"  {name:9s} {getattr(self, name):.6g} rad {at}")
         lines.append(f"  impacts   {int(self.impacts)}, all of a rattle included until it is called rest")
@@ -141,12 +141,12 @@ def _answer(found: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transien
     sound = ((code == ROCKED) | (code == STOOD)) & ~touched
     status = xp.where(touched, code_of(Status.grazing), xp.asarray(codes_of(SHAKEN))[code])
     # The angles of a bare block's bob, which is too light to be felt, are nobody's.
-    hung = xp.array([1.0, bob, bob])
+    with_it = xp.array([1.0, bob, bob])
     if xp is np:
         seconds, kept = (lambda tau, usable: tau / rate), (lambda x, usable: x)
     else:
         seconds, kept = partial(_seconds, rate), refused
-    times = seconds(found.times, sound[..., None] & (hung > 0.0))
+    times = seconds(found.times, sound[..., None] & (with_it > 0.0))
     fallen = sound | (status == code_of(Status.overturned))
     return Transient(
         tilt=kept(found.tilt, sound),

@@ -15,7 +15,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow the block and print whether it rocks, slides or overturns; return the exit status."""
     job = inputs.job
     problem = problem_alone(job.scene, **job.settings)
-    common.say(job.scene, None, job.in_words, job.all_told, problem.at_rest)
+    common.say(job.scene, None, job.in_words, job.all_messages, problem.at_rest)
     with Bar() as bar:
         found = assessed(problem, bar)
     # The lines on the resting block stand above.

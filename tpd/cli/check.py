@@ -40,10 +40,10 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
             raise ValueError(f"--{next(iter(given))} is of --engine, which is not given")
         check_cavity(job.block, job.limits)
     if options.engine is not None:
-        common.say(job.scene, pendulum, job.in_words, job.all_told, AtRest.under(job.scene))
+        common.say(job.scene, pendulum, job.in_words, job.all_messages, AtRest.under(job.scene))
         return _by_engine(job, pendulum, options, given)
     problem = _problem(job, options.seed)
-    common.say(job.scene, pendulum, job.in_words, job.all_told, problem.at_rest)
+    common.say(job.scene, pendulum, job.in_words, job.all_messages, problem.at_rest)
     models = MODELS if options.full else QUICK
     with Bar() as bar:
         said, is_sound = _validated(job, problem, pendulum, models, bar)
@@ -69,8 +69,8 @@ def _validated(
     `tpd optimise` requires of its designs."""
     said = list[str]()
     if isinstance(problem, HarmonicProblem):
-        stroke = stroke_limit(job.limits)
-        said = [check(job.scene, pendulum, stroke=stroke, models=models, progress=bar).table(), ""]
+        limit = stroke_limit(job.limits)
+        said = [check(job.scene, pendulum, swing_limit=limit, models=models, progress=bar).table(), ""]
     # No pendulum is an answer only where none is needed, under all conditions of the job.
     if (status := problem.needs_none) is not None:
         return [*said, needless(problem)], status.is_sound
@@ -90,7 +90,7 @@ def _validated(
         if runs.cluster is not None:
             said += [words.group(part) for part in runs.parts]
     status = found.status if found.reasons else problem.evidence
-    return [*said, "", *answer.judgement(status, found.refusals)], status.is_sound
+    return [*said, "", *answer.verdict_lines(status, found.refusals)], status.is_sound
 
 
 def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace, how: dict[str, Any]) -> int:

@@ -13,13 +13,13 @@ from tpd.cli.options import given, put
 from tpd.core import checks, files, progress
 from tpd.design import job as jobs
 from tpd.design.criteria import check_cavity
-from tpd.design.reading import read_design
-from tpd.records.reading import summary
+from tpd.design.stored_design import read_design
+from tpd.records.read import summary
 from tpd.scene.scene import Block, Pendulum, Scene, check_damping
 
 MOST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as long as the block")}
 """Largest ratios of a pendulum, and what they stand for."""
-BARE, HUNG = "bare block", "with the pendulum"
+WITHOUT, WITH = "without a pendulum", "with the pendulum"
 """Names of both cases."""
 _NEEDED = {
     **dict.fromkeys(("assess", "optimise", "check"), "settings"),
@@ -189,7 +189,7 @@ def pendulum(options: argparse.Namespace, block: Block) -> Pendulum | None:
 
 def cases(pendulum: Pendulum | None) -> dict[str, Pendulum | None]:
     """Pendulum by what a case is called: the bare block and, if one is given, the block with it."""
-    return {BARE: None} if pendulum is None else {BARE: None, HUNG: pendulum}
+    return {WITHOUT: None} if pendulum is None else {WITHOUT: None, WITH: pendulum}
 
 
 def inputs(scene: Scene, pendulum: Pendulum | None, job: jobs.Job | None = None) -> dict[str, Any]:

@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
         columns, fallen = _columns(scene, pendulum)
         content = files.as_table(columns)
         for name in (name for name, column in columns.items() if column[-1] != column[-1]):
-            why = "the block overturns" if name[: len("bare")] in fallen else "the motion has no answer"
+            why = "the block overturns" if name[: len("without")] in fallen else "the motion has no answer"
             print(f"{name}: {why}, and the cells after that are empty")
     else:
         sliding = scene.block.base_friction if options.sliding is None else options.sliding
@@ -50,8 +50,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], set[str]]:
     """Motion over time, bare and with the pendulum, from rest by the exact solution, NaN once the block has
-    fallen; and which of "bare" and "hung" overturn."""
-    from tpd.answers.shaking_history import shaking_history
+    fallen; and which of "without" and "with" overturn."""
+    from tpd.answers.motion_history import motion_history
     from tpd.design.as_built import time_histories
 
     if hasattr(scene.motion, "amplitude"):
@@ -62,10 +62,10 @@ def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], s
         base = {"base_m": moved, "base_m_s2": -(rate**2) * moved}
         angles = [(h.tilt, h.bob if h.with_pendulum else None, h.overturned) for h in found]
     else:
-        histories = [shaking_history(scene, h) for h in common.cases(pendulum).values()]
+        histories = [motion_history(scene, h) for h in common.cases(pendulum).values()]
         times, base = histories[0].times, {"base_m_s2": histories[0].base}
         angles = [(h.tilt, h.swing, h.overturned) for h in histories]
-    columns: dict[str, Any] = {"time_s": times, **base, "bare_phi_rad": angles[0][0]}
+    columns: dict[str, Any] = {"time_s": times, **base, "without_tilt_rad": angles[0][0]}
     if pendulum is not None:
-        columns |= {"hung_phi_rad": angles[1][0], "hung_psi_rad": angles[1][1]}
-    return columns, {name for name, (*_, falls) in zip(("bare", "hung"), angles, strict=False) if falls}
+        columns |= {"with_tilt_rad": angles[1][0], "with_swing_rad": angles[1][1]}
+    return columns, {name for name, (*_, falls) in zip(("without", "with"), angles, strict=False) if falls}

@@ -18,7 +18,7 @@ from tpd.core import files
 from tpd.core.progress import Bar
 from tpd.design.job import Job
 from tpd.records.intensity import intensity_of
-from tpd.records.reading import in_words
+from tpd.records.read import in_words
 from tpd.scene.scene import Pendulum
 from tpd.theory.no_uplift import AtRest
 

@@ -45,8 +45,10 @@ RECORDS = (
     *READING,
     *_options("motion", scale="X"),
 )
-HELD_OUT = Option("--held-out", "motion", "held_out", "X")
-NO_WALLS = Option("--no-walls", "limits", "room", value=False, help="do not ask for room between the walls")
+VALIDATION_SHARE = Option("--validation-share", "motion", "validation_share", "X")
+NO_WALLS = Option(
+    "--no-walls", "limits", "clearance", value=False, help="do not ask for room between the walls"
+)
 DESIGN = (
     *_options("space", mass_ratio=("LO", "HI"), length_ratio=("LO", "HI")),
     Option("--pendulum-mass", "space", "mass", ("LO", "HI")),
@@ -66,9 +68,9 @@ CONDITIONS = (
 )
 SEARCH = (
     *_options("search", optimiser="WORD", searches="N", starts="N", steps="N"),
-    Option("--at-least", "worth", "at_least", "X"),
-    Option("--reduce", "worth", "measure", "WORD"),
-    Option("--allowed", "worth", "strikes", "X"),
+    Option("--at-least", "requirements", "at_least", "X"),
+    Option("--reduce", "requirements", "measure", "WORD"),
+    Option("--allowed", "requirements", "wall_contacts", "X"),
     Option("--seed", "search", "seed", "N"),
     Option("--pareto", "search", "pareto", help="also find three lighter ones, each verified"),
 )
@@ -189,7 +191,7 @@ def _assess(command: Parser) -> None:
 
 def _optimise(command: Parser) -> None:
     command.add_argument("job", type=path_of, nargs="?", metavar="JOB", help="job file, as --scene FILE")
-    _scene(command, *HARMONIC, *PULSE, *RECORDS, HELD_OUT)
+    _scene(command, *HARMONIC, *PULSE, *RECORDS, VALIDATION_SHARE)
     _group(command, "design space and limits", DESIGN)
     many = _group(command, "conditions", CONDITIONS)
     text = f"uncertain quantities by their relative half widths: {', '.join(keys()['scatter'])}"

@@ -42,7 +42,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     print("\n".join(f"{count:8} {status.replace('_', ' ')}" for status, count in m.counts.items()))
     if not options.from_rest:
         print("motions that repeat; whether the block reaches one, or overturns, --from-rest says")
-    pictures = {f"{name}.png": partial(outputs.plot, m, name) for name in ("amplitude", "stroke", "margin")}
+    pictures = {f"{name}.png": partial(outputs.plot, m, name) for name in ("amplitude", "swing", "margin")}
     outputs.write(options.out, _tables(m, common.inputs(scene, pendulum)), pictures)
     return SOUND
 

@@ -9,7 +9,7 @@ from tpd.cli import common
 from tpd.cli.interrupts import SOUND, UNSOUND
 from tpd.core import files
 from tpd.core.progress import Bar, say
-from tpd.design.as_built import Study, study
+from tpd.design.as_built import Details, details
 from tpd.design.design import Design
 from tpd.design.optimise import front, problem_of, solve
 from tpd.report import answer
@@ -21,7 +21,7 @@ _LEAST = 12
 
 def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Search, verify, write the report and print the answer; return the exit status."""
-    job, told = inputs.job, inputs.job.all_told
+    job, told = inputs.job, inputs.job.all_messages
     problem = problem_of(job.scene, **job.settings)
     # The date of the report comes after the search; a bad setting of it must not.
     files.today()
@@ -30,16 +30,20 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
         common.say(job.scene, None, job.in_words, told, problem.at_rest)
     with Bar() as bar:
         design, points = solve(problem, bar), ()
-        if job.full["search"]["pareto"] and design.pendulum is not None and design.status.name == "found":
+        if (
+            job.full["search"]["pareto"]
+            and design.pendulum is not None
+            and design.status.name == "recommended"
+        ):
             points = front(design, progress=bar)
-        shown = study(design, front=points, progress=bar)
+        shown = details(design, front=points, progress=bar)
     lines = max(_LEAST, answer.MOST - len(told))
     how = {"then": partial(_say, options, design, shown, lines), "warn": lambda why: say(f"tpd: {why}")}
-    write(options.out, design, shown, job.tables, job.toml, (*job.notes, *job.held_notes), **how)
+    write(options.out, design, shown, job.tables, job.toml, (*job.notes, *job.validation_notes), **how)
     return SOUND if design.status.is_sound else UNSOUND
 
 
-def _say(options: argparse.Namespace, design: Design, shown: Study, lines: int) -> None:
+def _say(options: argparse.Namespace, design: Design, shown: Details, lines: int) -> None:
     """Print the answer as the options ask for it, in so many lines at most."""
     if options.json:
         print((options.out / "design.json").read_text(encoding="utf-8"), end="")

@@ -41,6 +41,6 @@ def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, C
                 content = found if isinstance(found, bytes) else png(np.ravel(found)[0].figure)
         # Matplotlib raises errors of every kind.
         except Exception as error:
-            progress.say(f"tpd: {files.not_drawn(name, error)}")
+            progress.say(f"tpd: {files.missing_picture(name, error)}")
         else:
             progress.say(f"written: {files.place(out / name, content)}", sys.stdout)

@@ -17,7 +17,7 @@ from tpd.core.formatting import aligned, number
 from tpd.design.job import job_of
 from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.records.intensity import base_motion, significant_times, spectral_acceleration
-from tpd.records.reading import facts
+from tpd.records.read import facts
 from tpd.scene.record import Record
 
 _USUAL = (0.001, 2.0)

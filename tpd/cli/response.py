@@ -20,7 +20,7 @@ from tpd.answers.response import (
     window,
 )
 from tpd.cli import common, outputs
-from tpd.cli.common import BARE
+from tpd.cli.common import WITHOUT
 from tpd.cli.interrupts import SOUND
 from tpd.core import checks, files
 from tpd.core.progress import Bar
@@ -64,7 +64,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
         "bifurcations": {label: [asdict(b) for b in case.bifurcations] for label, case in cases.items()},
         "over": name,
     }
-    sizes = "status", "amplitude_rad", "stroke_rad", "phase_rad", "multiplier"
+    sizes = "status", "amplitude_rad", "swing_rad", "phase_rad", "multiplier"
     rows = (row for label, case in cases.items() for row in _rows(label, case))
     tables = [
         ("response.json", files.as_json(content)),
@@ -81,7 +81,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
         tables.append(("response.csv", response_csv(tuple(settled.values()))))
         pictures["response.png"] = partial(draw, settled)
         # Over the whole range the marks next to the own frequency hide each other.
-        if len(near[BARE].frequency):
+        if len(near[WITHOUT].frequency):
             pictures["response_near.png"] = partial(draw, near)
     outputs.write(options.out, tables, pictures)
     return SOUND
@@ -111,8 +111,8 @@ def _rows(label: str, case: Branches) -> Iterator[tuple]:
     largest = np.abs(s.multipliers).max(axis=-1)
     for branch in range(s.branches):
         for i, j in zip(*s.line(branch), strict=True):
-            sizes = (s.amplitude[i, j], s.stroke[i, j], s.phase[i, j], largest[i, j])
+            sizes = (s.amplitude[i, j], s.swing[i, j], s.phase[i, j], largest[i, j])
             yield (label, branch, s.value[i], s.status[i, j], *sizes)
-    for value, margin, stroke in zip(s.value, case.margin, case.rest_stroke, strict=True):
+    for value, margin, swing in zip(s.value, case.margin, case.rest_swing, strict=True):
         if margin > 0.0:
-            yield (label, "rest", value, "rest", 0.0, stroke, "", "")
+            yield (label, "rest", value, "rest", 0.0, swing, "", "")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.shaking_history import STRONG, ShakingHistory, shaking_history
+from tpd.answers.motion_history import STRONG, MotionHistory, motion_history
 from tpd.answers.transient import Transient, transient
 from tpd.cli import common, outputs
 from tpd.cli.interrupts import SOUND, UNSOUND
@@ -46,7 +46,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
         name: (transient(scene, h, model=Nonlinear(), free=free), transient(scene, h, free=free))
         for name, h in cases.items()
     }
-    histories = {name: shaking_history(scene, h, free=free) for name, h in cases.items()}
+    histories = {name: motion_history(scene, h, free=free) for name, h in cases.items()}
     # Rate in rad/s above which an impact is counted.
     strong = STRONG * float(scene.block.slenderness) * float(scene.rate)
     for name, pair in found.items():
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
         results[name] = {**_numbers(counts), "equations": "nonlinear", "linear": _numbers(linear) | more}
     content = files.as_json({**common.inputs(scene, pendulum, job), "results": results})
     # The film is about the largest tilt, or about the fall, of the bare block by the linear equations.
-    first = found[common.BARE][-1]
+    first = found[common.WITHOUT][-1]
     middle = min(float(first.tilt_time), float(first.overturning_time))
     films = _films(histories)
     tables = ("shake.json", content), *_tables(histories, films)
@@ -85,7 +85,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     return SOUND if is_one_of(last, *STANDING) else UNSOUND
 
 
-def _table(name: str, pair: tuple[Transient, ...], history: ShakingHistory, strong: float) -> Iterator[str]:
+def _table(name: str, pair: tuple[Transient, ...], history: MotionHistory, strong: float) -> Iterator[str]:
     """Lines of what happened by both sets of equations."""
     statuses = [status_name(x.status) for x in pair]
     yield f"{name + ':':42}{'nonlinear equations':>20}{'linear equations':>20}"
@@ -108,7 +108,7 @@ def _table(name: str, pair: tuple[Transient, ...], history: ShakingHistory, stro
         yield "  The two sets of equations differ on overturning: the nonlinear ones count."
 
 
-def _films(histories: dict[str, ShakingHistory]) -> dict[str, TimeHistory]:
+def _films(histories: dict[str, MotionHistory]) -> dict[str, TimeHistory]:
     """Motions of the film by the names of their cases."""
     return {
         name: TimeHistory(
@@ -122,7 +122,7 @@ def _films(histories: dict[str, ShakingHistory]) -> dict[str, TimeHistory]:
     }
 
 
-def _tables(histories: dict[str, ShakingHistory], films: dict[str, TimeHistory]) -> Iterator[tuple[str, str]]:
+def _tables(histories: dict[str, MotionHistory], films: dict[str, TimeHistory]) -> Iterator[tuple[str, str]]:
     """Histories and impacts by the linear equations."""
     header = ("case", "time_s", "base_m_s2", "tilt_rad", "swing_rad", "horizontal_N", "vertical_N")
     rows = (

@@ -113,7 +113,7 @@ def place(path: Path, content: str | bytes) -> Path:
     return path
 
 
-def not_drawn(name: str, error: Exception) -> str:
+def missing_picture(name: str, error: Exception) -> str:
     """Return a sentence on a picture that cannot be drawn."""
     return f"{name} is not drawn: {next(iter(str(error).splitlines()), type(error).__name__)}"
 

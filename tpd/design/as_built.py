@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tpd.answers.motion_history import motion_history
 from tpd.answers.paired import PairedRuns
 from tpd.answers.response import BAND, Response, frequencies, settled_response
-from tpd.answers.shaking_history import shaking_history
 from tpd.answers.statistics import Interval
 from tpd.answers.steady_state import sampled, simulate
 from tpd.core.progress import Progress, unreported
@@ -215,7 +215,7 @@ class TimeHistory:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study:
+class Details:
     """Everything that a report shows beside the design; None or empty where a part does not apply."""
 
     build: Build | None = None
@@ -230,7 +230,9 @@ class Study:
     front: tuple[FrontPoint, ...] = ()
 
 
-def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progress = unreported) -> Study:
+def details(
+    design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progress = unreported
+) -> Details:
     """Compute everything that a report shows beside the design, once.
 
     Args:
@@ -241,7 +243,7 @@ def study(design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progr
     Raises:
         RuntimeError: JAX is in 32-bit mode.
     """
-    out = Study(
+    out = Details(
         build=build_of(design),
         sensitivity=sensitivity_of(design, progress),
         losses=losses_of(design, progress),
@@ -428,7 +430,7 @@ def _varied(scene: Scene, name: str, share: float) -> tuple[Scene | None, Condit
 def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:
     """Return the largest loads over the motions of scenes in which the block stands; None where it
     stands in none."""
-    found = [shaking_history(scene, pendulum) for scene in scenes]
+    found = [motion_history(scene, pendulum) for scene in scenes]
     # A block that falls takes its pendulum along.
     stands = [h for h in found if is_one_of(h.status, *STANDING)]
     if not stands:

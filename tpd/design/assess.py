@@ -157,8 +157,12 @@ def problem_alone(scene: Scene | Block, *, conditions: Conditions | None, **sett
     """Return the problem of a block without a pendulum; see `assess`."""
     # No bob needs any room, and no motion has to be held out for a validation.
     given: dict[str, Any] = settings | {"limits": (), "conditions": conditions}
-    if conditions is not None and conditions.motions and not isinstance(given.get("held_out"), Mapping):
-        given["held_out"] = 0.0
+    if (
+        conditions is not None
+        and conditions.motions
+        and not isinstance(given.get("validation_share"), Mapping)
+    ):
+        given["validation_share"] = 0.0
     return problem_of(scene, **given)
 
 

@@ -25,28 +25,28 @@ from tpd.scene.scene import (
     STANDARD_GRAVITY,
     Block,
     Scene,
-    check_shaking,
+    check_excitation,
 )
 
 __all__ = [
     "DEFAULT_LIMITS",
     "POINT_BOB",
     "Bob",
+    "Clearance",
     "Limit",
     "Mass",
     "Multiplier",
     "Objective",
     "Offset",
     "RelativeStroke",
+    "Requirements",
     "Reserve",
     "Risk",
-    "Room",
     "Size",
     "SteadyTilt",
     "Stroke",
     "Tilt",
     "Worsening",
-    "Worth",
 ]
 """Names that `tpd.limits` is for."""
 
@@ -231,7 +231,7 @@ class Risk:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Worth:
+class Requirements:
     """Least benefit and largest harm, over paired runs of the nonlinear equations.
 
     Raises:
@@ -247,25 +247,25 @@ class Worth:
     worse: checks.Real = 0.05
     """Largest share by which the mean tilt under one condition, or after one kind of start, may be above that
     without the pendulum."""
-    strikes: checks.Real | None = None
+    wall_contacts: checks.Real | None = None
     """Largest share of the runs that stand in which the bob may strike a wall, on the way or settled; default
     0.01. On ground motions the share that may break a limit of any kind; default 0.1."""
 
     def __post_init__(self) -> None:
-        shares = "at_least worse" if self.strikes is None else "at_least worse strikes"
+        shares = "at_least worse" if self.wall_contacts is None else "at_least worse strikes"
         checks.set_checked(self, checks.within, shares, 0.0, 1.0)
         if self.measure is not None:
             checks.one_of("measure", self.measure, MEASURES)
 
     @property
     def allowed(self) -> float:
-        """`strikes` under harmonics."""
-        return 0.01 if self.strikes is None else self.strikes
+        """`wall_contacts` under harmonics."""
+        return 0.01 if self.wall_contacts is None else self.wall_contacts
 
     @property
     def broken(self) -> float:
-        """`strikes` on ground motions: share that may break a limit."""
-        return 0.1 if self.strikes is None else self.strikes
+        """`wall_contacts` on ground motions: share that may break a limit."""
+        return 0.1 if self.wall_contacts is None else self.wall_contacts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -284,7 +284,7 @@ class Geometry:
     """Factor on the bob's mass, shape (n,)."""
     length_factor: np.ndarray
     """Factor on the pendulum's length, shape (n,)."""
-    bare_tilt: np.ndarray | float = np.nan
+    tilt_without_pendulum: np.ndarray | float = np.nan
     """Tilt over nu of the bare block in the model of the search, shape (n,); NaN where it is not known."""
     bob: Bob = field(default_factory=Bob)
     gravity: float = STANDARD_GRAVITY
@@ -297,7 +297,7 @@ class Geometry:
         return Geometry(
             half_height=block.half_height,
             block_mass=block.mass,
-            wall=0.5 * block.room * slenderness,
+            wall=0.5 * block.clear_width * slenderness,
             slenderness=block.slenderness * slenderness,
             mass_factor=conditions.column("mass"),
             length_factor=conditions.column("length"),
@@ -354,9 +354,9 @@ class Evaluation(NamedTuple):
     tilt: np.ndarray
     """Largest |phi| over nu; 0 at rest. Where no motion attracts, that of the largest orbit, or infinite."""
     tilt_slope: np.ndarray
-    stroke: np.ndarray
+    swing: np.ndarray
     """Largest |psi| of the same motion, rad."""
-    stroke_slope: np.ndarray
+    swing_slope: np.ndarray
     margin: np.ndarray
     """Uplift margin."""
     multiplier: np.ndarray
@@ -475,7 +475,7 @@ class Stroke(Limit):
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The stroke over the limit."""
-        yield Size(self.name, e.stroke / self.angle, e.stroke_slope / self.angle)
+        yield Size(self.name, e.swing / self.angle, e.swing_slope / self.angle)
 
 
 @dataclass(frozen=True)
@@ -556,13 +556,13 @@ class Offset(Limit):
 
 
 @dataclass(frozen=True)
-class Room(Limit):
-    """Room for the bob as it is built: once settled it keeps off the walls of the block's cavity, half its
-    height is at most 0.6 of the rod's length, and its lower end is not below the block. In validation runs it
-    also keeps off the walls on the way from rest."""
+class Clearance(Limit):
+    """Clearance of the bob as built. In the steady state the bob does not touch the walls of the cavity,
+    half its height is at most 0.6 of the rod's length, and its lower end is not below the block. In validation
+    runs the bob does not touch the walls during the transient either."""
 
     bob: Bob = field(default_factory=Bob)
-    name: ClassVar[str] = "room"
+    name: ClassVar[str] = "clearance"
     label: ClassVar[str] = "clearance (bob to the wall)"
 
     def __post_init__(self) -> None:
@@ -603,9 +603,9 @@ class Worsening(Limit):
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """The tilt over the bare block's and the share."""
-        bare = np.broadcast_to(g.bare_tilt, e.tilt.shape[1:])
+        without = np.broadcast_to(g.tilt_without_pendulum, e.tilt.shape[1:])
         # Relative to next to nothing every tilt would be a worsening.
-        most = (1.0 + self.share) * np.maximum(np.where(np.isfinite(bare), bare, np.inf), _LEAST_TILT)
+        most = (1.0 + self.share) * np.maximum(np.where(np.isfinite(without), without, np.inf), _LEAST_TILT)
         with np.errstate(invalid="ignore"):
             # An infinite tilt over an infinite one is no worsening.
             value = np.where(np.isfinite(most), e.tilt / most, 0.0)
@@ -654,7 +654,7 @@ KINDS: tuple[type[Limit], ...] = (
     Tilt,
     Mass,
     Offset,
-    Room,
+    Clearance,
     Worsening,
     Multiplier,
     Reserve,
@@ -670,7 +670,7 @@ STILL = THICKNESS, DEPTH, Mass.name
 """Names of the limited sizes that no motion changes."""
 POINT_BOB: tuple[Limit, ...] = (Stroke(), Reserve())
 """Limits on a bob without size, as in the paper."""
-DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Room(), Worsening(), Reserve())
+DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Clearance(), Worsening(), Reserve())
 
 
 def limit_of(limits: tuple[Limit, ...], kind: type[Limit]) -> Limit | None:
@@ -680,8 +680,8 @@ def limit_of(limits: tuple[Limit, ...], kind: type[Limit]) -> Limit | None:
 
 def bob_of(limits: tuple[Limit, ...]) -> Bob:
     """The bob as a body: that of the room, or by default a ball of steel."""
-    room = limit_of(limits, Room)
-    return room.bob if isinstance(room, Room) else Bob()
+    clearance = limit_of(limits, Clearance)
+    return clearance.bob if isinstance(clearance, Clearance) else Bob()
 
 
 def stroke_limit(limits: tuple[Limit, ...]) -> float:
@@ -737,7 +737,7 @@ def _relative(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
     if e.relative is not None:
         return e.relative, np.zeros((*e.relative.shape, 3))
     nu = g.slenderness[None, :]
-    return e.stroke + e.tilt * nu, e.stroke_slope + e.tilt_slope * nu[..., None]
+    return e.swing + e.tilt * nu, e.swing_slope + e.tilt_slope * nu[..., None]
 
 
 def check_moves(scene: Scene, conditions: Conditions) -> None:
@@ -748,18 +748,18 @@ def check_moves(scene: Scene, conditions: Conditions) -> None:
             "block"
         )
     motion, factor = scene.motion, conditions.column
-    check_shaking(motion.amplitude * factor("amplitude"), motion.frequency * factor("frequency"))
+    check_excitation(motion.amplitude * factor("amplitude"), motion.frequency * factor("frequency"))
 
 
 def check_cavity(block: Block, limits: tuple[Limit, ...]) -> None:
     """Raise `ValueError` where limits need room inside a block whose cavity is not stated."""
-    if limit_of(limits, Room) is None or block.cavity_width is not None:
+    if limit_of(limits, Clearance) is None or block.cavity_width is not None:
         return
     raise ValueError(
         "`cavity_width`, the width in m between the walls that the bob swings within, must be given, but is "
         "not, and no pendulum hangs inside a solid block: state it (--cavity, or `cavity_width` in [block] "
-        "or of `Block`), or leave out the walls (--no-walls, `room = false` in [limits], or limits without "
-        "`Room`)"
+        "or of `Block`), or leave out the walls (--no-walls, `clearance = false` in [limits], or limits "
+        "without `Clearance`)"
     )
 
 

@@ -87,7 +87,7 @@ class Design(Printed):
     def benefit(self) -> Interval | None:
         """Share by which the mean tilt falls with the pendulum that is offered, in validation runs; None
         where none is offered, or no motion was held out."""
-        if self.runs is None or self.status is not DesignStatus.found:
+        if self.runs is None or self.status is not DesignStatus.recommended:
             return None
         return self.runs.benefit
 
@@ -144,8 +144,8 @@ class Design(Printed):
         if self.pendulum is None or self.best is None:
             return 0.0
         if self.best.exact is not None:
-            strokes = np.concatenate([self.best.exact.stroke, self.best.exact.orbits.stroke[0]])
-            return float(np.max(strokes, where=np.isfinite(strokes), initial=0.0))
+            swings = np.concatenate([self.best.exact.swing, self.best.exact.orbits.swing[0]])
+            return float(np.max(swings, where=np.isfinite(swings), initial=0.0))
         return float(np.quantile(self.turned, 1.0 - self.problem.allowed)) if self.turned.size else 0.0
 
     @cached_property
@@ -183,11 +183,11 @@ class Design(Printed):
         return self.problem.inputs | changed
 
     def __str__(self) -> str:
-        lines, hung, runs = [self.status.value], self.pendulum, self.runs
-        if hung is not None:
-            size = f"{hung.mass:.4g} kg on a rod of {hung.length:.4g} m"
+        lines, with_it, runs = [self.status.value], self.pendulum, self.runs
+        if with_it is not None:
+            size = f"{with_it.mass:.4g} kg on a rod of {with_it.length:.4g} m"
             lines.append(
-                f"  pendulum    equivalent point mass {size}, damping ratio {hung.damping_ratio:.3g}"
+                f"  pendulum    equivalent point mass {size}, damping ratio {with_it.damping_ratio:.3g}"
             )
         if runs is not None:
             fell = runs.change("overturned")

@@ -21,21 +21,21 @@ from tpd.core import checks
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import (
     KINDS,
+    Clearance,
     DesignSpace,
     Limit,
+    Requirements,
     Risk,
-    Room,
     Stroke,
-    Worth,
 )
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
 from tpd.design.reasons import DesignStatus
-from tpd.design.settings import DEFAULT_SPACE, HELD_OUT, SCATTERED, GroundSearch
+from tpd.design.settings import DEFAULT_SPACE, SCATTERED, VALIDATION_SHARE, GroundSearch
 from tpd.exact.rows import row_of
 from tpd.exact.runs import GroundForcing
 from tpd.exact.terms import F
 from tpd.records.intensity import intensity_of
-from tpd.records.reading import BUILT_IN
+from tpd.records.read import BUILT_IN
 from tpd.scene.conditions import Conditions, latin_hypercube, under_all
 from tpd.scene.ground_motion import GroundMotion, Pulse, events_of
 from tpd.scene.parameters import Parameters, unchecked
@@ -47,10 +47,10 @@ from tpd.theory.no_uplift import AtRest
 _USUAL = {
     "space": DEFAULT_SPACE,
     "risk": Risk.expected(),
-    "limits": (Stroke(), Room()),
+    "limits": (Stroke(), Clearance()),
     "method": GroundSearch(),
     "ensemble": Ensemble(),
-    "worth": Worth(),
+    "requirements": Requirements(),
     "seed": 0,
 }
 """Inputs by default."""
@@ -67,7 +67,7 @@ class Role(enum.Enum):
     """Part of a group in the search."""
 
     tuned = "tuned to"
-    held_out = "held out"
+    validation = "validation"
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class GroundMotionProblem(Problem):
     """Motions that the design is tuned to, and those that are held out."""
     # The held-out earthquakes are few: only one design can be validated on them.
     attempts: ClassVar[int] = 1
-    holds_back: ClassVar[bool] = False
+    has_validation_runs: ClassVar[bool] = False
     # Other earthquakes take more room than those that a design is tuned to, which lies on its limits there.
     spare: ClassVar[float] = 0.05
 
@@ -104,7 +104,7 @@ class GroundMotionProblem(Problem):
         conditions: Conditions,
         space: DesignSpace | None = None,
         *,
-        held_out: float | Mapping[str, Sequence[GroundMotion]] | None = None,
+        validation_share: float | Mapping[str, Sequence[GroundMotion]] | None = None,
         **given: Any,
     ) -> GroundMotionProblem:
         """Return the problem of a block; None stands for the default everywhere.
@@ -113,14 +113,14 @@ class GroundMotionProblem(Problem):
             subject: the block, or a scene with its gravity, whose motion is not used.
             conditions: from `Conditions.records`.
             space: bounds of the search; default `DesignSpace(damping_ratio=(0.05, 1))`.
-            held_out: share of the motions, whole earthquakes by a seeded choice, that the design is not tuned
-                to; or groups of other motions by name; default 0.5.
+            validation_share: share of the motions, whole earthquakes by a seeded choice, that validate the
+                design and that the search does not use; or groups of other motions by name; default 0.5.
             given: further arguments of `tpd.optimise`. By default the risk is `Risk.expected()`, of the
                 severities of all trial runs, and the limits are the stroke and the clearance between the
-                walls, at all times. Of `worth`, `strikes` is the share of the runs in which the block stands
-                that may exceed a limit, and `at_least` the least share by which the measure over all
-                held-out motions must fall. Of `ensemble` the half widths are those of block and installation
-                in the validation runs.
+                walls, at all times. In `requirements`, `wall_contacts` is the share of the runs in which the
+                block stands that may exceed a limit, and `at_least` the least share by which the measure over
+                all validation motions must fall. The half widths in `ensemble` are those of block and
+                installation in the validation runs.
 
         Raises:
             ValueError: bad input.
@@ -130,7 +130,11 @@ class GroundMotionProblem(Problem):
         scene = Scene(subject, conditions.motions[0]) if isinstance(subject, Block) else subject
         found = complete(scene, _USUAL, given | {"space": space})
         check_ground_limits(found["limits"])
-        groups = grouped(conditions.motions, HELD_OUT if held_out is None else held_out, found["seed"])
+        groups = grouped(
+            conditions.motions,
+            VALIDATION_SHARE if validation_share is None else validation_share,
+            found["seed"],
+        )
         # By identity: two records may be equal, and belong to both sides.
         kept = [i for i, m in enumerate(conditions.motions) if any(m is own for own in groups[0].motions)]
         which = np.asarray(conditions.which)
@@ -151,15 +155,15 @@ class GroundMotionProblem(Problem):
     @property
     def inputs(self) -> dict[str, Any]:
         """See `Problem.inputs`."""
-        held = {g.name: g.motions for g in self.groups if g.role is Role.held_out}
+        held = {g.name: g.motions for g in self.groups if g.role is Role.validation}
         given = super().inputs
         del given["groups"]
-        return given | {"held_out": held or 0.0}
+        return given | {"validation_share": held or 0.0}
 
     @property
     def tables(self) -> dict[str, dict[str, Any]]:
         """See `Problem.tables`: each motion must be a built-in record, or the only one a pulse."""
-        held = [_name_of(m) for g in self.groups for m in g.motions if g.role is Role.held_out]
+        held = [_name_of(m) for g in self.groups for m in g.motions if g.role is Role.validation]
         motions, of = self.conditions.motions, self.conditions
         # A job states PGA in g.
         unit = STANDARD_GRAVITY if of.intensity == "pga" else 1.0
@@ -171,10 +175,10 @@ class GroundMotionProblem(Problem):
             if "-" in pulse.kind[6:]:
                 motion |= {name: getattr(pulse, name) for name in ("cycles", "phase")}
         else:
-            motion |= {"records": [_name_of(m) for m in motions], "held_out": held or 0.0}
+            motion |= {"records": [_name_of(m) for m in motions], "validation_share": held or 0.0}
         return super().tables | {
             "motion": motion,
-            "worth": vars(self.worth),
+            "requirements": vars(self.requirements),
             "ensemble": {name: getattr(self.ensemble, name) for name in SCATTERED},
         }
 
@@ -186,7 +190,7 @@ class GroundMotionProblem(Problem):
     @property
     def allowed(self) -> float:
         """See `Problem.allowed`."""
-        return self.worth.broken
+        return self.requirements.broken
 
     @property
     def scatter(self) -> dict[str, float]:
@@ -200,7 +204,7 @@ class GroundMotionProblem(Problem):
         tuned, held = (len(np.unique(np.concatenate([*found, []]))) for found in events)
         if not held:
             return DesignStatus.tuned_only
-        return DesignStatus.found if min(tuned, held) >= LEAST_EARTHQUAKES else DesignStatus.too_few
+        return DesignStatus.recommended if min(tuned, held) >= LEAST_EARTHQUAKES else DesignStatus.too_few
 
     @property
     def at_rest(self) -> AtRest:
@@ -249,11 +253,11 @@ class GroundMotionProblem(Problem):
         conditions = self._every_motion(scatter, seed)
         conditions = conditions if more is None else conditions * more
         cases = []
-        for name, hung in (("with the pendulum", design), ("without", None)):
+        for name, pendulum in (("with the pendulum", design), ("without", None)):
             after = partial(progress, f"validation runs {name}")
-            cases.append(self._followed(hung, scene, conditions, equations, seed, after))
+            cases.append(self._followed(pendulum, scene, conditions, equations, seed, after))
         sizes = [len(g.motions) * len(scales) for g in self.groups]
-        held = np.array([g.role is Role.held_out for g in self.groups])
+        held = np.array([g.role is Role.validation for g in self.groups])
         group = np.repeat(np.arange(len(self.groups)), sizes)
         return PairedRuns(
             with_pendulum=cases[0],
@@ -262,7 +266,7 @@ class GroundMotionProblem(Problem):
             labels=tuple(g.name for g in self.groups),
             cluster=np.repeat(np.concatenate([g.events for g in self.groups]), len(scales)),
             counted=held[group] if held.any() else None,
-            worse=self.worth.worse,
+            worse=self.requirements.worse,
         )
 
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
@@ -340,22 +344,22 @@ def check_ground_limits(limits: tuple[Limit, ...]) -> None:
 
 
 def grouped(
-    motions: Sequence[GroundMotion], held_out: float | Mapping[str, Sequence[GroundMotion]], seed: int
+    motions: Sequence[GroundMotion], validation_share: float | Mapping[str, Sequence[GroundMotion]], seed: int
 ) -> tuple[Group, ...]:
     """The group that a design is tuned to, first, and those that are held out.
 
     Args:
         motions: of the conditions.
-        held_out: the share of the motions that are held out, whole earthquakes by a seeded choice; or groups
-            of other motions by name, without those of an earthquake that the design is tuned to.
+        validation_share: the share of the motions, whole earthquakes by a seeded choice, that the search does
+            not use; or groups of other motions by name, without those of an earthquake that the search uses.
         seed: of the choice.
 
     Raises:
         ValueError: a share outside 0 to 0.9, a group without motions, or no motion left on one side.
     """
-    if isinstance(held_out, Mapping):
-        return _others(motions, held_out)
-    share = checks.within("held_out", held_out, 0.0, 0.9)
+    if isinstance(validation_share, Mapping):
+        return _others(motions, validation_share)
+    share = checks.within("validation_share", validation_share, 0.0, 0.9)
     names = events_of(motions)
     events = np.random.default_rng([seed, 9]).permutation(np.unique(names))
     # Whole earthquakes, one after the other, until there are enough; one of several remains.
@@ -368,23 +372,23 @@ def grouped(
     outside = tuple(m for m, name in zip(motions, names, strict=True) if name in out)
     if not inside:
         raise ValueError(
-            f"`held_out` must leave an earthquake to be tuned to, but of {len(events)} all are held out: "
-            "give more records, name their earthquakes, or give 0, which holds out none"
+            f"`validation_share` must leave an earthquake for the search, but it takes all {len(events)}: "
+            "give more records, name their earthquakes, or give 0, which leaves all of them to the search"
         )
     numbers = np.unique(names, return_inverse=True)[1]
     held = np.array([name in out for name in names])
     tuned = Group("tuned to", Role.tuned, inside, numbers[~held])
-    return (tuned, Group("held out", Role.held_out, outside, numbers[held])) if outside else (tuned,)
+    return (tuned, Group("validation", Role.validation, outside, numbers[held])) if outside else (tuned,)
 
 
 def _others(
-    motions: Sequence[GroundMotion], held_out: Mapping[str, Sequence[GroundMotion]]
+    motions: Sequence[GroundMotion], validation_share: Mapping[str, Sequence[GroundMotion]]
 ) -> tuple[Group, ...]:
     # An earthquake that the search has seen is no test.
     others = {}
-    for name, listed in held_out.items():
+    for name, listed in validation_share.items():
         for i, motion in enumerate(listed):
-            checks.instance(f"held_out[{name!r}][{i}]", motion, GroundMotion)
+            checks.instance(f"validation_share[{name!r}][{i}]", motion, GroundMotion)
         # A motion without a name of its earthquake may be any: it stays.
         events = events_of([*motions, *listed])
         left = tuple(
@@ -394,7 +398,7 @@ def _others(
         )
         if not left:
             raise ValueError(
-                "`held_out` must hold motions of other earthquakes than the design is tuned to, but "
+                "`validation_share` must hold motions of other earthquakes than the design is tuned to, but "
                 f"{name!r} has none"
             )
         others[name] = left
@@ -403,5 +407,5 @@ def _others(
     numbers = np.unique(events_of(every), return_inverse=True)[1]
     ends = np.cumsum([len(motions), *(len(left) for left in others.values())])
     parts = np.split(numbers, ends[:-1])
-    held = (Group(n, Role.held_out, m, x) for (n, m), x in zip(others.items(), parts[1:], strict=True))
+    held = (Group(n, Role.validation, m, x) for (n, m), x in zip(others.items(), parts[1:], strict=True))
     return (Group("tuned to", Role.tuned, tuple(motions), parts[0]), *held)

@@ -21,9 +21,9 @@ from tpd.design.criteria import (
     DesignSpace,
     Evaluation,
     Objective,
+    Requirements,
     Risk,
     SteadyTilt,
-    Worth,
     check_moves,
     check_objective,
     check_scatter,
@@ -71,7 +71,7 @@ _USUAL = {
     "limits": DEFAULT_LIMITS,
     "method": Descent(),
     "ensemble": Ensemble(size=VALIDATION_RUNS),
-    "worth": Worth(),
+    "requirements": Requirements(),
     "seed": 0,
 }
 """Inputs by default."""
@@ -94,11 +94,11 @@ class ExactMotions:
     """Names of the outcomes from rest."""
     amplitude: np.ndarray
     """Settled |phi| from rest; infinite where the block overturns."""
-    stroke: np.ndarray
+    swing: np.ndarray
     """Settled |psi|."""
     peak: np.ndarray
     """Largest |phi| from the beginning on."""
-    peak_stroke: np.ndarray
+    peak_swing: np.ndarray
     """Largest |psi| from the beginning on."""
     multiplier: np.ndarray
     """Largest modulus of the Floquet multipliers where the motion is the orbit; NaN elsewhere."""
@@ -114,7 +114,7 @@ class HarmonicProblem(Problem):
     objective: Objective
     """Quantity that the descents make small; the trials and the validation compare tilts."""
     attempts: ClassVar[int] = 3
-    holds_back: ClassVar[bool] = True
+    has_validation_runs: ClassVar[bool] = True
 
     @staticmethod
     def of(
@@ -203,7 +203,7 @@ class HarmonicProblem(Problem):
         them."""
         asked = super().tables | {
             "motion": vars(self.scene.motion),
-            "worth": vars(self.worth),
+            "requirements": vars(self.requirements),
             # Runs without a seed of their own use the seed of the search.
             "ensemble": vars(self.ensemble) | ({"seed": None} if self.ensemble.seed == self.seed else {}),
             "starts": {"kind": "rest" if self.rest_counts else "any"},
@@ -227,7 +227,7 @@ class HarmonicProblem(Problem):
     @property
     def allowed(self) -> float:
         """See `Problem.allowed`."""
-        return self.worth.allowed
+        return self.requirements.allowed
 
     @cached_property
     def orbits(self) -> Orbits:
@@ -235,7 +235,7 @@ class HarmonicProblem(Problem):
         common = as_arrays(self.scene.parameters()), self.conditions, self.space, self.risk, self.limits
         orbits = Orbits(*common, self.geometry, self.rest_counts, self.objective)
         # Limits that compare with the block without a pendulum know its tilts.
-        return orbits.against_bare()
+        return orbits.compared_without_pendulum()
 
     @property
     def _none(self) -> np.ndarray:
@@ -246,8 +246,8 @@ class HarmonicProblem(Problem):
     def lifts(self, pendulum: Pendulum) -> tuple[float, float]:
         """See `Problem.lifts`."""
         both = self.scene.parameters(pendulum), self.scene.parameters()
-        hung, without = (float(p.f / (1.0 - uplift(p).margin)) for p in both)
-        return hung, without
+        with_it, without = (float(p.f / (1.0 - uplift(p).margin)) for p in both)
+        return with_it, without
 
     @property
     def at_rest(self) -> AtRest:
@@ -299,8 +299,8 @@ class HarmonicProblem(Problem):
         # If there are more conditions than runs, every trial has others.
         order = np.random.default_rng([seed, 13]).permutation(len(self.conditions))
         some = Conditions({name: x[order] for name, x in self.conditions.factors.items()})
-        hung = None if design is None else self.pendulum(design)
-        return outcomes(self.scene, hung, ensemble=self._short(size, seed), conditions=some)
+        with_it = None if design is None else self.pendulum(design)
+        return outcomes(self.scene, with_it, ensemble=self._short(size, seed), conditions=some)
 
     def _short(self, size: int, seed: int) -> Ensemble:
         """Few runs of few periods, for comparisons by the linear equations."""
@@ -335,7 +335,7 @@ class HarmonicProblem(Problem):
             rtol=_RTOL,
             progress=partial(progress, "paired runs"),
         )
-        return replace(found, worse=self.worth.worse)
+        return replace(found, worse=self.requirements.worse)
 
     def exact(self, design: np.ndarray | None) -> ExactMotions:
         """Return the exact motions of a design, or without a pendulum, under all conditions."""
@@ -345,13 +345,13 @@ class HarmonicProblem(Problem):
         q = under_all(orbits.p, row[None], self.conditions)
         settled = follow(Terms.linear, row_of(q), HarmonicForcing())
         outcome, lift = code_of(settled.status), uplift(q)
-        sizes = {x: np.asarray(getattr(settled, x)) for x in ("amplitude", "stroke", "peak", "peak_stroke")}
+        sizes = {x: np.asarray(getattr(settled, x)) for x in ("amplitude", "swing", "peak", "peak_swing")}
         # The run ends when the block rests, and the bob may still swing: its settled swing has a closed form.
-        sizes["stroke"] = np.where(outcome == code_of(Status.rest), lift.stroke, sizes["stroke"])
+        sizes["swing"] = np.where(outcome == code_of(Status.rest), lift.swing, sizes["swing"])
         # A run comes near an orbit, which is known to round-off.
         amplitude = e.tilt[0] * np.asarray(q.nu)
         is_orbit = (np.abs(sizes["amplitude"] - amplitude) <= _SAME * amplitude) & (amplitude > 0.0)
-        for name, exact in (("amplitude", amplitude), ("stroke", e.stroke[0])):
+        for name, exact in (("amplitude", amplitude), ("swing", e.swing[0])):
             sizes[name] = np.where(is_orbit, exact, sizes[name])
         overturned = outcome == code_of(Status.overturned)
         return ExactMotions(
@@ -375,8 +375,8 @@ class HarmonicProblem(Problem):
             for a, w in zip(c.column("amplitude"), c.column("frequency"), strict=True)
         ]
         # Rod and damper are loaded most near the pendulum's own frequency, not by the strongest excitation.
-        stroke = self.orbits.evaluate(design[None]).stroke[0]
-        order = np.argsort(-np.nan_to_num(stroke, posinf=-1.0, nan=-1.0), kind="stable")
+        swing = self.orbits.evaluate(design[None]).swing[0]
+        order = np.argsort(-np.nan_to_num(swing, posinf=-1.0, nan=-1.0), kind="stable")
         return [pulses[i] for i in order[:MOST_MOTIONS]]
 
 

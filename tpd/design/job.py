@@ -20,12 +20,12 @@ from tpd.core.formatting import decimal_comma
 from tpd.design.criteria import (
     KINDS,
     TWINS,
+    Clearance,
     DesignSpace,
     Limit,
+    Requirements,
     Risk,
-    Room,
     Worsening,
-    Worth,
     check_moves,
     check_scatter,
 )
@@ -51,7 +51,7 @@ from tpd.exact import compiling
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
 from tpd.records.intensity import OF_JOBS, intensity_of
-from tpd.records.reading import described, in_words, read_motions
+from tpd.records.read import described, in_words, read_motions
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import MEASURES, Conditions, check_restitution
 from tpd.scene.ensemble import Ensemble, Starts
@@ -255,7 +255,7 @@ class Job(ABC):
     def limits(self) -> tuple[Limit, ...]:
         """Limits, in the order of a report."""
         # The paper's setting, a single motion, has a bob without size and no other condition to compare with.
-        left_out = (Room, Worsening) if self.full["conditions"]["exactly"] else ()
+        left_out = (Clearance, Worsening) if self.full["conditions"]["exactly"] else ()
         found: list[Limit] = []
         bob = self.bob
         with naming("limits"):
@@ -263,7 +263,7 @@ class Job(ABC):
                 value, needed = self.full["limits"][kind.name], lacks(self.full, "limits", kind.name)
                 if value is None or value is False or kind in left_out or needed:
                     continue
-                given: list[Any] = [bob] if kind is Room else [] if value is True else [value]
+                given: list[Any] = [bob] if kind is Clearance else [] if value is True else [value]
                 try:
                     found.append(kind(*given))
                 except TypeError:
@@ -271,10 +271,10 @@ class Job(ABC):
         return tuple(found)
 
     @cached_property
-    def worth(self) -> Worth:
+    def requirements(self) -> Requirements:
         """Requirements on the benefit."""
-        with naming("worth"):
-            return Worth(**self.full["worth"])
+        with naming("requirements"):
+            return Requirements(**self.full["requirements"])
 
     @cached_property
     def method(self) -> Descent | GroundSearch:
@@ -290,7 +290,11 @@ class Job(ABC):
 
     @cached_property
     def _held(self) -> tuple[float | dict[str, list[GroundMotion]], list[str]]:
-        asked, found, said = self.full["motion"]["held_out"], dict[str, list[GroundMotion]](), list[str]()
+        asked, found, said = (
+            self.full["motion"]["validation_share"],
+            dict[str, list[GroundMotion]](),
+            list[str](),
+        )
         if not isinstance(asked, tuple):
             return asked or 0.0, said
         names = [Path(word).name or word for word in asked]
@@ -304,7 +308,7 @@ class Job(ABC):
             if tuned := [m for m, event in zip(found[group], own, strict=True) if event in used]:
                 listed = ", ".join(getattr(m, "source", "") or getattr(m, "name", "") for m in tuned)
                 notes = [*notes, f"left out, since the design is tuned to their earthquakes: {listed}"]
-            said += [f"held out, {group}: {line}" for line in notes]
+            said += [f"validation, {group}: {line}" for line in notes]
         return found, said
 
     def _records(self, names: Sequence[str], events: Sequence[str] | None) -> Any:
@@ -321,26 +325,36 @@ class Job(ABC):
             raise ValueError(_in_words_of_jobs(str(error))) from None
 
     @property
-    def held_out(self) -> float | dict[str, list[GroundMotion]]:
+    def validation_share(self) -> float | dict[str, list[GroundMotion]]:
         """Share of the records, or groups of others by name; 0 for none."""
         return self._held[0]
 
     @property
-    def held_notes(self) -> tuple[str, ...]:
+    def validation_notes(self) -> tuple[str, ...]:
         """Sentences on what was left out of the records that are held out, or assumed of them."""
         return tuple(self._held[1])
 
     @property
-    def all_told(self) -> tuple[str, ...]:
+    def all_messages(self) -> tuple[str, ...]:
         """As `told`, with the records that are held out."""
-        groups = self.held_out if isinstance(self.held_out, dict) else {}
-        held = [f"held out, {name}: {line}" for name, group in groups.items() for line in described(group)]
-        return (*self.told, *held, *self.held_notes)
+        groups = self.validation_share if isinstance(self.validation_share, dict) else {}
+        held = [f"validation, {name}: {line}" for name, group in groups.items() for line in described(group)]
+        return (*self.told, *held, *self.validation_notes)
 
     @property
     def settings(self) -> dict[str, Any]:
         """Arguments of `tpd.optimise` beside the scene."""
-        names = "space", "conditions", "risk", "limits", "method", "ensemble", "worth", "seed", self.only
+        names = (
+            "space",
+            "conditions",
+            "risk",
+            "limits",
+            "method",
+            "ensemble",
+            "requirements",
+            "seed",
+            self.only,
+        )
         return {name: getattr(self, name) for name in names}
 
     @property
@@ -435,7 +449,7 @@ class HarmonicJob(Job):
 class RecordsJob(Job):
     """A job of records."""
 
-    compiled, search, only = compiling.GROUND, GroundSearch, "held_out"
+    compiled, search, only = compiling.GROUND, GroundSearch, "validation_share"
 
     def check_motion(self) -> None:
         """See `Job.check_motion`."""
@@ -601,7 +615,7 @@ def job_of(given: Mapping[str, Any]) -> Job:
             check_restitution(site)
     with naming("space"):
         job.space.of(site.block)
-    _ = job.risk, job.limits, job.worth
+    _ = job.risk, job.limits, job.requirements
     # Defaults depend on other keys: written out, a job keeps its meaning in a later version.
     numbers = {name: getattr(job.method, name) for name in keys_of(job.search)}
     filled = {"block": ("friction", "restitution", "cavity_width"), "search": tuple(numbers)}

@@ -24,16 +24,16 @@ from msgspec import Meta
 from tpd.core.checks import shown
 from tpd.core.files import path_of, readable
 from tpd.core.formatting import decimal_comma, meant
-from tpd.design.criteria import DEFAULT_LIMITS, KINDS, DesignSpace, Limit, Risk, Worth, limit_of
+from tpd.design.criteria import DEFAULT_LIMITS, KINDS, DesignSpace, Limit, Requirements, Risk, limit_of
 from tpd.design.settings import (
     DEFAULT_SPACE,
-    HELD_OUT,
     SCATTERED,
     VALIDATION_RUNS,
+    VALIDATION_SHARE,
     Descent,
     GroundSearch,
 )
-from tpd.records.reading import BUILT_IN, SETS
+from tpd.records.read import BUILT_IN, SETS
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import FACTORS, Conditions
 from tpd.scene.ensemble import Ensemble
@@ -143,11 +143,11 @@ TABLES: dict[str, dict[str, Key]] = {
             "what the scales count: pga_star, which is PGA over g tan(alpha), pgv_star, pga in g, pgv in m/s "
             "or scale, a factor (default pga_star, of a pulse scale)",
         ),
-        "held_out": Key(
+        "validation_share": Key(
             float | tuple[str, ...],
             None,
             "share of the records, whole earthquakes, that the design is judged on and not tuned to, or "
-            f"files, folders and sets of others (default {HELD_OUT:g})",
+            f"files, folders and sets of others (default {VALIDATION_SHARE:g})",
         ),
         "event": Key(
             tuple[str, ...],
@@ -211,9 +211,9 @@ TABLES: dict[str, dict[str, Key]] = {
         ),
     },
     "limits": {kind.name: _limit(kind) for kind in KINDS},
-    "worth": {
-        **keys_of(Worth),
-        "measure": Key(Literal["overturning", "tilt"], None, (Worth, "measure")),
+    "requirements": {
+        **keys_of(Requirements),
+        "measure": Key(Literal["overturning", "tilt"], None, (Requirements, "measure")),
     },
     "search": {
         "model": Key(
@@ -236,14 +236,15 @@ _USUAL = {("space", "damping_ratio"): DEFAULT_SPACE.damping_ratio, ("risk", "mea
 _DEFAULTS: dict[str, dict[tuple[str, str], Any]] = {
     "harmonic": {("ensemble", "size"): VALIDATION_RUNS},
     "pulse": _USUAL | {("motion", "intensity"): "scale", ("motion", "scales"): (1.0,)},
-    "records": _USUAL | {("motion", "intensity"): "pga_star", ("motion", "held_out"): HELD_OUT},
+    "records": _USUAL
+    | {("motion", "intensity"): "pga_star", ("motion", "validation_share"): VALIDATION_SHARE},
 }
 """Defaults that depend on the kind of motion, in place of those of `TABLES`."""
 _KINDS: dict[tuple[str, str], tuple[str, ...]] = {
     **{("motion", name): ("harmonic",) for name in ("amplitude", "frequency")},
     **{("motion", name): ("pulse",) for name in ("pulse", "pulse_frequency", "cycles", "phase")},
     **{("motion", name): _SHAKEN for name in ("pga", "scales", "intensity")},
-    **{("motion", name): ("records",) for name in ("records", "held_out", "event", *READING)},
+    **{("motion", name): ("records",) for name in ("records", "validation_share", "event", *READING)},
     **{(table, name): ("harmonic",) for table in ("conditions", "starts") for name in TABLES[table]},
     **{("limits", kind.name): ("harmonic",) for kind in KINDS if not kind.of_motion},
     **{
@@ -318,7 +319,7 @@ def size_of(full: Tables) -> int:
 
 def _names_files(full: Tables) -> bool:
     """Whether some record is of a file: those that are built in state all that there is to say."""
-    held = full["motion"]["held_out"]
+    held = full["motion"]["validation_share"]
     names = *full["motion"]["records"], *(held if isinstance(held, tuple) else ())
     return not {*names} <= {*BUILT_IN, *SETS}
 
@@ -335,7 +336,7 @@ def placed(table: str, values: Any, folder: Path) -> Any:
             return value
         return [x if x in known else readable(str(folder.resolve() / path_of(x))) for x in value]
 
-    return {key: place(x) if key in ("records", "held_out") else x for key, x in values.items()}
+    return {key: place(x) if key in ("records", "validation_share") else x for key, x in values.items()}
 
 
 def as_typed(given: Mapping[str, Any]) -> Tables:

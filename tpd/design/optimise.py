@@ -22,7 +22,7 @@ from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted
 from tpd.core.progress import Progress, shown, shown_count, unreported
-from tpd.design.criteria import DesignSpace, Limit, Objective, Risk, Worth
+from tpd.design.criteria import DesignSpace, Limit, Objective, Requirements, Risk
 from tpd.design.design import Design, FrontPoint
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
@@ -52,8 +52,8 @@ def optimise(
     objective: Objective | None = None,
     method: Descent | GroundSearch | None = None,
     ensemble: Ensemble | None = None,
-    worth: Worth | None = None,
-    held_out: checks.Real | Mapping[str, Sequence[GroundMotion]] | None = None,
+    requirements: Requirements | None = None,
+    validation_share: checks.Real | Mapping[str, Sequence[GroundMotion]] | None = None,
     seed: checks.Whole = 0,
     progress: Progress | bool | None = None,
 ) -> Design:
@@ -66,8 +66,8 @@ def optimise(
     The search smooths signs and impacts, diffrax integrates the equations (25), and optax descends on the
     gradients of the steady amplitudes; the exact gradients finish the best ends. Trial runs of the linear
     equations then compare these designs and others, and a Gaussian process proposes further ones. The best
-    is validated by paired runs of the nonlinear equations: they must show the benefit that `worth` requires,
-    and no harm. At most three designs are validated, each by runs of its own.
+    is validated by paired runs of the nonlinear equations: they must show the benefit that `requirements`
+    states, and no harm. At most three designs are validated, each by runs of its own.
 
     Args:
         scene: block and base motion, SI; under ground motions a block alone is enough.
@@ -81,8 +81,9 @@ def optimise(
             `limits.SteadyTilt()`.
         method: `Descent(...)`; under ground motions `GroundSearch(...)`.
         ensemble: validation runs, dealt out among the conditions; default `Ensemble(size=2048)`.
-        worth: least benefit and largest harm of a pendulum that is recommended; default `Worth()`.
-        held_out: ground motions that the design is not tuned to, a share or groups by name; default 0.5.
+        requirements: least benefit and largest harm of a pendulum that is recommended; default
+            `Requirements()`.
+        validation_share: ground motions that the search does not use, a share or groups by name; default 0.5.
         seed: of every random choice, also of the runs of an ensemble without a seed of its own.
         progress: True for a bar on stderr, or called with (stage, done, of how many).
 
@@ -94,7 +95,13 @@ def optimise(
         RuntimeError: JAX is in 32-bit mode.
     """
     given: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
-    given |= {"worth": worth, "seed": seed, "held_out": held_out, "objective": objective, "starts": starts}
+    given |= {
+        "requirements": requirements,
+        "seed": seed,
+        "validation_share": validation_share,
+        "objective": objective,
+        "starts": starts,
+    }
     problem = problem_of(scene, space, conditions=conditions, **given)
     with shown(progress) as report:
         return solve(problem, report)
@@ -115,7 +122,7 @@ def problem_of(
     checks.optional("conditions", conditions, Conditions)
     ground = conditions is not None and bool(conditions.motions)
     here, there = ("ground motions", "harmonics") if ground else ("harmonics", "ground motions")
-    for name in ("starts", "objective") if ground else ("held_out",):
+    for name in ("starts", "objective") if ground else ("validation_share",):
         if given.pop(name, None) is not None:
             raise ValueError(f"`{name}` is for {there}, but the conditions are {here}")
     if conditions is not None and ground:
@@ -139,7 +146,7 @@ def solve(problem: Problem, progress: Progress = unreported) -> Design:
             break
         if validated and refinement.process is not None:
             trend = float(refinement.process.at(problem.space.scaled(pool[:1]))[0][0])
-            if trend > (1.0 - _PROMISING * problem.worth.at_least) * refinement.without:
+            if trend > (1.0 - _PROMISING * problem.requirements.at_least) * refinement.without:
                 break
         found = validate(problem, pool[0], attempt, progress=progress)
         validated.append(found)
@@ -236,7 +243,7 @@ class Designs(Printed, Tabular):
     damping_ratio: np.ndarray
     value: np.ndarray
     """Risk measure of the design that is offered."""
-    bare: np.ndarray
+    value_without: np.ndarray
     """Risk measure of the block without a pendulum."""
 
     def columns(self) -> dict[str, Any]:
@@ -303,8 +310,15 @@ def _designed(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, An
             found = optimise(scenes[i], **settings)
         except ValueError as error:
             raise ValueError(f"`scenes[{i}]`: {error}") from None
-        hung, (value, bare) = found.pendulum, found.risks
+        with_it, (value, without) = found.pendulum, found.risks
         names = "mass", "length", "damping_ratio"
-        sizes = {name: np.nan if hung is None else float(getattr(hung, name)) for name in names}
-        rows.append({"status": _STATUSES.index(found.status.name), **sizes, "value": value, "bare": bare})
+        sizes = {name: np.nan if with_it is None else float(getattr(with_it, name)) for name in names}
+        rows.append(
+            {
+                "status": _STATUSES.index(found.status.name),
+                **sizes,
+                "value": value,
+                "value_without": without,
+            }
+        )
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}

@@ -138,14 +138,14 @@ class Orbits:
         slope = np.where(rocks[..., None], _finite(slope), e.merit_slope)
         return e._replace(merit=np.where(rocks, value, e.merit), merit_slope=slope)
 
-    def against_bare(self) -> Orbits:
+    def compared_without_pendulum(self) -> Orbits:
         """This objective, with the tilts of the bare block known to limits that compare with them."""
         if not any(isinstance(limit, Worsening) for limit in self.limits):
             return self
         none = np.array([[0.0, float(self.p.lam), float(self.p.zeta)]])
         e = self.evaluate(none)
         tilt = np.where(e.attracts[0], e.tilt[0], np.nan)
-        return replace(self, geometry=replace(self.geometry, bare_tilt=tilt))
+        return replace(self, geometry=replace(self.geometry, tilt_without_pendulum=tilt))
 
     def value(self, e: Evaluation) -> np.ndarray:
         """Risk of the merits, (m,)."""
@@ -227,8 +227,8 @@ def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_
         merit_slope=np.where(moves[:, None], tilt_slope, -_finite(margin_slope)),
         tilt=tilt,
         tilt_slope=tilt_slope,
-        stroke=np.where(moves, sizes["stroke"], lift.stroke),
-        stroke_slope=chosen(slopes["stroke"], still_slope),
+        swing=np.where(moves, sizes["swing"], lift.swing),
+        swing_slope=chosen(slopes["swing"], still_slope),
         margin=margin,
         multiplier=np.where(moves, multiplier, np.where(at_rest, 0.0, np.inf)),
         reserve=np.where(moves, reserve, np.where(at_rest, 1.0, 0.0)),
@@ -316,7 +316,7 @@ class SmoothedOrbits:
             nu = o.geometry.slenderness[rows[1]]
             self.turns[rows], self.slopes[rows] = step.turn, step.slope
             e.tilt[rows], e.tilt_slope[rows] = step.turn[:, 0] / nu, step.slope[:, 0] / nu[:, None]
-            e.stroke[rows], e.stroke_slope[rows] = step.stroke, step.stroke_slope
+            e.swing[rows], e.swing_slope[rows] = step.swing, step.swing_slope
             e.multiplier[rows], e.reserve[rows] = step.multiplier, step.reserve
             # One step is enough where the design has moved little: its error is the square of the residual.
             lost = ~step.solved | (step.residual > _ASTRAY) | (step.turn[:, 0] <= 0.0)

@@ -24,14 +24,14 @@ from tpd.design.criteria import (
     DEFAULT_LIMITS,
     KINDS,
     STILL,
+    Clearance,
     DesignSpace,
     Evaluation,
     Geometry,
     Limit,
     Mass,
+    Requirements,
     Risk,
-    Room,
-    Worth,
     check_cavity,
     check_limits,
     limit_of,
@@ -80,7 +80,7 @@ class Problem(ABC):
     """Settings of the search."""
     ensemble: Ensemble
     """Validation runs; under ground motions its half widths are those of block and installation."""
-    worth: Worth
+    requirements: Requirements
     seed: int
     attempts: ClassVar[int]
     """Most designs that are validated, each by runs of its own."""
@@ -90,7 +90,7 @@ class Problem(ABC):
     """Whether rest counts wherever it holds, though the block rocks from other initial states."""
     spare: ClassVar[float] = 0.0
     """Share of every limit on runs that the trials leave unused."""
-    holds_back: ClassVar[bool]
+    has_validation_runs: ClassVar[bool]
     """Whether some validation runs take no part in the decision, and are those that are quoted."""
 
     @property
@@ -111,7 +111,7 @@ class Problem(ABC):
             job = job_of({table: _said(values) for table, values in asked.items()})
         except ValueError as error:
             raise ValueError(f"a job file cannot say what this design was asked: {error}") from None
-        for name in ("space", "risk", "limits", "method", "ensemble", "worth", "seed"):
+        for name in ("space", "risk", "limits", "method", "ensemble", "requirements", "seed"):
             # Models and optimisers of one kind are equal by what they print.
             if repr(getattr(job, name)) != repr(getattr(self, name)):
                 raise ValueError(f"a job file cannot say the `{name}` of this design, {getattr(self, name)}")
@@ -133,7 +133,7 @@ class Problem(ABC):
                     f"a job file cannot say the limit `{limit.name}`, which exists only in Python"
                 )
             limits[limit.name] = next((x for x in vars(limit).values() if isinstance(x, (int, float))), True)
-            bob |= vars(limit.bob) if isinstance(limit, Room) else {}
+            bob |= vars(limit.bob) if isinstance(limit, Clearance) else {}
         if bob.get("shape") == "ball":
             bob.pop("aspect")
         search = {name: value for name, value in vars(self.method).items() if name in TABLES["search"]}
@@ -170,7 +170,7 @@ class Problem(ABC):
     @property
     def evidence(self) -> DesignStatus:
         """Status of a design that passes the validation, as far as the excitation allows a verdict."""
-        return DesignStatus.found
+        return DesignStatus.recommended
 
     @property
     def run_limits(self) -> tuple[Limit, ...]:
@@ -268,7 +268,7 @@ class Problem(ABC):
         name, (m,): of the bob that hangs at rest, and with harmonic excitation of the settled orbit."""
         m, n = len(designs), len(self.conditions)
         zeros = np.zeros((m, n))
-        at_rest = Evaluation.blank(m, n)._replace(tilt=zeros, stroke=zeros, design=designs)
+        at_rest = Evaluation.blank(m, n)._replace(tilt=zeros, swing=zeros, design=designs)
         return {
             size.name: np.max(size.value, axis=1)
             for limit in self.limits
@@ -283,14 +283,14 @@ class Problem(ABC):
         # The walls come nearer with the block's width.
         own = replace(
             g,
-            wall=0.5 * float(self.scene.block.room) * nu / float(self.scene.block.slenderness),
+            wall=0.5 * float(self.scene.block.clear_width) * nu / float(self.scene.block.slenderness),
             slenderness=nu,
             mass_factor=mu / design[0],
             length_factor=lam / design[1],
         )
 
-        def motion(tilt: np.ndarray, stroke: np.ndarray, relative: np.ndarray) -> Evaluation:
-            shaped = {"tilt": tilt / runs.nu, "stroke": stroke, "relative": relative}
+        def motion(tilt: np.ndarray, swing: np.ndarray, relative: np.ndarray) -> Evaluation:
+            shaped = {"tilt": tilt / runs.nu, "stroke": swing, "relative": relative}
             rows = {k: x[stands][None] for k, x in shaped.items()}
             return Evaluation.blank(1, len(nu))._replace(**rows, design=design[None])
 
@@ -300,7 +300,7 @@ class Problem(ABC):
         return {
             size.name: size.value[0]
             for limit in self.run_limits
-            for size in limit.sizes(largest if isinstance(limit, Room) else settled, own)
+            for size in limit.sizes(largest if isinstance(limit, Clearance) else settled, own)
         }
 
     def over_limit(self, design: np.ndarray, runs: Runs) -> tuple[float, str]:

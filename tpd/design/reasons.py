@@ -22,7 +22,7 @@ class DesignStatus(enum.Enum):
 
     _remedy: str
 
-    found = (
+    recommended = (
         "RECOMMENDED for the stated conditions: in validation runs of the nonlinear equations the pendulum "
         "has the required benefit, and under no condition does it do significant harm. This is not a "
         "safety assessment.",
@@ -41,7 +41,7 @@ class DesignStatus(enum.Enum):
         "UNDECIDED: some runs have no answer, and the verdict depends on how they would have ended.",
         "Give more runs or records, or a weaker excitation.",
     )
-    refused = (
+    not_recommended = (
         "NOT RECOMMENDED: no pendulum that the search found passes the validation.",
         "Widen the design space, require less benefit, or give the bob more clearance.",
     )
@@ -68,10 +68,10 @@ class DesignStatus(enum.Enum):
     @property
     def is_sound(self) -> bool:
         """Whether the answer may be used: a validated pendulum, or none is needed."""
-        return self in (DesignStatus.found, DesignStatus.no_uplift)
+        return self in (DesignStatus.recommended, DesignStatus.no_uplift)
 
 
-OFFERED = DesignStatus.found, DesignStatus.tuned_only
+OFFERED = DesignStatus.recommended, DesignStatus.tuned_only
 """Statuses with a pendulum."""
 
 

@@ -9,7 +9,7 @@ from tpd.design.criteria import DesignSpace
 
 DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
 """Bounds of a search under ground motions."""
-HELD_OUT = 0.5
+VALIDATION_SHARE = 0.5
 """Share of the ground motions that a design is not tuned to by default."""
 SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
 """Names of what is uncertain in validation runs under ground motions: block and installation."""

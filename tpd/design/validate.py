@@ -14,7 +14,7 @@ import numpy as np
 from tpd.answers.paired import FEWER, PairedRuns
 from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.core.progress import Progress, unreported
-from tpd.design.criteria import Worth
+from tpd.design.criteria import Requirements
 from tpd.design.problem import Problem
 from tpd.design.reasons import CERTAIN, GRAVE, DesignStatus, Reason, ReasonKind, one_of_a_kind
 from tpd.scene.scene import Pendulum
@@ -63,7 +63,7 @@ class Validated:
     def status(self) -> DesignStatus:
         """`undecided` if only runs without an answer speak against the design."""
         kinds = {reason.kind for reason in self.reasons}
-        return DesignStatus.undecided if kinds == {ReasonKind.undecided} else DesignStatus.refused
+        return DesignStatus.undecided if kinds == {ReasonKind.undecided} else DesignStatus.not_recommended
 
 
 def validate(
@@ -91,17 +91,17 @@ def validate(
     ]
     reasons += _exact_harm(problem, exact)
     decided = quoted = None
-    over, worth = np.nan, problem.worth
+    over, requirements = np.nan, problem.requirements
     if thorough or not reasons:
         decided = problem.paired_runs(design, run_seed(problem, attempt, 0), progress=progress)
         # All runs of a design are compared by one measure, also where the share that overturns is near 1 %.
-        worth = replace(worth, measure=worth.measure or decided.first_measure)
-        over, by_runs = _by_runs(problem, design, decided, worth)
+        requirements = replace(requirements, measure=requirements.measure or decided.first_measure)
+        over, by_runs = _by_runs(problem, design, decided, requirements)
         known = {reason.limit for reason in reasons if reason.limit}
         reasons += [r for r in by_runs if r.limit not in known or not r.limit]
-    if decided is not None and not reasons and problem.holds_back:
+    if decided is not None and not reasons and problem.has_validation_runs:
         quoted = problem.paired_runs(design, run_seed(problem, attempt, 1), progress=progress)
-        over, by_runs = _by_runs(problem, design, quoted, replace(worth, at_least=0.0))
+        over, by_runs = _by_runs(problem, design, quoted, replace(requirements, at_least=0.0))
         reasons += by_runs
     return Validated(
         design=design,
@@ -109,7 +109,7 @@ def validate(
         exact=exact,
         decided=decided,
         quoted=quoted,
-        measure="" if decided is None else worth.measure or "",
+        measure="" if decided is None else requirements.measure or "",
         over_limit=float(over),
         reasons=tuple(reasons),
     )
@@ -133,12 +133,12 @@ def _exact_harm(problem: Problem, exact: Any) -> list[Reason]:
 
 
 def _by_runs(
-    problem: Problem, design: np.ndarray, runs: PairedRuns, worth: Worth
+    problem: Problem, design: np.ndarray, runs: PairedRuns, requirements: Requirements
 ) -> tuple[float, list[Reason]]:
     """Share of the standing runs that exceed a limit, and the reasons against a design by paired runs; with
     one that depends on the runs without an answer, if it does."""
     over, limit = problem.over_limit(design, runs.with_pendulum)
-    reasons = _reasons(problem, runs, over, limit, worth)
+    reasons = _reasons(problem, runs, over, limit, requirements)
     if runs.ends:
         stands = runs.with_pendulum.stands.sum()
         unknown = runs.with_pendulum.is_unanswered.sum()
@@ -146,14 +146,16 @@ def _by_runs(
         # A run that stands may exceed a limit, if there is one, which is against the pendulum as well.
         for end, more in zip(runs.ends, (unknown if limit else 0, 0), strict=True):
             share = float((over * stands + more) / max(stands + unknown, 1))
-            verdicts.add(bool(_reasons(problem, end, share, limit, worth)))
+            verdicts.add(bool(_reasons(problem, end, share, limit, requirements)))
         if len(verdicts) > 1:
             kind, total = ReasonKind.undecided, len(runs.known)
             reasons = [Reason(kind=kind, value=float(runs.undecided), total=total)]
     return over, reasons
 
 
-def _reasons(problem: Problem, runs: PairedRuns, over: float, limit: str, worth: Worth) -> list[Reason]:
+def _reasons(
+    problem: Problem, runs: PairedRuns, over: float, limit: str, requirements: Requirements
+) -> list[Reason]:
     """Reasons against a design by paired runs."""
     out = list[Reason]()
 
@@ -174,7 +176,7 @@ def _reasons(problem: Problem, runs: PairedRuns, over: float, limit: str, worth:
         first = runs.worse_parts[0]
         where = {"condition": first.label, "total": len(runs.worse_parts)}
         refuse(ReasonKind.worse_condition, first.with_pendulum, first.without_pendulum, **where)
-    measure, required = worth.measure or runs.first_measure, worth.at_least
+    measure, required = requirements.measure or runs.first_measure, requirements.at_least
     gain, significant = runs.reduction(measure)
     if not (significant and gain.low > CERTAIN * required and gain.mean >= required):
         refuse(ReasonKind.too_little_benefit, gain.mean, required, low=gain.low, measure=measure)

@@ -92,8 +92,8 @@ class EngineVerdict(Printed):
     @property
     def losses(self) -> str:
         """Sentence on the losses of both."""
-        bare: Any = parameters_under(self.scene, None)
-        e = float(bare.velocity_ratio)
+        without: Any = parameters_under(self.scene, None)
+        e = float(without.velocity_ratio)
         # The engine rocks the scene's block, so that its own friction stays.
         block: Any = self.scene.block
         friction = float(block.friction)
@@ -155,8 +155,8 @@ class EngineVerdict(Printed):
 
     def _benefit(self, pair: tuple[EngineRuns, ...]) -> float:
         topples = math.atan(float(self.scene.block.slenderness))
-        hung, bare = (np.minimum(runs.peak / topples, 1.0).mean() for runs in pair)
-        return float(bare - hung)
+        with_it, without = (np.minimum(runs.peak / topples, 1.0).mean() for runs in pair)
+        return float(without - with_it)
 
 
 def mujoco(
@@ -197,8 +197,8 @@ def mujoco(
         case = _Case(scene, ensemble, sliding, workers, report)
         e = case.restitution()
         few = min(FINE, runs)
-        coarse = _pair(pendulum, lambda hung: case.runs(hung, 1, runs))
-        finer = _pair(pendulum, lambda hung: case.runs(hung, _FINER, few))
+        coarse = _pair(pendulum, lambda with_it: case.runs(with_it, 1, runs))
+        finer = _pair(pendulum, lambda with_it: case.runs(with_it, _FINER, few))
         equations = _pair(pendulum, case.equations)
     return EngineVerdict(
         engine=f"MuJoCo {version}",
@@ -218,8 +218,8 @@ def _pair(
     pendulum: Pendulum | None, runs_with: Callable[[Pendulum | None], EngineRuns]
 ) -> tuple[EngineRuns, EngineRuns]:
     """Runs with the pendulum and without."""
-    bare = runs_with(None)
-    return (bare if pendulum is None else runs_with(pendulum)), bare
+    without = runs_with(None)
+    return (without if pendulum is None else runs_with(pendulum)), without
 
 
 @dataclass(frozen=True)

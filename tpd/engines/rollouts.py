@@ -122,7 +122,7 @@ class Found:
     def __init__(self, bodies: Sequence[RigidBody]) -> None:
         n, one = len(bodies), bodies[0]
         self.a = np.array([body.half_width for body in bodies])
-        self.b, self.hung = one.half_height, one.bob > 0.0
+        self.b, self.has_pendulum = one.half_height, one.bob > 0.0
         self.overturned, self.bounced = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         self.peak, self.settled, self.relative, self.slid = np.zeros((4, n))
 
@@ -136,7 +136,7 @@ class Found:
         self.peak[rows] = np.maximum(self.peak[rows], _largest(tilt, counts))
         at_end = counts & (time >= late[rows, None])
         self.settled[rows] = np.maximum(self.settled[rows], _largest(tilt, at_end))
-        if self.hung:
+        if self.has_pendulum:
             self.relative[rows] = np.maximum(self.relative[rows], _largest(passed[:, :, 4], counts))
         cos, sin, a = np.cos(tilt), np.sin(tilt), self.a[rows, None]
         off = np.ones_like(counts)

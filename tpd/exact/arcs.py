@@ -140,14 +140,20 @@ def launch(q, kind, tilt, way, y0, y1, y2, y3, e):
         # The particular solution oscillates about the balance of weight and friction.
         if kind == SLIP:
             own = _forced(q.tilt_sin, q.tilt_cos, q.tilt_lag_sin, q.tilt_lag_cos, e.e0, e.e1)
-            hung = _forced(q.bob_sin, q.bob_cos, q.bob_lag_sin, q.bob_lag_cos, e.e0, e.e1)
+            pendulum = _forced(q.bob_sin, q.bob_cos, q.bob_lag_sin, q.bob_lag_cos, e.e0, e.e1)
         else:
             own = zero, zero, zero, zero
-            hung = _forced(q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos, e.e0, e.e1)
-        (tv, ts), (bv, bs) = _beginning(own, e), _beginning(hung, e)
+            pendulum = _forced(q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos, e.e0, e.e1)
+        (tv, ts), (bv, bs) = _beginning(own, e), _beginning(pendulum, e)
         tilt_now, tilt_rate, bob_now, bob_rate = balance + tv, ts + zero, bv + zero, bs + zero
         t0, t1, t2, t3, t4 = balance + zero, own[0] + zero, own[1] + zero, own[2] + zero, own[3] + zero
-        b0, b1, b2, b3, b4 = zero, hung[0] + zero, hung[1] + zero, hung[2] + zero, hung[3] + zero
+        b0, b1, b2, b3, b4 = (
+            zero,
+            pendulum[0] + zero,
+            pendulum[1] + zero,
+            pendulum[2] + zero,
+            pendulum[3] + zero,
+        )
     else:
         # Taylor polynomials: accelerations and their slopes by the equations and by their derivative in time.
         up, swing = accelerations(q, kind, balance, y0, y1, y2, y3, e.e0)

@@ -101,6 +101,6 @@ def orbit_near(q, m, own, past, known, limits, periods):
     if not _passed(c.by, c.best, scales, gap, apart, past.peaks):
         return False
     for n in range(periods):
-        past.periods[n].tilt, past.periods[n].swing = c.amplitude, c.stroke
+        past.periods[n].tilt, past.periods[n].swing = c.amplitude, c.swing
     put(y, m.y)
     return True

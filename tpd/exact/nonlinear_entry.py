@@ -241,22 +241,22 @@ def _settle(q, m, w, s, since, ramp, out):
     past, peaks = np.zeros(LONGEST, repetition.PERIOD), np.zeros(2)
     put(y, past[NEWEST].y)
     clear(m)
-    f, grown = repetition.shaking_in(ramp, w.period, 0.0, since, cubics)
+    f, grown = repetition.excitation_in(ramp, w.period, 0.0, since, cubics)
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
     # A start within a period has another phase than the ends of periods, with which these are compared.
     known, status, repeats, elapsed = (1 if since == 0.0 else 0), repetition.NOT_SETTLED, 0, 0
     while elapsed < s.periods and status == repetition.NOT_SETTLED:
         if elapsed > 0:
-            f, grown = repetition.shaking_in(ramp, w.period, float(elapsed), 0.0, cubics)
+            f, grown = repetition.excitation_in(ramp, w.period, float(elapsed), 0.0, cubics)
         ended = _one_period(q, f, m, w, since if elapsed == 0 else 0.0, grown, events)
         elapsed += 1
-        peak, stroke = largest(m, TILT), largest(m, SWING)
-        peaks[TILT], peaks[SWING] = max(peaks[TILT], peak), max(peaks[SWING], stroke)
+        peak, swing = largest(m, TILT), largest(m, SWING)
+        peaks[TILT], peaks[SWING] = max(peaks[TILT], peak), max(peaks[SWING], swing)
         # Nothing that was met before the shaking became steady counts as a repetition, or as rest.
         steadily = f.rate == 0.0 and ended == ARRIVED
         repeats = repetition.repeats_after(q, y, past, known, scales, s.tolerance) if steadily else 0
         rests = steadily and known > 0 and _stays(q, m, past[NEWEST].y)
-        known = repetition.remember(past, known if steadily else 0, y, peak, stroke, m.held)
+        known = repetition.remember(past, known if steadily else 0, y, peak, swing, m.held)
         if ended == BROKEN or not finite(y):
             status = repetition.FAILED
         elif ended != ARRIVED:
@@ -293,14 +293,14 @@ def _steady_state(q, m, w, s, settled, out):
     _settle(q, m, w, s, 0.0, 0.0, settled)
     status = int(settled.status)
     put(settled.y, out.y)
-    out.amplitude, out.stroke = settled.amplitude, settled.stroke
+    out.amplitude, out.swing = settled.amplitude, settled.swing
     out.multiplier = out.lyapunov = math.nan
     out.status, out.periods, out.elapsed = status, settled.periods, settled.elapsed
     for i in range(6):
         for j in range(MANY):
             out.by[i, j] = math.nan
     if status in (repetition.OVERTURNED, repetition.FAILED):
-        out.amplitude = out.stroke = math.inf if status == repetition.OVERTURNED else math.nan
+        out.amplitude = out.swing = math.inf if status == repetition.OVERTURNED else math.nan
     rocks = status in (repetition.ROCKING, repetition.STICKING) and int(settled.periods) % 2 == 1
     out.symmetric = 1.0 if rocks and _is_symmetric(q, m, w, s, out.y) else 0.0
 

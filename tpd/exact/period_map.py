@@ -47,7 +47,7 @@ directions that have derivatives, and the largest residual from which Newton's m
 CYCLE = np.dtype(
     [
         ("end", np.float64, (4,)),
-        *((name, np.float64) for name in ("amplitude", "stroke", "crossing", "asymmetry")),
+        *((name, np.float64) for name in ("amplitude", "swing", "crossing", "asymmetry")),
         *((name, np.float64) for name in ("closed", "held", "step")),
         ("best", np.float64, (6,)),
         ("how", np.int64),
@@ -168,7 +168,7 @@ def cycle(q, m, own, limits, periods, c):
     for i in range(4):
         c.end[i] = m.y[i] if sound else math.nan
     put(m.best, c.best)
-    c.amplitude, c.stroke, c.crossing = largest(m, TILT), largest(m, SWING), m.crossing
+    c.amplitude, c.swing, c.crossing = largest(m, TILT), largest(m, SWING), m.crossing
     c.asymmetry = abs(max(m.best[0], 0.0) - max(m.best[1], 0.0)) / (c.amplitude if c.amplitude > 0.0 else 1.0)
     c.closed, c.held, c.step, c.how = (1.0 if _same_mode(m, start) else 0.0), m.held, 0.0, ended
     # What stands there is of the cycle before.

@@ -22,7 +22,7 @@ ROCKING, STICKING, AT_REST, HELD, OVERTURNED, NOT_SETTLED, EVENT_BOUND, FAILED =
 """Numbers of statuses, see `tpd.exact.terms.ENDS`."""
 PERIOD = np.dtype([("y", np.float64, (4,)), *((name, np.float64) for name in ("tilt", "swing", "held"))])
 """A forcing period: the state at its end, the largest |phi| and |psi|, and how long the block was held."""
-_NAMES = ("amplitude", "stroke", "peak", "peak_stroke", "kind", "tilt", "way", "status", "periods", "elapsed")
+_NAMES = ("amplitude", "swing", "peak", "peak_swing", "kind", "tilt", "way", "status", "periods", "elapsed")
 SETTLED = np.dtype([("y", np.float64, (4,)), *((name, np.float64) for name in _NAMES)])
 """Motion that is settled on, see `tpd.exact.runs.Settled`: its state, sizes and peaks, kind and signs of its
 mode, and the number of its status."""
@@ -55,7 +55,7 @@ def repeats_after(q, y, past, known, scales, tolerance):
 
 
 @compiled
-def shaking_in(ramp, period, elapsed, since, cubics):
+def excitation_in(ramp, period, elapsed, since, cubics):
     """The forcing of a period after so many others, followed from the time `since` in it on, and the time at
     which it has its full size, 0 if it has; it grows over `ramp` periods. `cubics` has no rows."""
     grown = (ramp - elapsed) * period
@@ -65,13 +65,13 @@ def shaking_in(ramp, period, elapsed, since, cubics):
 
 
 @compiled
-def remember(past, known, y, amplitude, stroke, held):
+def remember(past, known, y, amplitude, swing, held):
     """Put a period in front of the last ones; return how many states are known."""
     for j in range(LONGEST - 1, 0, -1):
         past[j] = past[j - 1]
     new = past[NEWEST]
     put(y, new.y)
-    new.tilt, new.swing, new.held = amplitude, stroke, held
+    new.tilt, new.swing, new.held = amplitude, swing, held
     return min(known + 1, LONGEST)
 
 
@@ -89,18 +89,18 @@ def put_settled(status, repeats, elapsed, m, past, peaks, out):
     """Put what a motion has settled to into the record `out`."""
     # Of a motion that repeats itself only its own periods count: those before them belong to the transient.
     own = repeats if repeats > 0 else LONGEST
-    amplitude, stroke, stuck = 0.0, 0.0, 0.0
+    amplitude, swing, stuck = 0.0, 0.0, 0.0
     for j in range(own):
-        amplitude, stroke = max(amplitude, past[j].tilt), max(stroke, past[j].swing)
+        amplitude, swing = max(amplitude, past[j].tilt), max(swing, past[j].swing)
         stuck = max(stuck, past[j].held)
     if status == ROCKING and stuck > 0.0:
         status = STICKING
     if status == AT_REST:
-        amplitude, stroke = abs(m.y[TILT]), past[NEWEST].swing
+        amplitude, swing = abs(m.y[TILT]), past[NEWEST].swing
         status = HELD if m.y[TILT] != 0.0 else AT_REST
     if status == OVERTURNED:
         peaks[TILT] = peaks[SWING] = math.inf
     put(m.y, out.y)
-    out.amplitude, out.stroke, out.peak, out.peak_stroke = amplitude, stroke, peaks[TILT], peaks[SWING]
+    out.amplitude, out.swing, out.peak, out.peak_swing = amplitude, swing, peaks[TILT], peaks[SWING]
     out.kind, out.tilt, out.way = m.kind, m.tilt, m.way
     out.status, out.periods, out.elapsed = status, max(repeats, 1), elapsed

@@ -81,14 +81,14 @@ class Settled(eqx.Module):
     """Forcing periods in one period of the motion."""
     amplitude: Number
     """Largest |phi| of the last periods; the answer where there is no periodic orbit."""
-    stroke: Number
+    swing: Number
     """Largest |psi| of the last periods."""
     status: Status
     elapsed: Int[Array, ""]
     """Forcing periods simulated."""
     peak: Number
     """Largest |phi| from the start on."""
-    peak_stroke: Number
+    peak_swing: Number
     """Largest |psi| from the start on."""
 
 
@@ -247,7 +247,7 @@ def _settled_of(numbers: Any, record: np.dtype) -> Settled:
     code, periods, elapsed = (x.astype(int) for x in (of.status, of.periods, of.elapsed))
     status = index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code]
     # From its leaves, because fields are annotated with the shapes of a single motion.
-    sizes, peaks = (of.amplitude, of.stroke), (of.peak, of.peak_stroke)
+    sizes, peaks = (of.amplitude, of.swing), (of.peak, of.peak_swing)
     leaves = [of.y, periods, *sizes, status, elapsed, *peaks]
     return jax.tree.unflatten(_structure(), leaves)
 

@@ -149,7 +149,7 @@ def settle(x, own, s, since, ramp, out):
     last, peaks = past.periods, past.peaks
     put(y, last[0].y)
     clear(m)
-    f, grown = repetition.shaking_in(ramp, period, 0.0, since, cubics)
+    f, grown = repetition.excitation_in(ramp, period, 0.0, since, cubics)
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
     peaks[TILT], peaks[SWING] = abs(y[TILT]), abs(y[SWING])
     rests = False
@@ -166,22 +166,22 @@ def settle(x, own, s, since, ramp, out):
         y[TILT] = math.nan
     while elapsed < s.periods and status == repetition.NOT_SETTLED and finite(y):
         if elapsed > 0:
-            f, grown = repetition.shaking_in(ramp, period, float(elapsed), 0.0, cubics)
+            f, grown = repetition.excitation_in(ramp, period, float(elapsed), 0.0, cubics)
         ended = _one_period(q, f, m, legs, room, since if elapsed == 0 else 0.0, grown, limits)
         sound, elapsed = ended == ARRIVED and finite(y), elapsed + 1
         # Whether the shaking grew in this period, and whether it goes on growing in the next one.
         grew, grows = f.rate > 0.0, f.rate > 0.0 and grown >= (1.0 - 1e-12) * period
-        peak, stroke = max(largest(m, TILT), abs(y[TILT])), largest(m, SWING)
-        peaks[TILT], peaks[SWING] = max(peaks[TILT], peak), max(peaks[SWING], stroke)
+        peak, swing = max(largest(m, TILT), abs(y[TILT])), largest(m, SWING)
+        peaks[TILT], peaks[SWING] = max(peaks[TILT], peak), max(peaks[SWING], swing)
         rests = False
         if sound and not grows:
             rests, reach = _rests(q, m, peak, 0.0, tolerance)
             if rests:
                 _come_to_rest(q, y)
-                peaks[SWING], stroke = max(peaks[SWING], reach), reach
+                peaks[SWING], swing = max(peaks[SWING], reach), reach
         # Nothing that was met before the shaking became steady counts as a repetition.
         repeats = repetition.repeats_after(q, y, last, known, scales, tolerance) if sound and not grew else 0
-        known = repetition.remember(last, 0 if grew else known, y, peak, stroke, m.held)
+        known = repetition.remember(last, 0 if grew else known, y, peak, swing, m.held)
         if not sound:
             status = repetition.OVERTURNED if ended == LOST else repetition.EVENT_BOUND
         elif rests:

@@ -50,7 +50,7 @@ WANDERS, UNSTABLE, NEUTRAL, FOLD, GRAZED = range(8, 13)
 """Numbers of statuses after those of `tpd.exact.repetition`, see `tpd.exact.terms.STEADY_STATUSES`."""
 STEADY = np.dtype(
     [
-        *((name, np.float64) for name in ("amplitude", "stroke")),
+        *((name, np.float64) for name in ("amplitude", "swing")),
         ("y", np.float64, (4,)),
         *((name, np.float64) for name in ("multiplier", "lyapunov", "fold")),
         *((name, np.float64) for name in ("status", "periods", "symmetric", "elapsed")),
@@ -85,7 +85,7 @@ def _separation(q, m, own, limits, periods, y):
         cycle(q, m, own, limits, _ONE, c)
         if not finite(c.end):
             break
-        c.amplitude, c.stroke = max(c.amplitude, best.amplitude), max(c.stroke, best.stroke)
+        c.amplitude, c.swing = max(c.amplitude, best.amplitude), max(c.swing, best.swing)
         size = 0.0
         for i in range(4):
             onward[i] = 0.0
@@ -131,12 +131,12 @@ def _put_isolated(c, y, out):
     for k in range(2):
         row = ANGLES + larger(c, k)
         for j in range(_RESIDUAL + 1):
-            sizes[k, j] = c.by[row, j] if j < _RESIDUAL else (c.amplitude if k == 0 else c.stroke)
+            sizes[k, j] = c.by[row, j] if j < _RESIDUAL else (c.amplitude if k == 0 else c.swing)
             for i in range(4):
                 sizes[k, j] += c.by[row, STATE + i] * right[i, j]
             if not regular:
                 sizes[k, j] = math.nan
-    out.amplitude, out.stroke = sizes[_AMPLITUDE, _RESIDUAL], sizes[_STROKE, _RESIDUAL]
+    out.amplitude, out.swing = sizes[_AMPLITUDE, _RESIDUAL], sizes[_STROKE, _RESIDUAL]
     for k in range(6):
         for j in range(MANY):
             out.by[k, j] = sizes[k, j] if k < 2 else right[k - 2, j]
@@ -166,7 +166,7 @@ def steady_state(x, y0, s, near, own, out):
     settings say, which need not attract and has derivatives also where it does not."""
     (q, m, room, r), c, found, y, total = first_of(own), own.cycles[BEST], own.settled[0], out.y, 0.0
     roots = out.multipliers
-    out.amplitude = out.stroke = out.multiplier = out.lyapunov = out.fold = math.nan
+    out.amplitude = out.swing = out.multiplier = out.lyapunov = out.fold = math.nan
     out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, repetition.FAILED
     for i in range(4):
         roots[i] = math.nan
@@ -187,13 +187,13 @@ def steady_state(x, y0, s, near, own, out):
         put_flow(q, room.march)
         decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), 0.0, m)
         found.status, found.periods, found.elapsed = repetition.ROCKING, s.periods, 0.0
-        found.amplitude = found.stroke = math.nan
+        found.amplitude = found.swing = math.nan
     else:
         settle(x, own, s, 0.0, 0.0, found)
     begun, periods, out.elapsed = int(found.status), int(found.periods), found.elapsed
     put(m.y, y)
     residual, separation, multiplier, to_fold, fold = math.inf, math.nan, math.inf, 1.0, math.nan
-    c.amplitude, c.stroke, c.crossing, c.asymmetry = found.amplitude, found.stroke, math.inf, math.inf
+    c.amplitude, c.swing, c.crossing, c.asymmetry = found.amplitude, found.swing, math.inf, math.inf
     limits = Limits(s.rest_rate * q.nu, int(s.events), FIRST_PIECE, math.inf)
     # There is nothing to be said of a motion that is lost.
     if begun in (repetition.ROCKING, repetition.STICKING, repetition.AT_REST, repetition.NOT_SETTLED):
@@ -220,7 +220,7 @@ def steady_state(x, y0, s, near, own, out):
         # The sizes of what is no orbit are no numbers.
         begun = _kind_of(own, residual, y)
         if begun != repetition.NOT_SETTLED:
-            found.amplitude, found.stroke = c.amplitude, c.stroke
+            found.amplitude, found.swing = c.amplitude, c.swing
     neutral = is_neutral(q.k, q.e, q.mu, q.zeta, multiplier)
     status = verdict(begun, residual, separation, multiplier, to_fold, c.crossing, neutral)
     # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
@@ -243,18 +243,18 @@ def steady_state(x, y0, s, near, own, out):
     elif marginal or singular or status == WANDERS:
         # I - DP may be singular: the sizes are those of the orbit as it was found, or, of a motion that did
         # not repeat, the largest met.
-        out.amplitude, out.stroke = c.amplitude, c.stroke
+        out.amplitude, out.swing = c.amplitude, c.swing
     elif status == repetition.OVERTURNED:
-        out.amplitude = out.stroke = math.inf
+        out.amplitude = out.swing = math.inf
     elif status != repetition.FAILED:
-        out.amplitude, out.stroke = found.amplitude, found.stroke
+        out.amplitude, out.swing = found.amplitude, found.swing
     if rests:
         # A block at rest has no amplitude, whatever moves. The stroke of a bob that hangs still is at the
         # corner of |psi|.
         out.amplitude = 0.0
         for j in range(MANY):
             out.by[_AMPLITUDE, j] = 0.0
-            if out.stroke == 0.0:
+            if out.swing == 0.0:
                 out.by[_STROKE, j] = math.nan
     out.lyapunov = separation
     if periodic:

@@ -131,7 +131,7 @@ def _status(q, largest, nearest, grazing):
 def _put_path(q, m, t, gamma, way, w, orbit):
     """Follow a solution from turn to turn, past all turns of the bob and of the falling rate, and without
     friction of the block, put what it meets into `orbit`, and return whether it is one."""
-    sizes, mode, stroke, least_fall = orbit.sizes, w.other, -1.0, math.inf
+    sizes, mode, swing, least_fall = orbit.sizes, w.other, -1.0, math.inf
     sizes[_PHASE], sizes[_CROSSING] = gamma, t
     for late in range(2):
         arc, begun, lasts = (way.second, t, m.span - t) if late else (way.first, 0.0, t)
@@ -145,8 +145,8 @@ def _put_path(q, m, t, gamma, way, w, orbit):
             pull = q.k * q.m22 / (q.m11 * q.m22 - q.m12 * q.m21)
             orbit.sticking = now[TILT_PULL] / (now[TILT_PULL] - 2.0 * pull)
         # The impact may turn the bob: |psi| may be largest where an arc begins.
-        if abs(now[SWING]) > stroke:
-            stroke, orbit.peak = abs(now[SWING]), begun
+        if abs(now[SWING]) > swing:
+            swing, orbit.peak = abs(now[SWING]), begun
         mode.kind, mode.tilt, mode.way = SLIP, (-1.0 if late else 1.0), -1.0
         # The signals of a block that slips do not depend on the forcing: any does.
         w.second, w.count = watch_block(q, arc, mode, arc.tilt, w), _DENTS + 1
@@ -170,8 +170,8 @@ def _put_path(q, m, t, gamma, way, w, orbit):
                     return _BROKEN
                 least_fall, mode.way = min(least_fall, q.xi * abs(now[TILT])), -mode.way
                 w.second = watch_block(q, arc, mode, arc.tilt, w)
-            if which == BOB and abs(now[SWING]) > stroke:
-                stroke, orbit.peak = abs(now[SWING]), begun + time
+            if which == BOB and abs(now[SWING]) > swing:
+                swing, orbit.peak = abs(now[SWING]), begun + time
             if which == _DENTS:
                 # From less to more: where it fell faster before, this is its quickest moment and no dent.
                 if slows > 0.0 and q.k > 0.0:
@@ -183,7 +183,7 @@ def _put_path(q, m, t, gamma, way, w, orbit):
             return _UNPROVED
         if which != (FIRST if late else SECOND) or not abs(time - lasts) < _ON_TIME * m.span:
             return _BROKEN
-    sizes[_STROKE], orbit.grazing = stroke, least_fall / (q.xi * sizes[_AMPLITUDE])
+    sizes[_STROKE], orbit.grazing = swing, least_fall / (q.xi * sizes[_AMPLITUDE])
     return _WHOLE
 
 

@@ -34,12 +34,12 @@ TURNING, CROSSED, MERGED, BROKEN, STUCK, TOUCHED, FLAT = range(7)
 """Places of the numbers that vanish at an orbit (its two conditions) and where orbits are lost, see
 `tpd.exact.symmetric_orbit_kernel.vanishing`."""
 SIZES = {
-    **{"amplitude": 0, "phase": 1, "crossing": 2, "stroke": 3, "fold": 4, "symmetry": 5, "torus": 6},
+    **{"amplitude": 0, "phase": 1, "crossing": 2, "swing": 3, "fold": 4, "symmetry": 5, "torus": 6},
     "state": slice(7, 11),
 }
 """Places of their sizes with derivatives in compiled code."""
 ASKED = {
-    **{(0, 3): ("amplitude", "phase", "crossing"), (3, 4): ("stroke",)},
+    **{(0, 3): ("amplitude", "phase", "crossing"), (3, 4): ("swing",)},
     **{(4, 7): ("fold", "symmetry", "torus"), (7, 11): ("state",)},
 }
 """Ranges of places that are computed together: those of a solution, of its path, of the map along it, and the

@@ -36,7 +36,7 @@ class Cycle(eqx.Module):
 
     end: State
     amplitude: Number
-    stroke: Number
+    swing: Number
     memory: Any
     """As `Settled.memory`, at the end."""
     transversality: Number

@@ -49,7 +49,7 @@ class HalfPeriod(NamedTuple):
     end: Array
     """The state at the end and its derivatives, (9, 4): in the four numbers of the first state, in the design
     (mu, lam, zeta), and in the phase of the forcing."""
-    stroke: Array
+    swing: Array
     """Largest |psi|, rad, and the same derivatives, (9,)."""
     start: Array
     """The first state."""
@@ -68,9 +68,9 @@ class Step(NamedTuple):
     """phi, the largest of the orbit, and psi (rad), phase of the forcing (rad) and psi' at the upper turn."""
     slope: np.ndarray
     """Its derivatives, (4, 3); the first row is that of the amplitude."""
-    stroke: np.ndarray
+    swing: np.ndarray
     """Largest |psi|, rad."""
-    stroke_slope: np.ndarray
+    swing_slope: np.ndarray
     residual: np.ndarray
     """Largest difference from an orbit, over nu for angles and xi nu for rates."""
     multiplier: np.ndarray
@@ -133,11 +133,11 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
         zs: Array = solution.ys  # type: ignore[assignment]
         ways = turned, jnp.moveaxis(zs[:, 1:], 1, 0)
         bob_of = partial(_largest_bob, times)
-        stroke, by_stroke = _along(bob_of, (motion, zs[:, _VALUE]), ways)
+        swing, by_stroke = _along(bob_of, (motion, zs[:, _VALUE]), ways)
         bob = jnp.where(q.mu > 0.0, 1.0, 0.0)
         return HalfPeriod(
             end=zs[-1],
-            stroke=jnp.concatenate([stroke[None], by_stroke]),
+            swing=jnp.concatenate([swing[None], by_stroke]),
             start=start,
             units=q.nu * jnp.stack([jnp.ones_like(q.xi), jnp.ones_like(q.xi), q.xi, q.xi]),
             felt=jnp.stack([jnp.ones_like(bob), bob, jnp.ones_like(bob), bob]),
@@ -155,7 +155,7 @@ def _along(function: Callable[..., Any], at: Any, ways: Any) -> tuple[Any, Any]:
 @np.errstate(all="ignore")
 def newton(turn: np.ndarray, half: HalfPeriod) -> Step:
     """The step of orbits (n, 4) from what half a period did to them."""
-    finite = np.all(np.isfinite(half.end), axis=(1, 2)) & np.all(np.isfinite(half.stroke), axis=1)
+    finite = np.all(np.isfinite(half.end), axis=(1, 2)) & np.all(np.isfinite(half.swing), axis=1)
     by = np.where(finite[:, None, None], half.end[:, 1:], 0.0)
     # The numbers of u are no state: the phase stands in the place of phi', which is zero.
     own = [TILT, SWING, _PHASE, SWING_RATE]
@@ -166,7 +166,7 @@ def newton(turn: np.ndarray, half: HalfPeriod) -> Step:
     residual = half.end[:, _VALUE] + half.start
     moved = -np.linalg.solve(jacobian, residual[:, :, None]).squeeze(-1)
     slope = -np.linalg.solve(jacobian, np.swapaxes(by[:, _DESIGN], 1, 2))
-    stroke_u = half.stroke[:, 1:][:, own]
+    swing_u = half.swing[:, 1:][:, own]
     # The derivative of the mirrored half period: its eigenvalues say whether the orbit attracts.
     g = np.linalg.eigvals(-by[:, :4] * (half.felt[:, :, None] * half.felt[:, None]))
     pairs = np.stack([g[:, i] * g[:, j] for i, j in combinations(range(4), 2)], axis=1)
@@ -174,8 +174,8 @@ def newton(turn: np.ndarray, half: HalfPeriod) -> Step:
     step = Step(
         turn=turn + moved,
         slope=slope,
-        stroke=half.stroke[:, _VALUE] + np.sum(stroke_u * moved, axis=1),
-        stroke_slope=half.stroke[:, 1:][:, _DESIGN] + np.einsum("ni,nij->nj", stroke_u, slope),
+        swing=half.swing[:, _VALUE] + np.sum(swing_u * moved, axis=1),
+        swing_slope=half.swing[:, 1:][:, _DESIGN] + np.einsum("ni,nij->nj", swing_u, slope),
         residual=np.max(np.abs(residual) / half.units, axis=1),
         multiplier=np.max(np.abs(g), axis=1) ** 2,
         reserve=np.min(np.real(margins), axis=0),

@@ -25,7 +25,7 @@ class Period(NamedTuple):
     y: State
     memory: Any
     amplitude: Number
-    stroke: Number
+    swing: Number
     rests: Bool[Array, ""]
     """Whether the block does not move any more: on its base, or where friction holds it leaning."""
     lost: Bool[Array, ""]
@@ -34,7 +34,7 @@ class Period(NamedTuple):
     """Whether the block was held by friction, or on its base, for a part of it."""
     peak: Number
     """Largest |phi|; `amplitude` as well unless the block came to rest."""
-    peak_stroke: Number
+    peak_swing: Number
 
 
 class Record(NamedTuple):
@@ -44,7 +44,7 @@ class Record(NamedTuple):
     memory: Any
     past: Float[Array, "longest 4"]
     amplitudes: Float[Array, "longest"]
-    strokes: Float[Array, "longest"]
+    swings: Float[Array, "longest"]
     held: Bool[Array, "longest"]
     repeats: Int[Array, ""]
     """Periods after which the motion repeats itself; 0 if it does not."""
@@ -54,7 +54,7 @@ class Record(NamedTuple):
     elapsed: Int[Array, ""]
     peak: Number
     """Largest |phi| so far."""
-    peak_stroke: Number
+    peak_swing: Number
 
     @property
     def done(self) -> Bool[Array, ""]:
@@ -78,7 +78,7 @@ class Record(NamedTuple):
             period.memory,
             push(period.y, self.past),
             push(period.amplitude, self.amplitudes),
-            push(period.stroke, self.strokes),
+            push(period.swing, self.swings),
             push(period.held, self.held),
             # A motion that was cut short stands where it stood, which is no repetition.
             jnp.where(period.exhausted, 0, repeats),
@@ -87,7 +87,7 @@ class Record(NamedTuple):
             period.exhausted,
             self.elapsed + 1,
             jnp.maximum(self.peak, period.peak),
-            jnp.maximum(self.peak_stroke, period.peak_stroke),
+            jnp.maximum(self.peak_swing, period.peak_swing),
         )
 
     def settled(self) -> Settled:
@@ -95,7 +95,7 @@ class Record(NamedTuple):
         periods = jnp.maximum(self.repeats, 1)
         # Of a motion that repeats itself, what its own periods reached: those before belong to the way there.
         own = (jnp.arange(LONGEST) < periods) | (self.repeats == 0)
-        stroke, amplitude = (jnp.max(jnp.where(own, x, 0.0)) for x in (self.strokes, self.amplitudes))
+        swing, amplitude = (jnp.max(jnp.where(own, x, 0.0)) for x in (self.swings, self.amplitudes))
         held = jnp.any(self.held & (jnp.arange(LONGEST) < periods))
         status = Status.where(held, Status.sticking, Status.rocking)
         status = Status.where(self.repeats > 0, status, Status.not_settled)
@@ -107,10 +107,10 @@ class Record(NamedTuple):
         status = Status.where(still, Status.rest, status)
         status = Status.where(self.lost, Status.overturned, status)
         status = Status.where(jnp.all(jnp.isfinite(self.y)), status, Status.failed)
-        stroke = jnp.where(self.rests, self.strokes[0], stroke)
+        swing = jnp.where(self.rests, self.swings[0], swing)
         amplitude = jnp.where(self.rests, jnp.abs(self.y[TILT]), amplitude)
-        peaks = (jnp.where(self.lost, jnp.inf, x) for x in (self.peak, self.peak_stroke))
-        return Settled(self.y, self.memory, periods, amplitude, stroke, status, self.elapsed, *peaks)
+        peaks = (jnp.where(self.lost, jnp.inf, x) for x in (self.peak, self.peak_swing))
+        return Settled(self.y, self.memory, periods, amplitude, swing, status, self.elapsed, *peaks)
 
 
 def blank(y0: State, memory: Any) -> Record:

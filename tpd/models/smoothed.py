@@ -116,9 +116,9 @@ class Smoothed(AbstractFlow):
             ys, bounded = self._integrate(field, y, times)
             # What a solver out of steps did not reach is infinite.
             ys = jnp.where(bounded | jnp.isfinite(ys), ys, y[None])
-            amplitude, stroke = jnp.max(jnp.abs(ys[:, TILT])), jnp.max(jnp.abs(ys[:, SWING]))
+            amplitude, swing = jnp.max(jnp.abs(ys[:, TILT])), jnp.max(jnp.abs(ys[:, SWING]))
             lost = ~(amplitude < limit)
-            return Period(ys[-1], memory, amplitude, stroke, no, lost, ~bounded, no, amplitude, stroke)
+            return Period(ys[-1], memory, amplitude, swing, no, lost, ~bounded, no, amplitude, swing)
 
         return settle(one_period, p, y0, None, tolerance=self.tolerance, max_periods=self.max_periods)
 
@@ -146,10 +146,10 @@ class Smoothed(AbstractFlow):
 
         first = (y, jnp.zeros(2), jnp.zeros(2))
         y, sizes, sides = jax.lax.fori_loop(0, settled.periods, one_period, first)
-        (amplitude, stroke), (right, left) = sizes, sides
+        (amplitude, swing), (right, left) = sizes, sides
         asymmetry = jnp.abs(right - left) / jnp.max(sides)
         never, closed = jnp.full_like(asymmetry, jnp.inf), jnp.ones((), bool)
-        return Cycle(y, amplitude, stroke, None, never, asymmetry, closed)
+        return Cycle(y, amplitude, swing, None, never, asymmetry, closed)
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]

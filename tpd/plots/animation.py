@@ -29,7 +29,7 @@ _VISIBLE, _MAGNIFIED = 0.05, (1, 2, 5, 10, 20, 50, 100)
 _TALL, _WIDE, _NARROW = 3.6, 4.2, 2.0
 """Largest height, largest and least width of one motion, inches."""
 _ABOVE, _BELOW, _LEAST, _DPI = 0.35, 0.5, 3.6, 80
-"""Room for words above and below, and the least width of the figure, inches; dots an inch."""
+"""Clearance for words above and below, and the least width of the figure, inches; dots an inch."""
 _COLOURS = 64
 """Shades of a film: a few inks, mixed where lines are smooth."""
 
@@ -181,12 +181,12 @@ def _actor(
     fallen = ax.text(0.5, 0.93, "", transform=ax.transAxes, ha="center", fontsize=11, weight="bold")
 
     def draw(i: int) -> list[Artist]:
-        corner, hung = film[i]
+        corner, with_it = film[i]
         block.set_xy(corner)
         ground.set_xy(slab + np.array([base[i], 0.0]))
         fallen.set_text("overturned" if r.lost[i] else "")
-        line.set_data(*hung.T)
-        bob.set_data(*hung[1:].T)
+        line.set_data(*with_it.T)
+        bob.set_data(*with_it[1:].T)
         return [block, ground, line, bob, fallen]
 
     return draw

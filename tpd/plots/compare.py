@@ -53,12 +53,19 @@ def plot_benefit(design: Design, ax: Any = None) -> Any:
         raise ValueError("`design` must have validation runs, but has none")
     rows, above = _rows(design, design.runs)
     heights, values = np.arange(len(rows)), np.array([row[1:] for row in rows])
-    bare, hung, low, high = values.T
+    without_it, with_it, low, high = values.T
     ax = new_axes(1, (7.4, 1.2 + 0.24 * len(rows))) if ax is None else ax
-    ax.hlines(heights, bare, hung, color=GREY, lw=1.0, zorder=1)
-    ax.hlines(heights, np.clip(bare + low, 0, 1), np.clip(bare + high, 0, 1), color=BLUE, lw=5, alpha=0.35)
+    ax.hlines(heights, without_it, with_it, color=GREY, lw=1.0, zorder=1)
+    ax.hlines(
+        heights,
+        np.clip(without_it + low, 0, 1),
+        np.clip(without_it + high, 0, 1),
+        color=BLUE,
+        lw=5,
+        alpha=0.35,
+    )
     # Marks stand over the lines, and at 0 and 1 over the frame: a half mark reads as another one.
-    for case, x, size in zip(CASES, (bare, hung), (8.0, 5.0), strict=True):
+    for case, x, size in zip(CASES, (without_it, with_it), (8.0, 5.0), strict=True):
         ax.plot(x, heights, clip_on=False, zorder=3, **case | {"ls": "", "ms": size})
     ax.set_yticks(heights, [row[0] for row in rows], fontsize=8)
     ax.set(xlim=(0.0, 1.0), xlabel="share of the runs; tilt as a share of the slenderness (-)")
@@ -129,7 +136,7 @@ def plot_conditions(design: Design, axes: Any = None) -> Any:
     # A comparison of amplitudes begins at zero; a little less, so that resting designs are seen.
     axes[0].set(ylabel=r"largest steady tilt $\Phi$ (rad)", ylim=(-0.03 * top, 1.08 * top))
     if best is not None:
-        axes[1].plot(x[order], _known(best, "stroke")[order], **CASES[1] | {"label": "bob"})
+        axes[1].plot(x[order], _known(best, "swing")[order], **CASES[1] | {"label": "bob"})
     if np.isfinite(design.stroke_limit):
         axes[1].axhline(design.stroke_limit, color=ORANGE, lw=1.2, ls=":", label="stroke limit")
     axes[1].set(ylabel="largest bob angle (rad)", xlabel=xlabel)

@@ -13,7 +13,7 @@ from matplotlib.patches import Polygon, Rectangle
 from scipy.optimize import root_scalar
 
 from tpd.core.formatting import number
-from tpd.design.criteria import Room, limit_of
+from tpd.design.criteria import Clearance, limit_of
 from tpd.design.design import Design
 from tpd.plots.style import BLUE, GREY, INK, Picture, own_style
 from tpd.scene.bob import Bob
@@ -29,7 +29,7 @@ _TALL, _WIDE, _PAGE = 4.0, 1.5, 7.3
 """Largest height of each view, width of the first and of both with their words, inches: a sheet of A4 has
 this width between its margins, so that words are printed in their own size."""
 _LEFT, _BETWEEN, _WORDS, _ABOVE, _BELOW = 0.75, 1.0, 2.6, 0.5, 0.9
-"""Room for dimensions and words around both views, inches."""
+"""Clearance for dimensions and words around both views, inches."""
 _STROKE = {True: "settled stroke", False: "largest angle"}
 """Name of the bob's angle that is drawn, by whether the motion is harmonic."""
 
@@ -64,9 +64,9 @@ def plot_design(design: Design, ax: Axes | None = None) -> Axes:
     if ax is not None:
         raise ValueError("`ax` must be None for a drawing, which has a figure of its own, but is given")
     # Without the limit the search took a point; a body in the drawing would claim that it fits.
-    room = limit_of(design.problem.limits, Room)
-    bob = room.bob if isinstance(room, Room) else None
-    return plot_scene(design.scene, design.pendulum, stroke=design.swing, bob=bob)
+    clearance = limit_of(design.problem.limits, Clearance)
+    bob = clearance.bob if isinstance(clearance, Clearance) else None
+    return plot_scene(design.scene, design.pendulum, swing=design.swing, bob=bob)
 
 
 class _Hung(NamedTuple):
@@ -92,15 +92,15 @@ class _Hung(NamedTuple):
     """Half the width between the walls."""
 
     @staticmethod
-    def of(scene: Scene, pendulum: Pendulum, stroke: float, bob: Bob | None) -> _Hung:
+    def of(scene: Scene, pendulum: Pendulum, swing: float, bob: Bob | None) -> _Hung:
         body, mass, length = bob or Bob(), float(pendulum.mass), float(pendulum.length)
         heavy, built = body.built(mass, length, float(scene.gravity))
-        rod, angle = built if math.isfinite(built) else length, min(stroke, 0.5 * math.pi)
+        rod, angle = built if math.isfinite(built) else length, min(swing, 0.5 * math.pi)
         mass = heavy if math.isfinite(heavy) else mass
         turned = [_body(body, mass, rod, x) for x in np.linspace(0.0, angle, 31)]
         depth = -float(min(shape[:, 1].min() for shape in turned))
         reach = float(body.reach(mass, rod, angle))
-        wall, exists = 0.5 * scene.block.room, math.isfinite(built)
+        wall, exists = 0.5 * scene.block.clear_width, math.isfinite(built)
         return _Hung(pendulum, body, mass, bob is not None, rod, exists, angle, depth, reach, wall)
 
     @property
@@ -110,8 +110,10 @@ class _Hung(NamedTuple):
         def short(angle: float) -> float:
             return float(self.body.reach(self.mass, self.rod, angle)) - self.wall
 
-        room = -short(self.angle)
-        said = f"{number(room, 3)} m clear to the wall" if room > 0.0 else "the bob touches the wall"
+        clearance = -short(self.angle)
+        said = (
+            f"{number(clearance, 3)} m clear to the wall" if clearance > 0.0 else "the bob touches the wall"
+        )
         if short(0.0) < 0.0 < short(0.5 * math.pi):
             touches = float(root_scalar(short, bracket=(0.0, 0.5 * math.pi)).root)
             said += f",\nwhich it meets at ±{touches:.3g} rad (±{math.degrees(touches):.3g}°)"
@@ -120,7 +122,7 @@ class _Hung(NamedTuple):
 
 @own_style()
 def plot_scene(
-    scene: Scene, pendulum: Pendulum | None = None, *, stroke: float = 0.0, bob: Bob | None = None
+    scene: Scene, pendulum: Pendulum | None = None, *, swing: float = 0.0, bob: Bob | None = None
 ) -> Axes:
     """Draw the block at rest to scale into a new figure and, to a larger scale beside it, its pendulum as it
     is to be built: beam and hinge, rod, body at rest and at both ends of its swing, depth and walls.
@@ -134,14 +136,18 @@ def plot_scene(
     Returns:
         The axes of the whole; those of the pendulum are the figure's second.
     """
-    hung = None if pendulum is None else _Hung.of(scene, pendulum, stroke, bob)
+    with_it = None if pendulum is None else _Hung.of(scene, pendulum, swing, bob)
     height, half = scene.block.height, 0.5 * scene.block.width
-    wide = max(half, 0.0 if hung is None else hung.reach)
+    wide = max(half, 0.0 if with_it is None else with_it.reach)
     scale = min(_TALL / height, _WIDE / (2.0 * wide))
-    left = _LEFT + 2.0 * wide * scale + (0.3 if hung is None else _BETWEEN)
-    side = 0.0 if hung is None else max(1.1 * hung.reach, min(1.15 * hung.wall, 2.5 * hung.reach))
-    larger = scale if hung is None else min(0.92 * _TALL / hung.depth, (_PAGE - left - _WORDS) / (2.0 * side))
-    size = left + (0.0 if hung is None else 2.0 * side * larger + _WORDS), _TALL + _ABOVE + _BELOW
+    left = _LEFT + 2.0 * wide * scale + (0.3 if with_it is None else _BETWEEN)
+    side = 0.0 if with_it is None else max(1.1 * with_it.reach, min(1.15 * with_it.wall, 2.5 * with_it.reach))
+    larger = (
+        scale
+        if with_it is None
+        else min(0.92 * _TALL / with_it.depth, (_PAGE - left - _WORDS) / (2.0 * side))
+    )
+    size = left + (0.0 if with_it is None else 2.0 * side * larger + _WORDS), _TALL + _ABOVE + _BELOW
     figure = Picture(figsize=(max(size[0], 2.6), size[1]), dpi=130)
     FigureCanvasAgg(figure)
     ax = _view(figure, 0.0, left, (-wide - _LEFT / scale, -_BELOW / scale), scale)
@@ -157,10 +163,10 @@ def plot_scene(
     away = half - wide - 0.35 * inch
     _dimension(ax, (-half, 0.0), (-half, height), away, f"{number(height)} m", scale)
     _base(ax, scene, wide, scale)
-    if hung is not None:
-        _draw(ax, hung, height, detail=False)
+    if with_it is not None:
+        _draw(ax, with_it, height, detail=False)
         low = (-side - _BETWEEN * 0.8 / larger, -(_TALL + _BELOW) / larger)
-        _detail(_view(figure, left - 0.8 * _BETWEEN, size[0], low, larger), scene, hung, side, larger)
+        _detail(_view(figure, left - 0.8 * _BETWEEN, size[0], low, larger), scene, with_it, side, larger)
     return ax
 
 

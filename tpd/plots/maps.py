@@ -33,7 +33,7 @@ _HATCHES = {
 _OTHER = ("++++", "no answer")
 _QUANTITIES = {
     "amplitude": r"largest tilt $|\varphi|$ (rad)",
-    "stroke": r"largest bob angle $|\psi|$ (rad)",
+    "swing": r"largest bob angle $|\psi|$ (rad)",
     "margin": "uplift margin of the resting block (-)",
 }
 
@@ -53,7 +53,7 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
     checks.one_of("quantity", quantity, tuple(_QUANTITIES))
     ax = cast(Axes, new_axes(size=(7.0, 5.4)) if ax is None else ax)
     values = getattr(m, quantity)
-    coloured = {"amplitude": _MOVING, "stroke": (*_MOVING, "rest"), "margin": tuple(m.counts)}[quantity]
+    coloured = {"amplitude": _MOVING, "swing": (*_MOVING, "rest"), "margin": tuple(m.counts)}[quantity]
     shown = np.isfinite(values) & np.isin(m.status, coloured)
     low, high = 0.0, 1.0
     if shown.any():

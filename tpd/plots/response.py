@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.bifurcations import Bifurcation, Kind
+from tpd.answers.motion_history import MotionHistory
 from tpd.answers.response import Branches, Response
-from tpd.answers.shaking_history import ShakingHistory
 from tpd.design.as_built import TimeHistory, time_histories
 from tpd.design.design import Design
 from tpd.plots.style import CASES, GREY, INK, LABELS, LINES, ORANGE, in_degrees, legend, new_axes, own_style
@@ -96,12 +96,12 @@ def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
     Returns:
         The axes, an array.
     """
-    hung = any(b.has_pendulum for b in cases.values())
-    axes = np.atleast_1d(new_axes(1 + hung, (7.0, 6.6 if hung else 4.4)) if axes is None else axes)
+    with_it = any(b.has_pendulum for b in cases.values())
+    axes = np.atleast_1d(new_axes(1 + with_it, (7.0, 6.6 if with_it else 4.4)) if axes is None else axes)
     colours = [GREY, LINES[1]["color"]][-len(cases) :]
     styles = [{"color": c, "lw": 2.6 if c == GREY else 1.5} for c in colours]
     for (label, case), style in zip(cases.items(), styles, strict=True):
-        for ax, quantity in zip(axes, ("amplitude", "stroke"), strict=False):
+        for ax, quantity in zip(axes, ("amplitude", "swing"), strict=False):
             if quantity == "amplitude" or case.has_pendulum:
                 _lines(ax, case, quantity, style)
                 for b in case.bifurcations:
@@ -113,7 +113,7 @@ def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
                     ax.plot(b.value, size, marker, mec=style["color"], **marks)
         axes[0].plot([], [], label=label, **style)
     axes[0].set(ylabel=r"largest tilt $|\varphi|$ (rad)")
-    if hung:
+    if with_it:
         axes[1].set(ylabel=r"largest bob angle $|\psi|$ (rad)")
     for ax in axes:
         ax.set_ylim(bottom=0.0)
@@ -140,7 +140,7 @@ def _lines(ax: Any, case: Branches, quantity: str, style: dict[str, Any]) -> Non
             # One point further, so that the next run begins where this one ends.
             part = slice(begin, end + 1)
             ax.plot(value[part], size[part], ls="-" if stable[begin] else _UNSTABLE, **style)
-    size = np.zeros_like(s.value) if quantity == "amplitude" else case.rest_stroke
+    size = np.zeros_like(s.value) if quantity == "amplitude" else case.rest_swing
     ax.plot(s.value, np.where(case.margin > 0.0, size, np.nan), **style)
 
 
@@ -152,12 +152,12 @@ def _stroke(case: Branches, b: Bifurcation) -> float:
     apart = np.abs(s.amplitude[rows] - b.amplitude)
     if np.isnan(apart).all():
         return np.nan
-    return float(s.stroke[rows].ravel()[np.nanargmin(apart)])
+    return float(s.swing[rows].ravel()[np.nanargmin(apart)])
 
 
 @own_style()
 def plot_motions(
-    histories: Sequence[TimeHistory] | Sequence[ShakingHistory],
+    histories: Sequence[TimeHistory] | Sequence[MotionHistory],
     slenderness: float,
     *,
     stroke_limit: float = np.inf,
@@ -176,15 +176,15 @@ def plot_motions(
     Returns:
         The axes, an array.
     """
-    shaken = [h for h in histories if isinstance(h, ShakingHistory)]
+    shaken = [h for h in histories if isinstance(h, MotionHistory)]
     rows = [
         (h.times, h.tilt, h.swing, h.overturned)
-        if isinstance(h, ShakingHistory)
+        if isinstance(h, MotionHistory)
         else (h.time, h.tilt, h.bob if h.with_pendulum else None, h.overturned)
         for h in histories
     ]
-    hung = any(swing is not None for _, _, swing, _ in rows)
-    count = 1 + hung + 2 * bool(shaken)
+    with_it = any(swing is not None for _, _, swing, _ in rows)
+    count = 1 + with_it + 2 * bool(shaken)
     if axes is None:
         axes = np.atleast_1d(new_axes(count, (7.4, 1.0 + 1.8 * count)))
     first = 1 if shaken else 0
@@ -205,7 +205,7 @@ def plot_motions(
             tilts.axhline(side * slenderness, color=ORANGE, lw=1.0, ls=":")
         tilts.annotate(r"$\nu$", (1.0, slenderness), (3, -3), ("axes fraction", "data"), "offset points")
     tilts.set_ylabel(r"tilt $\varphi$ (rad)")
-    if hung:
+    if with_it:
         axes[first + 1].set_ylabel("rod from the\nvertical $\\psi$ (rad)")
         if np.isfinite(stroke_limit):
             for side, label in ((-1.0, None), (1.0, "limit on the settled stroke")):
@@ -219,7 +219,7 @@ def plot_motions(
             ratio = np.abs(history.horizontal) / np.maximum(history.vertical, 1e-300)
             axes[-1].plot(history.times, np.minimum(ratio, 5.0), **style)
         axes[-1].set(ylabel="friction needed\n|H|/V (-)", ylim=(0.0, None))
-    for ax in axes[first : first + 1 + hung]:
+    for ax in axes[first : first + 1 + with_it]:
         ax.axhline(0.0, color=INK, lw=0.4)
         in_degrees(ax)
     # Autoscaling would take the end of a line that overturns for the end of time.

@@ -42,7 +42,7 @@ def plot(
             harmonic excitation also "conditions", the tilt over the one quantity in which the conditions
             differ, and "motion", the motion from rest. For a map it is the quantity, for a fragility the
             damage state.
-        quantity: of a map: "amplitude" (the default), "stroke" or "margin".
+        quantity: of a map: "amplitude" (the default), "swing" or "margin".
         state: damage state of a fragility; default "overturned".
         without: response or branches of the bare block over the same quantity, which are drawn as well.
         own: value of the design, which is marked in a response.
@@ -96,9 +96,11 @@ def draw_response(
 
 def draw_branches(result: Branches, without: Branches | None = None, axes: Any = None) -> Any:
     """Draw branches, and those of the bare block if there are any."""
-    bare, hung = (str(case["label"]) for case in CASES)
-    cases: dict[str, Branches] = dict(zip([bare], _without(result, without), strict=False))
-    return response.plot_branches(cases | {hung if result.has_pendulum else bare: result}, axes)
+    without_label, with_label = (str(case["label"]) for case in CASES)
+    cases: dict[str, Branches] = dict(zip([without_label], _without(result, without), strict=False))
+    return response.plot_branches(
+        cases | {with_label if result.has_pendulum else without_label: result}, axes
+    )
 
 
 def _without(result: Any, without: Any) -> list[Any]:

@@ -6,7 +6,7 @@ import math
 
 from tpd.answers.statistics import Interval
 from tpd.core.formatting import number
-from tpd.design.as_built import ARM, SAFETY, YIELD, Build, Study
+from tpd.design.as_built import ARM, SAFETY, YIELD, Build, Details
 from tpd.design.design import Design
 from tpd.design.reasons import DesignStatus
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
@@ -25,7 +25,7 @@ _NAMES = {
 """Words for a quantity that is varied, and how it is measured."""
 
 
-def section(design: Design, study: Study) -> list[Block]:
+def section(design: Design, study: Details) -> list[Block]:
     """Return the blocks of the section; empty where no pendulum is offered."""
     if study.build is None or design.pendulum is None:
         return []
@@ -34,10 +34,10 @@ def section(design: Design, study: Study) -> list[Block]:
 
 
 def _sizes(design: Design, build: Build) -> Table:
-    hung, loads = design.pendulum, build.loads
-    assert hung is not None
-    zeta = number(float(hung.damping_ratio))
-    point = f"{number(float(hung.mass))} kg at {number(float(hung.length))} m"
+    with_it, loads = design.pendulum, build.loads
+    assert with_it is not None
+    zeta = number(float(with_it.damping_ratio))
+    point = f"{number(float(with_it.mass))} kg at {number(float(with_it.length))} m"
     body = f"no body, {build.bob}, acts as a point of {point}: forces are those of the point"
     if math.isfinite(build.mass):
         dead = f"with the rod {number(build.dead, 3)} kg load the top without swinging"
@@ -176,7 +176,7 @@ def _checks(build: Build) -> Listing:
     )
 
 
-def _sensitivity(design: Design, study: Study) -> list[Block]:
+def _sensitivity(design: Design, study: Details) -> list[Block]:
     if not study.sensitivity:
         return []
     e, validated = float(design.scene.block.velocity_ratio), dict(design.problem.scatter)
@@ -199,7 +199,7 @@ def _sensitivity(design: Design, study: Study) -> list[Block]:
         "Reduction of the mean tilt (95 %) where one quantity alone is lower or higher, on the same runs "
         "of the linear equations as the first row. A restitution is varied as a number, without scatter."
     )
-    if design.status is DesignStatus.found:
+    if design.status is DesignStatus.recommended:
         caption += " Column 2 gives the tolerances for which the benefit was validated."
     lost = [_NAMES[m.name][0] for m in study.sensitivity if not min(m.low.low, m.high.low) > 0.0]
     text = "The benefit remains significant in all of these cases."

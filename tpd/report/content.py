@@ -12,7 +12,7 @@ from pathlib import Path
 
 from tpd.core import files
 from tpd.core.formatting import number
-from tpd.design.as_built import Study
+from tpd.design.as_built import Details
 from tpd.design.design import Design, FrontPoint
 from tpd.report import answer, construction, sections, words
 from tpd.report.blocks import Block, Cell, Code, Figure, Listing, Report, Section, Severity, Table, Text
@@ -69,7 +69,7 @@ CAPTIONS = {
 
 def content(
     design: Design,
-    study: Study,
+    details: Details,
     job_toml: str = "",
     directory: Path | None = None,
     name: str = "",
@@ -80,32 +80,32 @@ def content(
 
     Args:
         design: the answer of `optimise`.
-        study: everything else that is shown, from `tpd.study`.
+        study: everything else that is shown, from `tpd.details`.
         job_toml: the job file that repeats the run; left out if empty.
         directory: where the report lies, for the command that repeats the run.
         name: of the project, for the title.
         date: of the report, for the title.
         said: notes of the reader on the files of the records.
     """
-    found = notes(design, study)
-    drawn = names(design, study)
+    found = notes(design, details)
+    drawn = names(design, details)
     # By the stem of their names; empty lists where there is none.
     there = {n.partition(".")[0]: [Figure(n, *said)] if n in drawn else [] for n, said in CAPTIONS.items()}
     parts: dict[str, list[Block]] = {
         "Notes": [n for n in found if n.severity is not Severity.danger],
-        "Build it": construction.section(design, study),
-    } | sections.sections(design, study, there, said)
-    front: list[Block] = [*there["front"], _front(study.front)] if study.front else []
+        "Build it": construction.section(design, details),
+    } | sections.sections(design, details, there, said)
+    front: list[Block] = [*there["front"], _front(details.front)] if details.front else []
     parts |= {
         "Lighter pendulums": front,
         "Assumptions": [Listing(tuple(_assumptions(design)))],
         "How to repeat it": _repeat(design, job_toml, directory),
     }
     runs = design.runs
-    rows = (*(("project", name) for _ in range(bool(name))), *answer.pairs(design, study))
+    rows = (*(("project", name) for _ in range(bool(name))), *answer.pairs(design, details))
     return Report(
         title=words.title(design.scene, name, date),
-        verdict=answer.verdict(design, study),
+        verdict=answer.verdict(design, details),
         dangers=tuple(n for n in found if n.severity is Severity.danger),
         answer=Table(("", ""), tuple(rows)),
         comparison=None if runs is None else words.comparison(runs),
@@ -114,18 +114,18 @@ def content(
     )
 
 
-def names(design: Design, study: Study) -> tuple[str, ...]:
+def names(design: Design, details: Details) -> tuple[str, ...]:
     """Names of the pictures that there is data for."""
     harmonic = design.problem.without_pendulum is not None
     there = {
         "benefit.svg": design.runs is not None,
         "conditions.svg": harmonic and len(design.conditions) > 1 and design.conditions.axis is not None,
         "search.png": design.trials is not None and design.trials.process is not None,
-        "response.svg": bool(study.responses),
-        "motion.svg": bool(study.histories),
-        "front.svg": bool(study.front),
+        "response.svg": bool(details.responses),
+        "motion.svg": bool(details.histories),
+        "front.svg": bool(details.front),
         "drawing.svg": True,
-        "animation.gif": bool(study.histories),
+        "animation.gif": bool(details.histories),
     }
     return tuple(name for name, exists in there.items() if exists)
 
@@ -137,10 +137,10 @@ def _front(points: Sequence[FrontPoint]) -> Table:
         if p.pendulum is None:
             rows.append((f"{number(p.most)} kg", p.status.replace("_", " "), None))
             continue
-        hung = f"{number(p.pendulum.mass)} kg on {number(p.pendulum.length)} m, ζ = "
+        with_it = f"{number(p.pendulum.mass)} kg on {number(p.pendulum.length)} m, ζ = "
         saved, low, high = p.saved
         fall = None if math.isnan(saved) else f"{saved:.0%} ({low:.0%} to {high:.0%})"
-        rows.append((f"{number(p.most)} kg", f"{hung}{number(float(p.pendulum.damping_ratio))}", fall))
+        rows.append((f"{number(p.most)} kg", f"{with_it}{number(float(p.pendulum.damping_ratio))}", fall))
     caption = (
         "Every row is a design of its own, with validation runs of its own; the last is the design itself."
     )

@@ -13,8 +13,8 @@ from typing import Any
 from tpd.answers.response import Response
 from tpd.core import checks, files
 from tpd.core.progress import Progress, shown
-from tpd.design.as_built import Study, TimeHistory
-from tpd.design.as_built import study as compute
+from tpd.design.as_built import Details, TimeHistory
+from tpd.design.as_built import details as compute
 from tpd.design.design import Design
 from tpd.report.content import content, names
 from tpd.report.json import as_json
@@ -28,7 +28,7 @@ _MARK = "<!-- engine -->"
 def write(
     directory: Path,
     design: Design,
-    study: Study,
+    details: Details,
     job_tables: dict[str, Any],
     job_toml: str,
     said: Sequence[str] = (),
@@ -41,7 +41,7 @@ def write(
     Args:
         directory: made if it does not exist.
         design: the answer of `optimise`.
-        study: everything else that is shown, from `tpd.study`.
+        study: everything else that is shown, from `tpd.details`.
         job_tables: the job as plain tables, for design.json; empty where no job file says what was asked.
         job_toml: the job as a file that repeats the run, for scene.toml; empty where there is none.
         said: notes of the reader on the files of the records.
@@ -53,21 +53,21 @@ def write(
         "name": job_tables.get("project", {}).get("name", ""),
         "date": files.today(),
     }
-    report = content(design, study, job_toml, directory if job_toml else None, **named)
+    report = content(design, details, job_toml, directory if job_toml else None, **named)
     written = [
         files.place(directory / name, inside)
-        for name, inside in _words(design, study, job_tables, job_toml, said)
+        for name, inside in _words(design, details, job_tables, job_toml, said)
     ]
     written.insert(0, files.place(directory / "report.txt", text(report)))
     # Pictures take longest and may fail: the numbers are written, and the answer is printed, before them.
     then()
     drawn = {}
-    for name in names(design, study):
+    for name in names(design, details):
         try:
-            drawn[name] = draw(name, design, study)
+            drawn[name] = draw(name, design, details)
         # Matplotlib raises errors of every kind.
         except Exception as error:
-            warn(files.not_drawn(name, error))
+            warn(files.missing_picture(name, error))
         else:
             written.append(files.place(directory / name, drawn[name]))
     # Last, so that a page stands for a whole report.
@@ -79,7 +79,7 @@ def write_report(
     design: Design,
     folder: str | Path,
     *,
-    study: Study | None = None,
+    details: Details | None = None,
     overwrite: bool = False,
     progress: Progress | bool | None = None,
 ) -> list[Path]:
@@ -89,7 +89,7 @@ def write_report(
     Args:
         design: the answer of `optimise`.
         folder: directory of the report, which is made if it does not exist.
-        study: the answer of `tpd.study`; computed here by default.
+        study: the answer of `tpd.details`; computed here by default.
         overwrite: whether a report in the folder is replaced.
         progress: True for a bar on stderr, or called with (stage, done, of how many).
 
@@ -98,12 +98,12 @@ def write_report(
             written.
     """
     checks.instance("design", design, Design)
-    checks.optional("study", study, Study)
+    checks.optional("study", details, Details)
     checks.flag("overwrite", overwrite)
     folder = files.path_of(folder)
     files.claim(folder, overwrite=overwrite)
     with shown(progress) as report:
-        found = compute(design, progress=report) if study is None else study
+        found = compute(design, progress=report) if details is None else details
     # A user's own limit, or motions that exist only in Python, are in no job file.
     try:
         job = design.problem.job
@@ -114,16 +114,16 @@ def write_report(
 
 
 def _words(
-    design: Design, study: Study, job_tables: dict[str, Any], job_toml: str, said: Sequence[str]
+    design: Design, details: Details, job_tables: dict[str, Any], job_toml: str, said: Sequence[str]
 ) -> Iterator[tuple[str, str]]:
     """Names and contents of the files of numbers."""
-    yield "design.json", as_json(design, study, job_tables, said)
+    yield "design.json", as_json(design, details, job_tables, said)
     if job_toml:
         yield "scene.toml", job_toml
-    if study.responses:
-        yield "response.csv", response_csv(study.responses)
-    if study.histories:
-        yield "motion.csv", motion_csv(study.histories)
+    if details.responses:
+        yield "response.csv", response_csv(details.responses)
+    if details.histories:
+        yield "motion.csv", motion_csv(details.histories)
     if (trials := design.trials) is not None:
         head = ("mu", "lam", "zeta", "value", "trend", "overturned", "undecided", "feasible", *trials.names)
         columns = trials.value, trials.trend, trials.overturned, trials.undecided, trials.feasible
@@ -131,14 +131,14 @@ def _words(
         yield "trials.csv", files.as_csv(head, ((*d, *(x.item() for x in more), *s) for d, *more, s in rows))
 
 
-def draw(name: str, design: Design, study: Study) -> bytes:
+def draw(name: str, design: Design, details: Details) -> bytes:
     """Content of one of the files in `names`; `ValueError` for another name."""
     # A report in words does not wait for Matplotlib.
     from tpd.plots import animation, compare, drawing, landscape, response
     from tpd.plots.style import png, svg
 
     axes: Any
-    scene, histories = design.scene, study.histories or ()
+    scene, histories = design.scene, details.histories or ()
     what, _, kind = name.partition(".")
     match what:
         case "search":
@@ -150,15 +150,15 @@ def draw(name: str, design: Design, study: Study) -> bytes:
         case "drawing":
             axes = drawing.plot_design(design)
         case "response":
-            axes = response.plot_response(study.responses or (), scene.motion.frequency)
+            axes = response.plot_response(details.responses or (), scene.motion.frequency)
         case "motion":
             axes = response.plot_motions(histories, scene.block.slenderness, stroke_limit=design.stroke_limit)
         case "front":
-            axes = compare.plot_front(study.front)
+            axes = compare.plot_front(details.front)
         case "animation":
             return animation.animate(scene, design.pendulum, histories)
         case _:
-            raise ValueError(f"`name` must be one of {', '.join(names(design, study))}, but is {name!r}")
+            raise ValueError(f"`name` must be one of {', '.join(names(design, details))}, but is {name!r}")
     figure = (axes if hasattr(axes, "figure") else axes[0]).figure
     return svg(figure) if kind == "svg" else png(figure)
 

@@ -12,42 +12,46 @@ import numpy as np
 from tpd.answers.paired import PairedRuns
 from tpd.answers.runs import Runs
 from tpd.core import files
-from tpd.design.as_built import Study
+from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.gaussian_process import GaussianProcess
 from tpd.design.orbits import KINDS
-from tpd.design.reading import VERSION
 from tpd.design.reasons import Reason
-from tpd.records.reading import summary
+from tpd.design.stored_design import VERSION
+from tpd.records.read import summary
 from tpd.report import words
 from tpd.report.answer import verdict
 from tpd.report.notes import notes
 from tpd.scene.conditions import Conditions
 
 _DESIGN = "equivalent", "benefit", "overturning_reduction", "conditions", "space", "seed"
-_EVALUATION = ("tilt", "stroke", "margin", "multiplier", "reserve")
+_EVALUATION = ("tilt", "swing", "margin", "multiplier", "reserve")
 
 
-def as_json(design: Design, study: Study, job_tables: dict[str, Any], said: Sequence[str] = ()) -> str:
+def as_json(design: Design, details: Details, job_tables: dict[str, Any], said: Sequence[str] = ()) -> str:
     """The design as sorted JSON; infinite and unknown numbers are words."""
-    hung, gravity, problem = design.pendulum, float(design.scene.gravity), design.problem
-    p = design.scene.parameters(hung) if design.problem.without_pendulum is not None else None
+    with_it, gravity, problem = design.pendulum, float(design.scene.gravity), design.problem
+    p = design.scene.parameters(with_it) if design.problem.without_pendulum is not None else None
     # A limit is its value, or true where it has none; one of the user's own has all its fields.
     fields_of = {limit.name: vars(limit) for limit in problem.limits}
     limits = {n: next(iter(x.values())) if len(x) == 1 else x or True for n, x in fields_of.items()}
-    measure = problem.worth.measure if design.best is None else design.best.measure or problem.worth.measure
+    measure = (
+        problem.requirements.measure
+        if design.best is None
+        else design.best.measure or problem.requirements.measure
+    )
     entries = {
         "version": VERSION,
         "status": design.status.name,
-        "verdict": verdict(design, study).text,
+        "verdict": verdict(design, details).text,
         "reasons": list(design.refusals),
-        "notes": notes(design, study),
-        "pendulum": hung,
-        "hinge_damping_N_m_s_per_rad": None if hung is None else float(hung.hinge_damping(gravity)),
+        "notes": notes(design, details),
+        "pendulum": with_it,
+        "hinge_damping_N_m_s_per_rad": None if with_it is None else float(with_it.hinge_damping(gravity)),
         **{n: getattr(design, n) for n in _DESIGN},
-        **{n: getattr(study, n) for n in ("build", "sensitivity", "losses", "responses", "front")},
+        **{n: getattr(details, n) for n in ("build", "sensitivity", "losses", "responses", "front")},
         "risk": problem.risk,
-        "worth": replace(problem.worth, strikes=problem.allowed, measure=measure),
+        "requirements": replace(problem.requirements, wall_contacts=problem.allowed, measure=measure),
         "limits": limits,
         "usage": design.usage,
         "job": job_tables,

@@ -9,8 +9,8 @@ import numpy as np
 
 from tpd.answers.response import Response, window
 from tpd.core.formatting import number
-from tpd.design.as_built import Study
-from tpd.design.criteria import Room, Worth, limit_of
+from tpd.design.as_built import Details
+from tpd.design.criteria import Clearance, Requirements, limit_of
 from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
 from tpd.report.blocks import Note, danger, note
@@ -26,16 +26,20 @@ SLOW = 0.95
 """Largest Floquet multiplier above which a motion attracts slowly."""
 
 
-def notes(design: Design, study: Study) -> tuple[Note, ...]:
+def notes(design: Design, details: Details) -> tuple[Note, ...]:
     """Return all notes on a design: dangers first, else in the order of the generators below."""
     block, found = design.scene.block, list[Note]()
     if float(block.velocity_ratio) == 1.0 and not block.friction:
         found.append(note("The block loses no energy at all, unlike any real block. Give it a restitution."))
-    found += [*_runs(design), *_responses(study), *_earthquakes(design), *_sliding(design, study)]
+    found += [*_runs(design), *_responses(details), *_earthquakes(design), *_sliding(design, details)]
     if design.pendulum is not None and design.best is not None and design.best.exact is not None:
-        exact, bare = design.best.exact, design.problem.without_pendulum
-        found += [*_from_rest(design, exact, bare), *_settled(exact), *_orbits(design, exact, bare)]
-        if limit_of(design.problem.limits, Room) is None:
+        exact, without_it = design.best.exact, design.problem.without_pendulum
+        found += [
+            *_from_rest(design, exact, without_it),
+            *_settled(exact),
+            *_orbits(design, exact, without_it),
+        ]
+        if limit_of(design.problem.limits, Clearance) is None:
             found += _without_walls(design, exact, design.pendulum)
     return tuple(sorted(found, key=lambda n: n.severity.value))
 
@@ -47,13 +51,13 @@ def _runs(design: Design) -> Iterator[Note]:
         return
     if design.pendulum is not None:
         # A job may allow any share: wall contact is a danger all the same.
-        if limit_of(design.problem.limits, Room) is not None and best.over_limit > max(
-            Worth().allowed, 0.0 if runs.cluster is None else Worth().broken
+        if limit_of(design.problem.limits, Clearance) is not None and best.over_limit > max(
+            Requirements().allowed, 0.0 if runs.cluster is None else Requirements().broken
         ):
             yield danger(
                 f"A limit is exceeded in {best.over_limit:.1%} of the runs in which the block stands."
             )
-        least = design.problem.worth.at_least
+        least = design.problem.requirements.at_least
         if (
             best.quoted is not None
             and best.decided is not None
@@ -77,9 +81,9 @@ def _runs(design: Design) -> Iterator[Note]:
         )
 
 
-def _from_rest(design: Design, exact: ExactMotions, bare: ExactMotions) -> Iterator[Note]:
+def _from_rest(design: Design, exact: ExactMotions, without_it: ExactMotions) -> Iterator[Note]:
     """Overturning from rest, one motion for each condition."""
-    lost, without = (m.status == "overturned" for m in (exact, bare))
+    lost, without = (m.status == "overturned" for m in (exact, without_it))
     harmed, saved = np.flatnonzero(lost & ~without), int(np.sum(without & ~lost))
     if harmed.size:
         # Near overturning the end of one motion is chance, and only the counts mean something.
@@ -93,20 +97,20 @@ def _from_rest(design: Design, exact: ExactMotions, bare: ExactMotions) -> Itera
 def _without_walls(design: Design, exact: ExactMotions, pendulum: Pendulum) -> list[Note]:
     """At most one note: the first angle at which the bob as a body would touch the walls."""
     angles = {
-        "once settled": exact.stroke + exact.amplitude,
-        "on the way from rest": exact.peak + exact.peak_stroke,
+        "once settled": exact.swing + exact.amplitude,
+        "on the way from rest": exact.peak + exact.peak_swing,
     }
     if not design.problem.rest_counts:
         nu = design.scene.block.slenderness * design.conditions.column("slenderness")
-        orbits = exact.orbits.stroke[0] + exact.orbits.tilt[0] * nu
+        orbits = exact.orbits.swing[0] + exact.orbits.tilt[0] * nu
         angles["once settled"] = np.concatenate([angles["once settled"], orbits])
     largest = {when: finite_max(x) for when, x in angles.items()}
     if design.turned.size:
         largest["in half of the validation runs"] = float(np.median(design.turned))
-    return strikes(design.scene.block, pendulum, largest)[:1]
+    return wall_contacts(design.scene.block, pendulum, largest)[:1]
 
 
-def strikes(block: Block, pendulum: Pendulum, angles: Mapping[str, float]) -> list[Note]:
+def wall_contacts(block: Block, pendulum: Pendulum, angles: Mapping[str, float]) -> list[Note]:
     """Return a note for every angle at which a solid ball of steel would touch the block's walls, with a
     remedy.
 
@@ -116,7 +120,7 @@ def strikes(block: Block, pendulum: Pendulum, angles: Mapping[str, float]) -> li
             tilt together, which is never too little.
     """
     bob = Bob()
-    wall, mass, length = 0.5 * block.room, pendulum.mass, pendulum.length
+    wall, mass, length = 0.5 * block.clear_width, pendulum.mass, pendulum.length
     tried = np.linspace(0.0, 0.5 * math.pi, 1571)
     clear = tried[np.asarray(bob.reach(mass, length, tried)) <= wall]
     fits = f"up to {clear[-1]:.3g} rad" if clear.size else "at no angle"
@@ -138,15 +142,15 @@ def _settled(exact: ExactMotions) -> Iterator[Note]:
     if count := int(np.sum(rocks & (exact.margin > 0.0))):
         where = f" under {count} of {n} conditions" if n > 1 else ""
         yield note(f"The block could rest with this pendulum{where}, but from rest it ends in rocking.")
-    if (stroke := finite_max(exact.stroke)) > LARGE_STROKE:
-        yield note(f"At a stroke of {stroke:.2f} rad the linear equations of the pendulum are inaccurate.")
+    if (swing := finite_max(exact.swing)) > LARGE_STROKE:
+        yield note(f"At a stroke of {swing:.2f} rad the linear equations of the pendulum are inaccurate.")
     if (multiplier := finite_max(exact.multiplier[rocks])) > SLOW:
         yield note(f"The motion attracts slowly (Floquet multiplier {multiplier:.3f}).")
 
 
-def _orbits(design: Design, exact: ExactMotions, bare: ExactMotions) -> Iterator[Note]:
+def _orbits(design: Design, exact: ExactMotions, without_it: ExactMotions) -> Iterator[Note]:
     """Conditions in which the orbits of the search do not describe the whole motion."""
-    if exact.value > bare.value:
+    if exact.value > without_it.value:
         yield note(
             f"The {design.problem.risk.name} settled tilt, which the descents reduce, is larger with this "
             "pendulum than without it: the trial runs from many initial states chose it."
@@ -157,9 +161,9 @@ def _orbits(design: Design, exact: ExactMotions, bare: ExactMotions) -> Iterator
         yield note(f"{under} no symmetric orbit that attracts was found.")
 
 
-def _sliding(design: Design, study: Study) -> Iterator[Note]:
+def _sliding(design: Design, details: Details) -> Iterator[Note]:
     """Sliding of the base while the block rocks, which no run has."""
-    own, build = design.scene.block.base_friction, study.build
+    own, build = design.scene.block.base_friction, details.build
     if own is not None and build is not None and build.loads.friction > own:
         yield danger(
             f"THE BASE SLIDES WHILE THE BLOCK ROCKS: its coefficient of friction is {number(own, 2)}, and it "
@@ -178,25 +182,25 @@ def _earthquakes(design: Design) -> Iterator[Note]:
         )
 
 
-def _responses(study: Study) -> Iterator[Note]:
+def _responses(details: Details) -> Iterator[Note]:
     """Frequencies at which the block overturns more often with the pendulum."""
-    if len(study.responses) < 2:
+    if len(details.responses) < 2:
         return
-    bare, hung = study.responses
-    worse = overturns_more(bare, hung)
+    without_it, with_it = details.responses
+    worse = overturns_more(without_it, with_it)
     if worse.any():
-        i = int(np.argmax(np.where(worse, hung.overturning[0] - bare.overturning[0], -1.0)))
-        low, high = hung.frequency[worse][[0, -1]]
+        i = int(np.argmax(np.where(worse, with_it.overturning[0] - without_it.overturning[0], -1.0)))
+        low, high = with_it.frequency[worse][[0, -1]]
         where = f"Between {low:.3g} and {high:.3g} Hz" if high > low else f"At {low:.3g} Hz"
         yield danger(
             f"{where} the block OVERTURNS more often with the pendulum "
-            f"({overturned_between((bare, hung), *window(hung.frequency[i]))}; "
+            f"({overturned_between((without_it, with_it), *window(with_it.frequency[i]))}; "
             "linear equations, same base amplitude)."
         )
 
 
-def overturns_more(bare: Response, hung: Response) -> np.ndarray:
+def overturns_more(without_it: Response, with_it: Response) -> np.ndarray:
     """Where significantly more of the runs near a frequency overturn with the pendulum: Newcombe's interval
     of the difference of two shares, wider for many frequencies, lies above zero."""
-    (value, low, _), (other, _, high) = hung.overturning, bare.overturning
+    (value, low, _), (other, _, high) = with_it.overturning, without_it.overturning
     return value - other > _MANY * np.hypot(value - low, high - other)

@@ -11,12 +11,12 @@ import numpy as np
 from tpd.answers.paired import PairedRuns
 from tpd.answers.runs import Runs, label_of_ramp
 from tpd.core.formatting import number
-from tpd.design.as_built import Study
+from tpd.design.as_built import Details
 from tpd.design.criteria import LABELS
 from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
 from tpd.design.orbits import KINDS
-from tpd.records.reading import facts, same_earthquakes
+from tpd.records.read import facts, same_earthquakes
 from tpd.report import words
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
 from tpd.scene.record import Record
@@ -33,7 +33,7 @@ _SCATTERED = {
 
 
 def sections(
-    design: Design, study: Study, figures: Mapping[str, Sequence[Block]], notes: Sequence[str]
+    design: Design, details: Details, figures: Mapping[str, Sequence[Block]], notes: Sequence[str]
 ) -> dict[str, list[Block]]:
     """Return blocks by the titles of their sections, in the order of a report; empty ones are left out later.
 
@@ -45,7 +45,7 @@ def sections(
     runs = over_runs(design)
     return {
         "Validation runs": [*figures["benefit"], *runs] if runs else [],
-        "Other energy losses": other_losses(study),
+        "Other energy losses": other_losses(details),
         "What limits the design": limiting(design),
         "Nearby frequencies": [*figures["response"]],
         "Motion from rest": [*figures["motion"]],
@@ -123,20 +123,20 @@ def _by_part(runs: PairedRuns) -> list[Block]:
     return [Table(("condition", "with pendulum", "without", "significantly worse"), rows, caption)]
 
 
-def other_losses(study: Study) -> list[Block]:
+def other_losses(details: Details) -> list[Block]:
     """Return the pendulum where the block loses its energy in another way."""
-    if not study.losses:
+    if not details.losses:
         return []
     rows: list[tuple[Cell, ...]] = []
-    for case in study.losses:
+    for case in details.losses:
         shares = (case.runs.change(name) for name in ("overturned", "at rest"))
         cells = (f"{c.with_pendulum:.1%} / {c.without_pendulum:.1%}" for c in shares)
         losses = f"k = {number(case.friction, 3)}, e = {number(case.velocity_ratio, 4)}"
         rows.append((case.name, losses, case.runs.benefit_in_words, *cells))
     head = ("losses", "", "benefit", "overturned, with / without", "at rest, with / without")
     caption = (
-        f"{study.losses[0].runs.description} each, with other losses of the block: they are its least known "
-        "data."
+        f"{details.losses[0].runs.description} each, with other losses of the block: they are its least "
+        "known data."
     )
     return [Table(head, tuple(rows), caption)]
 
@@ -185,12 +185,12 @@ def _row(design: Design, name: str, i: int | None) -> tuple[Cell, ...]:
 
 def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
     """Return the exact settled motion under every condition, with harmonic excitation."""
-    bare, best, n = design.problem.without_pendulum, design.best, len(design.conditions)
-    if bare is None:
+    without, best, n = design.problem.without_pendulum, design.best, len(design.conditions)
+    if without is None:
         return []
     with_it = None if best is None else best.exact
     risk = design.problem.risk.name
-    rows: list[tuple[Cell, ...]] = [(f"{risk} tilt without a pendulum", words.risk(design, bare.value))]
+    rows: list[tuple[Cell, ...]] = [(f"{risk} tilt without a pendulum", words.risk(design, without.value))]
     if with_it is not None:
         rows.append((f"{risk} tilt with the pendulum", words.risk(design, with_it.value)))
         rows.append(("stroke of the bob", words.angle(design.swing)))
@@ -202,9 +202,9 @@ def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
         return out
     cells: list[tuple[Cell, ...]] = []
     for i in map(int, np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(int))):
-        row = [design.conditions.label(i), *_motion(design, bare, i)]
+        row = [design.conditions.label(i), *_motion(design, without, i)]
         if with_it is not None:
-            row += [*_motion(design, with_it, i), float(with_it.orbits.stroke[0, i])]
+            row += [*_motion(design, with_it, i), float(with_it.orbits.swing[0, i])]
         cells.append(tuple(row))
     head = ("condition", "tilt without (rad)", "orbit without", "from rest without")
     head += () if with_it is None else ("tilt with (rad)", "orbit with", "from rest with", "stroke (rad)")

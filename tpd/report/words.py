@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tpd.core.formatting import number
-from tpd.design.criteria import KINDS, Limit, Room, limit_of
-from tpd.records.reading import in_words
+from tpd.design.criteria import KINDS, Clearance, Limit, limit_of
+from tpd.records.read import in_words
 from tpd.report.blocks import NO_VALUE, Table
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.quantities import UNITS
@@ -76,7 +76,7 @@ def risk(design: Design, value: float) -> str:
 def limit(of: Limit) -> str:
     """A limit with its value."""
     name = of.name.replace("_", " ")
-    if isinstance(of, Room):
+    if isinstance(of, Clearance):
         return f"the bob, {of.bob}, keeps off the walls"
     if type(of) not in KINDS:
         # A limit of the user's own has any fields, in units of its own.
@@ -90,7 +90,7 @@ def missing(design: Design) -> list[str]:
     parts = []
     if len(design.conditions) == 1:
         parts.append("considered one excitation only")
-    if limit_of(design.problem.limits, Room) is None:
+    if limit_of(design.problem.limits, Clearance) is None:
         parts.append("assumed a bob without size, and no walls")
     return parts
 

@@ -21,8 +21,8 @@ from tpd.scene.scene import (
     Pendulum,
     Scene,
     check_damping,
+    check_excitation,
     check_proportions,
-    check_shaking,
     dimensionless,
 )
 
@@ -68,7 +68,7 @@ def parameters_of(subject: Parameters | Scene, pendulum: Pendulum | None = None)
     return Setup.of(subject, pendulum).at({})
 
 
-def bare_parameters_of(subject: Parameters | Scene) -> Parameters:
+def parameters_without_pendulum(subject: Parameters | Scene) -> Parameters:
     """The parameters of a subject without its pendulum."""
     return subject.parameters() if isinstance(subject, Scene) else replace(subject, mu=0.0)
 
@@ -143,10 +143,10 @@ class Setup:
         if name in ("pendulum_damping", "zeta"):
             check_damping(name, values)
         if name == "amplitude":
-            check_shaking(values, q["frequency"])
+            check_excitation(values, q["frequency"])
         if name == "frequency" and "amplitude" in q:
             # The acceleration grows with the square: a wide range of frequencies may end beyond any ground.
-            check_shaking(q["amplitude"], values.min())
+            check_excitation(q["amplitude"], values.min())
 
     def check_name(self, argument: str, name: str) -> None:
         """Raise `ValueError` unless `name`, given as `argument`, can be varied."""

@@ -141,7 +141,7 @@ class Block:
             )
 
     @property
-    def room(self) -> Real:
+    def clear_width(self) -> Real:
         """Width (m) between the walls that the bob swings within; infinite where no cavity is stated, so that
         nothing is known of walls."""
         return math.inf if self.cavity_width is None else self.cavity_width
@@ -214,7 +214,7 @@ class Harmonic:
         _convert_numbers(self)
         checks.not_negative("amplitude", self.amplitude, every=True)
         checks.positive("frequency", self.frequency, *FREQUENCIES, " Hz", every=True)
-        check_shaking(self.amplitude, self.frequency)
+        check_excitation(self.amplitude, self.frequency)
 
     @property
     def rate(self) -> Real:
@@ -302,7 +302,7 @@ class Scene:
             checks.at_most("pendulum.length", pendulum.length, block.height, "the height of the block")
         # At mu = 0 the bob does not act on the block, but the equations of the pair still contain its length:
         # any usual value serves.
-        hung = (
+        with_it = (
             Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3) if pendulum is None else pendulum
         )
         own = {} if block.radius_of_gyration is None else {"radius_of_gyration": block.radius_of_gyration}
@@ -321,9 +321,9 @@ class Scene:
             **own,
             **shaking,
             "gravity": self.gravity,
-            "pendulum_mass": hung.mass,
-            "pendulum_length": hung.length,
-            "pendulum_damping": hung.damping_ratio,
+            "pendulum_mass": with_it.mass,
+            "pendulum_length": with_it.length,
+            "pendulum_damping": with_it.damping_ratio,
         }
 
     def pendulum(self, *, mass_ratio: Real, length_ratio: Real, damping_ratio: Real) -> Pendulum:
@@ -367,7 +367,7 @@ def check_proportions(width: Any, height: Any, mass: Any) -> None:
         )
 
 
-def check_shaking(amplitude: Any, frequency: Any) -> None:
+def check_excitation(amplitude: Any, frequency: Any) -> None:
     """Raise `ValueError` for a harmonic base motion of an acceleration that no ground has. Traced values
     pass.
 

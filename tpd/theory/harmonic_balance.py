@@ -75,7 +75,7 @@ class HarmonicBranches(NamedTuple):
 
     amplitude: Float[Array, "*batch 2"]
     """Amplitude of the tilt phi."""
-    stroke: Float[Array, "*batch 2"]
+    swing: Float[Array, "*batch 2"]
     """Amplitude of the bob's angle psi."""
     phase: Float[Array, "*batch 2"]
     """Phase xi tau of the forcing f sin(xi tau) at the upper turn, in (-pi, pi]."""
@@ -88,8 +88,8 @@ def _described(
     """Branches of given amplitudes phi (any positive number where none exists) and complex forcings F."""
     z = (forcing - of.drive * phi) / of.d
     phase = jnp.arctan2(jnp.real(forcing), -jnp.imag(forcing))
-    amplitude, stroke, phase = (jnp.where(exists, x, 0.0) for x in (phi, jnp.sqrt(_abs2(z)), phase))
-    return HarmonicBranches(amplitude, stroke, phase, exists)
+    amplitude, swing, phase = (jnp.where(exists, x, 0.0) for x in (phi, jnp.sqrt(_abs2(z)), phase))
+    return HarmonicBranches(amplitude, swing, phase, exists)
 
 
 def one_harmonic_branches(p: Parameters) -> HarmonicBranches:
@@ -123,7 +123,7 @@ class Harmonic1(NamedTuple):
     """One-harmonic estimate of the stable branch: amplitudes in rad, and True where it exists."""
 
     amplitude: Number
-    stroke: Number
+    swing: Number
     exists: Number
 
 
@@ -133,7 +133,7 @@ def one_harmonic(p: Parameters) -> Harmonic1:
     Where the balance has no root, `exists` is False and both amplitudes are zero.
     """
     both = one_harmonic_branches(p)
-    return Harmonic1(both.amplitude[..., 0], both.stroke[..., 0], both.exists[..., 0])
+    return Harmonic1(both.amplitude[..., 0], both.swing[..., 0], both.exists[..., 0])
 
 
 class Neglected(NamedTuple):

@@ -32,7 +32,7 @@ class Uplift(NamedTuple):
 
     margin: Number
     """1 - |B| f / ((1 + mu) nu + k): positive where the block at rest does not lift."""
-    stroke: Number
+    swing: Number
     """Amplitude (rad) of the bob's angle under the resting block, f/|D|."""
 
 

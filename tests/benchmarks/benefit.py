@@ -52,7 +52,7 @@ class Evaluator:
         runs = self.problem.paired_runs(design, self.seed)
         over, _ = self.problem.over_limit(design, runs.with_pendulum)
         benefit = runs.benefit
-        return {"benefit": benefit.mean, "interval": [benefit.low, benefit.high], "strikes": over}
+        return {"benefit": benefit.mean, "interval": [benefit.low, benefit.high], "wall_contacts": over}
 
 
 def brute_force(
@@ -64,10 +64,10 @@ def brute_force(
     units = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
     designs = space.unscaled(units)
     first = [choosing(design) for design in designs]
-    kept = [i for i, found in enumerate(first) if found["strikes"] <= OVER]
+    kept = [i for i, found in enumerate(first) if found["wall_contacts"] <= OVER]
     best = sorted(kept, key=lambda i: -first[i]["benefit"])[:CHOSEN]
     again = [evaluate(designs[i]) for i in best]
-    keeps = [found for found in again if found["strikes"] <= OVER]
+    keeps = [found for found in again if found["wall_contacts"] <= OVER]
     out = {"designs": len(designs), "keep": len(kept), "seconds": time.perf_counter() - begun}
     return out | max(keeps, key=lambda found: found["benefit"], default={})
 

@@ -18,7 +18,7 @@ from tpd.design.job import Job, job_of
 from tpd.design.reasons import DesignStatus
 from tpd.scene.scene import Pendulum
 
-VERSION = 9
+VERSION = 10
 """Version of the file; it grows when a key that is read here changes its meaning or goes away."""
 _TYPES = {dict: "a table", str: "a text"}
 
@@ -48,8 +48,8 @@ class StoredDesign(Printed):
         # The sentence of the report has the reasons for its verdict.
         sentence = str(self.content.get("verdict", self.status.value))
         lines = [f"Stored design: {self.status.name}", sentence]
-        if (hung := self.pendulum) is not None:
-            size = f"{hung.mass:.4g} kg on {hung.length:.4g} m, ζ = {hung.damping_ratio:.4g}"
+        if (with_it := self.pendulum) is not None:
+            size = f"{with_it.mass:.4g} kg on {with_it.length:.4g} m, ζ = {with_it.damping_ratio:.4g}"
             lines.append(f"  pendulum    {size}")
         return "\n".join(lines)
 

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.answers.shaking_history import shaking_history
+from tpd.answers.motion_history import motion_history
 
 GRAVITY = 9.80665
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
-HUNG = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
+PENDULUM = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
 SINE = tpd.Scene(COLUMN, tpd.Pulse.one_sine(acceleration=2.0 * GRAVITY / 6.0, frequency=1.2375))
 
 
 def test_the_history_is_that_of_the_motion():
-    found, one = shaking_history(SINE, HUNG, free=5.0), tpd.transient(SINE, HUNG, free=5.0)
+    found, one = motion_history(SINE, PENDULUM, free=5.0), tpd.transient(SINE, PENDULUM, free=5.0)
     assert np.abs(found.tilt).max() == pytest.approx(float(one.tilt), rel=1e-3)
     assert found.status == one.status
     # The last time is the end of the motion.
@@ -24,12 +24,12 @@ def test_the_history_is_that_of_the_motion():
     # The hinge rises with the axis of the block, to whichever side it leans.
     np.testing.assert_allclose(found.bob[:, 1] / 450.0, found.vertical / 9450.0, rtol=1e-12)
     assert np.ptp(np.sign(found.tilt)) == 2.0
-    assert shaking_history(SINE, free=5.0).swing is None
+    assert motion_history(SINE, free=5.0).swing is None
 
 
 def test_the_horizontal_force_is_the_rate_of_the_momentum_of_block_and_bob():
     t = np.linspace(0.15, 0.25, 2001)
-    found = shaking_history(SINE, HUNG, times=t)
+    found = motion_history(SINE, PENDULUM, times=t)
     momentum = 9000.0 * -3.0 * found.tilt + 450.0 * (-6.0 * found.tilt + 0.9 * found.swing)
     second = np.gradient(np.gradient(momentum, t), t)[5:-5]
     force = (found.horizontal - 9450.0 * found.base)[5:-5]
@@ -43,7 +43,7 @@ def test_the_horizontal_force_is_the_rate_of_the_momentum_of_block_and_bob():
 
 
 def test_impacts_have_their_times_and_rates():
-    found = shaking_history(SINE, free=20.0)
+    found = motion_history(SINE, free=20.0)
     assert len(found.impacts) == int(tpd.transient(SINE, free=20.0).impacts)
     times, rates = found.impacts.T
     assert np.all(np.diff(times) > 0.0)
@@ -56,24 +56,24 @@ def test_impacts_have_their_times_and_rates():
 
 def test_a_hanging_rod_carries_the_weight_of_its_bob():
     weak = dataclasses.replace(SINE, motion=SINE.motion.scaled(1e-6))
-    tension, whole, relative = shaking_history(weak, HUNG, free=1.0).loads(HUNG)
+    tension, whole, relative = motion_history(weak, PENDULUM, free=1.0).loads(PENDULUM)
     assert (tension, whole) == pytest.approx((450.0 * GRAVITY, 450.0 * GRAVITY), rel=1e-5)
     assert 0.0 < relative < 1e-5
-    strong = shaking_history(SINE, HUNG, free=1.0).loads(HUNG)
+    strong = motion_history(SINE, PENDULUM, free=1.0).loads(PENDULUM)
     assert min(strong[:2]) > tension
     with pytest.raises(ValueError, match="a history without a pendulum has no loads"):
-        shaking_history(weak, free=1.0).loads(HUNG)
+        motion_history(weak, free=1.0).loads(PENDULUM)
 
 
 def test_nothing_is_said_once_the_block_lies_and_bad_times_are_refused():
-    fallen = shaking_history(dataclasses.replace(SINE, motion=SINE.motion.scaled(1.5)), free=20.0)
+    fallen = motion_history(dataclasses.replace(SINE, motion=SINE.motion.scaled(1.5)), free=20.0)
     assert tpd.status_name(fallen.status) == "overturned"
     gone = np.isnan(fallen.tilt)
     assert (gone[0], gone[-1]) == (False, True)
     assert np.all(np.diff(gone.astype(int)) >= 0)
     for times in (np.array([0.0]), np.array([1.0, 0.5]), np.array([-1.0, 1.0])):
         with pytest.raises(ValueError, match=r"must be (a vector of 2 or more increasing|zero or positive)"):
-            shaking_history(SINE, times=times)
+            motion_history(SINE, times=times)
 
 
 @pytest.mark.mends("a start with a unit or a mask lost it, and a negative time of free motion was accepted")
@@ -95,13 +95,13 @@ def test_nothing_is_said_once_the_block_lies_and_bad_times_are_refused():
 )
 def test_bad_input_is_refused(wrong, said):
     with pytest.raises(ValueError, match=said):
-        shaking_history(SINE, **wrong)
+        motion_history(SINE, **wrong)
 
 
 @pytest.mark.mends("the last row of a history was no number where rounding put the last time beyond the end")
-@pytest.mark.parametrize("hung", [None, HUNG])
+@pytest.mark.parametrize("hung", [None, PENDULUM])
 @pytest.mark.parametrize("free", [0.0, 0.3, 3.0])
-def test_no_row_of_a_motion_that_rocks_or_stands_is_unknown(hung, free):
+def test_no_row_of_a_motion_that_rocks_or_stands_is_unknown(pendulum, free):
     samples = np.random.default_rng(5).normal(size=37)
     steps = (0.01, 0.005, 0.02, 0.004, 1.0 / 128.0, 0.0123, 1.0 / 30.0, 0.1)
     # Slow ones would overturn the block.
@@ -115,11 +115,11 @@ def test_no_row_of_a_motion_that_rocks_or_stands_is_unknown(hung, free):
     seen = set()
     for motion in motions:
         scene = tpd.Scene(COLUMN, motion)
-        found, one = shaking_history(scene, hung, free=free), tpd.transient(scene, hung, free=free)
+        found, one = motion_history(scene, pendulum, free=free), tpd.transient(scene, pendulum, free=free)
         seen.add(tpd.status_name(found.status))
         assert tpd.status_name(found.status) == tpd.status_name(one.status) != "overturned"
         columns = [found.tilt, found.horizontal, found.vertical, found.base]
-        columns += [] if hung is None else [found.swing, *found.bob.T]
+        columns += [] if pendulum is None else [found.swing, *found.bob.T]
         assert np.isfinite(columns).all()
         assert found.tilt[-1] == pytest.approx(float(one.state[0]), abs=1e-10)
         assert found.times[-1] == pytest.approx(float(motion.duration) + free, rel=1e-12)
@@ -129,7 +129,10 @@ def test_no_row_of_a_motion_that_rocks_or_stands_is_unknown(hung, free):
 @pytest.mark.mends("times after the end of the free motion were unknown, as those of a block that lies")
 def test_the_free_motion_lasts_until_the_last_time():
     late = np.linspace(0.0, 12.0, 25)
-    found, whole = shaking_history(SINE, HUNG, times=late, free=1.0), shaking_history(SINE, HUNG, free=30.0)
+    found, whole = (
+        motion_history(SINE, PENDULUM, times=late, free=1.0),
+        motion_history(SINE, PENDULUM, free=30.0),
+    )
     assert np.isfinite(found.tilt).all()
     np.testing.assert_allclose(found.tilt, np.interp(late, whole.times, whole.tilt), atol=2e-3)
 
@@ -138,7 +141,7 @@ def test_a_fall_after_the_free_motion_leaves_the_last_row_known():
     """The block passes its balance within the free time, and the last arc leads beyond return after it."""
     for free in (0.4, 0.5, 0.6):
         scene = dataclasses.replace(SINE, motion=SINE.motion.scaled(1.25))
-        found, one = shaking_history(scene, free=free), tpd.transient(scene, free=free)
+        found, one = motion_history(scene, free=free), tpd.transient(scene, free=free)
         assert tpd.status_name(found.status) == "overturned"
         assert float(one.overturning_time) > found.times[-1]
         assert np.isfinite(found.tilt).all()

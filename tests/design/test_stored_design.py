@@ -10,11 +10,11 @@ import pytest
 
 import tpd
 from tests import designs
-from tpd.design.as_built import Study, build_of
+from tpd.design.as_built import Details, build_of
 from tpd.design.design import Design
 from tpd.design.harmonic import HarmonicProblem
-from tpd.design.reading import StoredDesign, read_design
 from tpd.design.reasons import DesignStatus
+from tpd.design.stored_design import StoredDesign, read_design
 from tpd.design.validate import Validated
 from tpd.report.json import as_json
 
@@ -22,8 +22,8 @@ BLOCK = tpd.Block(
     width=0.1 + 0.2, height=1.1 / 0.9, mass=100.0 / 3.0, restitution="housner", cavity_width=0.2 + 1e-16
 )
 MOTION = tpd.Harmonic(amplitude=0.1 / 7.0, frequency=math.pi)
-HUNG = tpd.Pendulum(mass=1.0 / 3.0, length=0.1 + 0.2, damping_ratio=0.3 - 0.1)
-LIMITS = (tpd.limits.Stroke(1.0 / 3.0), tpd.limits.Room(), tpd.limits.Worsening(0.1 + 0.2))
+PENDULUM = tpd.Pendulum(mass=1.0 / 3.0, length=0.1 + 0.2, damping_ratio=0.3 - 0.1)
+LIMITS = (tpd.limits.Stroke(1.0 / 3.0), tpd.limits.Clearance(), tpd.limits.Worsening(0.1 + 0.2))
 SCENE = tpd.Scene(BLOCK, MOTION, 9.8 + 0.1 / 3.0)
 JOB = {
     "block": {k: v for k, v in vars(BLOCK).items() if v is not None},
@@ -42,23 +42,23 @@ def design():
     conditions = tpd.Conditions(factors={"frequency": np.array([0.1 + 0.2])}, description=("one",))
     given = {"conditions": conditions, "limits": LIMITS, "risk": tpd.Risk.cvar(1.0 / 3.0)}
     problem = HarmonicProblem.of(SCENE, **given)
-    runs = designs.paired([0.1, 0.2, 0.3], [0.3, 0.4, 0.5], design=problem.ratios(HUNG))
+    runs = designs.paired([0.1, 0.2, 0.3], [0.3, 0.4, 0.5], design=problem.ratios(PENDULUM))
     found = {
-        "design": problem.ratios(HUNG),
-        "pendulum": HUNG,
+        "design": problem.ratios(PENDULUM),
+        "pendulum": PENDULUM,
         "exact": None,
         "over_limit": 0.0,
         "measure": "tilt",
         "reasons": (),
     }
     found |= {"decided": runs, "quoted": None}
-    return Design(problem=problem, status=DesignStatus.found, validated=(Validated(**found),))
+    return Design(problem=problem, status=DesignStatus.recommended, validated=(Validated(**found),))
 
 
 @pytest.fixture
 def damaged(design, tmp_path):
     """Read a report of which one key is changed; a value that is absent takes the key away."""
-    whole = json.loads(as_json(design, Study(build=build_of(design)), JOB))
+    whole = json.loads(as_json(design, Details(build=build_of(design)), JOB))
 
     def read(**changes) -> StoredDesign:
         content = {k: v for k, v in (whole | changes).items() if v is not ...}

@@ -21,7 +21,7 @@ there are depends on when rattling is called rest."""
 
 
 @dataclass(frozen=True)
-class ShakingHistory:
+class MotionHistory:
     """Motion over time of a block under a ground motion, from the exact solution of the linear equations.
 
     Rows are NaN once a block that overturns is past a right angle, and after the end of a motion without an
@@ -79,14 +79,14 @@ class ShakingHistory:
         return float(np.nanmax(np.abs(self.horizontal) / np.maximum(self.vertical, 1e-300)))
 
 
-def shaking_history(
+def motion_history(
     scene: Scene,
     pendulum: Pendulum | None = None,
     *,
     times: checks.Vector | None = None,
     y0: checks.Vector | None = None,
     free: checks.Real = FREE,
-) -> ShakingHistory:
+) -> MotionHistory:
     """Follow a block through the pulse or record of its scene.
 
     The forces follow from the accelerations along the arcs in closed form: with d the side to which the block
@@ -129,7 +129,7 @@ def shaking_history(
     # A positive tilt takes the top to the left, and a positive angle of the rod the bob to the right.
     across = m * (base - height * up + length * swinging)
     lifting = float(scene.gravity) + 0.5 * width * states["side"] * up
-    return ShakingHistory(
+    return MotionHistory(
         clock,
         base,
         states["tilt"],

@@ -11,7 +11,7 @@ from tpd import Record
 from tpd.design.ground_motion import Role, grouped
 from tpd.formats.channel import UNKNOWN
 from tpd.records import el_centro, reading
-from tpd.records.reading import described, facts, read_motions, same_earthquakes, summary
+from tpd.records.read import described, facts, read_motions, same_earthquakes, summary
 from tpd.scene.ground_motion import events_of
 
 NS = esm(400.0 * shaking(100), 0.01)
@@ -137,7 +137,7 @@ def test_one_earthquake_in_several_spellings_is_never_on_both_sides(tmp_path):
         assert sum(spelling in sentence for sentence in said) == 1
     for seed in range(6):
         groups = grouped(found, 0.5, seed)
-        assert [g.role for g in groups] == [Role.tuned, Role.held_out]
+        assert [g.role for g in groups] == [Role.tuned, Role.validation]
         numbers = [set(g.events) for g in groups]
         assert not numbers[0] & numbers[1]
         assert {len(g.motions) for g in groups} == {2, 3}

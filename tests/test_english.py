@@ -1,0 +1,162 @@
+"""Plain English: rules of the text that a machine can check, in docstrings, names, messages and pages.
+
+To add a rule, add a word to one of the lists below. To allow an exception, name it and its place in `ALLOWED`.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.measures import FILES, ROOT, docstrings, name_of, tree
+
+TOP = ROOT.parent
+PAGES = [TOP / "README.md", *sorted((TOP / "notebooks" / "guide").glob("*.md"))]
+TEXT_FOR_USERS = ("cli", "report", "plots")
+"""Folders whose strings are printed, or drawn."""
+FIRST_WORDS = re.compile(r"(What|Of|The same|That|Those|There|Put|Said|Told|Asked|Met|It|One)\b")
+"""First words of a docstring that does not make sense alone."""
+FORBIDDEN = {
+    r"worth hanging": "recommended",
+    r"\bhung\b": "with the pendulum",
+    r"\bbare\b": "without a pendulum",
+    r"\bsurvey": "search",
+    r"\bjudge": "evaluate, validate",
+    r"\bstrikes?\b": "touches the wall",
+    r"\bfresh\b": "validation runs",
+    r"\bheld out\b|\bheld-out\b": "validation",
+    r"\bspare[sd]\b": "clearance, saves",
+    r"\bis (told|asked|met|said)\b": "say who does what",
+    r"\bnobody\b|\bluck\b|\bhardly\b": "say it plainly",
+    r"\blean(s|ing|ed)?\b": "tilt",
+}
+"""Expressions that the glossary forbids in text for users, and what to write instead."""
+PARTICIPLES = frozenset(
+    [
+        "hung",
+        "bare",
+        "found",
+        "tried",
+        "asked",
+        "given",
+        "said",
+        "known",
+        "met",
+        "left",
+        "told",
+        "meets",
+        "lost",
+        "spared",
+        "struck",
+        "judged",
+        "taken",
+    ]
+)
+"""Words that no name consists of: they say what happened to a thing, and not what it is."""
+ALLOWED = frozenset[str]()
+"""Exceptions, as `place: word`."""
+VERBS = re.compile(
+    r"\b(is|are|was|were|must|has|have|had|cannot|can|needs?|gives?|does|do|did|may|allowed|ends?|fails?|"
+    r"failed|holds?|names?|takes?|reads?|lacks?|moves?|stands?|belongs?|contains?|exists?|"
+    r"stopped|states?|follows?|leaves?|makes?|differs?|goes|means?)\b"
+)
+"""Verbs of the sentences in error messages; a message needs one of them."""
+
+
+def words_of(name: str) -> set[str]:
+    """The words of a name, in lower case."""
+    return set(re.findall(r"[a-z]+", re.sub(r"([A-Z])", r"_\1", name).lower()))
+
+
+def bound_names(path: Path) -> Iterator[tuple[int, str]]:
+    """Names that a module defines: functions, classes, arguments, variables and fields."""
+    for node in ast.walk(tree(path)):
+        match node:
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                yield node.lineno, name
+            case ast.arg(arg=name) | ast.Name(id=name, ctx=ast.Store()):
+                yield node.lineno, name
+
+
+def strings(path: Path) -> Iterator[tuple[int, str]]:
+    """Texts of a module without its docstrings; of a formatted one, its constant parts."""
+    said = {id(s.value) for s in docstrings(tree(path))}
+    texts = {id(s) for s in docstrings(tree(path))}
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in texts:
+            if id(node.value) not in said and " " in node.value:
+                yield node.lineno, node.value
+
+
+def messages(path: Path) -> Iterator[tuple[int, str]]:
+    """Texts of the errors that a module raises, a formatted value as `x`."""
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and node.exc.args:
+            text = node.exc.args[0]
+            if isinstance(text, ast.JoinedStr):
+                yield (
+                    node.lineno,
+                    "".join(str(v.value) if isinstance(v, ast.Constant) else "x" for v in text.values),
+                )
+            elif isinstance(text, ast.Constant) and isinstance(text.value, str):
+                yield node.lineno, text.value
+
+
+def test_the_first_line_of_a_docstring_makes_sense_alone():
+    found = [
+        f"{name_of(path)}:{s.lineno}: {str(s.value).splitlines()[0]}"
+        for path in FILES
+        for s in docstrings(tree(path))
+        if FIRST_WORDS.match(str(s.value).strip())
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_no_name_is_a_participle():
+    found = [
+        f"{name_of(path)}:{line}: {name}"
+        for path in FILES
+        for line, name in bound_names(path)
+        if words_of(name) & PARTICIPLES and f"{name_of(path)}: {name}" not in ALLOWED
+    ]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("word", FORBIDDEN)
+def test_text_for_users_keeps_to_the_glossary(word):
+    texts = [
+        (f"{name_of(path)}:{line}", text)
+        for path in FILES
+        if path.relative_to(ROOT).parts[0] in TEXT_FOR_USERS
+        for line, text in strings(path)
+    ]
+    texts += [(f"{name_of(path)}:{line}", text) for path in FILES for line, text in messages(path)]
+    texts += [
+        (f"{page.name}:{i}", line)
+        for page in PAGES
+        if page.name != "changes.md"
+        for i, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1)
+    ]
+    found = [f"{at}: {text.strip()}" for at, text in texts if re.search(word, text, re.IGNORECASE)]
+    assert not found, f"write {FORBIDDEN[word]}:\n" + "\n".join(found)
+
+
+def test_an_error_message_is_a_sentence_with_a_verb():
+    found = [
+        f"{name_of(path)}:{line}: {text}"
+        for path in FILES
+        for line, text in messages(path)
+        if not VERBS.search(text)
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_the_rules_find_what_they_are_for():
+    assert FIRST_WORDS.match("What a motion settles to.")
+    assert words_of("_boundFound") & PARTICIPLES == {"found"}
+    assert re.search(r"\bhung\b", "a pendulum hung in it")
+    assert not VERBS.search("too many events")
