@@ -1,6 +1,6 @@
 """Plain English: rules of the text that a machine can check, in docstrings, names, messages and pages.
 
-To add a rule, add a word to one of the lists below. To allow an exception, name it and its place in `ALLOWED`.
+To add a rule, add a word to a list below. To allow an exception, name it with its place in `ALLOWED`.
 """
 
 from __future__ import annotations
@@ -84,12 +84,10 @@ def bound_names(path: Path) -> Iterator[tuple[int, str]]:
 
 def strings(path: Path) -> Iterator[tuple[int, str]]:
     """Texts of a module without its docstrings; of a formatted one, its constant parts."""
-    said = {id(s.value) for s in docstrings(tree(path))}
-    texts = {id(s) for s in docstrings(tree(path))}
+    documented = {id(s) for s in docstrings(tree(path))}
     for node in ast.walk(tree(path)):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in texts:
-            if id(node.value) not in said and " " in node.value:
-                yield node.lineno, node.value
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in documented:
+            yield node.lineno, node.value
 
 
 def messages(path: Path) -> Iterator[tuple[int, str]]:

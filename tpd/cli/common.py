@@ -95,6 +95,9 @@ def _complete_motion(options: argparse.Namespace) -> None:
             flag = f"--{min(idle).replace('_', '-')}"
             raise ValueError(f"{flag} has no effect here: pulses of every frequency and size are tried")
         put(options, "motion", {"pulse_frequency": 1.0})
+    elif options.command == "assess" and "records" in motion and not {"scales", "pga"} & set(motion):
+        # A block can be followed through records as they are.
+        put(options, "motion", {"scales": [1.0], "intensity": "scale"})
     elif options.command == "export" and options.kind == "mjcf" and not (options.design or motion):
         # The model has no motion, but a job has.
         put(options, "motion", {"pulse": "one-sine", "pulse_frequency": 1.0})

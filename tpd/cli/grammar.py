@@ -185,7 +185,7 @@ def _record(command: Parser) -> None:
 
 def _assess(command: Parser) -> None:
     command.add_argument("job", type=path_of, nargs="?", metavar="JOB", help="job file, as --scene FILE")
-    _scene(command, *HARMONIC, *PULSE, *RECORDS)
+    _scene(command, *HARMONIC, *PULSE, RECORD[0], *RECORDS)
     _group(command, "conditions", CONDITIONS)
 
 

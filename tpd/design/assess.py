@@ -34,6 +34,8 @@ class Alternatives(NamedTuple):
     M g (f - nu - k)/2 for a height of 2 b, by (5) with the largest acceleration f."""
     width: float
     """Width of the base (m) with which the excitation does not lift the block, (f - k) times the height."""
+    friction: float
+    """Coefficient of friction with which the wider base does not slide, f."""
     isolation: float
     """Least period (s) of a base isolation that passes on less acceleration than lifts the block. Under a
     harmonic of the period T it is T sqrt(1 + f/(nu + k)), undamped. Under ground motions the response
@@ -42,7 +44,8 @@ class Alternatives(NamedTuple):
     def __str__(self) -> str:
         force = f"{number(self.tie / 1e3, 2)} kN" if self.tie >= 1e3 else f"{number(self.tie, 2)} N"
         tie = f"a tie at the top for {force}"
-        width = f"a base {number(self.width, 2)} m wide"
+        least = f"with a coefficient of friction of at least {number(self.friction, 2)}"
+        width = f"a base {number(self.width, 2)} m wide {least}"
         if not math.isfinite(self.isolation):
             return f"{tie}, or {width}; no base isolation of up to 8 s is enough (static estimates)"
         period = f"a base isolation with a period of at least {number(self.isolation, 2)} s"
@@ -66,7 +69,8 @@ def alternatives(problem: Problem) -> Alternatives:
         above = np.flatnonzero(np.array(passed) > alone.uplift * float(problem.scene.gravity))
         first = above[-1] + 1 if len(above) else 0
         isolation = float(_ISOLATION[first]) if first < len(_ISOLATION) else math.nan
-    return Alternatives(tie, float(block.height) * (alone.peak - float(block.friction)), isolation)
+    width = float(block.height) * (alone.peak - float(block.friction))
+    return Alternatives(tie, width, alone.peak, isolation)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -99,11 +103,14 @@ class Assessment(Printed):
         if self.runs is None or share is None:
             return needless(self.problem)
         known, tilt = int(np.sum(~self.runs.is_unanswered)), self.runs.severity
+        if known == 1 and share.value > 0.0:
+            return "OVERTURNS in the only run without a pendulum."
         if share.value > 0.0:
             interval = f"95 % interval {100 * share.low:.0f} to {100 * share.high:.0f} %"
-            return f"OVERTURNS in {share.value:.1%} of {known} runs without a pendulum ({interval})."
+            return f"OVERTURNS in {100 * share.value:.1f} % of {known} runs without a pendulum ({interval})."
+        runs = "the only run" if known == 1 else f"any of {known} runs"
         most = f"at most {100 * float(np.nanmax(tilt)):.0f} % of the tilt at which it topples"
-        return f"ROCKS, AND DOES NOT OVERTURN in any of {known} runs without a pendulum: its tilt is {most}."
+        return f"ROCKS, AND DOES NOT OVERTURN in {runs} without a pendulum: its tilt is {most}."
 
     def __str__(self) -> str:
         lines = [str(self.at_rest), self.verdict]

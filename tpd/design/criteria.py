@@ -558,8 +558,8 @@ class Offset(Limit):
 @dataclass(frozen=True)
 class Clearance(Limit):
     """Clearance of the bob as built. In the steady state the bob does not touch the walls of the cavity,
-    half its height is at most 0.6 of the rod's length, and its lower end is not below the block. In validation
-    runs the bob does not touch the walls during the transient either."""
+    half its height is at most 0.6 of the rod's length, and its lower end is not below the block. In
+    validation runs the bob does not touch the walls during the transient either."""
 
     bob: Bob = field(default_factory=Bob)
     name: ClassVar[str] = "clearance"

@@ -475,20 +475,27 @@ class RecordsJob(Job):
     @cached_property
     def conditions(self) -> Conditions:
         """See `Job.conditions`."""
-        asked = self.full["motion"]
-        if asked["scales"] is None:
+        motion = self.full["motion"]
+        scales, intensity = motion["scales"], self.intensity
+        if scales is None and motion["pga"] is not None:
+            # All records have this size already.
+            scales, intensity = (1.0,), "scale"
+        if scales is None:
             raise ValueError(
                 "a design on records needs `motion.scales` (--scales), the sizes that every record is "
-                "scaled to; `tpd fragility` and `tpd shake` follow a design through records as they are"
+                "scaled to, or one `motion.pga` (--pga) in g; `tpd fragility` and `tpd shake` follow a design through records as they are"
             )
         with naming("motion"):
-            return Conditions.records(self.motions, asked["scales"], intensity=self.intensity)
+            return Conditions.records(self.motions, scales, intensity=intensity)
 
     @property
     def in_words(self) -> str:
         """See `Job.in_words`."""
-        scales = ", ".join(f"{x:g}" for x in self.conditions.scales)
-        return f"{in_words(self.motions)}, each at {scales} ({MEASURES[self.conditions.intensity]})"
+        c, motions = self.conditions, in_words(self.motions)
+        if (c.intensity, c.scales) == ("scale", (1.0,)):
+            # The words for one motion state its size.
+            return motions if len(self.motions) == 1 else f"{motions}, each at its own size"
+        return f"{motions}, each at {', '.join(f'{x:g}' for x in c.scales)} ({MEASURES[c.intensity]})"
 
     @cached_property
     def ensemble(self) -> Ensemble:

@@ -16,6 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from tpd.answers.ensemble import Ensemble
+from tpd.answers.motion_history import motion_history
 from tpd.answers.paired import PairedRuns
 from tpd.answers.runs import Runs
 from tpd.core import checks
@@ -42,6 +43,7 @@ from tpd.design.reasons import DesignStatus
 from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Pendulum, Scene
+from tpd.scene.status import STANDING, is_one_of
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
@@ -257,6 +259,16 @@ class Problem(ABC):
     @abstractmethod
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """Return the motions of the conditions in which the rod of a design turns most, at most 24."""
+
+    def needed_friction(self, design: np.ndarray) -> float:
+        """Return the coefficient of friction that keeps the base from sliding while the block rocks with a
+        design: the largest over the strongest motions, from rest by the linear equations; NaN if the block
+        overturns in all of them."""
+        pendulum, scene = self.pendulum(design), self.scene
+        motions = [replace(scene, motion=motion) for motion in self.strongest_motions(design)]
+        histories = [motion_history(motion, pendulum) for motion in motions]
+        needed = [h.needed_friction for h in histories if is_one_of(h.status, *STANDING)]
+        return max(needed, default=np.nan)
 
     def value_of(self, runs: Runs) -> float:
         """Return the risk of the severities of runs that have an answer; NaN without any."""

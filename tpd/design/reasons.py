@@ -103,6 +103,10 @@ class ReasonKind(enum.Enum):
         "the {falls}, and a significant reduction of {reference:.1%} with an interval from at least "
         "{certain:.1%} is required"
     )
+    slides = (
+        "while the block rocks with the pendulum, its base needs a coefficient of friction of {value:.2g}, "
+        "but has {reference:.2g}: the base would slide, and the equations have no sliding"
+    )
     undecided = "{value:.0f} of {total} runs have no answer, and the verdict depends on them"
 
 
@@ -134,7 +138,7 @@ class Reason:
                 return abs(self.value - self.reference) / max(self.total, 1)
             case ReasonKind.rests_less:
                 return (self.low - self.value) / max(self.total, 1)
-            case ReasonKind.touches_wall | ReasonKind.worse_condition:
+            case ReasonKind.touches_wall | ReasonKind.worse_condition | ReasonKind.slides:
                 return self.value - self.reference
             case ReasonKind.too_little_benefit if math.isfinite(self.value):
                 # A benefit above the least one may be refused because it is not significant.
@@ -167,8 +171,8 @@ class Reason:
         )
 
 
-GRAVE = (ReasonKind.overturns_more, ReasonKind.touches_wall)
-"""Reasons that are dangers: the block overturns, or the bob touches a wall."""
+GRAVE = (ReasonKind.overturns_more, ReasonKind.touches_wall, ReasonKind.slides)
+"""Reasons that are dangers: the block overturns or slides, or the bob touches a wall."""
 
 
 def one_of_a_kind(reasons: Iterable[Reason]) -> list[Reason]:

@@ -89,7 +89,7 @@ def validate(
         for name, x in problem.fixed_sizes(design[None]).items()
         if not x[0] <= 1.0 + _ROUNDING
     ]
-    reasons += _exact_harm(problem, exact)
+    reasons += [*_exact_harm(problem, exact), *_sliding(problem, design)]
     decided = quoted = None
     over, requirements = np.nan, problem.requirements
     if thorough or not reasons:
@@ -130,6 +130,14 @@ def _exact_harm(problem: Problem, exact: Any) -> list[Reason]:
         return []
     kind = ReasonKind.overturns_more
     return [Reason(kind=kind, value=float(worse), reference=float(better), total=total)]
+
+
+def _sliding(problem: Problem, design: np.ndarray) -> list[Reason]:
+    """Sliding of the base while the block rocks, if its coefficient of friction is stated."""
+    friction = problem.scene.block.base_friction
+    if friction is None or not (needed := problem.needed_friction(design)) > friction:
+        return []
+    return [Reason(kind=ReasonKind.slides, value=needed, reference=friction)]
 
 
 def _by_runs(

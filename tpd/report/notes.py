@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tpd.answers.response import Response, window
-from tpd.core.formatting import number
 from tpd.design.as_built import Details
 from tpd.design.criteria import Clearance, Requirements, limit_of
 from tpd.design.design import Design
@@ -31,7 +30,7 @@ def notes(design: Design, details: Details) -> tuple[Note, ...]:
     block, found = design.scene.block, list[Note]()
     if float(block.velocity_ratio) == 1.0 and not block.friction:
         found.append(note("The block loses no energy at all, unlike any real block. Give it a restitution."))
-    found += [*_runs(design), *_responses(details), *_earthquakes(design), *_sliding(design, details)]
+    found += [*_runs(design), *_responses(details), *_earthquakes(design)]
     if design.pendulum is not None and design.best is not None and design.best.exact is not None:
         exact, without_it = design.best.exact, design.problem.without_pendulum
         found += [
@@ -159,16 +158,6 @@ def _orbits(design: Design, exact: ExactMotions, without_it: ExactMotions) -> It
     if not design.problem.rest_counts and not np.all(e.attracts):
         under = f"Under {np.sum(~e.attracts)} of {e.attracts.size} conditions"
         yield note(f"{under} no symmetric orbit that attracts was found.")
-
-
-def _sliding(design: Design, details: Details) -> Iterator[Note]:
-    """Sliding of the base while the block rocks, which no run has."""
-    own, build = design.scene.block.base_friction, details.build
-    if own is not None and build is not None and build.loads.friction > own:
-        yield danger(
-            f"THE BASE SLIDES WHILE THE BLOCK ROCKS: its coefficient of friction is {number(own, 2)}, and it "
-            f"needs {number(build.loads.friction, 2)}. The runs have no sliding."
-        )
 
 
 def _earthquakes(design: Design) -> Iterator[Note]:
