@@ -30,7 +30,7 @@ GROUPS = {
     ),
     "Design a pendulum": (
         "optimise Design DesignSpace Conditions Risk limits Descent GroundSearch front "
-        "optimise_all Job study read_design"
+        "optimise_all Job details read_design"
     ),
     "Show a result": "plot write_report",
     "Check a block or a pendulum": "assess check paired_runs Ensemble outcomes engines",

@@ -23,7 +23,7 @@ design = tpd.optimise(
     limits=[limits.Stroke(0.4), limits.Clearance(limits.Bob(density=7850.0)), limits.Worsening()],
     method=tpd.Descent("adam", searches=8),
     ensemble=tpd.Ensemble(size=128, seed=1),
-    worth=limits.Requirements(at_least=0.2),
+    requirements=limits.Requirements(at_least=0.2),
     seed=1,
     progress=True,
 )

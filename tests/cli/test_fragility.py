@@ -37,8 +37,10 @@ def test_runs_without_an_answer_are_named(run, monkeypatch):
     done = run("fragility", COLUMN, PENDULUM, TWO)
     assert done.status == 0
     assert "not counted: 4 of 6 runs bare, 4 of 6 runs with the pendulum" in done.out
-    assert done.json("fragility.json")["fits"]["overturned"]["hung"]["undecided"] == 4
-    rows = [r for r in done.rows("fragility.csv") if (r["state"], r["case"]) == ("overturned", "bare")]
+    assert done.json("fragility.json")["fits"]["overturned"]["with_pendulum"]["undecided"] == 4
+    rows = [
+        r for r in done.rows("fragility.csv") if (r["state"], r["case"]) == ("overturned", "without_pendulum")
+    ]
     assert [r["undecided"] for r in rows] == ["0", "2", "2"]
 
 

@@ -12,7 +12,7 @@ def test_the_map_is_that_of_the_library(run):
     done = run("map", AXES)
     assert done.status == 0
     assert all(line.startswith("tpd: ") for line in done.err.splitlines())
-    assert done.files.keys() == {"map.csv", "map.json", "amplitude.png", "stroke.png", "margin.png"}
+    assert done.files.keys() == {"map.csv", "map.json", "amplitude.png", "swing.png", "margin.png"}
     x, y = ("frequency", np.linspace(1, 5, 4)), ("pendulum_length", np.linspace(0.05, 0.2, 4))
     with_it = tpd.Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
     m = design_map(tpd.paper_scene(), x, y, pendulum=with_it)

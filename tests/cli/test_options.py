@@ -32,7 +32,7 @@ bob.shape='cylinder'; block.cavity_width=0.08
 --bob cylinder --cavity 0.08
 conditions.exactly=true
 --exactly
-worth={at_least=0.2, strikes=0.05, measure='tilt'}
+requirements={at_least=0.2, wall_contacts=0.05, measure='tilt'}
 --at-least 0.2 --allowed 0.05 --reduce tilt
 search={searches=3, seed=7}; conditions.amplitudes=[1, 1.1]
 --searches 3 --seed 7 --amplitudes 1 1.1

@@ -29,8 +29,8 @@ def test_runs_without_an_answer_are_named(run, monkeypatch):
     # Six of the eight with an answer stand; those without may stand or not.
     assert "survives: 37.5% to 87.5%, 37.5% to 87.5%" in done.out
     assert done.json("spectrum.json")["undecided"] == [8, 8]
-    assert [r["bare"] for r in done.rows("spectrum.csv")].count("-1") == 8
+    assert [r["without_pendulum"] for r in done.rows("spectrum.csv")].count("-1") == 8
     done = run("spectrum", COLUMN, "--record el-centro --scale 2 --points 3 --overwrite")
     assert done.status == 0
     assert "blocks without an answer: 3 of 3 for the bare block" in done.out
-    assert {r["bare"] for r in done.rows("spectrum.csv")} == {""}
+    assert {r["without_pendulum"] for r in done.rows("spectrum.csv")} == {""}

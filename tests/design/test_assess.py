@@ -49,7 +49,11 @@ def test_the_runs_are_those_of_the_validation_without_a_pendulum():
     np.testing.assert_array_equal(found.runs.outcome, pair.outcome)
     np.testing.assert_allclose(found.runs.tilt, pair.tilt, rtol=1e-12)
     assert found.overturned == pair.share_overturned
-    assert str(found).splitlines()[2].startswith(f"OVERTURNS in {100.0 * pair.share_overturned.value:.1f} % of 32 runs")
+    assert (
+        str(found)
+        .splitlines()[2]
+        .startswith(f"OVERTURNS in {100.0 * pair.share_overturned.value:.1f} % of 32 runs")
+    )
     weak = tpd.assess(SCENE, ensemble=FEW, conditions=tpd.Conditions.amplitudes(0.81), seed=3)
     assert weak.verdict.startswith("ROCKS, AND DOES NOT OVERTURN in any of 32 runs")
 

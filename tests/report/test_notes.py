@@ -59,14 +59,14 @@ def test_a_bob_that_would_touch_the_walls_is_a_danger_with_a_remedy():
 def test_walls_are_watched_in_all_motions_and_reported_once():
     n = len(harmonic().conditions)
     zero = np.zeros(n)
-    orbits = {"stroke": zero[None], "tilt": zero[None]}
-    still = {"stroke": zero, "amplitude": zero, "peak": zero, "peak_swing": zero, "orbits": orbits}
+    orbits = {"swing": zero[None], "tilt": zero[None]}
+    still = {"swing": zero, "amplitude": zero, "peak": zero, "peak_swing": zero, "orbits": orbits}
     light = {"pendulum": LIGHT}
     half = only(changed(exact=dict(still), **light), "TOUCH").text
     assert half.startswith("In half of the validation runs the bob, as a solid ball of steel")
     from_rest = still | {"peak": np.full(n, 0.3)}
     assert only(changed(exact=from_rest, **light), "TOUCH").text.startswith("On the way from rest the bob")
-    settled = still | {"orbits": orbits | {"stroke": np.full((1, n), 0.5)}}
+    settled = still | {"orbits": orbits | {"swing": np.full((1, n), 0.5)}}
     assert only(changed(exact=settled, **light), "TOUCH").text.startswith("Once settled the bob")
     # With walls in the search the runs decide.
     assert not said(tuned(), "TOUCH")
@@ -142,7 +142,7 @@ def test_more_overturning_nearby_is_a_danger_where_chance_does_not_explain_it():
 @pytest.mark.parametrize(
     ("words", "exact"),
     [
-        ("At a stroke of 0.35 rad the linear equations", {"stroke": np.full(10, 0.35)}),
+        ("At a stroke of 0.35 rad the linear equations", {"swing": np.full(10, 0.35)}),
         (
             "The motion attracts slowly (Floquet multiplier 0.970).",
             {"multiplier": np.full(10, 0.97), "status": np.full(10, "rocking")},

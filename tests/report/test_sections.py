@@ -72,7 +72,7 @@ def test_limits_that_keep_better_designs_out_are_named():
     assert text.text.startswith(f"Of {len(trials.designs)} designs with trial runs {kept} keep to all limits")
     (over,) = np.sum(trials.sizes[:, [trials.names.index("stroke")]] > 1.0, axis=0)
     assert (f"designs that exceed a limit: stroke {over}" in text.text) == (over > 0)
-    assert f"stroke {harmonic().usage['swing']:.0%}" in text.text
+    assert f"stroke {harmonic().usage['stroke']:.0%}" in text.text
     best = trials.best_without()
     assert rows(table)["all limits"][0] == pytest.approx(trials.designs[best, 0] * 16.224)
     # The best of all designs exceeds one limit: without this limit it is the best one.

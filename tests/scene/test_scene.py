@@ -96,8 +96,8 @@ def test_light_and_heavy_blocks_on_the_moon_and_on_a_shaking_table_are_taken():
 
 @pytest.mark.mends("a block without a stated cavity had one as wide as itself, and walls needed no thickness")
 def test_a_block_has_the_cavity_that_is_stated_and_no_other():
-    assert Block(**BLOCK).clearance == np.inf
-    assert Block(**BLOCK, cavity_width=0.07).clearance == 0.07
+    assert Block(**BLOCK).clear_width == np.inf
+    assert Block(**BLOCK, cavity_width=0.07).clear_width == 0.07
     assert paper_scene().block.cavity_width == 0.08
     for wide in (1.0, 1.001):
         with pytest.raises(

@@ -12,7 +12,7 @@ from tpd.theory.no_uplift import AtRest
 UPLIFT = jax.jit(lambda x: uplift(parameters(x)))
 SLOPES = {
     name: jax.jit(jax.grad(lambda x, n=name: getattr(uplift(parameters(x)), n)))
-    for name in ("margin", "stroke")
+    for name in ("margin", "swing")
 }
 DAMPED, UNDAMPED = (
     np.array(WITH[3].x),

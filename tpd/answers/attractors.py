@@ -63,7 +63,7 @@ class Attractor(Printed):
             return share
         kind = f"{'symmetric' if self.symmetric else 'asymmetric'}, {counted_periods(self.periods)}"
         s = self.steady
-        return f"{share}, {kind}, amplitude {s.amplitude:.4g} rad, stroke {s.swing:.4g} rad"
+        return f"{share}, {kind}, amplitude {s.amplitude:.4g} rad, swing {s.swing:.4g} rad"
 
 
 def attractors(
