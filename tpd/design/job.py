@@ -483,8 +483,8 @@ class RecordsJob(Job):
         if scales is None:
             raise ValueError(
                 "a design on records needs `motion.scales` (--scales), the sizes that every record is "
-                "scaled to, or one `motion.pga` (--pga) in g; `tpd fragility` and `tpd shake` follow a design "
-                "through records as they are"
+                "scaled to, or one `motion.pga` (--pga) in g; `tpd fragility` and `tpd shake` follow a "
+                "design through records as they are"
             )
         with naming("motion"):
             return Conditions.records(self.motions, scales, intensity=intensity)
