@@ -6,13 +6,17 @@ To add a rule, add a word to a list below. To allow an exception, name it with i
 from __future__ import annotations
 
 import ast
+import json
 import re
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.measures import FILES, ROOT, docstrings, name_of, tree
+import tpd
+from tests.measures import FILES, MODULES, ROOT, docstrings, name_of, tree
 
 TOP = ROOT.parent
 PAGES = [TOP / "README.md", *sorted((TOP / "notebooks" / "guide").glob("*.md"))]
@@ -153,7 +157,41 @@ def test_an_error_message_is_a_sentence_with_a_verb():
     assert not found, "\n".join(found)
 
 
+def exists(path: str) -> bool:
+    """Whether a dotted name is a module of the package, or can be reached from one."""
+    thing: Any = tpd
+    for i, part in enumerate(path.split(".")[1:], 2):
+        module = ".".join(path.split(".")[:i])
+        if module in MODULES:
+            thing = import_module(module)
+        elif hasattr(thing, part):
+            thing = getattr(thing, part)
+        else:
+            # A field without a default is no attribute of its class.
+            return part in getattr(thing, "__annotations__", {})
+    return True
+
+
+def test_every_name_of_the_package_in_text_exists():
+    texts = [(name_of(path), str(s.value)) for path in FILES for s in docstrings(tree(path))] + [
+        (page.name, page.read_text(encoding="utf-8")) for page in PAGES if page.name != "changes.md"
+    ]
+    for notebook in sorted((TOP / "notebooks").glob("*.ipynb")):
+        cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+        texts += [(notebook.name, "".join(cell["source"])) for cell in cells]
+    found = sorted(
+        f"{place}: {name}"
+        for place, text in texts
+        for name in re.findall(r"(?<![\w/.-])tpd(?:\.[A-Za-z_]\w*)+", text)
+        if not exists(name)
+    )
+    assert not found, "\n".join(found)
+
+
 def test_the_rules_find_what_they_are_for():
+    assert exists("tpd.Block.width")
+    assert exists("tpd.theory.uplift")
+    assert not exists("tpd.Margins")
     assert FIRST_WORDS.match("What a motion settles to.")
     assert words_of("_boundFound") & PARTICIPLES == {"found"}
     assert re.search(r"\bhung\b", "a pendulum hung in it")
