@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from tests.reference import WITH, parameters
+from tests.reference import WITH, WITHOUT, parameters
 from tests.segmented import Segmented
 from tpd import Smoothed
 

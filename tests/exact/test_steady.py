@@ -11,6 +11,7 @@ from tests.reference import (
     SLOW,
     UNSTABLE,
     WITH,
+    WITHOUT,
     along,
     differences,
     exact,
