@@ -323,7 +323,7 @@ class Run:
             return
         phi, psi, dphi, dpsi = series[:4]
         gap, slope = ([b - a for a, b in zip(p, q, strict=True)] for p, q in ((phi, psi), (dphi, dpsi)))
-        for name, angle, rate in (("stroke", psi, dpsi), ("relative", gap, slope)):
+        for name, angle, rate in (("swing", psi, dpsi), ("relative", gap, slope)):
             if sum(abs(float(c)) for c in angle) > getattr(self, name):
                 for u in roots(rate, self.system.digits):
                     if u < end:
@@ -488,7 +488,7 @@ def harmonic_row(row: Mapping[str, Any]) -> dict[str, Any]:
     # A settled row holds a state near its orbit: its own.
     at, method = (row["y0"], follow) if row["what"] == "transient" else (row["end"], settled)
     run = method(x, at, row["periods"])
-    sizes = {"amplitude": mp.nstr(run.amplitude, DIGITS), "stroke": mp.nstr(run.swing, DIGITS)}
+    sizes = {"amplitude": mp.nstr(run.amplitude, DIGITS), "swing": mp.nstr(run.swing, DIGITS)}
     end = [mp.nstr(v, DIGITS) for v in run.end]
     return {**row, **sizes, "end": end, "modes": sorted(run.modes), "events": run.events}
 
