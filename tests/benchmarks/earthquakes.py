@@ -104,4 +104,4 @@ def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
     ax.set(xlabel="height of the block (m)", ylabel="slenderness width/height (-)")
     said = "above: change of the mean tilt (% of ν); below: overturned without → with; bold: recommended"
     ax.set_title(said, size=8)
-    return {"worth_grid.png": ax.figure}
+    return {"benefit_grid.png": ax.figure}
