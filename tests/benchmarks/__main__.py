@@ -37,7 +37,7 @@ def listed() -> str:
 
 
 def main() -> int:
-    """Do what was asked; 1 if a benchmark failed."""
+    """Run, list or draw benchmarks; return 1 if a benchmark failed."""
     known = ", ".join(stored.NAMES)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help=known)

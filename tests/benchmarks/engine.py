@@ -10,14 +10,14 @@ import tpd
 from tests.benchmarks.stored import columns, timed
 from tests.reference import WITH, parameters
 
-QUESTION = "How many designs a second, with gradients, multipliers and statuses; how long does a run take?"
+QUESTION = "How fast are many designs with gradients, multipliers and statuses, and how fast are runs?"
 SEED = 0
 PERIODS, SPREAD = 100, 0.1
 """Of a run; share by which mass, length and damping vary about the known scenes."""
 GRADIENTS, RUNS = "symmetric orbits, gradients in 3", "run until it repeats"
 WHOLE, LOOP = "run of 100 periods", "Numba loop, run of 100 periods"
 BY_SCIPY, BY_LOOP = "SciPy DOP853, gradient in 3", "Numba loop, gradient in 3 (200 periods)"
-ENSEMBLE = "ensemble of the bare block, 100 periods"
+ENSEMBLE = "ensemble without a pendulum, 100 periods"
 PERIOD = "forcing period of a run on one core, {equations}, {scene}"
 
 
@@ -109,8 +109,8 @@ def per_design(rows: list[dict[str, Any]], what: str) -> float:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Times and rates."""
+    """Return times and rates."""
     each = ((r, r["seconds"] / r["designs"]) for r in rows)
     rates = [r | {"each": 1e6 * s, "rate": 1.0 / s} for r, s in each]
-    heads = {"work on all cores, SciPy on one": "{what}", "designs": "{designs:,}", "s": "{seconds:.3g}"}
-    return columns(rates, **heads, **{"µs a design": "{each:.3g}", "designs a second": "{rate:,.0f}"})
+    heads = {"work (all cores; SciPy one core)": "{what}", "designs": "{designs:,}", "s": "{seconds:.3g}"}
+    return columns(rates, **heads, **{"µs per design": "{each:.3g}", "designs per second": "{rate:,.0f}"})

@@ -10,7 +10,7 @@ from typing import Any
 import tpd
 from tests.benchmarks.stored import columns
 
-QUESTION = "Do rigid-body engines agree about the benefit of a design?"
+QUESTION = "Does a rigid-body engine agree about the benefit of a design?"
 SEED = None
 
 
@@ -45,8 +45,11 @@ def run(quick: bool) -> list[dict[str, Any]]:
 def table(rows: list[dict[str, Any]]) -> str:
     """Shares overturned with and without, and the change of the mean tilt in units of that of toppling."""
     heads = {"engine": "{engine}", "scene": "{scene}", "runs": "{runs}"}
-    of = {"overturned with, without": "with_engine", "a fifth of its step": "finer"}
-    of |= {"by (4)": "with_equations"}
+    of = {"overturned with, without pendulum": "with_engine", "with a fifth of the time step": "finer"}
+    of |= {"by equations (4)": "with_equations"}
     heads |= {head: f"{{{k}[0]:.1%}}, {{{k}[1]:.1%}}" for head, k in of.items()}
-    heads |= {"change of the mean tilt": "{change:+.3f}", "by (4) ": "{change by the equations:+.3f}"}
+    heads |= {
+        "change of the mean tilt": "{change:+.3f}",
+        "by equations (4) ": "{change by the equations:+.3f}",
+    }
     return columns(rows, **heads, warning="{warning}")

@@ -17,7 +17,7 @@ import tpd
 from tests.benchmarks.stored import ROOT, columns, timed
 from tpd.scene.parameters import as_arrays
 
-QUESTION = "How exact and how fast are motions under records?"
+QUESTION = "How accurate and how fast are motions under records?"
 SEED, FREE = 0, 10.0
 """Seconds that a motion is followed after the record."""
 PARTS = (1, 5, 20, 100, 200)
@@ -31,8 +31,8 @@ def scenes() -> dict[str, tuple[tpd.Scene, tpd.Pendulum | None]]:
     column = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
     with_it = tpd.Pendulum(mass=783.0, length=2.042, damping_ratio=0.129)
     return {
-        "statue, bare": (tpd.Scene(statue, record.scaled(1.192)), None),
-        "column, hung": (tpd.Scene(column, record.scaled(1.155)), with_it),
+        "statue, without pendulum": (tpd.Scene(statue, record.scaled(1.192)), None),
+        "column, with pendulum": (tpd.Scene(column, record.scaled(1.155)), with_it),
     }
 
 
@@ -147,7 +147,7 @@ def batches(motions: int) -> dict[str, Any]:
     return {
         "40 s at 0.01 s, tilt and 3 derivatives": lambda: both(with_it),
         f"fragility, {motions} records × 20 stripes × 2": partial(curves, nonlinear=False),
-        "the same, by the nonlinear equations as well": curves,
+        "fragility, also by the nonlinear equations": curves,
         f"overturning spectrum, {len(grid)}² × 2": spectrum,
     }
 
@@ -155,7 +155,7 @@ def batches(motions: int) -> dict[str, Any]:
 def table(rows: list[dict[str, Any]]) -> str:
     """Errors and times, batches, and the error against 50 digits."""
     digits, motions, work = ([r for r in rows if r["what"] == k] for k in ("50 digits", "motion", "batch"))
-    heads = {"scene": "{scene}", "steps a sample (0: tpd)": "{steps}"}
+    heads = {"scene": "{scene}", "steps per sample (0: tpd)": "{steps}"}
     heads |= {"error of the largest tilt": "{error:.1e}", "ms": "{ms:.3g}"}
-    said = f"Largest error of the largest tilt against 50 digits, El Centro: {digits[0]['error']:.0e}."
-    return "\n\n".join((said, columns(motions, **heads), columns(work, work="{work}", s="{seconds:.3g}")))
+    line = f"Largest error of the largest tilt against 50 digits, El Centro: {digits[0]['error']:.0e}."
+    return "\n\n".join((line, columns(motions, **heads), columns(work, work="{work}", s="{seconds:.3g}")))

@@ -14,7 +14,7 @@ import numpy as np
 import tpd
 from tests.benchmarks.stored import columns
 
-QUESTION = "Does the gradient pay, beside derivative-free methods on the same function?"
+QUESTION = "Does the gradient help, against derivative-free methods on the same function?"
 SEED, SEEDS = 0, 5
 """The first seed, and how many."""
 NEAR, BUDGET = 1e-3, 1000
@@ -155,11 +155,11 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Medians of the seeds; "inf" where no more than half of them came there."""
+    """Return medians over the seeds; "inf" if at most half of the seeds reach the best value."""
     heads = {"problem": "{problem}", "best value": "{value:.6g}", "method": "{method}"}
     heads |= {
-        "found by": "{hits} of {seeds}",
-        "designs until there": "{until:.0f}",
-        "in all": "{designs:.0f}",
+        "seeds that reach it": "{hits} of {seeds}",
+        "designs until reached": "{until:.0f}",
+        "designs in total": "{designs:.0f}",
     }
-    return columns(summary(rows), **heads, **{"worst gap": "{gap:.0e}", "s": "{seconds:.2g}"})
+    return columns(summary(rows), **heads, **{"largest gap": "{gap:.0e}", "s": "{seconds:.2g}"})

@@ -23,7 +23,7 @@ from tpd.models.smoothed import rocking_scale
 from tpd.scene.pytrees import Number
 from tpd.theory.equations import smoothed_rates
 
-QUESTION = "What does smoothing the signs cost, and from which step does an explicit solver fail?"
+QUESTION = "What error does smoothing cause, and at which step size does an explicit solver fail?"
 SEED = None
 WIDTHS = tuple(float(x) for x in np.geomspace(1e-4, 1e-1, 7))
 TABLED = (1e-2, 1e-3)
@@ -142,7 +142,7 @@ def short(rows: list[dict[str, Any]]) -> str:
                 cells.append("" if np.all(np.isnan(of)) else f"{np.nanmax(of):.1e}")
             ms = float(np.nanmedian(errors(rows, e, "both signs", "ms")[i]))
             out.append((f"{e:g}", f"{width:.0e}", *cells, f"{ms:.3g}"))
-    head = ("e", "width", "amplitude", "of two widths", "gradient", "of two widths", "ms")
+    head = ("e", "width", "amplitude", "extrapolated", "gradient", "extrapolated", "ms")
     return markdown(head, out)
 
 
@@ -150,10 +150,12 @@ def table(rows: list[dict[str, Any]]) -> str:
     """The same, the order of the error in the width, and the largest stable steps of solvers."""
     of = [(e, "both signs") for e in RATIOS] + [(1.0, way) for way in list(WAYS)[1:]]
     orders = [(f"{e:g}", way, *(f"{slope(rows, e, way, q):.2f}" for q in QUANTITIES)) for e, way in of]
-    order = markdown(("e", "smoothed", "order of the amplitude's error", "of the gradient's"), orders)
+    order = markdown(
+        ("e", "smoothed", "order of the error, amplitude", "order of the error, gradient"), orders
+    )
     steps = [r for r in rows if r["what"] == "step"]
     heads = {"solver": "{solver}", "largest stable step at rest (τ)": "{step:.4g}"}
-    more = {"times the stiffest eigenvalue": "{times pace:.3f}"}
+    more = {"step times the stiffest eigenvalue": "{times pace:.3f}"}
     return "\n\n".join((short(rows), order, columns(steps, **heads, **more)))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from tests.benchmarks.precision.scenes import SCENES, load
 from tests.benchmarks.stored import markdown
 
-QUESTION = "How exact and how fast are one scene's amplitude and gradient, beside other software?"
+QUESTION = "How accurate and how fast are the amplitude and gradient of one scene, against other software?"
 SEED = None
 MODULES = ("ours", "numba_loop", "peers")
 ASKED, EQUAL, FLOOR = 1e-6, 1e-12, 1e-15
@@ -71,12 +71,12 @@ def brief(rows: list[Row]) -> str:
     for scene in found["value"].keys() & found["gradient"].keys():
         cells = [(f"{m['ms']:.3g}", f"{ratio:.2g}") for m, ratio in (of[scene] for of in found.values())]
         out.append((scene, *cells[0], *cells[1]))
-    return markdown(("scene", "value, ms", "best other/ours", "gradient, ms", "best other/ours"), sorted(out))
+    return markdown(("scene", "value, ms", "other/tpd", "gradient, ms", "other/tpd"), sorted(out))
 
 
 def short(rows: list[Row]) -> str:
     """Ours against the best of the others at an error of 1e-6."""
-    head = ("scene", "asked", "quickest of ours", "ms (error)", "quickest other", "ms (error)", "other/ours")
+    head = ("scene", "quantity", "fastest of tpd", "ms (error)", "fastest other", "ms (error)", "other/tpd")
     out = []
     for kind in ("value", "gradient"):
         for scene, mine, other in pairs(rows, kind):
@@ -99,7 +99,7 @@ def table(rows: list[Row]) -> str:
             for s in scenes
         )
         whole.append((method, f"{setting:g}" if setting else "", kind, *cells, f"{first:.2g}"))
-    head = ("method", "setting", "asked", *(f"{s}, ms (error)" for s in scenes), "first call, s")
+    head = ("method", "setting", "quantity", *(f"{s}, ms (error)" for s in scenes), "first call, s")
     return f"{short(rows)}\n\n{markdown(head, whole)}"
 
 
