@@ -102,6 +102,6 @@ def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
     ax.set_xticks(range(len(HEIGHTS)), [f"{h:g}" for h in HEIGHTS])
     ax.set_yticks(range(len(SLENDERNESS)), [f"{nu:g}" for nu in SLENDERNESS])
     ax.set(xlabel="height of the block (m)", ylabel="slenderness width/height (-)")
-    title = "above: change of the mean tilt (% of ν); below: overturned without → with pendulum; bold: recommended"
+    title = "above: change of the mean tilt (% of ν); below: overturned without → with; bold: recommended"
     ax.set_title(title, size=8)
     return {"benefit_grid.png": ax.figure}
