@@ -181,7 +181,7 @@ AIMS = (
         "Designs with gradients, multipliers and statuses",
         "105,000 per second",
         _rate(105_000.0),
-        "Limit: as measured. Above 10⁴ designs the rate is constant, because arithmetic takes all the time.",
+        "Limit: as measured. Above 10⁴ designs the rate is constant, and the arithmetic limits it.",
     ),
     Aim(
         "engine",

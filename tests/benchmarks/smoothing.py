@@ -175,7 +175,7 @@ def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
     for ax, quantity in zip(axes, QUANTITIES, strict=True):
         ax.axvline(Smoothed().sharpness, color=GREY, lw=1.0, zorder=0)
         ax.set(xscale="log", yscale="log", ylabel=f"relative error of the {quantity} (-)")
-    said = "velocity ratio of impacts (median of scenes;\ndashed: from a width and its half)"
-    axes[0].legend(title=said, fontsize=8)
-    axes[-1].set_xlabel("smoothing width, a share of the expected tilt (grey: the default) (-)")
+    heading = "velocity ratio of impacts (median of scenes;\ndashed: extrapolated from two widths)"
+    axes[0].legend(title=heading, fontsize=8)
+    axes[-1].set_xlabel("smoothing width as a share of the expected tilt (grey: the default) (-)")
     return {"bias.png": axes[0].figure}
