@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks                 list all benchmarks
     python -m tests.benchmarks NAME ...        run benchmarks, store their results and write the pages
-    python -m tests.benchmarks --stale         run benchmarks without a result of this version, except long ones
+    python -m tests.benchmarks --stale         run those without a result of this version, except long ones
     python -m tests.benchmarks --quick NAME ...  run a small size and print the results; store nothing
     python -m tests.benchmarks --draw          write tables and pictures again from the stored results
 
