@@ -125,8 +125,8 @@ GUARDS = (
           "exact/steady:steady_state", without_term("isolated", "rocks"),
           (*_tests("models/compiled", _SADDLE),
            *_tests("exact/steady", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"))),
-    Guard("resonance without damping; very strong excitation", "every model: failed if a number is not finite",
-          _SETTLED, never("failed"), _ends("periods8-failed-1")),
+    Guard("resonance without damping; very strong excitation",
+          "every model: failed if a number is not finite", _SETTLED, never("failed"), _ends("periods8-failed-1")),
     Guard("slow excitation", "steady_state: event_bound if the period of a resting block was cut short",
           "exact/steady:steady_state", never("EVENT_BOUND"),
           _tests("models/compiled", "a_period_too_long_to_be_followed_is_told")),
@@ -142,7 +142,8 @@ GUARDS = (
     Guard("32-bit floats", "every public function: 64 bits are required",
           "core/checks:require_x64", unrefused("RuntimeError"),
           _tests("answers/steady_state", "in_32_bits_every_call_refuses_by_name")),
-    Guard("scales", "scene: omega0 is computed from the half height", "scene/scene:_rate", constant("half_height", 0.2),
+    Guard("scales", "scene: omega0 is computed from the half height",
+          "scene/scene:_rate", constant("half_height", 0.2),
           _tests("models/compiled", "neither_millimetres_nor_kilometres_change_a_dimensionless_answer")),
 )
 # fmt: on
