@@ -23,7 +23,7 @@ from tests.benchmarks import stored  # noqa: E402
 
 
 def listed() -> str:
-    """A line a benchmark: its name, the version, date and age of its result, and its question."""
+    """Return a line for each benchmark: name, question, and version, date and age of its result."""
     lines = []
     for name in stored.NAMES:
         found = stored.read(name)

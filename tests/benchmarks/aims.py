@@ -9,7 +9,7 @@ Rows = list[dict[str, Any]]
 
 
 class Aim(NamedTuple):
-    """One line of the table."""
+    """One row of the table of aims."""
 
     benchmark: str
     question: str
@@ -21,7 +21,7 @@ class Aim(NamedTuple):
 
 
 def _ratios(kind: str, least: float, peer: str = "") -> Callable[[Rows], tuple[str, bool]]:
-    """Time of the quickest other method over that of ours, at errors of at most 1e-6."""
+    """Measure the time of the fastest other method over our time, at errors of at most 1e-6."""
 
     def measured(rows: Rows) -> tuple[str, bool]:
         found = [o["ms"] / m["ms"] for _, m, o in stored.module("precision").pairs(rows, kind, peer)]
@@ -248,7 +248,7 @@ AIMS = (
 
 
 def aims() -> str:
-    """The table of aims."""
+    """Return the table of aims."""
     cells = []
     for aim in AIMS:
         found = stored.read(aim.benchmark)
@@ -258,7 +258,7 @@ def aims() -> str:
 
 
 def overview() -> str:
-    """The benchmarks, their questions and minutes."""
+    """Return the table of the benchmarks, with their questions and minutes."""
     cells = []
     for name in stored.NAMES:
         found = stored.read(name)

@@ -16,11 +16,11 @@ QUESTION = "Which blocks benefit from a pendulum in earthquakes that the search 
 SEED = 0
 HEIGHTS, SLENDERNESS, STRIPES = (1.0, 3.0, 8.0, 20.0), (0.12, 0.2, 0.3), (1.5, 2.0, 3.0, 4.0)
 COLUMN = {"width": 0.7, "height": 4.0, "mass": 2210.0, "radius_of_gyration": 1.18, "cavity_width": 0.5}
-"""The README's, of which the picture is drawn."""
+"""Column of the README, for its picture."""
 
 
 def masonry(height: float, nu: float) -> tpd.Block:
-    """A square tube of 1800 kg/m³ with walls of a tenth of its width."""
+    """Return a square tube of 1800 kg/m³ whose walls are a tenth of its width thick."""
     width, cavity = nu * height, 0.8 * nu * height
     mass = 1800.0 * (width**2 - cavity**2) * height
     gyration = ((height**2 + width**2 + cavity**2) / 12.0) ** 0.5
@@ -28,7 +28,7 @@ def masonry(height: float, nu: float) -> tpd.Block:
 
 
 def designed(block: tpd.Block, quick: bool, space: tpd.DesignSpace | None = None, method: Any = None) -> Any:
-    """The design for a block. Few earthquakes show a fall of the mean tilt sooner than one of overturning."""
+    """Return the design for a block, with a smaller tilt required: the earthquakes are few."""
     far = tpd.records.fema_p695("far-field")
     conditions = tpd.Conditions.records(far[:12] if quick else far, STRIPES[:2] if quick else STRIPES)
     more = {"requirements": tpd.limits.Requirements(measure="tilt")} | (
@@ -38,7 +38,7 @@ def designed(block: tpd.Block, quick: bool, space: tpd.DesignSpace | None = None
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    """A row a block; the last is the README's column."""
+    """Return a row for each block; the last one is the column of the README."""
     rows = []
     method = tpd.GroundSearch(starts=4, steps=2) if quick else tpd.GroundSearch(starts=16, steps=8)
     space = tpd.DesignSpace(mass_ratio=(0.01, 0.1), damping_ratio=(0.05, 1.0))
@@ -61,7 +61,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def _draw(found: Any) -> None:
-    """The README's picture needs the runs themselves, which are not stored."""
+    """Draw the picture of the README, which needs the runs themselves; they are not stored."""
     from tests.benchmarks.stored import PICTURES
     from tpd.plots.style import png
 

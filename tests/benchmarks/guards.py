@@ -1,7 +1,8 @@
-"""Takes the guards of the atlas away, one at a time, and sees the tests that cover them fail.
+"""Remove the guards of the page "where methods fail" one at a time, and check that their tests then fail.
 
-A guard is named by its function and by what is taken from it (`tests.benchmarks.mutations`), so that a change
-of its line does not matter. A test that passes without its guard stands as "no" in the table. An hour.
+A guard is identified by its function and by the change that removes it (`tests.benchmarks.mutations`), so
+that other changes of its line do not matter. The table has a "no" for each test that passes without its
+guard. The benchmark takes an hour.
 """
 
 import os
@@ -31,41 +32,41 @@ SEED = None
 ROOT = stored.ROOT
 COMPILED = Path(".pytest_cache") / "compiled"
 QUICK = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
-"""Every guard has to be compiled anew."""
+"""Flags of XLA that shorten compilation, because every guard needs it."""
 TIMEOUT = 900.0
-"""Seconds for the tests of one guard; most of them go into compiling what changed."""
+"""Seconds for the tests of one guard; compilation takes most of them."""
 
 
 class Guard(NamedTuple):
-    """An expression that keeps a wrong number from being returned, and the tests that fail without it."""
+    """An expression that prevents a wrong result, and the tests that fail without it."""
 
     regime: str
     what: str
     place: str
-    """Module within the package and the function in it, such as "models/settling:Record.settled"."""
+    """Module and function of the guard, such as "models/settling:Record.settled"."""
     mutation: Mutation
-    """Takes the guard out of the function."""
+    """Change of the function that removes the guard."""
     tests: tuple[str, ...]
-    """All of them must fail."""
+    """Tests that must fail without the guard."""
 
     @property
     def path(self) -> str:
-        """Source file, from the root of the project."""
+        """Path of the source file, from the root of the project."""
         return f"tpd/{self.place.partition(':')[0]}.py"
 
     def taken_from(self, source: str) -> str:
-        """Source of the module without the guard."""
+        """Return the source of the module without the guard."""
         return mutated(source, self.place.partition(":")[2], self.mutation)
 
 
 def _tests(module: str, *names: str) -> tuple[str, ...]:
-    """Identifiers for pytest of tests of a module such as "exact/steady"."""
+    """Return identifiers for pytest of tests of a module such as "exact/steady"."""
     folder, _, name = module.rpartition("/")
     return tuple(f"tests/{folder}/test_{name}.py::test_{test}" for test in names)
 
 
 def _lost(name: str) -> tuple[str, ...]:
-    """Tests of the verdict on a motion that repeats, in `tests/exact/test_steady.py`."""
+    """Return tests of the verdict on a periodic motion, in `tests/exact/test_steady.py`."""
     return _tests("exact/steady", f"the_verdict_has_a_name_for_each_loss[{name}]")
 
 
@@ -151,7 +152,7 @@ GUARDS = (
 
 
 def _copied(root: Path) -> None:
-    """The working tree at `root`, with what has been compiled."""
+    """Copy the working tree to `root`, with the compiled code."""
     listed = ["git", "ls-files", "-co", "--exclude-standard"]
     names = subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\n")
     for name in filter(None, names):
@@ -164,7 +165,7 @@ def _copied(root: Path) -> None:
 
 
 def _failing(root: Path, tests: tuple[str, ...]) -> list[bool]:
-    """Of each test whether it fails, also where it never ends."""
+    """Return for each test whether it fails; a test that does not end counts as failed."""
     command = [sys.executable, "-m", "pytest", "-n", "0", "-q", "-rA", "-p", "no:cacheprovider", "-m", ""]
     env = {**os.environ, "PYTHONPATH": str(root), "XLA_FLAGS": QUICK, "COLUMNS": "500"}
     try:
@@ -181,7 +182,7 @@ def _failing(root: Path, tests: tuple[str, ...]) -> list[bool]:
 
 
 def without(root: Path, guard: Guard) -> list[bool]:
-    """Which of the tests of a guard fail in the copy at `root` without it."""
+    """Return which tests of a guard fail without the guard, in the copy at `root`."""
     source = root / guard.path
     whole = source.read_text(encoding="utf-8")
     source.write_text(guard.taken_from(whole), encoding="utf-8")
@@ -192,7 +193,7 @@ def without(root: Path, guard: Guard) -> list[bool]:
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    """A row a guard."""
+    """Return a row for each guard."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         _copied(Path(folder))
@@ -205,7 +206,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Guards, and whether their tests fail without them."""
+    """Return the table of guards, and whether their tests fail without them."""
     cells = []
     for r in rows:
         tests = "<br>".join(f"`{test.removeprefix('tests/')}`" for test in r["tests"])

@@ -1,4 +1,4 @@
-"""How often the 95 % intervals of benefits and curves hold the truth, and which rule a benefit should pass.
+"""Coverage of the 95 % intervals of benefits and curves, and properties of rules for a recommendation.
 
 Severities are tilts clipped to 0 (at rest) and 1 (overturned). Earthquakes have 1 to 12 records, three scales
 each, and effects of their own. "Before" is the cluster-robust variance with the number of clusters minus one
