@@ -58,7 +58,7 @@ def against_digits() -> float:
 
 @numba.njit
 def fixed_steps(p: Any, a: np.ndarray, h: float, parts: int, free: float) -> float:
-    """Return the largest tilt; p = (nu, mu, lam, zeta, k, rho, e), `a` is the forcing at intervals `h` of tau."""
+    """Return the largest tilt; p = (nu, mu, lam, zeta, k, rho, e), forcing `a` at intervals `h`."""
     nu, mu, lam, zeta, k, rho, e = p
     c, up, weight = 2.0 * zeta * np.sqrt(lam * rho), 1.0 + 2.0 * mu, (1.0 + mu) * nu
     m11, m12, m21, m22 = 1.0 + mu * rho * (4.0 + nu * nu), -2.0 * mu * rho * lam, -2.0 * rho, lam * rho
