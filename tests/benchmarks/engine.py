@@ -14,9 +14,12 @@ QUESTION = "How fast are many designs with gradients, multipliers and statuses, 
 SEED = 0
 PERIODS, SPREAD = 100, 0.1
 """Periods of a run; share by which mass, length and damping vary around the reference scenes."""
-GRADIENTS, RUNS = "symmetric orbits, gradients in 3", "run until it repeats"
+GRADIENTS, RUNS = "symmetric orbits, gradients in 3 parameters", "run until it repeats"
 WHOLE, LOOP = "run of 100 periods", "Numba loop, run of 100 periods"
-BY_SCIPY, BY_LOOP = "SciPy DOP853, gradient in 3", "Numba loop, gradient in 3 (200 periods)"
+BY_SCIPY, BY_LOOP = (
+    "SciPy DOP853, gradient in 3 parameters",
+    "Numba loop, gradient in 3 parameters (200 periods)",
+)
 ENSEMBLE = "ensemble without a pendulum, 100 periods"
 PERIOD = "forcing period of a run on one core, {equations}, {scene}"
 
