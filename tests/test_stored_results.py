@@ -43,7 +43,7 @@ def test_what_is_stored_is_drawn_and_goes_stale_with_the_version(tmp_path, monke
     assert not stored.is_stale("commands")
     assert "| `tpd map` | 50.0 | 3.0 |" in stored.drawn("commands")
     lines = {line.split(" | ")[0]: line for line in aims.aims().splitlines()}
-    assert lines["| `tpd optimise`, later"].endswith("| 3.0 s | met |")
+    assert lines["| `tpd optimise`, later"].endswith("| 3.0 s | reached |")
     assert "| 50.0 s | Limit: as measured" in lines["| `tpd optimise`, first call"]
     monkeypatch.setattr(tpd, "__version__", "0.0.0")
     assert stored.is_stale("commands")

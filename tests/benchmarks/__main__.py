@@ -1,12 +1,12 @@
-"""Runs the benchmarks, lists their results, and draws what is made from these.
+"""Run the benchmarks, list their results, and write the pages and pictures with them.
 
-    python -m tests.benchmarks                 list them
-    python -m tests.benchmarks NAME ...        run these, store their results and draw
-    python -m tests.benchmarks --stale         run those without a result of this version, but for long ones
-    python -m tests.benchmarks --quick NAME ...  run a small size to the end, and print: nothing is stored
-    python -m tests.benchmarks --draw          write tables and pictures anew from what is stored
+    python -m tests.benchmarks                 list all benchmarks
+    python -m tests.benchmarks NAME ...        run benchmarks, store their results and write the pages
+    python -m tests.benchmarks --stale         run those without a result of this version, except long ones
+    python -m tests.benchmarks --quick NAME ...  run a small size and print the results; store nothing
+    python -m tests.benchmarks --draw          write tables and pictures again from the stored results
 
-Leave the machine alone meanwhile. Each benchmark runs in a process of its own.
+Do not use the machine for other work meanwhile. Each benchmark runs in a process of its own.
 """
 
 import argparse
@@ -23,7 +23,7 @@ from tests.benchmarks import stored  # noqa: E402
 
 
 def listed() -> str:
-    """A line a benchmark: its name, the version, date and age of its result, and its question."""
+    """Return a line for each benchmark: name, question, and version, date and age of its result."""
     lines = []
     for name in stored.NAMES:
         found = stored.read(name)
@@ -37,7 +37,7 @@ def listed() -> str:
 
 
 def main() -> int:
-    """Do what was asked; 1 if a benchmark failed."""
+    """Run, list or draw benchmarks; return 1 if a benchmark failed."""
     known = ", ".join(stored.NAMES)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help=known)

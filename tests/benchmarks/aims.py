@@ -1,4 +1,4 @@
-"""The aims of the project in numbers, and the limit that takes the place of one that was not met."""
+"""The aims of the project in numbers, and the limit that replaces an aim that was not reached."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -9,19 +9,19 @@ Rows = list[dict[str, Any]]
 
 
 class Aim(NamedTuple):
-    """One line of the table."""
+    """One row of the table of aims."""
 
     benchmark: str
     question: str
     aim: str
     measured: Callable[[Rows], tuple[str, bool]]
-    """What was found, and whether it meets the aim."""
+    """The measured value in words, and whether it reaches the aim."""
     limit: str
-    """What takes the place of the aim where it is not met, and why."""
+    """The limit that replaces the aim if the aim is not reached, and the reason."""
 
 
 def _ratios(kind: str, least: float, peer: str = "") -> Callable[[Rows], tuple[str, bool]]:
-    """Time of the quickest other method over that of ours, at errors of at most 1e-6."""
+    """Measure the time of the fastest other method over our time, at errors of at most 1e-6."""
 
     def measured(rows: Rows) -> tuple[str, bool]:
         found = [o["ms"] / m["ms"] for _, m, o in stored.module("precision").pairs(rows, kind, peer)]
@@ -53,14 +53,14 @@ def _slopes_cost(rows: Rows) -> tuple[str, bool]:
     mine = {(r["scene"], r["kind"]): r["ms"] for r in rows if r["method"] == "steady_state in jit (default)"}
     slopes = {s: ms for (s, kind), ms in mine.items() if kind == "gradient" and ms}
     ratios = [ms / mine[s, "value"] for s, ms in slopes.items()]
-    return f"{max(ratios):.2g} times a value", max(ratios) <= 2.0
+    return f"{max(ratios):.2g}", max(ratios) <= 2.0
 
 
 def _rate(aim: float) -> Callable[[Rows], tuple[str, bool]]:
     def measured(rows: Rows) -> tuple[str, bool]:
         engine = stored.module("engine")
         ours, scipy = (engine.per_design(rows, what) for what in (engine.GRADIENTS, engine.BY_SCIPY))
-        return f"{1.0 / ours:,.0f} a second, {scipy / ours:,.0f} times SciPy on one core", 1.0 / ours >= aim
+        return f"{1.0 / ours:,.0f} per second, {scipy / ours:,.0f} times SciPy on one core", 1.0 / ours >= aim
 
     return measured
 
@@ -87,7 +87,7 @@ def _command(name: str, when: str, aim: float) -> Callable[[Rows], tuple[str, bo
 def _grid(rows: Rows) -> tuple[str, bool]:
     found = stored.module("benefit").behind(rows)
     worst = max(found.values(), default=0.0)
-    return f"{worst:.1f} points below it at most, in {len(found)} scenes", worst <= 2.0
+    return f"{worst:.1f} points below at most, in {len(found)} scenes (negative: above)", worst <= 2.0
 
 
 def _band(rows: Rows) -> tuple[str, bool]:
@@ -98,7 +98,7 @@ def _band(rows: Rows) -> tuple[str, bool]:
 def _found(rows: Rows) -> tuple[str, bool]:
     ours = [r for r in stored.module("optima").summary(rows) if r["method"] == "optax and SLSQP finish"]
     hits, seeds = (sum(r[k] for r in ours) for k in ("hits", "seeds"))
-    return f"{hits} of {seeds} seeds", hits == seeds
+    return f"{hits} of {seeds}", hits == seeds
 
 
 def _designs(rows: Rows) -> tuple[str, bool]:
@@ -128,60 +128,137 @@ def _guards(rows: Rows) -> tuple[str, bool]:
     return f"{sum(seen)} of {len(seen)}", all(seen)
 
 
-_LOOP = "Limit: the loop's time; it is told when to stop, may miss events and gives no status."
-_COMPILED = "Limit: as measured: Numba, half of it Numba's own Python, and XLA compile; both are kept."
-# fmt: off
+_LOOP = "Limit: the time of the loop, which needs the number of periods, may miss events and has no status."
+_COMPILED = "Limit: as measured. Numba and XLA compile, and both store the compiled code."
 AIMS = (
-    Aim("precision", "Error of the defaults against 30 digits", "1e-9", _errors,
-        "Limit: as measured, near a fold."),
-    Aim("precision", "Value of one scene: a default on the front", "all six", _front("value"), _LOOP),
-    Aim("precision", "Gradient of one scene: a default on the front", "all six", _front("gradient"), _LOOP),
-    Aim("precision", "Value: best other's time over ours", "10", _ratios("value", 10.0), _LOOP),
-    Aim("precision", "Gradient: best other's time over ours", "10", _ratios("gradient", 10.0),
-        "Limit: the loop's six runs over our one, both compiled and from event to event."),
-    Aim("precision", "Gradient: SciPy's time over ours", "10", _ratios("gradient", 10.0, "SciPy"), _LOOP),
-    Aim("precision", "A gradient by events costs at most", "2 values", _slopes_cost,
-        "As measured. (In place of ten times faster than before where it sticks or rattles, of which 8 and 9 "
-        "were reached: what is left is the events themselves.)"),
-    Aim("engine", "Designs with gradients, multipliers, statuses", "105,000 a second", _rate(105_000.0),
-        "Limit: as measured. From 10⁴ designs on the rate stays: it is arithmetic, and no longer calls."),
-    Aim("engine", "Gradients of a batch: the loop's time over ours", "1000", _batch,
-        "Limit: as measured. A thousandth of the loop's time is less than one orbit's exponentials take."),
-    Aim("engine", "10,000 runs of an ensemble", "0.35 s", _ensemble,
-        "Limit: as measured. The Numba loop takes half of it a run, and gives no status."),
+    Aim(
+        "precision",
+        "Error with default settings against 30 digits",
+        "1e-9",
+        _errors,
+        "Limit: as measured, near a fold.",
+    ),
+    Aim(
+        "precision",
+        "Value of one scene: a default setting is on the Pareto front",
+        "all six",
+        _front("value"),
+        _LOOP,
+    ),
+    Aim(
+        "precision",
+        "Gradient of one scene: a default setting is on the Pareto front",
+        "all six",
+        _front("gradient"),
+        _LOOP,
+    ),
+    Aim(
+        "precision",
+        "Value: time of the fastest other method over our time",
+        "10",
+        _ratios("value", 10.0),
+        _LOOP,
+    ),
+    Aim(
+        "precision",
+        "Gradient: time of the fastest other method over our time",
+        "10",
+        _ratios("gradient", 10.0),
+        "Limit: the loop needs six runs for the gradient, and we need one; both are compiled.",
+    ),
+    Aim(
+        "precision", "Gradient: time of SciPy over our time", "10", _ratios("gradient", 10.0, "SciPy"), _LOOP
+    ),
+    Aim(
+        "precision",
+        "Time of a gradient over the time of a value, by events",
+        "2 at most",
+        _slopes_cost,
+        "As measured.",
+    ),
+    Aim(
+        "engine",
+        "Designs with gradients, multipliers and statuses",
+        "105,000 per second",
+        _rate(105_000.0),
+        "Limit: as measured. Above 10⁴ designs the rate is constant, and the arithmetic limits it.",
+    ),
+    Aim(
+        "engine",
+        "Gradients of a batch: time of the loop over our time",
+        "1000",
+        _batch,
+        "Limit: as measured. The exponentials of one orbit alone take longer.",
+    ),
+    Aim(
+        "engine",
+        "10,000 runs of an ensemble",
+        "0.35 s",
+        _ensemble,
+        "Limit: as measured. The Numba loop takes half of this time per run, and has no status.",
+    ),
     Aim("commands", "`tpd optimise`, first call", "30 s", _command("tpd optimise", "first", 30.0), _COMPILED),
-    Aim("commands", "`tpd optimise`, later", "8 s", _command("tpd optimise", "later", 8.0),
-        "Limit: as measured: nonlinear runs, of which most take all of their 100 periods."),
+    Aim(
+        "commands",
+        "`tpd optimise`, later",
+        "8 s",
+        _command("tpd optimise", "later", 8.0),
+        "Limit: as measured. Most of the nonlinear runs last all of their 100 periods.",
+    ),
     Aim("commands", "`check`, `response`, `map`, first call", "12 s", _command("", "first", 12.0), _COMPILED),
-    Aim("commands", "`check`, `response`, `map`, later", "4 s", _command("", "later", 4.0),
-        "Limit: as measured, of `check`, which follows 512 paired runs by the nonlinear equations."),
-    Aim("benefit", "Default answer against the best of a grid, fresh runs", "2 points below at most", _grid,
-        "Limit: 5 points: 512 runs tell the edges of a narrow strip badly. (No aim any more: the settled "
-        "optimum of a linear grid, most of whose designs the nonlinear equations refuse.)"),
-    Aim("benefit", "Design over 20 frequencies, first, later", "20 s, 3 s", _band,
-        "Limit: as measured. A quarter was the search, the rest nonlinear runs of survey and verdict."),
-    Aim("optima", "The best value is found", "all 15 runs", _found, "As measured."),
-    Aim("optima", "Designs until there over the best derivative-free method's", "5 %", _designs,
-        "Limit: screening and descents take 112, and in one basin of three variables Nelder-Mead needs few."),
-    Aim("smoothing", "Smoothed amplitude, width 10⁻³, e ≥ 0.8: error", "1e-2", _smooth, "Measured."),
-    Aim("cluster", "The same digits after a worker was killed", "always", _kills, "As measured."),
-    Aim("guards", "Guards whose tests fail without them", "all", _guards, "As measured."),
+    Aim(
+        "commands",
+        "`check`, `response`, `map`, later",
+        "4 s",
+        _command("", "later", 4.0),
+        "Limit: as measured for `check`, which simulates paired runs with the nonlinear equations.",
+    ),
+    Aim(
+        "benefit",
+        "Default design against the best of a grid, other runs",
+        "at most 2 points below",
+        _grid,
+        "Limit: 5 points, because few runs do not resolve the edges of a narrow region.",
+    ),
+    Aim(
+        "benefit",
+        "Design for 20 frequencies, first, later",
+        "20 s, 3 s",
+        _band,
+        "Limit: as measured. The search takes a quarter of the time, and runs take the rest.",
+    ),
+    Aim("optima", "Seeds that reach the best value", "all 15", _found, "As measured."),
+    Aim(
+        "optima",
+        "Designs until the best value, over those of the best derivative-free method",
+        "5 %",
+        _designs,
+        "Limit: screening and descents take 112 designs, and Nelder-Mead needs few in a single basin.",
+    ),
+    Aim("smoothing", "Error of the smoothed amplitude, width 10⁻³, e ≥ 0.8", "1e-2", _smooth, "As measured."),
+    Aim(
+        "cluster",
+        "Calculations with the same digits after a worker was killed",
+        "all",
+        _kills,
+        "As measured.",
+    ),
+    Aim("guards", "Guards with a test that fails without the guard", "all", _guards, "As measured."),
 )
-# fmt: on
 
 
 def aims() -> str:
-    """The table of aims."""
+    """Return the table of aims."""
     cells = []
     for aim in AIMS:
         found = stored.read(aim.benchmark)
         said, met = ("not measured", False) if found is None else aim.measured(found.rows)
-        cells.append((aim.question, aim.aim, said, "met" if met else aim.limit))
-    return stored.markdown(("question", "aim", "measured", "limit and why, if not met"), cells)
+        cells.append((aim.question, aim.aim, said, "reached" if met else aim.limit))
+    return stored.markdown(("question", "aim", "measured", "limit and reason, if not reached"), cells)
 
 
 def overview() -> str:
-    """The benchmarks, their questions and minutes."""
+    """Return the table of the benchmarks, with their questions and minutes."""
     cells = []
     for name in stored.NAMES:
         found = stored.read(name)
@@ -191,7 +268,7 @@ def overview() -> str:
 
 
 def machine() -> str:
-    """What the stored results stand for, in a sentence."""
+    """Return versions, machine and dates of the stored results, in a sentence."""
     abouts = [s.about for name in stored.NAMES if (s := stored.read(name))]
     if not abouts:
         return "Nothing has been measured with this version yet."

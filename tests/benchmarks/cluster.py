@@ -1,4 +1,4 @@
-"""Batches on several processes: how fast beside threads, and what is left after a process was killed."""
+"""Compare batches in several processes with threads, and test that results survive a killed process."""
 
 import contextlib
 import os
@@ -14,7 +14,7 @@ import numpy as np
 import tpd
 from tests.benchmarks.stored import columns
 
-QUESTION = "How fast are several processes, and what does a killed one cost?"
+QUESTION = "How fast are several processes, and how long does it take if one is killed?"
 SEED, ROUNDS, KILLS = 1, 2, 5
 BLOCK = tpd.Block(width=0.45, height=1.8, mass=900.0, restitution="housner")
 BOB = tpd.Pendulum(mass=90.0, length=0.6, damping_ratio=0.2)
@@ -22,7 +22,7 @@ Where = tpd.Cluster | None
 
 
 def by_map(cluster: Where, shift: float = 0.0, points: int = 400) -> np.ndarray:
-    """Amplitudes of a map; a small `shift` makes it another map, so that nothing is there already."""
+    """Return amplitudes of a map. A small `shift` makes it another map, which has no stored chunks yet."""
     scene = tpd.paper_scene()
     with_it = scene.pendulum(mass_ratio=0.1, length_ratio=0.4, damping_ratio=0.1)
     axes = ("mu", np.linspace(0.02, 0.3 + shift, points)), ("lam", np.linspace(0.1, 1.0, points))
@@ -30,7 +30,7 @@ def by_map(cluster: Where, shift: float = 0.0, points: int = 400) -> np.ndarray:
 
 
 def by_records(cluster: Where, shift: float = 0.0, motions: int = 22) -> np.ndarray:
-    """Tilts of a fragility under noise with the envelope of an earthquake."""
+    """Return tilts of a fragility under noise with the envelope of an earthquake."""
     rng, t = np.random.default_rng(0), np.arange(0.0, 40.0, 0.01)
     shape = np.minimum(t / 4.0, 1.0) * np.exp(-np.maximum(t - 12.0, 0.0) / 8.0)
     smooth = np.exp(-np.arange(0.0, 1.0, 0.01) / 0.08)
@@ -45,7 +45,7 @@ WORK = {"map of 400 × 400 orbits": by_map, "fragility, 22 × 40 × 4 runs": by_
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    """Times by threads (0 processes), 1 and 2; and how many calculations with a kill had the same digits."""
+    """Return times by threads (0 processes), 1 and 2 processes, and how many calculations survive a kill."""
     sizes = {"points": 40} if quick else {}, {"motions": 2} if quick else {}
     work = {name: (of, more) for (name, of), more in zip(WORK.items(), sizes, strict=True)}
     truth = {name: of(None, **more) for name, (of, more) in work.items()}
@@ -66,7 +66,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def killed(kills: int) -> dict[str, Any]:
-    """Kills a worker at a random moment, again and again."""
+    """Kill a worker at a random moment, several times."""
     rng, truth, same, longest = np.random.default_rng(SEED), by_records(None), 0, 0.0
     for _ in range(kills):
         with tempfile.TemporaryDirectory() as folder, tpd.Cluster(folder, workers=2) as cluster:
@@ -81,5 +81,11 @@ def killed(kills: int) -> dict[str, Any]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Seconds by threads (0 processes) and by processes; after kills the longest, and how many agree."""
-    return columns(rows, work="{work}", processes="{processes}", s="{seconds:.2f}", same="{same} of {kills}")
+    """Return the table of times; the last row has the longest time after a kill."""
+    return columns(
+        rows,
+        work="{work}",
+        processes="{processes}",
+        s="{seconds:.2f}",
+        **{"same digits": "{same} of {kills}"},
+    )

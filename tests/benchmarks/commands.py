@@ -1,4 +1,4 @@
-"""Seconds of commands with nothing compiled before, and again with what the first call kept."""
+"""Measure the time of commands without compiled code, and again with the code that the first call stored."""
 
 import os
 import subprocess
@@ -22,7 +22,7 @@ COMMANDS = {
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    """Each in folders of its own for compiled code; Python's bytecode is there."""
+    """Run each command with empty folders for compiled code; Python's bytecode is present."""
     rows = []
     for name in list(COMMANDS)[3 if quick else 0 :]:
         with tempfile.TemporaryDirectory() as folder:
@@ -44,5 +44,5 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Seconds."""
+    """Return the table of times in seconds."""
     return columns(rows, command="`{command}`", **{"first, s": "{first:.1f}", "later, s": "{later:.1f}"})

@@ -1,7 +1,7 @@
-"""Is a pendulum worth it in earthquakes: square blocks of masonry by height and slenderness.
+"""Benefit of a pendulum in earthquakes: square blocks of masonry by height and slenderness.
 
 Housner's restitution, walls of a tenth of the width, a bob of steel of at most 10 % of the mass. Half of the
-far-field earthquakes of FEMA P695 (`tpd[records]`) are held out; PGA/(g tan α) is 1.5, 2, 3 and 4.
+far-field earthquakes of FEMA P695 (`tpd[records]`) validate; PGA/(g tan α) is 1.5, 2, 3 and 4.
 """
 
 import time
@@ -12,15 +12,15 @@ import numpy as np
 import tpd
 from tests.benchmarks.stored import columns
 
-QUESTION = "Is a pendulum worth it in earthquakes that the search did not use?"
+QUESTION = "Which blocks benefit from a pendulum in earthquakes that the search did not use?"
 SEED = 0
 HEIGHTS, SLENDERNESS, STRIPES = (1.0, 3.0, 8.0, 20.0), (0.12, 0.2, 0.3), (1.5, 2.0, 3.0, 4.0)
 COLUMN = {"width": 0.7, "height": 4.0, "mass": 2210.0, "radius_of_gyration": 1.18, "cavity_width": 0.5}
-"""The README's, of which the picture is drawn."""
+"""Column of the README, for its picture."""
 
 
 def masonry(height: float, nu: float) -> tpd.Block:
-    """A square tube of 1800 kg/m³ with walls of a tenth of its width."""
+    """Return a square tube of 1800 kg/m³ whose walls are a tenth of its width thick."""
     width, cavity = nu * height, 0.8 * nu * height
     mass = 1800.0 * (width**2 - cavity**2) * height
     gyration = ((height**2 + width**2 + cavity**2) / 12.0) ** 0.5
@@ -28,7 +28,7 @@ def masonry(height: float, nu: float) -> tpd.Block:
 
 
 def designed(block: tpd.Block, quick: bool, space: tpd.DesignSpace | None = None, method: Any = None) -> Any:
-    """The design for a block. Few earthquakes show a fall of the mean tilt sooner than one of overturning."""
+    """Return the design for a block, with a smaller tilt required: the earthquakes are few."""
     far = tpd.records.fema_p695("far-field")
     conditions = tpd.Conditions.records(far[:12] if quick else far, STRIPES[:2] if quick else STRIPES)
     more = {"requirements": tpd.limits.Requirements(measure="tilt")} | (
@@ -38,7 +38,7 @@ def designed(block: tpd.Block, quick: bool, space: tpd.DesignSpace | None = None
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    """A row a block; the last is the README's column."""
+    """Return a row for each block; the last one is the column of the README."""
     rows = []
     method = tpd.GroundSearch(starts=4, steps=2) if quick else tpd.GroundSearch(starts=16, steps=8)
     space = tpd.DesignSpace(mass_ratio=(0.01, 0.1), damping_ratio=(0.05, 1.0))
@@ -61,7 +61,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def _draw(found: Any) -> None:
-    """The README's picture needs the runs themselves, which are not stored."""
+    """Draw the picture of the README, which needs the runs themselves; they are not stored."""
     from tests.benchmarks.stored import PICTURES
     from tpd.plots.style import png
 
@@ -69,18 +69,18 @@ def _draw(found: Any) -> None:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Held-out earthquakes; differences with 95 % intervals."""
+    """Return a row for each block: validation earthquakes, differences with 95 % intervals."""
     names = [f"{r['height']:g} m, ν = {r['nu']:g}" if r["height"] else "column of 4 m (README)" for r in rows]
     between = "{{{0}[0]:+.3f}} ({{{0}[1]:+.3f}} to {{{0}[2]:+.3f}})"
     heads = {"block": "{block}", "status": "{status}"}
-    heads |= {"overturned without, with": "{overturned[0]:.1%}, {overturned[1]:.1%}"}
+    heads |= {"overturned without, with pendulum": "{overturned[0]:.1%}, {overturned[1]:.1%}"}
     heads |= {"difference": between.format("difference")}
     heads |= {"change of the mean of tilt/ν": between.format("tilt")}
     return columns([r | {"block": n} for r, n in zip(rows, names, strict=True)], **heads, s="{seconds:.0f}")
 
 
 def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Change of the mean tilt on motions held out, over height and slenderness."""
+    """Draw the change of the mean tilt in the validation motions over height and slenderness."""
     from tpd.plots.style import INK, new_axes
 
     ax = new_axes(size=(6.4, 3.8))
@@ -102,6 +102,6 @@ def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
     ax.set_xticks(range(len(HEIGHTS)), [f"{h:g}" for h in HEIGHTS])
     ax.set_yticks(range(len(SLENDERNESS)), [f"{nu:g}" for nu in SLENDERNESS])
     ax.set(xlabel="height of the block (m)", ylabel="slenderness width/height (-)")
-    said = "above: change of the mean tilt (% of ν); below: overturned without → with; bold: recommended"
-    ax.set_title(said, size=8)
-    return {"worth_grid.png": ax.figure}
+    title = "above: change of the mean tilt (% of ν); below: overturned without → with; bold: recommended"
+    ax.set_title(title, size=8)
+    return {"benefit_grid.png": ax.figure}

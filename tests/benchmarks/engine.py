@@ -1,4 +1,4 @@
-"""Rates of the compiled engine in batches, beside SciPy and a loop in Numba that a user could write."""
+"""Measure the speed of batches, with SciPy and a Numba loop that a user could write for comparison."""
 
 from functools import partial
 from typing import Any
@@ -10,19 +10,22 @@ import tpd
 from tests.benchmarks.stored import columns, timed
 from tests.reference import WITH, parameters
 
-QUESTION = "How many designs a second, with gradients, multipliers and statuses; how long does a run take?"
+QUESTION = "How fast are many designs with gradients, multipliers and statuses, and how fast are runs?"
 SEED = 0
 PERIODS, SPREAD = 100, 0.1
-"""Of a run; share by which mass, length and damping vary about the known scenes."""
-GRADIENTS, RUNS = "symmetric orbits, gradients in 3", "run until it repeats"
+"""Periods of a run; share by which mass, length and damping vary around the reference scenes."""
+GRADIENTS, RUNS = "symmetric orbits, gradients in 3 parameters", "run until it repeats"
 WHOLE, LOOP = "run of 100 periods", "Numba loop, run of 100 periods"
-BY_SCIPY, BY_LOOP = "SciPy DOP853, gradient in 3", "Numba loop, gradient in 3 (200 periods)"
-ENSEMBLE = "ensemble of the bare block, 100 periods"
+BY_SCIPY, BY_LOOP = (
+    "SciPy DOP853, gradient in 3 parameters",
+    "Numba loop, gradient in 3 parameters (200 periods)",
+)
+ENSEMBLE = "ensemble without a pendulum, 100 periods"
 PERIOD = "forcing period of a run on one core, {equations}, {scene}"
 
 
 def designs(n: int) -> np.ndarray:
-    """(n, 8) about the known scenes."""
+    """Return designs (n, 8) around the reference scenes."""
     x = np.ones((n, 8))
     x[:, :7] = np.array([WITH[i % 4].x for i in range(n)])
     x[:, 1:4] *= np.random.default_rng(SEED).uniform(1.0 - SPREAD, 1.0 + SPREAD, (n, 3))
@@ -30,7 +33,7 @@ def designs(n: int) -> np.ndarray:
 
 
 def describe(x: jax.Array) -> tuple:
-    """Of all symmetric orbits amplitudes, gradients in (mu, lam, zeta), multipliers and statuses."""
+    """Return amplitudes, gradients in (mu, lam, zeta), multipliers and statuses of all symmetric orbits."""
 
     def sizes(design: jax.Array) -> tuple:
         o = tpd.symmetric_orbits(parameters((x[0], *design, *x[4:])))
@@ -53,7 +56,7 @@ def scenes_of_runs() -> dict[str, tuple[tpd.Scene, tpd.Pendulum, tuple[float, ..
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    """Seconds of each kind of work."""
+    """Return the seconds of each kind of work."""
     from tests.benchmarks.precision.numba_loop import gradients
     from tests.benchmarks.precision.numba_loop import settle_all as loop
     from tests.benchmarks.precision.peers import METHODS
@@ -104,13 +107,13 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def per_design(rows: list[dict[str, Any]], what: str) -> float:
-    """Least seconds a design; those of a process of SciPy are for one core."""
+    """Return the smallest time per design in seconds; SciPy uses one core."""
     return min(r["seconds"] / r["designs"] for r in rows if r["what"] == what)
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Times and rates."""
+    """Return times and rates."""
     each = ((r, r["seconds"] / r["designs"]) for r in rows)
     rates = [r | {"each": 1e6 * s, "rate": 1.0 / s} for r, s in each]
-    heads = {"work on all cores, SciPy on one": "{what}", "designs": "{designs:,}", "s": "{seconds:.3g}"}
-    return columns(rates, **heads, **{"µs a design": "{each:.3g}", "designs a second": "{rate:,.0f}"})
+    heads = {"work (all cores; SciPy one core)": "{what}", "designs": "{designs:,}", "s": "{seconds:.3g}"}
+    return columns(rates, **heads, **{"µs per design": "{each:.3g}", "designs per second": "{rate:,.0f}"})

@@ -1,4 +1,4 @@
-"""Designs in an independent engine: does it agree about the sign of the benefit?
+"""Simulate designs in an independent engine, and compare the sign of the benefit.
 
 Paired runs in MuJoCo (`tpd[engines]`) beside the equations (4). All blocks lose energy by Housner's impacts.
 """
@@ -10,12 +10,12 @@ from typing import Any
 import tpd
 from tests.benchmarks.stored import columns
 
-QUESTION = "Do rigid-body engines agree about the benefit of a design?"
+QUESTION = "Does a rigid-body engine agree about the benefit of a design?"
 SEED = None
 
 
 def cases() -> Iterator[tuple[str, tpd.Scene, tpd.Pendulum]]:
-    """The paper's block, a chimney, and a column under a pulse."""
+    """Return the paper's block, a chimney, and a column under a pulse."""
     own = tpd.paper_scene()
     small = replace(own.block, restitution="housner", friction=0.0)
     pendulum = tpd.Pendulum(mass=0.4 * float(small.mass), length=0.08, damping_ratio=0.3)
@@ -43,10 +43,13 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Shares overturned with and without, and the change of the mean tilt in units of that of toppling."""
+    """Return the table of shares that overturn, and of the change of the mean tilt over the toppling tilt."""
     heads = {"engine": "{engine}", "scene": "{scene}", "runs": "{runs}"}
-    of = {"overturned with, without": "with_engine", "a fifth of its step": "finer"}
-    of |= {"by (4)": "with_equations"}
+    of = {"overturned with, without pendulum": "with_engine", "with a fifth of the time step": "finer"}
+    of |= {"by equations (4)": "with_equations"}
     heads |= {head: f"{{{k}[0]:.1%}}, {{{k}[1]:.1%}}" for head, k in of.items()}
-    heads |= {"change of the mean tilt": "{change:+.3f}", "by (4) ": "{change by the equations:+.3f}"}
+    heads |= {
+        "change of the mean tilt": "{change:+.3f}",
+        "by equations (4) ": "{change by the equations:+.3f}",
+    }
     return columns(rows, **heads, warning="{warning}")

@@ -1,4 +1,4 @@
-"""Motions under records: error against time beside fixed steps, and batches.
+"""Motions under records: error and time, with fixed time steps for comparison, and batches.
 
 The fixed steps are those of codes of structural engineering: Runge's method of the fourth order, an impact at
 the end of a step, compiled by Numba. Motions in El Centro are held against arithmetic of 50 digits
@@ -17,27 +17,27 @@ import tpd
 from tests.benchmarks.stored import ROOT, columns, timed
 from tpd.scene.parameters import as_arrays
 
-QUESTION = "How exact and how fast are motions under records?"
+QUESTION = "How accurate and how fast are motions under records?"
 SEED, FREE = 0, 10.0
-"""Seconds that a motion is followed after the record."""
+"""Seconds of free motion after the record."""
 PARTS = (1, 5, 20, 100, 200)
-"""Steps a sample."""
+"""Time steps per sample."""
 
 
 def scenes() -> dict[str, tuple[tpd.Scene, tpd.Pendulum | None]]:
-    """Blocks and a pendulum in El Centro, none of which overturns."""
+    """Return two blocks in El Centro, one with a pendulum; neither overturns."""
     record = tpd.records.el_centro()
     statue = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.01, restitution=0.9)
     column = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
     with_it = tpd.Pendulum(mass=783.0, length=2.042, damping_ratio=0.129)
     return {
-        "statue, bare": (tpd.Scene(statue, record.scaled(1.192)), None),
-        "column, hung": (tpd.Scene(column, record.scaled(1.155)), with_it),
+        "statue, without pendulum": (tpd.Scene(statue, record.scaled(1.192)), None),
+        "column, with pendulum": (tpd.Scene(column, record.scaled(1.155)), with_it),
     }
 
 
 def against_digits() -> float:
-    """Largest relative error of the largest tilt in the cases of El Centro that stand."""
+    """Return the largest relative error of the largest tilt, over the cases of El Centro that stand."""
     worst = 0.0
     for case in json.loads((ROOT / "tests" / "ground_truth.json").read_text())["cases"]:
         s, known = case["scene"], case["results"]
@@ -58,7 +58,7 @@ def against_digits() -> float:
 
 @numba.njit
 def fixed_steps(p: Any, a: np.ndarray, h: float, parts: int, free: float) -> float:
-    """Largest tilt; p = (nu, mu, lam, zeta, k, rho, e), the forcing `a` at samples `h` apart in tau."""
+    """Return the largest tilt; p = (nu, mu, lam, zeta, k, rho, e), forcing `a` at intervals `h`."""
     nu, mu, lam, zeta, k, rho, e = p
     c, up, weight = 2.0 * zeta * np.sqrt(lam * rho), 1.0 + 2.0 * mu, (1.0 + mu) * nu
     m11, m12, m21, m22 = 1.0 + mu * rho * (4.0 + nu * nu), -2.0 * mu * rho * lam, -2.0 * rho, lam * rho
@@ -98,7 +98,7 @@ def fixed_steps(p: Any, a: np.ndarray, h: float, parts: int, free: float) -> flo
 
 
 def _peer(scene: tpd.Scene, with_it: tpd.Pendulum | None) -> tuple:
-    """Arguments of `fixed_steps`."""
+    """Return the arguments of `fixed_steps`."""
     shaken = tpd.Scene(scene.block, tpd.Harmonic(amplitude=0.01, frequency=1.0), scene.gravity)
     p = as_arrays(shaken.parameters(with_it))
     rho = 3.0 / (4.0 * (1.0 + p.nu**2))
@@ -108,7 +108,7 @@ def _peer(scene: tpd.Scene, with_it: tpd.Pendulum | None) -> tuple:
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    """Errors and times."""
+    """Return errors and times."""
     rows: list[dict[str, Any]] = [{"what": "50 digits", "error": against_digits()}]
     for name, (scene, with_it) in scenes().items():
         value = jax.jit(lambda s, h: tpd.transient(s, h, free=FREE).tilt)
@@ -127,7 +127,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def batches(motions: int) -> dict[str, Any]:
-    """A long record with derivatives, a fragility, a spectrum."""
+    """Return functions that compute a long record with derivatives, a fragility, and a spectrum."""
     rng = np.random.default_rng(SEED)
     column = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution="housner")
     with_it = tpd.Pendulum(mass=900.0, length=3.0, damping_ratio=0.4)
@@ -147,15 +147,15 @@ def batches(motions: int) -> dict[str, Any]:
     return {
         "40 s at 0.01 s, tilt and 3 derivatives": lambda: both(with_it),
         f"fragility, {motions} records × 20 stripes × 2": partial(curves, nonlinear=False),
-        "the same, by the nonlinear equations as well": curves,
+        "fragility, also by the nonlinear equations": curves,
         f"overturning spectrum, {len(grid)}² × 2": spectrum,
     }
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Errors and times, batches, and the error against 50 digits."""
+    """Return the tables of errors and times, of batches, and the error against 50 digits."""
     digits, motions, work = ([r for r in rows if r["what"] == k] for k in ("50 digits", "motion", "batch"))
-    heads = {"scene": "{scene}", "steps a sample (0: tpd)": "{steps}"}
+    heads = {"scene": "{scene}", "steps per sample (0: tpd)": "{steps}"}
     heads |= {"error of the largest tilt": "{error:.1e}", "ms": "{ms:.3g}"}
-    said = f"Largest error of the largest tilt against 50 digits, El Centro: {digits[0]['error']:.0e}."
-    return "\n\n".join((said, columns(motions, **heads), columns(work, work="{work}", s="{seconds:.3g}")))
+    line = f"Largest error of the largest tilt against 50 digits, El Centro: {digits[0]['error']:.0e}."
+    return "\n\n".join((line, columns(motions, **heads), columns(work, work="{work}", s="{seconds:.3g}")))

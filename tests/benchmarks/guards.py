@@ -1,7 +1,8 @@
-"""Takes the guards of the atlas away, one at a time, and sees the tests that cover them fail.
+"""Remove the guards of the page "where methods fail" one at a time, and check that their tests then fail.
 
-A guard is named by its function and by what is taken from it (`tests.benchmarks.mutations`), so that a change
-of its line does not matter. A test that passes without its guard stands as "no" in the table. An hour.
+A guard is identified by its function and by the change that removes it (`tests.benchmarks.mutations`), so
+that other changes of its line do not matter. The table has a "no" for each test that passes without its
+guard. The benchmark takes an hour.
 """
 
 import os
@@ -31,41 +32,41 @@ SEED = None
 ROOT = stored.ROOT
 COMPILED = Path(".pytest_cache") / "compiled"
 QUICK = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
-"""Every guard has to be compiled anew."""
+"""Flags of XLA that shorten compilation, because every guard needs it."""
 TIMEOUT = 900.0
-"""Seconds for the tests of one guard; most of them go into compiling what changed."""
+"""Seconds for the tests of one guard; compilation takes most of them."""
 
 
 class Guard(NamedTuple):
-    """An expression that keeps a wrong number from being returned, and the tests that fail without it."""
+    """An expression that prevents a wrong result, and the tests that fail without it."""
 
     regime: str
     what: str
     place: str
-    """Module within the package and the function in it, such as "models/settling:Record.settled"."""
+    """Module and function of the guard, such as "models/settling:Record.settled"."""
     mutation: Mutation
-    """Takes the guard out of the function."""
+    """Change of the function that removes the guard."""
     tests: tuple[str, ...]
-    """All of them must fail."""
+    """Tests that must fail without the guard."""
 
     @property
     def path(self) -> str:
-        """Source file, from the root of the project."""
+        """Path of the source file, from the root of the project."""
         return f"tpd/{self.place.partition(':')[0]}.py"
 
     def taken_from(self, source: str) -> str:
-        """Source of the module without the guard."""
+        """Return the source of the module without the guard."""
         return mutated(source, self.place.partition(":")[2], self.mutation)
 
 
 def _tests(module: str, *names: str) -> tuple[str, ...]:
-    """Identifiers for pytest of tests of a module such as "exact/steady"."""
+    """Return identifiers for pytest of tests of a module such as "exact/steady"."""
     folder, _, name = module.rpartition("/")
     return tuple(f"tests/{folder}/test_{name}.py::test_{test}" for test in names)
 
 
 def _lost(name: str) -> tuple[str, ...]:
-    """Tests of the verdict on a motion that repeats, in `tests/exact/test_steady.py`."""
+    """Return tests of the verdict on a periodic motion, in `tests/exact/test_steady.py`."""
     return _tests("exact/steady", f"the_verdict_has_a_name_for_each_loss[{name}]")
 
 
@@ -87,69 +88,71 @@ _ORBITS, _STEADY = "exact/symmetric_orbit_kernel:_status", "exact/steady:verdict
 _SETTLED = "models/settling:Record.settled"
 # fmt: off
 GUARDS = (
-    Guard("fold", "orbits: no derivative where a multiplier of the half map is within 1e-6 of 1",
+    Guard("fold", "orbits: no derivative if a multiplier of the half map is within 1e-6 of 1",
           _ORBITS, constant("NEAR_FOLD", -1.0), _kernel("0.9999999-1.0-near_fold")),
     Guard("fold", "steady_state: near_fold", _STEADY, never("FOLD"), _lost("what3-near_fold")),
-    Guard("breaking of symmetry", "steady_state: unstable where a multiplier exceeds 1",
+    Guard("loss of symmetry", "steady_state: unstable if a multiplier exceeds 1",
           _STEADY, never("UNSTABLE"), _lost("what5-unstable")),
-    Guard("breaking of symmetry", "steady_state: symmetric only if it leans to neither side",
+    Guard("loss of symmetry", "steady_state: symmetric only if both sides of the motion agree",
           "exact/steady:steady_state", without_term("symmetric", "asymmetry"),
           _tests("exact/steady", "a_motion_that_leans_is_not_called_symmetric")),
-    Guard("grazing", "orbits: no derivative where the fall all but halts",
+    Guard("grazing", "orbits: no derivative if the block almost stops above its base",
           _ORBITS, constant("GRAZING", -1.0), _kernel("0.5-1e-08-grazing")),
-    Guard("grazing", "steady_state: grazing where an event is met too gently",
+    Guard("grazing", "steady_state: grazing if an event is crossed too slowly",
           _STEADY, never("GRAZED"), _lost("what1-grazing")),
-    Guard("onset of sticking", "statuses: sticking where the block was held",
+    Guard("onset of sticking", "statuses: sticking if the block was held",
           _SETTLED, never("sticking"), _ends("periods2-sticking-3")),
     Guard("rattling to rest", "contact: an impact slower than the capture speed is rest",
           "exact/contact_kernel:meet", nothing_true("capture"),
           _tests("exact/settle", "the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed",
                    "what_capture_leaves_out_is_below_the_square_of_its_speed")),
-    Guard("period three and chaos", "steady_state: aperiodic where neighbours part",
+    Guard("period three and chaos", "steady_state: aperiodic if neighbouring motions separate",
           _STEADY, never("WANDERS"),
           _tests("exact/steady", "the_verdict_has_a_name_for_each_loss[what8-aperiodic]",
                    "a_chaotic_motion_is_aperiodic_and_its_derivative_grows_at_the_reported_rate")),
-    Guard("period three and chaos", "periodic_orbit: unstable where a multiplier exceeds 1",
+    Guard("period three and chaos", "periodic_orbit: unstable if a multiplier exceeds 1",
           _STEADY, never("UNSTABLE"),
           _tests("answers/periodic_orbit", "continuation_passes_where_the_orbit_repels")),
     Guard("motion that does not repeat",
-          "steady_state: not_settled where Newton's method has not closed the orbit",
+          "steady_state: not_settled if Newton's method does not close the orbit",
           _STEADY, never("NOT_SETTLED"), _lost("what6-not_settled")),
-    Guard("overturning", "every model: overturned once the tilt is beyond return",
+    Guard("overturning", "every model: overturned if the tilt is beyond any return",
           _SETTLED, never("overturned"),
           (*_ends("periods7-overturned-1"), *_smoothed(_OVERTURNS),
            "tests/test_segmented.py::test_" + _OVERTURNS)),
-    Guard("overturning, all but", "steady_state: unstable on the saddle between rocking and overturning",
+    Guard("near overturning", "steady_state: unstable on the saddle between rocking and overturning",
           _STEADY, never("UNSTABLE"), _tests("models/compiled", _SADDLE)),
-    Guard("no derivative without an orbit", "steady_state: derivatives only of what is settled and attracts",
+    Guard("no derivative without an orbit", "steady_state: derivatives only of settled motions that attract",
           "exact/steady:steady_state", without_term("isolated", "rocks"),
           (*_tests("models/compiled", _SADDLE),
            *_tests("exact/steady", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"))),
-    Guard("resonance without damping; huge shaking", "every model: failed where a number is not finite",
+    Guard("resonance without damping; very strong excitation",
+          "every model: failed if a number is not finite",
           _SETTLED, never("failed"), _ends("periods8-failed-1")),
-    Guard("slow shaking", "steady_state: event_bound where the period of a resting block was cut short",
+    Guard("slow excitation", "steady_state: event_bound if the period of a resting block was cut short",
           "exact/steady:steady_state", never("EVENT_BOUND"),
           _tests("models/compiled", "a_period_too_long_to_be_followed_is_told")),
     Guard("smoothing too sharp", "Smoothed: sharpness within bounds",
           "core/checks:within", constant("low", -1.0),
           _smoothed("settings_out_of_range_are_refused")),
-    Guard("smoothed impacts", "Smoothed: e < 1 is refused with nonlinear terms, and e = 0 with others",
+    Guard("smoothed impacts", "Smoothed: e < 1 is rejected with nonlinear terms, and e = 0 with other terms",
           "models/smoothed:Smoothed.check", unchecked("e"),
           _smoothed("impacts_without_a_smoothed_counterpart_are_refused")),
-    Guard("smoothed impacts", "smoothed_rates: no number with nonlinear terms and a traced e < 1",
+    Guard("smoothed impacts", "smoothed_rates: NaN with nonlinear terms and a traced e < 1",
           "theory/equations:smoothed_rates", without_nan("decay"),
           _smoothed("the_smoothed_equations_4_have_no_number_with_impacts")),
-    Guard("32-bit floats", "every entry: 64 bits are asked for",
+    Guard("32-bit floats", "every public function: 64 bits are required",
           "core/checks:require_x64", unrefused("RuntimeError"),
           _tests("answers/steady_state", "in_32_bits_every_call_refuses_by_name")),
-    Guard("scales", "scene: omega0 from the half height", "scene/scene:_rate", constant("half_height", 0.2),
+    Guard("scales", "scene: omega0 is computed from the half height",
+          "scene/scene:_rate", constant("half_height", 0.2),
           _tests("models/compiled", "neither_millimetres_nor_kilometres_change_a_dimensionless_answer")),
 )
 # fmt: on
 
 
 def _copied(root: Path) -> None:
-    """The working tree at `root`, with what has been compiled."""
+    """Copy the working tree to `root`, with the compiled code."""
     listed = ["git", "ls-files", "-co", "--exclude-standard"]
     names = subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\n")
     for name in filter(None, names):
@@ -162,7 +165,7 @@ def _copied(root: Path) -> None:
 
 
 def _failing(root: Path, tests: tuple[str, ...]) -> list[bool]:
-    """Of each test whether it fails, also where it never ends."""
+    """Return for each test whether it fails; a test that does not end counts as failed."""
     command = [sys.executable, "-m", "pytest", "-n", "0", "-q", "-rA", "-p", "no:cacheprovider", "-m", ""]
     env = {**os.environ, "PYTHONPATH": str(root), "XLA_FLAGS": QUICK, "COLUMNS": "500"}
     try:
@@ -179,7 +182,7 @@ def _failing(root: Path, tests: tuple[str, ...]) -> list[bool]:
 
 
 def without(root: Path, guard: Guard) -> list[bool]:
-    """Which of the tests of a guard fail in the copy at `root` without it."""
+    """Return which tests of a guard fail without the guard, in the copy at `root`."""
     source = root / guard.path
     whole = source.read_text(encoding="utf-8")
     source.write_text(guard.taken_from(whole), encoding="utf-8")
@@ -190,7 +193,7 @@ def without(root: Path, guard: Guard) -> list[bool]:
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    """A row a guard."""
+    """Return a row for each guard."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         _copied(Path(folder))
@@ -203,7 +206,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Guards, and whether their tests fail without them."""
+    """Return the table of guards, and whether their tests fail without them."""
     cells = []
     for r in rows:
         tests = "<br>".join(f"`{test.removeprefix('tests/')}`" for test in r["tests"])

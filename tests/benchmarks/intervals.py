@@ -1,4 +1,4 @@
-"""How often the 95 % intervals of benefits and curves hold the truth, and which rule a benefit should pass.
+"""Coverage of the 95 % intervals of benefits and curves, and properties of rules for a recommendation.
 
 Severities are tilts clipped to 0 (at rest) and 1 (overturned). Earthquakes have 1 to 12 records, three scales
 each, and effects of their own. "Before" is the cluster-robust variance with the number of clusters minus one
@@ -15,25 +15,25 @@ from scipy.special import stdtrit
 from tests.benchmarks.stored import columns, markdown
 from tpd.answers.statistics import Interval, added_up, change, fall, fit_lognormal
 
-QUESTION = "Do 95 % intervals hold the truth, and which rule keeps a quoted benefit honest?"
+QUESTION = "Do 95 % intervals contain the true value, and which rule gives an unbiased benefit?"
 SEED = 0
 EARTHQUAKES = (4, 5, 7, 11, 22)
 TILTS = {"usual": 0.3, "mostly at rest": -0.2, "mostly overturned": 0.8}
-"""Mean tilt over the slenderness before it is clipped."""
+"""Mean tilt over the slenderness, before clipping."""
 SCALES = np.array([-0.35, 0.0, 0.35])
 RUNS, SHARES = (256, 512, 1024, 2048), (0.005, 0.01, 0.02, 0.05)
 EVENTS = ((0.0, 0.0), (0.5, 0.5), (1.0, 0.0))
-"""Fall of the share that overturns, and the part of the overturning runs with the pendulum that overturn
-without it as well."""
+"""Reduction of the share that overturns, and the share of the runs overturned with the pendulum that also
+overturn without it."""
 TRUTHS = (0.0, 0.02, 0.04, 0.056, 0.08, 0.10, 0.12, 0.15, 0.20)
 AT_LEAST, SHARE = 0.1, 0.5
 SEVERITY = {"middle": 0.5, "spread": 0.35, "noise": 0.3}
-"""Of the rules' runs: the standard error of the fall is 3 points with 512 runs."""
+"""Scatter of the runs of the rules; the standard error of the reduction is 3 points with 512 runs."""
 CANDIDATES = 3
 
 
 class Pairs(NamedTuple):
-    """Severities of runs with the pendulum and without, and the earthquakes of the runs."""
+    """Severities of runs with and without the pendulum, and the earthquakes of the runs."""
 
     with_pendulum: np.ndarray
     without_pendulum: np.ndarray
@@ -41,7 +41,7 @@ class Pairs(NamedTuple):
 
 
 def in_earthquakes(rng: np.random.Generator, records: np.ndarray, middle: float) -> Pairs:
-    """Severities of `records` records of each earthquake at three scales."""
+    """Return severities of `records` records of each earthquake at three scales."""
     quake = np.repeat(np.arange(len(records)), records)
     tilt = middle + 0.35 * rng.standard_normal(len(records))[quake] + 0.35 * rng.standard_normal(len(quake))
     moved = 0.15 * rng.standard_normal(len(records))[quake] + 0.2 * rng.standard_normal(len(quake))
@@ -53,7 +53,7 @@ def in_earthquakes(rng: np.random.Generator, records: np.ndarray, middle: float)
 
 
 def before(tops: np.ndarray, bottoms: np.ndarray, clusters: np.ndarray | None = None) -> Interval:
-    """Interval of a ratio of sums with the method of the earlier versions."""
+    """Return the interval of a ratio of sums, by the method of earlier versions."""
     ratio = float(tops.sum() / bottoms.sum())
     sums = added_up(tops - ratio * bottoms, clusters)
     error = np.sqrt(len(sums) / (len(sums) - 1) * np.sum(sums**2)) / bottoms.sum()
@@ -62,12 +62,12 @@ def before(tops: np.ndarray, bottoms: np.ndarray, clusters: np.ndarray | None = 
 
 
 def holds(interval: Interval, truth: float) -> bool:
-    """Whether an interval holds a number, but for rounding."""
+    """Return whether an interval contains a number, up to rounding."""
     return interval.low - 1e-9 <= truth <= interval.high + 1e-9
 
 
 def _covered(of: Callable[[], Pairs], truth: tuple[float, float], repeats: int) -> dict[str, float]:
-    """Coverage by either method, and the median width, of the change and the fall."""
+    """Return the coverage of both methods, and the median width, for the difference and the reduction."""
     cells = {name: [] for name in ("change", "fall", "change before", "fall before", "width", "fall width")}
     for _ in range(repeats):
         pendulum, without_it, clusters = of()
@@ -88,7 +88,7 @@ def _covered(of: Callable[[], Pairs], truth: tuple[float, float], repeats: int) 
 
 
 def few(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
-    """Coverage with few earthquakes."""
+    """Return the coverage with few earthquakes."""
     rows = []
     for name, middle in TILTS.items():
         all_runs = in_earthquakes(rng, np.full(100_000, 3), middle)
@@ -106,7 +106,7 @@ def few(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
 
 
 def rare(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
-    """Coverage with few runs that overturn, all others at rest."""
+    """Return the coverage with few runs that overturn, and all others at rest."""
     rows = []
     for share in SHARES:
         for n in RUNS:
@@ -129,7 +129,7 @@ def rare(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
 
 
 def curves(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
-    """Coverage of the median of a lognormal curve: capacities of records with a share of their earthquake."""
+    """Return the coverage of the median of a lognormal curve; records of one earthquake are correlated."""
     rows, stripes = [], np.geomspace(0.5, 6.0, 8)
     for n in EARTHQUAKES:
         covered, known = [], []
@@ -152,14 +152,14 @@ def curves(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
 
 
 class Sets(NamedTuple):
-    """What sets of runs show: the fall, its lower end, and the upper end of the change; shape (sets,)."""
+    """Results of sets of runs: the reduction, its lower end, and the upper end of the difference."""
 
     value: np.ndarray
     low: np.ndarray
     high: np.ndarray
 
     def pass_all(self) -> np.ndarray:
-        """Whether the sets pass: a fall of at least `AT_LEAST`, surely above a part of it, and less tilt."""
+        """Return whether the sets pass: a reduction of `AT_LEAST`, significantly above a part of it."""
         return (self.value >= AT_LEAST) & (self.low > SHARE * AT_LEAST) & (self.high < 0.0)
 
 
@@ -214,11 +214,14 @@ def rules(rng: np.random.Generator, sets: int) -> list[dict[str, Any]]:
 
         at_once = own(2048)
         by_rule = {
-            "today: 512, the same for all": ((same.value >= AT_LEAST) & (same.low > 0.0), same.value),
+            "512 decide and are quoted, the same for all": (
+                (same.value >= AT_LEAST) & (same.low > 0.0),
+                same.value,
+            ),
             "2048 decide and are quoted": (at_once.pass_all(), at_once.value),
             "1024 decide, 1024 are quoted": two(1024, 1024, SHARE),
             "512 decide, 1536 are quoted": two(512, 1536, SHARE),
-            "1024 decide without SHARE, 1024 are quoted": two(1024, 1024, 0.0),
+            "1024 decide without the bound on the interval, 1024 are quoted": two(1024, 1024, 0.0),
         }
         for rule, (passed, value) in by_rule.items():
             for n in (1, CANDIDATES):
@@ -232,7 +235,7 @@ def rules(rng: np.random.Generator, sets: int) -> list[dict[str, Any]]:
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    """All four parts."""
+    """Return the rows of all four parts."""
     rng = np.random.default_rng(SEED)
     size = 20 if quick else 1
     parts = ((few, 2000), (rare, 1500), (curves, 1000), (rules, 1000))
@@ -240,7 +243,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def rules_table(rows: list[dict[str, Any]]) -> str:
-    """Chance to pass and mean of the quoted benefit minus the truth in points, for one / three candidates."""
+    """Return the table of the probability to pass and of the bias in points, for one / three candidates."""
     there = [r for r in rows if r["what"] == "rule"]
     cells = []
     for rule in dict.fromkeys(r["rule"] for r in there):
@@ -251,21 +254,26 @@ def rules_table(rows: list[dict[str, Any]]) -> str:
                 scale = 1.0 if key == "passes" else 100.0
                 line.append(" / ".join("" if x is None else form.format(scale * x) for x in of))
             cells.append(line)
-    return markdown(("rule", "one / three candidates", *(f"{t:.1%}" for t in TRUTHS)), cells)
+    return markdown(("rule", "one / three candidates, true benefit:", *(f"{t:.1%}" for t in TRUTHS)), cells)
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Coverage with few earthquakes, with rare overturning and of curves, and the rules."""
+    """Return the tables of coverage with few earthquakes, rare overturning and curves, and of the rules."""
     parts = {what: [r for r in rows if r["what"] == what] for what in ("few", "rare", "curve")}
-    both = {"change": "{change:.1%}", "before": "{change before:.1%}"}
-    both |= {"fall": "{fall:.1%}", "fall before": "{fall before:.1%}"}
+    both = {"difference": "{change:.1%}", "difference, old method": "{change before:.1%}"}
+    both |= {"reduction": "{fall:.1%}", "reduction, old method": "{fall before:.1%}"}
     few_heads = {
         "tilts": "{tilts}",
         "earthquakes": "{earthquakes}",
         **both,
-        "median width of the change": "{width:.3f}",
+        "median width, difference": "{width:.3f}",
     }
-    rare_heads = {"overturn without": "{share:.1%}", "runs": "{runs}", "fall of that": "{gain:.0%}", **both}
+    rare_heads = {
+        "overturned without pendulum": "{share:.1%}",
+        "runs": "{runs}",
+        "true reduction": "{gain:.0%}",
+        **both,
+    }
     curve_heads = {
         "earthquakes": "{earthquakes}",
         "median": "{median:.1%}",

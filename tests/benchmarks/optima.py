@@ -1,4 +1,4 @@
-"""Does the gradient pay: descents of optax, with and without a finish, against derivative-free methods.
+"""Compare descents of optax, with and without a finish, with derivative-free methods.
 
 All minimise the same exact function of (mu, lam, zeta): the risk of the tilts under all conditions plus ten
 times the excess over a limit. A design counts once, screening included; its slopes do not count.
@@ -14,21 +14,21 @@ import numpy as np
 import tpd
 from tests.benchmarks.stored import columns
 
-QUESTION = "Does the gradient pay, beside derivative-free methods on the same function?"
+QUESTION = "Does the gradient help, against derivative-free methods on the same function?"
 SEED, SEEDS = 0, 5
-"""The first seed, and how many."""
+"""First seed, and number of seeds."""
 NEAR, BUDGET = 1e-3, 1000
-"""Share of the best value that counts as found; designs after which restarts of the peers end."""
+"""Relative distance that counts as the best value; designs after which other methods do not restart."""
 OURS = {"screening": 32, "searches": 4, "steps": 20}
 METHODS = {
     "optax and SLSQP finish": tpd.Descent(**OURS),
     "optax alone": tpd.Descent(**(OURS | {"steps": 60, "finish": 0})),
 }
-"""Both descend on smoothed signs from the same four designs of the screening."""
+"""Methods; both descend with smoothed signs from the same four designs of the screening."""
 
 
 def problems() -> dict[str, Any]:
-    """Problems by their names."""
+    """Return the problems by their names."""
     from tpd.design.problem import Problem
 
     scene = tpd.paper_scene()
@@ -50,7 +50,7 @@ def problems() -> dict[str, Any]:
 
 
 class Ledger:
-    """Values of designs in shares of the bounds, (k, 3), every one written down."""
+    """Values of designs (k, 3), in shares of the bounds; it records every value."""
 
     def __init__(self, objective: Any) -> None:
         self.objective, self.values = objective, []
@@ -63,16 +63,16 @@ class Ledger:
         return values
 
     def one(self, unit: np.ndarray) -> float:
-        """Of a single design."""
+        """Return the value of a single design."""
         return float(self(unit)[0])
 
     def path(self) -> list[float]:
-        """The best value so far after each design."""
+        """Best value so far, after each design."""
         return np.minimum.accumulate(self.values).tolist()
 
 
 def ours(problem: Any, seed: int, method: Any) -> list[float]:
-    """Screening, descents from the best of it, and their finish."""
+    """Return the best value after each design of the screening, the descents and the finish."""
     from tpd.design.search import search
 
     objective = problem.objective
@@ -88,7 +88,7 @@ def ours(problem: Any, seed: int, method: Any) -> list[float]:
 
 
 def simplex(problem: Any, seed: int) -> list[float]:
-    """Nelder and Mead's, from random designs again and again."""
+    """Return the same for the method of Nelder and Mead, restarted from random designs."""
     from scipy.optimize import minimize
 
     ledger, rng = Ledger(problem.objective), np.random.default_rng([seed, 1])
@@ -101,7 +101,7 @@ def simplex(problem: Any, seed: int) -> list[float]:
 
 
 def adaptation(problem: Any, seed: int) -> list[float]:
-    """CMA-ES, restarted with twice the population."""
+    """Return the same for CMA-ES, restarted with twice the population."""
     import cma
 
     ledger, rng, restarts = Ledger(problem.objective), np.random.default_rng([seed, 2]), 0
@@ -116,7 +116,7 @@ def adaptation(problem: Any, seed: int) -> list[float]:
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    """One row a problem, method and seed: after which designs the best value fell, and to what."""
+    """Return a row for each problem, method and seed: best values, and the designs after which they fell."""
     ways: dict[str, Callable[[Any, int], list[float]]] = {
         name: lambda p, seed, m=method: ours(p, seed, m) for name, method in METHODS.items()
     }
@@ -137,7 +137,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """By problem and method: seeds that came within `NEAR`, median designs until there, worst gap."""
+    """Return for each problem and method the seeds within `NEAR`, the median designs, and the largest gap."""
     out = []
     for problem, method in dict.fromkeys((r["problem"], r["method"]) for r in rows):
         best = min(float(r["best"][-1]) for r in rows if r["problem"] == problem)
@@ -155,11 +155,11 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Medians of the seeds; "inf" where no more than half of them came there."""
+    """Return medians over the seeds; "inf" if at most half of the seeds reach the best value."""
     heads = {"problem": "{problem}", "best value": "{value:.6g}", "method": "{method}"}
     heads |= {
-        "found by": "{hits} of {seeds}",
-        "designs until there": "{until:.0f}",
-        "in all": "{designs:.0f}",
+        "seeds that reach it": "{hits} of {seeds}",
+        "designs until reached": "{until:.0f}",
+        "designs in total": "{designs:.0f}",
     }
-    return columns(summary(rows), **heads, **{"worst gap": "{gap:.0e}", "s": "{seconds:.2g}"})
+    return columns(summary(rows), **heads, **{"largest gap": "{gap:.0e}", "s": "{seconds:.2g}"})

@@ -1,4 +1,4 @@
-"""What smoothing the signs costs: errors of the orbit near the exact one, and where solvers fail.
+"""Errors of smoothed orbits near the exact ones, and step sizes at which solvers fail.
 
 "Both" is the extrapolation 2 a(w/2) - a(w) from two widths; its time is that of two runs.
 """
@@ -23,12 +23,12 @@ from tpd.models.smoothed import rocking_scale
 from tpd.scene.pytrees import Number
 from tpd.theory.equations import smoothed_rates
 
-QUESTION = "What does smoothing the signs cost, and from which step does an explicit solver fail?"
+QUESTION = "What error does smoothing cause, and at which step size does an explicit solver fail?"
 SEED = None
 WIDTHS = tuple(float(x) for x in np.geomspace(1e-4, 1e-1, 7))
 TABLED = (1e-2, 1e-3)
 SHARP = 1e-5
-"""Width of a sign that is to be next to sharp."""
+"""Width of a sign that is almost sharp."""
 WAYS = {"both signs": (1, 1), "sign of the tilt": (1, 0), "sign of the rate": (0, 1)}
 RATIOS = (1.0, 0.8, 0.5)
 """Velocity ratios of impacts."""
@@ -40,7 +40,7 @@ class Widths(Smoothed):
     """`Smoothed` with two widths of any size, compiled once for all of them."""
 
     shares: Float[Array, "2"] = eqx.field(kw_only=True)
-    """Of tilt and rate, as `sharpness` is of both."""
+    """Widths of tilt and rate; `sharpness` is the width of both."""
 
     def widths(self, p: Parameters) -> tuple[Number, Number]:
         """See `Smoothed`."""
@@ -49,7 +49,7 @@ class Widths(Smoothed):
 
 
 def _errors(found: Answer, truth: Answer) -> tuple[float, float]:
-    """Of the amplitude, relative, and of the gradient over its largest component."""
+    """Return the relative error of the amplitude, and that of the gradient over its largest component."""
     if found.status != "rocking":
         return math.nan, math.nan
     apart = np.abs(found.slopes[0] - truth.slopes[0]).max() / np.abs(truth.slopes[0]).max()
@@ -57,7 +57,7 @@ def _errors(found: Answer, truth: Answer) -> tuple[float, float]:
 
 
 def _row(solve: Callable, case: Case, e: float, way: str, width: float) -> dict[str, Any]:
-    """Errors of the orbit next to the exact one, and the time from the scene's own start."""
+    """Return errors of the orbit next to the exact one, and the time from the initial state of the scene."""
     x, shares = (*case.x, e), np.where(WAYS[way], width, SHARP)
     truth = exact(x, case.y0)
     state = np.asarray(truth.steady.state)
@@ -101,7 +101,7 @@ def stable_step(solver: diffrax.AbstractSolver, steps: int = 2000) -> tuple[floa
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    """Errors over the widths, and steps."""
+    """Return errors over the widths, and largest stable steps."""
     solve = solver_of(lambda shares: Widths(shares=shares), 8)
     cases, widths = (WITH[:1], WIDTHS[:5:2]) if quick else (WITH, WIDTHS)
     of = [(e, "both signs") for e in RATIOS] + [(1.0, way) for way in list(WAYS)[1:]]
@@ -113,7 +113,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def errors(rows: list[dict[str, Any]], e: float, way: str, quantity: str) -> np.ndarray:
-    """(widths, scenes), NaN where there is no orbit."""
+    """Return errors (widths, scenes), NaN without an orbit."""
     there = [r for r in rows if r["what"] == "bias" and (r["e"], r["way"]) == (e, way)]
     widths = sorted({r["width"] for r in there})
     return np.array([[r[quantity] for r in there if r["width"] == w] for w in widths], dtype=float)
@@ -130,7 +130,7 @@ def slope(rows: list[dict[str, Any]], e: float, way: str, quantity: str) -> floa
 
 
 def short(rows: list[dict[str, Any]]) -> str:
-    """Largest errors of the scenes by impacts and width."""
+    """Return the table of the largest errors over the scenes, by impacts and width."""
     out, widths = [], sorted({r["width"] for r in rows if r["what"] == "bias"})
     for e in RATIOS:
         for i, width in enumerate(widths):
@@ -142,23 +142,25 @@ def short(rows: list[dict[str, Any]]) -> str:
                 cells.append("" if np.all(np.isnan(of)) else f"{np.nanmax(of):.1e}")
             ms = float(np.nanmedian(errors(rows, e, "both signs", "ms")[i]))
             out.append((f"{e:g}", f"{width:.0e}", *cells, f"{ms:.3g}"))
-    head = ("e", "width", "amplitude", "of two widths", "gradient", "of two widths", "ms")
+    head = ("e", "width", "amplitude", "extrapolated", "gradient", "extrapolated", "ms")
     return markdown(head, out)
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """The same, the order of the error in the width, and the largest stable steps of solvers."""
+    """Return the tables of errors, of their order in the width, and of the largest stable steps."""
     of = [(e, "both signs") for e in RATIOS] + [(1.0, way) for way in list(WAYS)[1:]]
     orders = [(f"{e:g}", way, *(f"{slope(rows, e, way, q):.2f}" for q in QUANTITIES)) for e, way in of]
-    order = markdown(("e", "smoothed", "order of the amplitude's error", "of the gradient's"), orders)
+    order = markdown(
+        ("e", "smoothed", "order of the error, amplitude", "order of the error, gradient"), orders
+    )
     steps = [r for r in rows if r["what"] == "step"]
     heads = {"solver": "{solver}", "largest stable step at rest (τ)": "{step:.4g}"}
-    more = {"times the stiffest eigenvalue": "{times pace:.3f}"}
+    more = {"step times the stiffest eigenvalue": "{times pace:.3f}"}
     return "\n\n".join((short(rows), order, columns(steps, **heads, **more)))
 
 
 def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Errors over the width: thin a scene, thick their median, dashed that of two widths."""
+    """Draw errors over the width: thin for a scene, thick for the median, dashed for two widths."""
     from tpd.plots.style import BLUE, GREY, INK, ORANGE, new_axes
 
     axes = new_axes(2, (7.0, 7.4))
@@ -173,7 +175,7 @@ def pictures(rows: list[dict[str, Any]]) -> dict[str, Any]:
     for ax, quantity in zip(axes, QUANTITIES, strict=True):
         ax.axvline(Smoothed().sharpness, color=GREY, lw=1.0, zorder=0)
         ax.set(xscale="log", yscale="log", ylabel=f"relative error of the {quantity} (-)")
-    said = "velocity ratio of impacts (median of scenes;\ndashed: from a width and its half)"
-    axes[0].legend(title=said, fontsize=8)
-    axes[-1].set_xlabel("smoothing width, a share of the expected tilt (grey: the default) (-)")
+    heading = "velocity ratio of impacts (median of scenes;\ndashed: extrapolated from two widths)"
+    axes[0].legend(title=heading, fontsize=8)
+    axes[-1].set_xlabel("smoothing width as a share of the expected tilt (grey: the default) (-)")
     return {"bias.png": axes[0].figure}

@@ -1,12 +1,12 @@
-"""What the benchmarks found: a JSON file each, and the tables and pictures drawn from it and nothing else.
+"""Results of the benchmarks: one JSON file each, from which all tables and pictures are made.
 
 A benchmark is a module of this folder, named in `NAMES`, with
 
-    QUESTION: str                     what it answers, for the list
-    SEED: int or None                 of what it draws at random
-    run(quick) -> list[dict]          measures: one record a row, of numbers, texts and lists of them
+    QUESTION: str                     question that it answers, for the list
+    SEED: int or None                 seed of its random numbers
+    run(quick) -> list[dict]          measurement: records of numbers, texts and lists of them
     table(rows) -> str                the rows as Markdown
-    pictures(rows) -> {name: figure}  drawn into notebooks/pictures; may be left out
+    pictures(rows) -> {name: figure}  written into notebooks/pictures; optional
 """
 
 import datetime
@@ -31,31 +31,31 @@ NAMES = (
     *("benefit", "earthquakes", "optima", "engines", "cluster", "intervals", "guards"),
 )
 LONG = ("guards",)
-"""Not among what `--stale` runs: name them."""
+"""Benchmarks that `--stale` does not run."""
 ROOT = Path(__file__).parents[2]
 RESULTS = Path(__file__).parent / "results"
 PICTURES = ROOT / "notebooks" / "pictures"
 PAGES = (Path(__file__).parent / "README.md", ROOT / "notebooks" / "guide" / "accuracy_and_speed.md")
 PACKAGES = ("jax", "numpy", "numba", "scipy")
 DIGITS = 4
-"""Of the numbers that are stored."""
+"""Significant digits of stored numbers."""
 _MARKED = re.compile(r"(<!-- drawn: ([\w.]+) -->\n\n).*?(\n\n<!-- end -->)", re.DOTALL)
 
 
 class Stored(NamedTuple):
-    """A file of results."""
+    """Content of a file of results."""
 
     about: dict[str, Any]
     rows: list[dict[str, Any]]
 
 
 def module(name: str) -> ModuleType:
-    """Of a benchmark."""
+    """Return the module of a benchmark."""
     return import_module(f"tests.benchmarks.{name}")
 
 
 def about(name: str, seconds: float) -> dict[str, Any]:
-    """What a result stands for."""
+    """Return version, date, machine, command and seed of a result."""
     return {
         "version": tpd.__version__,
         "date": str(datetime.date.today()),
@@ -89,19 +89,19 @@ def store(name: str, rows: list[dict[str, Any]], seconds: float) -> None:
 
 
 def read(name: str) -> Stored | None:
-    """The stored results of a benchmark, if there are any."""
+    """Return the stored results of a benchmark, or None."""
     path = RESULTS / f"{name}.json"
     return Stored(**json.loads(path.read_text(encoding="utf-8"))) if path.exists() else None
 
 
 def is_stale(name: str) -> bool:
-    """Whether there is no result of this version of the package."""
+    """Return whether a benchmark has no result of this version of the package."""
     found = read(name)
     return found is None or found.about["version"] != tpd.__version__
 
 
 def plain(value: Any) -> Any:
-    """As JSON holds it: floats rounded to `DIGITS` digits, null for those that are not finite."""
+    """Return a value for JSON: floats rounded to `DIGITS` digits, and None if they are not finite."""
     if isinstance(value, dict):
         return {key: plain(of) for key, of in value.items()}
     if isinstance(value, list | tuple):
@@ -114,7 +114,7 @@ def plain(value: Any) -> Any:
 
 
 def compact(content: dict[str, Any]) -> str:
-    """JSON with one line for each entry of a table and each record of a list."""
+    """Return JSON with one line for each entry of a table and each record of a list."""
     parts = []
     for key, value in content.items():
         if isinstance(value, dict):
@@ -127,7 +127,7 @@ def compact(content: dict[str, Any]) -> str:
 
 
 def markdown(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
-    """A table."""
+    """Return a Markdown table."""
     lines = [[str(cell) for cell in row] for row in (head, *rows)]
     lines.insert(1, ["---"] * len(lines[0]))
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
@@ -147,7 +147,7 @@ def columns(rows: Iterable[dict[str, Any]], **heads: str) -> str:
 
 
 def timed(work: Callable[[], Any], repeats: int = 1) -> float:
-    """Median seconds of a call, what JAX still computes included."""
+    """Return the median time of a call in seconds, including the work that JAX does asynchronously."""
     import jax
 
     spent = []
@@ -159,7 +159,7 @@ def timed(work: Callable[[], Any], repeats: int = 1) -> float:
 
 
 def drawn(what: str) -> str:
-    """The text for a function of `aims`, a benchmark, or "benchmark.short", a part of its table."""
+    """Return the text of a function of `aims`, of a benchmark, or of a part of it ("benchmark.short")."""
     from tests.benchmarks import aims
 
     if what in ("aims", "overview", "machine"):
@@ -172,7 +172,7 @@ def drawn(what: str) -> str:
 
 
 def pages() -> dict[Path, str]:
-    """Every page that shows results, as it must read: marked parts of pages, and a page each in results."""
+    """Return the text of every page with results: pages with marked parts, and a page for each benchmark."""
     out = {}
     for path in PAGES:
         text = path.read_text(encoding="utf-8")

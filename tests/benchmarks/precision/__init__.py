@@ -1,4 +1,4 @@
-"""Error against time of the steady amplitude and of its gradient, ours and what a user would take instead.
+"""Error and time of the steady amplitude and its gradient, by `tpd` and by methods that a user would write.
 
 Six scenes whose answers are known to 30 digits from an arithmetic with 60 (`truth.json`, written by
 `python -m tests.benchmarks.precision.scenes`). A peer whose package is not installed is left out.
@@ -11,17 +11,17 @@ from typing import Any
 from tests.benchmarks.precision.scenes import SCENES, load
 from tests.benchmarks.stored import markdown
 
-QUESTION = "How exact and how fast are one scene's amplitude and gradient, beside other software?"
+QUESTION = "How accurate and how fast are the amplitude and gradient of one scene, against other software?"
 SEED = None
 MODULES = ("ours", "numba_loop", "peers")
 ASKED, EQUAL, FLOOR = 1e-6, 1e-12, 1e-15
-"""Error at which methods are compared; errors below the second are of rounding; the least that is drawn."""
+"""Error at which methods are compared; error that counts as rounding; smallest error in a picture."""
 
 Row = dict[str, Any]
 
 
 def run(quick: bool) -> list[Row]:
-    """Every method on every scene."""
+    """Return a row for every method, setting, scene and quantity."""
     from tests.benchmarks.precision.methods import measured
 
     methods = [m for name in MODULES for m in import_module(f"{__name__}.{name}").METHODS]
@@ -36,7 +36,7 @@ def _answers(rows: list[Row], scene: str, kind: str, ours: bool | None = None) -
 
 
 def quickest(rows: list[Row], scene: str, kind: str, ours: bool, method: str = "") -> Row | None:
-    """Of ours or the others, or of one method, the quickest with an error of at most `ASKED`."""
+    """Return our fastest method, the fastest other, or one method, with an error of at most `ASKED`."""
     good = [
         r for r in _answers(rows, scene, kind, ours) if r["error"] <= ASKED and r["method"].startswith(method)
     ]
@@ -44,7 +44,7 @@ def quickest(rows: list[Row], scene: str, kind: str, ours: bool, method: str = "
 
 
 def on_front(rows: list[Row], scene: str, kind: str) -> list[str]:
-    """The methods of which no other setting or method is both quicker and as accurate."""
+    """Return the methods on the Pareto front: no other setting or method is both faster and as accurate."""
     there = _answers(rows, scene, kind)
 
     def beaten(r: Row) -> bool:
@@ -54,7 +54,7 @@ def on_front(rows: list[Row], scene: str, kind: str) -> list[str]:
 
 
 def pairs(rows: list[Row], kind: str, peer: str = "") -> list[tuple[str, Row, Row]]:
-    """Scene, and the quickest of ours and of the others (or of one) to `ASKED`, where both answer."""
+    """Return for each scene our fastest method and the fastest other one, if both have an answer."""
     found = (
         (s.name, *(quickest(rows, s.name, kind, own, "" if own else peer) for own in (True, False)))
         for s in SCENES
@@ -63,7 +63,7 @@ def pairs(rows: list[Row], kind: str, peer: str = "") -> list[tuple[str, Row, Ro
 
 
 def brief(rows: list[Row]) -> str:
-    """A line a scene: the quickest of ours to 1e-6, and how many times as long the quickest other takes."""
+    """Return the table of our fastest times for an error of 1e-6, and the ratio to the fastest other."""
     found = {
         kind: {s: (m, o["ms"] / m["ms"]) for s, m, o in pairs(rows, kind)} for kind in ("value", "gradient")
     }
@@ -71,12 +71,12 @@ def brief(rows: list[Row]) -> str:
     for scene in found["value"].keys() & found["gradient"].keys():
         cells = [(f"{m['ms']:.3g}", f"{ratio:.2g}") for m, ratio in (of[scene] for of in found.values())]
         out.append((scene, *cells[0], *cells[1]))
-    return markdown(("scene", "value, ms", "best other/ours", "gradient, ms", "best other/ours"), sorted(out))
+    return markdown(("scene", "value, ms", "other/tpd", "gradient, ms", "other/tpd"), sorted(out))
 
 
 def short(rows: list[Row]) -> str:
-    """Ours against the best of the others at an error of 1e-6."""
-    head = ("scene", "asked", "quickest of ours", "ms (error)", "quickest other", "ms (error)", "other/ours")
+    """Return the table of our fastest method and the fastest other one, at an error of 1e-6."""
+    head = ("scene", "quantity", "fastest of tpd", "ms (error)", "fastest other", "ms (error)", "other/tpd")
     out = []
     for kind in ("value", "gradient"):
         for scene, mine, other in pairs(rows, kind):
@@ -86,7 +86,7 @@ def short(rows: list[Row]) -> str:
 
 
 def table(rows: list[Row]) -> str:
-    """The same, and every method on every scene: milliseconds and error, or why there is no answer."""
+    """Return the short table, and the time and error of every method, or the reason without an answer."""
     scenes = [s.name for s in SCENES if any(r["scene"] == s.name for r in rows)]
     whole = []
     for method, setting, kind in dict.fromkeys((r["method"], r["setting"], r["kind"]) for r in rows):
@@ -99,12 +99,12 @@ def table(rows: list[Row]) -> str:
             for s in scenes
         )
         whole.append((method, f"{setting:g}" if setting else "", kind, *cells, f"{first:.2g}"))
-    head = ("method", "setting", "asked", *(f"{s}, ms (error)" for s in scenes), "first call, s")
+    head = ("method", "setting", "quantity", *(f"{s}, ms (error)" for s in scenes), "first call, s")
     return f"{short(rows)}\n\n{markdown(head, whole)}"
 
 
 def pictures(rows: list[Row]) -> dict[str, Any]:
-    """Error against time, a panel a scene: black and filled ours, grey and open the others."""
+    """Draw error against time, a panel for each scene: our methods black, the others grey."""
     return {
         f"precision-{kind}.png": _figure([r for r in rows if r["kind"] == kind], kind)
         for kind in ("value", "gradient")

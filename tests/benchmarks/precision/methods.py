@@ -1,4 +1,4 @@
-"""What a method is here, a curve of error over time along its accuracy setting, and how it is measured."""
+"""Methods of the benchmark, and the measurement of their error and time over the accuracy setting."""
 
 import contextlib
 import math
@@ -13,41 +13,41 @@ import numpy as np
 from tests.benchmarks.precision.scenes import Scene
 
 Call = Callable[[], Any]
-"""The timed work. What belongs to its first call only, compiling, is inside of it."""
+"""Work that is timed; its first call includes compilation."""
 KINDS = ("value", "gradient")
 OTHER = 0.3
-"""Relative error from which on a number is that of another motion, or none at all."""
+"""Relative error above which a number belongs to another motion, or is meaningless."""
 PATIENCE = 0.5
-"""Seconds from which on a call is timed once only; of the others, the first one."""
+"""Seconds above which a call is timed once only."""
 SHORT = 0.05
-"""Seconds that a timing lasts at least: quicker calls are repeated."""
+"""Smallest duration of a timing in seconds; faster calls are repeated."""
 
 
 class Unable(Exception):
-    """A method has no answer to a scene; the message, a few words, is a cell of the table."""
+    """A method has no answer for a scene. The message of a few words is a cell of the table."""
 
 
 class Method(NamedTuple):
-    """Its functions take a scene and a setting and return the work; they or the work raise `Unable`."""
+    """A method: its functions take a scene and a setting and return the work, or raise `Unable`."""
 
     name: str
     ours: bool
     settings: tuple[float, ...]
-    """From coarse to fine; (0.0,) where there is nothing to set."""
+    """Settings from coarse to fine; (0.0,) if the method has none."""
     value: Callable[[Scene, float], Call] | None = None
-    """The settled amplitude (rad)."""
+    """Settled amplitude, rad."""
     gradient: Callable[[Scene, float], Call] | None = None
-    """Its derivatives in the parameters `wrt`, shape (3,)."""
+    """Derivatives of the amplitude in the parameters `wrt`, shape (3,)."""
 
 
 def error(out: Any, truth: Any) -> float:
-    """Relative, by the largest component."""
+    """Return the relative error, divided by the largest component."""
     out, truth = np.atleast_1d(np.asarray(out, dtype=float)), np.atleast_1d(truth)
     return float(np.max(np.abs(out - truth)) / np.max(np.abs(truth)))
 
 
 def seconds(call: Call) -> float:
-    """Of a call, the mean over `SHORT`."""
+    """Return the seconds of a call, as a mean over at least `SHORT`."""
     count, begun = 0, time.perf_counter()
     while True:
         call()
@@ -93,7 +93,7 @@ def measured(
 
 
 def _first(row: dict[str, Any], make: Callable, scene: Scene, setting: float, truth: Any) -> Call | None:
-    """The work, once it has answered; in the row its seconds with compiling, and its error or why not."""
+    """Call the work once, and put its first time, and its error or the reason for none, into the row."""
     try:
         begun = time.perf_counter()
         call = make(scene, setting)

@@ -1,4 +1,4 @@
-"""The package's own ways to the settled amplitude and its gradient, as methods of the charts."""
+"""Methods of the package for the settled amplitude and its gradient."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -16,7 +16,7 @@ from tpd import Parameters, Piecewise, Status, steady_state, symmetric_orbits
 
 SHARPNESS = (2e-2, 2e-3, 6e-4)
 STEPS = (1e-3, 1e-5)
-"""Of differences, over the parameter."""
+"""Step of the differences, divided by the parameter."""
 
 
 def _number(x: Any) -> float:
@@ -34,14 +34,14 @@ def _slopes(gradient: Any, scene: Scene) -> np.ndarray:
 
 
 def _attracting(x: jax.Array) -> jax.Array:
-    """The largest amplitude of an attracting symmetric orbit; NaN without one."""
+    """Return the largest amplitude of an attracting symmetric orbit, or NaN."""
     orbits = symmetric_orbits(parameters(x))
     return jnp.nanmax(jnp.where(orbits.status == Status.rocking, orbits.amplitude, jnp.nan))
 
 
 @lru_cache
 def _compiled(kind: str) -> tuple[Callable, Callable]:
-    """Value and gradient within a program of JAX, of (x, y0, sharpness)."""
+    """Return value and gradient in a JAX program, as functions of (x, y0, sharpness)."""
 
     def amplitude(x: jax.Array, y0: jax.Array, sharpness: jax.Array) -> jax.Array:
         if kind == "orbits":
@@ -57,7 +57,7 @@ def _arguments(scene: Scene, setting: float) -> tuple[jax.Array, ...]:
 
 
 def _both(kind: str) -> tuple[Callable, Callable]:
-    """Value and gradient of a kind, of a scene and a setting."""
+    """Return value and gradient of a model, as functions of a scene and a setting."""
 
     def value(scene: Scene, setting: float) -> Callable[[], float]:
         run, given = _compiled(kind)[0], _arguments(scene, setting)
@@ -77,7 +77,7 @@ def _from_python(scene: Scene, _: float) -> Callable[[], float]:
 
 
 def _differences(scene: Scene, share: float) -> Callable[[], np.ndarray]:
-    """Central differences of the exact amplitude from Python."""
+    """Return central differences of the exact amplitude, from Python."""
 
     def side(i: int, by: float) -> float:
         return _from_python(scene.moved(i, by), 0.0)()
