@@ -55,7 +55,7 @@ def of(language: str) -> pytest.MarkDecorator:
 
 def test_readme_is_short():
     assert len(TEXT[README].split()) <= 1350
-    assert len(TEXT[README].splitlines()) <= 135
+    assert len(TEXT[README].splitlines()) < 140
 
 
 def test_there_is_one_command_to_run_and_one_to_test():
