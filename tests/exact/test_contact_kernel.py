@@ -25,12 +25,12 @@ DECISIONS = [
 
 
 mode_of = entry(contact_kernel.mode_of)
-struck = numba.njit(lambda plants, *args: contact_kernel.struck(plants[0], *args))
+struck = numba.njit(lambda plants, *args: contact_kernel.rates_after_impact(plants[0], *args))
 
 
 @numba.njit
 def meet(plants, which, capture, eta, y, modes):
-    return contact_kernel.meet(plants[0], which, capture, eta, y, modes[0])
+    return contact_kernel.handle_event(plants[0], which, capture, eta, y, modes[0])
 
 
 @pytest.mark.parametrize(("up", "down", "tilt", "rate", "expected"), DECISIONS)
@@ -55,12 +55,12 @@ def test_events_change_state_and_mode(mode, which, y, rests, after, state):
         np.zeros(1, MOTION),
         np.array(y),
     )
-    modes["kind"], modes["tilt"], modes["way"] = mode
+    modes["kind"], modes["tilt"], modes["direction"] = mode
     assert meet(plants, which, 1e-6, 0.0, y, modes) == rests
     assert modes["kind"][0] == after
     np.testing.assert_allclose(y, state, rtol=1e-12)
     if mode[0] == REST:
-        assert modes["way"][0] == modes["tilt"][0] == -1.0
+        assert modes["direction"][0] == modes["tilt"][0] == -1.0
 
 
 def test_an_impact_conserves_the_second_row_of_the_momentum_and_a_rattle_is_the_sum_of_its_hops():

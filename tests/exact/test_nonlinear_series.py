@@ -29,10 +29,14 @@ def solved(x, y, held, growth, t, rtol, c):
     q, m, w = plants[0], motions[0], works[0]
     coefficients(x, q)
     m.y[:] = y
-    m.kind, m.tilt, m.way = (STICK if y[0] != 0.0 else REST) if held else SLIP, np.sign(y[0]), np.sign(y[2])
+    m.kind, m.tilt, m.direction = (
+        (STICK if y[0] != 0.0 else REST) if held else SLIP,
+        np.sign(y[0]),
+        np.sign(y[2]),
+    )
     w.order, w.rtol, w.rate, w.swing, w.inverse[2] = ORDER, rtol, 10.0, 10.0, 1.0 / rtol
     size = growth[0] + growth[1] * t
-    found = series.put(q, m, Load(x[6], x[6] * t, size, growth[1], 0.0, 0.0), 9.0, w)
+    found = series.expand(q, m, Load(x[6], x[6] * t, size, growth[1], 0.0, 0.0), 9.0, w)
     c[:] = w.series
     return found, len(plants) + len(motions) + len(works)
 

@@ -23,7 +23,7 @@ PENDULUM = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
 def put_map(plants, kind, h, out, matrix):
     """Put the map of a piece, and the matrix of its equations over state, forcing and slopes, into both."""
     q, x = plants[0], np.zeros(5)
-    whole_pieces.put_map(q, kind, h, out)
+    whole_pieces.store_map(q, kind, h, out)
     for j in range(5):
         x[j] = 1.0
         matrix[2, j], matrix[3, j] = accelerations(q, kind, 0.0, x[0], x[1], x[2], x[3], x[4])

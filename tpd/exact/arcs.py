@@ -79,7 +79,7 @@ def load_at(q, f, i, s):
 def forcing_at(e, t):
     """eta and its slope."""
     if e.xi.real != 0.0:
-        size, (sine, cosine) = e.e0 + e.e1 * t, turned(e.phase + e.xi * t)
+        size, (sine, cosine) = e.e0 + e.e1 * t, sincos(e.phase + e.xi * t)
         return size * sine, e.e1 * sine + size * e.xi * cosine
     return e.e0 + t * (e.e1 + t * (e.e2 + t * e.e3)), e.e1 + t * (2.0 * e.e2 + 3.0 * t * e.e3)
 
@@ -100,10 +100,10 @@ def _forced(sine, cosine, lag_sine, lag_cosine, share, rate):
 
 
 @compiled
-def _beginning(answer, e):
+def _initial_answer(answer, e):
     """Value and slope at the start of an arc of the answer to a sine."""
     along, across, more, less = answer
-    sine, cosine = turned(e.phase)
+    sine, cosine = sincos(e.phase)
     value = along * sine + across * cosine
     return value, (more - e.xi * across) * sine + (less + e.xi * along) * cosine
 
@@ -131,29 +131,23 @@ def accelerations(q, kind, centre, y0, y1, y2, y3, eta):
 
 
 @compiled
-def launch(q, kind, tilt, way, y0, y1, y2, y3, e):
+def launch(q, kind, tilt, direction, y0, y1, y2, y3, e):
     """The arc that leaves the state (y0, y1, y2, y3) in a mode (its kind, the signs of phi and phi') under
     the forcing `e`."""
     zero = 0.0 * (q.f + e.phase + e.e0 + y0)
-    balance = (tilt * q.weight + way * q.k) / q.up
+    balance = (tilt * q.weight + direction * q.k) / q.up
     if e.xi.real != 0.0:
         # The particular solution oscillates about the balance of weight and friction.
         if kind == SLIP:
-            own = _forced(q.tilt_sin, q.tilt_cos, q.tilt_lag_sin, q.tilt_lag_cos, e.e0, e.e1)
-            pendulum = _forced(q.bob_sin, q.bob_cos, q.bob_lag_sin, q.bob_lag_cos, e.e0, e.e1)
+            tf = _forced(q.tilt_sin, q.tilt_cos, q.tilt_lag_sin, q.tilt_lag_cos, e.e0, e.e1)
+            bf = _forced(q.bob_sin, q.bob_cos, q.bob_lag_sin, q.bob_lag_cos, e.e0, e.e1)
         else:
-            own = zero, zero, zero, zero
-            pendulum = _forced(q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos, e.e0, e.e1)
-        (tv, ts), (bv, bs) = _beginning(own, e), _beginning(pendulum, e)
+            tf = zero, zero, zero, zero
+            bf = _forced(q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos, e.e0, e.e1)
+        (tv, ts), (bv, bs) = _initial_answer(tf, e), _initial_answer(bf, e)
         tilt_now, tilt_rate, bob_now, bob_rate = balance + tv, ts + zero, bv + zero, bs + zero
-        t0, t1, t2, t3, t4 = balance + zero, own[0] + zero, own[1] + zero, own[2] + zero, own[3] + zero
-        b0, b1, b2, b3, b4 = (
-            zero,
-            pendulum[0] + zero,
-            pendulum[1] + zero,
-            pendulum[2] + zero,
-            pendulum[3] + zero,
-        )
+        t0, t1, t2, t3, t4 = balance + zero, tf[0] + zero, tf[1] + zero, tf[2] + zero, tf[3] + zero
+        b0, b1, b2, b3, b4 = zero, bf[0] + zero, bf[1] + zero, bf[2] + zero, bf[3] + zero
     else:
         # Taylor polynomials: accelerations and their slopes by the equations and by their derivative in time.
         up, swing = accelerations(q, kind, balance, y0, y1, y2, y3, e.e0)
@@ -178,23 +172,23 @@ def launch(q, kind, tilt, way, y0, y1, y2, y3, e):
     f0, f1, f2, f3 = y0 - tilt_now, y1 - bob_now, y2 - tilt_rate, y3 - bob_rate
     if kind != SLIP:
         still = zero if kind == REST else y0 + zero
-        leaning = Signal(still, zero, zero, zero, zero, zero, zero, zero, zero)
+        signal = Signal(still, zero, zero, zero, zero, zero, zero, zero, zero)
         bob = Signal(b0, zero, zero, f1, f3, b1, b2, b3, b4)
-        return Arc(leaning, bob, zero, zero, q.held_p + zero, q.held_q + zero, e.xi + zero, e.phase + zero)
+        return Arc(signal, bob, zero, zero, q.held_p + zero, q.held_q + zero, e.xi + zero, e.phase + zero)
     # Its parts along the real modes, and the rest of the pair.
     a = q.al0 * f0 + q.al1 * f1 + q.al2 * f2 + q.al3 * f3
     b = q.bl0 * f0 + q.bl1 * f1 + q.bl2 * f2 + q.bl3 * f3
     u0, u1 = f0 - a * q.a0 - b * q.b0, f1 - a * q.a1 - b * q.b1
     v0, v1 = f2 - a * q.a2 - b * q.b2, f3 - a * q.a3 - b * q.b3
-    leaning = Signal(t0, a * q.a0, b * q.b0, u0, v0, t1, t2, t3, t4)
+    signal = Signal(t0, a * q.a0, b * q.b0, u0, v0, t1, t2, t3, t4)
     bob = Signal(b0, a * q.a1, b * q.b1, u1, v1, b1, b2, b3, b4)
-    return Arc(leaning, bob, q.s1 + zero, q.s2 + zero, q.p + zero, q.q + zero, e.xi + zero, e.phase + zero)
+    return Arc(signal, bob, q.s1 + zero, q.s2 + zero, q.p + zero, q.q + zero, e.xi + zero, e.phase + zero)
 
 
 @compiled
 def arc_from(q, mode, y, e):
     """The arc that leaves the state `y` in a mode under the forcing `e`."""
-    return launch(q, mode.kind, mode.tilt, mode.way, y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE], e)
+    return launch(q, mode.kind, mode.tilt, mode.direction, y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE], e)
 
 
 @compiled
@@ -204,7 +198,7 @@ def exponential(x):
 
 
 @compiled
-def turned(x):
+def sincos(x):
     """Sine and cosine of x. An imaginary part is so small that its square is nothing."""
     sine, cosine, rest = np.sin(x.real), np.cos(x.real), x - x.real
     return sine + cosine * rest, cosine - sine * rest
@@ -282,7 +276,7 @@ def instant(arc, t):
         e1, e2 = _beyond_cubic(arc.s1 * t), _beyond_cubic(arc.s2 * t)
         return Instant(e1, e2, u, v, t + 0.0 * arc.xi, t * t + 0.0 * arc.xi)
     u, v = pair(arc.p, arc.q, t)
-    sine, cosine = turned(arc.phase + arc.xi * t)
+    sine, cosine = sincos(arc.phase + arc.xi * t)
     return Instant(exponential(arc.s1 * t), exponential(arc.s2 * t), u, v, sine, cosine)
 
 

@@ -39,14 +39,14 @@ def numbers_in(record: np.dtype) -> int:
 def parts(numbers: Any, record: np.dtype) -> Any:
     """Fields of a record of floats, or of a batch of them, by name. The record is an array's last axis.
     Complex numbers have one more axis, of both parts."""
-    found, fields = {}, cast("Any", record.fields)
+    answer, fields = {}, cast("Any", record.fields)
     for name, (kind, begin) in fields.items():
         place = begin // 8
         size = kind.itemsize // 8
-        own = (2,) if kind.base.kind == "c" else ()
-        shape = *numbers.shape[:-1], *kind.shape, *own
-        found[name] = numbers[..., place : place + size].reshape(shape)
-    return SimpleNamespace(**found)
+        complex_axis = (2,) if kind.base.kind == "c" else ()
+        shape = *numbers.shape[:-1], *kind.shape, *complex_axis
+        answer[name] = numbers[..., place : place + size].reshape(shape)
+    return SimpleNamespace(**answer)
 
 
 class Compiled:
@@ -59,9 +59,9 @@ class Compiled:
         of: words that say whose motions are computed.
         trial: gives a motion that tells whether XLA is answered as the host is.
         """
-        self._module, self._target, self._of, self._trial = module, target, of, trial
-        self._asking = Lock()
-        self._works: bool | None = None
+        self._module, self._target, self._subject, self._trial = module, target, of, trial
+        self._lock = Lock()
+        self._is_direct: bool | None = None
         self._entry: Any = None
 
     def entry(self) -> Any:
@@ -87,10 +87,10 @@ class Compiled:
     def direct(self) -> bool:
         """Whether XLA can call the code: it answers a trial as the call from the host does."""
         # Two threads that ask at once must not both register it.
-        with self._asking:
-            if self._works is None:
-                self._works = self._answers()
-            return self._works
+        with self._lock:
+            if self._is_direct is None:
+                self._is_direct = self._check_direct_call()
+            return self._is_direct
 
     def _answers(self) -> bool:
         entry, why = self.entry(), "its answer to a trial is wrong"
@@ -100,18 +100,18 @@ class Compiled:
             cpu, *_ = jax.local_devices(backend="cpu")
             # The question may come while something is traced.
             with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):
-                found = jax.ffi.ffi_call(self._target, shapes)(*operands)
-            known = self.on_host(shapes, *operands)
-            works = all(np.array_equal(a, b, equal_nan=True) for a, b in zip(found, known, strict=True))
+                answer = jax.ffi.ffi_call(self._target, shapes)(*operands)
+            reference = self.on_host(shapes, *operands)
+            agrees = all(np.array_equal(a, b, equal_nan=True) for a, b in zip(answer, reference, strict=True))
         except Exception as error:
-            works, why = False, f"{type(error).__name__}: {error}"
-        if not works:
+            agrees, why = False, f"{type(error).__name__}: {error}"
+        if not agrees:
             warnings.warn(
                 f"JAX cannot call the compiled code of {self._of} directly ({why}): it goes through Python, "
                 "which takes longer",
                 stacklevel=2,
             )
-        return works
+        return agrees
 
     def on_host(self, shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> tuple[np.ndarray, ...]:
         """Results of known operands with any batch shape before their own, computed here."""
@@ -163,31 +163,31 @@ class Compiled:
         return jax.lax.platform_dependent(*wide, cpu=by_xla, default=by_host)
 
 
-_TRIED = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.0, rho=0.7, e=0.9)
+_TRIAL = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.0, rho=0.7, e=0.9)
 """Parameters of the trials that tell whether XLA can call the compiled code."""
 
 
-def _period(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
+def _run_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
     """A motion that is followed for one period."""
     settings = np.array(of.settings("SETTLE", periods=1.0, events=100.0, rest_rate=2e-7, rtol=1e-8))
-    return (shape(numbers_in(of.entry().SETTLED)),), (settings, row_of(_TRIED), np.zeros(4), np.zeros(2))
+    return (shape(numbers_in(of.entry().SETTLED)),), (settings, row_of(_TRIAL), np.zeros(4), np.zeros(2))
 
 
-def _way(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
+def _orbit_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
     """A way from turn to turn: of an orbit, places that mean nothing are left as they were."""
-    settings = np.array(of.settings("SURVEY"))
-    return (shape(numbers_in(of.entry().SURVEYED)),), (settings, row_of(_TRIED), np.array([0.7, 0.3, 0.0]))
+    settings, u = np.array(of.settings("SAMPLE_PATH")), np.array([0.7, 0.3, 0.0])
+    return (shape(numbers_in(of.entry().PATH_SAMPLES)),), (settings, row_of(_TRIAL), u)
 
 
-LINEAR = Compiled("tpd.exact.linear_entry", "tpd_exact", "the linear equations", _period)
+LINEAR = Compiled("tpd.exact.linear_entry", "tpd_exact", "the linear equations", _run_trial)
 """Entrance to the compiled code of the linear equations."""
-NONLINEAR = Compiled("tpd.exact.nonlinear_entry", "tpd_nonlinear", "the nonlinear equations", _period)
-"""Entrance to that of the nonlinear equations, which has the tasks `SETTLE` and `SHAKE`."""
-ORBITS = Compiled("tpd.exact.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _way)
+NONLINEAR = Compiled("tpd.exact.nonlinear_entry", "tpd_nonlinear", "the nonlinear equations", _run_trial)
+"""Entrance to that of the nonlinear equations, which has the tasks `SETTLE` and `GROUND`."""
+ORBITS = Compiled("tpd.exact.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _orbit_trial)
 """Entrance to that of symmetric orbits."""
 
 
 def load_compiled() -> None:
     """Load the compiled code of both equations, or compile it where there is none on this machine."""
-    LINEAR.direct()
+    LINEAR.is_direct()
     NONLINEAR.entry()

@@ -71,37 +71,37 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
     for module in modules:
         place = f"{module} {Path(__file__)} {sys.version} {chosen}"
         mark = folder / f"compiled-{zlib.crc32(os.fsencode(place)):08x}"
-        made = mark.read_text(encoding="utf-8") if mark.exists() else ""
-        if made == version or module in _running or module in sys.modules:
+        mark_text = mark.read_text(encoding="utf-8") if mark.exists() else ""
+        if mark_text == version or module in _running or module in sys.modules:
             continue
-        if made:
+        if mark_text:
             warnings.warn(f"what is compiled in {store} is of another version: it is made anew", stacklevel=2)
-        said = tempfile.TemporaryFile()  # noqa: SIM115
-        atexit.register(said.close)
+        messages = tempfile.TemporaryFile()  # noqa: SIM115
+        atexit.register(messages.close)
         process = subprocess.Popen(
             # -P: the folder in which a command is given may hold another `tpd`, or anything.
             [sys.executable, "-P", "-c", _COMMAND, str(mark), module, version],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
-            stderr=said,
+            stderr=messages,
             # A session of its own: Ctrl-C is for the command, and this process ends with it.
             start_new_session=True,
         )
         assert process.stdin is not None
         atexit.register(process.stdin.close)
-        _running[module] = process, said
+        _running[module] = process, messages
 
 
 def load(module: str) -> None:
     """Import a module with compiled code, made by another process if that was begun. What that had to say,
     such as that stored code was damaged, is said."""
-    if begun := _running.get(module):
-        begun[0].wait()
+    if running := _running.get(module):
+        running[0].wait()
     # Of several threads that wait, one repeats what was said.
-    if begun and _running.pop(module, None):
-        said = begun[1]
-        said.seek(0)
-        for line in said.read().decode(errors="replace").splitlines():
+    if running and _running.pop(module, None):
+        messages = running[1]
+        messages.seek(0)
+        for line in messages.read().decode(errors="replace").splitlines():
             warnings.warn(line, stacklevel=2)
     # Where another thread is importing it, this waits for that.
     import_module(module)

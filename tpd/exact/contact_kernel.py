@@ -38,7 +38,7 @@ def jump(q, share):
 
 
 @compiled
-def struck(q, rests, y2, y3):
+def rates_after_impact(q, rests, y2, y3):
     """Rates of block and bob after an impact, or after the last of the impacts that end in rest."""
     # Each hop is smaller than the last by the ratio, and infinitely many of them end in finite time: together
     # they do what one perfectly plastic impact would, with an error of the order of the square of the rate.
@@ -59,7 +59,7 @@ def beyond_return(q):
 
 
 @compiled
-def mode_of(up, down, friction, tilt, way):
+def mode_of(up, down, friction, tilt, direction):
     """Kind and signs of the mode of a state.
 
     `up` and `down` are the moments on the held block, less what its weight balances, against a move to
@@ -70,18 +70,18 @@ def mode_of(up, down, friction, tilt, way):
     # an excess for either direction, because weight resists both. From there it tilts to the side to which it
     # goes.
     lifts = 1.0 if up > friction else (-1.0 if down < -friction else 0.0)
-    goes = way if way != 0.0 else lifts
+    new_direction = direction if direction != 0.0 else lifts
     held = STICK if tilt != 0.0 else REST
-    return (SLIP if goes != 0.0 else held), (tilt if tilt != 0.0 else goes), goes
+    return (SLIP if new_direction != 0.0 else held), (tilt if tilt != 0.0 else new_direction), new_direction
 
 
 @compiled
-def decide(q, y, tilt, way, eta, mode):
+def decide(q, y, tilt, direction, eta, mode):
     """Put the mode of a state into `mode`; `tilt` and `way` are the signs of phi and phi', zero included."""
     held, side = moment(q, y[TILT], y[SWING], y[SWING_RATE], eta), (1.0 if tilt == 0.0 else tilt)
     other = -1.0 if tilt == 0.0 else tilt
     up, down = held - side * q.weight, held - other * q.weight
-    mode.kind, mode.tilt, mode.way = mode_of(up, down, q.k + q.slack, tilt, way)
+    mode.kind, mode.tilt, mode.direction = mode_of(up, down, q.k + q.slack, tilt, direction)
 
 
 @compiled
@@ -91,24 +91,24 @@ def held_on_base(q, psi, rate, eta):
 
 
 @compiled
-def reserve(q, kind, tilt, which, y0, y1, y3, eta):
+def release_margin(q, kind, tilt, event, y0, y1, y3, eta):
     """Distance of the moment on a held block from the limit at which it is released upwards, or downwards."""
-    way = 1.0 if which == FIRST else -1.0
+    direction = 1.0 if event == FIRST else -1.0
     # Off its base the block has one weight to overcome, on its base one to either side.
-    level = tilt * q.weight if kind == STICK else way * q.weight
-    return q.k - way * (moment(q, y0, y1, y3, eta) - level)
+    level = tilt * q.weight if kind == STICK else direction * q.weight
+    return q.k - direction * (moment(q, y0, y1, y3, eta) - level)
 
 
 @compiled
-def meet(q, which, capture, eta, y, mode):
+def handle_event(q, event, capture, eta, y, mode):
     """Change the state and the mode at an event of the block; see `tpd.exact.events.watch_block`. Return
     whether the block came to rest there out of hops slower than `capture`: this is how a rattle ends."""
     if mode.kind != SLIP:
-        side = 1.0 if which == FIRST else -1.0
+        side = 1.0 if event == FIRST else -1.0
         mode.tilt = side if mode.kind == REST else mode.tilt
-        mode.kind, mode.way = SLIP, side
+        mode.kind, mode.direction = SLIP, side
         return False
-    if which == FIRST:
+    if event == FIRST:
         # A turn this low belongs to hops slower than the capture speed, whose height is of its square.
         low = abs(y[TILT]) <= capture * capture
         y[TILT], y[TILT_RATE] = 0.0 if low else y[TILT], 0.0
@@ -116,16 +116,16 @@ def meet(q, which, capture, eta, y, mode):
         return low
     rests = abs(y[TILT_RATE]) <= capture and held_on_base(q, y[SWING], y[SWING_RATE], eta)
     y[TILT] = 0.0
-    y[TILT_RATE], y[SWING_RATE] = struck(q, rests, y[TILT_RATE], y[SWING_RATE])
+    y[TILT_RATE], y[SWING_RATE] = rates_after_impact(q, rests, y[TILT_RATE], y[SWING_RATE])
     if y[TILT_RATE] == 0.0:
         decide(q, y, 0.0, 0.0, eta, mode)
     else:
-        mode.kind, mode.tilt = SLIP, mode.way
+        mode.kind, mode.tilt = SLIP, mode.direction
     return rests
 
 
 @compiled
-def transversality(q, rate, which, before, after, now, eta):
+def transversality(q, rate, event, before, after, now, eta):
     """How transversally a slipping block meets an event, over what is usual; infinite for other events.
     `rate` is the usual one of the motion, and `now` a state with its accelerations."""
     # The derivative of an event's time has this rate as its denominator: where it vanishes the motion grazes.
@@ -134,6 +134,6 @@ def transversality(q, rate, which, before, after, now, eta):
     if before != SLIP or after != SLIP:
         return math.inf
     usual = rate * q.weight
-    if which == FIRST:
+    if event == FIRST:
         return abs(now[TILT_PULL]) / (rate * usual)
     return math.inf if held_on_base(q, now[SWING], now[SWING_RATE], eta) else abs(now[TILT_RATE]) / usual

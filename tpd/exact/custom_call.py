@@ -28,7 +28,7 @@ from tpd.exact.terms import MANY
 carray: Any = _carray
 FRAME = 16
 """Numbers of 8 bytes in a frame of XLA's."""
-_SIZE, _EXTENSION, _STAGE, _OPERANDS, _GIVEN, _RESULTS, _FOUND = 0, 1, 4, 7, 9, 12, 14
+_SIZE, _EXTENSION, _STAGE, _OPERANDS, _OPERAND_LIST, _RESULTS, _RESULT_LIST = 0, 1, 4, 7, 9, 12, 14
 """Columns of such a frame: its size, an extension, the stage, how many operands there are and the list of
 them, and the same of results."""
 _FIRST, _DATA, _RANK, _SHAPE, _EXECUTE = 0, 3, 4, 5, 3
@@ -73,28 +73,28 @@ pointer: Any = _pointer
 
 
 @compiled
-def wholes(address):
+def integers_at(address):
     """Whole numbers at an address, at most 16; only those that are there may be read."""
     return carray(pointer(address), (FRAME,), np.int64)
 
 
 @compiled
-def at(address, shape, dtype):
+def view(address, shape, dtype):
     """The array at an address."""
     return carray(pointer(address), shape, dtype)
 
 
 @compiled
-def places_in(a):
+def addresses_in(a):
     """Addresses of all buffers."""
     return a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7]
 
 
 @part
-def usual(a, rows):
+def inputs_of(a, rows):
     """The first three operands of motions: settings, parameters and starts."""
-    settings, x, start, _, _, _, _, _ = places_in(a)
-    return at(settings, (rows,), SETTINGS), at(x, (rows, MANY), np.float64), at(start, (rows, 4), np.float64)
+    s, x, y, _, _, _, _, _ = addresses_in(a)
+    return view(s, (rows,), SETTINGS), view(x, (rows, MANY), np.float64), view(y, (rows, 4), np.float64)
 
 
 @compiled
@@ -103,20 +103,20 @@ def pieces(address, s, n):
     count, begin = int(s.pieces), int(s.record)
     # XLA gives every motion a copy of its record, the host one place for all.
     begin = n * count if begin < 0 else begin
-    return Forcing(NO, 0.0, 0.0, count, at(address, (begin + count, 4), np.float64)[begin:])
+    return Forcing(NO, 0.0, 0.0, count, view(address, (begin + count, 4), np.float64)[begin:])
 
 
 @compiled
 def _buffers(frame, a):
     """Put the addresses of a frame's buffers into `a`, and return how many rows they have."""
     operands, results, rows = frame[_OPERANDS], frame[_RESULTS], 1
-    given, found = wholes(frame[_GIVEN]), wholes(frame[_FOUND])
+    operand_list, result_list = integers_at(frame[_OPERAND_LIST]), integers_at(frame[_RESULT_LIST])
     for i in range(operands):
-        a[i] = wholes(given[i])[_DATA]
+        a[i] = integers_at(operand_list[i])[_DATA]
     for i in range(results):
-        a[operands + i] = wholes(found[i])[_DATA]
-    settings = wholes(given[_FIRST])
-    shape = wholes(settings[_SHAPE])
+        a[operands + i] = integers_at(result_list[i])[_DATA]
+    settings = integers_at(operand_list[_FIRST])
+    shape = integers_at(settings[_SHAPE])
     for i in range(settings[_RANK] - 1):
         rows *= shape[i]
     return rows
@@ -126,21 +126,21 @@ def _buffers(frame, a):
 def rows_of(address, a, api):
     """Put the addresses of a frame's buffers into `a`; return the first and last of the rows to compute, and
     whether the host asks."""
-    frame = wholes(address)
+    frame = integers_at(address)
     if frame[_SIZE] == 0:
         for i in range(8):
             a[i] = frame[_BUFFERS + i]
         return frame[_FROM], frame[_TO], True
     if frame[_EXTENSION] != 0:
         # XLA asks for the version.
-        wholes(wholes(frame[_EXTENSION])[_DATA])[_DATA] = api
+        integers_at(integers_at(frame[_EXTENSION])[_DATA])[_DATA] = api
         return 0, 0, False
     if (frame[_STAGE] & 0xFFFFFFFF) != _EXECUTE:
         return 0, 0, False
     return 0, _buffers(frame, a), False
 
 
-def _place(buffer: Any) -> int:
+def _locate_event(buffer: Any) -> int:
     """The address of an array, which compiled code reads as contiguous floats of 64 bits, or records of them.
 
     Raises:
@@ -162,7 +162,7 @@ def on_host(entrance: Any) -> Callable[..., None]:
     numbers: Any = ctypes.c_int64 * FRAME
 
     def run(first: int, last: int, *buffers: np.ndarray) -> None:
-        frame = numbers(0, first, last, *map(_place, buffers))
+        frame = numbers(0, first, last, *map(_locate_event, buffers))
         call(ctypes.addressof(frame))
 
     return run

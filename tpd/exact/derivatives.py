@@ -66,9 +66,9 @@ def joined(values: tuple, numbers: tuple, slopes: tuple) -> tuple:
         return _joined(values, numbers, slopes)
     # JAX makes zero derivatives of all that a function is given: where numbers are known, and a derivative is
     # taken at once, they are kept from it.
-    known = jax.custom_jvp(lambda *values: numbers)
-    known.defjvp(lambda primals, tangents: (numbers, _moves(primals, tangents, numbers, slopes)))
-    return known(*values)
+    with_rule = jax.custom_jvp(lambda *values: numbers)
+    with_rule.defjvp(lambda primals, tangents: (numbers, _moves(primals, tangents, numbers, slopes)))
+    return with_rule(*values)
 
 
 @jax.custom_jvp

@@ -15,7 +15,7 @@ from tpd.exact.arcs import Signal, exponentials, instant, rate_of, value_of
 from tpd.exact.plant import compiled, places
 from tpd.exact.terms import SLIP, STICK
 
-CUT, STOP, GONE, END, FIRST, SECOND, BOB, RELATIVE = places(4, -4)
+CUT, STOP, OVERTURN, END, FIRST, SECOND, BOB, RELATIVE = places(4, -4)
 """Ends of a leg: a part of a long arc; a time at which a state is asked for; a tilt beyond return; its
 horizon; the first signal (a turn, or a release upwards), the second (a landing, or a release downwards); a
 turn of the bob, or of the bob against the block, which change nothing."""
@@ -34,7 +34,7 @@ _AT_ZERO = 1e-12
 """A signal below this at the start of an arc began at zero."""
 LONGEST = 1.0
 """Longest window, over the quickest time scale of the motion."""
-LOOKS = 16
+WINDOWS = 16
 """Looks at the signals allowed for each event that is."""
 _NEAR, _CLOSE = 1e-7, 1e-6
 """Steps to a root, over the time, after which there is none to come, or one."""
@@ -111,7 +111,7 @@ def watch_turns(w, i, side, x, arc):
 @compiled
 def turn_over(w, i):
     """Watch a signal that has just vanished with the other sign."""
-    w.vanished = i
+    w.first_zero = i
     for j in range(3):
         for k in range(9):
             w.signals[i, j, k] = -w.signals[i, j, k]
@@ -124,10 +124,10 @@ def watch_block(q, arc, mode, forcing, w):
     base. Held: the distances of the moment from both limits."""
     # Moving outward phi cannot vanish before phi' does. So phi is watched on the way back only, and a tilt
     # that begins at zero is not taken for an event.
-    w.vanished = FIRST
+    w.first_zero = FIRST
     if mode.kind == SLIP:
-        _watch(w, FIRST, _scaled(mode.way, rate_of(arc, arc.tilt)), arc)
-        if mode.tilt * mode.way >= 0.0:
+        _watch(w, FIRST, _scaled(mode.direction, rate_of(arc, arc.tilt)), arc)
+        if mode.tilt * mode.direction >= 0.0:
             return False
         _watch(w, SECOND, _scaled(mode.tilt, arc.tilt), arc)
         return True
@@ -141,7 +141,7 @@ def watch_block(q, arc, mode, forcing, w):
 
 
 @compiled
-def _look(w, i, now, t, j):
+def _eval(w, i, now, t, j):
     """Value (j = 0), slope (1) or curvature (2) of a watched signal."""
     x = w.signals
     modes = x[i, j, _ON_S1] * now.e1 + x[i, j, _ON_S2] * now.e2
@@ -166,24 +166,24 @@ CLEAR, ONE, UNKNOWN = range(3)
 
 
 @compiled
-def judged(g0, v0, g1, v1, d, bound):
+def prove_window(g0, v0, g1, v1, d, bound):
     """Proof about a signal over a window: that it stays positive after its start; that it is positive,
     falls all the way and is not at the end; or nothing."""
     # Bernstein coefficients of the cubic; those of its slope are their differences.
-    b1, b2, left = g0 + d * v0 * _THIRD, g1 - d * v1 * _THIRD, bound * d * d * d * d
-    if min(min(g0, g1), min(b1, b2)) > left * AWAY:
+    b1, b2, uncertainty = g0 + d * v0 * _THIRD, g1 - d * v1 * _THIRD, bound * d * d * d * d
+    if min(min(g0, g1), min(b1, b2)) > uncertainty * AWAY:
         return CLEAR
     # Divided by s, what is left of the cubic without its first term, g0 (1 - s)^3 >= 0.
-    if g0 >= 0.0 and min(min(3.0 * b1, 1.5 * b2), g1) > left * _FROM_ZERO:
+    if g0 >= 0.0 and min(min(3.0 * b1, 1.5 * b2), g1) > uncertainty * _FROM_ZERO:
         return CLEAR
     # Divided by s^2, what is left without the first two terms: the signal began with a rate of zero.
-    if g0 >= 0.0 and b1 >= 0.0 and min(3.0 * b2, g1) > left * _TWICE:
+    if g0 >= 0.0 and b1 >= 0.0 and min(3.0 * b2, g1) > uncertainty * _TWICE:
         return CLEAR
     steepest = max(max(b1 - g0, b2 - b1), g1 - b2)
-    if g1 <= 0.0 < g0 and 3.0 * steepest < -_CURVED * left:
+    if g1 <= 0.0 < g0 and 3.0 * steepest < -_CURVED * uncertainty:
         return ONE
     # Divided by s, what is left of the cubic's slope without its first term: the rate may begin at zero.
-    if g1 <= 0.0 < g0 and b1 <= g0 and 3.0 * max(2.0 * (b2 - b1), g1 - b2) < -_BENT * left:
+    if g1 <= 0.0 < g0 and b1 <= g0 and 3.0 * max(2.0 * (b2 - b1), g1 - b2) < -_BENT * uncertainty:
         return ONE
     return UNKNOWN
 
@@ -205,13 +205,13 @@ def _root(arc, w, i, lo, hi, guess):
     t, last = lo + guess * (hi - lo), False
     for _ in range(60):
         now = instant(arc, t)
-        value, slope = _look(w, i, now, t, _VALUE), _look(w, i, now, t, _SLOPE)
+        value, slope = _eval(w, i, now, t, _VALUE), _eval(w, i, now, t, _SLOPE)
         if value > 0.0:
             lo = t
         else:
             hi = t
         # Halley's method: the error is of the third power of its step.
-        by = slope - 0.5 * value * _look(w, i, now, t, _BEND) / slope if slope != 0.0 else 0.0
+        by = slope - 0.5 * value * _eval(w, i, now, t, _BEND) / slope if slope != 0.0 else 0.0
         onward = t - value / by if by < 0.0 else 0.5 * (lo + hi)
         if not lo <= onward <= hi:
             onward = 0.5 * (lo + hi)
@@ -223,33 +223,33 @@ def _root(arc, w, i, lo, hi, guess):
 
 
 @compiled
-def _begun(arc, w, now, t, end, g, v):
+def _initial_values(arc, w, now, t, end, g, v):
     """Put values and slopes of the signals at the start of an arc into `g` and `v`. Where the last event made
     a signal zero, the motion goes on a little before that signal may vanish again, unless the forcing is a
     cubic, whose signals are exact there. Return the time."""
-    again = False
+    goes_on = False
     for i in range(w.count):
-        if i != SECOND or w.second:
-            g[i], v[i] = _look(w, i, now, t, _VALUE), _look(w, i, now, t, _SLOPE)
-            again = again or (g[i] < _AT_ZERO and v[i] <= 0.0 and arc.xi != 0.0 and i >= w.vanished)
+        if i != SECOND or w.has_second:
+            g[i], v[i] = _eval(w, i, now, t, _VALUE), _eval(w, i, now, t, _SLOPE)
+            goes_on = goes_on or (g[i] < _AT_ZERO and v[i] <= 0.0 and arc.xi != 0.0 and i >= w.first_zero)
             if g[i] < _AT_ZERO and v[i] > 0.0:
                 g[i] = max(g[i], 0.0)
-    if again:
-        t = min(t + w.least, end)
+    if goes_on:
+        t = min(t + w.shortest, end)
         now = instant(arc, t)
         for i in range(w.count):
-            if i != SECOND or w.second:
+            if i != SECOND or w.has_second:
                 rose = g[i] < _AT_ZERO and v[i] > 0.0
-                g[i], v[i] = _look(w, i, now, t, _VALUE), _look(w, i, now, t, _SLOPE)
+                g[i], v[i] = _eval(w, i, now, t, _VALUE), _eval(w, i, now, t, _SLOPE)
                 g[i] = max(g[i], 0.0) if rose else g[i]
     return t
 
 
 @compiled
-def _at_once(w, since, t, g, v):
+def _immediate_event(w, since, t, g, v):
     """The event that a motion is past already, and its time, not before `since`; END if there is none."""
     for i in range(w.count):
-        if (i != SECOND or w.second) and g[i] <= 0.0:
+        if (i != SECOND or w.has_second) and g[i] <= 0.0:
             if v[i] < 0.0:
                 at = t - g[i] / v[i]
                 return i, (at if at >= since else t)
@@ -259,7 +259,7 @@ def _at_once(w, since, t, g, v):
 
 
 @compiled
-def _passing(arc, limit, lo, hi):
+def _time_at_limit(arc, limit, lo, hi):
     """Time at which a tilt that is below a limit at `lo`, beyond it at `hi`, and does not turn between them,
     reaches it."""
     for _ in range(HALVED):
@@ -278,30 +278,30 @@ def next_event(arc, w, now, t, end):
     `tpd.exact.motion.ROOM`."""
     g, v, h, z = w.signals[SIGNALS, 0], w.signals[SIGNALS, 1], w.signals[SIGNALS, 2], w.signals[SIGNALS, 3]
     since = t
-    t = _begun(arc, w, now, t, end, g, v)
-    which, at = _at_once(w, since, t, g, v)
-    if which != END:
-        return which, at
+    t = _initial_values(arc, w, now, t, end, g, v)
+    event, at = _immediate_event(w, since, t, g, v)
+    if event != END:
+        return event, at
     d, e2 = w.window, 1.0
-    while t < end and w.looks > 0:
+    while t < end and w.budget > 0:
         d = min(d, end - t)
         to = end if d == end - t else t + d
         now = instant(arc, to)
-        w.looks -= 1
+        w.budget -= 1
         first, soonest, proved = END, to, True
         up, down = exponentials(arc, now, to)
         for i in range(w.count):
-            if i == SECOND and not w.second:
+            if i == SECOND and not w.has_second:
                 continue
-            h[i], z[i] = _look(w, i, now, to, _VALUE), _look(w, i, now, to, _SLOPE)
-            found = judged(g[i], v[i], h[i], z[i], d, _bound(w, i, up, e2, to))
-            if found == UNKNOWN and d <= w.least:
+            h[i], z[i] = _eval(w, i, now, to, _VALUE), _eval(w, i, now, to, _SLOPE)
+            proof = prove_window(g[i], v[i], h[i], z[i], d, _bound(w, i, up, e2, to))
+            if proof == UNKNOWN and d <= w.shortest:
                 # Rounding decides, but a signal that is exact where it began has left to the wrong side.
-                found = ONE if h[i] <= 0.0 and (g[i] > 0.0 or arc.xi == 0.0) else CLEAR
-            if found == UNKNOWN:
+                proof = ONE if h[i] <= 0.0 and (g[i] > 0.0 or arc.xi == 0.0) else CLEAR
+            if proof == UNKNOWN:
                 proved = False
                 break
-            if found == ONE and (first == END or _look(w, i, instant(arc, soonest), soonest, _VALUE) <= 0.0):
+            if proof == ONE and (first == END or _eval(w, i, instant(arc, soonest), soonest, _VALUE) <= 0.0):
                 # Its only root in the window comes before that of the other signal. A signal that began at
                 # zero has a root there: from the right, Newton's method comes to the other one.
                 guess = estimate(g[i], v[i], h[i], z[i], d) if g[i] > 0.0 else 1.0
@@ -314,7 +314,7 @@ def next_event(arc, w, now, t, end):
         if first != END:
             return first, soonest
         if not abs(value_of(arc.tilt, now, to)) < w.limit:
-            return GONE, _passing(arc, w.limit, t, to)
+            return OVERTURN, _time_at_limit(arc, w.limit, t, to)
         t, e2, d = to, down, min(2.0 * d, w.longest)
         for i in range(w.count):
             g[i], v[i] = h[i], z[i]

@@ -24,7 +24,7 @@ is_neutral = register_jitable(inspect.unwrap(terms.is_neutral))
 
 
 @compiled
-def _carried(q, f, y0, y1, y2, y3):
+def _after_flow(q, f, y0, y1, y2, y3):
     """A small difference of states after the flow until an instant."""
     a = q.al0 * y0 + q.al1 * y1 + q.al2 * y2 + q.al3 * y3
     b = q.bl0 * y0 + q.bl1 * y1 + q.bl2 * y2 + q.bl3 * y3
@@ -38,31 +38,32 @@ def _carried(q, f, y0, y1, y2, y3):
 
 
 @compiled
-def put_half_map(q, m, t, way, g):
+def store_half_map(q, m, t, path, g):
     """Put G into a matrix."""
-    zero, until = 0.0 * t, way.crossing
+    zero, until = 0.0 * t, path.crossing
     again = Instant(1.0 + zero, 1.0 + zero, 1.0 + zero, zero, until.sine, until.cosine)
-    before, after = state_at(way.first, until, t), state_at(way.second, again, zero)
-    end = state_at(way.second, way.end, m.span - t)
+    before, after = state_at(path.first, until, t), state_at(path.second, again, zero)
+    end = state_at(path.second, path.end, m.span - t)
     # Crossing: the rates jump by these shares of phi', and so do the rates of a neighbour.
-    (lost, thrown), fall = jump(q, ratio(q)), before[TILT_RATE]
-    by0, by1 = (after[TILT_RATE] - fall) / fall, (after[SWING_RATE] - before[SWING_RATE]) / fall
-    by2 = (after[TILT_PULL] - (1.0 + lost) * before[TILT_PULL]) / fall
-    by3 = (after[SWING_PULL] - before[SWING_PULL] - thrown * before[TILT_PULL]) / fall
+    (block_jump, bob_jump), rate_before = jump(q, ratio(q)), before[TILT_RATE]
+    by0 = (after[TILT_RATE] - rate_before) / rate_before
+    by1 = (after[SWING_RATE] - before[SWING_RATE]) / rate_before
+    by2 = (after[TILT_PULL] - (1.0 + block_jump) * before[TILT_PULL]) / rate_before
+    by3 = (after[SWING_PULL] - before[SWING_PULL] - bob_jump * before[TILT_PULL]) / rate_before
     # Turning: friction, 2 k in the first column of M^-1, changes its sign.
     pushed = 2.0 * q.k / ((q.m11 * q.m22 - q.m12 * q.m21) * end[TILT_PULL])
     # A bob without mass cannot be felt: what is left are the multipliers of the block, and two zeros.
-    felt = 2 if q.mu.real == 0.0 else 1
+    column_step = 2 if q.mu.real == 0.0 else 1
     for i in range(4):
         for j in range(4):
             g[i, j] = 0.0
-    for j in range(0, 4, felt):
+    for j in range(0, 4, column_step):
         y0, y1, y2, y3 = zero + (j == 0), zero + (j == 1), zero + (j == 2), zero + (j == 3)
-        y0, y1, y2, y3 = _carried(q, until, y0, y1, y2, y3)
-        y1, y2, y3 = y1 + by1 * y0, y2 + by2 * y0 + lost * y2, y3 + by3 * y0 + thrown * y2
-        y0, y1, y2, y3 = _carried(q, way.end, y0 + by0 * y0, y1, y2, y3)
+        y0, y1, y2, y3 = _after_flow(q, until, y0, y1, y2, y3)
+        y1, y2, y3 = y1 + by1 * y0, y2 + by2 * y0 + block_jump * y2, y3 + by3 * y0 + bob_jump * y2
+        y0, y1, y2, y3 = _after_flow(q, path.end, y0 + by0 * y0, y1, y2, y3)
         g[TILT, j], g[TILT_RATE, j] = -y0, pushed * q.m22 * y2 - y2
-        if felt == 1:
+        if column_step == 1:
             g[SWING, j], g[SWING_RATE, j] = -y1, -pushed * q.m21 * y2 - y3
 
 
@@ -103,7 +104,7 @@ def determinants(c):
 
 
 @compiled
-def put_roots(c, z):
+def store_roots(c, z):
     """Put the roots of z^4 + c1 z^3 + c2 z^2 + c3 z + c4 into `z`.
 
     Aberth's iteration is Newton's for all roots at once, in which every root is repelled by the others: z_i

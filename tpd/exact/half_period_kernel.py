@@ -20,7 +20,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from tpd.exact.arcs import Arc, Instant, Signal, exponential, instant, pair, state_at, turned
+from tpd.exact.arcs import Arc, Instant, Signal, exponential, instant, pair, sincos, state_at
 from tpd.exact.contact_kernel import jump, ratio
 from tpd.exact.plant import compiled
 
@@ -45,7 +45,7 @@ Solution = namedtuple(
     "Solution", "turning crossing height turning_t crossing_t height_t turning_g crossing_g height_g"
 )
 """phi'(0), phi(t-), phi(0) and their derivatives with respect to t and gamma."""
-Motion = namedtuple("Motion", "first second crossing end")
+Path = namedtuple("Motion", "first second crossing end")
 """The arcs until the crossing and from there to the next turn, and the instants at their ends."""
 
 
@@ -63,7 +63,7 @@ def rate_of_flow(q, g):
 
 
 @compiled
-def of(x, g):
+def apply(x, g):
     """Value of a functional at a flow."""
     return x.s1 * g.e1 + x.s2 * g.e2 + x.u * g.u + x.v * g.v
 
@@ -98,17 +98,17 @@ def half(q):
     of_bob_kick = Part(d * q.a1, z * q.b1, -d * q.a1 - z * q.b1, thrown_by - d * q.a3 - z * q.b3)
     tilt, kick = _after(q, of_tilt, closing), _after(q, of_kick, closing)
     rate, thrown = _rate_of(q, tilt), _rate_of(q, kick)
-    thrown_whole = of(thrown, whole)
+    thrown_whole = apply(thrown, whole)
     # V depends on phi'(t-), which depends on V again through the mirror condition.
     per_fall = 1.0 / (1.0 + thrown_whole)
-    wholes = of(tilt, whole), of(rate, whole), of(kick, whole), thrown_whole
+    integers_at = apply(tilt, whole), apply(rate, whole), apply(kick, whole), thrown_whole
     bob, bob_kick = _after(q, of_bob, closing), _after(q, of_bob_kick, closing)
-    given = q.xi, q.tilt_sin, q.tilt_cos, span, step, slack, 0.5 * (step - slack), per_fall
-    return Half(*given, *wholes, tilt, rate, kick, thrown, bob, bob_kick)
+    of_plant = q.xi, q.tilt_sin, q.tilt_cos, span, step, slack, 0.5 * (step - slack), per_fall
+    return Half(*of_plant, *integers_at, tilt, rate, kick, thrown, bob, bob_kick)
 
 
 @compiled
-def at(x, sine, cosine):
+def at_phase(x, sine, cosine):
     """Value of a `Phased` quantity."""
     return x.c + x.s * sine + x.u * cosine
 
@@ -118,13 +118,13 @@ def conditions(m, f, g, sine, cosine):
     """The conditions, with f = exp(A t), g = exp(A (h - t)), and sine and cosine of xi t."""
     xi, s0, u0 = m.xi, m.tilt_sin, m.tilt_cos
     s1, u1 = s0 * cosine - u0 * sine, s0 * sine + u0 * cosine
-    falling = m.per_fall * (m.slack * of(m.rate, f) - m.step * m.rate_whole)
+    falling = m.per_fall * (m.slack * apply(m.rate, f) - m.step * m.rate_whole)
     v = Phased(falling, -m.per_fall * xi * u1, m.per_fall * xi * s1)
     still_rate, still_tilt = m.rate.s1 + m.rate.s2 + m.rate.u, m.tilt.s1 + m.tilt.s2 + m.tilt.u
-    thrown, kick = of(m.thrown, g), of(m.kick, g)
-    turning = m.slack * still_rate - m.step * of(m.rate, g)
-    crossing = m.slack * of(m.tilt, f) - m.step * m.tilt_whole + m.balance
-    height = m.slack * still_tilt - m.step * of(m.tilt, g) + m.balance
+    thrown, kick = apply(m.thrown, g), apply(m.kick, g)
+    turning = m.slack * still_rate - m.step * apply(m.rate, g)
+    crossing = m.slack * apply(m.tilt, f) - m.step * m.tilt_whole + m.balance
+    height = m.slack * still_tilt - m.step * apply(m.tilt, g) + m.balance
     return Conditions(
         Phased(turning - thrown * v.c, -xi * u0 - thrown * v.s, xi * s0 - thrown * v.u),
         Phased(crossing - m.kick_whole * v.c, s1 - m.kick_whole * v.s, u1 - m.kick_whole * v.u),
@@ -136,28 +136,28 @@ def conditions(m, f, g, sine, cosine):
 @compiled
 def conditions_at(q, m, t):
     """The conditions for a crossing at `t`."""
-    sine, cosine = turned(q.xi * t)
+    sine, cosine = sincos(q.xi * t)
     return conditions(m, flow(q, t), flow(q, m.span - t), sine, cosine)
 
 
 @compiled
 def solution_at(q, m, t, gamma):
     """Both conditions and the height at (t, gamma), with their derivatives there."""
-    f, g, (sine, cosine), (sg, cg) = flow(q, t), flow(q, m.span - t), turned(q.xi * t), turned(gamma)
+    f, g, (sine, cosine), (sg, cg) = flow(q, t), flow(q, m.span - t), sincos(q.xi * t), sincos(gamma)
     x = conditions(m, f, g, sine, cosine)
     xi, s0, u0 = m.xi, m.tilt_sin, m.tilt_cos
     s1, u1 = s0 * cosine - u0 * sine, s0 * sine + u0 * cosine
     # exp(A (h - t)) changes by -A exp(A (h - t)), and the harmonic at t by its rate.
     df, dg = rate_of_flow(q, f), rate_of_flow(q, g)
     harmonic_rate, harmonic_pull = xi * (s1 * cg - u1 * sg), -xi * xi * (s1 * sg + u1 * cg)
-    v, dv = at(x.impact, sg, cg), m.per_fall * (m.slack * of(m.rate, df) + harmonic_pull)
+    v, dv = at_phase(x.impact, sg, cg), m.per_fall * (m.slack * apply(m.rate, df) + harmonic_pull)
     return Solution(
-        at(x.turning, sg, cg),
-        at(x.crossing, sg, cg),
-        at(x.height, sg, cg),
-        m.step * of(m.rate, dg) + of(m.thrown, dg) * v - of(m.thrown, g) * dv,
-        m.slack * of(m.rate, f) + harmonic_rate - m.kick_whole * dv,
-        m.step * of(m.tilt, dg) + of(m.kick, dg) * v - of(m.kick, g) * dv,
+        at_phase(x.turning, sg, cg),
+        at_phase(x.crossing, sg, cg),
+        at_phase(x.height, sg, cg),
+        m.step * apply(m.rate, dg) + apply(m.thrown, dg) * v - apply(m.thrown, g) * dv,
+        m.slack * apply(m.rate, f) + harmonic_rate - m.kick_whole * dv,
+        m.step * apply(m.tilt, dg) + apply(m.kick, dg) * v - apply(m.kick, g) * dv,
         x.turning.s * cg - x.turning.u * sg,
         x.crossing.s * cg - x.crossing.u * sg,
         x.height.s * cg - x.height.u * sg,
@@ -177,10 +177,10 @@ def _signal(q, unit, kick, still, moved, h, constant, along, across):
 
 
 @compiled
-def motion(q, m, t, gamma):
+def path_of(q, m, t, gamma):
     """Both arcs of the solution (t, gamma)."""
-    f, g, (sine, cosine), (sg, cg) = flow(q, t), flow(q, m.span - t), turned(q.xi * t), turned(gamma)
-    impact, zero = at(conditions(m, f, g, sine, cosine).impact, sg, cg), 0.0 * gamma
+    f, g, (sine, cosine), (sg, cg) = flow(q, t), flow(q, m.span - t), sincos(q.xi * t), sincos(gamma)
+    impact, zero = at_phase(conditions(m, f, g, sine, cosine).impact, sg, cg), 0.0 * gamma
     thrown, released, back = (m.step, impact), (m.slack, zero), (-m.step, -impact)
     tilt = _signal(q, m.tilt, m.kick, released, back, g, m.balance, q.tilt_sin, q.tilt_cos)
     bob = _signal(q, m.bob, m.bob_kick, released, back, g, zero, q.bob_sin, q.bob_cos)
@@ -190,12 +190,12 @@ def motion(q, m, t, gamma):
     second = Arc(tilt, bob, q.s1, q.s2, q.p, q.q, q.xi, gamma + q.xi * t)
     # The forcing turns by xi t until the crossing, and by pi until the end.
     crossing = Instant(f.e1, f.e2, f.u, f.v, sg * cosine + cg * sine, cg * cosine - sg * sine)
-    return Motion(first, second, crossing, Instant(g.e1, g.e2, g.u, g.v, -sg, -cg))
+    return Path(first, second, crossing, Instant(g.e1, g.e2, g.u, g.v, -sg, -cg))
 
 
 @compiled
-def state_after(way, t, s):
+def state_after(path, t, s):
     """(phi, psi, phi', psi', phi'', psi'') at the time `s` after the upper turn, at `t` just after the
     impact."""
-    arc, time = (way.second, s - t) if s.real >= t.real else (way.first, s)
+    arc, time = (path.second, s - t) if s.real >= t.real else (path.first, s)
     return state_at(arc, instant(arc, time), time)

@@ -10,18 +10,18 @@ import math
 
 import numpy as np
 
-from tpd.exact.contact_kernel import meet, transversality
+from tpd.exact.contact_kernel import handle_event, transversality
 from tpd.exact.events import END, SECOND, SIGNALS
 from tpd.exact.plant import compiled
 from tpd.exact.terms import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE
 
 LEG = np.dtype(
     [
-        *((name, np.float64) for name in ("kind", "tilt", "way")),
+        *((name, np.float64) for name in ("kind", "tilt", "direction")),
         ("piece", np.int64),
-        *((name, np.float64) for name in ("begun", "lasted")),
-        ("which", np.int64),
-        ("rests", np.bool_),
+        *((name, np.float64) for name in ("start", "duration")),
+        ("event", np.int64),
+        ("ends_at_rest", np.bool_),
         ("y", np.float64, (4,)),
     ],
     align=True,
@@ -35,11 +35,11 @@ WHOLE = np.int64(4)
 MOTION = np.dtype(
     [
         ("y", np.float64, (4,)),
-        *((name, np.float64) for name in ("kind", "tilt", "way", "held")),
-        *((name, np.float64, (6,)) for name in ("best", "when")),
-        ("where", np.int64, (6,)),
-        *((name, np.int64) for name in ("impacts", "recorded", "events")),
-        *((name, np.float64) for name in ("lifted", "fell", "crossing", "bob_way")),
+        *((name, np.float64) for name in ("kind", "tilt", "direction", "hold_level")),
+        *((name, np.float64, (6,)) for name in ("extremes", "extreme_times")),
+        ("extreme_legs", np.int64, (6,)),
+        *((name, np.int64) for name in ("impacts", "leg_count", "events")),
+        *((name, np.float64) for name in ("uplift_time", "overturn_time", "transversality", "bob_direction")),
     ],
     align=True,
 )
@@ -52,10 +52,10 @@ GRID, TERMS, MOST, HOPS = map(np.int64, (32, 8, 11, 6))
 """Sizes of `tpd.exact.march`: shares into which its longest step is divided; usual terms of its Taylor
 polynomials, and most; hops that tell how a rattle ends."""
 _FLOW = np.dtype(
-    [(name, np.float64) for name in ("grown", "fallen", "u", "v", "held_u", "held_v", "sine", "cosine")]
+    [(name, np.float64) for name in ("rising", "decaying", "u", "v", "held_u", "held_v", "sine", "cosine")]
 )
 _PUSH = np.dtype([(name, np.float64) for name in ("by_tilt", "by_swing", "by_slip", "by_forcing")])
-_ORDER = np.dtype([(name, np.float64) for name in ("forced", "growth", "fallen", "grown")])
+_ORDER = np.dtype([(name, np.float64) for name in ("forced", "growth", "decaying", "rising")])
 _NUMBERS = "step", "jump", "sine", "cosine", "share", "growth", "weight", "quickest"
 MARCH = np.dtype(
     [
@@ -65,8 +65,8 @@ MARCH = np.dtype(
         ("orders", _ORDER, (2,)),
         ("hops", np.float64, (2, HOPS, 4)),
         ("limit", np.float64, (4,)),
-        *((name, np.float64, (2,)) for name in ("scale", "over_w", "firm")),
-        ("known", np.int64, (2,)),
+        *((name, np.float64, (2,)) for name in ("scale", "over_w", "sure_time")),
+        ("hop_count", np.int64, (2,)),
         ("terms", np.int64),
         *((name, np.float64) for name in _NUMBERS),
     ],
@@ -79,15 +79,15 @@ What multiplies the parts of an angle in bounds on its derivatives, and K and 1/
 block and the held one. The last hops from either side, how many are known, where they lead, and for how long
 the accelerations are sure to keep their signs. The terms of the Taylor polynomials. The longest step, and the
 shares that the next one has; the phase, share and growth of the forcing; the weight of rates, and k."""
-ROOM = np.dtype(
+WORKSPACE = np.dtype(
     [
         *((name, np.float64, (4,)) for name in ("start", "end")),
         ("signals", np.float64, (SIGNALS + 1, 4, 9)),
-        *((name, np.int64) for name in ("count", "second", "looks", "vanished")),
-        *((name, np.float64) for name in ("least", "longest", "window", "limit")),
+        *((name, np.int64) for name in ("count", "has_second", "budget", "first_zero")),
+        *((name, np.float64) for name in ("shortest", "longest", "window", "limit")),
         ("maps", np.float64, (2, 4, 8)),
         ("bounds", np.float64, (2, 2, 2)),
-        ("other", MOTION),
+        ("trial", MOTION),
         ("march", MARCH),
     ],
     align=True,
@@ -104,11 +104,11 @@ NO, YES, FIRST_PIECE = np.bool_(False), np.bool_(True), np.int64(0)
 
 
 @compiled
-def put(new, old):
+def copy_to(source, target):
     """Put numbers in place of others."""
     # A slice does the same, with messages of errors that take Numba a second to compile.
-    for i in range(len(new)):
-        old[i] = new[i]
+    for i in range(len(source)):
+        target[i] = source[i]
 
 
 @compiled
@@ -119,91 +119,92 @@ def angle_of(phi, psi, k):
 
 
 @compiled
-def clear(m):
+def reset_counts(m):
     """Begin to count anew."""
-    m.impacts, m.recorded, m.lifted, m.fell, m.crossing = 0, 0, math.inf, math.inf, math.inf
+    m.impacts = 0
+    m.leg_count, m.uplift_time, m.overturn_time, m.transversality = 0, math.inf, math.inf, math.inf
 
 
 @compiled
-def restart(m):
+def reset_angles(m):
     """Count the largest angles of a motion from its state on."""
     for k in range(6):
-        m.best[k], m.where[k], m.when[k] = angle_of(m.y[TILT], m.y[SWING], k), -1, 0.0
+        m.extremes[k], m.extreme_legs[k], m.extreme_times[k] = angle_of(m.y[TILT], m.y[SWING], k), -1, 0.0
 
 
 @compiled
-def note_angle(m, k, angle, tau):
+def update_angle(m, k, angle, tau):
     """Take account of angle k at the end of the leg that is recorded next."""
     # The first leg of several with the same angle counts: a block that rests adds none.
-    if angle > m.best[k]:
-        m.best[k], m.where[k], m.when[k] = angle, m.recorded, tau
+    if angle > m.extremes[k]:
+        m.extremes[k], m.extreme_legs[k], m.extreme_times[k] = angle, m.leg_count, tau
 
 
 @compiled
-def note(m, phi, psi, tau):
+def update_angles(m, phi, psi, tau):
     """Take account of all angles there."""
     for k in range(3):
         angle = phi if k == TILT else (psi if k == SWING else psi - phi)
         # To the other side it is below zero, where there is no largest angle.
-        note_angle(m, 2 * k if angle >= 0.0 else 2 * k + 1, abs(angle), tau)
+        update_angle(m, 2 * k if angle >= 0.0 else 2 * k + 1, abs(angle), tau)
 
 
 @compiled
-def larger(m, k):
+def larger_side(m, k):
     """Place of the larger of both sides of angle k: TILT, SWING or APART."""
-    return 2 * k if m.best[2 * k] >= m.best[2 * k + 1] else 2 * k + 1
+    return 2 * k if m.extremes[2 * k] >= m.extremes[2 * k + 1] else 2 * k + 1
 
 
 @compiled
 def largest(m, k):
     """Largest size of angle k."""
-    return m.best[larger(m, k)]
+    return m.extremes[larger_side(m, k)]
 
 
 @compiled
-def record(m, legs, piece, begun, lasted, which, y):
+def record_leg(m, legs, piece, start, duration, event, y):
     """Write down a leg that began in the state `y`, where there is room for it."""
-    n = m.recorded
+    n = m.leg_count
     if n < len(legs):
         leg = legs[n]
-        leg.kind, leg.tilt, leg.way, leg.piece = m.kind, m.tilt, m.way, piece
-        leg.begun, leg.lasted, leg.which, leg.rests = begun, lasted, which, NO
+        leg.kind, leg.tilt, leg.direction, leg.piece = m.kind, m.tilt, m.direction, piece
+        leg.start, leg.duration, leg.event, leg.ends_at_rest = start, duration, event, NO
         for i in range(4):
             leg.y[i] = y[i]
-    m.recorded = n + 1
+    m.leg_count = n + 1
 
 
 @compiled
-def pass_event(q, m, legs, which, capture, usual, now, eta, tau):
+def pass_event(q, m, legs, event, capture, usual_rate, now, eta, tau):
     """Take a motion, whose last leg is recorded, past an event of the block at the time `tau`; `now` is the
     state with its accelerations, and `usual` the usual rate of the motion."""
     # Whether the block rests is known after the event only.
-    y, was, n = m.y, m.kind, m.recorded - 1
-    rests = meet(q, which, capture, eta, y, m)
+    y, before, n = m.y, m.kind, m.leg_count - 1
+    rests = handle_event(q, event, capture, eta, y, m)
     if rests and n < len(legs):
-        legs[n].rests = rests
-    if was == SLIP and which == SECOND:
+        legs[n].ends_at_rest = rests
+    if before == SLIP and event == SECOND:
         m.impacts += 1
-    if was == REST and m.lifted == math.inf:
-        m.lifted = tau
-    m.crossing = min(m.crossing, transversality(q, usual, which, was, m.kind, now, eta))
+    if before == REST and m.uplift_time == math.inf:
+        m.uplift_time = tau
+    m.transversality = min(m.transversality, transversality(q, usual_rate, event, before, m.kind, now, eta))
     if y[SWING_RATE] * now[SWING_RATE] < 0.0:
-        m.bob_way = -m.bob_way
-    m.held = 1.0 if m.held > 0.0 or m.kind != SLIP else 0.0
+        m.bob_direction = -m.bob_direction
+    m.hold_level = 1.0 if m.hold_level > 0.0 or m.kind != SLIP else 0.0
 
 
 @compiled
-def at_end(m, legs, i, s, end):
+def is_at_end(m, legs, i, s, end):
     """Whether what is left of piece i after its local time `s` is rounding. If so, record it as a leg."""
     if end - s > _ROUNDING * end:
         return False
     # With the event earlier or later, the motion is a little further or not as far at the end: the
     # derivatives need a last leg, though it has no length.
-    record(m, legs, i, s, 0.0, END, m.y)
+    record_leg(m, legs, i, s, 0.0, END, m.y)
     return True
 
 
 @compiled
-def finite(y):
+def is_finite(y):
     """Whether a state has only finite numbers."""
     return math.isfinite(y[TILT] + y[SWING] + y[TILT_RATE] + y[SWING_RATE])

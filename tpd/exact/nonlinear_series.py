@@ -18,7 +18,7 @@ from tpd.exact.terms import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE
 
 ORDERS = 32
 """Most coefficients of a series."""
-PHI, V, PSI, R, APART, LEAN, FORCE = places(7)
+PHI, V, PSI, R, APART, APART_RATE, FORCE = places(7)
 """Rows of the coefficients of phi, its rate, psi, its rate, psi - phi, its rate, and the forcing times f."""
 _A, _B, _SIN, _COS, _S, _C, _VV, _RR, _R1, _R2, _DET, _ACC, _SWING = places(20, 7)
 """Rows of the parts of (4): moments of weight and of forcing, sine and cosine of psi, S and C of the lever
@@ -64,7 +64,7 @@ def prepare(x, s, q, w):
 
 
 @compiled
-def _put_forcing(q, e, order, c):
+def _expand_forcing(q, e, order, c):
     """Put the coefficients of the forcing `e`, see `tpd.exact.arcs.Load`, times f into the series."""
     force = c[FORCE]
     if e.xi == 0.0:
@@ -89,13 +89,13 @@ def _term(c, n, inverse):
 
 
 @compiled
-def _enough(c, n, power, former, inverse):
+def _is_converged(c, n, power, former, inverse):
     """Whether the terms of orders n and n - 1 are within what is allowed, at a time with these powers."""
     return _term(c, n, inverse) * power <= 1.0 and _term(c, n - 1, inverse) * former <= 1.0
 
 
 @compiled
-def _put_slipping(q, m, left, w):
+def _expand_slipping(q, m, remaining, w):
     """Put the series of a block that moves into the memory, and return its order: the largest, or one that
     does for the time `left`."""
     c, pull, rho, weight, lever = w.series, -0.5 * q.m12, -0.5 * q.m21, m.tilt * q.weight, m.tilt * q.nu
@@ -105,21 +105,21 @@ def _put_slipping(q, m, left, w):
     c[_A, VALUE], c[_B, VALUE] = q.up * sp - weight * cp, weight * sp + q.up * cp
     c[_SIN, VALUE], c[_COS, VALUE] = sq, cq
     c[_S, VALUE], c[_C, VALUE] = lever * sine + 2.0 * cosine, lever * cosine - 2.0 * sine
-    still, whole, product = -m.way * q.k, q.m11 * q.m22, pull * rho
+    still, whole, product = -m.direction * q.k, q.m11 * q.m22, pull * rho
     by_det, power, former = 0.0, 1.0, 1.0
     for n in range(w.order):
-        a1 = b1 = s1 = c1 = lean_s = lean_c = 0.0
+        a1 = b1 = s1 = c1 = s_sum = c_sum = 0.0
         vv = rr = gb = gc = crr = cvv = sr1 = sr2 = ss = da = db = 0.0
-        c[LEAN, n], c[_DET, n] = c[V, n] - c[R, n], 0.0
+        c[APART_RATE, n], c[_DET, n] = c[V, n] - c[R, n], 0.0
         for j in range(n + 1):
             i = n - j
-            v, r, lean, force, s, cos = c[V, i], c[R, i], c[LEAN, i], c[FORCE, i], c[_S, j], c[_C, j]
+            v, r, apart, force, s, cos = c[V, i], c[R, i], c[APART_RATE, i], c[FORCE, i], c[_S, j], c[_C, j]
             a1 += c[_B, j] * v
             b1 -= c[_A, j] * v
             s1 += c[_COS, j] * r
             c1 -= c[_SIN, j] * r
-            lean_s += cos * lean
-            lean_c -= s * lean
+            s_sum += cos * apart
+            c_sum -= s * apart
             vv += c[V, j] * v
             rr += c[R, j] * r
             gb += c[_B, j] * force
@@ -138,8 +138,8 @@ def _put_slipping(q, m, left, w):
         c[_VV, n], c[_RR, n], c[_DET, n] = vv, rr, -product * ss
         crr += c[_C, VALUE] * rr
         cvv += c[_C, VALUE] * vv
-        c[_R1, n] = c[_A, n] - gb - pull * crr - q.c1 * c[LEAN, n]
-        c[_R2, n] = gc - c[_SIN, n] + rho * cvv + q.c2 * c[LEAN, n]
+        c[_R1, n] = c[_A, n] - gb - pull * crr - q.c1 * c[APART_RATE, n]
+        c[_R2, n] = gc - c[_SIN, n] + rho * cvv + q.c2 * c[APART_RATE, n]
         if n == 0:
             c[_R1, VALUE] += still
             by_det = 1.0 / (whole - product * ss)
@@ -154,16 +154,16 @@ def _put_slipping(q, m, left, w):
         c[PHI, n + 1], c[PSI, n + 1] = by * c[V, n], by * c[R, n]
         c[V, n + 1], c[R, n + 1] = by * c[_ACC, n], by * c[_SWING, n]
         c[_A, n + 1], c[_B, n + 1], c[_SIN, n + 1], c[_COS, n + 1] = by * a1, by * b1, by * s1, by * c1
-        c[_S, n + 1], c[_C, n + 1] = by * lean_s, by * lean_c
+        c[_S, n + 1], c[_C, n + 1] = by * s_sum, by * c_sum
         c[UP, n + 1] = c[DOWN, n + 1] = 0.0
-        former, power = power, power * left
-        if n >= 3 and _enough(c, n + 1, power, former, w.inverse):
+        former, power = power, power * remaining
+        if n >= 3 and _is_converged(c, n + 1, power, former, w.inverse):
             return n + 1
     return w.order
 
 
 @compiled
-def _put_held(q, m, left, w):
+def _expand_held(q, m, remaining, w):
     """Put the series of the bob under a held block into the memory, with the signals that are positive until
     the block is let go, and return its order."""
     c = w.series
@@ -198,31 +198,31 @@ def _put_held(q, m, left, w):
         by = 1.0 / (n + 1.0)
         c[PSI, n + 1], c[R, n + 1] = by * c[R, n], by * c[_SWING, n]
         c[_SIN, n + 1], c[_COS, n + 1] = by * s1, by * c1
-        if n >= 4 and _enough(c, n, power, former, w.inverse):
+        if n >= 4 and _is_converged(c, n, power, former, w.inverse):
             return n
-        former, power = power, power * left
+        former, power = power, power * remaining
     return w.order
 
 
 @compiled
-def put(q, m, e, left, w):
+def expand(q, m, e, remaining, w):
     """Put the series of a motion from its state on, under the forcing `e`, into the memory. Return its order,
     and the time, at most `left`, for which it is as exact as is allowed; NaN where it is not finite."""
-    y, c, inverse, least = m.y, w.series, w.inverse, math.inf
+    y, c, inverse, smallest = m.y, w.series, w.inverse, math.inf
     c[PHI, VALUE], c[PSI, VALUE], c[V, VALUE], c[R, VALUE] = y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE]
     inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(0.1 * w.rate, abs(y[TILT_RATE])))
     inverse[_OF_BOB] = 1.0 / (w.rtol * max(0.1 * w.swing, abs(y[SWING_RATE])))
-    _put_forcing(q, e, w.order, c)
-    order = _put_slipping(q, m, left, w) if m.kind == SLIP else _put_held(q, m, left, w)
+    _expand_forcing(q, e, w.order, c)
+    order = _expand_slipping(q, m, remaining, w) if m.kind == SLIP else _expand_held(q, m, remaining, w)
     for n in range(order + 1 if w.relative else 0):
-        c[APART, n], c[LEAN, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
+        c[APART, n], c[APART_RATE, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
     for n in range(order - 1, order + 1):
         term = _term(c, n, inverse)
         if not term < math.inf:
             return order, math.nan
         if term > 0.0:
-            least = min(least, -math.log(term) / n)
-    return order, min(left, math.exp(least))
+            smallest = min(smallest, -math.log(term) / n)
+    return order, min(remaining, math.exp(smallest))
 
 
 @compiled
@@ -235,7 +235,7 @@ def value_at(c, row, order, t):
 
 
 @compiled
-def passing(c, row, order, limit, h):
+def time_at_limit(c, row, order, limit, h):
     """Time at which an angle that is beyond a limit at the time h, and does not turn before, reaches it."""
     # This ends a run, so that it is done once. Bisection is fast enough, and cannot fail.
     lo, hi = 0.0, h
@@ -249,7 +249,7 @@ def passing(c, row, order, limit, h):
 
 
 @compiled
-def put_state(c, order, t, y):
+def store_state(c, order, t, y):
     """Put the values of both angles and their rates into `y`."""
     # Together: each waits for its own products, and the processor has others to do meanwhile.
     phi, psi, v, r = c[PHI, order], c[PSI, order], c[V, order], c[R, order]
@@ -260,21 +260,21 @@ def put_state(c, order, t, y):
 
 
 @compiled
-def _descended(c, row, way, order, first, t, h):
+def _first_zero(c, row, sign, order, first, t, h):
     """First time from t on at which a signal, `way` times the series divided by the power `first`, vanishes,
     and whether it does so before h; else how far it is proved to be positive."""
     # Until h the signal bends down by no more than its falling terms do.
     bend, tiny, power = 0.0, 0.0, 1.0
     for n in range(first + 2, order + 1):
         m = float(n - first)
-        bend -= m * (m - 1.0) * min(way * c[row, n], 0.0) * power
+        bend -= m * (m - 1.0) * min(sign * c[row, n], 0.0) * power
         power *= h
     # The steps grow short like Newton's before a root, and come from one side: no root is passed.
     for done in range(_PROVED):
-        value, slope = way * c[row, order], 0.0
+        value, slope = sign * c[row, order], 0.0
         for n in range(order - 1, first - 1, -1):
             slope = slope * t + value
-            value = value * t + way * c[row, n]
+            value = value * t + sign * c[row, n]
         if done == 0:
             # Next to a former root the value is zero but for rounding.
             value, tiny = max(value, 0.0), _TINY * abs(value)
@@ -293,7 +293,7 @@ def _descended(c, row, way, order, first, t, h):
 
 
 @compiled
-def free_until(c, row, way, order, floor, h):
+def positive_until(c, row, sign, order, floor, h):
     """Time until which `way` times a series is proved to be positive, at most h, and whether it vanishes
     there.
 
@@ -303,7 +303,7 @@ def free_until(c, row, way, order, floor, h):
     size, lowest, power = floor, 0.0, 1.0
     for n in range(order + 1):
         size += abs(c[row, n]) * power
-        lowest += (min(way * c[row, n], 0.0) if n > 0 else way * c[row, n]) * power
+        lowest += (min(sign * c[row, n], 0.0) if n > 0 else sign * c[row, n]) * power
         power *= h
     if lowest > 10.0 * _TINY * size:
         return h, False
@@ -311,13 +311,13 @@ def free_until(c, row, way, order, floor, h):
     first, power = _NONE, 1.0
     while first < 3 and abs(c[row, first]) * power <= 10.0 * _TINY * size:
         first, power = first + 1, power * h
-    if not way * c[row, first] > 0.0:
+    if not sign * c[row, first] > 0.0:
         return 0.0, True
-    return _descended(c, row, way, order, first, 0.0, h)
+    return _first_zero(c, row, sign, order, first, 0.0, h)
 
 
 @compiled
-def largest_turn(c, row, order, h, known):
+def largest_turn(c, row, order, h, threshold):
     """The largest angle, with its sign, at which an angle turns within the time h, and its time; 0 where a
     bound shows that none is larger than `known`. The row after that of the angle is that of its rate."""
     bound, power = 0.0, 1.0
@@ -326,14 +326,14 @@ def largest_turn(c, row, order, h, known):
         power *= h
     best, at, t, rate = 0.0, 0.0, 0.0, row + 1
     # Most steps are away from the largest angle.
-    if bound <= known:
+    if bound <= threshold:
         return best, at
-    way = math.copysign(1.0, c[rate, VALUE] if c[rate, VALUE] != 0.0 else c[rate, _SLOPE])
+    sign = math.copysign(1.0, c[rate, VALUE] if c[rate, VALUE] != 0.0 else c[rate, _SLOPE])
     for _ in range(order):
-        t, turns = _descended(c, rate, way, order, _NONE, t, h)
+        t, turns = _first_zero(c, rate, sign, order, _NONE, t, h)
         if not turns:
             break
-        value, way = value_at(c, row, order, t), -way
+        value, sign = value_at(c, row, order, t), -sign
         if abs(value) > abs(best):
             best, at = value, t
     return best, at

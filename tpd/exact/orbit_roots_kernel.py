@@ -92,20 +92,20 @@ def _sample(q, m, table):
 
 
 @compiled
-def _note(brackets, found, low, high, branch, at_low, at_high):
+def _add_bracket(brackets, count, low, high, branch, at_low, at_high):
     """Write a bracket down where there is room for it, and return how many there are."""
-    if found < BRACKETS:
-        x = brackets[found]
+    if count < BRACKETS:
+        x = brackets[count]
         x.low, x.high, x.branch, x.at_low, x.at_high = low, high, branch, at_low, at_high
-    return found + 1
+    return count + 1
 
 
 @compiled
-def put_brackets(q, m, table, brackets):
+def store_brackets(q, m, table, brackets):
     """Put all intervals in which a root was seen into `brackets`; return their number, which may exceed the
     room."""
     _sample(q, m, table)
-    spacing, found, quiet_before, deepest, dip = m.span / NODES, 0, False, 1.0, 0
+    spacing, count, quiet_before, deepest, dip = m.span / NODES, 0, False, 1.0, 0
     for i in range(1, NODES + 1):
         low, high, quiet = spacing * (i - 1), spacing * i, True
         here, there = table[_INSIDE, i - 1] >= 0.0, table[_INSIDE, i] >= 0.0
@@ -114,13 +114,13 @@ def put_brackets(q, m, table, brackets):
                 row = _UPPER if branch > 0.0 else _LOWER
                 if table[row, i - 1] * table[row, i] <= 0.0:
                     quiet = False
-                    found = _note(brackets, found, low, high, branch, table[row, i - 1], table[row, i])
+                    count = _add_bracket(brackets, count, low, high, branch, table[row, i - 1], table[row, i])
         elif here or there:
             # Both branches end in between, where they meet: one of them has a root if they differ in sign.
             at = i - 1 if here else i
             if table[_UPPER, at] * table[_LOWER, at] <= 0.0:
                 quiet = False
-                found = _note(brackets, found, low, high, 0.0, 0.0, 0.0)
+                count = _add_bracket(brackets, count, low, high, 0.0, 0.0, 0.0)
         if i > 1 and quiet and quiet_before:
             # Two roots within an interval, as just before a fold: the parabola through three samples of the
             # product dips below zero.
@@ -133,9 +133,9 @@ def put_brackets(q, m, table, brackets):
     if deepest < 1.0:
         lowest = _lowest(q, m, spacing * (dip - 1), spacing * (dip + 1))
         if _value(q, m, lowest, 0.0) < 0.0:
-            found = _note(brackets, found, spacing * (dip - 1), lowest, 0.0, 0.0, 0.0)
-            found = _note(brackets, found, lowest, spacing * (dip + 1), 0.0, 0.0, 0.0)
-    return found
+            count = _add_bracket(brackets, count, spacing * (dip - 1), lowest, 0.0, 0.0, 0.0)
+            count = _add_bracket(brackets, count, lowest, spacing * (dip + 1), 0.0, 0.0, 0.0)
+    return count
 
 
 @compiled
@@ -164,22 +164,22 @@ def _newton(q, m, t, gamma, most):
     """Newton's method on both conditions: (t, gamma), and the last step."""
     # The two conditions stay regular in (t, gamma) where branches meet and phi(t-) has a square root. Steps
     # go on to rounding: near the fold of two orbits each only halves the error, and derivatives lose digits.
-    moved = math.inf
+    step = math.inf
     for _ in range(most):
-        x, before = solution_at(q, m, t, gamma), moved
+        x, before = solution_at(q, m, t, gamma), step
         determinant = x.turning_t * x.crossing_g - x.turning_g * x.crossing_t
         dt = (x.crossing_g * x.turning - x.turning_g * x.crossing) / determinant
         dg = (x.turning_t * x.crossing - x.crossing_t * x.turning) / determinant
-        t, gamma, moved = t - dt, gamma - dg, abs(dt) / m.span + abs(dg)
-        if moved <= _SHARP or (before < _CLOSE and moved >= before):
+        t, gamma, step = t - dt, gamma - dg, abs(dt) / m.span + abs(dg)
+        if step <= _SHARP or (before < _CLOSE and step >= before):
             break
-        if not -m.span < t < 2.0 * m.span or math.isnan(moved):
+        if not -m.span < t < 2.0 * m.span or math.isnan(step):
             return t, gamma, math.inf
-    return t, gamma, moved
+    return t, gamma, step
 
 
 @compiled
-def _belongs(q, m, x, t, gamma):
+def _is_root_of(q, m, x, t, gamma):
     """Whether a solution is the root that a bracket is of."""
     beyond = _CLOSE * (x.high - x.low)
     if not x.low - beyond < t < x.high + beyond:
@@ -195,8 +195,8 @@ def root_in(q, m, x):
     """The solution (t, gamma) in a bracket, and whether it was reached."""
     share = x.at_low / (x.at_low - x.at_high) if x.branch != 0.0 and x.at_low != x.at_high else 0.5
     t = x.low + share * (x.high - x.low)
-    t, gamma, moved = _newton(q, m, t, _phase(q, m, t, x.branch), 12)
-    if moved < _CLOSE and _belongs(q, m, x, t, gamma):
+    t, gamma, step = _newton(q, m, t, _phase(q, m, t, x.branch), 12)
+    if step < _CLOSE and _is_root_of(q, m, x, t, gamma):
         return t, gamma, True
     # From afar it may lead anywhere: first by Illinois' method, in which an end that stays twice counts for
     # half.
@@ -214,5 +214,5 @@ def root_in(q, m, x):
             low, at_low, side = t, value, -1
         if value == 0.0 or high - low < _CLOSE * (x.high - x.low):
             break
-    t, gamma, moved = _newton(q, m, t, _phase(q, m, t, x.branch), 40)
-    return t, gamma, moved < _REACHED and _belongs(q, m, x, t, gamma)
+    t, gamma, step = _newton(q, m, t, _phase(q, m, t, x.branch), 40)
+    return t, gamma, step < _REACHED and _is_root_of(q, m, x, t, gamma)

@@ -55,13 +55,13 @@ def orbit_slopes(
     (n, m, d, sizes): NaN where there is none, or it is outside of the range of places that is `asked` for."""
     entry, (n, d) = ORBITS.entry(), directions.shape[:2]
     # The kernel takes all orbits of a design: where none is asked for, the status says that there is none.
-    every: Any = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)
-    every["status"] = STATUSES.index("no_orbit")
+    all_orbits: Any = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)
+    all_orbits["status"] = STATUSES.index("no_orbit")
     _, m = orbits.shape
-    every[:, :m] = orbits
+    all_orbits[:, :m] = orbits
     x, along = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(directions, dtype=float)
-    slopes = np.empty((*every.shape, d, int(entry.NUMBERS)))
-    _on_all_cores(_settings("DIFFERENTIATE", d, asked), None, None, x, every, along, slopes)
+    slopes = np.empty((*all_orbits.shape, d, int(entry.NUMBERS)))
+    _on_all_cores(_settings("DIFFERENTIATE", d, asked), None, None, x, all_orbits, along, slopes)
     return slopes[:, :m]
 
 
@@ -103,7 +103,7 @@ def vanishing(u: np.ndarray, x: np.ndarray) -> Vanishing:
     return Vanishing(values, by[:, :3], by[:, 3:])
 
 
-class Survey(NamedTuple):
+class PathSamples(NamedTuple):
     """Extremes of a solution (t, gamma) of the conditions between its turns. It is an orbit if height > 0 and
     all the others are < 0."""
 
@@ -118,9 +118,9 @@ class Survey(NamedTuple):
     side."""
 
 
-def survey(u: np.ndarray, x: np.ndarray) -> Survey:
+def sample_path(u: np.ndarray, x: np.ndarray) -> PathSamples:
     """The way of the solution u = (t, gamma) with the parameters `x`, from turn to turn."""
-    record = ORBITS.entry().SURVEYED
-    (out,) = ORBITS.on_host((shape(numbers_in(record)),), _settings("SURVEY"), x, np.append(u, 0.0))
-    of = parts(out, record)
-    return Survey(float(of.height), float(of.leaving), float(of.arriving), of.rates)
+    record = ORBITS.entry().PATH_SAMPLES
+    (out,) = ORBITS.on_host((shape(numbers_in(record)),), _settings("SAMPLE_PATH"), x, np.append(u, 0.0))
+    fields = parts(out, record)
+    return PathSamples(float(fields.height), float(fields.leaving), float(fields.arriving), fields.rates)

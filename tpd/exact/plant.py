@@ -60,8 +60,8 @@ def compiled(function: Callable[..., Any], *, inline: bool = False, fused: bool 
     # would take a third of the time to compile.
     options: Any = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     options |= ({"inline": "always"} if inline else {}) | ({"fastmath": {"contract"}} if fused else {})
-    made = numba.njit(error_model="numpy", pipeline_class=PartCompiler, **options)
-    return made(inspect.unwrap(function))
+    compiler = numba.njit(error_model="numpy", pipeline_class=PartCompiler, **options)
+    return compiler(inspect.unwrap(function))
 
 
 def shared(function: Callable[..., Any], form: Callable[..., Any] | None = None) -> Any:
@@ -97,7 +97,7 @@ def _positive_root(a4, a3, a2, a1, a0):
     locked = np.sqrt(abs(a1) / a3) if a3 > 0.0 else 0.0
     s = max(free, locked)
     for _ in range(8):
-        s = _polished(s, a4, a3, a2, a1, a0)
+        s = _newton_step(s, a4, a3, a2, a1, a0)
     return s
 
 
@@ -121,7 +121,7 @@ def _isolated_root(b3, b2, b1, b0):
 
 
 @compiled
-def _polished(s, a4, a3, a2, a1, a0):
+def _newton_step(s, a4, a3, a2, a1, a0):
     """A root after one Newton step, which carries its derivative."""
     value = (((a4 * s + a3) * s + a2) * s + a1) * s + a0
     slope = ((4.0 * a4 * s + 3.0 * a3) * s + 2.0 * a2) * s + a1
@@ -140,8 +140,8 @@ def _roots(a4, a3, a2, a1, a0):
     b1 = r2 + first * b2
     second = _isolated_root(r4, b2, b1, r1 + first * b1)
     for _ in range(2):
-        second = _polished(second, r4, r3, r2, r1, r0)
-    s1, s2 = _polished(first, a4, a3, a2, a1, a0), _polished(second, a4, a3, a2, a1, a0)
+        second = _newton_step(second, r4, r3, r2, r1, r0)
+    s1, s2 = _newton_step(first, a4, a3, a2, a1, a0), _newton_step(second, a4, a3, a2, a1, a0)
     return s1, s2, a3 / a4 + s1 + s2, a0 / (a4 * s1 * s2)
 
 
@@ -165,30 +165,30 @@ def _mode(s, m11, m12, m21, m22, c1, c2, up):
 
 
 @compiled
-def _times(ar, ai, br, bi):
+def _multiply(ar, ai, br, bi):
     """Product of two numbers given by real and imaginary parts, which may be complex themselves."""
     return ar * br - ai * bi, ar * bi + ai * br
 
 
 @compiled
-def _over(ar, ai, br, bi):
+def _divide(ar, ai, br, bi):
     """Quotient of two such numbers."""
     size = br * br + bi * bi
     return (ar * br + ai * bi) / size, (ai * br - ar * bi) / size
 
 
 @compiled
-def _solved(matrix, r1r, r1i, r2r, r2i):
+def _solve_2x2(matrix, r1r, r1i, r2r, r2i):
     """Solution of a 2 x 2 system of such numbers."""
     ar, ai, br, bi, cr, ci, dr, di = matrix
-    adr, adi = _times(ar, ai, dr, di)
-    bcr, bci = _times(br, bi, cr, ci)
+    adr, adi = _multiply(ar, ai, dr, di)
+    bcr, bci = _multiply(br, bi, cr, ci)
     nr, ni = adr - bcr, adi - bci
-    d1r, d1i = _times(dr, di, r1r, r1i)
-    b2r, b2i = _times(br, bi, r2r, r2i)
-    a2r, a2i = _times(ar, ai, r2r, r2i)
-    c1r, c1i = _times(cr, ci, r1r, r1i)
-    first, second = _over(d1r - b2r, d1i - b2i, nr, ni), _over(a2r - c1r, a2i - c1i, nr, ni)
+    d1r, d1i = _multiply(dr, di, r1r, r1i)
+    b2r, b2i = _multiply(br, bi, r2r, r2i)
+    a2r, a2i = _multiply(ar, ai, r2r, r2i)
+    c1r, c1i = _multiply(cr, ci, r1r, r1i)
+    first, second = _divide(d1r - b2r, d1i - b2i, nr, ni), _divide(a2r - c1r, a2i - c1i, nr, ni)
     return *first, *second
 
 
@@ -201,14 +201,14 @@ def _responses(m11, m12, m21, m22, c1, c2, up, f, xi):
     x2, zero = xi * xi, 0.0 * xi
     a, b, c, d = -up - x2 * m11, -x2 * m12, -x2 * m21, 1.0 - x2 * m22
     matrix = (a, xi * c1, b, -xi * c1, c, -xi * c2, d, xi * c2)
-    h0, h1, h2, h3 = _solved(matrix, -f * up, zero, f, zero)
+    h0, h1, h2, h3 = _solve_2x2(matrix, -f * up, zero, f, zero)
     # P' H with P' = 2 s M + C at s = i xi.
-    (ar, ai), (br, bi) = _times(c1, 2.0 * xi * m11, h0, h1), _times(-c1, 2.0 * xi * m12, h2, h3)
-    (cr, ci), (dr, di) = _times(-c2, 2.0 * xi * m21, h0, h1), _times(c2, 2.0 * xi * m22, h2, h3)
-    lag = _solved(matrix, -ar - br, -ai - bi, -cr - dr, -ci - di)
-    w0, w1 = _over(f, zero, d, xi * c2)
-    k0, k1 = _times(-c2, -2.0 * xi * m22, w0, w1)
-    l0, l1 = _over(k0, k1, d, xi * c2)
+    (ar, ai), (br, bi) = _multiply(c1, 2.0 * xi * m11, h0, h1), _multiply(-c1, 2.0 * xi * m12, h2, h3)
+    (cr, ci), (dr, di) = _multiply(-c2, 2.0 * xi * m21, h0, h1), _multiply(c2, 2.0 * xi * m22, h2, h3)
+    lag = _solve_2x2(matrix, -ar - br, -ai - bi, -cr - dr, -ci - di)
+    w0, w1 = _divide(f, zero, d, xi * c2)
+    k0, k1 = _multiply(-c2, -2.0 * xi * m22, w0, w1)
+    l0, l1 = _divide(k0, k1, d, xi * c2)
     return (h0, h1, h2, h3), lag, (w0, w1, l0, l1)
 
 
@@ -246,14 +246,14 @@ def plant(x, q):
 @compiled
 def plant_along(x, j, q):
     """Fill a complex plant whose imaginary parts are derivatives in parameter j, times `STEP`."""
-    moved = np.empty(MANY, np.complex128)
+    row = np.empty(MANY, np.complex128)
     for i in range(MANY):
-        moved[i] = complex(x[i], STEP if i == j else 0.0)
-    plant(moved, q)
+        row[i] = complex(x[i], STEP if i == j else 0.0)
+    plant(row, q)
 
 
 @compiled
-def put_plants(x, plants):
+def fill_plants(x, plants):
     """Fill complex plants: one for each parameter, and one for all directions in which none changes."""
     for j in range(MANY + 1):
         plant_along(x, j, plants[j])

@@ -183,13 +183,13 @@ def follow(
         x, y = (rows, y0) if many else (np.asarray(rows)[None], None if y0 is None else np.asarray(y0)[None])
         batch = _Batch.of(x, y, workers, progress)
         if ground:
-            runs = _shake_batch(engine, batch, forcing, limits | {"brief": brief})
+            runs = _run_batch(engine, batch, forcing, limits | {"brief": brief})
             return runs if many else Followed(*(x[0] for x in runs))
         settled = _settle_batch(engine, batch, forcing, limits)
         return settled if many else jax.tree.map(lambda x: x[0, ...], settled)
     start = jnp.zeros(4) if y0 is None else y0
     if ground:
-        return _shake_one(engine, rows, start, forcing, limits)
+        return _run_one(engine, rows, start, forcing, limits)
     record, settings = engine.entry().SETTLED, packed(engine.settings("SETTLE", **limits))
     times = packed((forcing.begin, forcing.ramp))
     (out,) = engine((shape(numbers_in(record)),), settings, stop_gradient(rows), stop_gradient(start), times)
@@ -215,19 +215,19 @@ class _Batch(NamedTuple):
         wide = np.ascontiguousarray(np.broadcast_to(rows, (n, width)), dtype=float)
         return _Batch(starts, wide, workers, progress)
 
-    def fill(self, engine: Compiled, settings: np.ndarray, table: np.ndarray, found: np.ndarray) -> None:
+    def fill(self, engine: Compiled, settings: np.ndarray, table: np.ndarray, results: np.ndarray) -> None:
         """Compute the records `found` of all runs; `table` holds what the runs have besides."""
-        buffers = settings, self.rows, self.starts, table, found
+        buffers = settings, self.rows, self.starts, table, results
         engine.in_threads(len(self.rows), self.workers, self.progress, *buffers)
 
 
 def _settle_batch(
     engine: Compiled, batch: _Batch, forcing: HarmonicForcing, limits: dict[str, Any]
 ) -> Settled:
-    n, given = len(batch.rows), (forcing.begin, forcing.ramp)
-    if shapes := {np.shape(x) for x in given} - {(), (n,)}:
+    n, operands = len(batch.rows), (forcing.begin, forcing.ramp)
+    if shapes := {np.shape(x) for x in operands} - {(), (n,)}:
         raise ValueError(f"`begin` and `ramp` must have shape ({n},), but have {shapes}")
-    times = np.stack([np.broadcast_to(np.asarray(x, dtype=float), n) for x in given], axis=1)
+    times = np.stack([np.broadcast_to(np.asarray(x, dtype=float), n) for x in operands], axis=1)
     begins, ramps = times.T
     late = (begins < 0.0) | (begins * batch.rows[:, XI] > 2.0 * np.pi * (1.0 + 1e-12))
     if np.any(late | ~np.isfinite(begins)):
@@ -236,9 +236,9 @@ def _settle_batch(
     # Loaded here, and not with the package: it loads Numba.
     entry = engine.entry()
     settings = np.full(n, np.array(tuple(engine.settings("SETTLE", **limits)), entry.SETTINGS))
-    found = np.empty(n, entry.SETTLED)
-    batch.fill(engine, settings, times, found)
-    return _settled_of(found.view(float).reshape(n, -1), entry.SETTLED)
+    results = np.empty(n, entry.SETTLED)
+    batch.fill(engine, settings, times, results)
+    return _settled_of(results.view(float).reshape(n, -1), entry.SETTLED)
 
 
 def _settled_of(numbers: Any, record: np.dtype) -> Settled:
@@ -260,48 +260,46 @@ def _structure() -> Any:
     return jax.tree.structure(Settled(jnp.zeros(4), None, *about))
 
 
-def _shake_batch(engine: Compiled, batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
+def _run_batch(engine: Compiled, batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
     entry, n = engine.entry(), len(batch.rows)
     lengths, which = np.array([len(r) for r in forcing.records]), np.asarray(forcing.which)
     # All records lie one after another; a run knows the row of its first piece.
     firsts = np.cumsum(lengths) - lengths
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in forcing.records]))
     settings: Any = np.zeros(n, entry.SETTINGS)
-    places = {"task": entry.SHAKE, "pieces": lengths[which], "record": firsts[which], "free": forcing.free}
+    places = {"task": entry.GROUND, "pieces": lengths[which], "record": firsts[which], "free": forcing.free}
     for name, value in {**places, **limits}.items():
         settings[name] = value
-    found = np.zeros(n, entry.FOLLOWED)
-    batch.fill(engine, settings, pieces, found)
-    return _followed_of(found.view(float).reshape(n, -1))
+    results = np.zeros(n, entry.FOLLOWED)
+    batch.fill(engine, settings, pieces, results)
+    return _followed_of(results.view(float).reshape(n, -1))
 
 
-def _shake_one(
-    engine: Compiled, row: Any, y0: Any, forcing: GroundForcing, limits: dict[str, Any]
-) -> Followed:
+def _run_one(engine: Compiled, row: Any, y0: Any, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
     (pieces,) = forcing.records
-    settings = engine.settings("SHAKE", pieces=pieces.shape[-2], record=-1.0, free=forcing.free, **limits)
+    settings = engine.settings("GROUND", pieces=pieces.shape[-2], record=-1.0, free=forcing.free, **limits)
     # The equations have minus the acceleration of the base.
-    given = jnp.asarray(row), jnp.asarray(y0), -jnp.asarray(pieces), packed(settings)
+    operands = jnp.asarray(row), jnp.asarray(y0), -jnp.asarray(pieces), packed(settings)
     if engine is LINEAR:
-        angles, end, times, out = _shaken(*given)
+        angles, end, times, out = _ground_run(*operands)
         *at, lifted, fell = times
         tilt, swing, relative = angles
         sizes = {"tilt": tilt, "swing": swing, "relative": relative, "times": jnp.stack(at)}
         state = {"state": end[:TILT_PULL], "growing": end[TILT_PULL], "lifted": lifted, "fell": fell}
         return _followed_of(stop_gradient(out))._replace(**sizes, **state)
-    x, y, c, s = map(stop_gradient, given)
+    x, y, c, s = map(stop_gradient, operands)
     (out,) = engine((shape(numbers_in(engine.entry().FOLLOWED)),), s, x, y, c)
-    found = _followed_of(out)
+    results = _followed_of(out)
     # Angles, times and state depend on all of this in a way that nobody has computed.
     names = ("tilt", "swing", "relative", "times", "state", "lifted", "fell")
-    return found._replace(**{name: refused_in(given, getattr(found, name)) for name in names})
+    return results._replace(**{name: refused_in(operands, getattr(results, name)) for name in names})
 
 
 def _followed_of(out: Any) -> Followed:
     """Runs from all results of compiled code."""
     of = parts(out, LINEAR.entry().FOLLOWED)
     angles, state = (of.sizes[..., k] for k in range(3)), of.state[..., :TILT_PULL]
-    counted = of.status, of.impacts, of.lifted, of.fell, of.crossing
+    counted = of.status, of.impacts, of.uplift_time, of.overturn_time, of.transversality
     return Followed._make((*angles, of.times, state, of.growing, *counted))
 
 
@@ -336,30 +334,30 @@ def _steady_call(equations: Terms, limits: Limits) -> tuple[Compiled, np.ndarray
     return engine, row, numbers_in(engine.entry().STEADY)
 
 
-def _shaken_from(inputs: float, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
+def _ground_run_from(inputs: float, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
     entry = LINEAR.entry()
     shapes = shape(numbers_in(entry.FOLLOWED)), shape(*((entry.SHAKEN, entry.INPUTS) if inputs else (1, 1)))
     return LINEAR(shapes, settings, x, y, pieces)
 
 
-_shaken_with_slopes = once(partial(_shaken_from, 1.0))
+_ground_run_with_slopes = once(partial(_ground_run_from, 1.0))
 
 
 @jax.custom_jvp
-def _shaken(x: Array, y: Array, pieces: Array, settings: Array) -> tuple[Array, Array, Array, Array]:
+def _ground_run(x: Array, y: Array, pieces: Array, settings: Array) -> tuple[Array, Array, Array, Array]:
     """The three angles, the state at the end with the growing coordinate, the times of the angles, of the
     first uplift and of the overturning, and all results."""
-    out, _ = _shaken_from(0.0, settings, x, y, pieces)
+    out, _ = _ground_run_from(0.0, settings, x, y, pieces)
     return _divided(out)
 
 
 def _divided(out: Array) -> tuple[Array, Array, Array, Array]:
     of = parts(out, LINEAR.entry().FOLLOWED)
-    end, times = (of.state[:TILT_PULL], of.growing), (of.times, of.lifted, of.fell)
+    end, times = (of.state[:TILT_PULL], of.growing), (of.times, of.uplift_time, of.overturn_time)
     return of.sizes, jnp.hstack(end), jnp.hstack(times), out
 
 
-def _shaken_jvp(primals: tuple, tangents: tuple) -> tuple:
+def _ground_run_jvp(primals: tuple, tangents: tuple) -> tuple:
     entry = LINEAR.entry()
     column = entry.FIELDS.index
     x, y, pieces, settings = primals
@@ -369,8 +367,8 @@ def _shaken_jvp(primals: tuple, tangents: tuple) -> tuple:
     # The largest angles are often met long before the end. A program that asks for them alone leaves the
     # second call out, on which nothing depends.
     asked = settings.at[column("slopes")].set(inputs)
-    out, by_angles = _shaken_with_slopes(asked.at[column("angles")].set(1.0), x, y, pieces)
-    _, by_end = _shaken_with_slopes(asked, x, y, pieces)
+    out, by_angles = _ground_run_with_slopes(asked.at[column("angles")].set(1.0), x, y, pieces)
+    _, by_end = _ground_run_with_slopes(asked, x, y, pieces)
     of = parts(out, entry.FOLLOWED)
     xs, ys, samples, times = (
         jnp.zeros(t.shape, jnp.float64) if isinstance(t, SymbolicZero) else t for t in tangents
@@ -399,4 +397,4 @@ def _shaken_jvp(primals: tuple, tangents: tuple) -> tuple:
     return _divided(out), (angles, end, at, jnp.zeros_like(out))
 
 
-_shaken.defjvp(_shaken_jvp, symbolic_zeros=True)
+_ground_run.defjvp(_ground_run_jvp, symbolic_zeros=True)

@@ -13,18 +13,18 @@ import numpy as np
 from tpd.exact import repetition
 from tpd.exact.arcs import span_of, steady
 from tpd.exact.contact_kernel import decide, sign
-from tpd.exact.follow import ARRIVED, LOST, Rules, allow, begin, forcing_now, piece
+from tpd.exact.follow import ARRIVED, BEYOND, Rules, allow_events, follow_piece, forcing_now, start_angles
 from tpd.exact.legs import STATE
-from tpd.exact.march import put_flow
-from tpd.exact.motion import FIRST_PIECE, LEG, NO, YES, clear, finite, largest, put
+from tpd.exact.march import prepare_march
+from tpd.exact.motion import FIRST_PIECE, LEG, NO, YES, copy_to, is_finite, largest, reset_counts
 from tpd.exact.near_orbits import CONVERGED, NEARBY, Past, orbit_near
-from tpd.exact.period_map import Limits, first_of
+from tpd.exact.period_map import Limits, records_of
 from tpd.exact.plant import compiled, plant, plant_along
 from tpd.exact.terms import REST, STICK, SWING, SWING_RATE, TILT, TILT_RATE
 
 _NONE = np.int64(0)
 """No periods."""
-_WORTH = 24
+_PERIODS_PER_SEARCH = 24
 """Forcing periods that may be followed in the time in which an orbit of one period is found."""
 
 
@@ -51,7 +51,7 @@ def _come_to_rest(q, y):
 
 
 @compiled
-def _rests(q, m, peak, phase, tolerance):
+def _is_at_rest(q, m, peak, phase, tolerance):
     """Whether the block rests, or is held leaning, for good under steady shaking, and the bob's reach; it
     changes the mode and the state of one that rattles out, below the height `peak`."""
     y, mode = m.y, m
@@ -89,123 +89,123 @@ def _repeats_at_rest(q, m, past, repeats, tolerance):
         return True
     psi, tilting, swinging = m.y[SWING], m.y[TILT_RATE], m.y[SWING_RATE]
     _come_to_rest(q, m.y)
-    rests, reach = _rests(q, m, 0.0, 0.0, tolerance)
-    if rests:
+    is_resting, reach = _is_at_rest(q, m, 0.0, 0.0, tolerance)
+    if is_resting:
         past[0].swing = reach
     else:
         m.y[SWING], m.y[TILT_RATE], m.y[SWING_RATE] = psi, tilting, swinging
-    return rests
+    return is_resting
 
 
 @compiled
-def _slow_repetition(q, past, known, tolerance, before, of):
+def _slow_repetition(q, past, count, tolerance, gap, gap_periods):
     """Forcing periods after which a motion all but repeats itself, if it would take longer to repeat itself
     than its orbit takes to find, 0 if not; the distance at which it does so, and after how many periods.
     These two were `before` and `of` a period ago."""
     step, closest, periods, scales = (1 if q.mu > 0.0 else 2), NEARBY, 0, repetition.scales_of(q)
-    for n in range(1, known // 2):
+    for n in range(1, count // 2):
         error = 0.0
         for i in range(0, 4, step):
             error = max(error, abs(past[0].y[i] - past[n].y[i]) / scales[i])
         if error < 0.1 * closest or (n == 1 and error < closest):
             closest, periods = error, n
     # Decay in one period, from the last two distances if they belong to one number of periods.
-    share = closest / before if of == periods and before > 0.0 else 0.0
-    if periods == 0 or share == 0.0:
+    decay = closest / gap if gap_periods == periods and gap > 0.0 else 0.0
+    if periods == 0 or decay == 0.0:
         return 0, closest, periods
-    left = math.log(closest / tolerance) / -math.log(share) if share < 1.0 else math.inf
-    return (periods if left > _WORTH * periods else 0), closest, periods
+    left = math.log(closest / tolerance) / -math.log(decay) if decay < 1.0 else math.inf
+    return (periods if left > _PERIODS_PER_SEARCH * periods else 0), closest, periods
 
 
 @compiled
-def _one_period(q, f, m, legs, room, s, grown, limits):
+def _one_period(q, f, m, legs, w, s, rising, limits):
     """Follow a motion from the local time `s` to the end of the forcing period; the shaking has its full size
     `grown` from the beginning of the period on. Return how the motion ended."""
     period, rules = span_of(q, f), Rules(limits.capture, YES, NO, NO)
-    begin(q, f, m, FIRST_PIECE, s)
-    if f.rate > 0.0 and grown < (1.0 - 1e-12) * period:
+    start_angles(q, f, m, FIRST_PIECE, s)
+    if f.rate > 0.0 and rising < (1.0 - 1e-12) * period:
         # The forcing has a kink where its growth ends.
-        allow(m, room, limits.events)
-        ended = piece(q, f, m, legs, room, FIRST_PIECE, s, grown, rules)
-        f, s = steady(f.cubics), grown
+        allow_events(m, w, limits.events)
+        ended = follow_piece(q, f, m, legs, w, FIRST_PIECE, s, rising, rules)
+        f, s = steady(f.cubics), rising
         if ended != ARRIVED:
             return ended
-    allow(m, room, limits.events)
-    return piece(q, f, m, legs, room, FIRST_PIECE, s, period, rules)
+    allow_events(m, w, limits.events)
+    return follow_piece(q, f, m, legs, w, FIRST_PIECE, s, period, rules)
 
 
 @compiled
-def settle(x, own, s, since, ramp, out):
+def settle(x, buffers, s, since, ramp, out):
     """Follow one motion from its state at tau = `since` until it repeats, rests, is lost, or the periods of
     the settings `s` have elapsed. The shaking grows over `ramp` periods. Put what the motion settles to into
     `out`."""
-    q, m, room, r = first_of(own)
+    q, m, w, r = records_of(buffers)
     plant(x, q)
-    put_flow(q, room.march)
+    prepare_march(q, w.march)
     y, period, tolerance, capture = m.y, 2.0 * math.pi / q.xi, s.tolerance, s.rest_rate * q.nu
     events, scales, cubics, legs = int(s.events), repetition.scales_of(q), np.empty((0, 4)), np.empty(0, LEG)
     limits = Limits(capture, events, STATE, NEARBY)
-    past, before, of = Past(np.zeros(repetition.LONGEST, repetition.PERIOD), np.zeros(2)), 0.0, _NONE
+    past, gap, gap_periods = Past(np.zeros(repetition.LONGEST, repetition.PERIOD), np.zeros(2)), 0.0, _NONE
     last, peaks = past.periods, past.peaks
-    put(y, last[0].y)
-    clear(m)
-    f, grown = repetition.excitation_in(ramp, period, 0.0, since, cubics)
+    copy_to(y, last[0].y)
+    reset_counts(m)
+    f, rising = repetition.excitation_in(ramp, period, 0.0, since, cubics)
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
     peaks[TILT], peaks[SWING] = abs(y[TILT]), abs(y[SWING])
-    rests = False
+    is_resting = False
     if m.kind == REST and f.rate == 0.0:
-        rests, reach = _rests(q, m, peaks[TILT], q.xi * since, tolerance)
-        if rests:
+        is_resting, reach = _is_at_rest(q, m, peaks[TILT], q.xi * since, tolerance)
+        if is_resting:
             last[0].swing, peaks[SWING] = reach, max(peaks[SWING], reach)
             _come_to_rest(q, y)
     # A start within a period has another phase than the ends of periods, with which these are compared.
-    known, repeats, elapsed, wait = (1 if since == 0.0 else 0), 0, 0, 0
-    status = repetition.AT_REST if rests else repetition.NOT_SETTLED
+    count, repeats, elapsed, wait = (1 if since == 0.0 else 0), 0, 0, 0
+    status = repetition.AT_REST if is_resting else repetition.NOT_SETTLED
     # Squares of the angles that are no numbers prove nothing about events.
     if not math.isfinite(q.tilt_sin * q.tilt_sin + q.bob_sin * q.bob_sin):
         y[TILT] = math.nan
-    while elapsed < s.periods and status == repetition.NOT_SETTLED and finite(y):
+    while elapsed < s.periods and status == repetition.NOT_SETTLED and is_finite(y):
         if elapsed > 0:
-            f, grown = repetition.excitation_in(ramp, period, float(elapsed), 0.0, cubics)
-        ended = _one_period(q, f, m, legs, room, since if elapsed == 0 else 0.0, grown, limits)
-        sound, elapsed = ended == ARRIVED and finite(y), elapsed + 1
+            f, rising = repetition.excitation_in(ramp, period, float(elapsed), 0.0, cubics)
+        ended = _one_period(q, f, m, legs, w, since if elapsed == 0 else 0.0, rising, limits)
+        sound, elapsed = ended == ARRIVED and is_finite(y), elapsed + 1
         # Whether the shaking grew in this period, and whether it goes on growing in the next one.
-        grew, grows = f.rate > 0.0, f.rate > 0.0 and grown >= (1.0 - 1e-12) * period
+        grew, grows = f.rate > 0.0, f.rate > 0.0 and rising >= (1.0 - 1e-12) * period
         peak, swing = max(largest(m, TILT), abs(y[TILT])), largest(m, SWING)
         peaks[TILT], peaks[SWING] = max(peaks[TILT], peak), max(peaks[SWING], swing)
-        rests = False
+        is_resting = False
         if sound and not grows:
-            rests, reach = _rests(q, m, peak, 0.0, tolerance)
-            if rests:
+            is_resting, reach = _is_at_rest(q, m, peak, 0.0, tolerance)
+            if is_resting:
                 _come_to_rest(q, y)
                 peaks[SWING], swing = max(peaks[SWING], reach), reach
         # Nothing that was met before the shaking became steady counts as a repetition.
-        repeats = repetition.repeats_after(q, y, last, known, scales, tolerance) if sound and not grew else 0
-        known = repetition.remember(last, 0 if grew else known, y, peak, swing, m.held)
+        repeats = repetition.repeats_after(q, y, last, count, scales, tolerance) if sound and not grew else 0
+        count = repetition.store_period(last, 0 if grew else count, y, peak, swing, m.hold_level)
         if not sound:
-            status = repetition.OVERTURNED if ended == LOST else repetition.EVENT_BOUND
-        elif rests:
+            status = repetition.OVERTURNED if ended == BEYOND else repetition.EVENT_BOUND
+        elif is_resting:
             status = repetition.AT_REST
-        elif repeats > 0 and not repetition.stayed(last, repeats):
+        elif repeats > 0 and not repetition.was_held(last, repeats):
             status = repetition.ROCKING
         elif repeats > 0:
-            rests = _repeats_at_rest(q, m, last, repeats, tolerance)
-            status = repetition.AT_REST if rests else repetition.NOT_SETTLED
+            is_resting = _repeats_at_rest(q, m, last, repeats, tolerance)
+            status = repetition.AT_REST if is_resting else repetition.NOT_SETTLED
             # A damped bob under a block at rest repeats itself after one period, whatever came first.
             repeats = 0 if q.zeta > 0.0 or status == repetition.NOT_SETTLED else repeats
         elif not grows and tolerance >= CONVERGED and elapsed >= wait:
-            tried, before, of = _slow_repetition(q, last, known, tolerance, before, of)
-            if tried > 0:
+            candidate, gap, gap_periods = _slow_repetition(q, last, count, tolerance, gap, gap_periods)
+            if candidate > 0:
                 wait = 2 * elapsed
                 plant_along(x, STATE, r.plants[STATE])
-                if orbit_near(q, m, own, past, known, limits, tried):
-                    status, repeats = repetition.ROCKING, tried
+                if orbit_near(q, m, buffers, past, count, limits, candidate):
+                    status, repeats = repetition.ROCKING, candidate
                     # A block that leans and is held all the time does not rock.
-                    rests, reach = _rests(q, m, last[0].tilt, 0.0, tolerance)
-                    if rests:
+                    is_resting, reach = _is_at_rest(q, m, last[0].tilt, 0.0, tolerance)
+                    if is_resting:
                         _come_to_rest(q, y)
                         status, repeats, last[0].swing = repetition.AT_REST, 0, reach
                         peaks[SWING] = max(reach, peaks[SWING])
-    if status != repetition.OVERTURNED and not finite(y):
+    if status != repetition.OVERTURNED and not is_finite(y):
         status = repetition.FAILED
-    repetition.put_settled(status, repeats, elapsed, m, last, peaks, out)
+    repetition.store_settled(status, repeats, elapsed, m, last, peaks, out)

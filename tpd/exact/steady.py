@@ -12,27 +12,27 @@ import numpy as np
 
 from tpd.exact import repetition
 from tpd.exact.contact_kernel import decide, sign
-from tpd.exact.follow import EXHAUSTED, LOST
+from tpd.exact.follow import BEYOND, EXHAUSTED
 from tpd.exact.half_map_kernel import is_neutral
 from tpd.exact.legs import ANGLES, STATE
-from tpd.exact.march import put_flow
-from tpd.exact.motion import FIRST_PIECE, finite, larger, put
+from tpd.exact.march import prepare_march
+from tpd.exact.motion import FIRST_PIECE, copy_to, is_finite, larger_side
 from tpd.exact.period_map import (
-    BEGUN,
+    APPROACHING,
     BEST,
-    ON_ITS_WAY,
-    SPARE,
+    CYCLE_START,
+    LATEST,
     Limits,
-    cycle,
+    clear_derivatives,
     find_orbit,
-    first_of,
-    forget,
+    follow_cycle,
     multipliers,
-    put_motion,
+    records_of,
     residual_of,
-    solved,
+    set_motion,
+    solve_linearised,
 )
-from tpd.exact.plant import compiled, places, plant, put_plants
+from tpd.exact.plant import compiled, fill_plants, places, plant
 from tpd.exact.settle import settle
 from tpd.exact.terms import (
     APERIODIC,
@@ -46,7 +46,7 @@ from tpd.exact.terms import (
     TILT_RATE,
 )
 
-WANDERS, UNSTABLE, NEUTRAL, FOLD, GRAZED = range(8, 13)
+APERIODIC_STATUS, UNSTABLE, NEUTRAL, NEAR_FOLD_STATUS, GRAZING_STATUS = range(8, 13)
 """Numbers of statuses after those of `tpd.exact.repetition`, see `tpd.exact.terms.STEADY_STATUSES`."""
 STEADY = np.dtype(
     [
@@ -71,19 +71,19 @@ _ONE = np.int64(1)
 
 
 @compiled
-def _separation(q, m, own, limits, periods, y):
+def _measure_lyapunov(q, m, buffers, limits, periods, y):
     """Follow a motion that did not repeat from the state `y`: its largest Lyapunov exponent, no number if it
     ends at once. Leave the start of its last cycle in `y`, and that cycle in the first of two, with the
     largest sizes of all."""
-    best, c, scales = own.cycles[BEST], own.cycles[SPARE], repetition.scales_of(q)
-    direction, onward, parted, steps = np.empty(4), np.empty(4), 0.0, 0
+    best, c, scales = buffers.cycles[BEST], buffers.cycles[LATEST], repetition.scales_of(q)
+    direction, onward, log_growth, steps = np.empty(4), np.empty(4), 0.0, 0
     for i in range(4):
         # Of a bob without mass nothing is felt.
         scales[i] = scales[i] if i % 2 == 0 or q.mu > 0.0 else 1e300
         direction[i] = 0.5 * scales[i]
     while steps < periods:
-        cycle(q, m, own, limits, _ONE, c)
-        if not finite(c.end):
+        follow_cycle(q, m, buffers, limits, _ONE, c)
+        if not is_finite(c.end):
             break
         c.amplitude, c.swing = max(c.amplitude, best.amplitude), max(c.swing, best.swing)
         size = 0.0
@@ -95,29 +95,29 @@ def _separation(q, m, own, limits, periods, y):
         size = math.sqrt(size) + 1e-300
         for i in range(4):
             direction[i] = onward[i] / size
-        parted, steps = parted + math.log(size), steps + 1
-        put(own.motions[BEGUN].y, y)
-        own.cycles[BEST] = c
-    return parted / (steps * 2.0 * math.pi / q.xi) if steps > 1 else math.nan
+        log_growth, steps = log_growth + math.log(size), steps + 1
+        copy_to(buffers.motions[CYCLE_START].y, y)
+        buffers.cycles[BEST] = c
+    return log_growth / (steps * 2.0 * math.pi / q.xi) if steps > 1 else math.nan
 
 
 @compiled
-def verdict(begun, residual, separation, multiplier, to_fold, crossing, neutral):
+def verdict(outcome, residual, separation, multiplier, to_fold, crossing, neutral):
     """Number of the status of a motion, from that with which following it has ended, and from what Newton's
     method on its period map has found."""
     # From the weakest statement to the strongest: each line overrules those above it. Stability comes first,
     # because its numbers mean nothing if an event was grazed, next to a fold, or off an orbit.
-    moving = begun in (repetition.ROCKING, repetition.STICKING)
-    status = UNSTABLE if moving and multiplier > 1.0 else begun
+    moving = outcome in (repetition.ROCKING, repetition.STICKING)
+    status = UNSTABLE if moving and multiplier > 1.0 else outcome
     status = NEUTRAL if moving and neutral else status
-    status = GRAZED if moving and crossing < GRAZING else status
-    status = FOLD if moving and to_fold < 2.0 * NEAR_FOLD else status
+    status = GRAZING_STATUS if moving and crossing < GRAZING else status
+    status = NEAR_FOLD_STATUS if moving and to_fold < 2.0 * NEAR_FOLD else status
     status = repetition.NOT_SETTLED if moving and not residual < RESIDUAL else status
-    return WANDERS if separation > APERIODIC else status
+    return APERIODIC_STATUS if separation > APERIODIC else status
 
 
 @compiled
-def _put_isolated(c, y, out):
+def _store_isolated(c, y, out):
     """Put the sizes of an isolated orbit after one more Newton step into `out`, and all slopes."""
     # y*(p) = P(y*(p), p), hence dy*/dp = (I - DP)^-1 dP/dp, however long the transient was; both sizes are
     # functions of (y*, p) along the period. The residual is one more right-hand side, so that they gain the
@@ -127,9 +127,9 @@ def _put_isolated(c, y, out):
         right[i, _RESIDUAL] = c.end[i] - y[i]
         for j in range(MANY):
             right[i, j] = c.by[i, j]
-    regular = solved(c.by, right)
+    regular = solve_linearised(c.by, right)
     for k in range(2):
-        row = ANGLES + larger(c, k)
+        row = ANGLES + larger_side(c, k)
         for j in range(_RESIDUAL + 1):
             sizes[k, j] = c.by[row, j] if j < _RESIDUAL else (c.amplitude if k == 0 else c.swing)
             for i in range(4):
@@ -143,28 +143,29 @@ def _put_isolated(c, y, out):
 
 
 @compiled
-def _kind_of(own, residual, y):
+def _status_of(buffers, residual, y):
     """Number of the status of a motion that was begun near an orbit and is on it now."""
-    c = own.cycles[BEST]
+    c = buffers.cycles[BEST]
     # Without a residual the first cycle was lost, and it is still in the second place.
     if not math.isfinite(residual):
-        how = own.cycles[SPARE].how
-        lost = repetition.EVENT_BOUND if how == EXHAUSTED else repetition.FAILED
-        return repetition.OVERTURNED if how == LOST else lost
+        ending = buffers.cycles[LATEST].ending
+        ending = repetition.EVENT_BOUND if ending == EXHAUSTED else repetition.FAILED
+        return repetition.OVERTURNED if ending == BEYOND else ending
     if not (residual < RESIDUAL and c.step < LAST_STEP):
         return repetition.NOT_SETTLED
     # A block that is held throughout keeps its tilt.
-    if c.held == 2.0:
+    if c.hold_level == 2.0:
         return repetition.HELD if y[TILT] != 0.0 else repetition.AT_REST
-    return repetition.STICKING if c.held > 0.0 else repetition.ROCKING
+    return repetition.STICKING if c.hold_level > 0.0 else repetition.ROCKING
 
 
 @compiled
-def steady_state(x, y0, s, near, own, out):
+def steady_state(x, y0, s, near, buffers, out):
     """Follow a motion from `y0` at tau = 0 until it settles, within the bounds of the settings `s`, and put
     its steady state into the record `out`; or if `near`, the orbit near `y0` of so many periods as the
     settings say, which need not attract and has derivatives also where it does not."""
-    (q, m, room, r), c, found, y, total = first_of(own), own.cycles[BEST], own.settled[0], out.y, 0.0
+    q, m, w, r = records_of(buffers)
+    c, settled, y, total = buffers.cycles[BEST], buffers.settled[0], out.y, 0.0
     roots = out.multipliers
     out.amplitude = out.swing = out.multiplier = out.lyapunov = out.fold = math.nan
     out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, repetition.FAILED
@@ -176,78 +177,80 @@ def steady_state(x, y0, s, near, own, out):
             out.by[i, j] = math.nan
     for i in range(4):
         total += abs(y0[i])
-    put(y0, m.y)
-    put(y0, y)
+    copy_to(y0, m.y)
+    copy_to(y0, y)
     # What is fed with numbers that are none would be followed until its bound.
     if not math.isfinite(total):
         return
     if near:
         # What is not simulated begins as a motion that rocks; what it is shows in its first period.
         plant(x, q)
-        put_flow(q, room.march)
+        prepare_march(q, w.march)
         decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), 0.0, m)
-        found.status, found.periods, found.elapsed = repetition.ROCKING, s.periods, 0.0
-        found.amplitude = found.swing = math.nan
+        settled.status, settled.periods, settled.elapsed = repetition.ROCKING, s.periods, 0.0
+        settled.amplitude = settled.swing = math.nan
     else:
-        settle(x, own, s, 0.0, 0.0, found)
-    begun, periods, out.elapsed = int(found.status), int(found.periods), found.elapsed
-    put(m.y, y)
+        settle(x, buffers, s, 0.0, 0.0, settled)
+    outcome, periods, out.elapsed = int(settled.status), int(settled.periods), settled.elapsed
+    copy_to(m.y, y)
     residual, separation, multiplier, to_fold, fold = math.inf, math.nan, math.inf, 1.0, math.nan
-    c.amplitude, c.swing, c.crossing, c.asymmetry = found.amplitude, found.swing, math.inf, math.inf
+    c.amplitude, c.swing, c.transversality, c.asymmetry = settled.amplitude, settled.swing, math.inf, math.inf
     limits = Limits(s.rest_rate * q.nu, int(s.events), FIRST_PIECE, math.inf)
     # There is nothing to be said of a motion that is lost.
-    if begun in (repetition.ROCKING, repetition.STICKING, repetition.AT_REST, repetition.NOT_SETTLED):
-        put_plants(x, r.plants)
-        forget(c)
-        if begun == repetition.NOT_SETTLED:
-            separation = _separation(q, m, own, limits, int(s.lyapunov), y)
+    if outcome in (repetition.ROCKING, repetition.STICKING, repetition.AT_REST, repetition.NOT_SETTLED):
+        fill_plants(x, r.plants)
+        clear_derivatives(c)
+        if outcome == repetition.NOT_SETTLED:
+            separation = _measure_lyapunov(q, m, buffers, limits, int(s.lyapunov), y)
         else:
-            residual = find_orbit(q, m, own, limits, periods, y)
+            residual = find_orbit(q, m, buffers, limits, periods, y)
             # A motion that comes to its orbit from both sides in turn repeats after two periods first: an
             # orbit that closes after fewer is of that many.
-            other, begin = own.cycles[SPARE], own.motions[ON_ITS_WAY]
-            put_motion(y, m, begin)
+            other, begin = buffers.cycles[LATEST], buffers.motions[APPROACHING]
+            set_motion(y, m, begin)
             for fewer in range(1, periods):
                 if periods % fewer == 0 and residual < RESIDUAL:
-                    put_motion(y, begin, m)
-                    cycle(q, m, own, limits, fewer, other)
-                    apart = residual_of(q, y, other.end)
-                    if other.closed != 0.0 and apart < RESIDUAL:
-                        own.cycles[BEST], residual, periods = other, apart, fewer
+                    set_motion(y, begin, m)
+                    follow_cycle(q, m, buffers, limits, fewer, other)
+                    distance = residual_of(q, y, other.end)
+                    if other.closed != 0.0 and distance < RESIDUAL:
+                        buffers.cycles[BEST], residual, periods = other, distance, fewer
                         break
         multiplier, to_fold, fold = multipliers(q, c.by, roots)
     if near:
         # The sizes of what is no orbit are no numbers.
-        begun = _kind_of(own, residual, y)
-        if begun != repetition.NOT_SETTLED:
-            found.amplitude, found.swing = c.amplitude, c.swing
+        outcome = _status_of(buffers, residual, y)
+        if outcome != repetition.NOT_SETTLED:
+            settled.amplitude, settled.swing = c.amplitude, c.swing
     neutral = is_neutral(q.k, q.e, q.mu, q.zeta, multiplier)
-    status = verdict(begun, residual, separation, multiplier, to_fold, c.crossing, neutral)
+    status = verdict(outcome, residual, separation, multiplier, to_fold, c.transversality, neutral)
     # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
     # unless it has more steps than that may take.
     endless = q.zeta > 0.0 and not math.isfinite(residual)
-    status = repetition.EVENT_BOUND if begun == repetition.AT_REST and endless else status
+    status = repetition.EVENT_BOUND if outcome == repetition.AT_REST and endless else status
     # Without a finite derivative of the period map nothing can be said about stability.
-    unsaid = status == UNSTABLE and not math.isfinite(multiplier)
-    status = repetition.FAILED if unsaid or not (finite(y) or status == repetition.OVERTURNED) else status
+    undefined = status == UNSTABLE and not math.isfinite(multiplier)
+    status = (
+        repetition.FAILED if undefined or not (is_finite(y) or status == repetition.OVERTURNED) else status
+    )
     # The tilt at which friction holds a block is a state next to which it is held as well.
     multiplier = 1.0 if status == repetition.HELD else multiplier
     rests, rocks = status == repetition.AT_REST, status in (repetition.ROCKING, repetition.STICKING)
-    marginal, singular = status in (UNSTABLE, NEUTRAL), status in (FOLD, GRAZED)
+    marginal, singular = status in (UNSTABLE, NEUTRAL), status in (NEAR_FOLD_STATUS, GRAZING_STATUS)
     periodic, span = rocks or rests or marginal, periods * 2.0 * math.pi / q.xi
     # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
     ringing = rests and not (q.zeta > 0.0 and multiplier < 1.0)
     isolated = (not ringing) & (rocks | rests | (near & marginal))
     if isolated:
-        _put_isolated(c, y, out)
-    elif marginal or singular or status == WANDERS:
+        _store_isolated(c, y, out)
+    elif marginal or singular or status == APERIODIC_STATUS:
         # I - DP may be singular: the sizes are those of the orbit as it was found, or, of a motion that did
         # not repeat, the largest met.
         out.amplitude, out.swing = c.amplitude, c.swing
     elif status == repetition.OVERTURNED:
         out.amplitude = out.swing = math.inf
     elif status != repetition.FAILED:
-        out.amplitude, out.swing = found.amplitude, found.swing
+        out.amplitude, out.swing = settled.amplitude, settled.swing
     if rests:
         # A block at rest has no amplitude, whatever moves. The stroke of a bob that hangs still is at the
         # corner of |psi|.

@@ -47,8 +47,8 @@ def _trajectory_from(slopes: float, x: Array, y: Array, times: Array, settings: 
     entry = LINEAR.entry()
     n = times.size
     shapes = shape(n, 8), shape(1), shape(n if slopes else 1, 4, entry.INPUTS + 1)
-    asked = settings.at[entry.FIELDS.index("slopes")].set(slopes)
-    return LINEAR(shapes, asked, x, y, times)
+    with_slopes = settings.at[entry.FIELDS.index("slopes")].set(slopes)
+    return LINEAR(shapes, with_slopes, x, y, times)
 
 
 _trajectory_with_slopes = once(partial(_trajectory_from, 1.0))
@@ -75,13 +75,13 @@ def trajectory(
     """
     engine = ENGINES[equations]
     s = packed(engine.settings("TRAJECTORY", periods=times.size, **limits))
-    given = jnp.asarray(row_of(p)), jnp.asarray(y0), times, s
+    operands = jnp.asarray(row_of(p)), jnp.asarray(y0), times, s
     if equations is Terms.linear:
-        ys, status = _trajectory(*given)
+        ys, status = _trajectory(*operands)
     else:
-        x, y, clock, s = map(stop_gradient, given)
+        x, y, clock, s = map(stop_gradient, operands)
         ys, status = engine((shape(times.size, 4), shape(1)), s, x, y, clock)
-        ys = refused_in(given[:3], ys)
+        ys = refused_in(operands[:3], ys)
     (code,) = stop_gradient(status)
     return ys, status_of(jnp.asarray(codes_of(ENDS))[code.astype(int)])
 
@@ -108,6 +108,6 @@ def history(
     sizes = {"periods": len(times), "impacts": len(impacts), "pieces": len(pieces), "events": events}
     settings = LINEAR.settings("HISTORY", **sizes, free=free, rest_rate=REST_RATES[Terms.linear])
     # The equations have minus the acceleration of the base.
-    given = row, y0, np.ascontiguousarray(-pieces), times
-    LINEAR.entry().run(0, 1, np.array(settings), *given, states, impacts, status)
+    operands = row, y0, np.ascontiguousarray(-pieces), times
+    LINEAR.entry().run(0, 1, np.array(settings), *operands, states, impacts, status)
     return History(states, impacts[np.isfinite(impacts["time"])], int(status.item()))

@@ -9,11 +9,11 @@ import numpy as np
 from tpd.exact.arcs import arc_from, beginning, load_at, span_of, state_at, steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.events import STOP
-from tpd.exact.follow import ARRIVED, LOST, Rules, allow, begin, forcing_now, piece
-from tpd.exact.legs import STATE, along, past
-from tpd.exact.march import put_flow
-from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, NO, YES, clear
-from tpd.exact.plant import STEP, compiled, plant, put_plants
+from tpd.exact.follow import ARRIVED, BEYOND, Rules, allow_events, follow_piece, forcing_now, start_angles
+from tpd.exact.legs import STATE, carry_past_event, carry_through_leg
+from tpd.exact.march import prepare_march
+from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, NO, YES, reset_counts
+from tpd.exact.plant import STEP, compiled, fill_plants, plant
 from tpd.exact.repetition import EVENT_BOUND, OVERTURNED, ROCKING
 from tpd.exact.terms import TILT, TILT_RATE
 
@@ -26,12 +26,12 @@ many directions there are."""
 
 
 @compiled
-def trajectory(x, q, m, room, r, s, times, out, by):
+def trajectory(x, q, m, w, r, s, times, out, by):
     """Follow a motion from its state at times[0]: put the states at all times, and their derivatives in time,
     into `out`, shape (times, 8), and if the settings ask for slopes, those in parameters, start and times[0]
     into `by`, shape (times, 4, 14). Return its status; what lies beyond the end of a motion is NaN."""
     plant(x, q)
-    put_flow(q, room.march)
+    prepare_march(q, w.march)
     slopes, y, f = s.slopes != 0.0, m.y, steady(np.empty((0, 4)))
     period, rules, events = span_of(q, f), Rules(s.rest_rate * q.nu, YES, NO, NO), int(s.events)
     # Times count from the beginning of their forcing period: the forcing repeats, and the phase of a late
@@ -41,7 +41,7 @@ def trajectory(x, q, m, room, r, s, times, out, by):
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, t), m)
     legs = np.empty(events + LEGS if slopes else 0, LEG)
     if slopes:
-        put_plants(x, r.plants)
+        fill_plants(x, r.plants)
         for j in range(_INPUTS):
             r.shift[j] = -whole * span_of(r.plants[min(j, 9)], f).imag / STEP
             for i in range(4):
@@ -52,19 +52,19 @@ def trajectory(x, q, m, room, r, s, times, out, by):
         while not arrived and status == ROCKING:
             arrived = whole >= last
             end = times[n] - last * period if arrived else period
-            clear(m)
-            begin(q, f, m, FIRST_PIECE, t)
-            allow(m, room, events)
-            ended = piece(q, f, m, legs, room, whole, t, end, rules)
-            count = min(m.recorded, len(legs))
+            reset_counts(m)
+            start_angles(q, f, m, FIRST_PIECE, t)
+            allow_events(m, w, events)
+            ended = follow_piece(q, f, m, legs, w, whole, t, end, rules)
+            count = min(m.leg_count, len(legs))
             if slopes and ended == ARRIVED:
                 if arrived:
-                    legs[count - 1].which = STOP
+                    legs[count - 1].event = STOP
                 for k in range(count):
-                    along(q, r, f, legs[k], _NONE, _INPUTS)
-                    past(r, legs[k], _NONE, _INPUTS)
+                    carry_through_leg(q, r, f, legs[k], _NONE, _INPUTS)
+                    carry_past_event(r, legs[k], _NONE, _INPUTS)
             if ended != ARRIVED:
-                status = OVERTURNED if ended == LOST else EVENT_BOUND
+                status = OVERTURNED if ended == BEYOND else EVENT_BOUND
             t, whole = (end, whole) if arrived else (0.0, whole + 1)
         arc = arc_from(q, m, y, load_at(q, f, whole, t))
         now = state_at(arc, beginning(arc), 0.0)

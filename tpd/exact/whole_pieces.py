@@ -13,7 +13,7 @@ import numpy as np
 from tpd.exact.arcs import accelerations, arc_from, forcing_at, load_at
 from tpd.exact.contact_kernel import beyond_return, moment
 from tpd.exact.events import AWAY
-from tpd.exact.motion import WHOLE, largest, note, put, record
+from tpd.exact.motion import WHOLE, copy_to, largest, record_leg, update_angles
 from tpd.exact.plant import compiled, places
 from tpd.exact.terms import (
     APART,
@@ -41,7 +41,7 @@ _KINDS = float(SLIP), float(REST)
 
 
 @compiled
-def put_map(q, kind, h, out):
+def store_map(q, kind, h, out):
     """Put the map (state, coefficients of the forcing in the share of a piece) -> change of the state over a
     piece of duration h into `out`, shape (4, 8). The tilt counts from its centre.
 
@@ -69,12 +69,12 @@ def put_map(q, kind, h, out):
             n[i, j] /= 2.0**halved
             total[i, j] = term[i, j] = n[i, j]
     for i in range(2, 16):
-        _put_product(term, n, 1.0 / i, spare)
+        _store_product(term, n, 1.0 / i, spare)
         term, spare = spare, term
         _add(total, term)
     # (1 + E)^2 = 1 + 2 E + E^2.
     for _ in range(halved):
-        _put_product(total, total, 1.0, spare)
+        _store_product(total, total, 1.0, spare)
         _add(total, total)
         _add(total, spare)
     for i in range(4):
@@ -83,7 +83,7 @@ def put_map(q, kind, h, out):
 
 
 @compiled
-def _put_product(a, b, factor, out):
+def _store_product(a, b, factor, out):
     """Put the product of two matrices times a factor into a third."""
     for i in range(8):
         for j in range(8):
@@ -102,22 +102,22 @@ def _add(a, b):
 
 
 @compiled
-def put_bounds(q, bounds):
+def store_bounds(q, bounds):
     """Put bounds on the fourth and fifth derivatives of the pair's two solutions into `bounds`, shape
     (2, 2, 2), for the slipping block and the held one: the energy x^2 + x'^2/q only decreases."""
-    for held in range(2):
-        p, s = (q.held_p, q.held_q) if held else (q.p, q.q)
+    for is_held in range(2):
+        p, s = (q.held_p, q.held_q) if is_held else (q.p, q.q)
         for i in range(2):
             # Of the solution that begins at (1, 0), and of that which begins at (0, 1).
             u, v = (1.0, 0.0) if i == 0 else (0.0, 1.0)
             for power in range(5):
                 u, v = v, -s * u - p * v
                 if power > 2:
-                    bounds[held, power - 3, i] = math.sqrt(u * u + v * v / s)
+                    bounds[is_held, power - 3, i] = math.sqrt(u * u + v * v / s)
 
 
 @compiled
-def _rough(arc, x, growth, order, bounds):
+def _bound(arc, x, growth, order, bounds):
     """Bound on the fourth or fifth derivative of a signal over a piece; that of the forcing is zero."""
     # The growing exponential is largest at the end of the piece, the falling one at its start.
     r1, r2 = arc.s1 * arc.s1, arc.s2 * arc.s2
@@ -131,13 +131,13 @@ def _rough(arc, x, growth, order, bounds):
 @compiled
 def _positive(g0, v0, g1, v1, d, bound):
     """Whether a signal with these values and slopes at the ends of a window stays positive in it."""
-    least = min(min(g0, g1), min(g0 + d * v0 / 3.0, g1 - d * v1 / 3.0))
+    smallest = min(min(g0, g1), min(g0 + d * v0 / 3.0, g1 - d * v1 / 3.0))
     # A bob that hangs still does not turn.
-    return least > bound * d * d * d * d * AWAY or (g0 == 0.0 and v0 == 0.0 and g1 == 0.0 and v1 == 0.0)
+    return smallest > bound * d * d * d * d * AWAY or (g0 == 0.0 and v0 == 0.0 and g1 == 0.0 and v1 == 0.0)
 
 
 @compiled
-def _stays(q, m, e, h, a, b, bound):
+def _remains_held(q, m, e, h, a, b, bound):
     """Whether a held block stays where it is over a piece; `a` and `b` are the states at its ends, with their
     accelerations."""
     at, rate = forcing_at(e, 0.0)
@@ -153,7 +153,7 @@ def _stays(q, m, e, h, a, b, bound):
 
 
 @compiled
-def _no_record(m, k, x0, x1, bend, fourth, h):
+def _is_below_largest(m, k, x0, x1, bend, fourth, h):
     """Whether angle k, whose rate may change its sign in a piece, stays below the largest so far; `bend` is
     the larger of its second derivatives at the ends."""
     # Between its ends a signal is above both by h^2/8 of its largest second derivative at most, and the
@@ -163,7 +163,7 @@ def _no_record(m, k, x0, x1, bend, fourth, h):
 
 
 @compiled
-def _bob_is_clear(m, held, h, a, b, fourths, fifths):
+def _bob_is_clear(m, is_held, h, a, b, fourths, fifths):
     """Whether the bob neither turns in a piece, nor turns against the block, unless below its largest angles
     so far: a strongly damped bob follows every sample of a record. The bounds are those of tilt and bob."""
     (tilt4, bob4), (tilt5, bob5) = fourths, fifths
@@ -171,57 +171,58 @@ def _bob_is_clear(m, held, h, a, b, fourths, fifths):
     g0, v0, g1, v1 = r0 - a[TILT_RATE], u0 - a[TILT_PULL], r1 - b[TILT_RATE], u1 - b[TILT_PULL]
     bob, side = math.copysign(1.0, r0), math.copysign(1.0, g0)
     clear = _positive(bob * r0, bob * u0, bob * r1, bob * u1, h, bob5)
-    if not clear and not _no_record(m, SWING, a[SWING], b[SWING], max(abs(u0), abs(u1)), bob4, h):
+    if not clear and not _is_below_largest(m, SWING, a[SWING], b[SWING], max(abs(u0), abs(u1)), bob4, h):
         return False
-    if (held and clear) or _positive(side * g0, side * v0, side * g1, side * v1, h, tilt5 + bob5):
+    if (is_held and clear) or _positive(side * g0, side * v0, side * g1, side * v1, h, tilt5 + bob5):
         return True
     bend = max(abs(v0), abs(v1))
-    return _no_record(m, APART, a[SWING] - a[TILT], b[SWING] - b[TILT], bend, tilt4 + bob4, h)
+    return _is_below_largest(m, APART, a[SWING] - a[TILT], b[SWING] - b[TILT], bend, tilt4 + bob4, h)
 
 
 @compiled
-def _without_event(q, m, arc, e, a, b, growth, bounds, bob):
+def _has_no_event(q, m, arc, e, a, b, growth, bounds, bob):
     """Whether a whole piece is proved to have no event; `a` and `b` are the states at its ends, with their
     accelerations, and `bob` says whether its turns count."""
-    h, held = q.xi, m.kind != SLIP
-    mine = bounds[1 if held else 0]
-    tilt4, tilt5 = _rough(arc, arc.tilt, growth, _FOURTH, mine), _rough(arc, arc.tilt, growth, _FIFTH, mine)
-    if bob or held:
-        bob4, bob5 = _rough(arc, arc.bob, growth, _FOURTH, mine), _rough(arc, arc.bob, growth, _FIFTH, mine)
-        if bob and not _bob_is_clear(m, held, h, a, b, (tilt4, bob4), (tilt5, bob5)):
+    h, is_held = q.xi, m.kind != SLIP
+    rows = bounds[1 if is_held else 0]
+    tilt4, tilt5 = _bound(arc, arc.tilt, growth, _FOURTH, rows), _bound(arc, arc.tilt, growth, _FIFTH, rows)
+    if bob or is_held:
+        bob4, bob5 = _bound(arc, arc.bob, growth, _FOURTH, rows), _bound(arc, arc.bob, growth, _FIFTH, rows)
+        if bob and not _bob_is_clear(m, is_held, h, a, b, (tilt4, bob4), (tilt5, bob5)):
             return False
-        if held:
-            return _stays(q, m, e, h, a, b, abs(1.0 - q.up) * bob4 + abs(q.bias) * bob5)
-    tilt, way = m.tilt, m.way
-    v, u, w, x = way * a[TILT_RATE], way * a[TILT_PULL], way * b[TILT_RATE], way * b[TILT_PULL]
+        if is_held:
+            return _remains_held(q, m, e, h, a, b, abs(1.0 - q.up) * bob4 + abs(q.bias) * bob5)
+    tilt, direction = m.tilt, m.direction
+    v = direction * a[TILT_RATE]
+    u, w, x = direction * a[TILT_PULL], direction * b[TILT_RATE], direction * b[TILT_PULL]
     if not _positive(v, u, w, x, h, tilt5):
         return False
     # A block that tilts further lands nowhere before it turns.
-    if tilt * way > 0.0:
+    if tilt * direction > 0.0:
         return True
     return _positive(tilt * a[TILT], tilt * a[TILT_RATE], tilt * b[TILT], tilt * b[TILT_RATE], h, tilt4)
 
 
 @compiled
-def put_maps(q, room):
+def store_maps(q, w):
     """Prepare the working memory for the pieces of a plant: two maps serve a whole motion, because all pieces
     have the same duration."""
-    put_bounds(q, room.bounds)
-    for held in range(2):
-        put_map(q, _KINDS[held], q.xi, room.maps[held])
+    store_bounds(q, w.bounds)
+    for is_held in range(2):
+        store_map(q, _KINDS[is_held], q.xi, w.maps[is_held])
 
 
 @compiled
-def whole_pieces(q, f, m, legs, room, i, turns):
+def whole_pieces(q, f, m, legs, w, i, turns):
     """Follow a motion from the start of piece i as long as whole pieces are proved to have no event. Return
     the piece at whose start it is then."""
     h, first, limit, kind, y = q.xi, i, beyond_return(q), m.kind, m.y
-    start, end, held = room.start, room.end, kind != SLIP
+    start, end, is_held = w.start, w.end, kind != SLIP
     for k in range(4):
         start[k] = y[k]
     # A held block stays where it is: its tilt needs no centre.
-    centre = 0.0 if held else (m.tilt * q.weight + m.way * q.k) / q.up
-    growth, by, c = math.exp(q.s1 * h), room.maps[1 if held else 0], f.cubics
+    centre = 0.0 if is_held else (m.tilt * q.weight + m.direction * q.k) / q.up
+    growth, by, c = math.exp(q.s1 * h), w.maps[1 if is_held else 0], f.cubics
     while i < f.pieces:
         # The arc serves the bounds alone; the state goes on by the map, which loses fewer digits.
         e = load_at(q, f, i, 0.0)
@@ -238,11 +239,11 @@ def whole_pieces(q, f, m, legs, room, i, turns):
         tilt, bob, tilting, swinging = end[TILT], end[SWING], end[TILT_RATE], end[SWING_RATE]
         up, swing = accelerations(q, kind, centre, tilt, bob, tilting, swinging, c0 + c1 + c2 + c3)
         b = tilt, bob, tilting, swinging, up, swing
-        if not (abs(tilt) < limit and _without_event(q, m, arc, e, a, b, growth, room.bounds, turns)):
+        if not (abs(tilt) < limit and _has_no_event(q, m, arc, e, a, b, growth, w.bounds, turns)):
             break
-        put(end, y)
+        copy_to(end, y)
         i += 1
     if i > first:
-        note(m, y[TILT], y[SWING], i * h)
-        record(m, legs, first, 0.0, float(i - first), WHOLE, start)
+        update_angles(m, y[TILT], y[SWING], i * h)
+        record_leg(m, legs, first, 0.0, float(i - first), WHOLE, start)
     return i
