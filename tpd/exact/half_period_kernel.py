@@ -45,7 +45,7 @@ Solution = namedtuple(
     "Solution", "turning crossing height turning_t crossing_t height_t turning_g crossing_g height_g"
 )
 """phi'(0), phi(t-), phi(0) and their derivatives with respect to t and gamma."""
-Path = namedtuple("Motion", "first second crossing end")
+Path = namedtuple("Path", "first second crossing end")
 """The arcs until the crossing and from there to the next turn, and the instants at their ends."""
 
 
