@@ -98,7 +98,9 @@ def _event_delay(q, f, leg, a, s, eta, rate):
 
 @compiled
 def _launch_along(q, f, leg, dy, j, s):
-    """Return the arc of a leg in direction j, and its forcing. `s` is the local time of the start of the leg.
+    """Return the arc of a leg in direction j, and its forcing.
+
+    `s` is the local time of the start of the leg.
     """
     e = load_at(q, f, leg.piece, s)
     y0, y1 = complex(leg.y[TILT], dy[TILT, j] * STEP), complex(leg.y[SWING], dy[SWING, j] * STEP)

@@ -48,7 +48,7 @@ from tpd.exact.trajectory import trajectory
 
 SETTLE, TRAJECTORY, GROUND, HISTORY, STEADY_STATE, ORBIT = range(6)
 """Tasks; the first number of every row of settings. Histories are for the host alone."""
-_END, _GROWN, _AT, _LIFTED, SIZES_COUNT = map(np.int64, (3, 7, 8, 11, 12))
+_END, _GROWN, _AT, _LIFTED, QUANTITIES = map(np.int64, (3, 7, 8, 11, 12))
 """Places of the quantities with derivatives of a motion through all pieces, after the three angles: the end,
 the growing coordinate, the three times, that of the uplift; and how many there are."""
 _USUAL_EVENTS = 20_000
@@ -101,19 +101,19 @@ def _trajectory(a, first, last):
 
 
 @compiled
-def _store_slopes(m, many, inputs, by):
+def _store_slopes(m, derivatives, inputs, by):
     """Put the derivatives `many` of a motion through all pieces into `by`. Directions that are not asked for
     stay zero, and times without a derivative no numbers."""
     for j in range(INPUTS):
-        for i in range(SIZES_COUNT):
+        for i in range(QUANTITIES):
             by[i, j] = 0.0
         if j < inputs:
             for k in range(3):
                 best = larger_side(m, k)
-                by[k, j], by[_AT + k, j] = many[ANGLES + best, j], many[TIMES + best, j]
+                by[k, j], by[_AT + k, j] = derivatives[ANGLES + best, j], derivatives[TIMES + best, j]
             for i in range(4):
-                by[_END + i, j] = many[i, j]
-            by[_GROWN, j], by[_LIFTED, j] = many[GROWING, j], many[UPLIFT, j]
+                by[_END + i, j] = derivatives[i, j]
+            by[_GROWN, j], by[_LIFTED, j] = derivatives[GROWING, j], derivatives[UPLIFT, j]
 
 
 @compiled
@@ -122,7 +122,7 @@ def _follow_ground(a, first, last, history):
     impacts and statuses. If not, results and derivatives."""
     s, x, y = inputs_of(a, last)
     buffers, (_, _, _, forcing, results, by, arrivals, ends) = new_buffers(), addresses_in(a)
-    no_legs, many, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
+    no_legs, derivatives, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
     q, m, w, r = records_of(buffers)
     for n in range(first, last):
         f, status = pieces(forcing, s[n], n), FAILED
@@ -156,10 +156,12 @@ def _follow_ground(a, first, last, history):
             inputs = int(s[n].slopes)
             for i in range(ROWS):
                 for j in range(INPUTS):
-                    many[i, j] = math.nan
+                    derivatives[i, j] = math.nan
             fill_plants(x[n], r.plants)
-            out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, many)
-            _store_slopes(m, many, inputs, view(by, (last, SIZES_COUNT, INPUTS), np.float64)[n])
+            out.growing = read_derivatives(
+                q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, derivatives
+            )
+            _store_slopes(m, derivatives, inputs, view(by, (last, QUANTITIES, INPUTS), np.float64)[n])
     _keep_alive(buffers)
 
 

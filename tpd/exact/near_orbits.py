@@ -45,7 +45,7 @@ def _is_approaching(by, past, count, periods, orbit_state, scales, distance):
 def _peaks_are_past(by, best, scales, gap, distance, peaks):
     """Whether the motion has its peaks behind it, on its way to an orbit from which its state differs by
     `gap`; or else, where that is next to nothing, raise the peaks by what it reaches, to first order."""
-    onward, worst = np.empty(4), np.zeros(2)
+    next_gap, worst = np.empty(4), np.zeros(2)
     for _ in range(_LONG):
         for k in range(4):
             size = best[k]
@@ -54,11 +54,11 @@ def _peaks_are_past(by, best, scales, gap, distance, peaks):
             worst[k // 2] = max(worst[k // 2], size)
         error = 0.0
         for i in range(4):
-            onward[i] = 0.0
+            next_gap[i] = 0.0
             for j in range(4):
-                onward[i] += by[i, STATE + j] * gap[j]
-            error = max(error, abs(onward[i]) / scales[i])
-        copy_to(onward, gap)
+                next_gap[i] += by[i, STATE + j] * gap[j]
+            error = max(error, abs(next_gap[i]) / scales[i])
+        copy_to(next_gap, gap)
         if error > 3.0 * distance:
             return False
         if error < 1e-8:

@@ -210,17 +210,17 @@ def _is_still(q, m, before):
 
 
 @compiled
-def _one_period(q, f, m, w, s, rising, events):
+def _one_period(q, f, m, w, s, ramp_end, events):
     """Follow a motion from the local time `s` to the end of the forcing period; the shaking has its full size
     `grown` from the beginning of the period on. Return how it ended."""
     reset_angles(m)
     m.hold_level, m.events = (2.0 if m.kind != SLIP else 0.0), events
-    if 0.0 < rising < w.period:
+    if 0.0 < ramp_end < w.period:
         # The forcing has a kink where its growth ends, which a step must not cross.
-        ended = advance(q, f, m, w, FIRST_PIECE, s, rising)
+        ended = advance(q, f, m, w, FIRST_PIECE, s, ramp_end)
         if ended != ARRIVED:
             return ended
-        f, s, m.events = steady(f.cubics), rising, events
+        f, s, m.events = steady(f.cubics), ramp_end, events
     return advance(q, f, m, w, FIRST_PIECE, s, w.period)
 
 
@@ -241,14 +241,14 @@ def _settle(q, m, w, s, since, ramp, out):
     past, peaks = np.zeros(LONGEST, repetition.PERIOD), np.zeros(2)
     copy_to(y, past[NEWEST].y)
     reset_counts(m)
-    f, rising = repetition.excitation_in(ramp, w.period, 0.0, since, cubics)
+    f, ramp_end = repetition.excitation_in(ramp, w.period, 0.0, since, cubics)
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
     # A start within a period has another phase than the ends of periods, with which these are compared.
     count, status, repeats, elapsed = (1 if since == 0.0 else 0), repetition.NOT_SETTLED, 0, 0
     while elapsed < s.periods and status == repetition.NOT_SETTLED:
         if elapsed > 0:
-            f, rising = repetition.excitation_in(ramp, w.period, float(elapsed), 0.0, cubics)
-        ended = _one_period(q, f, m, w, since if elapsed == 0 else 0.0, rising, events)
+            f, ramp_end = repetition.excitation_in(ramp, w.period, float(elapsed), 0.0, cubics)
+        ended = _one_period(q, f, m, w, since if elapsed == 0 else 0.0, ramp_end, events)
         elapsed += 1
         peak, swing = largest(m, TILT), largest(m, SWING)
         peaks[TILT], peaks[SWING] = max(peaks[TILT], peak), max(peaks[SWING], swing)

@@ -164,8 +164,7 @@ def _roots(a4, a3, a2, a1, a0):
 
 @compiled
 def _mode(s, m11, m12, m21, m22, c1, c2, up):
-    """Return the shape over (phi, psi) of a real mode, and its left eigenvector over (phi, psi, phi', psi').
-    """
+    """Return the shape of a real mode over (phi, psi), and its left eigenvector over the whole state."""
     p11, p12, p21, p22 = s * m11 + c1, s * m12 - c1, s * m21 - c2, s * m22 + c2
     a, b, c, d = s * p11 - up, s * p12, s * p21, s * p22 + 1.0
     v0, v1 = d, -c
@@ -279,7 +278,6 @@ def plant_along(x, j, q):
 
 @compiled
 def fill_plants(x, plants):
-    """Fill the complex plants: one for each parameter, and one for all directions that change no parameter.
-    """
+    """Fill the complex plants: one for each parameter, and a last one for all other directions."""
     for j in range(MANY + 1):
         plant_along(x, j, plants[j])

@@ -363,7 +363,10 @@ def _steady_call(equations: Terms, limits: Limits) -> tuple[Compiled, np.ndarray
 def _ground_run_from(inputs: float, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
     """Call the compiled code for one run. `inputs` is 0 without derivatives, otherwise 1."""
     entry = LINEAR.entry()
-    shapes = shape(numbers_in(entry.FOLLOWED)), shape(*((entry.SHAKEN, entry.INPUTS) if inputs else (1, 1)))
+    shapes = (
+        shape(numbers_in(entry.FOLLOWED)),
+        shape(*((entry.QUANTITIES, entry.INPUTS) if inputs else (1, 1))),
+    )
     return LINEAR(shapes, settings, x, y, pieces)
 
 

@@ -1,8 +1,9 @@
-"""The steady state of a motion: the orbit that Newton's method finds on the map of its periods, what the
-multipliers say, and the derivatives of an isolated orbit.
+"""The steady state of a run: its periodic orbit, the stability of the orbit, and its derivatives.
 
-The rules are those of `tpd.answers.steady_state` and `tpd.answers.period_map`, which every other model
-goes by; only here is an orbit told with the fewest periods after which it closes."""
+Newton's method solves for the orbit on the map of the motion's periods (`tpd.exact.period_map`). The rules
+are those of `tpd.answers.steady_state` and `tpd.answers.period_map`, which all other models use. Only this
+module also reduces the period of an orbit to the smallest number of forcing periods after which it closes.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +48,7 @@ from tpd.exact.terms import (
 )
 
 APERIODIC_STATUS, UNSTABLE, NEUTRAL, NEAR_FOLD_STATUS, GRAZING_STATUS = range(8, 13)
-"""Numbers of statuses after those of `tpd.exact.repetition`, see `tpd.exact.terms.STEADY_STATUSES`."""
+"""Numbers of the statuses after those of `tpd.exact.repetition`, see `tpd.exact.terms.STEADY_STATUSES`."""
 STEADY = np.dtype(
     [
         *((name, np.float64) for name in ("amplitude", "swing")),
@@ -59,26 +60,29 @@ STEADY = np.dtype(
     ],
     align=True,
 )
-"""A steady state, see `tpd.answers.steady_state.Steady`; all multipliers and the margin of the fold, see
-`tpd.answers.periodic_orbit.PeriodicOrbit`; and the derivatives of the first six numbers in the parameters,
-NaN where there are none."""
+"""A steady state, see `tpd.answers.steady_state.Steady`; all multipliers and the margin to the fold, see
+`tpd.answers.periodic_orbit.PeriodicOrbit`; and `by`, the derivatives of the first six numbers in the
+parameters. A derivative that does not exist is NaN."""
 _RESIDUAL = np.int64(MANY)
-"""Column of the residual of an orbit's map, after those of the parameters."""
+"""Column of the residual of the orbit's map, after those of the parameters."""
 _AMPLITUDE, _STROKE = places(2)
-"""Rows of the derivatives of a steady state: of its sizes, before those of the state."""
+"""First rows of the derivatives of a steady state. The rows of the state follow."""
 _ONE = np.int64(1)
-"""One period."""
+"""One period, as a NumPy scalar."""
 
 
 @compiled
 def _measure_lyapunov(q, m, buffers, limits, periods, y):
-    """Follow a motion that did not repeat from the state `y`: its largest Lyapunov exponent, no number if it
-    ends at once. Leave the start of its last cycle in `y`, and that cycle in the first of two, with the
-    largest sizes of all."""
+    """Return the largest Lyapunov exponent of a run that did not repeat, which is followed from its present
+    state.
+
+    The result is NaN if the run ends at once. This writes the start of the last cycle into `y`, and that
+    cycle with the largest angles of all cycles into the first place of the buffers.
+    """
     best, c, scales = buffers.cycles[BEST], buffers.cycles[LATEST], repetition.scales_of(q)
     direction, onward, log_growth, steps = np.empty(4), np.empty(4), 0.0, 0
     for i in range(4):
-        # Of a bob without mass nothing is felt.
+        # A massless bob does not act on the block, so that its angle and rate get no weight.
         scales[i] = scales[i] if i % 2 == 0 or q.mu > 0.0 else 1e300
         direction[i] = 0.5 * scales[i]
     while steps < periods:
@@ -86,6 +90,8 @@ def _measure_lyapunov(q, m, buffers, limits, periods, y):
         if not is_finite(c.end):
             break
         c.amplitude, c.swing = max(c.amplitude, best.amplitude), max(c.swing, best.swing)
+        # Push the direction through the linearised map of one period. The growth of its length gives the
+        # exponent.
         size = 0.0
         for i in range(4):
             onward[i] = 0.0
@@ -103,10 +109,20 @@ def _measure_lyapunov(q, m, buffers, limits, periods, y):
 
 @compiled
 def verdict(outcome, residual, separation, multiplier, to_fold, crossing, neutral):
-    """Number of the status of a motion, from that with which following it has ended, and from what Newton's
-    method on its period map has found."""
+    """Return the number of a run's status, from the status of the simulation and from Newton's method on its
+    period map.
+
+    Args:
+        begun: status at the end of the simulation.
+        residual: residual of the orbit.
+        separation: Lyapunov exponent of a run that did not repeat, per unit of tau.
+        multiplier: modulus of the largest multiplier.
+        to_fold: distance of the nearest multiplier from 1.
+        crossing: smallest transversality of all events.
+        neutral: whether the orbit neither attracts nor repels.
+    """
     # From the weakest statement to the strongest: each line overrules those above it. Stability comes first,
-    # because its numbers mean nothing if an event was grazed, next to a fold, or off an orbit.
+    # because it means nothing if an event grazes, next to a fold, or away from an orbit.
     moving = outcome in (repetition.ROCKING, repetition.STICKING)
     status = UNSTABLE if moving and multiplier > 1.0 else outcome
     status = NEUTRAL if moving and neutral else status
@@ -118,16 +134,18 @@ def verdict(outcome, residual, separation, multiplier, to_fold, crossing, neutra
 
 @compiled
 def _store_isolated(c, y, out):
-    """Put the sizes of an isolated orbit after one more Newton step into `out`, and all slopes."""
-    # y*(p) = P(y*(p), p), hence dy*/dp = (I - DP)^-1 dP/dp, however long the transient was; both sizes are
-    # functions of (y*, p) along the period. The residual is one more right-hand side, so that they gain the
-    # last Newton step for nothing. I - DP is singular at a fold: there the caller refuses slopes.
+    """Write the sizes of an isolated orbit after one more Newton step, and all derivatives, into `out`."""
+    # From y*(p) = P(y*(p), p) follows dy*/dp = (I - DP)^-1 dP/dp, however long the transient was. Amplitude
+    # and swing are functions of (y*, p) along the period. The residual is one more right-hand side, which
+    # gives the last Newton step at no cost. I - DP is singular at a fold, where the caller does not use the
+    # derivatives.
     right, sizes = np.empty((4, _RESIDUAL + 1)), np.empty((2, _RESIDUAL + 1))
     for i in range(4):
         right[i, _RESIDUAL] = c.end[i] - y[i]
         for j in range(MANY):
             right[i, j] = c.by[i, j]
     regular = solve_linearised(c.by, right)
+    # The largest angles: direct derivatives, and those through the orbit's state.
     for k in range(2):
         row = ANGLES + larger_side(c, k)
         for j in range(_RESIDUAL + 1):
@@ -144,16 +162,16 @@ def _store_isolated(c, y, out):
 
 @compiled
 def _status_of(buffers, residual, y):
-    """Number of the status of a motion that was begun near an orbit and is on it now."""
+    """Return the number of the status of a motion that started near an orbit and is on it now."""
     c = buffers.cycles[BEST]
-    # Without a residual the first cycle was lost, and it is still in the second place.
+    # Without a residual the first cycle did not reach its end, and its record is still in the second place.
     if not math.isfinite(residual):
         ending = buffers.cycles[LATEST].ending
         ending = repetition.EVENT_BOUND if ending == EXHAUSTED else repetition.FAILED
         return repetition.OVERTURNED if ending == BEYOND else ending
     if not (residual < RESIDUAL and c.step < LAST_STEP):
         return repetition.NOT_SETTLED
-    # A block that is held throughout keeps its tilt.
+    # A block that is held all the time keeps its tilt.
     if c.hold_level == 2.0:
         return repetition.HELD if y[TILT] != 0.0 else repetition.AT_REST
     return repetition.STICKING if c.hold_level > 0.0 else repetition.ROCKING
@@ -161,12 +179,16 @@ def _status_of(buffers, residual, y):
 
 @compiled
 def steady_state(x, y0, s, near, buffers, out):
-    """Follow a motion from `y0` at tau = 0 until it settles, within the bounds of the settings `s`, and put
-    its steady state into the record `out`; or if `near`, the orbit near `y0` of so many periods as the
-    settings say, which need not attract and has derivatives also where it does not."""
+    """Compute the steady state of a run from `y0` at tau = 0, and write it into the record `out` (`STEADY`).
+
+    The run is simulated until it settles, within the bounds of the settings `s`. If `near`, nothing is
+    simulated: the function computes the orbit near `y0` with the number of periods in the settings. That
+    orbit need not be stable, and it has derivatives in that case as well.
+    """
     q, m, w, r = records_of(buffers)
     c, settled, y, total = buffers.cycles[BEST], buffers.settled[0], out.y, 0.0
     roots = out.multipliers
+    # Until a result is known, all numbers are NaN and the status is failed.
     out.amplitude = out.swing = out.multiplier = out.lyapunov = out.fold = math.nan
     out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, repetition.FAILED
     for i in range(4):
@@ -179,11 +201,11 @@ def steady_state(x, y0, s, near, buffers, out):
         total += abs(y0[i])
     copy_to(y0, m.y)
     copy_to(y0, y)
-    # What is fed with numbers that are none would be followed until its bound.
+    # A run with NaN or infinite inputs would be simulated until its bound.
     if not math.isfinite(total):
         return
     if near:
-        # What is not simulated begins as a motion that rocks; what it is shows in its first period.
+        # Without a simulation the motion counts as rocking at first. Its first period gives the real status.
         plant(x, q)
         prepare_march(q, w.march)
         decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), 0.0, m)
@@ -196,7 +218,7 @@ def steady_state(x, y0, s, near, buffers, out):
     residual, separation, multiplier, to_fold, fold = math.inf, math.nan, math.inf, 1.0, math.nan
     c.amplitude, c.swing, c.transversality, c.asymmetry = settled.amplitude, settled.swing, math.inf, math.inf
     limits = Limits(s.rest_rate * q.nu, int(s.events), FIRST_PIECE, math.inf)
-    # There is nothing to be said of a motion that is lost.
+    # A run that has overturned or failed has no orbit.
     if outcome in (repetition.ROCKING, repetition.STICKING, repetition.AT_REST, repetition.NOT_SETTLED):
         fill_plants(x, r.plants)
         clear_derivatives(c)
@@ -204,8 +226,8 @@ def steady_state(x, y0, s, near, buffers, out):
             separation = _measure_lyapunov(q, m, buffers, limits, int(s.lyapunov), y)
         else:
             residual = find_orbit(q, m, buffers, limits, periods, y)
-            # A motion that comes to its orbit from both sides in turn repeats after two periods first: an
-            # orbit that closes after fewer is of that many.
+            # A motion that approaches its orbit from both sides in turn first repeats after two periods. If
+            # the orbit closes after fewer periods, it gets that smaller number.
             other, begin = buffers.cycles[LATEST], buffers.motions[APPROACHING]
             set_motion(y, m, begin)
             for fewer in range(1, periods):
@@ -216,44 +238,46 @@ def steady_state(x, y0, s, near, buffers, out):
                     if other.closed != 0.0 and distance < RESIDUAL:
                         buffers.cycles[BEST], residual, periods = other, distance, fewer
                         break
+        # Stability of the orbit, or of the last cycle of a run that did not repeat.
         multiplier, to_fold, fold = multipliers(q, c.by, roots)
     if near:
-        # The sizes of what is no orbit are no numbers.
+        # Without an orbit the sizes stay NaN.
         outcome = _status_of(buffers, residual, y)
         if outcome != repetition.NOT_SETTLED:
             settled.amplitude, settled.swing = c.amplitude, c.swing
     neutral = is_neutral(q.k, q.e, q.mu, q.zeta, multiplier)
     status = verdict(outcome, residual, separation, multiplier, to_fold, c.transversality, neutral)
-    # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
-    # unless it has more steps than that may take.
+    # An undamped bob that keeps swinging under a resting block has no orbit. With damping one period was
+    # simulated, unless it has more events than allowed.
     endless = q.zeta > 0.0 and not math.isfinite(residual)
     status = repetition.EVENT_BOUND if outcome == repetition.AT_REST and endless else status
-    # Without a finite derivative of the period map nothing can be said about stability.
+    # Without a finite derivative of the period map the stability is unknown.
     undefined = status == UNSTABLE and not math.isfinite(multiplier)
     status = (
         repetition.FAILED if undefined or not (is_finite(y) or status == repetition.OVERTURNED) else status
     )
-    # The tilt at which friction holds a block is a state next to which it is held as well.
+    # Friction also holds the block at slightly different tilts, so that the multiplier is 1.
     multiplier = 1.0 if status == repetition.HELD else multiplier
     rests, rocks = status == repetition.AT_REST, status in (repetition.ROCKING, repetition.STICKING)
     marginal, singular = status in (UNSTABLE, NEUTRAL), status in (NEAR_FOLD_STATUS, GRAZING_STATUS)
     periodic, span = rocks or rests or marginal, periods * 2.0 * math.pi / q.xi
-    # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
+    # The swing of an undamped bob under a resting block is known, although there is no orbit.
     ringing = rests and not (q.zeta > 0.0 and multiplier < 1.0)
+    # Only an isolated orbit has derivatives.
     isolated = (not ringing) & (rocks | rests | (near & marginal))
     if isolated:
         _store_isolated(c, y, out)
     elif marginal or singular or status == APERIODIC_STATUS:
-        # I - DP may be singular: the sizes are those of the orbit as it was found, or, of a motion that did
-        # not repeat, the largest met.
+        # I - DP may be singular. The sizes are those of the orbit without a further Newton step, or the
+        # largest ones of a run that did not repeat.
         out.amplitude, out.swing = c.amplitude, c.swing
     elif status == repetition.OVERTURNED:
         out.amplitude = out.swing = math.inf
     elif status != repetition.FAILED:
         out.amplitude, out.swing = settled.amplitude, settled.swing
     if rests:
-        # A block at rest has no amplitude, whatever moves. The stroke of a bob that hangs still is at the
-        # corner of |psi|.
+        # The amplitude of a block at rest is zero for all parameters near by. Where the bob hangs still, its
+        # largest |psi| has a corner and no derivative.
         out.amplitude = 0.0
         for j in range(MANY):
             out.by[_AMPLITUDE, j] = 0.0
@@ -269,6 +293,6 @@ def steady_state(x, y0, s, near, buffers, out):
     else:
         for i in range(4):
             roots[i] = math.nan
-            # Where there is no orbit near a state, what Newton's method came to is none either.
+            # If there is no orbit near a state, the last state of Newton's method is not a result.
             y[i] = math.nan if near else y[i]
     out.status, out.periods = status, periods
