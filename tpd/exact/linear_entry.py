@@ -1,4 +1,4 @@
-"""The entrance to the compiled code of the linear equations (25), for XLA and for the host."""
+"""Entry point to the compiled code of the exact model (25), for XLA and for Python."""
 
 from __future__ import annotations
 
@@ -47,23 +47,29 @@ from tpd.exact.terms import FAILED, SWING_PULL, TILT_PULL
 from tpd.exact.trajectory import trajectory
 
 SETTLE, TRAJECTORY, GROUND, HISTORY, STEADY_STATE, ORBIT = range(6)
-"""Tasks; the first number of every row of settings. Histories are for the host alone."""
+"""Tasks, which are the first number of every row of settings. Histories are only for calls from Python."""
 _END, _GROWN, _AT, _LIFTED, QUANTITIES = map(np.int64, (3, 7, 8, 11, 12))
-"""Places of the quantities with derivatives of a motion through all pieces, after the three angles: the end,
-the growing coordinate, the three times, that of the uplift; and how many there are."""
+"""Rows of the derivatives of a run under a ground motion, after those of the three angles: the state at the
+end, the growing coordinate, the three times, and the time of the first uplift. The last number is the number
+of rows."""
 _USUAL_EVENTS = 20_000
-"""Events for which there is room at first."""
+"""Number of events for which memory is allocated at first."""
 
 
 @compiled
 def _keep_alive(buffers):
-    """Keep the memory of records until here: Numba frees an array after its last use."""
+    """Keep the arrays alive until here. Numba frees an array after its last use, even if a record still
+    points to it."""
     return len(buffers.motions)
 
 
 @compiled
 def _settle(a, first, last):
-    """Rows of `settle`: settings, parameters, starts, beginnings and ramps; what the motions settle to."""
+    """Compute rows of the task SETTLE, see `settle`.
+
+    Operands: settings, parameters, initial states, and begin and ramp of each run. Results: records
+    `SETTLED`.
+    """
     s, x, y = inputs_of(a, last)
     buffers, (_, _, _, times, results, _, _, _) = new_buffers(), addresses_in(a)
     t = view(times, (last, 2), np.float64)
@@ -76,7 +82,10 @@ def _settle(a, first, last):
 
 @compiled
 def _steady(a, first, last, near):
-    """Rows of `steady_state`: settings, parameters and starts; steady states, or orbits `near` the starts."""
+    """Compute rows of the tasks STEADY_STATE and ORBIT (`near`), see `steady_state`.
+
+    Operands: settings, parameters and initial states. Results: records `STEADY`.
+    """
     (s, x, y), buffers, (_, _, _, results, _, _, _, _) = inputs_of(a, last), new_buffers(), addresses_in(a)
     out = view(results, (last,), STEADY)
     for n in range(first, last):
@@ -86,8 +95,11 @@ def _steady(a, first, last, near):
 
 @compiled
 def _trajectory(a, first, last):
-    """Rows of `trajectory`: settings, parameters, starts and times; states with their rates, statuses, and
-    derivatives."""
+    """Compute rows of the task TRAJECTORY, see `trajectory`.
+
+    Operands: settings, parameters, initial states and times. Results: states with their time derivatives,
+    statuses, and derivatives.
+    """
     s, x, y = inputs_of(a, last)
     buffers, (_, _, _, clock, states, ends, slopes, _) = new_buffers(), addresses_in(a)
     count, (q, m, w, r) = int(s[first].periods), records_of(buffers)
@@ -102,13 +114,16 @@ def _trajectory(a, first, last):
 
 @compiled
 def _store_slopes(m, derivatives, inputs, by):
-    """Put the derivatives `many` of a motion through all pieces into `by`. Directions that are not asked for
-    stay zero, and times without a derivative no numbers."""
+    """Select the derivatives of a run's results from those of its legs, and write them into `by`.
+
+    The directions from `inputs` on stay zero. The derivative of a time that has none is NaN.
+    """
     for j in range(INPUTS):
         for i in range(QUANTITIES):
             by[i, j] = 0.0
         if j < inputs:
             for k in range(3):
+                # Of the two sides of each angle only the larger one is a result.
                 best = larger_side(m, k)
                 by[k, j], by[_AT + k, j] = derivatives[ANGLES + best, j], derivatives[TIMES + best, j]
             for i in range(4):
@@ -118,22 +133,26 @@ def _store_slopes(m, derivatives, inputs, by):
 
 @compiled
 def _follow_ground(a, first, last, history):
-    """Rows of `through`: settings, parameters, starts and pieces. If it is a `history`, also times; states,
-    impacts and statuses. If not, results and derivatives."""
+    """Compute rows of the tasks GROUND and HISTORY (`history`), see `follow_ground_motion`.
+
+    Operands: settings, parameters, initial states and pieces, for a history also times. Results: records
+    `FOLLOWED` and derivatives; for a history states, impacts and statuses.
+    """
     s, x, y = inputs_of(a, last)
     buffers, (_, _, _, forcing, results, by, arrivals, ends) = new_buffers(), addresses_in(a)
     no_legs, derivatives, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
     q, m, w, r = records_of(buffers)
     for n in range(first, last):
         f, status = pieces(forcing, s[n], n), FAILED
-        # Few motions have so many legs, and those are followed once more. Of memory that nothing is written
-        # to the system gives none.
+        # Few runs have more legs than this, and those are repeated with enough memory. The operating system
+        # assigns memory only when it is written, so that a large array costs nothing.
         capacity = 2 * (int(s[n].pieces) + min(int(s[n].events), _USUAL_EVENTS)) + 64
         legs = np.empty(capacity, LEG) if slopes or history else no_legs
         m.leg_count = len(legs) + 1
         while m.leg_count > len(legs):
             copy_to(y[n], m.y)
             status = follow_ground_motion(x[n], q, f, m, legs, w, s[n])
+            # Without derivatives no legs are needed.
             if not (slopes or history):
                 break
             if m.leg_count > len(legs):
@@ -149,11 +168,13 @@ def _follow_ground(a, first, last, history):
             continue
         out = view(results, (last,), FOLLOWED)[n]
         store_results(m, status, out)
+        # The accelerations at the end, where no forcing acts any more.
         arc = arc_from(q, m, m.y, Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         end = state_at(arc, beginning(arc), 0.0)
         out.state[TILT_PULL], out.state[SWING_PULL] = end[TILT_PULL], end[SWING_PULL]
         if slopes:
             inputs = int(s[n].slopes)
+            # Derivatives that do not exist are never written, and must be NaN.
             for i in range(ROWS):
                 for j in range(INPUTS):
                     derivatives[i, j] = math.nan
@@ -167,7 +188,7 @@ def _follow_ground(a, first, last, history):
 
 @compiled
 def _run(a, first, last):
-    """Rows of whatever the settings ask for."""
+    """Compute rows of the task that the settings name."""
     settings, _, _, _, _, _, _, _ = addresses_in(a)
     task = view(settings, (last,), SETTINGS)[first].task
     if task == SETTLE:
@@ -181,21 +202,26 @@ def _run(a, first, last):
 
 
 def _entrance(version: int, api: int) -> Any:
+    """Return the entry point. The arguments are the checksum of the sources and the version of XLA's
+    interface."""
     def call(address):
         """Answer a frame: 0 for success."""
         a = np.zeros(8, np.int64)
         first, last, by_host = rows_of(address, a, api)
-        # One call: Numba compiles all that is called once more for each other kind of argument.
+        # There is only one call of `_run`: Numba would compile all functions below it again for each other
+        # kind of argument.
         if last > first:
             _run(a, first, last)
         return version if by_host else 0
 
-    # Numba's store looks at the file of the function alone, and would go on with machine code of another
-    # version of the kernel. Numbers from outside the function are part of its key.
+    # Numba's cache only checks the file of this function, and would keep machine code of an older kernel. But
+    # the values of variables from outside the function are part of the key, so that `version` makes the cache
+    # safe.
     return stored(call, numba.cfunc, "int64(int64)")
 
 
 CALL = _entrance(checksum(), api_version())
-"""The entrance, an FFI handler of XLA's."""
+"""The entry point, an FFI handler for XLA."""
 run = on_host(CALL)
-"""Function that answers the host: first and last row, then the operands and results of a task."""
+"""Function for calls from Python. The arguments are the first row, the row after the last, then operands and
+results."""

@@ -1,4 +1,4 @@
-"""The entrance to the compiled code of symmetric orbits, for XLA and for the host."""
+"""Entry point to the compiled code of symmetric orbits, for XLA and for Python."""
 
 from __future__ import annotations
 
@@ -28,17 +28,20 @@ from tpd.exact.symmetric_orbit_kernel import (
 from tpd.exact.terms import MANY
 
 SOLVE, DIFFERENTIATE, VANISH, SAMPLE_PATH = range(4)
-"""Tasks."""
+"""Tasks, which are the first number of every row of settings."""
 SETTINGS = np.dtype([(name, np.float64) for name in ("task", "directions", "begin", "end")])
-"""A row of settings: the task; for derivatives the number of directions, and the range of sizes that are
-asked for."""
+"""A row of settings: the task, and for derivatives the number of directions and the range of the sizes to
+compute."""
 
 
 @part
 def _run(a, first, last):
-    """Rows of a task, each with its settings and parameters. The others are, operands first: orbits of
-    `solve`; orbits, directions and slopes of `differentiate`; (t, gamma, s), numbers and derivatives of
-    `vanishing`; the same and numbers of `survey`."""
+    """Compute rows of a task. Each row has its settings and its parameters.
+
+    The other buffers, operands first, are: for `solve` the orbits; for `differentiate` orbits, directions and
+    slopes; for `vanishing` (t, gamma, s), the numbers and their derivatives; for `sample_path` (t, gamma, s)
+    and the samples.
+    """
     settings, design, third, fourth, fifth, _, _, _ = addresses_in(a)
     s = view(settings, (last,), SETTINGS)
     x, workspaces = view(design, (last, MANY), np.float64), np.empty(1, WORK)
@@ -61,11 +64,13 @@ def _run(a, first, last):
         u, out = view(third, (last, 3), np.float64), view(fourth, (last,), PATH_SAMPLES)
         for n in range(first, last):
             sample_path(x[n], u[n], work, out[n])
-    # A record does not keep its memory, and Numba frees an array after its last use.
+    # A record does not keep its array alive, and Numba frees an array after its last use.
     return len(workspaces)
 
 
 def _entrance(version: int, api: int) -> Any:
+    """Return the entry point. The arguments are the checksum of the sources and the version of XLA's
+    interface."""
     def call(address):
         """Answer a frame: 0 for success."""
         a = np.zeros(8, np.int64)
@@ -74,10 +79,13 @@ def _entrance(version: int, api: int) -> Any:
             _run(a, first, last)
         return version if by_host else 0
 
-    # Numbers from outside the function are part of the key of Numba's store, see `linear_entry`.
+    # The values of variables from outside the function are part of the key of Numba's cache, see
+    # `linear_entry`.
     return stored(call, numba.cfunc, "int64(int64)")
 
 
 CALL = _entrance(checksum(), api_version())
-"""The entrance, an FFI handler of XLA's."""
+"""The entry point, an FFI handler for XLA."""
 run = on_host(CALL)
+"""Function for calls from Python. The arguments are the first row, the row after the last, then operands and
+results."""
