@@ -78,8 +78,12 @@ def mode_of(up, down, friction, tilt, direction):
     # side to which it moves.
     lifts = 1.0 if up > friction else (-1.0 if down < -friction else 0.0)
     new_direction = direction if direction != 0.0 else lifts
-    held = STICK if tilt != 0.0 else REST
-    return (SLIP if new_direction != 0.0 else held), (tilt if tilt != 0.0 else new_direction), new_direction
+    held_kind = STICK if tilt != 0.0 else REST
+    return (
+        (SLIP if new_direction != 0.0 else held_kind),
+        (tilt if tilt != 0.0 else new_direction),
+        new_direction,
+    )
 
 
 @compiled
@@ -88,9 +92,9 @@ def decide(q, y, tilt, direction, eta, mode):
 
     `tilt` and `direction` are the signs of phi and phi', and may be zero. `eta` is the forcing.
     """
-    held, side = moment(q, y[TILT], y[SWING], y[SWING_RATE], eta), (1.0 if tilt == 0.0 else tilt)
+    needed, side = moment(q, y[TILT], y[SWING], y[SWING_RATE], eta), (1.0 if tilt == 0.0 else tilt)
     other = -1.0 if tilt == 0.0 else tilt
-    up, down = held - side * q.weight, held - other * q.weight
+    up, down = needed - side * q.weight, needed - other * q.weight
     mode.kind, mode.tilt, mode.direction = mode_of(up, down, q.k + q.slack, tilt, direction)
 
 

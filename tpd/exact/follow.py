@@ -380,16 +380,16 @@ def follow_ground_motion(x, q, f, m, legs, w, s):
     # Keep the initial state: the run may have to be repeated.
     y0, y1, y2, y3 = m.y[TILT], m.y[SWING], m.y[TILT_RATE], m.y[SWING_RATE]
     brief, max_events = s.brief != 0.0, int(s.events)
-    quick, max_angle, bob = s.rest_rate, max_events, q.mu > 0.0 and not brief
+    quick, bound, bob = s.rest_rate, max_events, q.mu > 0.0 and not brief
     while True:
-        status = _follow_once(q, f, m, legs, w, s.free, max_angle, Rules(quick * q.nu, bob, bob, brief))
+        status = _follow_once(q, f, m, legs, w, s.free, bound, Rules(quick * q.nu, bob, bob, brief))
         # Hops without energy loss never end. If there are too many of them, the run is repeated with a larger
         # capture speed. This changes the tilt by about the square of that speed. The last attempt gets a
         # larger bound on events.
         if status != EVENT_BOUND or q.e < _LOSSLESS or quick * _COARSER > _QUICKEST:
             return status
         quick *= _COARSER
-        max_angle = max_events if quick * _COARSER <= _QUICKEST else _LAST * max_events
+        bound = max_events if quick * _COARSER <= _QUICKEST else _LAST * max_events
         m.y[TILT], m.y[SWING], m.y[TILT_RATE], m.y[SWING_RATE] = y0, y1, y2, y3
 
 

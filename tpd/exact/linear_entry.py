@@ -48,7 +48,7 @@ from tpd.exact.trajectory import trajectory
 
 SETTLE, TRAJECTORY, GROUND, HISTORY, STEADY_STATE, ORBIT = range(6)
 """Tasks, which are the first number of every row of settings. Histories are only for calls from Python."""
-_END, _GROWN, _AT, _LIFTED, QUANTITIES = map(np.int64, (3, 7, 8, 11, 12))
+_END, _GROWING, _AT, _UPLIFT, QUANTITIES = map(np.int64, (3, 7, 8, 11, 12))
 """Rows of the derivatives of a run under a ground motion, after those of the three angles: the state at the
 end, the growing coordinate, the three times, and the time of the first uplift. The last number is the number
 of rows."""
@@ -128,7 +128,7 @@ def _store_slopes(m, derivatives, inputs, by):
                 by[k, j], by[_AT + k, j] = derivatives[ANGLES + best, j], derivatives[TIMES + best, j]
             for i in range(4):
                 by[_END + i, j] = derivatives[i, j]
-            by[_GROWN, j], by[_LIFTED, j] = derivatives[GROWING, j], derivatives[UPLIFT, j]
+            by[_GROWING, j], by[_UPLIFT, j] = derivatives[GROWING, j], derivatives[UPLIFT, j]
 
 
 @compiled
@@ -159,11 +159,11 @@ def _follow_ground(a, first, last, history):
                 legs = np.empty(m.leg_count, LEG)
                 m.leg_count += 1
         if history:
-            count, most = int(s[n].periods), int(s[n].impacts)
+            count, n_impacts = int(s[n].periods), int(s[n].impacts)
             times = view(results, (last, count), np.float64)
             states = view(by, (last, count, STATES), np.float64)
             store_states(q, f, legs, m.leg_count, times[n], states[n])
-            store_impacts(q, legs, m.leg_count, view(arrivals, (last, most, 2), np.float64)[n])
+            store_impacts(q, legs, m.leg_count, view(arrivals, (last, n_impacts, 2), np.float64)[n])
             view(ends, (last,), np.float64)[n] = status
             continue
         out = view(results, (last,), FOLLOWED)[n]
@@ -204,6 +204,7 @@ def _run(a, first, last):
 def _entrance(version: int, api: int) -> Any:
     """Return the entry point. The arguments are the checksum of the sources and the version of XLA's
     interface."""
+
     def call(address):
         """Answer a frame: 0 for success."""
         a = np.zeros(8, np.int64)

@@ -381,10 +381,10 @@ def _locate_event(q, m, a, tilt, swing, event, near, far):
         at, row = _expand_near(q, a, is_held, tilt, swing, near), (SWING if event == BOB else TILT)
         if is_held and event != BOB:
             # The signal is the moment on the held block, as in the careful search.
-            row, way = _SIGNAL, (-1.0 if event == FIRST else 1.0)
+            row, sign = _SIGNAL, (-1.0 if event == FIRST else 1.0)
             for n in range(TERMS):
                 rate = (n + 1.0) * z[n + 1] if n < TERMS - 1 else 0.0
-                c[n] = way * ((1.0 - q.up) * z[n] + q.bias * rate - q.f * x[n])
+                c[n] = sign * ((1.0 - q.up) * z[n] + q.bias * rate - q.f * x[n])
             c[_VALUE] += _hold_margin(q, m, event)
         by_rate = row == SWING or (row == TILT and event == FIRST)
         more = _crossing(a.series[row], by_rate, near - at, a.step / GRID, TERMS)

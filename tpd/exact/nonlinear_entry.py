@@ -50,7 +50,7 @@ from tpd.exact.motion import (
 from tpd.exact.plant import PLANT, compiled, part
 from tpd.exact.repetition import LONGEST, NEWEST, SETTLED
 from tpd.exact.steady import STEADY
-from tpd.exact.terms import MANY, REST, SLIP, STICK, SWING, SWING_RATE, SYMMETRIC, TILT, TILT_RATE
+from tpd.exact.terms import N_PARAMETERS, REST, SLIP, STICK, SWING, SWING_RATE, SYMMETRIC, TILT, TILT_RATE
 from tpd.exact.trajectory import ROUNDING
 
 __all__ = ["CALL", "FOLLOWED", "SETTINGS", "SETTLED", "STEADY", "run"]
@@ -321,7 +321,7 @@ def _steady_state(q, m, w, s, settled, out):
     out.multiplier = out.lyapunov = math.nan
     out.status, out.periods, out.elapsed = status, settled.periods, settled.elapsed
     for i in range(6):
-        for j in range(MANY):
+        for j in range(N_PARAMETERS):
             out.by[i, j] = math.nan
     if status in (repetition.OVERTURNED, repetition.FAILED):
         out.amplitude = out.swing = math.inf if status == repetition.OVERTURNED else math.nan
@@ -430,6 +430,7 @@ def _run(a, first, last):
 def _entrance(version: int, api: int) -> Any:
     """Return the entry point. The arguments are the checksum of the sources and the version of XLA's
     interface."""
+
     def call(address):
         """Answer a frame: 0 for success."""
         a = np.zeros(8, np.int64)

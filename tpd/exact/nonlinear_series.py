@@ -170,6 +170,7 @@ def _expand_slipping(q, m, remaining, w):
         sr2 += c[_S, VALUE] * c[_R2, n]
         c[_ACC, n] = by_det * (q.m22 * c[_R1, n] + pull * sr2 - da)
         c[_SWING, n] = by_det * (q.m11 * c[_R2, n] + rho * sr1 - db)
+        # Integrate: order n of a rate gives order n + 1 of the function.
         by = 1.0 / (n + 1.0)
         c[PHI, n + 1], c[PSI, n + 1] = by * c[V, n], by * c[R, n]
         c[V, n + 1], c[R, n + 1] = by * c[_ACC, n], by * c[_SWING, n]

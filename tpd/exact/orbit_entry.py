@@ -25,7 +25,7 @@ from tpd.exact.symmetric_orbit_kernel import (
     solve,
     vanishing,
 )
-from tpd.exact.terms import MANY
+from tpd.exact.terms import N_PARAMETERS
 
 SOLVE, DIFFERENTIATE, VANISH, SAMPLE_PATH = range(4)
 """Tasks, which are the first number of every row of settings."""
@@ -44,14 +44,17 @@ def _run(a, first, last):
     """
     settings, design, third, fourth, fifth, _, _, _ = addresses_in(a)
     s = view(settings, (last,), SETTINGS)
-    x, workspaces = view(design, (last, MANY), np.float64), np.empty(1, WORK)
+    x, workspaces = view(design, (last, N_PARAMETERS), np.float64), np.empty(1, WORK)
     task, count, work = s[first].task, int(s[first].directions), workspaces[FIRST_PIECE]
     if task == SOLVE:
         orbits = view(third, (last, ORBITS), ORBIT)
         for n in range(first, last):
             solve(x[n], work, orbits[n])
     elif task == DIFFERENTIATE:
-        orbits, along = view(third, (last, ORBITS), ORBIT), view(fourth, (last, count, MANY), np.float64)
+        orbits, along = (
+            view(third, (last, ORBITS), ORBIT),
+            view(fourth, (last, count, N_PARAMETERS), np.float64),
+        )
         slopes = view(fifth, (last, ORBITS, count, NUMBERS), np.float64)
         for n in range(first, last):
             differentiate(x[n], orbits[n], along[n], int(s[n].begin), int(s[n].end), work, slopes[n])
@@ -71,6 +74,7 @@ def _run(a, first, last):
 def _entrance(version: int, api: int) -> Any:
     """Return the entry point. The arguments are the checksum of the sources and the version of XLA's
     interface."""
+
     def call(address):
         """Answer a frame: 0 for success."""
         a = np.zeros(8, np.int64)

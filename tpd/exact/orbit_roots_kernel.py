@@ -88,6 +88,7 @@ def _sample(q, m, table):
         u = u * onward.u - q.q * v * onward.v
         v = before * onward.v + v * (onward.u - q.p * onward.v)
     for i in range(NODES + 1):
+        # The second flow of a sample belongs to the time h - t.
         j = NODES - i
         f = Flow(table[_E1, i], table[_E2, i], table[_U, i], table[_V, i])
         g = Flow(table[_E1, j], table[_E2, j], table[_U, j], table[_V, j])
@@ -169,13 +170,13 @@ def _lowest(q, m, low, high):
 
 
 @compiled
-def _newton(q, m, t, gamma, most):
+def _newton(q, m, t, gamma, max_steps):
     """Solve both conditions by Newton's method. Return (t, gamma) and the size of the last step."""
     # The two conditions stay regular in (t, gamma) where the branches meet and phi(t-) has a square root. The
     # iteration continues to rounding: near a fold each step only halves the error, and derivatives would lose
     # digits.
     step = math.inf
-    for _ in range(most):
+    for _ in range(max_steps):
         x, before = solution_at(q, m, t, gamma), step
         determinant = x.turning_t * x.crossing_g - x.turning_g * x.crossing_t
         dt = (x.crossing_g * x.turning - x.turning_g * x.crossing) / determinant

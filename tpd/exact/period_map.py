@@ -127,14 +127,14 @@ def _include_event_at_end(q, f, m, legs, w, mode0, limits):
     if n < 0 or n + 2 >= len(legs) or _is_same_mode(m, mode0):
         return
     # Simulate the last leg again, a little beyond the end.
-    last, begun = legs[n : n + 1].copy(), legs[n].start
+    last, start = legs[n : n + 1].copy(), legs[n].start
     set_motion(legs[n].y, legs[n], again)
     reset_counts(again)
-    start_angles(q, f, again, FIRST_PIECE, begun)
+    start_angles(q, f, again, FIRST_PIECE, start)
     again.leg_count = n
     allow_events(again, w, limits.events)
     rules = Rules(limits.capture, YES, NO, NO)
-    follow_piece(q, f, again, legs, w, FIRST_PIECE, begun, (1.0 + _CLOSE) * period, rules)
+    follow_piece(q, f, again, legs, w, FIRST_PIECE, start, (1.0 + _CLOSE) * period, rules)
     # Keep the new legs only if they restore the mode of the start.
     k = min(again.leg_count, len(legs)) - 1
     if not (_is_same_mode(again, mode0) and k > n and legs[k].event == END):

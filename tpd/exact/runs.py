@@ -195,16 +195,18 @@ def follow(
     else:
         limits |= {"events": EVENTS if events is None else events, "tolerance": tolerance}
         limits["periods"] = PERIODS[equations] if forcing.periods is None else forcing.periods
-    many = np.ndim(rows) > 1 or np.ndim(y0) > 1
+    is_batch = np.ndim(rows) > 1 or np.ndim(y0) > 1
     # Without tracing, even one run is computed as a batch: otherwise JAX would compile a program for it.
-    if many or all(map(checks.is_concrete, jax.tree.leaves((rows, y0, forcing, limits)))):
-        x, y = (rows, y0) if many else (np.asarray(rows)[None], None if y0 is None else np.asarray(y0)[None])
+    if is_batch or all(map(checks.is_concrete, jax.tree.leaves((rows, y0, forcing, limits)))):
+        x, y = (
+            (rows, y0) if is_batch else (np.asarray(rows)[None], None if y0 is None else np.asarray(y0)[None])
+        )
         batch = _Batch.of(x, y, workers, progress)
         if ground:
             runs = _run_batch(engine, batch, forcing, limits | {"brief": brief})
-            return runs if many else Followed(*(x[0] for x in runs))
+            return runs if is_batch else Followed(*(x[0] for x in runs))
         settled = _settle_batch(engine, batch, forcing, limits)
-        return settled if many else jax.tree.map(lambda x: x[0, ...], settled)
+        return settled if is_batch else jax.tree.map(lambda x: x[0, ...], settled)
     # JAX traces the run. It becomes one call of the compiled code within the program.
     start = jnp.zeros(4) if y0 is None else y0
     if ground:
@@ -402,9 +404,9 @@ def _ground_run_jvp(primals: tuple, tangents: tuple) -> tuple:
     # The largest angles often occur long before the end, so that their derivatives need only a part of the
     # legs. There are two calls, one for the angles and one for the end. XLA removes the call whose results a
     # program does not use.
-    asked = settings.at[column("slopes")].set(inputs)
-    out, by_angles = _ground_run_with_slopes(asked.at[column("angles")].set(1.0), x, y, pieces)
-    _, by_end = _ground_run_with_slopes(asked, x, y, pieces)
+    with_slopes = settings.at[column("slopes")].set(inputs)
+    out, by_angles = _ground_run_with_slopes(with_slopes.at[column("angles")].set(1.0), x, y, pieces)
+    _, by_end = _ground_run_with_slopes(with_slopes, x, y, pieces)
     of = parts(out, entry.FOLLOWED)
     xs, ys, samples, times = (
         jnp.zeros(t.shape, jnp.float64) if isinstance(t, SymbolicZero) else t for t in tangents

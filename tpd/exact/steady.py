@@ -39,7 +39,7 @@ from tpd.exact.terms import (
     APERIODIC,
     GRAZING,
     LAST_STEP,
-    MANY,
+    N_PARAMETERS,
     NEAR_FOLD,
     RESIDUAL,
     SYMMETRIC,
@@ -56,14 +56,14 @@ STEADY = np.dtype(
         *((name, np.float64) for name in ("multiplier", "lyapunov", "fold")),
         *((name, np.float64) for name in ("status", "periods", "symmetric", "elapsed")),
         ("multipliers", np.complex128, (4,)),
-        ("by", np.float64, (6, MANY)),
+        ("by", np.float64, (6, N_PARAMETERS)),
     ],
     align=True,
 )
 """A steady state, see `tpd.answers.steady_state.Steady`; all multipliers and the margin to the fold, see
 `tpd.answers.periodic_orbit.PeriodicOrbit`; and `by`, the derivatives of the first six numbers in the
 parameters. A derivative that does not exist is NaN."""
-_RESIDUAL = np.int64(MANY)
+_RESIDUAL = np.int64(N_PARAMETERS)
 """Column of the residual of the orbit's map, after those of the parameters."""
 _AMPLITUDE, _STROKE = places(2)
 """First rows of the derivatives of a steady state. The rows of the state follow."""
@@ -142,7 +142,7 @@ def _store_isolated(c, y, out):
     right, sizes = np.empty((4, _RESIDUAL + 1)), np.empty((2, _RESIDUAL + 1))
     for i in range(4):
         right[i, _RESIDUAL] = c.end[i] - y[i]
-        for j in range(MANY):
+        for j in range(N_PARAMETERS):
             right[i, j] = c.by[i, j]
     regular = solve_linearised(c.by, right)
     # The largest angles: direct derivatives, and those through the orbit's state.
@@ -156,7 +156,7 @@ def _store_isolated(c, y, out):
                 sizes[k, j] = math.nan
     out.amplitude, out.swing = sizes[_AMPLITUDE, _RESIDUAL], sizes[_STROKE, _RESIDUAL]
     for k in range(6):
-        for j in range(MANY):
+        for j in range(N_PARAMETERS):
             out.by[k, j] = sizes[k, j] if k < 2 else right[k - 2, j]
 
 
@@ -193,7 +193,7 @@ def steady_state(x, y0, s, near, buffers, out):
     out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, repetition.FAILED
     for i in range(4):
         roots[i] = math.nan
-    for j in range(MANY):
+    for j in range(N_PARAMETERS):
         total += abs(x[j])
         for i in range(6):
             out.by[i, j] = math.nan
@@ -279,7 +279,7 @@ def steady_state(x, y0, s, near, buffers, out):
         # The amplitude of a block at rest is zero for all parameters near by. Where the bob hangs still, its
         # largest |psi| has a corner and no derivative.
         out.amplitude = 0.0
-        for j in range(MANY):
+        for j in range(N_PARAMETERS):
             out.by[_AMPLITUDE, j] = 0.0
             if out.swing == 0.0:
                 out.by[_STROKE, j] = math.nan

@@ -127,8 +127,7 @@ def store_bounds(q, bounds):
 
 @compiled
 def _bound(arc, x, growth, order, bounds):
-    """Return a bound on the fourth or fifth derivative of a signal over a piece. That of the forcing is zero.
-    """
+    """Return a bound on the fourth or fifth derivative of a signal over a piece. That of the forcing is zero."""
     # The rising exponential is largest at the end of the piece, and the decaying one at its start.
     r1, r2 = arc.s1 * arc.s1, arc.s2 * arc.s2
     r1, r2 = r1 * r1, r2 * r2
@@ -174,8 +173,8 @@ def _is_below_largest(m, k, x0, x1, bend, fourth, h):
     """
     # Between its ends an angle exceeds the larger end value by at most h^2/8 times its largest second
     # derivative. The fourth derivative bounds how much larger that is than at the ends.
-    most = max(abs(x0), abs(x1)) + h * h / 8.0 * (bend + h * h / 8.0 * fourth)
-    return most < largest(m, k)
+    upper = max(abs(x0), abs(x1)) + h * h / 8.0 * (bend + h * h / 8.0 * fourth)
+    return upper < largest(m, k)
 
 
 @compiled
