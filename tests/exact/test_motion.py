@@ -16,7 +16,7 @@ def tally(motions, path):
     motion.reset_angles(m)
     for i in range(1, len(path)):
         motion.update_angles(m, path[i, 0], path[i, 1], path[i, 2])
-        m.leg_count += 1
+        m.n_legs += 1
     return motion.larger_side(m, 0), motion.larger_side(m, 1), motion.larger_side(m, 2)
 
 
@@ -31,16 +31,16 @@ def test_the_largest_angles_to_both_sides_are_kept_with_the_first_leg_that_met_t
     path = np.array([[0.1, 0.0, 0.0], [-0.2, 0.3, 1.0], [-0.2, 0.1, 2.0], [0.05, -0.5, 3.0]])
     assert tally(motions, path) == (1, 3, 5)
     m = motions[0]
-    np.testing.assert_allclose(m["extremes"], [0.1, 0.2, 0.3, 0.5, 0.5, 0.55])
-    assert m["extreme_legs"].tolist() == [-1, 0, 0, 2, 0, 2]
-    assert m["extreme_times"].tolist() == [0.0, 1.0, 1.0, 3.0, 1.0, 3.0]
+    np.testing.assert_allclose(m["peaks"], [0.1, 0.2, 0.3, 0.5, 0.5, 0.55])
+    assert m["peak_legs"].tolist() == [-1, 0, 0, 2, 0, 2]
+    assert m["peak_times"].tolist() == [0.0, 1.0, 1.0, 3.0, 1.0, 3.0]
 
 
 def test_legs_beyond_the_room_are_counted_and_not_written():
     motions, legs = np.zeros(1, MOTION), np.zeros(2, LEG)
     motions["kind"], motions["direction"] = 1.0, -1.0
     record(motions, legs, np.arange(4.0))
-    assert motions["leg_count"][0] == 3
+    assert motions["n_legs"][0] == 3
     assert legs["piece"].tolist() == [0, 1]
     assert legs["direction"].tolist() == [-1.0, -1.0]
     np.testing.assert_array_equal(legs["y"][1], np.arange(4.0))

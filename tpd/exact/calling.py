@@ -116,8 +116,8 @@ class Compiled:
             agrees, why = False, f"{type(error).__name__}: {error}"
         if not agrees:
             warnings.warn(
-                f"JAX cannot call the compiled code of {self._subject} directly ({why}): it goes through Python, "
-                "which takes longer",
+                f"JAX cannot call the compiled code of {self._subject} directly ({why}). It calls the code "
+                "through Python, which is slower",
                 stacklevel=2,
             )
         return agrees
@@ -125,7 +125,7 @@ class Compiled:
     def on_host(self, shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> tuple[np.ndarray, ...]:
         """Compute the results in this process, for operands that are NumPy arrays.
 
-        All operands have the same leading batch axes, before their own axes. So have the results.
+        All operands and results have the same leading batch axes, before their own axes.
         """
         run = self.entry().run
         wide = [np.asarray(x, dtype=float) for x in operands]
@@ -152,7 +152,7 @@ class Compiled:
 
         Args:
             n: number of rows.
-            workers, progress, piece: as in `tpd.core.batch.shared`.
+            workers, progress, piece: see `tpd.core.batch.shared`.
             buffers: contiguous arrays, operands before results.
         """
         entry = self.entry()

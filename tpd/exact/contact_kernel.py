@@ -77,13 +77,9 @@ def mode_of(up, down, friction, tilt, direction):
     # direction has an excess of its own, because weight resists both. From the base the block tilts to the
     # side to which it moves.
     lifts = 1.0 if up > friction else (-1.0 if down < -friction else 0.0)
-    new_direction = direction if direction != 0.0 else lifts
+    heading = direction if direction != 0.0 else lifts
     held_kind = STICK if tilt != 0.0 else REST
-    return (
-        (SLIP if new_direction != 0.0 else held_kind),
-        (tilt if tilt != 0.0 else new_direction),
-        new_direction,
-    )
+    return ((SLIP if heading != 0.0 else held_kind), (tilt if tilt != 0.0 else heading), heading)
 
 
 @compiled
@@ -92,9 +88,9 @@ def decide(q, y, tilt, direction, eta, mode):
 
     `tilt` and `direction` are the signs of phi and phi', and may be zero. `eta` is the forcing.
     """
-    needed, side = moment(q, y[TILT], y[SWING], y[SWING_RATE], eta), (1.0 if tilt == 0.0 else tilt)
+    pull, side = moment(q, y[TILT], y[SWING], y[SWING_RATE], eta), (1.0 if tilt == 0.0 else tilt)
     other = -1.0 if tilt == 0.0 else tilt
-    up, down = needed - side * q.weight, needed - other * q.weight
+    up, down = pull - side * q.weight, pull - other * q.weight
     mode.kind, mode.tilt, mode.direction = mode_of(up, down, q.k + q.slack, tilt, direction)
 
 
@@ -105,7 +101,7 @@ def held_on_base(q, psi, rate, eta):
 
 
 @compiled
-def release_margin(q, kind, tilt, event, y0, y1, y3, eta):
+def hold_margin(q, kind, tilt, event, y0, y1, y3, eta):
     """Return the margin between the moment on a held block and the limit at which it is released.
 
     The block is released upwards at the event FIRST, and downwards at SECOND.

@@ -23,7 +23,7 @@ from numba.np.numpy_support import carray as _carray
 from tpd.exact.arcs import Forcing
 from tpd.exact.motion import NO
 from tpd.exact.plant import compiled, part
-from tpd.exact.terms import N_PARAMETERS
+from tpd.exact.terms import WIDTH
 
 carray: Any = _carray
 FRAME = 16
@@ -111,11 +111,7 @@ def addresses_in(a):
 def inputs_of(a, rows):
     """Return the first three operands of runs: settings, parameters and initial states."""
     s, x, y, _, _, _, _, _ = addresses_in(a)
-    return (
-        view(s, (rows,), SETTINGS),
-        view(x, (rows, N_PARAMETERS), np.float64),
-        view(y, (rows, 4), np.float64),
-    )
+    return (view(s, (rows,), SETTINGS), view(x, (rows, WIDTH), np.float64), view(y, (rows, 4), np.float64))
 
 
 @compiled

@@ -95,7 +95,7 @@ def _joined_jvp(primals: tuple, tangents: tuple) -> tuple[tuple, tuple]:
 
 def _moves(values: tuple, directions: tuple, numbers: tuple, slopes: tuple) -> tuple:
     """Return the changes of `numbers` in the given directions."""
-    # The point makes second derivatives NaN, whatever value they are taken in.
+    # The dependence on the point makes second derivatives NaN.
     point = sum(values)
 
     def move(number: Any, by: Any) -> Array:
@@ -110,7 +110,7 @@ def _moves(values: tuple, directions: tuple, numbers: tuple, slopes: tuple) -> t
 
 
 def once(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function of arrays with derivatives NaN, for functions whose results are derivatives already."""
+    """Return a function of arrays whose derivatives are NaN, because its results are derivatives already."""
 
     @jax.custom_jvp
     def computed(*operands: Any) -> Any:

@@ -254,8 +254,7 @@ def follow_piece(q, f, m, legs, w, i, s, end, rules):
             # Before the first event of a piece no signal has been zero. An event that rounding has moved from
             # the end of the last piece into this one is due now.
             w.first_zero = BOB
-        for j in range(4):
-            start[j] = y[j]
+        copy_to(y, start)
         # An arc that would be too long is cut, and restarted from its state.
         whole = end - s <= reach
         remaining = end - s if whole else reach
@@ -398,11 +397,10 @@ def store_results(m, status, out):
     """Write the counters, the state and the status of a run into the record `out` (`FOLLOWED`)."""
     for k in range(3):
         # Of the two sides of each angle only the larger one is a result.
-        best = larger_side(m, k)
-        out.sizes[k] = m.extremes[best] if status != OVERTURNED else math.inf
-        out.times[k] = m.extreme_times[best]
+        out.sizes[k] = largest(m, k) if status != OVERTURNED else math.inf
+        out.times[k] = m.peak_times[larger_side(m, k)]
     copy_to(m.y, out.state)
     out.growing, out.status = 0.0, status
     out.impacts, out.uplift_time, out.overturn_time = m.impacts, m.uplift_time, m.overturn_time
-    out.transversality, out.legs = m.transversality, m.leg_count
+    out.transversality, out.legs = m.transversality, m.n_legs
     out.state[TILT_PULL] = out.state[SWING_PULL] = 0.0

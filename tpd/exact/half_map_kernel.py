@@ -47,11 +47,10 @@ def store_half_map(q, m, t, path, g):
     before, after = state_at(path.first, until, t), state_at(path.second, again, zero)
     end = state_at(path.second, path.end, m.span - t)
     # Saltation at the crossing: a neighbour jumps by the same shares of its own phi'.
-    (block_jump, bob_jump), rate_before = jump(q, ratio(q)), before[TILT_RATE]
-    by0 = (after[TILT_RATE] - rate_before) / rate_before
-    by1 = (after[SWING_RATE] - before[SWING_RATE]) / rate_before
-    by2 = (after[TILT_PULL] - (1.0 + block_jump) * before[TILT_PULL]) / rate_before
-    by3 = (after[SWING_PULL] - before[SWING_PULL] - bob_jump * before[TILT_PULL]) / rate_before
+    (block_jump, bob_jump), rate0 = jump(q, ratio(q)), before[TILT_RATE]
+    by0, by1 = (after[TILT_RATE] - rate0) / rate0, (after[SWING_RATE] - before[SWING_RATE]) / rate0
+    by2 = (after[TILT_PULL] - (1.0 + block_jump) * before[TILT_PULL]) / rate0
+    by3 = (after[SWING_PULL] - before[SWING_PULL] - bob_jump * before[TILT_PULL]) / rate0
     # Saltation at the turning point: friction changes its sign, which is 2 k in the first column of M^-1.
     pushed = 2.0 * q.k / ((q.m11 * q.m22 - q.m12 * q.m21) * end[TILT_PULL])
     # A massless bob does not act on the block. The block has two multipliers then, and the other two are

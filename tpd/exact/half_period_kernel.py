@@ -35,9 +35,9 @@ Half = namedtuple(
 
 They are three numbers of the plant; the duration h (`span`); the jumps 2w/K (`step`) and 2k/K (`slack`) of
 the equilibrium tilt at the crossing and at a turning point, and (w - k)/K (`balance`); `per_fall`, the factor
-that solves the impact condition for phi'(t-); and functionals of a flow g (`Part`): the components phi, phi'
-and psi of g(A) M e1 (`tilt`, `rate`, `bob`) and of g(A) M d (`kick`, `kick_rate`, `bob_kick`). Names that end in
-`whole` are their values at g = exp(A h).
+that solves the impact condition for phi'(t-); and functionals of a flow g (`Part`). These are the components
+phi, phi' and psi of g(A) M e1 (`tilt`, `rate`, `bob`) and of g(A) M d (`kick`, `kick_rate`, `bob_kick`).
+Names that end in `whole` are their values at g = exp(A h).
 """
 Part = namedtuple("Part", "s1 s2 u v")
 """A functional of flows: the factors of the four numbers of a `Flow`."""

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from tpd.exact.arcs import Load, arc_from, beginning, forcing_at, instant, launch, load_at, span_of, state_at
-from tpd.exact.contact_kernel import rates_after_impact, release_margin
+from tpd.exact.contact_kernel import hold_margin, rates_after_impact
 from tpd.exact.events import BOB, CUT, END, FIRST, OVERTURN, RELATIVE, SECOND, STOP
-from tpd.exact.motion import WHOLE, angle_of, larger_side
+from tpd.exact.motion import WHOLE, angle_of, copy_to, larger_side
 from tpd.exact.plant import COMPLEX_PLANT, STEP, compiled, part
 from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_PULL, SWING_RATE, TILT, TILT_PULL, TILT_RATE
 
@@ -24,7 +24,7 @@ INPUTS = np.int64(13)
 """Number of directions of the derivatives: nine parameters and four components of the initial state."""
 STATE, _BEGINNING = np.int64(9), np.int64(-1)
 """Index of the first direction of the initial state; and the index that stands for the start of the run in
-`extreme_legs`."""
+`peak_legs`."""
 FORCING, KIND, SIDE, STATES = map(np.int64, (6, 7, 8, 9))
 """Columns of a history after those of the state with its accelerations (forcing, kind of the mode, sign of
 the tilt), and the number of columns."""
@@ -83,9 +83,7 @@ def _event_delay(q, f, leg, a, s, eta, rate):
         return 0.0
     if leg.kind != SLIP:
         # A held block is released when its margin vanishes.
-        value = release_margin(
-            q, leg.kind, complex(leg.tilt, 0.0), event, a[TILT], a[SWING], a[SWING_RATE], eta
-        )
+        value = hold_margin(q, leg.kind, complex(leg.tilt, 0.0), event, a[TILT], a[SWING], a[SWING_RATE], eta)
         side = 1.0 if event == FIRST else -1.0
         pull = (1.0 - q.up.real) * a[SWING_RATE].real + q.bias.real * a[SWING_PULL].real
         slope = -side * (pull - q.f.real * rate.real)
@@ -216,8 +214,7 @@ def _carry_through_pieces(q, r, c, leg, inputs):
         r.shift[j] = 0.0
         if not is_held:
             moved[j] = ((leg.tilt * p.weight + leg.direction * p.k) / p.up).imag / STEP
-    for i in range(4):
-        y[i] = leg.y[i]
+    copy_to(leg.y, y)
     first, last = leg.piece, leg.piece + int(leg.duration)
     # A record has no quadratic and no cubic term, so that the last two columns of the map are usually not
     # needed.
@@ -257,7 +254,7 @@ def _store_angles(r, f, m, n, leg, first, last, by):
     """Write the derivatives of the largest angles that occurred at the end of leg n, and of their times, into
     `by`."""
     for k in range(6):
-        if m.extreme_legs[k] != n:
+        if m.peak_legs[k] != n:
             continue
         for j in range(first, last):
             by[ANGLES + k, j] = angle_of(r.dy[TILT, j], r.dy[SWING, j], k)
@@ -294,7 +291,7 @@ def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
     have its plants. If `angles_only`, the legs after the last of the largest angles and after the first
     uplift are not used.
     """
-    count, (first, inputs) = min(m.leg_count, len(legs)), directions
+    count, (first, inputs) = min(m.n_legs, len(legs)), directions
     r.has_map[:] = 0
     for j in range(inputs):
         # At the start only the directions of the initial state change the state.
@@ -307,14 +304,14 @@ def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
     if angles_only:
         last = uplift_leg
         for k in range(3):
-            last = max(last, m.extreme_legs[larger_side(m, k)])
+            last = max(last, m.peak_legs[larger_side(m, k)])
         last = min(count, 1 + last)
     for n in range(last):
         leg = legs[n]
         if n == uplift_leg:
             for j in range(first, inputs):
                 by[UPLIFT, j] = leg.piece * _plant(r, j).xi.imag / STEP + r.shift[j]
-        if n == m.leg_count - 1 and not f.harmonic:
+        if n == m.n_legs - 1 and not f.harmonic:
             # The last leg decides whether the block overturns or falls back.
             for j in range(first, inputs):
                 p = _plant(r, j)
@@ -365,8 +362,7 @@ def store_states(q, f, legs, count, times, out):
         if leg.event == OVERTURN:
             # The arc of a block that overturns continues until the last time.
             length = max(length, times[-1])
-        for i in range(4):
-            y[i] = leg.y[i]
+        copy_to(leg.y, y)
         # Whole pieces are treated one by one, because a time may lie in any of them.
         for k in range(int(length) if is_whole else 1):
             start, duration = (0.0 if is_whole else leg.start), (h if is_whole else length)

@@ -48,7 +48,7 @@ from tpd.exact.trajectory import trajectory
 
 SETTLE, TRAJECTORY, GROUND, HISTORY, STEADY_STATE, ORBIT = range(6)
 """Tasks, which are the first number of every row of settings. Histories are only for calls from Python."""
-_END, _GROWING, _AT, _UPLIFT, QUANTITIES = map(np.int64, (3, 7, 8, 11, 12))
+_END, _GROWING, _AT, _UPLIFT, OUTPUTS = map(np.int64, (3, 7, 8, 11, 12))
 """Rows of the derivatives of a run under a ground motion, after those of the three angles: the state at the
 end, the growing coordinate, the three times, and the time of the first uplift. The last number is the number
 of rows."""
@@ -72,8 +72,7 @@ def _settle(a, first, last):
     """
     s, x, y = inputs_of(a, last)
     buffers, (_, _, _, times, results, _, _, _) = new_buffers(), addresses_in(a)
-    t = view(times, (last, 2), np.float64)
-    out, (_, m, _, _) = view(results, (last,), SETTLED), records_of(buffers)
+    t, out, m = view(times, (last, 2), np.float64), view(results, (last,), SETTLED), buffers.motions[0]
     for n in range(first, last):
         copy_to(y[n], m.y)
         settle(x[n], buffers, s[n], t[n, BEGIN], t[n, RAMP], out[n])
@@ -113,22 +112,22 @@ def _trajectory(a, first, last):
 
 
 @compiled
-def _store_slopes(m, derivatives, inputs, by):
+def _store_slopes(m, table, inputs, by):
     """Select the derivatives of a run's results from those of its legs, and write them into `by`.
 
     The directions from `inputs` on stay zero. The derivative of a time that has none is NaN.
     """
     for j in range(INPUTS):
-        for i in range(QUANTITIES):
+        for i in range(OUTPUTS):
             by[i, j] = 0.0
         if j < inputs:
             for k in range(3):
                 # Of the two sides of each angle only the larger one is a result.
                 best = larger_side(m, k)
-                by[k, j], by[_AT + k, j] = derivatives[ANGLES + best, j], derivatives[TIMES + best, j]
+                by[k, j], by[_AT + k, j] = table[ANGLES + best, j], table[TIMES + best, j]
             for i in range(4):
-                by[_END + i, j] = derivatives[i, j]
-            by[_GROWING, j], by[_UPLIFT, j] = derivatives[GROWING, j], derivatives[UPLIFT, j]
+                by[_END + i, j] = table[i, j]
+            by[_GROWING, j], by[_UPLIFT, j] = table[GROWING, j], table[UPLIFT, j]
 
 
 @compiled
@@ -140,7 +139,7 @@ def _follow_ground(a, first, last, history):
     """
     s, x, y = inputs_of(a, last)
     buffers, (_, _, _, forcing, results, by, arrivals, ends) = new_buffers(), addresses_in(a)
-    no_legs, derivatives, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
+    no_legs, table, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
     q, m, w, r = records_of(buffers)
     for n in range(first, last):
         f, status = pieces(forcing, s[n], n), FAILED
@@ -148,22 +147,21 @@ def _follow_ground(a, first, last, history):
         # assigns memory only when it is written, so that a large array costs nothing.
         capacity = 2 * (int(s[n].pieces) + min(int(s[n].events), _USUAL_EVENTS)) + 64
         legs = np.empty(capacity, LEG) if slopes or history else no_legs
-        m.leg_count = len(legs) + 1
-        while m.leg_count > len(legs):
+        m.n_legs = len(legs) + 1
+        while m.n_legs > len(legs):
             copy_to(y[n], m.y)
             status = follow_ground_motion(x[n], q, f, m, legs, w, s[n])
             # Without derivatives no legs are needed.
             if not (slopes or history):
                 break
-            if m.leg_count > len(legs):
-                legs = np.empty(m.leg_count, LEG)
-                m.leg_count += 1
+            if m.n_legs > len(legs):
+                legs = np.empty(m.n_legs, LEG)
+                m.n_legs += 1
         if history:
             count, n_impacts = int(s[n].periods), int(s[n].impacts)
-            times = view(results, (last, count), np.float64)
-            states = view(by, (last, count, STATES), np.float64)
-            store_states(q, f, legs, m.leg_count, times[n], states[n])
-            store_impacts(q, legs, m.leg_count, view(arrivals, (last, n_impacts, 2), np.float64)[n])
+            times, size = view(results, (last, count), np.float64), (last, count, STATES)
+            store_states(q, f, legs, m.n_legs, times[n], view(by, size, np.float64)[n])
+            store_impacts(q, legs, m.n_legs, view(arrivals, (last, n_impacts, 2), np.float64)[n])
             view(ends, (last,), np.float64)[n] = status
             continue
         out = view(results, (last,), FOLLOWED)[n]
@@ -177,12 +175,10 @@ def _follow_ground(a, first, last, history):
             # Derivatives that do not exist are never written, and must be NaN.
             for i in range(ROWS):
                 for j in range(INPUTS):
-                    derivatives[i, j] = math.nan
+                    table[i, j] = math.nan
             fill_plants(x[n], r.plants)
-            out.growing = read_derivatives(
-                q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, derivatives
-            )
-            _store_slopes(m, derivatives, inputs, view(by, (last, QUANTITIES, INPUTS), np.float64)[n])
+            out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, table)
+            _store_slopes(m, table, inputs, view(by, (last, OUTPUTS, INPUTS), np.float64)[n])
     _keep_alive(buffers)
 
 

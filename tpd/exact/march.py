@@ -327,7 +327,7 @@ def _end_rattle(q, f, m, a, s, end):
     last, previous = hops[_LAST], hops[_PREVIOUS]
     last[_SPEED], last[_TIME], last[_SWING], last[_SWING_RATE] = abs(y[TILT_RATE]), s, y[SWING], y[SWING_RATE]
     a.hop_count[side] += 1
-    # Successive hops shrink by nearly the same factor, so that a geometric series estimates the remaining
+    # Successive hops shrink by nearly the same factor, so that a geometric series estimates the wait
     # time.
     share = last[_SPEED] / previous[_SPEED]
     soon = (last[_TIME] - previous[_TIME]) * share * a.quickest < _SOON * (1.0 - share)
@@ -345,18 +345,17 @@ def _end_rattle(q, f, m, a, s, end):
                 v0, v1 = hops[i, _SPEED], hops[i + d, _SPEED]
                 w[i] = (v0 * w[i + 1] - v1 * w[i]) / (v0 - v1)
         limit[j], soon = w[_LAST], soon and abs(w[_LAST] - before) < _AGREEMENT
-    remaining, firm = limit[_TIME], min(min(a.sure_time[_LAST], a.sure_time[_PREVIOUS]), end - s)
-    if not (soon and 0.0 < remaining < firm and abs(limit[_SWING_RATE]) < 0.5 * abs(y[SWING_RATE])):
+    wait, firm = limit[_TIME], min(min(a.sure_time[_LAST], a.sure_time[_PREVIOUS]), end - s)
+    if not (soon and 0.0 < wait < firm and abs(limit[_SWING_RATE]) < 0.5 * abs(y[SWING_RATE])):
         return 0.0
     # Check that weight and friction can hold the block at that time.
-    eta = (f.share + f.rate * (s + remaining)) * math.sin(q.xi * (s + remaining))
-    psi = y[SWING] + limit[_SWING]
+    eta, psi = (f.share + f.rate * (s + wait)) * math.sin(q.xi * (s + wait)), y[SWING] + limit[_SWING]
     rate = y[SWING_RATE] + limit[_SWING_RATE]
     if not held_on_base(q, psi, rate, eta):
         return 0.0
     y[SWING], y[TILT_RATE], y[SWING_RATE], m.hold_level = psi, 0.0, rate, 1.0
     decide(q, y, 0.0, 0.0, eta, m)
-    return remaining
+    return wait
 
 
 @fused
@@ -414,7 +413,7 @@ def _signals_of(q, m, back, up, down, tilt, swing):
 
 
 @fused
-def _is_sound_start(g, v):
+def _rises(g, v):
     """Whether a signal is positive at the start of an arc, or rises from zero."""
     return g >= _AT_ZERO or v > 0.0
 
@@ -445,10 +444,9 @@ def _arc(q, m, legs, w, i, s, end, released):
     Returns the first event of the block, END at the time `end`, or CUT where a proof fails; the start of the
     last leg; and its end, as the time of a grid point and the time after it.
     """
-    a, y, is_held, remaining, limit = w.march, m.y, m.kind != SLIP, end - s, beyond_return(q)
+    a, y, is_held, span, limit = w.march, m.y, m.kind != SLIP, end - s, beyond_return(q)
     back, (tilt, swing) = not is_held and m.tilt * m.direction < 0.0, _parts_of(q, m, a)
-    tilt4, tilt5 = bounds_of(a, is_held, tilt, remaining)
-    swing4, swing5 = bounds_of(a, is_held, swing, remaining)
+    (tilt4, tilt5), (swing4, swing5) = bounds_of(a, is_held, tilt, span), bounds_of(a, is_held, swing, span)
     if is_held:
         tilt4 = tilt5 = abs(1.0 - q.up) * swing4 + abs(q.bias) * swing5 + q.f * tilt4
     up, down = (_hold_margin(q, m, FIRST), _hold_margin(q, m, SECOND)) if is_held else (0.0, 0.0)
@@ -459,11 +457,7 @@ def _arc(q, m, legs, w, i, s, end, released):
         g1, g2, v1 = m.direction * y[TILT_RATE], m.tilt * y[TILT], (0.0 if released else v1)
     g3 = m.bob_direction * y[SWING_RATE]
     # A signal that starts below zero, or falls from zero, is a case for the careful search.
-    sound = (
-        (_is_sound_start(g1, v1) or released)
-        and _is_sound_start(g3, v3)
-        and (_is_sound_start(g2, v2) or not (is_held or back))
-    )
+    sound = (_rises(g1, v1) or released) and _rises(g3, v3) and (_rises(g2, v2) or not (is_held or back))
     g1, g2, g3 = max(g1, 0.0), max(g2, 0.0), max(g3, 0.0)
     at, leg_start, n = 0.0, s, (int(a.jump) if sound else 0)
     while n > 0 and w.budget > 0:
@@ -491,7 +485,7 @@ def _arc(q, m, legs, w, i, s, end, released):
             if place < 0.0:
                 break
             # An event beyond the end of the piece does not count.
-            if at + place + more < remaining:
+            if at + place + more < span:
                 a.jump = n
                 if event != BOB:
                     return event, leg_start, s + at + place, more
@@ -501,9 +495,9 @@ def _arc(q, m, legs, w, i, s, end, released):
         # The careful search computes the time at which the block is beyond return.
         if not is_held and abs(_value(new_tilt)) >= limit:
             break
-        if at + far >= remaining:
-            place = _expand_near(q, a, is_held, tilt, swing, remaining - at)
-            return END, leg_start, s + at + place, remaining - at - place
+        if at + far >= span:
+            place = _expand_near(q, a, is_held, tilt, swing, span - at)
+            return END, leg_start, s + at + place, span - at - place
         # Steps get longer again after a success.
         tilt, swing, at, n = new_tilt, new_swing, at + far, min(2 * n, GRID)
         g1, v1, g2, v2, g3, v3 = h1, u1, h2, u2, h3, u3

@@ -37,9 +37,9 @@ MOTION = np.dtype(
     [
         ("y", np.float64, (4,)),
         *((name, np.float64) for name in ("kind", "tilt", "direction", "hold_level")),
-        *((name, np.float64, (6,)) for name in ("extremes", "extreme_times")),
-        ("extreme_legs", np.int64, (6,)),
-        *((name, np.int64) for name in ("impacts", "leg_count", "events")),
+        *((name, np.float64, (6,)) for name in ("peaks", "peak_times")),
+        ("peak_legs", np.int64, (6,)),
+        *((name, np.int64) for name in ("impacts", "n_legs", "events")),
         *((name, np.float64) for name in ("uplift_time", "overturn_time", "transversality", "bob_direction")),
     ],
     align=True,
@@ -48,11 +48,11 @@ MOTION = np.dtype(
 counters.
 
 `hold_level` says for how long the block was held since the largest angles are recorded: 0 never, 1 part of
-the time, 2 all the time. `extremes` are the largest phi, psi and psi - phi to either side, `extreme_times`
-their times, and `extreme_legs` the legs at whose ends they occurred (-1 is the start). `impacts` and
-`leg_count` count impacts and legs, and `events` is the number of events that are still allowed. `uplift_time`
-and `overturn_time` are the times of the first uplift and of overturning, `transversality` is the smallest one
-of all events, and `bob_direction` is the sign of psi'.
+the time, 2 all the time. `peaks` are the largest phi, psi and psi - phi to either side, `peak_times` their
+times, and `peak_legs` the legs at whose ends they occurred (-1 is the start). `impacts` and `n_legs` count
+impacts and legs, and `events` is the number of events that are still allowed. `uplift_time` and
+`overturn_time` are the times of the first uplift and of overturning, `transversality` is the smallest one of
+all events, and `bob_direction` is the sign of psi'.
 """
 GRID, TERMS, MOST, HOPS = map(np.int64, (32, 8, 11, 6))
 """Sizes in `tpd.exact.march`: the number of points into which its longest step is divided (GRID); the usual
@@ -149,23 +149,22 @@ def angle_of(phi, psi, k):
 @compiled
 def reset_counts(m):
     """Reset the counters of impacts, legs and times."""
-    m.impacts = 0
-    m.leg_count, m.uplift_time, m.overturn_time, m.transversality = 0, math.inf, math.inf, math.inf
+    m.impacts, m.n_legs, m.uplift_time, m.overturn_time, m.transversality = 0, 0, math.inf, math.inf, math.inf
 
 
 @compiled
 def reset_angles(m):
     """Start to record the largest angles from the present state on."""
     for k in range(6):
-        m.extremes[k], m.extreme_legs[k], m.extreme_times[k] = angle_of(m.y[TILT], m.y[SWING], k), -1, 0.0
+        m.peaks[k], m.peak_legs[k], m.peak_times[k] = angle_of(m.y[TILT], m.y[SWING], k), -1, 0.0
 
 
 @compiled
 def update_angle(m, k, angle, tau):
     """Update the largest angle k with an angle at the end of the leg that is recorded next."""
     # Only a larger angle replaces the old one, so that the first leg counts. A block at rest adds none.
-    if angle > m.extremes[k]:
-        m.extremes[k], m.extreme_legs[k], m.extreme_times[k] = angle, m.leg_count, tau
+    if angle > m.peaks[k]:
+        m.peaks[k], m.peak_legs[k], m.peak_times[k] = angle, m.n_legs, tau
 
 
 @compiled
@@ -180,27 +179,26 @@ def update_angles(m, phi, psi, tau):
 @compiled
 def larger_side(m, k):
     """Return the index of the larger of both sides of angle k, which is TILT, SWING or APART."""
-    return 2 * k if m.extremes[2 * k] >= m.extremes[2 * k + 1] else 2 * k + 1
+    return 2 * k if m.peaks[2 * k] >= m.peaks[2 * k + 1] else 2 * k + 1
 
 
 @compiled
 def largest(m, k):
     """Return the largest absolute value of angle k, which is TILT, SWING or APART."""
-    return m.extremes[larger_side(m, k)]
+    return m.peaks[larger_side(m, k)]
 
 
 @compiled
 def record_leg(m, legs, piece, start, duration, event, y):
     """Record a leg that started in the state `y`, if there is memory for it. Legs without memory are only
     counted."""
-    n = m.leg_count
+    n = m.n_legs
     if n < len(legs):
         leg = legs[n]
         leg.kind, leg.tilt, leg.direction, leg.piece = m.kind, m.tilt, m.direction, piece
         leg.start, leg.duration, leg.event, leg.ends_at_rest = start, duration, event, NO
-        for i in range(4):
-            leg.y[i] = y[i]
-    m.leg_count = n + 1
+        copy_to(y, leg.y)
+    m.n_legs = n + 1
 
 
 @compiled
@@ -210,7 +208,7 @@ def pass_event(q, m, legs, event, capture, usual_rate, now, eta, tau):
     `now` is the state at the event with its accelerations, and `usual_rate` the usual rate of the motion.
     """
     # Only after the event is it clear whether the block rests, so that the last leg is completed here.
-    y, before, n = m.y, m.kind, m.leg_count - 1
+    y, before, n = m.y, m.kind, m.n_legs - 1
     rests = handle_event(q, event, capture, eta, y, m)
     if rests and n < len(legs):
         legs[n].ends_at_rest = rests

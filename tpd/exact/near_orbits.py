@@ -112,7 +112,7 @@ def orbit_near(q, m, buffers, past, count, limits, periods):
         return False
     if not _is_approaching(c.by, past.periods, count, periods, y, scales, distance):
         return False
-    if not _peaks_are_past(c.by, c.extremes, scales, gap, distance, past.peaks):
+    if not _peaks_are_past(c.by, c.peaks, scales, gap, distance, past.peaks):
         return False
     for n in range(periods):
         past.periods[n].tilt, past.periods[n].swing = c.amplitude, c.swing

@@ -50,7 +50,7 @@ from tpd.exact.motion import (
 from tpd.exact.plant import PLANT, compiled, part
 from tpd.exact.repetition import LONGEST, NEWEST, SETTLED
 from tpd.exact.steady import STEADY
-from tpd.exact.terms import N_PARAMETERS, REST, SLIP, STICK, SWING, SWING_RATE, SYMMETRIC, TILT, TILT_RATE
+from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_RATE, SYMMETRIC, TILT, TILT_RATE, WIDTH
 from tpd.exact.trajectory import ROUNDING
 
 __all__ = ["CALL", "FOLLOWED", "SETTINGS", "SETTLED", "STEADY", "run"]
@@ -159,7 +159,7 @@ def _note_turns(m, k, c, order, h, tau):
 
     `k` is an index of angles in both `MOTION` and the series. Of both sides only the larger one is valid.
     """
-    angle, t = series.largest_turn(c, k, order, h, m.extremes[larger_side(m, k // 2)])
+    angle, t = series.largest_turn(c, k, order, h, m.peaks[larger_side(m, k // 2)])
     update_angle(m, k if angle > 0.0 else k + 1, abs(angle), tau + t)
 
 
@@ -251,8 +251,7 @@ def _one_period(q, f, m, w, s, ramp_end, events):
 def _scaled(q, w):
     """Set the period and the usual rates of a run under a harmonic. Return the scales of its state."""
     scales = repetition.scales_of(q)
-    w.period, w.relative = 2.0 * math.pi / q.xi, NO
-    w.rate, w.swing = scales[TILT_RATE], scales[SWING_RATE]
+    w.period, w.relative, w.rate, w.swing = 2.0 * math.pi / q.xi, NO, scales[TILT_RATE], scales[SWING_RATE]
     return scales
 
 
@@ -321,7 +320,7 @@ def _steady_state(q, m, w, s, settled, out):
     out.multiplier = out.lyapunov = math.nan
     out.status, out.periods, out.elapsed = status, settled.periods, settled.elapsed
     for i in range(6):
-        for j in range(N_PARAMETERS):
+        for j in range(WIDTH):
             out.by[i, j] = math.nan
     if status in (repetition.OVERTURNED, repetition.FAILED):
         out.amplitude = out.swing = math.inf if status == repetition.OVERTURNED else math.nan
@@ -403,7 +402,7 @@ def _run(a, first, last):
     records `STEADY`; for TRAJECTORY times, states and statuses; for GROUND pieces and records `FOLLOWED`.
     Numbers that this model does not compute are NaN.
     """
-    (s, x, start), (_, _, _, operand, results, ends, _, _) = inputs_of(a, last), addresses_in(a)
+    (s, x, start), (_, _, _, extra, results, ends, _, _) = inputs_of(a, last), addresses_in(a)
     plants, motions, works = np.empty(1, PLANT), np.zeros(1, MOTION), np.zeros(1, series.WORK)
     spare, count = np.empty(1, SETTLED), int(s[first].periods)
     q, m, w = plants[0], motions[0], works[0]
@@ -411,17 +410,17 @@ def _run(a, first, last):
         series.prepare(x[n], s[n], q, w)
         copy_to(start[n], m.y)
         if s[n].task == SETTLE:
-            t, settled = view(operand, (last, 2), np.float64), view(results, (last,), SETTLED)
+            t, settled = view(extra, (last, 2), np.float64), view(results, (last,), SETTLED)
             _settle(q, m, w, s[n], t[n, BEGIN], t[n, RAMP], settled[n])
         elif s[n].task == STEADY_STATE:
-            _steady_state(q, m, w, s[n], spare[FIRST_PIECE], view(operand, (last,), STEADY)[n])
+            _steady_state(q, m, w, s[n], spare[FIRST_PIECE], view(extra, (last,), STEADY)[n])
         elif s[n].task == TRAJECTORY:
-            times = view(operand, (last, count), np.float64)
+            times = view(extra, (last, count), np.float64)
             states = view(results, (last, count, 4), np.float64)
             view(ends, (last,), np.float64)[n] = _trajectory(q, m, w, s[n], times[n], states[n])
         else:
             out = view(results, (last,), FOLLOWED)[n]
-            store_results(m, _follow_once(q, pieces(operand, s[n], n), m, w, s[n]), out)
+            store_results(m, _follow_once(q, pieces(extra, s[n], n), m, w, s[n]), out)
             out.growing = out.transversality = math.nan
     # A record does not keep its array alive, and Numba frees an array after its last use.
     return len(plants) + len(motions) + len(works) + len(spare)

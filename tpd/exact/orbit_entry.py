@@ -25,7 +25,7 @@ from tpd.exact.symmetric_orbit_kernel import (
     solve,
     vanishing,
 )
-from tpd.exact.terms import N_PARAMETERS
+from tpd.exact.terms import WIDTH
 
 SOLVE, DIFFERENTIATE, VANISH, SAMPLE_PATH = range(4)
 """Tasks, which are the first number of every row of settings."""
@@ -44,17 +44,14 @@ def _run(a, first, last):
     """
     settings, design, third, fourth, fifth, _, _, _ = addresses_in(a)
     s = view(settings, (last,), SETTINGS)
-    x, workspaces = view(design, (last, N_PARAMETERS), np.float64), np.empty(1, WORK)
-    task, count, work = s[first].task, int(s[first].directions), workspaces[FIRST_PIECE]
+    x, works = view(design, (last, WIDTH), np.float64), np.empty(1, WORK)
+    task, count, work = s[first].task, int(s[first].directions), works[FIRST_PIECE]
     if task == SOLVE:
         orbits = view(third, (last, ORBITS), ORBIT)
         for n in range(first, last):
             solve(x[n], work, orbits[n])
     elif task == DIFFERENTIATE:
-        orbits, along = (
-            view(third, (last, ORBITS), ORBIT),
-            view(fourth, (last, count, N_PARAMETERS), np.float64),
-        )
+        orbits, along = view(third, (last, ORBITS), ORBIT), view(fourth, (last, count, WIDTH), np.float64)
         slopes = view(fifth, (last, ORBITS, count, NUMBERS), np.float64)
         for n in range(first, last):
             differentiate(x[n], orbits[n], along[n], int(s[n].begin), int(s[n].end), work, slopes[n])
@@ -68,7 +65,7 @@ def _run(a, first, last):
         for n in range(first, last):
             sample_path(x[n], u[n], work, out[n])
     # A record does not keep its array alive, and Numba frees an array after its last use.
-    return len(workspaces)
+    return len(works)
 
 
 def _entrance(version: int, api: int) -> Any:

@@ -23,17 +23,15 @@ designs are not worth a thread."""
 
 def _settings(task: str, directions: int = 0, asked: tuple[int, int] = (0, 0)) -> np.ndarray:
     """Return a row of settings."""
-    begin, end = asked
-    return np.array(ORBITS.settings(task, directions=directions, begin=begin, end=end), dtype=float)
+    return np.array(ORBITS.settings(task, directions=directions, begin=asked[0], end=asked[1]), dtype=float)
 
 
 def _on_all_cores(
     settings: np.ndarray, workers: int | None, progress: Callable[[int, int], None] | None, *rows: np.ndarray
 ) -> None:
     """Compute rows of a task in several threads. The first operand has the parameters."""
-    x, *_ = rows
-    settings = np.ascontiguousarray(np.broadcast_to(settings, (len(x), len(settings))))
-    ORBITS.in_threads(len(x), workers, progress, settings, *rows, piece=_PIECE)
+    settings = np.ascontiguousarray(np.broadcast_to(settings, (len(rows[0]), len(settings))))
+    ORBITS.in_threads(len(rows[0]), workers, progress, settings, *rows, piece=_PIECE)
 
 
 def solve_orbits(

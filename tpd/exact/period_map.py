@@ -50,7 +50,7 @@ CYCLE = np.dtype(
         ("end", np.float64, (4,)),
         *((name, np.float64) for name in ("amplitude", "swing", "transversality", "asymmetry")),
         *((name, np.float64) for name in ("closed", "hold_level", "step")),
-        ("extremes", np.float64, (6,)),
+        ("peaks", np.float64, (6,)),
         ("ending", np.int64),
         ("by", np.float64, (ROWS, INPUTS)),
     ],
@@ -59,7 +59,7 @@ CYCLE = np.dtype(
 """A number of periods of a motion, see `tpd.models.base.Cycle`: the state `end` (NaN if the motion did not
 arrive); the largest |phi| and |psi|; the smallest `transversality` of all events; the `asymmetry` between the
 tilts to both sides; whether the mode at the end is that of the start (`closed`); the hold level; the `step`
-of Newton's method from its start, in shares of the scales; the largest angles to either side (`extremes`),
+of Newton's method from its start, in shares of the scales; the largest angles to either side (`peaks`),
 see `MOTION`; the outcome (`ending`); and `by`, the derivatives of the end and of these angles, see
 `tpd.exact.legs`."""
 Buffers = namedtuple("Buffers", "plants motions workspaces readers cycles settled legs")
@@ -123,7 +123,7 @@ def _include_event_at_end(q, f, m, legs, w, mode0, limits):
     Such a motion ends just before the event by rounding. Without the event, start and end would have
     different modes.
     """
-    n, period, again = m.leg_count - 1, span_of(q, f), w.trial
+    n, period, again = m.n_legs - 1, span_of(q, f), w.trial
     if n < 0 or n + 2 >= len(legs) or _is_same_mode(m, mode0):
         return
     # Simulate the last leg again, a little beyond the end.
@@ -131,12 +131,12 @@ def _include_event_at_end(q, f, m, legs, w, mode0, limits):
     set_motion(legs[n].y, legs[n], again)
     reset_counts(again)
     start_angles(q, f, again, FIRST_PIECE, start)
-    again.leg_count = n
+    again.n_legs = n
     allow_events(again, w, limits.events)
     rules = Rules(limits.capture, YES, NO, NO)
     follow_piece(q, f, again, legs, w, FIRST_PIECE, start, (1.0 + _CLOSE) * period, rules)
     # Keep the new legs only if they restore the mode of the start.
-    k = min(again.leg_count, len(legs)) - 1
+    k = min(again.n_legs, len(legs)) - 1
     if not (_is_same_mode(again, mode0) and k > n and legs[k].event == END):
         legs[n] = last[0]
         return
@@ -144,7 +144,7 @@ def _include_event_at_end(q, f, m, legs, w, mode0, limits):
     at = legs[k]
     at.duration, e = period - at.start, load_at(q, f, FIRST_PIECE, at.start)
     arc = arc_from(q, at, at.y, e)
-    m.transversality, m.leg_count = min(m.transversality, again.transversality), k + 1
+    m.transversality, m.n_legs = min(m.transversality, again.transversality), k + 1
     set_motion(state_at(arc, instant(arc, at.duration), at.duration), again, m)
 
 
@@ -166,8 +166,8 @@ def follow_cycle(q, m, buffers, limits, periods, c):
     ended = follow_periods(q, f, m, legs, w, limits, periods)
     # Most motions have a few legs per period. A motion with a rattle is repeated with memory for all of its
     # legs.
-    if m.leg_count > len(legs) and ended == ARRIVED:
-        legs = np.empty(m.leg_count, LEG)
+    if m.n_legs > len(legs) and ended == ARRIVED:
+        legs = np.empty(m.n_legs, LEG)
         set_motion(start.y, start, m)
         ended = follow_periods(q, f, m, legs, w, limits, periods)
     # A motion that ends early is no orbit, even if it ends in its initial state.
@@ -177,11 +177,10 @@ def follow_cycle(q, m, buffers, limits, periods, c):
         read_derivatives(q, f, m, legs, r, (limits.first, INPUTS), NO, c.by)
     for i in range(4):
         c.end[i] = m.y[i] if sound else math.nan
-    copy_to(m.extremes, c.extremes)
+    copy_to(m.peaks, c.peaks)
     c.amplitude, c.swing, c.transversality = largest(m, TILT), largest(m, SWING), m.transversality
-    c.asymmetry = abs(max(m.extremes[0], 0.0) - max(m.extremes[1], 0.0)) / (
-        c.amplitude if c.amplitude > 0.0 else 1.0
-    )
+    apart = abs(max(m.peaks[0], 0.0) - max(m.peaks[1], 0.0))
+    c.asymmetry = apart / (c.amplitude if c.amplitude > 0.0 else 1.0)
     c.closed = 1.0 if _is_same_mode(m, start) else 0.0
     c.hold_level, c.step, c.ending = m.hold_level, 0.0, ended
     # Without an end the record still holds the derivatives of the cycle before.

@@ -24,7 +24,7 @@ import numba.extending
 import numpy as np
 
 from tpd.core.machine_code import PartCompiler
-from tpd.exact.terms import LAM, N_PARAMETERS, MU, NU, RHO, XI, ZETA, E, F, K
+from tpd.exact.terms import LAM, MU, NU, RHO, WIDTH, XI, ZETA, E, F, K
 from tpd.scene import impacts
 
 STEP = 1e-100
@@ -270,8 +270,8 @@ def plant(x, q):
 @compiled
 def plant_along(x, j, q):
     """Fill a complex plant whose imaginary parts are `STEP` times the derivatives in parameter j."""
-    row = np.empty(N_PARAMETERS, np.complex128)
-    for i in range(N_PARAMETERS):
+    row = np.empty(WIDTH, np.complex128)
+    for i in range(WIDTH):
         row[i] = complex(x[i], STEP if i == j else 0.0)
     plant(row, q)
 
@@ -279,5 +279,5 @@ def plant_along(x, j, q):
 @compiled
 def fill_plants(x, plants):
     """Fill the complex plants: one for each parameter, and a last one for all other directions."""
-    for j in range(N_PARAMETERS + 1):
+    for j in range(WIDTH + 1):
         plant_along(x, j, plants[j])

@@ -23,8 +23,8 @@ ROCKING, STICKING, AT_REST, HELD, OVERTURNED, NOT_SETTLED, EVENT_BOUND, FAILED =
 PERIOD = np.dtype([("y", np.float64, (4,)), *((n, np.float64) for n in ("tilt", "swing", "hold_level"))])
 """A forcing period: the state `y` at its end, the largest |phi| and |psi|, and the hold level, see
 `tpd.exact.motion.MOTION`."""
-_NAMES = "amplitude swing peak peak_swing kind tilt direction status periods elapsed".split()
-SETTLED = np.dtype([("y", np.float64, (4,)), *((name, np.float64) for name in _NAMES)])
+_NAMES = "amplitude swing peak peak_swing kind tilt direction status periods elapsed"
+SETTLED = np.dtype([("y", np.float64, (4,)), *((name, np.float64) for name in _NAMES.split())])
 """The motion to which a run has settled, see `tpd.exact.runs.Settled`: its state, sizes and peaks, the kind
 and the signs of its mode, the number of its status, its period and the number of simulated periods."""
 
@@ -32,9 +32,8 @@ and the signs of its mode, the number of its status, its period and the number o
 @compiled
 def scales_of(q):
     """Return the scales of (phi, psi, phi', psi') for the comparison of states."""
-    scales, rate, swing = np.zeros(4), max(q.xi, 1.0), q.nu + q.f
-    scales[TILT], scales[SWING] = q.nu, swing
-    scales[TILT_RATE], scales[SWING_RATE] = q.nu * rate, swing * rate
+    scales, xi, swing = np.zeros(4), max(q.xi, 1.0), q.nu + q.f
+    scales[TILT], scales[SWING], scales[TILT_RATE], scales[SWING_RATE] = q.nu, swing, q.nu * xi, swing * xi
     return scales
 
 

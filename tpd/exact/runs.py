@@ -269,8 +269,7 @@ def _settled_of(numbers: Any, record: np.dtype) -> Settled:
     code, periods, elapsed = (x.astype(int) for x in (of.status, of.periods, of.elapsed))
     status = index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code]
     # Build the object from its leaves, because the fields are annotated with the shapes of a single run.
-    sizes, peaks = (of.amplitude, of.swing), (of.peak, of.peak_swing)
-    leaves = [of.y, periods, *sizes, status, elapsed, *peaks]
+    leaves = [of.y, periods, of.amplitude, of.swing, status, elapsed, of.peak, of.peak_swing]
     return jax.tree.unflatten(_structure(), leaves)
 
 
@@ -278,8 +277,9 @@ def _settled_of(numbers: Any, record: np.dtype) -> Settled:
 def _structure() -> Any:
     """Return the pytree structure of `Settled`."""
     none, count = jnp.zeros(()), jnp.zeros((), int)
-    about = count, none, none, Status.failed, count, none, none
-    return jax.tree.structure(Settled(jnp.zeros(4), None, *about))
+    return jax.tree.structure(
+        Settled(jnp.zeros(4), None, count, none, none, Status.failed, count, none, none)
+    )
 
 
 def _run_batch(engine: Compiled, batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
@@ -365,10 +365,7 @@ def _steady_call(equations: Terms, limits: Limits) -> tuple[Compiled, np.ndarray
 def _ground_run_from(inputs: float, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
     """Call the compiled code for one run. `inputs` is 0 without derivatives, otherwise 1."""
     entry = LINEAR.entry()
-    shapes = (
-        shape(numbers_in(entry.FOLLOWED)),
-        shape(*((entry.QUANTITIES, entry.INPUTS) if inputs else (1, 1))),
-    )
+    shapes = shape(numbers_in(entry.FOLLOWED)), shape(*((entry.OUTPUTS, entry.INPUTS) if inputs else (1, 1)))
     return LINEAR(shapes, settings, x, y, pieces)
 
 

@@ -209,9 +209,8 @@ def settle(x, buffers, s, since, ramp, out):
                 _come_to_rest(q, y)
                 peaks[SWING], swing = max(peaks[SWING], reach), reach
         # States before the excitation became steady do not count for a repetition.
-        repeats = (
-            repetition.repeats_after(q, y, last, count, scales, tolerance) if sound and not was_growing else 0
-        )
+        is_steady = sound and not was_growing
+        repeats = repetition.repeats_after(q, y, last, count, scales, tolerance) if is_steady else 0
         count = repetition.store_period(last, 0 if was_growing else count, y, peak, swing, m.hold_level)
         if not sound:
             status = repetition.OVERTURNED if ended == BEYOND else repetition.EVENT_BOUND

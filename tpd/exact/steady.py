@@ -39,12 +39,12 @@ from tpd.exact.terms import (
     APERIODIC,
     GRAZING,
     LAST_STEP,
-    N_PARAMETERS,
     NEAR_FOLD,
     RESIDUAL,
     SYMMETRIC,
     TILT,
     TILT_RATE,
+    WIDTH,
 )
 
 APERIODIC_STATUS, UNSTABLE, NEUTRAL, NEAR_FOLD_STATUS, GRAZING_STATUS = range(8, 13)
@@ -56,14 +56,14 @@ STEADY = np.dtype(
         *((name, np.float64) for name in ("multiplier", "lyapunov", "fold")),
         *((name, np.float64) for name in ("status", "periods", "symmetric", "elapsed")),
         ("multipliers", np.complex128, (4,)),
-        ("by", np.float64, (6, N_PARAMETERS)),
+        ("by", np.float64, (6, WIDTH)),
     ],
     align=True,
 )
 """A steady state, see `tpd.answers.steady_state.Steady`; all multipliers and the margin to the fold, see
 `tpd.answers.periodic_orbit.PeriodicOrbit`; and `by`, the derivatives of the first six numbers in the
 parameters. A derivative that does not exist is NaN."""
-_RESIDUAL = np.int64(N_PARAMETERS)
+_RESIDUAL = np.int64(WIDTH)
 """Column of the residual of the orbit's map, after those of the parameters."""
 _AMPLITUDE, _STROKE = places(2)
 """First rows of the derivatives of a steady state. The rows of the state follow."""
@@ -142,7 +142,7 @@ def _store_isolated(c, y, out):
     right, sizes = np.empty((4, _RESIDUAL + 1)), np.empty((2, _RESIDUAL + 1))
     for i in range(4):
         right[i, _RESIDUAL] = c.end[i] - y[i]
-        for j in range(N_PARAMETERS):
+        for j in range(WIDTH):
             right[i, j] = c.by[i, j]
     regular = solve_linearised(c.by, right)
     # The largest angles: direct derivatives, and those through the orbit's state.
@@ -156,7 +156,7 @@ def _store_isolated(c, y, out):
                 sizes[k, j] = math.nan
     out.amplitude, out.swing = sizes[_AMPLITUDE, _RESIDUAL], sizes[_STROKE, _RESIDUAL]
     for k in range(6):
-        for j in range(N_PARAMETERS):
+        for j in range(WIDTH):
             out.by[k, j] = sizes[k, j] if k < 2 else right[k - 2, j]
 
 
@@ -193,7 +193,7 @@ def steady_state(x, y0, s, near, buffers, out):
     out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, repetition.FAILED
     for i in range(4):
         roots[i] = math.nan
-    for j in range(N_PARAMETERS):
+    for j in range(WIDTH):
         total += abs(x[j])
         for i in range(6):
             out.by[i, j] = math.nan
@@ -252,10 +252,8 @@ def steady_state(x, y0, s, near, buffers, out):
     endless = q.zeta > 0.0 and not math.isfinite(residual)
     status = repetition.EVENT_BOUND if outcome == repetition.AT_REST and endless else status
     # Without a finite derivative of the period map the stability is unknown.
-    undefined = status == UNSTABLE and not math.isfinite(multiplier)
-    status = (
-        repetition.FAILED if undefined or not (is_finite(y) or status == repetition.OVERTURNED) else status
-    )
+    unknown = status == UNSTABLE and not math.isfinite(multiplier)
+    status = repetition.FAILED if unknown or not (is_finite(y) or status == repetition.OVERTURNED) else status
     # Friction also holds the block at slightly different tilts, so that the multiplier is 1.
     multiplier = 1.0 if status == repetition.HELD else multiplier
     rests, rocks = status == repetition.AT_REST, status in (repetition.ROCKING, repetition.STICKING)
@@ -279,15 +277,14 @@ def steady_state(x, y0, s, near, buffers, out):
         # The amplitude of a block at rest is zero for all parameters near by. Where the bob hangs still, its
         # largest |psi| has a corner and no derivative.
         out.amplitude = 0.0
-        for j in range(N_PARAMETERS):
+        for j in range(WIDTH):
             out.by[_AMPLITUDE, j] = 0.0
             if out.swing == 0.0:
                 out.by[_STROKE, j] = math.nan
     out.lyapunov = separation
     if periodic:
         out.lyapunov = math.log(multiplier) / span if multiplier > 0.0 else -math.inf
-    symmetric = periodic & (periods % 2 == 1) & (c.asymmetry < SYMMETRIC)
-    out.symmetric = 1.0 if symmetric else 0.0
+    out.symmetric = 1.0 if periodic & (periods % 2 == 1) & (c.asymmetry < SYMMETRIC) else 0.0
     if periodic or status == repetition.HELD or singular:
         out.multiplier, out.fold = multiplier, fold
     else:

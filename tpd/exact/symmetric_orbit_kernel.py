@@ -41,7 +41,6 @@ from tpd.exact.terms import (
     CROSSED,
     FLAT,
     GRAZING,
-    N_PARAMETERS,
     MERGED,
     NEAR_FOLD,
     SIZES,
@@ -56,6 +55,7 @@ from tpd.exact.terms import (
     TILT_RATE,
     TOUCHED,
     TURNING,
+    WIDTH,
 )
 
 ORBITS: Any = np.int64(3)
@@ -68,7 +68,7 @@ VANISHING = np.int64(FLAT + 1)
 """Number of functions in `vanishing`."""
 _T, _GAMMA, _S, _PARAMETERS = places(4)
 """Indices of the variables of these functions: t, gamma, s, and from the fourth on the parameters."""
-MOVED = _PARAMETERS + N_PARAMETERS
+MOVED = _PARAMETERS + WIDTH
 """Number of these variables."""
 SAMPLES = np.int64(199)
 """Number of times between the turning points in `sample_path`."""
@@ -100,7 +100,7 @@ WORK = np.dtype(
         ("complex_map", np.complex128, (4, 4)),
         ("sizes", np.complex128, (int(NUMBERS),)),
         ("vanishing", np.complex128, (int(VANISHING),)),
-        ("x", np.complex128, (N_PARAMETERS,)),
+        ("x", np.complex128, (WIDTH,)),
     ]
 )
 """Workspace of all functions in this module."""

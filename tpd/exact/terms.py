@@ -20,7 +20,7 @@ APART = 2
 NU, MU, LAM, ZETA = map(NAMES.index, ("nu", "mu", "lam", "zeta"))
 K, F, XI, RHO, E = map(NAMES.index, ("k", "f", "xi", "rho", "e"))
 """Columns of the parameters in a row."""
-N_PARAMETERS = len(NAMES)
+WIDTH = len(NAMES)
 """Number of parameters."""
 STATUSES = ("rocking", "unstable", "neutral", "near_fold", "grazing", "no_orbit")
 """Names of the statuses of symmetric orbits, by their numbers in compiled code."""

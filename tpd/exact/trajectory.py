@@ -63,7 +63,7 @@ def trajectory(x, q, m, w, r, s, times, out, by):
             start_angles(q, f, m, FIRST_PIECE, t)
             allow_events(m, w, events)
             ended = follow_piece(q, f, m, legs, w, whole, t, end, rules)
-            count = min(m.leg_count, len(legs))
+            count = min(m.n_legs, len(legs))
             if slopes and ended == ARRIVED:
                 # This leg ends at a requested time, which does not change with the parameters.
                 if arrived:

@@ -127,7 +127,10 @@ def store_bounds(q, bounds):
 
 @compiled
 def _bound(arc, x, growth, order, bounds):
-    """Return a bound on the fourth or fifth derivative of a signal over a piece. That of the forcing is zero."""
+    """Return a bound on the fourth or fifth derivative of a signal over a piece.
+
+    The derivatives of the forcing of these orders are zero.
+    """
     # The rising exponential is largest at the end of the piece, and the decaying one at its start.
     r1, r2 = arc.s1 * arc.s1, arc.s2 * arc.s2
     r1, r2 = r1 * r1, r2 * r2
@@ -213,13 +216,12 @@ def _has_no_event(q, m, arc, e, a, b, growth, bounds, bob):
             return False
         if is_held:
             return _remains_held(q, m, e, h, a, b, abs(1.0 - q.up) * bob4 + abs(q.bias) * bob5)
-    tilt, direction = m.tilt, m.direction
-    v = direction * a[TILT_RATE]
-    u, w, x = direction * a[TILT_PULL], direction * b[TILT_RATE], direction * b[TILT_PULL]
+    tilt, sign = m.tilt, m.direction
+    v, u, w, x = sign * a[TILT_RATE], sign * a[TILT_PULL], sign * b[TILT_RATE], sign * b[TILT_PULL]
     if not _positive(v, u, w, x, h, tilt5):
         return False
     # A block that moves away from its base must turn before it can land.
-    if tilt * direction > 0.0:
+    if tilt * sign > 0.0:
         return True
     return _positive(tilt * a[TILT], tilt * a[TILT_RATE], tilt * b[TILT], tilt * b[TILT_RATE], h, tilt4)
 
@@ -242,8 +244,7 @@ def whole_pieces(q, f, m, legs, w, i, turns):
     """
     h, first, limit, kind, y = q.xi, i, beyond_return(q), m.kind, m.y
     start, end, is_held = w.start, w.end, kind != SLIP
-    for k in range(4):
-        start[k] = y[k]
+    copy_to(y, start)
     # A held block keeps its tilt, which needs no centre.
     centre = 0.0 if is_held else (m.tilt * q.weight + m.direction * q.k) / q.up
     growth, by, c = math.exp(q.s1 * h), w.maps[1 if is_held else 0], f.cubics
