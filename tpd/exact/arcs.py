@@ -223,8 +223,9 @@ def sincos(x):
 
 @compiled
 def pair(p, q, t):
-    """Return the solutions u and v of x'' + p x' + q x = 0, with (u, u') = (1, 0) and (v, v') = (0, 1) at t =
-    0.
+    """Return the solutions u and v of x'' + p x' + q x = 0.
+
+    The initial values are (u, u') = (1, 0) and (v, v') = (0, 1) at t = 0.
 
     With w^2 = q - p^2/4, v = exp(-pt/2) sin(wt)/w and u = exp(-pt/2) cos(wt) + p/2 v.
     """

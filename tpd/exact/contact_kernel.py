@@ -36,15 +36,19 @@ def ratio(q):
 
 @compiled
 def jump(q, share):
-    """Return the changes of phi' and psi' in an impact, divided by phi' before. `share` is the ratio of phi'
-    after and before."""
+    """Return the changes of phi' and psi' in an impact, divided by phi' before it.
+
+    `share` is the ratio of phi' after and before the impact.
+    """
     return share - 1.0, linear_bob_change(share, q.e, q.nu, q.mu, q.lam, q.m22 / q.lam)
 
 
 @compiled
 def rates_after_impact(q, rests, y2, y3):
-    """Return the rates of block and bob after an impact. If `rests`, return those after a whole rattle that
-    ends in rest."""
+    """Return the rates of block and bob after an impact.
+
+    If `rests`, return the rates after a whole rattle that ends in rest.
+    """
     # Each hop of a rattle is smaller than the last by the ratio, and infinitely many hops take a finite time.
     # Together they act like one perfectly plastic impact, with an error of the order of the square of the
     # rate.
@@ -145,8 +149,9 @@ def handle_event(q, event, capture, eta, y, mode):
 
 @compiled
 def transversality(q, rate, event, before, after, now, eta):
-    """Return the rate at which a slipping block crosses an event, divided by its usual value. It is infinite
-    for other events.
+    """Return the rate at which a slipping block crosses an event, divided by its usual value.
+
+    The result is infinite for other events.
 
     `rate` is the usual rate of the motion, `before` and `after` are the kinds of the modes, and `now` is the
     state with its accelerations.

@@ -178,8 +178,10 @@ def _address_of(buffer: Any) -> int:
 
 
 def on_host(entrance: Any) -> Callable[..., None]:
-    """Return a function that computes the rows from `first` to before `last` of contiguous buffers, operands
-    before results."""
+    """Return a function that calls the compiled code from Python.
+
+    It computes the rows from `first` to before `last` of contiguous buffers, operands before results.
+    """
     call: Callable[[int], int] = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(entrance.address)
     numbers: Any = ctypes.c_int64 * FRAME
 

@@ -1,5 +1,4 @@
-"""Rules for derivatives in JAX: derivatives that the compiled code computes, and NaN for those that do not
-exist.
+"""Rules for derivatives in JAX: computed by compiled code, or NaN where they do not exist.
 
 All of them are exact to the first order. Second derivatives are NaN.
 """

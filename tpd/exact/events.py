@@ -82,8 +82,10 @@ def _excess(q, arc, forcing):
 
 @compiled
 def _watch(w, i, x, arc):
-    """Write a signal, its slope, its curvature and the bound on its fourth derivative into row i of the
-    signals."""
+    """Write a signal and its derivatives into row i of the signals.
+
+    These are the slope, the curvature and the bound on the fourth derivative.
+    """
     slope, table = rate_of(arc, x), w.signals
     second = rate_of(arc, slope)
     fourth = rate_of(arc, rate_of(arc, second))
@@ -101,8 +103,10 @@ def _watch(w, i, x, arc):
 
 @compiled
 def side_of(x):
-    """Return the sign that a signal takes after the start of an arc under a cubic: that of its first nonzero
-    coefficient."""
+    """Return the sign that a signal takes after the start of an arc under a cubic.
+
+    It is the sign of the first nonzero coefficient.
+    """
     first = x.constant if x.constant != 0.0 else x.along
     first = first if first != 0.0 else x.across
     first = first if first != 0.0 else x.gain_across
@@ -215,8 +219,9 @@ def prove_window(g0, v0, g1, v1, d, bound):
 
 @compiled
 def estimate(g0, v0, g1, v1, d):
-    """Return the approximate share of a window at which the cubic with these values and slopes at its ends
-    vanishes.
+    """Return the approximate share of a window at which a signal vanishes.
+
+    The signal is replaced by the cubic with the same values and slopes at both ends.
 
     The result is one Newton step from the zero of the straight line through both ends.
     """
@@ -229,8 +234,10 @@ def estimate(g0, v0, g1, v1, d):
 
 @compiled
 def _root(arc, w, i, lo, hi, guess):
-    """Return the root of a signal that is positive at `lo` and not positive at `hi`. The first guess is a
-    share."""
+    """Return the root of a signal that is positive at `lo` and not positive at `hi`.
+
+    `guess` is the first guess, as a share of this interval.
+    """
     t, last = lo + guess * (hi - lo), False
     for _ in range(60):
         now = instant(arc, t)

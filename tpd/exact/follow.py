@@ -1,5 +1,4 @@
-"""Simulation of a run of the linear equations (25) from event to event. The result is exact and misses no
-event.
+"""Exact simulation of a run of the linear equations (25) from event to event.
 
 A run passes through the pieces of its forcing (`tpd.exact.arcs.Forcing`): forcing periods of a harmonic, or
 cubics in time. Between two events the motion is an arc in closed form. `tpd.exact.events` proves where an arc
@@ -310,8 +309,9 @@ def follow_piece(q, f, m, legs, w, i, s, end, rules):
 
 @compiled
 def _overturns(q, f, m, legs, w, free):
-    """Whether the last arc of a run, after free motion of duration `free`, leads beyond return without
-    another event.
+    """Whether the last arc of a run leads beyond return without another event.
+
+    The arc follows a free motion of duration `free`.
 
     If so, this records the arc as a leg and sets the time of overturning.
     """

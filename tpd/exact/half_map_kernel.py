@@ -82,8 +82,10 @@ def _minors(a, b):
 
 @compiled
 def characteristic(g):
-    """Return the coefficients c1 to c4 of det(z - g) = z^4 + c1 z^3 + c2 z^2 + c3 z + c4, from the principal
-    minors."""
+    """Return the coefficients of the characteristic polynomial of a 4 x 4 matrix.
+
+    det(z - g) = z^4 + c1 z^3 + c2 z^2 + c3 z + c4. The coefficients follow from the principal minors.
+    """
     # Minors of the two upper rows (u) and of the two lower rows (l), by their columns.
     u01, u02, u03, u12, u13, u23 = _minors(g[TILT], g[SWING])
     l01, l02, l03, l12, l13, l23 = _minors(g[TILT_RATE], g[SWING_RATE])

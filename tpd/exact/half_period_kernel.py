@@ -209,7 +209,9 @@ def path_of(q, m, t, gamma):
 
 @compiled
 def state_after(path, t, s):
-    """Return (phi, psi, phi', psi', phi'', psi'') at the time `s` after the upper turning point, at `t` after
-    the impact."""
+    """Return (phi, psi, phi', psi', phi'', psi'') at the time `s` after the upper turning point.
+
+    At the crossing time t this is the state after the impact.
+    """
     arc, time = (path.second, s - t) if s.real >= t.real else (path.first, s)
     return state_at(arc, instant(arc, time), time)

@@ -251,8 +251,10 @@ def _carry_through_pieces(q, r, c, leg, inputs):
 
 @compiled
 def _store_angles(r, f, m, n, leg, first, last, by):
-    """Write the derivatives of the largest angles that occurred at the end of leg n, and of their times, into
-    `by`."""
+    """Write the derivatives of the angles that are largest at the end of leg n into `by`.
+
+    The derivatives of their times follow.
+    """
     for k in range(6):
         if m.peak_legs[k] != n:
             continue
@@ -333,8 +335,10 @@ def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
 
 @compiled
 def store_impacts(q, legs, count, impacts):
-    """Write the times of all impacts and the rates after them into `impacts`, shape (n, 2). Unused rows are
-    NaN."""
+    """Write the times of all impacts and the rates after them into `impacts`, shape (n, 2).
+
+    Unused rows are NaN.
+    """
     k = 0
     for n in range(count):
         leg = legs[n]

@@ -58,8 +58,10 @@ _USUAL_EVENTS = 20_000
 
 @compiled
 def _keep_alive(buffers):
-    """Keep the arrays alive until here. Numba frees an array after its last use, even if a record still
-    points to it."""
+    """Keep the arrays alive until here.
+
+    Numba frees an array after its last use, even if a record still points to it.
+    """
     return len(buffers.motions)
 
 
@@ -198,8 +200,12 @@ def _run(a, first, last):
 
 
 def _entrance(version: int, api: int) -> Any:
-    """Return the entry point. The arguments are the checksum of the sources and the version of XLA's
-    interface."""
+    """Return the entry point to the compiled code.
+
+    Args:
+        version: checksum of the sources.
+        api: version of XLA's interface.
+    """
 
     def call(address):
         """Answer a frame: 0 for success."""

@@ -1,5 +1,6 @@
-"""The march: a fast simulation of arcs under a harmonic. Each step is proved, and the march stops where a
-proof fails.
+"""The march: a fast simulation of arcs under a harmonic in proved steps.
+
+The march stops where a proof fails, and the careful search of `tpd.exact.follow` takes over.
 
 The flow of the equations over a step does not depend on the start of the step. A table of the flow therefore
 replaces exponentials, sines and cosines. An angle is a sum of parts that evolve independently: its constant
@@ -255,8 +256,9 @@ def bounds_of(a, is_held, x, remaining):
 
 @fused
 def _flight(q, m, a):
-    """Return the first event of a slipping block, its time and the number of Taylor terms, if the arc is a
-    short flight.
+    """Return the first event of a slipping block if its arc is a short flight.
+
+    Returns the event, its time and the number of Taylor terms.
 
     The Taylor polynomials of both angles are left in the workspace. The event is END if the arc is not such a
     flight.
@@ -310,8 +312,9 @@ def _flight(q, m, a):
 
 @fused
 def _end_rattle(q, f, m, a, s, end):
-    """Record a hop that has just ended. If the hops are sure to end in rest soon, move the motion to that
-    state.
+    """Record a hop that has just ended, and skip the rest of the rattle if it ends soon.
+
+    If the hops are sure to end in rest soon, this moves the motion to that state.
 
     Returns the time until rest, or 0 if the rattle does not end soon.
 
@@ -360,8 +363,10 @@ def _end_rattle(q, f, m, a, s, end):
 
 @fused
 def _expand_near(q, a, is_held, tilt, swing, near):
-    """Write the Taylor polynomials of both angles about the grid point nearest to `near`, and return its
-    time."""
+    """Write the Taylor polynomials of both angles about the grid point nearest to `near`.
+
+    Returns the time of that point.
+    """
     n = min(GRID, int(near / a.step * GRID + 0.5))
     _store_series(q, is_held, _onward(q, a, n, is_held, swing), a.series[SWING])
     _store_series(q, is_held, _onward(q, a, n, is_held, tilt), a.series[TILT])
@@ -398,8 +403,10 @@ def _locate_event(q, m, a, tilt, swing, event, near, far):
 
 @fused
 def _signals_of(q, m, back, up, down, tilt, swing):
-    """Return values and slopes of the signals of the careful search: two of the block, and the rate of the
-    bob."""
+    """Return values and slopes of the signals of the careful search.
+
+    There are two signals of the block, and the rate of the bob.
+    """
     is_held = m.kind != SLIP
     z1, z2 = _rate(q, swing), _pull(q, is_held, swing)
     if is_held:
@@ -519,8 +526,9 @@ def _advance_phase(a, x):
 
 @fused
 def march(q, f, m, legs, w, i, s, end, capture):
-    """Follow a motion under a harmonic through piece i from its local time `s`, as
-    `tpd.exact.follow.follow_piece` does.
+    """Follow a motion under a harmonic through piece i from its local time `s`, by proved steps.
+
+    The result is that of `tpd.exact.follow.follow_piece`.
 
     Returns whether the motion has reached the time `end`, and the local time. If it has not, the careful
     search must follow the next arc from there.

@@ -140,8 +140,11 @@ def copy_to(source, target):
 
 @compiled
 def angle_of(phi, psi, k):
-    """Return angle k of six: phi, psi and psi - phi to the right (even k) and to the left (odd k, with the
-    sign changed)."""
+    """Return angle k of six.
+
+    The angles are phi, psi and psi - phi to the right (even k), and to the left with the opposite sign (odd
+    k).
+    """
     angle = phi if k < 2 else (psi if k < 4 else psi - phi)
     return angle if k % 2 == 0 else -angle
 
@@ -190,8 +193,10 @@ def largest(m, k):
 
 @compiled
 def record_leg(m, legs, piece, start, duration, event, y):
-    """Record a leg that started in the state `y`, if there is memory for it. Legs without memory are only
-    counted."""
+    """Record a leg that started in the state `y`, if there is memory for it.
+
+    Legs without memory are only counted.
+    """
     n = m.n_legs
     if n < len(legs):
         leg = legs[n]
@@ -226,8 +231,10 @@ def pass_event(q, m, legs, event, capture, usual_rate, now, eta, tau):
 
 @compiled
 def is_at_end(m, legs, i, s, end):
-    """Whether the rest of piece i after its local time `s` is only a rounding error. If so, record it as a
-    leg."""
+    """Whether the rest of piece i after its local time `s` is only a rounding error.
+
+    If so, record it as a leg.
+    """
     if end - s > _ROUNDING * end:
         return False
     # If parameters move the event, the motion moves at the end of the piece as well. The derivatives need

@@ -86,8 +86,7 @@ def _peaks_are_past(by, best, scales, gap, distance, peaks):
 
 @compiled
 def orbit_near(q, m, buffers, past, count, limits, periods):
-    """Search for the orbit with a given number of periods that a run approaches, and move the run to it.
-    Return the success.
+    """Search for the orbit that a run approaches, and move the run to it. Return whether this succeeds.
 
     The orbit must attract, and the run must be near it and move as the orbit's derivative predicts. Then this
     changes the state of the motion `m`, writes the sizes of the orbit into `past`, and returns True.

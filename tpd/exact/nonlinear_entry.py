@@ -96,8 +96,10 @@ def decide(q, y, tilt, direction, eta, m):
 
 @compiled
 def _first_event(q, m, order, h, c):
-    """Return the first event within the time h, and its time. Without an event, return how far this is
-    proved."""
+    """Return the first event within the time h, and its time.
+
+    Without an event, return the time until which this is proved.
+    """
     if m.kind != SLIP:
         # A held block: the first of both releases counts.
         event, until = _NONE, h
@@ -215,8 +217,9 @@ def advance(q, f, m, w, i, s, end):
 
 @compiled
 def _is_still(q, m, before):
-    """Whether the block has been at rest, or held at a tilt, for a whole period in which the bob hardly moved
-    differently.
+    """Whether the block was at rest, or held at a tilt, for a whole period.
+
+    The bob must have moved almost as in the period before.
 
     `before` is the state one period earlier.
     """
@@ -231,8 +234,9 @@ def _is_still(q, m, before):
 
 @compiled
 def _one_period(q, f, m, w, s, ramp_end, events):
-    """Follow a motion from the local time `s` to the end of the forcing period. Return the outcome, see
-    `advance`.
+    """Follow a motion from the local time `s` to the end of the forcing period.
+
+    Returns the outcome, see `advance`.
 
     The excitation has its full size from the local time `ramp_end` on.
     """
@@ -257,8 +261,10 @@ def _scaled(q, w):
 
 @compiled
 def _settle(q, m, w, s, since, ramp, out):
-    """Simulate a run from its state at tau = `since` until it repeats, rests or overturns, see
-    `tpd.exact.settle.settle`."""
+    """Simulate a run until it repeats, rests or overturns, see `tpd.exact.settle.settle`.
+
+    The run starts from its state at tau = `since`.
+    """
     y, cubics, scales, events = m.y, np.empty((0, 4)), _scaled(q, w), int(s.events)
     past, peaks = np.zeros(LONGEST, repetition.PERIOD), np.zeros(2)
     copy_to(y, past[NEWEST].y)
@@ -330,8 +336,9 @@ def _steady_state(q, m, w, s, settled, out):
 
 @compiled
 def _trajectory(q, m, w, s, times, out):
-    """Simulate a run from its state at times[0], write its states at all times into `out`, and return its
-    status.
+    """Simulate a run from its state at times[0], and return its status.
+
+    The states at all times are written into `out`.
 
     The states are NaN after the end of the run.
     """
@@ -427,8 +434,12 @@ def _run(a, first, last):
 
 
 def _entrance(version: int, api: int) -> Any:
-    """Return the entry point. The arguments are the checksum of the sources and the version of XLA's
-    interface."""
+    """Return the entry point to the compiled code.
+
+    Args:
+        version: checksum of the sources.
+        api: version of XLA's interface.
+    """
 
     def call(address):
         """Answer a frame: 0 for success."""

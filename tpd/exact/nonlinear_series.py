@@ -62,8 +62,7 @@ weight would release the block again and again.
 
 @compiled
 def prepare(x, s, q, w):
-    """Write the coefficients of the parameters `x` and the options of the settings `s` into plant and
-    workspace."""
+    """Prepare plant and workspace for the parameters `x` and the settings `s`."""
     coefficients(x, q)
     q.slack = SLACK * (q.k + q.weight)
     w.rtol, w.capture, w.inverse[_OF_HELD] = s.rtol, s.rest_rate * q.nu, 1.0 / (s.rtol * (q.weight + q.k))
@@ -263,8 +262,10 @@ def value_at(c, row, order, t):
 
 @compiled
 def time_at_limit(c, row, order, limit, h):
-    """Return the time at which an angle reaches a limit that it has passed at the time h. The angle must not
-    turn before."""
+    """Return the time at which an angle reaches a limit that it has passed at the time h.
+
+    The angle must not turn before h.
+    """
     # This happens once, at the end of a run. Bisection is fast enough, and cannot fail.
     lo, hi = 0.0, h
     for _ in range(HALVED):
@@ -328,8 +329,9 @@ def _first_zero(c, row, sign, order, first, t, h):
 
 @compiled
 def positive_until(c, row, sign, order, floor, h):
-    """Return the time (at most h) until which `sign` times a series is proved to be positive, and whether it
-    vanishes there.
+    """Return the time until which a signal is proved to be positive, and whether it vanishes then.
+
+    The signal is `sign` times a series, and the time is at most h.
 
     From a time t on the signal is above the parabola through its value and slope that bends down as much as
     any term of the series can until h. The root of the parabola is the next t. `floor` is the size of the

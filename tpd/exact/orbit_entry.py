@@ -69,8 +69,12 @@ def _run(a, first, last):
 
 
 def _entrance(version: int, api: int) -> Any:
-    """Return the entry point. The arguments are the checksum of the sources and the version of XLA's
-    interface."""
+    """Return the entry point to the compiled code.
+
+    Args:
+        version: checksum of the sources.
+        api: version of XLA's interface.
+    """
 
     def call(address):
         """Answer a frame: 0 for success."""

@@ -149,8 +149,10 @@ def store_brackets(q, m, table, brackets):
 
 @compiled
 def _lowest(q, m, low, high):
-    """Return the crossing time between two bounds at which the product of both branches is smallest, or
-    negative."""
+    """Return the crossing time at which the product of both branches is smallest, or negative.
+
+    The time lies between `low` and `high`.
+    """
     # Golden section search needs one value per step. It ends at a negative value, which already shows that
     # there are two roots.
     a, b = low + _GOLDEN * (high - low), high - _GOLDEN * (high - low)

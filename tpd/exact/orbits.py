@@ -60,8 +60,9 @@ def solve_orbits(
 def orbit_slopes(
     x: np.ndarray, orbits: np.ndarray, directions: np.ndarray, asked: tuple[int, int]
 ) -> np.ndarray:
-    """Return the derivatives of the sizes of orbits (n, m) of the designs `x` (n, 9) in `directions` (n, d,
-    9).
+    """Return the derivatives of the sizes of orbits (n, m) of many designs `x` (n, 9).
+
+    The derivatives are those in `directions` (n, d, 9) of the parameters.
 
     The result has shape (n, m, d, sizes). Derivatives that do not exist are NaN, and so are those of sizes
     outside of the range `asked` (first index, index after the last).
@@ -87,8 +88,9 @@ def solved(x: Any) -> Any:
 
 
 def slopes(x: Any, orbits: Any, asked: tuple[int, int]) -> Any:
-    """Return the derivatives of the sizes of the orbits from `solved` in all nine parameters, shape (3, 9,
-    sizes).
+    """Return the derivatives of the sizes of the orbits from `solved` in all parameters.
+
+    The result has shape (3, 9, sizes).
 
     See `orbit_slopes` for `asked`.
     """

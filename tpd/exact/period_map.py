@@ -158,8 +158,10 @@ def clear_derivatives(c):
 
 @compiled
 def follow_cycle(q, m, buffers, limits, periods, c):
-    """Simulate a number of periods from the state and the mode of a motion, and write them into the cycle
-    `c`."""
+    """Simulate a number of periods, and write them into the cycle `c`.
+
+    The simulation starts from the state and the mode of the motion `m`.
+    """
     f = steady(np.empty((0, 4)))
     legs, start, (_, _, w, r) = buffers.legs, buffers.motions[CYCLE_START], records_of(buffers)
     set_motion(m.y, m, start)
@@ -190,8 +192,9 @@ def follow_cycle(q, m, buffers, limits, periods, c):
 
 @compiled
 def eliminate(a, b):
-    """Solve a x = b in place for a 4 x 4 matrix and right-hand sides of shape (4, n), by elimination with
-    pivots.
+    """Solve a x = b in place, by elimination with pivots.
+
+    The matrix is 4 x 4, and b has shape (4, n).
 
     Returns the absolute value of the smallest pivot, or 0 if the matrix is singular or a result is not
     finite.
@@ -242,8 +245,10 @@ def solve_linearised(by, right):
 
 @compiled
 def residual_of(q, y, end):
-    """Return the largest difference between both ends of a cycle, in shares of the scales. It is NaN without
-    an end."""
+    """Return the largest difference between both ends of a cycle, in shares of the scales.
+
+    The result is NaN if the motion has not arrived at the end.
+    """
     scales, worst = repetition.scales_of(q), 0.0
     for i in range(4):
         # The state of a massless undamped bob never settles, and does not matter for the block.
@@ -254,8 +259,9 @@ def residual_of(q, y, end):
 
 @compiled
 def find_orbit(q, m, buffers, limits, periods, y):
-    """Solve for an orbit by Newton's method, from the state `y` and the mode of the motion `m`. Return the
-    residual.
+    """Solve for an orbit by Newton's method, and return the residual.
+
+    The iteration starts from the state `y` and the mode of the motion `m`.
 
     The start of the best orbit is written into `y`, and its cycle is the best one of the buffers.
     """
@@ -302,8 +308,9 @@ def find_orbit(q, m, buffers, limits, periods, y):
 
 @compiled
 def multipliers(q, by, roots):
-    """Compute the Floquet multipliers that matter for the block (all of them unless mu = 0), and write them
-    into `roots`.
+    """Compute the Floquet multipliers that matter for the block, and write them into `roots`.
+
+    These are all of them unless mu = 0.
 
     Returns the largest modulus, the smallest distance of a multiplier from +1, and the product of all 1 -
     multiplier.

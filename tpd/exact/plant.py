@@ -103,8 +103,10 @@ def fused(function: Callable[..., Any]) -> Any:
 
 @compiled
 def _positive_root(a4, a3, a2, a1, a0):
-    """Return the positive root of the quartic. The coefficients change their sign once, so that there is
-    exactly one."""
+    """Return the positive root of the quartic.
+
+    The coefficients change their sign once, so that there is exactly one positive root.
+    """
     # The even part of the quartic vanishes at the root without damping, and the odd part at the root with a
     # locked hinge. The root lies between the two. Above it the quartic is convex, so that Newton's method
     # from above converges without passing the root.
@@ -118,8 +120,10 @@ def _positive_root(a4, a3, a2, a1, a0):
 
 @compiled
 def _isolated_root(b3, b2, b1, b0):
-    """Return the real root of the cubic that is farthest from the mean of the roots, and thus apart from the
-    other two."""
+    """Return the real root of the cubic that is farthest from the mean of the roots.
+
+    This root is apart from the other two.
+    """
     # Shifted to its mean, the cubic has no quadratic term. Its roots are then a cosine, cosh or sinh of a
     # third of an angle. The isolated root lies on the side opposite to the sign of the cubic at the mean.
     mean = -b2 / (3.0 * b3)
@@ -184,8 +188,10 @@ def _mode(s, m11, m12, m21, m22, c1, c2, up):
 
 @compiled
 def _multiply(ar, ai, br, bi):
-    """Return the product of two numbers that are given by their real and imaginary parts, which may be
-    complex themselves."""
+    """Return the product of two numbers that are given by their real and imaginary parts.
+
+    These parts may be complex themselves, for derivatives.
+    """
     return ar * br - ai * bi, ar * bi + ai * br
 
 

@@ -60,8 +60,9 @@ def repeats_after(q, y, past, count, scales, tolerance):
 
 @compiled
 def excitation_in(ramp, period, elapsed, since, cubics):
-    """Return the forcing of a period, and the local time at which it has its full size (0 if it has that
-    already).
+    """Return the forcing of a period, and the local time at which it has its full size.
+
+    The time is 0 if the forcing has its full size already.
 
     The excitation grows over `ramp` periods. `elapsed` is the number of periods before this one, and the run
     starts at the local time `since` in it. `cubics` has no rows.

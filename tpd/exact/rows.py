@@ -14,8 +14,10 @@ from tpd.scene.parameters import NAMES, Parameters
 
 
 def numbers_of(p: Parameters) -> tuple[Any, ...]:
-    """Return the parameters in the order of a row. Inertia ratio and velocity ratio get their values if they
-    are None."""
+    """Return the parameters in the order of a row.
+
+    If the inertia ratio or the velocity ratio is None, its value is computed.
+    """
     # `vars` is used because the attribute access of an equinox module takes five times as long.
     values = vars(p)
     if values["rho"] is None or values["e"] is None:

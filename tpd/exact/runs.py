@@ -78,8 +78,10 @@ class GroundForcing(NamedTuple):
 
 
 class Settled(eqx.Module):
-    """The state to which a run has settled. It has no derivatives and serves as initial guess for a periodic
-    orbit."""
+    """The state to which a run has settled.
+
+    It has no derivatives and serves as initial guess for a periodic orbit.
+    """
 
     y: State
     """State (phi, psi, phi', psi') at tau = 0 modulo the forcing period."""

@@ -112,8 +112,7 @@ def _repeats_at_rest(q, m, past, repeats, tolerance):
 
 @compiled
 def _slow_repetition(q, past, count, tolerance, gap, gap_periods):
-    """Return the number of forcing periods after which a motion almost repeats, if it converges slowly, and
-    otherwise 0.
+    """Return the number of periods after which a slowly converging motion almost repeats, or 0.
 
     Slow means that the motion would take longer to repeat than a search for its orbit. The function also
     returns the distance between the motion and its repetition, and the number of periods for it. `gap` and
@@ -138,8 +137,9 @@ def _slow_repetition(q, past, count, tolerance, gap, gap_periods):
 
 @compiled
 def _one_period(q, f, m, legs, w, s, ramp_end, limits):
-    """Follow a motion from the local time `s` to the end of the forcing period. Return the outcome, see
-    `follow_piece`.
+    """Follow a motion from the local time `s` to the end of the forcing period.
+
+    Returns the outcome, see `follow_piece`.
 
     The excitation has its full size from the local time `ramp_end` on.
     """
@@ -159,8 +159,9 @@ def _one_period(q, f, m, legs, w, s, ramp_end, limits):
 
 @compiled
 def settle(x, buffers, s, since, ramp, out):
-    """Simulate a run from its state at tau = `since` until it repeats, rests or overturns, and write the
-    result to `out`.
+    """Simulate a run until it repeats, rests or overturns, and write the result to `out`.
+
+    The run starts from its state at tau = `since`.
 
     The run also ends after the number of periods in the settings `s`. The excitation grows linearly over
     `ramp` periods. `out` is a record `tpd.exact.repetition.SETTLED`.

@@ -73,8 +73,9 @@ _ONE = np.int64(1)
 
 @compiled
 def _measure_lyapunov(q, m, buffers, limits, periods, y):
-    """Return the largest Lyapunov exponent of a run that did not repeat, which is followed from its present
-    state.
+    """Return the largest Lyapunov exponent of a run that did not repeat.
+
+    The run is continued from its present state.
 
     The result is NaN if the run ends at once. This writes the start of the last cycle into `y`, and that
     cycle with the largest angles of all cycles into the first place of the buffers.
@@ -109,8 +110,7 @@ def _measure_lyapunov(q, m, buffers, limits, periods, y):
 
 @compiled
 def verdict(outcome, residual, separation, multiplier, to_fold, crossing, neutral):
-    """Return the number of a run's status, from the status of the simulation and from Newton's method on its
-    period map.
+    """Return the number of a run's status, from the simulation and from Newton's method.
 
     Args:
         begun: status at the end of the simulation.

@@ -137,8 +137,9 @@ def _status(q, largest, nearest, grazing):
 
 @compiled
 def _follow_path(q, m, t, gamma, path, w, orbit):
-    """Follow a solution from turning point to turning point, store its sizes in `orbit`, and return whether
-    it is an orbit.
+    """Follow a solution from turning point to turning point, and return whether it is an orbit.
+
+    The sizes of the orbit are stored in `orbit`.
 
     The path passes all turning points of the bob, all extreme values of phi', and without friction turning
     points of the block.
@@ -221,8 +222,9 @@ def _store_state(q, m, t, gamma, path, sizes):
 
 @compiled
 def _store_margins(q, m, t, path, matrix, sizes):
-    """Write the numbers that vanish at a fold, at a loss of symmetry and at a torus bifurcation into the
-    sizes.
+    """Write the margins to a fold, to a loss of symmetry and to a torus bifurcation into the sizes.
+
+    These margins vanish at the bifurcations.
 
     Returns the coefficients of the characteristic polynomial of the half map.
     """
@@ -361,8 +363,9 @@ def vanishing(x, u, work, out, by):
 
 @compiled
 def sample_path(x, u, work, out):
-    """Sample the path of a solution u = (t, gamma) from one turning point to the next, and write the samples
-    into `out`.
+    """Sample the path of a solution u = (t, gamma) from one turning point to the next.
+
+    The samples are written into `out`.
 
     These are phi at the turning point, phi'' just after it, -phi'' just before the next turning point, and
     phi' at `SAMPLES` equal steps between both. Without friction phi replaces phi', with the sign that is

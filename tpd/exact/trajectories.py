@@ -69,8 +69,9 @@ def _trajectory_jvp(primals: tuple, tangents: tuple) -> tuple:
 def trajectory(
     equations: Terms, p: Parameters, y0: State, times: Float[Array, "times"], **limits: Any
 ) -> tuple[Float[Array, "times 4"], Status]:
-    """Return the states of a run under a harmonic at `times`, and its status. The run starts from `y0` at
-    `times[0]`.
+    """Return the states of a run under a harmonic at `times`, and its status.
+
+    The run starts from `y0` at `times[0]`.
 
     Args:
         equations: linear or nonlinear. Derivatives of the linear equations are exact, and those of the
@@ -107,8 +108,9 @@ class History(NamedTuple):
 def history(
     row: np.ndarray, y0: np.ndarray, pieces: np.ndarray, times: np.ndarray, *, free: float, events: int
 ) -> History:
-    """Simulate a run through the pieces of a ground motion and then freely, and return its states and
-    impacts.
+    """Simulate a run through a ground motion, and return its states and impacts.
+
+    The run passes through all pieces and then moves freely.
 
     Args:
         row: parameters (9,).

@@ -108,8 +108,9 @@ def _add(a, b):
 
 @compiled
 def store_bounds(q, bounds):
-    """Write bounds on the fourth and fifth derivatives of the pair's two solutions into `bounds`, shape (2,
-    2, 2).
+    """Write bounds on the fourth and fifth derivatives of the pair's two solutions into `bounds`.
+
+    `bounds` has shape (2, 2, 2).
 
     The axes are: slipping or held block, order of the derivative, solution. The energy x^2 + x'^2/q never
     grows.
@@ -142,8 +143,11 @@ def _bound(arc, x, growth, order, bounds):
 
 @compiled
 def _positive(g0, v0, g1, v1, d, bound):
-    """Whether a signal with these values and slopes at the ends of a window of length d stays positive within
-    it."""
+    """Whether a signal stays positive within a window of length d.
+
+    The arguments are its values (g0, g1) and slopes (v0, v1) at both ends, and a bound on its fourth
+    derivative.
+    """
     smallest = min(min(g0, g1), min(g0 + d * v0 / 3.0, g1 - d * v1 / 3.0))
     # A bob that hangs still does not turn.
     return smallest > bound * d * d * d * d * AWAY or (g0 == 0.0 and v0 == 0.0 and g1 == 0.0 and v1 == 0.0)
@@ -228,8 +232,10 @@ def _has_no_event(q, m, arc, e, a, b, growth, bounds, bob):
 
 @compiled
 def store_maps(q, w):
-    """Fill the workspace with the maps and bounds of a plant. All pieces have the same duration, so that two
-    maps are enough."""
+    """Fill the workspace with the maps and bounds of a plant.
+
+    All pieces have the same duration, so that two maps are enough.
+    """
     store_bounds(q, w.bounds)
     for is_held in range(2):
         store_map(q, _KINDS[is_held], q.xi, w.maps[is_held])
@@ -237,8 +243,9 @@ def store_maps(q, w):
 
 @compiled
 def whole_pieces(q, f, m, legs, w, i, turns):
-    """Follow a motion from the start of piece i while whole pieces are proved to have no event. Return the
-    next piece.
+    """Follow a motion from the start of piece i while whole pieces are proved to have no event.
+
+    Returns the index of the next piece.
 
     `turns` says whether turning points of the bob count.
     """
