@@ -58,7 +58,7 @@ class Compiled:
     """Entry point to a module with compiled code, which has the attributes `CALL` and `run`."""
 
     def __init__(self, module: str, target: str, of: str, trial: Trial) -> None:
-        """Store what is needed to load the module and to test it.
+        """Store the arguments. The module is loaded when it is needed.
 
         Args:
             module: full name of the module.
@@ -100,7 +100,7 @@ class Compiled:
             return self._is_direct
 
     def _check_direct_call(self) -> bool:
-        """Compare the results of a trial call through XLA with those of a call from Python."""
+        """Compare the results of a trial call through XLA with the results of the same call from Python."""
         entry, why = self.entry(), "its answer to a trial is wrong"
         try:
             jax.ffi.register_ffi_target(self._target, jax.ffi.pycapsule(entry.CALL.address), platform="cpu")

@@ -25,9 +25,9 @@ GROUND = ("tpd.exact.linear_entry", "tpd.exact.nonlinear_entry")
 """Modules with the compiled code of runs under pulses and records."""
 _COMMAND = """
 import gc, os, sys, threading, warnings
-# A compilation makes millions of objects, which live as long as this process.
+# A compilation creates millions of objects that live as long as this process.
 gc.disable()
-# The end of the pipe is that of the command, however it ends.
+# The pipe closes when the command ends, for whatever reason.
 threading.Thread(target=lambda: os.read(0, 1) or os._exit(1), daemon=True).start()
 sys.excepthook = lambda *_: None
 warnings.showwarning = lambda text, kind, *_: kind is UserWarning and print(text, file=sys.stderr)

@@ -72,8 +72,8 @@ def joined(values: tuple, numbers: tuple, slopes: tuple) -> tuple:
     """
     if not all(isinstance(x, (float, np.ndarray)) for x in jax.tree.leaves((numbers, slopes))):
         return _joined(values, numbers, slopes)
-    # JAX creates zero derivatives for all arguments of a function. If the numbers are known and a derivative
-    # is taken at once, the numbers are no arguments, which is faster.
+    # JAX creates zero derivatives for all arguments of a function. If nothing is traced and a derivative is
+    # taken at once, the numbers are not passed as arguments, which is faster.
     with_rule = jax.custom_jvp(lambda *values: numbers)
     with_rule.defjvp(lambda primals, tangents: (numbers, _moves(primals, tangents, numbers, slopes)))
     return with_rule(*values)
@@ -127,21 +127,21 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
 def _scaled(factor: Any, direction: Any, point: Any, *, keep_zeros: bool = False) -> Array:
     """Return `factor * direction`, whose own derivative in `point` is NaN.
 
-    If `spared`, a direction of zero gives zero even if the factor is NaN. In reverse mode the same holds for
-    a weight of zero.
+    If `keep_zeros`, a direction of zero gives zero even if the factor is NaN. In reverse mode the same holds
+    for a weight of zero.
     """
     arrays = jnp.broadcast_arrays(factor, direction, point)
     return _scaled_p.bind(*arrays, keep_zeros=keep_zeros, keep_back=True)
 
 
 def _product(factor: Any, x: Any, _: Any, *, keep_zeros: bool, keep_back: bool) -> Array:
-    """Return the product. Zero times NaN is zero if `spared`."""
+    """Return the product. Zero times NaN is zero if `keep_zeros`."""
     del keep_back
     return jnp.where(x == 0.0, 0.0, factor * x) if keep_zeros else factor * x
 
 
 def _transposed(weight: Any, factor: Any, _: Any, point: Any, *, keep_zeros: bool, keep_back: bool) -> list:
-    """Return the transpose of the product, with the rule for zeros of the reverse mode."""
+    """Return the transpose of the product. `keep_back` is the rule for zeros in reverse mode."""
     if isinstance(weight, ad.Zero):
         return [None, weight, None]
     return [None, _scaled_p.bind(factor, weight, point, keep_zeros=keep_back, keep_back=keep_zeros), None]

@@ -142,8 +142,8 @@ def watch_block(q, arc, mode, forcing, w):
     back to the base. For a held block they are the differences between the moment and both limits. `forcing`
     is the forcing as a signal, divided by its full size.
     """
-    # On the way out phi cannot vanish before phi' does. So phi is watched on the way back only, and a tilt
-    # that starts at zero is not mistaken for an event.
+    # While the block moves away from its base, phi cannot vanish before phi' does. So phi is watched on the
+    # return only, and a tilt that starts at zero is not mistaken for an event.
     w.first_zero = FIRST
     if mode.kind == SLIP:
         _watch(w, FIRST, _scaled(mode.direction, rate_of(arc, arc.tilt)), arc)
@@ -191,13 +191,13 @@ CLEAR, ONE, UNKNOWN = range(3)
 
 @compiled
 def prove_window(g0, v0, g1, v1, d, bound):
-    """Return what is proved about a signal over a window of length d.
+    """Return the proof about a signal over a window of length d: CLEAR, ONE or UNKNOWN.
 
     The arguments are the values (g0, g1) and slopes (v0, v1) at both ends, and the bound on the fourth
     derivative. The result is CLEAR if the signal stays positive after the start of the window; ONE if the
     signal starts positive, decreases all the way and has vanished at the end; UNKNOWN otherwise.
     """
-    # Bernstein coefficients of the cubic. Those of its slope are three times their differences.
+    # Bernstein coefficients of the cubic. The coefficients of its slope are three times their differences.
     b1, b2, uncertainty = g0 + d * v0 * _THIRD, g1 - d * v1 * _THIRD, bound * d * d * d * d
     if min(min(g0, g1), min(b1, b2)) > uncertainty * AWAY:
         return CLEAR

@@ -232,7 +232,7 @@ def follow_piece(q, f, m, legs, w, i, s, end, rules):
         slowest = max(max(q.p, q.held_p), math.sqrt(max(q.q, q.held_q)))
         usual, reach = 1.0, _REACH / max(max(q.s1, -q.s2), slowest)
         if m.kind != SLIP:
-            # The base acceleration may jump where a piece begins, and the jump may release the block.
+            # The base acceleration may jump at the start of a piece, and the jump may release the block.
             decide(q, y, m.tilt if m.kind == STICK else 0.0, 0.0, load_at(q, f, i, s).e0, m)
             if m.kind == SLIP and m.uplift_time == math.inf:
                 m.uplift_time = origin + s

@@ -115,7 +115,7 @@ def _trajectory(a, first, last):
 
 @compiled
 def _store_slopes(m, table, inputs, by):
-    """Select the derivatives of a run's results from those of its legs, and write them into `by`.
+    """Select the derivatives of a run's results from the derivatives of its legs, and write them into `by`.
 
     The directions from `inputs` on stay zero. The derivative of a time that has none is NaN.
     """
@@ -145,8 +145,8 @@ def _follow_ground(a, first, last, history):
     q, m, w, r = records_of(buffers)
     for n in range(first, last):
         f, status = pieces(forcing, s[n], n), FAILED
-        # Few runs have more legs than this, and those are repeated with enough memory. The operating system
-        # assigns memory only when it is written, so that a large array costs nothing.
+        # Few runs have more legs than this, and such runs are repeated with enough memory. The operating
+        # system assigns memory only when it is written, so that a large array costs nothing.
         capacity = 2 * (int(s[n].pieces) + min(int(s[n].events), _USUAL_EVENTS)) + 64
         legs = np.empty(capacity, LEG) if slopes or history else no_legs
         m.n_legs = len(legs) + 1
@@ -168,7 +168,7 @@ def _follow_ground(a, first, last, history):
             continue
         out = view(results, (last,), FOLLOWED)[n]
         store_results(m, status, out)
-        # The accelerations at the end, where no forcing acts any more.
+        # The accelerations at the end, where no forcing acts.
         arc = arc_from(q, m, m.y, Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         end = state_at(arc, beginning(arc), 0.0)
         out.state[TILT_PULL], out.state[SWING_PULL] = end[TILT_PULL], end[SWING_PULL]
@@ -208,7 +208,7 @@ def _entrance(version: int, api: int) -> Any:
     """
 
     def call(address):
-        """Answer a frame: 0 for success."""
+        """Compute the rows that a frame describes. XLA takes the result 0 for success."""
         a = np.zeros(8, np.int64)
         first, last, by_host = rows_of(address, a, api)
         # There is only one call of `_run`: Numba would compile all functions below it again for each other

@@ -73,7 +73,7 @@ _SIGNAL = 2
 _AT_ZERO = 1e-12
 """Value below which a signal counts as zero at the start of an arc."""
 _FEW = 4
-"""Number of grid points that are tried for one root."""
+"""Largest number of grid points that are used for one root."""
 Parts = namedtuple("Parts", "level rising decaying u v h k r w")
 """An angle by its parts: a constant `level`; the `rising` and the `decaying` exponential; x and x' of the
 pair (`u`, `v`); the response to the forcing h = (a + b t) sin + (c + d t) cos with its quadrature k = (a + b
@@ -273,7 +273,8 @@ def _flight(q, m, a):
     # landing.
     speed, bend, height = abs(x1), abs(x2), abs(y[TILT])
     t = speed / bend if out else 2.0 * height / (speed + math.sqrt(speed * speed + 2.0 * bend * height))
-    # The block must decelerate on its way out and accelerate on its way back, and the flight must be short.
+    # Before a turning point the block must decelerate, and after it accelerate. The flight must also be
+    # short.
     if (m.direction * x2 >= 0.0) == out or m.direction * x1 < 0.0 or not 0.0 < t * k < _LONG:
         return END, 0.0, terms
     terms = _FEWER if k * t < _TINY else (TERMS if k * t < _SHORT else MOST)

@@ -29,9 +29,10 @@ Past = namedtuple("Past", "periods peaks")
 
 @compiled
 def _is_approaching(by, past, count, periods, orbit_state, scales, distance):
-    """Whether a run approaches an orbit in the way in which the orbit's derivative predicts.
+    """Whether a run approaches an orbit as the orbit's derivative predicts.
 
-    The last states and those before must differ from the orbit by amounts that the linearised map relates.
+    The last states and the states one period of the orbit before must differ from the orbit by amounts that
+    the linearised map relates.
     """
     if count <= 2 * periods:
         return False
@@ -48,10 +49,10 @@ def _is_approaching(by, past, count, periods, orbit_state, scales, distance):
 
 @compiled
 def _peaks_are_past(by, best, scales, gap, distance, peaks):
-    """Whether a run cannot exceed its largest angles any more on its way to an orbit.
+    """Whether the largest angles of a run lie behind it when it approaches an orbit.
 
-    `gap` is the difference between its state and the orbit. If the gap is negligible, raise the peaks to the
-    angles that the run reaches to first order, and return True.
+    `gap` is the difference between the run's state and the orbit. If the gap is negligible, raise the peaks
+    to the angles that the run reaches to first order, and return True.
     """
     next_gap, worst = np.empty(4), np.zeros(2)
     for _ in range(_LONG):

@@ -2,8 +2,10 @@
 
 Runs are simulated one by one. In a vectorised batch every run would wait for the one with the most events. A
 Taylor series carries a run until its error would be too large, or to the first event, which is a root of the
-series. State, forcing and coefficients are those of the exact model, the rules at events those of
-`tpd.exact.contact_kernel`, and the rules of repetition those of `tpd.exact.repetition`.
+series.
+
+State, forcing and coefficients are the same as in the exact model. `tpd.exact.contact_kernel` has the rules
+at events, and `tpd.exact.repetition` the rules of repetition.
 """
 
 from __future__ import annotations
@@ -139,7 +141,7 @@ def _land(q, m, capture, eta):
 
 @compiled
 def _handle_event(q, m, event, at_once, capture, eta):
-    """Change the state and the mode at an event. `at_once` says that the series started with the event."""
+    """Change the state and the mode at an event. `at_once` is true if the series started with the event."""
     if event == _LANDING:
         m.impacts += 1
         _land(q, m, capture, eta)
@@ -388,7 +390,7 @@ def _follow_once(q, f, m, w, s):
     # The forcing has a kink at every sample, and no series may cross it.
     while i <= f.pieces and ended == ARRIVED:
         if m.kind != SLIP:
-            # The base acceleration may jump where a piece begins, and the jump may release the block.
+            # The base acceleration may jump at the start of a piece, and the jump may release the block.
             decide(q, y, 0.0 if m.kind == REST else m.tilt, 0.0, load_at(q, f, i, 0.0).e0, m)
             if m.kind == SLIP:
                 m.uplift_time = min(m.uplift_time, i * span_of(q, f))
@@ -442,7 +444,7 @@ def _entrance(version: int, api: int) -> Any:
     """
 
     def call(address):
-        """Answer a frame: 0 for success."""
+        """Compute the rows that a frame describes. XLA takes the result 0 for success."""
         a = np.zeros(8, np.int64)
         first, last, by_host = rows_of(address, a, api)
         if last > first:

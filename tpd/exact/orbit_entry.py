@@ -77,7 +77,7 @@ def _entrance(version: int, api: int) -> Any:
     """
 
     def call(address):
-        """Answer a frame: 0 for success."""
+        """Compute the rows that a frame describes. XLA takes the result 0 for success."""
         a = np.zeros(8, np.int64)
         first, last, by_host = rows_of(address, a, api)
         if last > first:

@@ -68,8 +68,7 @@ def orbit_slopes(
     outside of the range `asked` (first index, index after the last).
     """
     entry, (n, d) = ORBITS.entry(), directions.shape[:2]
-    # The kernel takes all three orbits of a design. The status of the missing ones says that there is no
-    # orbit.
+    # The kernel takes all three orbits of a design. Places without an orbit get the status `no_orbit`.
     all_orbits: Any = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)
     all_orbits["status"] = STATUSES.index("no_orbit")
     _, m = orbits.shape

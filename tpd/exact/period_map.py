@@ -1,7 +1,8 @@
 """Newton's method on the map of a number of forcing periods.
 
-All periodic orbits of the exact model are computed here: those of runs that converge slowly
-(`tpd.exact.near_orbits`), those of runs that have settled, and those near a given state (`tpd.exact.steady`).
+This module computes all periodic orbits of the exact model: the orbits of runs that converge slowly
+(`tpd.exact.near_orbits`), the orbits of runs that have settled, and orbits near a given state
+(`tpd.exact.steady`).
 
 Let P be the map from the state at tau = 0 to the state some periods later. A periodic orbit is y* = P(y*),
 and Newton's step solves (I - DP) dy = P(y) - y. With the parameters p the orbit changes by dy*/dp = (I -

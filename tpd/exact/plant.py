@@ -230,7 +230,7 @@ def _responses(m11, m12, m21, m22, c1, c2, up, f, xi):
     a, b, c, d = -up - x2 * m11, -x2 * m12, -x2 * m21, 1.0 - x2 * m22
     matrix = (a, xi * c1, b, -xi * c1, c, -xi * c2, d, xi * c2)
     h0, h1, h2, h3 = _solve_2x2(matrix, -f * up, zero, f, zero)
-    # P' H with P' = 2 s M + C at s = i xi.
+    # The product P' H, with P' = 2 s M + C at s = i xi.
     (ar, ai), (br, bi) = _multiply(c1, 2.0 * xi * m11, h0, h1), _multiply(-c1, 2.0 * xi * m12, h2, h3)
     (cr, ci), (dr, di) = _multiply(-c2, 2.0 * xi * m21, h0, h1), _multiply(c2, 2.0 * xi * m22, h2, h3)
     lag = _solve_2x2(matrix, -ar - br, -ai - bi, -cr - dr, -ci - di)

@@ -97,7 +97,8 @@ def was_held(past, periods):
 @compiled
 def store_settled(status, repeats, elapsed, m, past, peaks, out):
     """Write the motion to which a run has settled into the record `out`."""
-    # If the motion repeats, only the periods of one repetition count. Those before belong to the transient.
+    # If the motion repeats, only the periods of one repetition count. Earlier periods belong to the
+    # transient.
     n_periods = repeats if repeats > 0 else LONGEST
     amplitude, swing, stuck = 0.0, 0.0, 0.0
     for j in range(n_periods):

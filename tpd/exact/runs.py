@@ -74,7 +74,7 @@ class GroundForcing(NamedTuple):
     free: Any
     """Duration of the free motion after the ground motion (tau), a number or an array (n,)."""
     which: Any = 0
-    """Index of the ground motion of each run."""
+    """Index into `records` for each run."""
 
 
 class Settled(eqx.Module):
@@ -420,7 +420,7 @@ def _ground_run_jvp(primals: tuple, tangents: tuple) -> tuple:
     # accelerations.
     rates = jnp.concatenate([of.state[TILT_RATE:], jnp.zeros(1)])
     end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[column("free")]
-    # Angles that are largest at the end of the run change in the same way.
+    # The same holds for angles that are largest at the end of the run.
     whole = settings[column("pieces")] * x[XI] + settings[column("free")]
     last = jnp.abs(of.times - whole) <= _AT_END * whole
     tilt, swing, tilting, swinging, *_ = of.state

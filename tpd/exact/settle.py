@@ -70,11 +70,11 @@ def _is_at_rest(q, m, peak, phase, tolerance):
         return remaining >= 0.0, reach
     if mode.kind != STICK:
         return False, reach
-    # A rattle with e < 1 comes to rest within finite time, and each slow impact is captured at once. Hops
-    # under strong friction do not end like this: friction holds the block a little above its base until the
-    # moment has changed its sign. One hop then takes a large part of a period, and each hop is smaller than
-    # the last. Hops below the tolerance of a repetition no longer matter. The block counts as at rest if the
-    # bob cannot lift it.
+    # A rattle with e < 1 comes to rest within finite time, and a slow impact ends it at once. Hops under
+    # strong friction do not end like this: friction holds the block a little above its base until the moment
+    # has changed its sign. One hop then takes a large part of a period, and each hop is smaller than the
+    # last. Hops below the tolerance of a repetition no longer matter. The block counts as at rest if the bob
+    # cannot lift it.
     low = max(peak, abs(y[TILT])) < tolerance * q.nu
     if low and (q.k > 0.0 or q.e < 1.0) and remaining > 0.0:
         mode.kind, y[TILT] = REST, 0.0

@@ -109,24 +109,24 @@ def _measure_lyapunov(q, m, buffers, limits, periods, y):
 
 
 @compiled
-def verdict(outcome, residual, separation, multiplier, to_fold, crossing, neutral):
+def verdict(outcome, residual, separation, multiplier, to_fold, transversality, neutral):
     """Return the number of a run's status, from the simulation and from Newton's method.
 
     Args:
-        begun: status at the end of the simulation.
+        outcome: status at the end of the simulation.
         residual: residual of the orbit.
         separation: Lyapunov exponent of a run that did not repeat, per unit of tau.
         multiplier: modulus of the largest multiplier.
         to_fold: distance of the nearest multiplier from 1.
-        crossing: smallest transversality of all events.
+        transversality: smallest transversality of all events.
         neutral: whether the orbit neither attracts nor repels.
     """
-    # From the weakest statement to the strongest: each line overrules those above it. Stability comes first,
-    # because it means nothing if an event grazes, next to a fold, or away from an orbit.
+    # The statements are in increasing order of priority: each line overrules the lines above it. Stability
+    # comes first, because it means nothing if an event grazes, next to a fold, or away from an orbit.
     moving = outcome in (repetition.ROCKING, repetition.STICKING)
     status = UNSTABLE if moving and multiplier > 1.0 else outcome
     status = NEUTRAL if moving and neutral else status
-    status = GRAZING_STATUS if moving and crossing < GRAZING else status
+    status = GRAZING_STATUS if moving and transversality < GRAZING else status
     status = NEAR_FOLD_STATUS if moving and to_fold < 2.0 * NEAR_FOLD else status
     status = repetition.NOT_SETTLED if moving and not residual < RESIDUAL else status
     return APERIODIC_STATUS if separation > APERIODIC else status
@@ -226,8 +226,8 @@ def steady_state(x, y0, s, near, buffers, out):
             separation = _measure_lyapunov(q, m, buffers, limits, int(s.lyapunov), y)
         else:
             residual = find_orbit(q, m, buffers, limits, periods, y)
-            # A motion that approaches its orbit from both sides in turn first repeats after two periods. If
-            # the orbit closes after fewer periods, it gets that smaller number.
+            # A motion that approaches its orbit alternately from both sides first repeats after two periods.
+            # If the orbit closes after fewer periods, it gets that smaller number.
             other, begin = buffers.cycles[LATEST], buffers.motions[APPROACHING]
             set_motion(y, m, begin)
             for fewer in range(1, periods):

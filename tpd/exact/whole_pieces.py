@@ -149,7 +149,7 @@ def _positive(g0, v0, g1, v1, d, bound):
     derivative.
     """
     smallest = min(min(g0, g1), min(g0 + d * v0 / 3.0, g1 - d * v1 / 3.0))
-    # A bob that hangs still does not turn.
+    # A bob that hangs still has no turning point.
     return smallest > bound * d * d * d * d * AWAY or (g0 == 0.0 and v0 == 0.0 and g1 == 0.0 and v1 == 0.0)
 
 
