@@ -92,16 +92,16 @@ def test_two_zeros_of_the_rate_close_together_are_not_passed_over():
 
 
 def test_a_signal_that_begins_at_a_turn_is_proved_to_vanish_once():
-    judged, rng, proved = numba.njit(lambda *args: events.judged(*args)), np.random.default_rng(4), 0
+    prove, rng, proved = numba.njit(lambda *args: events.prove_window(*args)), np.random.default_rng(4), 0
     s = np.linspace(0.0, 1.0, 2001)
     for _ in range(2000):
         # 1 - b s^2 + c s^3 + d s^4/24: its fourth derivative is d.
         b, c, d = rng.uniform(0.0, 8.0), rng.uniform(-4.0, 6.0), rng.uniform(-60.0, 60.0)
         g = 1.0 - b * s**2 + c * s**3 + d * s**4 / 24.0
         slope = -2.0 * b + 3.0 * c + d / 6.0
-        found = judged(1.0, 0.0, g[-1], slope, 1.0, abs(d))
-        proved += found == events.ONE
-        if found != events.UNKNOWN:
+        proof = prove(1.0, 0.0, g[-1], slope, 1.0, abs(d))
+        proved += proof == events.ONE
+        if proof != events.UNKNOWN:
             changes = np.sum(np.diff(np.sign(g)) != 0.0)
-            assert changes == (1 if found == events.ONE else 0)
+            assert changes == (1 if proof == events.ONE else 0)
     assert proved > 300

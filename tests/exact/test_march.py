@@ -18,7 +18,7 @@ from tpd.exact.terms import REST, SLIP, TILT, TILT_RATE
 
 RATTLES = (0.25, 0.0986, 0.6, 0.1, 0.05, 0.37, 2.67), (0.25, 0.4, 0.4, 0.3, 0.0, 0.37, 2.67, 0.91)
 """The paper's block with a long pendulum, and a block that loses energy at impacts."""
-PERIODS, ROOM_FOR = 3, 4000
+PERIODS, CAPACITY = 3, 4000
 
 
 @numba.njit
@@ -41,7 +41,7 @@ def followed(plants, y0, marches, legs, counts, ends):
 
 
 @numba.njit
-def put_bounds(plants, y, kind, bounds, sizes):
+def store_bounds(plants, y, kind, bounds, sizes):
     """Bounds on fourth and fifth derivatives of both angles, and the largest sizes of these over a step."""
     motions, workspaces = np.zeros(1, MOTION), np.zeros(1, WORKSPACE)
     m, a, q = motions[0], workspaces[0].march, plants[0]
@@ -69,7 +69,7 @@ def test_derivatives_stay_below_their_bounds(kind):
         plants = plants_of([[0.25, 0.2, 0.4, zeta, 0.05, 0.4, 2.7]])
         for _ in range(100):
             bounds, sizes = np.empty((2, 2)), np.zeros((2, 2))
-            put_bounds(plants, rng.normal(size=4), float(kind), bounds, sizes)
+            store_bounds(plants, rng.normal(size=4), float(kind), bounds, sizes)
             assert np.all(sizes <= bounds * (1.0 + 1e-12))
             closest = np.maximum(closest, sizes / bounds)
     # Not far below either: the proofs would fail.
@@ -80,7 +80,7 @@ def test_the_march_meets_the_events_of_the_careful_search():
     x, starts = box(60, 5)
     both = []
     for marches in (True, False):
-        legs, counts, ends = np.zeros((len(x), ROOM_FOR), LEG), np.zeros(len(x), int), np.zeros(len(x), int)
+        legs, counts, ends = np.zeros((len(x), CAPACITY), LEG), np.zeros(len(x), int), np.zeros(len(x), int)
         followed(plants_of(x), starts, marches, legs, counts, ends)
         both.append((legs, counts, ends))
     (legs, counts, ends), (expected, many, how) = both

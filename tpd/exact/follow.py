@@ -229,8 +229,8 @@ def follow_piece(q, f, m, legs, w, i, s, end, rules):
         # The time scale of the block is 1 in tau. The Taylor polynomial of an arc grows with the third power
         # of time, and so does its rounding error. Arcs under a cubic are therefore restarted before they get
         # long.
-        slowest = max(max(q.p, q.held_p), math.sqrt(max(q.q, q.held_q)))
-        usual, reach = 1.0, _REACH / max(max(q.s1, -q.s2), slowest)
+        quickest = max(max(q.p, q.held_p), math.sqrt(max(q.q, q.held_q)))
+        usual, reach = 1.0, _REACH / max(max(q.s1, -q.s2), quickest)
         if m.kind != SLIP:
             # The base acceleration may jump at the start of a piece, and the jump may release the block.
             decide(q, y, m.tilt if m.kind == STICK else 0.0, 0.0, load_at(q, f, i, s).e0, m)
@@ -283,7 +283,7 @@ def follow_piece(q, f, m, legs, w, i, s, end, rules):
         for j in range(4):
             y[j] = now[j]
         tau = origin + s + at
-        # At the limit angle of return the angles are no longer of interest.
+        # The angles of a block that overturns are not results.
         if event != OVERTURN:
             update_angles(m, y[TILT], y[SWING], tau)
         record_leg(m, legs, i, s + leg_start, at - leg_start, event if event != END or whole else CUT, start)

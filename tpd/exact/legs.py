@@ -66,7 +66,7 @@ def _plant(r, j):
 
 @compiled
 def _event_delay(q, f, leg, a, s, eta, rate):
-    """Return by how much the end of a leg is delayed when the direction changes, in its imaginary part.
+    """Return the delay of the end of a leg, for a complex step in the direction of the derivative.
 
     `a` is the last state of the leg, `s` the local time of its start, and `eta` and `rate` are the forcing
     and its slope at the end.
@@ -227,10 +227,13 @@ def _carry_through_pieces(q, r, c, leg, inputs):
             x[k], x[4 + k] = y[k], c[n, k]
             for j in range(inputs):
                 old[k, j] = dy[k, j]
+        # Measure the tilt from the centre, and change back after the map.
         x[0] -= centre
         for j in range(inputs):
             old[TILT, j] -= moved[j]
         for i in range(4):
+            # Product rule: the derivative of the map times the state, plus the map times the derivative of
+            # the state.
             total = 0.0
             for j in range(inputs):
                 dy[i, j] = 0.0
@@ -252,6 +255,8 @@ def _carry_through_pieces(q, r, c, leg, inputs):
 @compiled
 def _store_angles(r, f, m, n, leg, first, last, by):
     """Write the derivatives of the angles that are largest at the end of leg n into `by`.
+
+    This includes the derivatives of their times.
 
     The derivatives of their times follow.
     """

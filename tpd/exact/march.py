@@ -278,7 +278,7 @@ def _flight(q, m, a):
     if (m.direction * x2 >= 0.0) == out or m.direction * x1 < 0.0 or not 0.0 < t * k < _LONG:
         return END, 0.0, terms
     terms = _FEWER if k * t < _TINY else (TERMS if k * t < _SHORT else MOST)
-    # S of the module's text.
+    # The bound S in the docstring of this module.
     size = max(max(max(abs(x0), abs(z0)), max(speed, abs(z1)) / a.weight), a.share + a.growth)
     tilt[_VALUE], tilt[_SLOPE], swing[_VALUE], swing[_SLOPE] = y[TILT], x1, z0, z1
     # Each pass computes the next coefficients from the equations of motion.
@@ -331,8 +331,8 @@ def _end_rattle(q, f, m, a, s, end):
     last, previous = hops[_LAST], hops[_PREVIOUS]
     last[_SPEED], last[_TIME], last[_SWING], last[_SWING_RATE] = abs(y[TILT_RATE]), s, y[SWING], y[SWING_RATE]
     a.hop_count[side] += 1
-    # Successive hops shrink by nearly the same factor, so that a geometric series estimates the wait
-    # time.
+    # Successive hops shrink by nearly the same factor, so that a geometric series estimates the time until
+    # the rattle ends.
     share = last[_SPEED] / previous[_SPEED]
     soon = (last[_TIME] - previous[_TIME]) * share * a.quickest < _SOON * (1.0 - share)
     if a.hop_count[side] < HOPS or not soon:
