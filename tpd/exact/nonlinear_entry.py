@@ -158,7 +158,7 @@ def _handle_event(q, m, event, at_once, capture, eta):
 
 
 @compiled
-def _note_turns(m, k, c, order, h, tau):
+def _update_at_turns(m, k, c, order, h, tau):
     """Update the largest angle k where the angle turns within the time h from `tau` on.
 
     `k` is an index of angles in both `MOTION` and the series. Of both sides only the larger one is valid.
@@ -194,9 +194,9 @@ def advance(q, f, m, w, i, s, end):
             series.store_state(c, order, h, y)
         # The tilt is largest at events, which are ends of steps. The bob may turn within a step.
         update_angles(m, y[TILT], y[SWING], tau + h)
-        _note_turns(m, series.PSI, c, order, h, tau)
+        _update_at_turns(m, series.PSI, c, order, h, tau)
         if w.relative:
-            _note_turns(m, series.APART, c, order, h, tau)
+            _update_at_turns(m, series.APART, c, order, h, tau)
         # Set the variable that vanishes at the event to exactly zero.
         if event == _LANDING:
             y[TILT] = 0.0
@@ -219,11 +219,9 @@ def advance(q, f, m, w, i, s, end):
 
 @compiled
 def _is_still(q, m, before):
-    """Whether the block was at rest, or held at a tilt, for a whole period.
+    """Whether the block was at rest, or held at a tilt, for a whole period with a steady bob.
 
-    The bob must have moved almost as in the period before.
-
-    `before` is the state one period earlier.
+    `before` is the state one period earlier, from which the bob must not differ much.
     """
     y = m.y
     is_resting = m.kind == REST and largest(m, TILT) == 0.0
@@ -238,9 +236,7 @@ def _is_still(q, m, before):
 def _one_period(q, f, m, w, s, ramp_end, events):
     """Follow a motion from the local time `s` to the end of the forcing period.
 
-    Returns the outcome, see `advance`.
-
-    The excitation has its full size from the local time `ramp_end` on.
+    Returns the outcome, see `advance`. The excitation has its full size from the local time `ramp_end` on.
     """
     reset_angles(m)
     m.hold_level, m.events = (2.0 if m.kind != SLIP else 0.0), events
@@ -319,7 +315,8 @@ def _is_symmetric(q, m, w, s, y):
 def _steady_state(q, m, w, s, settled, out):
     """Simulate a run from its state at tau = 0 until it settles, and write its steady state into `out`.
 
-    Multipliers, Lyapunov exponents and derivatives are NaN, because this model does not compute them.
+    The largest multiplier, the Lyapunov exponent and the derivatives are NaN, because this model does not
+    compute them. The fields `fold` and `multipliers` are not written.
     """
     _settle(q, m, w, s, 0.0, 0.0, settled)
     status = int(settled.status)
@@ -340,9 +337,7 @@ def _steady_state(q, m, w, s, settled, out):
 def _trajectory(q, m, w, s, times, out):
     """Simulate a run from its state at times[0], and return its status.
 
-    The states at all times are written into `out`.
-
-    The states are NaN after the end of the run.
+    The states at all times are written into `out`. They are NaN after the end of the run.
     """
     y, f, status = m.y, steady(np.empty((0, 4))), repetition.ROCKING
     _scaled(q, w)

@@ -139,9 +139,8 @@ def _slow_repetition(q, past, count, tolerance, gap, gap_periods):
 def _one_period(q, f, m, legs, w, s, ramp_end, limits):
     """Follow a motion from the local time `s` to the end of the forcing period.
 
-    Returns the outcome, see `follow_piece`.
-
-    The excitation has its full size from the local time `ramp_end` on.
+    Returns the outcome, see `follow_piece`. The excitation has its full size from the local time `ramp_end`
+    on.
     """
     period, rules = span_of(q, f), Rules(limits.capture, YES, NO, NO)
     start_angles(q, f, m, FIRST_PIECE, s)

@@ -188,7 +188,7 @@ def steady_state(x, y0, s, near, buffers, out):
     q, m, w, r = records_of(buffers)
     c, settled, y, total = buffers.cycles[BEST], buffers.settled[0], out.y, 0.0
     roots = out.multipliers
-    # Until a result is known, all numbers are NaN and the status is failed.
+    # All numbers stay NaN, and the status failed, until they get a value.
     out.amplitude = out.swing = out.multiplier = out.lyapunov = out.fold = math.nan
     out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, repetition.FAILED
     for i in range(4):
@@ -259,7 +259,7 @@ def steady_state(x, y0, s, near, buffers, out):
     rests, rocks = status == repetition.AT_REST, status in (repetition.ROCKING, repetition.STICKING)
     marginal, singular = status in (UNSTABLE, NEUTRAL), status in (NEAR_FOLD_STATUS, GRAZING_STATUS)
     periodic, span = rocks or rests or marginal, periods * 2.0 * math.pi / q.xi
-    # The swing of an undamped bob under a resting block is known, although there is no orbit.
+    # An undamped bob that swings under a resting block has no orbit, but its largest angle is valid.
     ringing = rests and not (q.zeta > 0.0 and multiplier < 1.0)
     # Only an isolated orbit has derivatives.
     isolated = (not ringing) & (rocks | rests | (near & marginal))
@@ -274,8 +274,8 @@ def steady_state(x, y0, s, near, buffers, out):
     elif status != repetition.FAILED:
         out.amplitude, out.swing = settled.amplitude, settled.swing
     if rests:
-        # The amplitude of a block at rest is zero for all parameters near by. Where the bob hangs still, its
-        # largest |psi| has a corner and no derivative.
+        # The amplitude of a block at rest stays zero when the parameters change a little. Where the bob hangs
+        # still, its largest |psi| has a corner and no derivative.
         out.amplitude = 0.0
         for j in range(WIDTH):
             out.by[_AMPLITUDE, j] = 0.0

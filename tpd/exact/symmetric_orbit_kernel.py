@@ -192,8 +192,8 @@ def _follow_path(q, m, t, gamma, path, w, orbit):
             if event == BOB and abs(now[SWING]) > swing:
                 swing, orbit.peak = abs(now[SWING]), arc_start + time
             if event == _DENTS:
-                # phi'' changes its sign. From negative to positive the block moves fastest there. The other
-                # extreme value is a dent, in which the block moves slowest and may stop.
+                # phi' has an extreme value here. Where phi'' turns positive, the block moves fastest. Where
+                # it turns negative, the block moves slowest and may stop: this is a dent in the rate.
                 if slows > 0.0 and q.k > 0.0:
                     smallest_rate = min(smallest_rate, -now[TILT_RATE])
                 slows = -slows
