@@ -36,8 +36,8 @@ there are `pieces` cubics, and no forcing after the last one. Row i of `cubics` 
 i, for powers of the time divided by the duration of the piece, which is xi of the plant.
 """
 Load = namedtuple("Load", "xi phase e0 e1 e2 e3")
-"""The forcing from an instant on: (e0 + e1 t) sin(phase + xi t), or e0 + e1 t + e2 t^2 + e3 t^3 if xi is 0.
-"""
+"""The forcing from an instant on: (e0 + e1 t) sin(phase + xi t), or e0 + e1 t + e2 t^2 + e3 t^3 if xi
+is 0."""
 Signal = namedtuple("Signal", "constant on_s1 on_s2 on_u on_v along across gain_along gain_across")
 """A quantity along an arc: a constant, the factors of the four free solutions, and the response to the
 forcing (along + gain_along t) sin + (across + gain_across t) cos."""

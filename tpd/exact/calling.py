@@ -23,8 +23,8 @@ from tpd.exact.rows import row_of
 from tpd.scene.parameters import Parameters
 
 Trial = Callable[[Any], tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]]
-"""Function that returns the shapes of the results and the operands of a trial call, for a `Compiled` module.
-"""
+"""Function that returns the shapes of the results and the operands of a trial call, for a `Compiled`
+module."""
 
 
 def shape(*sizes: Any) -> jax.ShapeDtypeStruct:

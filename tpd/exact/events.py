@@ -45,8 +45,8 @@ LONGEST = 1.0
 WINDOWS = 16
 """Number of windows that the search may examine for each event."""
 _NEAR, _CLOSE = 1e-7, 1e-6
-"""Relative step of the root search after which it stops, and the one after which it takes only one more step.
-"""
+"""Relative step of the root search after which it stops, and the one after which it takes only one
+more step."""
 _THIRD, AWAY, _FROM_ZERO = 1.0 / 3.0, 1.0 / 384.0, 1.0 / 162.0
 """Constants of the proofs. The cubic differs from the signal by at most AWAY B d^4, and by at most _FROM_ZERO
 B d^4 s at the share s."""

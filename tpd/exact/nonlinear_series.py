@@ -24,11 +24,11 @@ _A, _B, _SIN, _COS, _S, _C, _VV, _RR, _R1, _R2, _DET, _ACC, _SWING = places(20, 
 """Rows of the terms of (4): moments of weight and of forcing, sine and cosine of psi, S and C of the lever
 arms, squares of both rates, both right-hand sides, the determinant, and both accelerations."""
 VALUE, _SLOPE = places(2)
-"""Columns of the coefficients of orders zero and one, which are value and slope at the start of the series.
-"""
+"""Columns of the coefficients of orders zero and one, which are value and slope at the start of the
+series."""
 _OF_BLOCK, _OF_BOB, _OF_HELD = places(3)
-"""Indices of the allowed errors: those of the rates of block and bob, and that of the moment on a held block.
-"""
+"""Indices of the allowed errors: those of the rates of block and bob, and that of the moment on a held
+block."""
 UP, DOWN = places(22, 20)
 """Rows of the signals that release a held block."""
 ROWS = 22

@@ -69,8 +69,8 @@ class GroundForcing(NamedTuple):
     """Ground motions of runs. A run passes through all pieces of a ground motion and then moves freely."""
 
     records: Sequence[Any]
-    """Pieces of each ground motion, as `GroundMotion.pieces` returns them. They are not copied for each run.
-    """
+    """Pieces of each ground motion, as `GroundMotion.pieces` returns them. They are not copied for
+    each run."""
     free: Any
     """Duration of the free motion after the ground motion (tau), a number or an array (n,)."""
     which: Any = 0
