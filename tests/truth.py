@@ -323,7 +323,7 @@ class Run:
             return
         phi, psi, dphi, dpsi = series[:4]
         gap, slope = ([b - a for a, b in zip(p, q, strict=True)] for p, q in ((phi, psi), (dphi, dpsi)))
-        for name, angle, rate in (("stroke", psi, dpsi), ("relative", gap, slope)):
+        for name, angle, rate in (("swing", psi, dpsi), ("relative", gap, slope)):
             if sum(abs(float(c)) for c in angle) > getattr(self, name):
                 for u in roots(rate, self.system.digits):
                     if u < end:

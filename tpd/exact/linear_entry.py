@@ -38,7 +38,7 @@ from tpd.exact.legs import (
     store_states,
 )
 from tpd.exact.motion import FIRST_PIECE, LEG, copy_to, larger_side
-from tpd.exact.period_map import new_buffers, records_of
+from tpd.exact.period_map import RUN, new_buffers, records_of
 from tpd.exact.plant import compiled, fill_plants
 from tpd.exact.repetition import SETTLED
 from tpd.exact.settle import settle
@@ -74,7 +74,7 @@ def _settle(a, first, last):
     """
     s, x, y = inputs_of(a, last)
     buffers, (_, _, _, times, results, _, _, _) = new_buffers(), addresses_in(a)
-    t, out, m = view(times, (last, 2), np.float64), view(results, (last,), SETTLED), buffers.motions[0]
+    t, out, m = view(times, (last, 2), np.float64), view(results, (last,), SETTLED), buffers.motions[RUN]
     for n in range(first, last):
         copy_to(y[n], m.y)
         settle(x[n], buffers, s[n], t[n, BEGIN], t[n, RAMP], out[n])

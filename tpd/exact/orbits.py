@@ -21,17 +21,17 @@ _PIECE = 16, 256
 designs are not worth a thread."""
 
 
-def _settings(task: str, directions: int = 0, asked: tuple[int, int] = (0, 0)) -> np.ndarray:
+def _settings(task: str, directions: int = 0, begin: int = 0, end: int = 0) -> np.ndarray:
     """Return a row of settings."""
-    return np.array(ORBITS.settings(task, directions=directions, begin=asked[0], end=asked[1]), dtype=float)
+    return np.array(ORBITS.settings(task, directions=directions, begin=begin, end=end), dtype=float)
 
 
 def _on_all_cores(
-    settings: np.ndarray, workers: int | None, progress: Callable[[int, int], None] | None, *rows: np.ndarray
+    settings: np.ndarray, workers: int | None, progress: Callable[..., Any] | None, x: np.ndarray, *rows: Any
 ) -> None:
-    """Compute rows of a task in several threads. The first operand has the parameters."""
-    settings = np.ascontiguousarray(np.broadcast_to(settings, (len(rows[0]), len(settings))))
-    ORBITS.in_threads(len(rows[0]), workers, progress, settings, *rows, piece=_PIECE)
+    """Compute rows of a task in several threads. `x` has the parameters, and `rows` the other buffers."""
+    settings = np.ascontiguousarray(np.broadcast_to(settings, (len(x), len(settings))))
+    ORBITS.in_threads(len(x), workers, progress, settings, x, *rows, piece=_PIECE)
 
 
 def solve_orbits(
@@ -58,14 +58,14 @@ def solve_orbits(
 
 
 def orbit_slopes(
-    x: np.ndarray, orbits: np.ndarray, directions: np.ndarray, asked: tuple[int, int]
+    x: np.ndarray, orbits: np.ndarray, directions: np.ndarray, group: tuple[int, int]
 ) -> np.ndarray:
     """Return the derivatives of the sizes of orbits (n, m) of many designs `x` (n, 9).
 
     The derivatives are those in `directions` (n, d, 9) of the parameters.
 
     The result has shape (n, m, d, sizes). Derivatives that do not exist are NaN, and so are those of sizes
-    outside of the range `asked` (first index, index after the last).
+    outside of the `group` (first index, index after the last).
     """
     entry, (n, d) = ORBITS.entry(), directions.shape[:2]
     # The kernel takes all three orbits of a design. Places without an orbit get the status `no_orbit`.
@@ -75,7 +75,7 @@ def orbit_slopes(
     all_orbits[:, :m] = orbits
     x, along = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(directions, dtype=float)
     slopes = np.empty((*all_orbits.shape, d, int(entry.NUMBERS)))
-    _on_all_cores(_settings("DIFFERENTIATE", d, asked), None, None, x, all_orbits, along, slopes)
+    _on_all_cores(_settings("DIFFERENTIATE", d, *group), None, None, x, all_orbits, along, slopes)
     return slopes[:, :m]
 
 
@@ -91,11 +91,11 @@ def slopes(x: Any, orbits: Any, asked: tuple[int, int]) -> Any:
 
     The result has shape (3, 9, sizes).
 
-    See `orbit_slopes` for `asked`.
+    `asked` is the group of sizes, see `orbit_slopes`.
     """
     entry, n = ORBITS.entry(), len(NAMES)
     call = ORBITS.on_host if checks.namespace(x, orbits) is np else ORBITS
-    settings = _settings("DIFFERENTIATE", n, asked)
+    settings = _settings("DIFFERENTIATE", n, *asked)
     (out,) = call((shape(entry.ORBITS, n, entry.NUMBERS),), settings, x, orbits, np.eye(n))
     return out
 

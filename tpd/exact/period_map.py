@@ -69,9 +69,8 @@ of a cycle); one workspace; one reader; two cycles; one record `SETTLED`; and th
 record does not keep its array alive, so that these arrays must live as long as the records are used."""
 BEST, LATEST = 0, 1
 """Indices of the best cycle so far and of the latest one."""
-APPROACHING, CYCLE_START = 1, 2
-"""Indices of the motion that approaches an orbit and of the start of a cycle. Index 0 is the simulated
-motion."""
+RUN, APPROACHING, CYCLE_START = range(3)
+"""Indices of the motions: the simulated one, one that approaches an orbit, and the start of a cycle."""
 ONLY = np.int64(0)
 """Column of the only right-hand side of a Newton step."""
 

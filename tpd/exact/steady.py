@@ -68,7 +68,7 @@ _RESIDUAL = np.int64(WIDTH)
 _AMPLITUDE, _STROKE = places(2)
 """First rows of the derivatives of a steady state. The rows of the state follow."""
 _ONE = np.int64(1)
-"""One period, as a NumPy scalar."""
+"""Number 1 for one period, as a NumPy scalar."""
 
 
 @compiled
