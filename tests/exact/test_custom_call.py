@@ -81,5 +81,5 @@ def test_only_contiguous_arrays_of_64_bit_floats_reach_compiled_code():
         good.astype(int),
         fixed.T,
     ):
-        with pytest.raises(TypeError, match="compiled code takes contiguous arrays of 64-bit floats"):
+        with pytest.raises(TypeError, match="compiled code needs contiguous arrays of 64-bit floats"):
             run(0, 3, good, bad)

@@ -77,7 +77,7 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
         if mark_text == version or module in _running or module in sys.modules:
             continue
         if mark_text:
-            warnings.warn(f"what is compiled in {store} is of another version: it is made anew", stacklevel=2)
+            warnings.warn(f"{store} has code of another version, which is compiled again", stacklevel=2)
         messages = tempfile.TemporaryFile()  # noqa: SIM115
         atexit.register(messages.close)
         process = subprocess.Popen(

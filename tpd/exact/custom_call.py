@@ -169,7 +169,7 @@ def _address_of(buffer: Any) -> int:
     """
     if not (buffer.flags.c_contiguous and buffer.dtype.isnative and buffer.dtype.char in "dDV"):
         raise TypeError(
-            f"compiled code takes contiguous arrays of 64-bit floats, not {buffer.dtype} as given"
+            f"compiled code needs contiguous arrays of 64-bit floats, but an operand has {buffer.dtype}"
         )
     # The attribute `ctypes` of NumPy takes five times as long, but works for all arrays.
     if buffer.size and buffer.flags.writeable:
