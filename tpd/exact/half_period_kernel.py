@@ -131,6 +131,7 @@ def conditions(m, f, g, sine, cosine):
     # phi' before the impact, as a function of gamma.
     falling = m.per_fall * (m.slack * apply(m.rate, f) - m.step * m.rate_whole)
     v = Phased(falling, -m.per_fall * xi * u1, m.per_fall * xi * s1)
+    # The functionals at the flow of zero duration, which is the identity.
     still_rate, still_tilt = m.rate.s1 + m.rate.s2 + m.rate.u, m.tilt.s1 + m.tilt.s2 + m.tilt.u
     kick_rate, kick = apply(m.kick_rate, g), apply(m.kick, g)
     turning = m.slack * still_rate - m.step * apply(m.rate, g)

@@ -60,14 +60,15 @@ def _come_to_rest(q, y):
 def _is_at_rest(q, m, peak, phase, tolerance):
     """Whether the block rests or sticks permanently under a steady excitation, and the largest |psi| (rad).
 
-    If the block is about to end a rattle, with a tilt below `peak`, this changes its mode and state to rest.
+    `peak` is the largest tilt of the last period. If that tilt is negligible at the end of a rattle, this
+    changes the mode and the state to rest.
     """
     y, mode = m.y, m
     pull, reach = _bob_under_held(q, y, phase)
     # Relative margin between the holding moment on the base and the largest moment.
-    remaining = 1.0 - pull / (q.weight + q.k)
+    margin = 1.0 - pull / (q.weight + q.k)
     if mode.kind == REST:
-        return remaining >= 0.0, reach
+        return margin >= 0.0, reach
     if mode.kind != STICK:
         return False, reach
     # A rattle with e < 1 comes to rest within finite time, and a slow impact ends it at once. Hops under
@@ -76,7 +77,7 @@ def _is_at_rest(q, m, peak, phase, tolerance):
     # last. Hops below the tolerance of a repetition no longer matter. The block counts as at rest if the bob
     # cannot lift it.
     low = max(peak, abs(y[TILT])) < tolerance * q.nu
-    if low and (q.k > 0.0 or q.e < 1.0) and remaining > 0.0:
+    if low and (q.k > 0.0 or q.e < 1.0) and margin > 0.0:
         mode.kind, y[TILT] = REST, 0.0
         return True, reach
     # A block that sticks at a tilt stays there if friction alone exceeds the moment.
@@ -93,8 +94,9 @@ def _repeats_at_rest(q, m, past, repeats, tolerance):
     `repeats` is the number of periods after which the motion repeats. If the result is true, this changes the
     state to the one that the motion approaches, and writes the largest |psi| into the last period.
     """
-    # The rest of the decay of a damped bob is smaller than the tolerance. But the steady swing may exceed the
-    # holding moment by as little, and lift the block. An undamped bob continues as in these periods.
+    # The decay of a damped bob that is still to come is smaller than the tolerance. But the steady swing may
+    # exceed the holding moment by a small amount, and lift the block. An undamped bob continues as in these
+    # periods.
     if q.zeta == 0.0:
         for j in range(1, repeats):
             past[0].swing = max(past[0].swing, past[j].swing)

@@ -52,6 +52,7 @@ def trajectory(x, q, m, w, r, s, times, out, by):
             r.shift[j] = -whole * span_of(r.plants[min(j, 9)], f).imag / STEP
             for i in range(4):
                 r.dy[i, j] = 1.0 if j == STATE + i else 0.0
+        # A later start shifts the whole run.
         r.shift[BEGINNING] += 1.0
     for n in range(len(times)):
         last, arrived = math.floor(times[n] / period + ROUNDING), n == 0
