@@ -77,9 +77,7 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
         if mark_text == version or module in _running or module in sys.modules:
             continue
         if mark_text:
-            warnings.warn(
-                f"the code in {store} belongs to another version and is compiled again", stacklevel=2
-            )
+            warnings.warn(f"code in {store} belongs to another version and is compiled again", stacklevel=2)
         messages = tempfile.TemporaryFile()  # noqa: SIM115
         atexit.register(messages.close)
         process = subprocess.Popen(
