@@ -114,14 +114,14 @@ def interpret() -> None:
 
         return made
 
-    def at(buffer: np.ndarray, shape: tuple[int, ...], dtype: Any) -> np.ndarray:
+    def view(buffer: np.ndarray, shape: tuple[int, ...], dtype: Any) -> np.ndarray:
         dtype, flat = np.dtype(dtype), buffer.reshape(-1).view(np.uint8)
         # A task may read the first row of one only.
         x = flat[: int(np.prod(shape)) * dtype.itemsize].view(dtype).reshape(-1, *shape[1:])
         return x.view(np.recarray) if dtype.names else x
 
     np.empty, np.zeros = records(np.empty), records(np.zeros)
-    custom_call.at = at
+    custom_call.view = view
     numba.cfunc = lambda *_, **__: lambda function: SimpleNamespace(address=0)  # type: ignore[assignment]
     from tpd.exact import linear_entry, nonlinear_entry, orbit_entry
 

@@ -287,7 +287,7 @@ def _struck(equations: Equations, side: Number, y: State, sine: Number, rest_rat
     law = e, p.nu, p.mu, p.lam, equations.rho, *angle
     ratio = velocity_ratio(*law)
     rests = _held_on_base(equations, y, sine) & (ratio * jnp.abs(y[TILT_RATE]) <= rest_rate * p.nu)
-    # All the impacts that are left: see `tpd.exact.contact_kernel.struck`.
+    # All the impacts that are left: see `tpd.exact.contact_kernel.rates_after_impact`.
     ratio = jnp.where(rests, 0.0, ratio)
     bob = y[SWING_RATE] + bob_change(ratio, *law) * y[TILT_RATE]
     return jnp.stack([jnp.zeros_like(bob), y[SWING], ratio * y[TILT_RATE], bob])

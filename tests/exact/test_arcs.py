@@ -15,7 +15,7 @@ from tpd.exact.plant import STEP
 from tpd.exact.terms import REST, SLIP, STICK
 from tpd.theory.equations import Linear
 
-pair, exponential, turned = map(entry, (arcs.pair, arcs.exponential, arcs.turned))
+pair, exponential, sincos = map(entry, (arcs.pair, arcs.exponential, arcs.sincos))
 PAIRS = [(0.0, 4.0), (0.3, 4.0), (40.0, 5.0), *((2.0, 1.0 + d) for d in (-1e-3, -1e-6, 0.0, 1e-6, 1e-3))]
 
 
@@ -29,7 +29,7 @@ def test_the_pair_solves_its_equation_through_critical_damping(p, q):
 @pytest.mark.parametrize("x", [-300.0, -0.3, 0.0, 1e-20, 2.0, 600.0])
 def test_an_exponential_and_a_turn_carry_their_derivatives(x):
     z = complex(x, 3.0 * STEP)
-    found = np.array([exponential(z), *turned(z)])
+    found = np.array([exponential(z), *sincos(z)])
     expected = np.array([np.exp(x), np.sin(x), np.cos(x)])
     np.testing.assert_allclose(found.real, expected, rtol=1e-15)
     np.testing.assert_allclose(found.imag / (3.0 * STEP), expected[[0, 2, 1]] * [1.0, 1.0, -1.0], rtol=1e-15)

@@ -41,7 +41,7 @@ def test_without_the_custom_call_the_host_answers(monkeypatch):
         return *jax.jit(jax.vmap(one))(x, y), *jax.value_and_grad(tilt)(0.9)
 
     direct = answers()
-    monkeypatch.setattr(LINEAR, "direct", lambda: False)
+    monkeypatch.setattr(LINEAR, "is_direct", lambda: False)
     try:
         for ours, theirs in zip(answers(), direct, strict=True):
             np.testing.assert_array_equal(ours, theirs)
@@ -51,10 +51,10 @@ def test_without_the_custom_call_the_host_answers(monkeypatch):
 
 def test_a_wrong_answer_to_the_trial_is_said(monkeypatch):
     compiled = LINEAR
-    monkeypatch.setattr(compiled, "_works", None)
+    monkeypatch.setattr(compiled, "_is_direct", None)
     monkeypatch.setattr(compiled, "on_host", lambda *_: (np.zeros(3), np.zeros(3)))
     with pytest.warns(UserWarning, match="of the linear equations directly .its answer to a trial is wrong"):
-        assert not compiled.direct()
+        assert not compiled.is_direct()
 
 
 def test_the_first_question_may_come_under_a_trace():

@@ -14,12 +14,12 @@ from tpd.exact.custom_call import FIELDS, FRAME, SETTINGS, api_version
 
 
 def test_settings_are_a_row_by_name_and_no_other_name_passes():
-    row = np.array(tuple(LINEAR.settings("SHAKE", free=2.5)), SETTINGS)
-    assert row["task"] == LINEAR.entry().SHAKE > 0
+    row = np.array(tuple(LINEAR.settings("GROUND", free=2.5)), SETTINGS)
+    assert row["task"] == LINEAR.entry().GROUND > 0
     assert row["free"] == 2.5
     assert sum(row[name] for name in FIELDS) == row["task"] + 2.5
     with pytest.raises(TypeError, match="there are no settings freely, tasks"):
-        LINEAR.settings("SHAKE", freely=1.0, tasks=2.0)
+        LINEAR.settings("GROUND", freely=1.0, tasks=2.0)
 
 
 def test_the_version_is_that_which_the_installed_xla_declares():
@@ -81,5 +81,5 @@ def test_only_contiguous_arrays_of_64_bit_floats_reach_compiled_code():
         good.astype(int),
         fixed.T,
     ):
-        with pytest.raises(TypeError, match="compiled code takes contiguous arrays of 64-bit floats"):
+        with pytest.raises(TypeError, match="compiled code needs contiguous arrays of 64-bit floats"):
             run(0, 3, good, bad)

@@ -7,27 +7,27 @@ from scipy.optimize import brentq
 from tests.exact.plants import plants_of
 from tpd.exact import events
 from tpd.exact.arcs import Forcing, beginning, forcing_signal, instant, launch, load_at, state_at
-from tpd.exact.events import END, FIRST, LOOKS, SECOND
-from tpd.exact.motion import MOTION, ROOM, YES
+from tpd.exact.events import END, FIRST, SECOND, WINDOWS
+from tpd.exact.motion import MOTION, WORKSPACE, YES
 
 STEADY = Forcing(YES, 1.0, 0.0, 0, np.empty((0, 4)))
 
 
 @numba.njit
-def first_event(plants, modes, rooms, f, y, s, end):
+def first_event(plants, modes, workspaces, f, y, s, end):
     """The event and its time on the arc that leaves `y` at the time s, within the time `end`."""
-    q, m, w = plants[0], modes[0], rooms[0]
+    q, m, w = plants[0], modes[0], workspaces[0]
     e = load_at(q, f, 0, s)
-    arc = launch(q, m.kind, m.tilt, m.way, y[0], y[1], y[2], y[3], e)
-    w.second, w.count = events.watch_block(q, arc, m, forcing_signal(e), w), events.BOB
-    w.least, w.longest, w.window, w.limit, w.looks = 1e-10, 0.3, 0.3, 100.0, 50 * LOOKS
+    arc = launch(q, m.kind, m.tilt, m.direction, y[0], y[1], y[2], y[3], e)
+    w.has_second, w.count = events.watch_block(q, arc, m, forcing_signal(e), w), events.BOB
+    w.shortest, w.longest, w.window, w.limit, w.budget = 1e-10, 0.3, 0.3, 100.0, 50 * WINDOWS
     return events.next_event(arc, w, beginning(arc), 0.0, end)
 
 
 @numba.njit
 def followed(plants, modes, f, y, s, times, out):
     q, m = plants[0], modes[0]
-    arc = launch(q, m.kind, m.tilt, m.way, y[0], y[1], y[2], y[3], load_at(q, f, 0, s))
+    arc = launch(q, m.kind, m.tilt, m.direction, y[0], y[1], y[2], y[3], load_at(q, f, 0, s))
     for i in range(len(times)):
         now = state_at(arc, instant(arc, times[i]), times[i])
         for k in range(6):
@@ -35,9 +35,9 @@ def followed(plants, modes, f, y, s, times, out):
 
 
 def found(plants, y, mode, s, end):
-    modes, rooms = np.zeros(1, MOTION), np.zeros(1, ROOM)
-    modes["kind"], modes["tilt"], modes["way"] = mode
-    which, t = first_event(plants, modes, rooms, STEADY, y, s, end)
+    modes, workspaces = np.zeros(1, MOTION), np.zeros(1, WORKSPACE)
+    modes["kind"], modes["tilt"], modes["direction"] = mode
+    which, t = first_event(plants, modes, workspaces, STEADY, y, s, end)
 
     def signal(k, times):
         out = np.empty((len(times), 6))
@@ -92,16 +92,16 @@ def test_two_zeros_of_the_rate_close_together_are_not_passed_over():
 
 
 def test_a_signal_that_begins_at_a_turn_is_proved_to_vanish_once():
-    judged, rng, proved = numba.njit(lambda *args: events.judged(*args)), np.random.default_rng(4), 0
+    prove, rng, proved = numba.njit(lambda *args: events.prove_window(*args)), np.random.default_rng(4), 0
     s = np.linspace(0.0, 1.0, 2001)
     for _ in range(2000):
         # 1 - b s^2 + c s^3 + d s^4/24: its fourth derivative is d.
         b, c, d = rng.uniform(0.0, 8.0), rng.uniform(-4.0, 6.0), rng.uniform(-60.0, 60.0)
         g = 1.0 - b * s**2 + c * s**3 + d * s**4 / 24.0
         slope = -2.0 * b + 3.0 * c + d / 6.0
-        found = judged(1.0, 0.0, g[-1], slope, 1.0, abs(d))
-        proved += found == events.ONE
-        if found != events.UNKNOWN:
+        proof = prove(1.0, 0.0, g[-1], slope, 1.0, abs(d))
+        proved += proof == events.ONE
+        if proof != events.UNKNOWN:
             changes = np.sum(np.diff(np.sign(g)) != 0.0)
-            assert changes == (1 if found == events.ONE else 0)
+            assert changes == (1 if proof == events.ONE else 0)
     assert proved > 300

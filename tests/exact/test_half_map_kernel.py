@@ -8,14 +8,14 @@ from tests.exact.plants import entry
 from tests.reference import along
 from tpd.exact import half_map_kernel
 
-put_roots, characteristic = entry(half_map_kernel.put_roots), entry(half_map_kernel.characteristic)
+store_roots, characteristic = entry(half_map_kernel.store_roots), entry(half_map_kernel.characteristic)
 determinants = entry(half_map_kernel.determinants)
 
 
 def roots(c):
     """Of a quartic, coefficients c1 to c4."""
     found = np.empty(4, complex)
-    put_roots(tuple(map(float, c)), found)
+    store_roots(tuple(map(float, c)), found)
     return found
 
 

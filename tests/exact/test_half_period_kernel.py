@@ -16,7 +16,7 @@ def test_an_orbit_closes_and_its_way_is_that_of_the_motion(kind):
         u = np.array([float(o.crossing), float(o.phase)])
         found = orbits.vanishing(np.append(u, 0.0), row_of(parameters(x)))
         np.testing.assert_allclose(found.values[:2], 0.0, atol=1e-12)
-        way = orbits.survey(u, row_of(parameters(x)))
+        way = orbits.sample_path(u, row_of(parameters(x)))
         assert way.height == pytest.approx(float(o.amplitude), rel=1e-12)
         assert way.leaving < 0.0 > way.arriving
         half = np.pi / x[6]

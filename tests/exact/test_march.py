@@ -12,41 +12,41 @@ from tpd.exact import march
 from tpd.exact.arcs import steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.events import BOB
-from tpd.exact.motion import GRID, LEG, MOTION, ROOM
+from tpd.exact.motion import GRID, LEG, MOTION, WORKSPACE
 from tpd.exact.period_map import Limits, follow_periods
 from tpd.exact.terms import REST, SLIP, TILT, TILT_RATE
 
 RATTLES = (0.25, 0.0986, 0.6, 0.1, 0.05, 0.37, 2.67), (0.25, 0.4, 0.4, 0.3, 0.0, 0.37, 2.67, 0.91)
 """The paper's block with a long pendulum, and a block that loses energy at impacts."""
-PERIODS, ROOM_FOR = 3, 4000
+PERIODS, CAPACITY = 3, 4000
 
 
 @numba.njit
 def followed(plants, y0, marches, legs, counts, ends):
     """Legs of some periods from each state, by the march or by the careful search alone."""
-    motions, rooms, f = np.zeros(1, MOTION), np.zeros(1, ROOM), steady(np.empty((0, 4)))
-    m, room = motions[0], rooms[0]
+    motions, workspaces, f = np.zeros(1, MOTION), np.zeros(1, WORKSPACE), steady(np.empty((0, 4)))
+    m, workspace = motions[0], workspaces[0]
     for n in range(len(plants)):
         q = plants[n]
-        march.put_flow(q, room.march)
+        march.prepare_march(q, workspace.march)
         if not marches:
             # Without steps, and in a hurry that no flight is short for, nothing is proved.
-            room.march.jump, room.march.quickest = 0.0, np.inf
+            workspace.march.jump, workspace.march.quickest = 0.0, np.inf
         for i in range(4):
             m.y[i] = y0[n, i]
         decide(q, m.y, sign(m.y[TILT]), sign(m.y[TILT_RATE]), 0.0, m)
-        ends[n] = follow_periods(q, f, m, legs[n], room, Limits(2e-7 * q.nu, 2000, 0, 1.0), PERIODS)
-        counts[n] = m.recorded
-    return len(motions) + len(rooms)
+        ends[n] = follow_periods(q, f, m, legs[n], workspace, Limits(2e-7 * q.nu, 2000, 0, 1.0), PERIODS)
+        counts[n] = m.n_legs
+    return len(motions) + len(workspaces)
 
 
 @numba.njit
-def put_bounds(plants, y, kind, bounds, sizes):
+def store_bounds(plants, y, kind, bounds, sizes):
     """Bounds on fourth and fifth derivatives of both angles, and the largest sizes of these over a step."""
-    motions, rooms = np.zeros(1, MOTION), np.zeros(1, ROOM)
-    m, a, q = motions[0], rooms[0].march, plants[0]
-    march.put_flow(q, a)
-    m.kind, m.tilt, m.way, a.share, a.growth, a.sine, a.cosine = kind, 1.0, -1.0, 0.4, 0.02, 0.6, 0.8
+    motions, workspaces = np.zeros(1, MOTION), np.zeros(1, WORKSPACE)
+    m, a, q = motions[0], workspaces[0].march, plants[0]
+    march.prepare_march(q, a)
+    m.kind, m.tilt, m.direction, a.share, a.growth, a.sine, a.cosine = kind, 1.0, -1.0, 0.4, 0.02, 0.6, 0.8
     for i in range(4):
         m.y[i] = y[i]
     held, angles = kind != SLIP, march._parts_of(q, m, a)
@@ -55,11 +55,11 @@ def put_bounds(plants, y, kind, bounds, sizes):
     for n in range(GRID + 1):
         for k in range(2):
             onward = march._onward(q, a, n, held, angles[k])
-            march._put_series(q, held, onward, a.series[k])
+            march._store_series(q, held, onward, a.series[k])
             for j in range(2):
-                grown = a.orders[j].grown * abs(onward.grown)
+                grown = a.orders[j].rising * abs(onward.rising)
                 sizes[k, j] = max(sizes[k, j], abs(a.series[k, 4 + j]) * (24.0 if j == 0 else 120.0) - grown)
-    return len(motions) + len(rooms)
+    return len(motions) + len(workspaces)
 
 
 @pytest.mark.parametrize("kind", [SLIP, REST])
@@ -69,7 +69,7 @@ def test_derivatives_stay_below_their_bounds(kind):
         plants = plants_of([[0.25, 0.2, 0.4, zeta, 0.05, 0.4, 2.7]])
         for _ in range(100):
             bounds, sizes = np.empty((2, 2)), np.zeros((2, 2))
-            put_bounds(plants, rng.normal(size=4), float(kind), bounds, sizes)
+            store_bounds(plants, rng.normal(size=4), float(kind), bounds, sizes)
             assert np.all(sizes <= bounds * (1.0 + 1e-12))
             closest = np.maximum(closest, sizes / bounds)
     # Not far below either: the proofs would fail.
@@ -80,7 +80,7 @@ def test_the_march_meets_the_events_of_the_careful_search():
     x, starts = box(60, 5)
     both = []
     for marches in (True, False):
-        legs, counts, ends = np.zeros((len(x), ROOM_FOR), LEG), np.zeros(len(x), int), np.zeros(len(x), int)
+        legs, counts, ends = np.zeros((len(x), CAPACITY), LEG), np.zeros(len(x), int), np.zeros(len(x), int)
         followed(plants_of(x), starts, marches, legs, counts, ends)
         both.append((legs, counts, ends))
     (legs, counts, ends), (expected, many, how) = both
@@ -89,13 +89,13 @@ def test_the_march_meets_the_events_of_the_careful_search():
     for n in range(len(x)):
         # In the closed form of the careful search the shortest hops have few digits left.
         a, b = (found[n, :count] for found, count in ((legs, counts[n]), (expected, many[n])))
-        a, b = a[a["lasted"] > 1e-4], b[b["lasted"] > 1e-4]
-        for name in ("kind", "tilt", "way", "which"):
+        a, b = a[a["duration"] > 1e-4], b[b["duration"] > 1e-4]
+        for name in ("kind", "tilt", "direction", "event"):
             assert np.array_equal(a[name], b[name])
         # One hop more before rest is as long as the capture speed says, some 1e-7.
-        for name in ("begun", "lasted", "y"):
+        for name in ("start", "duration", "y"):
             np.testing.assert_allclose(a[name], b[name], rtol=0, atol=1e-6)
-    assert np.any(legs["which"] == BOB)
+    assert np.any(legs["event"] == BOB)
 
 
 @pytest.mark.parametrize("x", RATTLES)

@@ -29,15 +29,19 @@ def solved(x, y, held, growth, t, rtol, c):
     q, m, w = plants[0], motions[0], works[0]
     coefficients(x, q)
     m.y[:] = y
-    m.kind, m.tilt, m.way = (STICK if y[0] != 0.0 else REST) if held else SLIP, np.sign(y[0]), np.sign(y[2])
+    m.kind, m.tilt, m.direction = (
+        (STICK if y[0] != 0.0 else REST) if held else SLIP,
+        np.sign(y[0]),
+        np.sign(y[2]),
+    )
     w.order, w.rtol, w.rate, w.swing, w.inverse[2] = ORDER, rtol, 10.0, 10.0, 1.0 / rtol
     size = growth[0] + growth[1] * t
-    found = series.put(q, m, Load(x[6], x[6] * t, size, growth[1], 0.0, 0.0), 9.0, w)
+    found = series.expand(q, m, Load(x[6], x[6] * t, size, growth[1], 0.0, 0.0), 9.0, w)
     c[:] = w.series
     return found, len(plants) + len(motions) + len(works)
 
 
-free_until, largest_turn = entry(series.free_until), entry(series.largest_turn)
+positive_until, largest_turn = entry(series.positive_until), entry(series.largest_turn)
 
 
 def motions(count=10, seed=3):
@@ -87,7 +91,7 @@ def test_no_root_is_missed():
         c = np.zeros((ROWS, ORDERS))
         c[V, :8] = np.polynomial.polynomial.polyfromroots(roots)
         way, first = math.copysign(1.0, c[V, 0]), min([r for r in roots if r > 0.0], default=9.0)
-        t, found = free_until(c, V, way, 7, 0.0, 1.0)
+        t, found = positive_until(c, V, way, 7, 0.0, 1.0)
         assert t <= first + 1e-9
         if found:
             assert t == pytest.approx(first, abs=1e-5)
@@ -112,7 +116,7 @@ def test_no_root_is_missed():
 def test_a_signal_that_begins_at_zero_has_the_sign_that_it_takes_on(coefficients, until, found):
     c = np.zeros((ROWS, ORDERS))
     c[V, : len(coefficients)] = coefficients
-    assert free_until(c, V, 1.0, 6, 0.0, 1.0) == (pytest.approx(until, abs=1e-12), found)
+    assert positive_until(c, V, 1.0, 6, 0.0, 1.0) == (pytest.approx(until, abs=1e-12), found)
 
 
 def test_the_largest_angle_is_that_of_many_samples():

@@ -20,10 +20,10 @@ PENDULUM = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)
 
 
 @numba.njit
-def put_map(plants, kind, h, out, matrix):
+def store_map(plants, kind, h, out, matrix):
     """Put the map of a piece, and the matrix of its equations over state, forcing and slopes, into both."""
     q, x = plants[0], np.zeros(5)
-    whole_pieces.put_map(q, kind, h, out)
+    whole_pieces.store_map(q, kind, h, out)
     for j in range(5):
         x[j] = 1.0
         matrix[2, j], matrix[3, j] = accelerations(q, kind, 0.0, x[0], x[1], x[2], x[3], x[4])
@@ -35,7 +35,7 @@ def put_map(plants, kind, h, out, matrix):
 def test_the_map_of_a_piece_is_the_matrix_exponential(kind, h):
     for x in ([0.25, 0.0, 0.7, 0.1, 0.05, 0.3, 2.5], [0.2, 0.3, 0.1, 1.4, 0.0, 0.4, 1.0]):
         out, matrix = np.empty((4, 8)), np.zeros((8, 8))
-        put_map(plants_of([x]), float(kind), h, out, matrix)
+        store_map(plants_of([x]), float(kind), h, out, matrix)
         matrix[0, 2], matrix[1, 3] = float(kind == SLIP), 1.0
         # Derivatives of the forcing in the share of a piece.
         matrix[4, 5] = matrix[5, 6] = matrix[6, 7] = 1.0 / h

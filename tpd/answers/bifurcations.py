@@ -25,7 +25,7 @@ import numpy as np
 from tpd.answers.symmetric_orbits import ORBITS, Margins, Orbits, all_symmetric_orbits
 from tpd.core import checks
 from tpd.core.formatting import Printed
-from tpd.exact.orbits import survey, vanishing
+from tpd.exact.orbits import sample_path, vanishing
 from tpd.exact.terms import BROKEN, CROSSED, FLAT, MERGED, STUCK, TOUCHED, TURNING, XI
 from tpd.scene.parameters import Parameters, from_row
 from tpd.scene.quantities import UNITS, Axis
@@ -334,7 +334,7 @@ def _located(search: _Search, gap: _Gap, kind: Kind) -> Bifurcation | None:
     guesses = [np.array([gap.t, gap.gamma])]
     if kind is Kind.grazing:
         # The two peaks of phi' between the turns that are closest to zero.
-        rates = survey(guesses[0], x).rates
+        rates = sample_path(guesses[0], x).rates
         peaks = np.nonzero((rates[1:-1] >= rates[:-2]) & (rates[1:-1] >= rates[2:]))[0] + 1
         times = (np.arange(len(rates)) + 1.0) / (len(rates) + 1) * np.pi / x[XI]
         guesses = [np.append(guesses[0], times[i]) for i in sorted(peaks, key=lambda i: -rates[i])[:2]]
@@ -400,7 +400,7 @@ _ROWS = {
 def _on_orbit(search: _Search, kind: Kind, point: _Point) -> Bifurcation | None:
     """The bifurcation at a point, or None where its path has not the signs of an orbit elsewhere."""
     u, x, axis = point.u, point.x, search.axis
-    way = survey(u[:2], x)
+    way = sample_path(u[:2], x)
     touching = float(u[2]) if kind is Kind.grazing else math.nan
     times = [t for t in (u[0], touching) if not math.isnan(t)]
     # The quantity that vanishes at this point is zero to rounding only, so that its sign is not checked.

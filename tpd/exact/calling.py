@@ -1,7 +1,7 @@
-"""Compiled code called under JAX's transformations and from the host: the one way for all equations.
+"""Calls of compiled code from JAX programs and from Python.
 
-The code runs on the host's processor. There XLA calls it directly, as a custom call. For another device, or
-where XLA cannot do that, JAX takes the numbers to the host and back. A batch of `vmap` is one call.
+The code runs on the CPU. XLA calls it directly as a custom call. If XLA cannot do that, or if the program
+runs on another device, JAX transfers the numbers to the host and back. `vmap` turns a batch into one call.
 """
 
 from __future__ import annotations
@@ -23,59 +23,66 @@ from tpd.exact.rows import row_of
 from tpd.scene.parameters import Parameters
 
 Trial = Callable[[Any], tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]]
-"""Shapes of the results and operands of a motion that is tried, from the module with the entrance."""
+"""Function that returns the shapes of the results and the operands of a trial call, for a `Compiled`
+module."""
 
 
 def shape(*sizes: Any) -> jax.ShapeDtypeStruct:
-    """Shape of an array of floats."""
+    """Return the shape of an array of floats."""
     return jax.ShapeDtypeStruct(tuple(int(size) for size in sizes), np.float64)
 
 
 def numbers_in(record: np.dtype) -> int:
-    """How many floats a record of compiled code has."""
+    """Return the number of floats in a record of compiled code."""
     return record.itemsize // 8
 
 
 def parts(numbers: Any, record: np.dtype) -> Any:
-    """Fields of a record of floats, or of a batch of them, by name. The record is an array's last axis.
-    Complex numbers have one more axis, of both parts."""
-    found, fields = {}, cast("Any", record.fields)
+    """Return the fields of records of floats as attributes of one object.
+
+    `numbers` has shape (..., n), with one record in its last axis. A field with complex numbers gets one more
+    axis of length 2, for the real and the imaginary part.
+    """
+    answer, fields = {}, cast("Any", record.fields)
     for name, (kind, begin) in fields.items():
+        # NumPy counts in bytes, and every number of a record has eight of them.
         place = begin // 8
         size = kind.itemsize // 8
-        own = (2,) if kind.base.kind == "c" else ()
-        shape = *numbers.shape[:-1], *kind.shape, *own
-        found[name] = numbers[..., place : place + size].reshape(shape)
-    return SimpleNamespace(**found)
+        complex_axis = (2,) if kind.base.kind == "c" else ()
+        shape = *numbers.shape[:-1], *kind.shape, *complex_axis
+        answer[name] = numbers[..., place : place + size].reshape(shape)
+    return SimpleNamespace(**answer)
 
 
 class Compiled:
-    """The entrance `CALL` and `run` of a module with compiled code."""
+    """Entry point to a module with compiled code, which has the attributes `CALL` and `run`."""
 
     def __init__(self, module: str, target: str, of: str, trial: Trial) -> None:
-        """Args:
-        module: name of the module.
-        target: name of the entrance in programs of XLA.
-        of: words that say whose motions are computed.
-        trial: gives a motion that tells whether XLA is answered as the host is.
+        """Store the arguments. The module is loaded when it is needed.
+
+        Args:
+            module: full name of the module.
+            target: name of the entry point in XLA programs.
+            of: name of the models in warnings.
+            trial: function that returns a trial call, which compares the results of XLA and of Python.
         """
-        self._module, self._target, self._of, self._trial = module, target, of, trial
-        self._asking = Lock()
-        self._works: bool | None = None
+        self._module, self._target, self._subject, self._trial = module, target, of, trial
+        self._lock = Lock()
+        self._is_direct: bool | None = None
         self._entry: Any = None
 
     def entry(self) -> Any:
-        """The module, loaded when it is needed: it loads Numba."""
+        """Return the module. It is imported at the first call, because it loads Numba."""
         if self._entry is None:
             compiling.load(self._module)
             self._entry = sys.modules[self._module]
         return self._entry
 
     def settings(self, task: str, **values: Any) -> list[Any]:
-        """Return a row of settings for a task, given by their names; the others are zero.
+        """Return a row of settings for a task. Settings that are not passed are zero.
 
         Raises:
-            TypeError: a name that is none of a setting, which is an error of the package.
+            TypeError: there is no setting of that name, which is an error in the package.
         """
         entry = self.entry()
         values["task"] = getattr(entry, task)
@@ -84,43 +91,49 @@ class Compiled:
             raise TypeError(f"there are no settings {', '.join(values)}")
         return row
 
-    def direct(self) -> bool:
-        """Whether XLA can call the code: it answers a trial as the call from the host does."""
-        # Two threads that ask at once must not both register it.
-        with self._asking:
-            if self._works is None:
-                self._works = self._answers()
-            return self._works
+    def is_direct(self) -> bool:
+        """Whether XLA can call the code directly, which a trial call shows the first time."""
+        # The lock prevents two threads from registering the entry point at the same time.
+        with self._lock:
+            if self._is_direct is None:
+                self._is_direct = self._check_direct_call()
+            return self._is_direct
 
-    def _answers(self) -> bool:
+    def _check_direct_call(self) -> bool:
+        """Compare the results of a trial call through XLA with the results of the same call from Python."""
         entry, why = self.entry(), "its answer to a trial is wrong"
         try:
             jax.ffi.register_ffi_target(self._target, jax.ffi.pycapsule(entry.CALL.address), platform="cpu")
             shapes, operands = self._trial(self)
             cpu, *_ = jax.local_devices(backend="cpu")
-            # The question may come while something is traced.
+            # This method may run while JAX traces a program. The trial itself must be computed and not
+            # traced.
             with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):
-                found = jax.ffi.ffi_call(self._target, shapes)(*operands)
-            known = self.on_host(shapes, *operands)
-            works = all(np.array_equal(a, b, equal_nan=True) for a, b in zip(found, known, strict=True))
+                answer = jax.ffi.ffi_call(self._target, shapes)(*operands)
+            reference = self.on_host(shapes, *operands)
+            agrees = all(np.array_equal(a, b, equal_nan=True) for a, b in zip(answer, reference, strict=True))
         except Exception as error:
-            works, why = False, f"{type(error).__name__}: {error}"
-        if not works:
+            agrees, why = False, f"{type(error).__name__}: {error}"
+        if not agrees:
             warnings.warn(
-                f"JAX cannot call the compiled code of {self._of} directly ({why}): it goes through Python, "
-                "which takes longer",
+                f"JAX cannot call the compiled code of {self._subject} directly ({why}). It calls the code "
+                "through Python, which is slower",
                 stacklevel=2,
             )
-        return works
+        return agrees
 
     def on_host(self, shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> tuple[np.ndarray, ...]:
-        """Results of known operands with any batch shape before their own, computed here."""
+        """Compute the results in this process, for operands that are NumPy arrays.
+
+        All operands and results have the same leading batch axes, before their own axes.
+        """
         run = self.entry().run
         wide = [np.asarray(x, dtype=float) for x in operands]
-        # Settings come first, one row for a motion.
+        # The settings are the first operand, with one row for each run.
         settings, *_ = wide
         batch = settings.shape[:-1]
         rows = int(np.prod(batch))
+        # The kernel takes contiguous arrays with one leading axis.
         flat = [np.ascontiguousarray(x.reshape(rows, *x.shape[len(batch) :])) for x in wide]
         out = [np.zeros((rows, *s.shape)) for s in shapes]
         if rows:
@@ -135,7 +148,13 @@ class Compiled:
         *buffers: np.ndarray,
         piece: tuple[int, int] = PIECE,
     ) -> None:
-        """Compute n rows of contiguous buffers, operands before results, on so many threads; see `shared`."""
+        """Compute n rows in several threads, and write the results into the buffers.
+
+        Args:
+            n: number of rows.
+            workers, progress, piece: see `tpd.core.batch.shared`.
+            buffers: contiguous arrays, operands before results.
+        """
         entry = self.entry()
 
         def run(first: int, last: int) -> int:
@@ -145,7 +164,7 @@ class Compiled:
         shared(run, n, workers, progress, piece=piece)
 
     def __call__(self, shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> Any:
-        """Results of traced operands."""
+        """Return the results for operands that JAX traces."""
         wide = [jnp.asarray(x, dtype=jnp.float64) for x in operands]
 
         def by_xla(*a: Any) -> Any:
@@ -156,38 +175,44 @@ class Compiled:
                 lambda *b: self.on_host(shapes, *b), shapes, *a, vmap_method="broadcast_all"
             )
 
-        if not self.direct():
+        if not self.is_direct():
             return by_host(*wide)
+        # Without another device a plain custom call makes a smaller XLA program.
         if all(device.platform == "cpu" for device in jax.devices()):
             return by_xla(*wide)
         return jax.lax.platform_dependent(*wide, cpu=by_xla, default=by_host)
 
 
-_TRIED = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.0, rho=0.7, e=0.9)
-"""Parameters of the trials that tell whether XLA can call the compiled code."""
+_TRIAL = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.0, rho=0.7, e=0.9)
+"""Parameters of the trial calls."""
 
 
-def _period(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
-    """A motion that is followed for one period."""
+def _run_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
+    """Return the trial call of a run over one forcing period."""
     settings = np.array(of.settings("SETTLE", periods=1.0, events=100.0, rest_rate=2e-7, rtol=1e-8))
-    return (shape(numbers_in(of.entry().SETTLED)),), (settings, row_of(_TRIED), np.zeros(4), np.zeros(2))
+    return (shape(numbers_in(of.entry().SETTLED)),), (settings, row_of(_TRIAL), np.zeros(4), np.zeros(2))
 
 
-def _way(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
-    """A way from turn to turn: of an orbit, places that mean nothing are left as they were."""
-    settings = np.array(of.settings("SURVEY"))
-    return (shape(numbers_in(of.entry().SURVEYED)),), (settings, row_of(_TRIED), np.array([0.7, 0.3, 0.0]))
+def _orbit_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
+    """Return the trial call for symmetric orbits, which samples the path of a solution.
+
+    A trial that solves for orbits would not do: it leaves unused fields of the results unset, so that the two
+    results could differ there.
+    """
+    settings, u = np.array(of.settings("SAMPLE_PATH")), np.array([0.7, 0.3, 0.0])
+    return (shape(numbers_in(of.entry().PATH_SAMPLES)),), (settings, row_of(_TRIAL), u)
 
 
-LINEAR = Compiled("tpd.exact.linear_entry", "tpd_exact", "the linear equations", _period)
-"""Entrance to the compiled code of the linear equations."""
-NONLINEAR = Compiled("tpd.exact.nonlinear_entry", "tpd_nonlinear", "the nonlinear equations", _period)
-"""Entrance to that of the nonlinear equations, which has the tasks `SETTLE` and `SHAKE`."""
-ORBITS = Compiled("tpd.exact.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _way)
-"""Entrance to that of symmetric orbits."""
+LINEAR = Compiled("tpd.exact.linear_entry", "tpd_exact", "the linear equations", _run_trial)
+"""Compiled code of the exact model, equations (25)."""
+NONLINEAR = Compiled("tpd.exact.nonlinear_entry", "tpd_nonlinear", "the nonlinear equations", _run_trial)
+"""Compiled code of the nonlinear model, equations (4). It has the tasks `SETTLE`, `GROUND`, `STEADY_STATE`
+and `TRAJECTORY`."""
+ORBITS = Compiled("tpd.exact.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _orbit_trial)
+"""Compiled code of the symmetric orbits."""
 
 
 def load_compiled() -> None:
-    """Load the compiled code of both equations, or compile it where there is none on this machine."""
-    LINEAR.direct()
+    """Load the compiled code of both models. Compile the code first if this machine has not stored it yet."""
+    LINEAR.is_direct()
     NONLINEAR.entry()

@@ -1,8 +1,8 @@
-"""How compiled code is called by XLA and by the host through one entrance.
+"""Calls of compiled code by XLA and by Python through one entry point.
 
-XLA calls a function by a pointer to a frame that names the buffers (its foreign function interface, FFI). The
-host calls the same function with a frame of its own, whose first number is 0, so that the code is compiled
-once. Both release Python's lock. A row of each buffer belongs to one motion.
+XLA calls a function with a pointer to a frame that describes the buffers (its foreign function interface,
+FFI). Python calls the same function with a frame of its own, whose first number is 0, so that the code is
+compiled only once. Both release Python's lock. Each run has one row in every buffer.
 """
 
 from __future__ import annotations
@@ -23,37 +23,54 @@ from numba.np.numpy_support import carray as _carray
 from tpd.exact.arcs import Forcing
 from tpd.exact.motion import NO
 from tpd.exact.plant import compiled, part
-from tpd.exact.terms import MANY
+from tpd.exact.terms import WIDTH
 
 carray: Any = _carray
 FRAME = 16
-"""Numbers of 8 bytes in a frame of XLA's."""
-_SIZE, _EXTENSION, _STAGE, _OPERANDS, _GIVEN, _RESULTS, _FOUND = 0, 1, 4, 7, 9, 12, 14
-"""Columns of such a frame: its size, an extension, the stage, how many operands there are and the list of
-them, and the same of results."""
+"""Number of 8-byte integers in a frame of XLA."""
+_SIZE, _EXTENSION, _STAGE, _OPERANDS, _OPERAND_LIST, _RESULTS, _RESULT_LIST = 0, 1, 4, 7, 9, 12, 14
+"""Columns of such a frame: its size, an extension, the stage, the number of operands and the list of them,
+and the same for the results."""
 _FIRST, _DATA, _RANK, _SHAPE, _EXECUTE = 0, 3, 4, 5, 3
-"""The first of a list; columns of a buffer: data, number of axes, their lengths; the stage to compute."""
+"""Index of the first item of a list; columns of a buffer: data, number of axes, their lengths; the stage that
+computes."""
 _FROM, _TO, _BUFFERS = 1, 2, 3
-"""Columns of a frame of the host's, whose size is 0: the first and the last row, and the first buffer."""
+"""Columns of a frame from Python, whose size is 0: the first row, the row after the last, and the first
+buffer."""
 FIELDS = (
     *("task", "periods", "events", "rest_rate", "tolerance", "rtol", "lyapunov", "impacts", "slopes"),
     *("pieces", "record", "free", "brief", "angles"),
 )
 SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
-"""A row of settings of the linear and of the nonlinear equations: the task; periods to follow, or times;
-events allowed; largest speed, over nu, of an impact that may end in rest; repetition error that counts as
-settled; relative tolerance of a step; periods over which the separation of neighbours is measured; impacts
-for which there is room; how many directions have derivatives; pieces of the forcing, and the row of the
-first, or -1 if every motion has its own; time of free motion; whether it may end early and the bob does not
-count; and whether the derivatives of the largest angles are enough. The others do not count for a task."""
+"""A row of settings for both models. A task ignores the settings that it does not need.
+
+- `task`: number of the task.
+- `periods`: number of periods, or number of times of a trajectory or history.
+- `events`: bound on the number of events.
+- `rest_rate`: largest speed |phi'|/nu of an impact that may end in rest.
+- `tolerance`: difference between two periods that counts as settled.
+- `rtol`: relative tolerance of a step.
+- `lyapunov`: number of periods over which the separation of neighbouring runs is measured.
+- `impacts`: number of impacts for which there is memory.
+- `slopes`: number of directions that have derivatives.
+- `pieces`: number of pieces of the forcing.
+- `record`: row of the first piece, or -1 if every run has pieces of its own.
+- `free`: duration of the free motion (tau).
+- `brief`: whether the free motion may end early, and turning points of the bob do not count.
+- `angles`: whether the derivatives of the largest angles are enough.
+"""
 
 
 BEGIN, RAMP = 0, 1
-"""Columns of the times of a motion that settles: when it begins, and how long the shaking grows."""
+"""Columns of the times of a run under a harmonic: the start, and the duration of the ramp in periods."""
 
 
 def api_version() -> int:
-    """The version of the interface that the installed XLA declares, as one number."""
+    """Return the version of the FFI that the installed XLA declares, as one integer.
+
+    Raises:
+        ValueError: the header file does not declare the version.
+    """
     header = Path(str(jaxlib.__file__)).parent / "include" / "xla" / "ffi" / "api" / "c_api.h"
     text = header.read_text(encoding="utf-8")
     major, minor = (re.search(rf"#define XLA_FFI_API_{name} (\d+)", text) for name in ("MAJOR", "MINOR"))
@@ -64,7 +81,7 @@ def api_version() -> int:
 
 @intrinsic
 def _pointer(context: Any, address: Any) -> Any:
-    """A number as a pointer."""
+    """Convert an integer to a pointer."""
     generate = lambda context, builder, signature, args: builder.inttoptr(args[0], cgutils.voidptr_t)  # noqa: E731
     return types.voidptr(types.int64), generate
 
@@ -73,50 +90,51 @@ pointer: Any = _pointer
 
 
 @compiled
-def wholes(address):
-    """Whole numbers at an address, at most 16; only those that are there may be read."""
+def integers_at(address):
+    """Return the integers at an address, at most 16. Only those that exist may be read."""
     return carray(pointer(address), (FRAME,), np.int64)
 
 
 @compiled
-def at(address, shape, dtype):
-    """The array at an address."""
+def view(address, shape, dtype):
+    """Return the array at an address, without a copy."""
     return carray(pointer(address), shape, dtype)
 
 
 @compiled
-def places_in(a):
-    """Addresses of all buffers."""
+def addresses_in(a):
+    """Return the addresses of all buffers."""
     return a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7]
 
 
 @part
-def usual(a, rows):
-    """The first three operands of motions: settings, parameters and starts."""
-    settings, x, start, _, _, _, _, _ = places_in(a)
-    return at(settings, (rows,), SETTINGS), at(x, (rows, MANY), np.float64), at(start, (rows, 4), np.float64)
+def inputs_of(a, rows):
+    """Return the first three operands of runs: settings, parameters and initial states."""
+    s, x, y, _, _, _, _, _ = addresses_in(a)
+    return (view(s, (rows,), SETTINGS), view(x, (rows, WIDTH), np.float64), view(y, (rows, 4), np.float64))
 
 
 @compiled
 def pieces(address, s, n):
-    """Forcing of row n with the settings `s`, from the table of all pieces at an address."""
+    """Return the forcing of row n, from the table of all pieces at an address."""
     count, begin = int(s.pieces), int(s.record)
-    # XLA gives every motion a copy of its record, the host one place for all.
+    # XLA gives every run a copy of its record. Python stores each record once for all runs.
     begin = n * count if begin < 0 else begin
-    return Forcing(NO, 0.0, 0.0, count, at(address, (begin + count, 4), np.float64)[begin:])
+    return Forcing(NO, 0.0, 0.0, count, view(address, (begin + count, 4), np.float64)[begin:])
 
 
 @compiled
 def _buffers(frame, a):
-    """Put the addresses of a frame's buffers into `a`, and return how many rows they have."""
+    """Write the addresses of a frame's buffers into `a`, and return their number of rows."""
     operands, results, rows = frame[_OPERANDS], frame[_RESULTS], 1
-    given, found = wholes(frame[_GIVEN]), wholes(frame[_FOUND])
+    operand_list, result_list = integers_at(frame[_OPERAND_LIST]), integers_at(frame[_RESULT_LIST])
     for i in range(operands):
-        a[i] = wholes(given[i])[_DATA]
+        a[i] = integers_at(operand_list[i])[_DATA]
     for i in range(results):
-        a[operands + i] = wholes(found[i])[_DATA]
-    settings = wholes(given[_FIRST])
-    shape = wholes(settings[_SHAPE])
+        a[operands + i] = integers_at(result_list[i])[_DATA]
+    settings = integers_at(operand_list[_FIRST])
+    shape = integers_at(settings[_SHAPE])
+    # All axes of the settings except the last are batch axes.
     for i in range(settings[_RANK] - 1):
         rows *= shape[i]
     return rows
@@ -124,45 +142,51 @@ def _buffers(frame, a):
 
 @compiled
 def rows_of(address, a, api):
-    """Put the addresses of a frame's buffers into `a`; return the first and last of the rows to compute, and
-    whether the host asks."""
-    frame = wholes(address)
+    """Write the addresses of a frame's buffers into `a`.
+
+    Returns the first row to compute, the row after the last, and whether the call comes from Python.
+    """
+    frame = integers_at(address)
     if frame[_SIZE] == 0:
         for i in range(8):
             a[i] = frame[_BUFFERS + i]
         return frame[_FROM], frame[_TO], True
     if frame[_EXTENSION] != 0:
-        # XLA asks for the version.
-        wholes(wholes(frame[_EXTENSION])[_DATA])[_DATA] = api
+        # With an extension XLA only wants to know the version of the interface.
+        integers_at(integers_at(frame[_EXTENSION])[_DATA])[_DATA] = api
         return 0, 0, False
+    # In the stages before the execution there is nothing to do.
     if (frame[_STAGE] & 0xFFFFFFFF) != _EXECUTE:
         return 0, 0, False
     return 0, _buffers(frame, a), False
 
 
-def _place(buffer: Any) -> int:
-    """The address of an array, which compiled code reads as contiguous floats of 64 bits, or records of them.
+def _address_of(buffer: Any) -> int:
+    """Return the address of an array, which must be contiguous and have 64-bit floats or records of them.
 
     Raises:
-        TypeError: an array of another kind, which is an error of the package.
+        TypeError: the array is of another kind, which is an error in the package.
     """
     if not (buffer.flags.c_contiguous and buffer.dtype.isnative and buffer.dtype.char in "dDV"):
         raise TypeError(
-            f"compiled code takes contiguous arrays of 64-bit floats, not {buffer.dtype} as given"
+            f"compiled code needs contiguous arrays of 64-bit floats, but an operand has {buffer.dtype}"
         )
-    # NumPy's own attribute takes five times as long, but knows all arrays.
+    # The attribute `ctypes` of NumPy takes five times as long, but works for all arrays.
     if buffer.size and buffer.flags.writeable:
         return ctypes.addressof(ctypes.c_char.from_buffer(buffer))
     return buffer.ctypes.data
 
 
 def on_host(entrance: Any) -> Callable[..., None]:
-    """Function that computes rows `first` to before `last` of contiguous buffers: operands, then results."""
+    """Return a function that calls the compiled code from Python.
+
+    It computes the rows from `first` to before `last` of contiguous buffers, operands before results.
+    """
     call: Callable[[int], int] = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(entrance.address)
     numbers: Any = ctypes.c_int64 * FRAME
 
     def run(first: int, last: int, *buffers: np.ndarray) -> None:
-        frame = numbers(0, first, last, *map(_place, buffers))
+        frame = numbers(0, first, last, *map(_address_of, buffers))
         call(ctypes.addressof(frame))
 
     return run

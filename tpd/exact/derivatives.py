@@ -1,4 +1,7 @@
-"""Derivatives that are known, or refused: exact to the first order, and NaN beyond that."""
+"""Rules for derivatives in JAX: computed by compiled code, or NaN where they do not exist.
+
+All of them are exact to the first order. Second derivatives are NaN.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from jaxtyping import Array, Bool, Float
 
 @jax.custom_jvp
 def refused(value: Array, usable: Bool[Array, "..."]) -> Array:
-    """`value`, whose derivative is NaN unless `usable`."""
+    """Return `value`. Its derivative is NaN unless `usable`."""
     del usable
     return value
 
@@ -29,7 +32,7 @@ def _refused_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 
 
 def refused_in(p: Any, value: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """`value`, which depends on the pytree `p` with a derivative that is not known: NaN."""
+    """Return `value`, which depends on the pytree `p`. Its derivative is unknown and therefore NaN."""
     flat, _ = ravel_pytree(p)
     return with_slopes(flat, value, jnp.full((*value.shape, flat.size), jnp.nan))
 
@@ -38,7 +41,7 @@ def refused_in(p: Any, value: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
 def with_slopes(
     p: Float[Array, "n"], value: Float[Array, "*shape"], slopes: Float[Array, "*shape n"]
 ) -> Float[Array, "*shape"]:
-    """`value`, known to depend on `p` with these slopes."""
+    """Return `value`, which depends on `p` with the derivatives `slopes`."""
     del p, slopes
     return value
 
@@ -54,25 +57,31 @@ def moved(
     direction: Float[Array | np.ndarray, "n"],
     point: Float[Array | np.ndarray, "n"],
 ) -> Float[Array, "*shape"]:
-    """How much something with these slopes moves in a direction. A slope of NaN spoils no direction but its
-    own, and in reverse mode no other quantity; derivatives as `point` moves are NaN."""
-    return jnp.sum(_scaled(slopes, direction, point, spared=True), axis=-1)
+    """Return the derivative of a quantity in a direction, from its derivatives `slopes` at `point`.
+
+    A derivative that is NaN only affects its own direction, and in reverse mode only its own quantity. The
+    second derivatives are NaN.
+    """
+    return jnp.sum(_scaled(slopes, direction, point, keep_zeros=True), axis=-1)
 
 
 def joined(values: tuple, numbers: tuple, slopes: tuple) -> tuple:
-    """`numbers`, each known to depend on the scalars `values` with slopes of its own, one for each of them in
-    the first axis."""
+    """Return `numbers`, each of which depends on the scalars `values` with its own derivatives in `slopes`.
+
+    The first axis of each item of `slopes` belongs to the values.
+    """
     if not all(isinstance(x, (float, np.ndarray)) for x in jax.tree.leaves((numbers, slopes))):
         return _joined(values, numbers, slopes)
-    # JAX makes zero derivatives of all that a function is given: where numbers are known, and a derivative is
-    # taken at once, they are kept from it.
-    known = jax.custom_jvp(lambda *values: numbers)
-    known.defjvp(lambda primals, tangents: (numbers, _moves(primals, tangents, numbers, slopes)))
-    return known(*values)
+    # JAX creates zero derivatives for all arguments of a function. If nothing is traced and a derivative is
+    # taken at once, the numbers are not passed as arguments, which is faster.
+    with_rule = jax.custom_jvp(lambda *values: numbers)
+    with_rule.defjvp(lambda primals, tangents: (numbers, _moves(primals, tangents, numbers, slopes)))
+    return with_rule(*values)
 
 
 @jax.custom_jvp
 def _joined(values: tuple, numbers: tuple, slopes: tuple) -> tuple:
+    """Return `numbers`, as `joined` does, if JAX traces some of the arguments."""
     del values, slopes
     return numbers
 
@@ -84,14 +93,15 @@ def _joined_jvp(primals: tuple, tangents: tuple) -> tuple[tuple, tuple]:
 
 
 def _moves(values: tuple, directions: tuple, numbers: tuple, slopes: tuple) -> tuple:
-    # Second derivatives are NaN, in whatever value they are taken.
+    """Return the changes of `numbers` in the given directions."""
+    # The dependence on the point makes second derivatives NaN.
     point = sum(values)
 
     def move(number: Any, by: Any) -> Array:
         def wide(x: Any) -> Any:
             return jnp.broadcast_to(x, jnp.shape(number)) if jnp.ndim(number) else x
 
-        scaled = partial(_scaled_p.bind, spared=True, spared_back=True)
+        scaled = partial(_scaled_p.bind, keep_zeros=True, keep_back=True)
         first, *others = [scaled(b, wide(t), wide(point)) for b, t in zip(by, directions, strict=True)]
         return sum(others, first)
 
@@ -99,7 +109,7 @@ def _moves(values: tuple, directions: tuple, numbers: tuple, slopes: tuple) -> t
 
 
 def once(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`function` of arrays, whose derivatives are NaN: what it computes are derivatives already."""
+    """Return a function of arrays whose derivatives are NaN, because its results are derivatives already."""
 
     @jax.custom_jvp
     def computed(*operands: Any) -> Any:
@@ -114,37 +124,43 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     return computed
 
 
-def _scaled(factor: Any, direction: Any, point: Any, *, spared: bool = False) -> Array:
-    """`factor * direction`, whose own derivative as `point` moves is NaN. If `spared`, a direction of
-    zero is spoilt by no factor that is NaN; in reverse mode the same holds of a weight of zero."""
+def _scaled(factor: Any, direction: Any, point: Any, *, keep_zeros: bool = False) -> Array:
+    """Return `factor * direction`, whose own derivative in `point` is NaN.
+
+    If `keep_zeros`, a direction of zero gives zero even if the factor is NaN. In reverse mode the same holds
+    for a weight of zero.
+    """
     arrays = jnp.broadcast_arrays(factor, direction, point)
-    return _scaled_p.bind(*arrays, spared=spared, spared_back=True)
+    return _scaled_p.bind(*arrays, keep_zeros=keep_zeros, keep_back=True)
 
 
-def _product(factor: Any, x: Any, _: Any, *, spared: bool, spared_back: bool) -> Array:
-    del spared_back
-    return jnp.where(x == 0.0, 0.0, factor * x) if spared else factor * x
+def _product(factor: Any, x: Any, _: Any, *, keep_zeros: bool, keep_back: bool) -> Array:
+    """Return the product. Zero times NaN is zero if `keep_zeros`."""
+    del keep_back
+    return jnp.where(x == 0.0, 0.0, factor * x) if keep_zeros else factor * x
 
 
-def _transposed(weight: Any, factor: Any, _: Any, point: Any, *, spared: bool, spared_back: bool) -> list:
+def _transposed(weight: Any, factor: Any, _: Any, point: Any, *, keep_zeros: bool, keep_back: bool) -> list:
+    """Return the transpose of the product. `keep_back` is the rule for zeros in reverse mode."""
     if isinstance(weight, ad.Zero):
         return [None, weight, None]
-    return [None, _scaled_p.bind(factor, weight, point, spared=spared_back, spared_back=spared), None]
+    return [None, _scaled_p.bind(factor, weight, point, keep_zeros=keep_back, keep_back=keep_zeros), None]
 
 
-def _batched(args: tuple, axes: tuple, **spared: bool) -> tuple[Array, int]:
+def _batched(args: tuple, axes: tuple, **keep_zeros: bool) -> tuple[Array, int]:
+    """Return the product of a batch."""
     size = next(x.shape[axis] for x, axis in zip(args, axes, strict=True) if axis is not None)
     same = [
         jnp.broadcast_to(x, (size, *x.shape)) if axis is None else jnp.moveaxis(x, axis, 0)
         for x, axis in zip(args, axes, strict=True)
     ]
-    return _scaled_p.bind(*same, **spared), 0
+    return _scaled_p.bind(*same, **keep_zeros), 0
 
 
-# A derivative that does not exist has to be NaN in forward and in reverse mode, for batches and for second
-# derivatives. `where` and `stop_gradient` do not do that: reverse mode multiplies the NaN of one output into
-# the zeros of all others. Hence a primitive with rules of its own for weights of zero. A linear map whose
-# transpose is not quite itself: no function of JAX's states that.
+# A derivative that does not exist must be NaN in forward and in reverse mode, for batches and for second
+# derivatives. `where` and `stop_gradient` are not enough: reverse mode multiplies the NaN of one output by
+# the zeros of all others. Hence this primitive, which has rules of its own for weights of zero. It is a
+# linear map whose transpose differs a little from the map itself, which no function of JAX can express.
 _scaled_p = Primitive("scaled")
 _scaled_p.def_impl(_product)
 _scaled_p.def_abstract_eval(lambda factor, x, point, **_: x)
@@ -152,7 +168,7 @@ mlir.register_lowering(_scaled_p, mlir.lower_fun(_product, multiple_results=Fals
 ad.defjvp(
     _scaled_p,
     None,
-    lambda moved, factor, _, point, **spared: _scaled_p.bind(factor, moved, point, **spared),
+    lambda moved, factor, _, point, **keep_zeros: _scaled_p.bind(factor, moved, point, **keep_zeros),
     lambda moved, factor, x, _, **__: jnp.nan * moved,
 )
 ad.primitive_transposes[_scaled_p] = _transposed

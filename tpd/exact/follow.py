@@ -1,8 +1,9 @@
-"""The follower: a motion of the linear equations (25) from event to event, exact and with no event missed.
+"""Exact simulation of a run of the linear equations (25) from event to event.
 
-A motion goes through the pieces of its forcing (`tpd.exact.arcs.Forcing`): forcing periods of a harmonic, or
-cubics in time. Between two events it is an arc in closed form. `tpd.exact.events` proves where an arc has no
-event; pieces of a record that are proved to have none are taken in one step.
+A run passes through the pieces of its forcing (`tpd.exact.arcs.Forcing`): forcing periods of a harmonic, or
+cubics in time. Between two events the motion is an arc in closed form. `tpd.exact.events` proves where an arc
+has no event. Pieces of a record that are proved to have no event are taken in one step
+(`tpd.exact.whole_pieces`).
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ from tpd.exact.events import (
     BOB,
     CUT,
     END,
-    GONE,
     LONGEST,
-    LOOKS,
+    OVERTURN,
     RELATIVE,
     SMALL,
+    WINDOWS,
     next_event,
     side_of,
     turn_over,
@@ -44,16 +45,16 @@ from tpd.exact.events import (
 from tpd.exact.march import march
 from tpd.exact.motion import (
     FIRST_PIECE,
-    at_end,
-    clear,
-    finite,
-    larger,
+    copy_to,
+    is_at_end,
+    is_finite,
+    larger_side,
     largest,
-    note,
     pass_event,
-    put,
-    record,
-    restart,
+    record_leg,
+    reset_angles,
+    reset_counts,
+    update_angles,
 )
 from tpd.exact.plant import compiled, plant
 from tpd.exact.terms import (
@@ -73,11 +74,12 @@ from tpd.exact.terms import (
     TILT_PULL,
     TILT_RATE,
 )
-from tpd.exact.whole_pieces import put_maps, whole_pieces
+from tpd.exact.whole_pieces import store_maps, whole_pieces
 
-ARRIVED, LOST, EXHAUSTED = range(3)
-"""Ends of a part of a motion."""
-_COUNTED = "growing", "status", "impacts", "lifted", "fell", "crossing", "legs"
+ARRIVED, BEYOND, EXHAUSTED = range(3)
+"""Outcomes of a part of a run: it arrived at its end; the tilt is beyond return; or the bound on events was
+reached."""
+_COUNTED = "growing", "status", "impacts", "uplift_time", "overturn_time", "transversality", "legs"
 FOLLOWED = np.dtype(
     [
         *((name, np.float64, (3,)) for name in ("sizes", "times")),
@@ -85,134 +87,160 @@ FOLLOWED = np.dtype(
         *((name, np.float64) for name in _COUNTED),
     ]
 )
-"""A motion through all pieces: largest |phi|, |psi| and |psi - phi|, and their times; the state at the end
-with its accelerations; the growing coordinate of the last leg (with derivatives only); status; impacts; times
-of the first uplift and of the overturning; transversality; and legs."""
+"""Results of a run through a ground motion: the largest |phi|, |psi| and |psi - phi| (`sizes`) and their
+times; the state at the end with its accelerations; the growing coordinate of the last leg (only with
+derivatives); the status; the number of impacts; the times of the first uplift and of overturning; the
+transversality; the number of legs."""
 Rules = namedtuple("Rules", "capture bob relative brief")
-"""Largest speed phi' of an impact that may end in rest; whether turns of the bob count, and its turns against
-the block; and whether a free motion may end as soon as it cannot tilt the block further."""
+"""Options of a simulation: `capture`, the largest speed |phi'| of an impact that may end in rest; `bob`,
+whether turning points of the bob are events; `relative`, whether turning points of psi - phi are events;
+`brief`, whether free motion may end as soon as it cannot tilt the block further."""
 _REACH = 8.0
-"""Longest arc under a cubic, over the quickest time scale of the motion."""
+"""Longest arc under a cubic forcing, divided by the shortest time scale of the motion."""
 _FOREVER = 1e6
+"""Duration (tau) of the last arc, in which the block either meets an event or overturns."""
 _SLACK = 4e-15
-"""Share of what holds a block by which the moment on it must exceed that: less is rounding, and records often
-balance a block to the last digit, so that it would be let go and held again and again."""
+"""Relative excess over the holding moment at which a held block is released.
+
+Smaller differences are rounding errors. Records often balance a block to the last digit. Without this
+tolerance the block would be released and held again many times.
+"""
 _LOSSLESS = 1.0 - 1e-4
-"""Velocity ratio from which on a rattle takes so many impacts that it may exhaust the bound on events."""
+"""Velocity ratio above which a rattle has so many impacts that it may reach the bound on events."""
 _LAST = 10
-"""Times the bound on events that the last try may take."""
+"""Factor on the bound on events in the last attempt."""
 _COARSER, _QUICKEST = 20.0, 1e-4
-"""Factor of the speed that counts as rest from one try to the next, and its largest value over nu."""
+"""Factor on the capture speed from one attempt to the next, and the largest capture speed divided by nu."""
 _STILL = 1e-12
-"""Rate of the bob below which the sign of its way is found a little ahead."""
+"""Rate |psi'| of the bob below which the sign of psi' is evaluated a short time later."""
 
 
 @compiled
-def allow(m, room, events):
-    """Allow a motion so many events."""
-    m.events, room.looks = events, LOOKS * events
+def allow_events(m, w, events):
+    """Set the number of events that a motion may still have."""
+    # The event search may also examine a limited number of windows, so that a proof that never succeeds ends
+    # as well.
+    m.events, w.budget = events, WINDOWS * events
 
 
 @compiled
 def forcing_now(q, f, s):
-    """eta at the local time `s` of the first piece."""
+    """Return eta at the local time `s` of the first piece."""
     return forcing_at(load_at(q, f, FIRST_PIECE, s), 0.0)[0]
 
 
 @compiled
-def begin(q, f, m, i, s):
-    """Count the largest angles of a motion from the local time `s` of piece i on; see `Mode` for `held`."""
+def start_angles(q, f, m, i, s):
+    """Start to record the largest angles of a motion, from the local time `s` of piece i on.
+
+    This also sets `m.hold_level` (2 for a held block, 0 otherwise) and `m.bob_direction`, see
+    `motion.MOTION`.
+    """
     y = m.y
-    restart(m)
-    m.held, rate = (2.0 if m.kind != SLIP else 0.0), y[SWING_RATE]
+    reset_angles(m)
+    m.hold_level, rate = (2.0 if m.kind != SLIP else 0.0), y[SWING_RATE]
     if abs(rate) <= _STILL and f.harmonic:
-        # From rest the bob's first and second derivatives vanish: look a little ahead instead.
+        # In a start from rest psi' and psi'' are zero. Evaluate the sign of psi' a short time later.
         ahead = 1e-3 / q.xi
         arc = arc_from(q, m, y, load_at(q, f, i, s))
         rate = value_of(rate_of(arc, arc.bob), instant(arc, ahead), ahead)
-    m.bob_way = -1.0 if rate < 0.0 else 1.0
+    m.bob_direction = -1.0 if rate < 0.0 else 1.0
 
 
 @compiled
-def _watch(q, m, room, arc, e, rules):
-    """Prepare all signals of an arc for the room."""
-    room.second, room.count = watch_block(q, arc, m, forcing_signal(e), room), BOB
+def _watch(q, m, w, arc, e, rules):
+    """Prepare all signals of an arc in the workspace."""
+    w.has_second, w.count = watch_block(q, arc, m, forcing_signal(e), w), BOB
     if rules.bob:
-        # Under a cubic a signal is exact at its start: the bob goes where the arc takes it.
-        side = m.bob_way if e.xi != 0.0 else side_of(rate_of(arc, arc.bob))
-        watch_turns(room, BOB, side, arc.bob, arc)
-        room.count = RELATIVE
-        # Under a held block both angles of the bob turn at once.
+        # Under a cubic forcing a signal is exact at its start, so its first nonzero coefficient gives the
+        # sign of psi'.
+        side = m.bob_direction if e.xi != 0.0 else side_of(rate_of(arc, arc.bob))
+        watch_turns(w, BOB, side, arc.bob, arc)
+        w.count = RELATIVE
+        # Under a held block psi and psi - phi turn at the same time, so that one signal is enough.
         if rules.relative and m.kind == SLIP:
             a, b = arc.bob, arc.tilt
             free = a.on_s1 - b.on_s1, a.on_s2 - b.on_s2, a.on_u - b.on_u, a.on_v - b.on_v
             forced = a.along - b.along, a.across - b.across
             gains = a.gain_along - b.gain_along, a.gain_across - b.gain_across
             relative = Signal(a.constant - b.constant, *free, *forced, *gains)
-            watch_turns(room, RELATIVE, side_of(rate_of(arc, relative)), relative, arc)
-            room.count = RELATIVE + 1
+            watch_turns(w, RELATIVE, side_of(rate_of(arc, relative)), relative, arc)
+            w.count = RELATIVE + 1
 
 
 @compiled
-def _settles(q, m):
-    """Whether a block that moves freely has too little energy to tilt further than it has. The energy
+def _cannot_tilt_further(q, m):
+    """Whether the energy of a freely moving block is too small for a larger tilt than before.
+
+    The energy of block and bob
 
         [m11 phi'^2 + 2 m12 phi' psi' + mu lam m22 psi'^2]/2 + weight |phi| - up phi^2/2 + mu lam psi^2/2
 
-    of block and bob never grows without a forcing."""
+    never grows without a forcing.
+    """
     y, share = m.y, q.mu * q.lam
     tilting, swinging = y[TILT_RATE], y[SWING_RATE]
     moving = q.m11 * tilting * tilting + 2.0 * q.m12 * tilting * swinging
     moving += share * q.m22 * swinging * swinging
     level = q.weight - q.up * abs(y[TILT])
-    # Distance from the energy of the unstable equilibrium, times 2 up; the weight cancels where phi is small.
-    left = level * level - q.up * (moving + share * y[SWING] * y[SWING])
-    if level <= 0.0 or left <= 0.0:
+    # Difference to the energy of the unstable equilibrium, times 2 up. The weight cancels where phi is small.
+    margin = level * level - q.up * (moving + share * y[SWING] * y[SWING])
+    if level <= 0.0 or margin <= 0.0:
         return False
-    return (q.weight - math.sqrt(left)) / q.up <= largest(m, TILT) * (1.0 + 1e-12)
+    # The largest tilt that the energy allows is the smaller root of a quadratic equation.
+    return (q.weight - math.sqrt(margin)) / q.up <= largest(m, TILT) * (1.0 + 1e-12)
 
 
 @compiled
-def _dies_away(q, m, y, bob):
-    """Whether the bob of a resting block, left to itself, neither lifts it nor, if its turns count, swings as
-    far as before: the energy psi^2 + psi'^2/q never grows."""
-    # Angle and rate are bounded at once, whatever their phase.
-    most = math.sqrt(y[SWING] * y[SWING] + y[SWING_RATE] * y[SWING_RATE] / q.held_q)
-    pull = abs(q.up - 1.0) * most + abs(q.bias) * most * math.sqrt(q.held_q)
-    return pull < q.k + q.weight and (not bob or most < min(largest(m, SWING), largest(m, APART)))
+def _decays(q, m, y, bob):
+    """Whether the free motion of the bob can neither lift a resting block nor reach its largest angle again.
+
+    The energy psi^2 + psi'^2/q of the bob never grows. The angle counts only if `bob` is set.
+    """
+    # This amplitude bounds psi and psi'/sqrt(q) at all later times, whatever their phase.
+    max_angle = math.sqrt(y[SWING] * y[SWING] + y[SWING_RATE] * y[SWING_RATE] / q.held_q)
+    pull = abs(q.up - 1.0) * max_angle + abs(q.bias) * max_angle * math.sqrt(q.held_q)
+    return pull < q.k + q.weight and (not bob or max_angle < min(largest(m, SWING), largest(m, APART)))
 
 
 @compiled
-def _longest(q, f):
-    """Longest window of a room."""
+def _longest_window(q, f):
+    """Return the longest window of the event search (tau)."""
     quickest = max(q.s1, math.sqrt(q.q))
     return LONGEST / (max(q.xi, quickest) if f.harmonic else quickest)
 
 
 @compiled
-def piece(q, f, m, legs, room, i, s, end, rules):
-    """Follow a motion through piece i from its local time `s` to `end`, event by event; change state, mode
-    and tally, and record the legs. Return how it ended."""
-    y, start, allowed = m.y, room.start, m.events
-    origin, freely = i * span_of(q, f), not f.harmonic and i >= f.pieces
-    room.limit, room.longest = beyond_return(q), _longest(q, f)
-    room.window = room.longest
+def follow_piece(q, f, m, legs, w, i, s, end, rules):
+    """Follow a motion through piece i from its local time `s` to `end`, event by event.
+
+    This updates the state, the mode and the counters of `m`, and records its legs. Returns one of `ARRIVED`,
+    `BEYOND` and `EXHAUSTED`.
+    """
+    y, start, allowed = m.y, w.start, m.events
+    origin, is_free_motion = i * span_of(q, f), not f.harmonic and i >= f.pieces
+    # Set the bounds of the event search for this piece.
+    w.limit, w.longest = beyond_return(q), _longest_window(q, f)
+    w.window = w.longest
     if f.harmonic:
-        room.least, usual, reach = SMALL * end, q.xi, math.inf
+        w.shortest, usual, reach = SMALL * end, q.xi, math.inf
     else:
-        room.least = SMALL
-        # The block's own time scale is 1 in tau. The Taylor polynomial of an arc grows with the third power
-        # of time, and its rounding with it.
-        slowest = max(max(q.p, q.held_p), math.sqrt(max(q.q, q.held_q)))
-        usual, reach = 1.0, _REACH / max(max(q.s1, -q.s2), slowest)
+        w.shortest = SMALL
+        # The time scale of the block is 1 in tau. The Taylor polynomial of an arc grows with the third power
+        # of time, and so does its rounding error. Arcs under a cubic are therefore restarted before they get
+        # long.
+        quickest = max(max(q.p, q.held_p), math.sqrt(max(q.q, q.held_q)))
+        usual, reach = 1.0, _REACH / max(max(q.s1, -q.s2), quickest)
         if m.kind != SLIP:
-            # The base acceleration may jump where a piece begins.
+            # The base acceleration may jump at the start of a piece, and the jump may release the block.
             decide(q, y, m.tilt if m.kind == STICK else 0.0, 0.0, load_at(q, f, i, s).e0, m)
-            if m.kind == SLIP and m.lifted == math.inf:
-                m.lifted = origin + s
-    while m.events > 0 and room.looks > 0:
+            if m.kind == SLIP and m.uplift_time == math.inf:
+                m.uplift_time = origin + s
+    while m.events > 0 and w.budget > 0:
         if f.harmonic:
-            arrived, s = march(q, f, m, legs, room, i, s, end, rules.capture)
+            # Under a harmonic the march handles most arcs. It returns where one of its proofs fails, and the
+            # careful search below follows that arc.
+            arrived, s = march(q, f, m, legs, w, i, s, end, rules.capture)
             if arrived:
                 return ARRIVED
             if m.events <= 0:
@@ -220,144 +248,159 @@ def piece(q, f, m, legs, room, i, s, end, rules):
         m.events -= 1
         e = load_at(q, f, i, s)
         arc = arc_from(q, m, y, e)
-        _watch(q, m, room, arc, e, rules)
+        _watch(q, m, w, arc, e, rules)
         if m.events == allowed - 1:
-            # The block has met no event yet: one that rounding has put beyond the last piece is due.
-            room.vanished = BOB
-        for j in range(4):
-            start[j] = y[j]
+            # Before the first event of a piece no signal has been zero. An event that rounding has moved from
+            # the end of the last piece into this one is due now.
+            w.first_zero = BOB
+        copy_to(y, start)
+        # An arc that would be too long is cut, and restarted from its state.
         whole = end - s <= reach
-        left = end - s if whole else reach
-        at, begun, here = 0.0, 0.0, beginning(arc)
+        remaining = end - s if whole else reach
+        at, leg_start, here = 0.0, 0.0, beginning(arc)
         while True:
-            if freely and m.kind == REST and _dies_away(q, m, start, rules.bob):
-                # Damping that dies out needs no look at every turn down to the smallest number.
-                which, at = END, left
+            if is_free_motion and m.kind == REST and _decays(q, m, start, rules.bob):
+                # The bob would turn at ever smaller angles until the numbers underflow. None of these turns
+                # matters.
+                event, at = END, remaining
             else:
-                which, at = next_event(arc, room, here, at, left)
+                event, at = next_event(arc, w, here, at, remaining)
             here = instant(arc, at)
             now = state_at(arc, here, at)
-            # Hops get shorter one after the other.
-            room.window = min(room.longest, 4.0 * (at - begun) + room.least)
-            if which < BOB:
+            # The hops of a rattle get shorter one after the other, and so do the first windows of the search.
+            w.window = min(w.longest, 4.0 * (at - leg_start) + w.shortest)
+            if event < BOB:
                 break
-            # The bob turns, which changes nothing: the same arc goes on.
-            note(m, now[TILT], now[SWING], origin + s + at)
-            record(m, legs, i, s + begun, at - begun, which, start)
-            if which == BOB:
-                m.bob_way = -m.bob_way
-            turn_over(room, which)
-            begun = at
+            # A turning point of the bob changes nothing for the block: the same arc continues.
+            update_angles(m, now[TILT], now[SWING], origin + s + at)
+            record_leg(m, legs, i, s + leg_start, at - leg_start, event, start)
+            if event == BOB:
+                m.bob_direction = -m.bob_direction
+            turn_over(w, event)
+            leg_start = at
             for j in range(4):
                 start[j] = now[j]
         for j in range(4):
             y[j] = now[j]
         tau = origin + s + at
-        if which != GONE:
-            note(m, y[TILT], y[SWING], tau)
-        record(m, legs, i, s + begun, at - begun, which if which != END or whole else CUT, start)
-        if which == GONE:
-            m.fell = tau
-            return LOST
-        if which == END:
+        # The angles of a block that overturns are not results.
+        if event != OVERTURN:
+            update_angles(m, y[TILT], y[SWING], tau)
+        record_leg(m, legs, i, s + leg_start, at - leg_start, event if event != END or whole else CUT, start)
+        if event == OVERTURN:
+            m.overturn_time = tau
+            return BEYOND
+        # The arc has ended without an event: the piece is complete, or the arc was cut.
+        if event == END:
             if whole:
-                return ARRIVED if room.looks > 0 else EXHAUSTED
+                return ARRIVED if w.budget > 0 else EXHAUSTED
             s += at
             m.events += 1
             continue
-        pass_event(q, m, legs, which, rules.capture, usual, now, forcing_at(e, at)[0], tau)
+        pass_event(q, m, legs, event, rules.capture, usual, now, forcing_at(e, at)[0], tau)
         s += at
-        # Only a free motion may end early: a forcing brings energy.
-        if freely and rules.brief and _settles(q, m):
+        # Only a free motion may end early, because a forcing supplies energy.
+        if is_free_motion and rules.brief and _cannot_tilt_further(q, m):
             return ARRIVED
-        if at_end(m, legs, i, s, end):
+        if is_at_end(m, legs, i, s, end):
             return ARRIVED
     return EXHAUSTED
 
 
 @compiled
-def _falls(q, f, m, legs, room, free):
-    """Whether the arc on which a motion ends, after the time `free`, leads beyond return without another
-    event; record it if so."""
+def _overturns(q, f, m, legs, w, free):
+    """Whether the last arc of a run leads beyond return without another event.
+
+    The arc follows a free motion of duration `free`.
+
+    If so, this records the arc as a leg and sets the time of overturning.
+    """
     y = m.y
     if m.kind != SLIP:
         return False
     e = load_at(q, f, f.pieces, 0.0)
     arc = arc_from(q, m, y, e)
-    room.second, room.count = watch_block(q, arc, m, forcing_signal(e), room), BOB
-    room.least, room.longest, room.limit, room.looks = SMALL, _longest(q, f), beyond_return(q), 64 * LOOKS
-    room.window = room.longest
-    which, at = next_event(arc, room, beginning(arc), 0.0, _FOREVER)
-    if which == GONE:
-        m.fell = f.pieces * q.xi + free + at
-        record(m, legs, f.pieces, free, at, which, y)
-    return which == GONE
+    w.has_second, w.count = watch_block(q, arc, m, forcing_signal(e), w), BOB
+    w.shortest, w.longest, w.limit, w.budget = SMALL, _longest_window(q, f), beyond_return(q), 64 * WINDOWS
+    w.window = w.longest
+    event, at = next_event(arc, w, beginning(arc), 0.0, _FOREVER)
+    if event == OVERTURN:
+        m.overturn_time = f.pieces * q.xi + free + at
+        record_leg(m, legs, f.pieces, free, at, event, y)
+    return event == OVERTURN
 
 
 @compiled
-def _through(q, f, m, legs, room, free, events, rules):
-    """Follow a motion as `through` does, once."""
+def _follow_once(q, f, m, legs, w, free, events, rules):
+    """Follow a motion through all pieces once, see `follow_ground_motion`. Return the status."""
     y, i = m.y, FIRST_PIECE
-    put_maps(q, room)
-    clear(m)
-    # One event for each piece is none of the block's: its end.
-    allow(m, room, f.pieces + 1 + events)
+    store_maps(q, w)
+    reset_counts(m)
+    # The end of each piece counts as an event in the search, but it is not an event of the block.
+    allow_events(m, w, f.pieces + 1 + events)
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, 0.0), m)
-    begin(q, f, m, i, 0.0)
+    start_angles(q, f, m, i, 0.0)
+    # A block that does not start at rest on its base counts as lifted from the start.
     if m.kind == SLIP or y[TILT] != 0.0:
-        m.lifted = 0.0
+        m.uplift_time = 0.0
     ended = ARRIVED
     while i < f.pieces and ended == ARRIVED:
-        i = whole_pieces(q, f, m, legs, room, i, rules.bob)
+        # First take as many pieces as are proved to have no event, then one piece by the event search.
+        i = whole_pieces(q, f, m, legs, w, i, rules.bob)
         if i < f.pieces:
-            ended = piece(q, f, m, legs, room, i, 0.0, q.xi, rules)
+            ended = follow_piece(q, f, m, legs, w, i, 0.0, q.xi, rules)
             i += 1
-    # A motion that cannot tilt the block further overturns it neither.
-    quiet = rules.brief and _settles(q, m)
+    # Such a motion cannot overturn the block either, so that the search for overturning is not needed.
+    quiet = rules.brief and _cannot_tilt_further(q, m)
     if ended == ARRIVED and free > 0.0 and not quiet:
-        ended = piece(q, f, m, legs, room, f.pieces, 0.0, free, rules)
-    if ended == ARRIVED and not quiet and _falls(q, f, m, legs, room, free):
-        ended = LOST
-    if not finite(y):
+        ended = follow_piece(q, f, m, legs, w, f.pieces, 0.0, free, rules)
+    if ended == ARRIVED and not quiet and _overturns(q, f, m, legs, w, free):
+        ended = BEYOND
+    if not is_finite(y):
         return FAILED
     if ended != ARRIVED:
-        return OVERTURNED if ended == LOST else EVENT_BOUND
-    return STOOD if m.lifted == math.inf else ROCKED
+        return OVERTURNED if ended == BEYOND else EVENT_BOUND
+    return STOOD if m.uplift_time == math.inf else ROCKED
 
 
 @compiled
-def through(x, q, f, m, legs, room, s):
-    """Follow a motion through all pieces of a pulse or a record, freely for the time that the settings `s`
-    say, and along its last arc until it meets an event or is beyond return: an overturning that has begun is
-    never missed.
+def follow_ground_motion(x, q, f, m, legs, w, s):
+    """Follow a motion through all pieces of a pulse or a record, then freely, and return its status.
 
-    `x` is a row with f the size of the base acceleration over that of gravity, and the duration of a piece in
-    the place of the frequency. If the settings say `brief`, only the tilt, the uplift and the overturning
-    hold: turns of the bob are not looked for, and the free motion ends as soon as it cannot tilt the block
-    further. Return the status."""
+    The free motion lasts for the time in the settings `s`. The last arc is followed until the next event, or
+    until the tilt is beyond return. So an overturning that has begun is always detected.
+
+    In the row `x`, f is the peak base acceleration over g, and the duration of a piece replaces the
+    frequency. If the settings are `brief`, only tilt, uplift and overturning are valid: turning points of the
+    bob are not computed, and the free motion ends as soon as it cannot tilt the block further.
+    """
     plant(x, q)
     q.slack = _SLACK * (q.k + q.weight)
+    # Keep the initial state: the run may have to be repeated.
     y0, y1, y2, y3 = m.y[TILT], m.y[SWING], m.y[TILT_RATE], m.y[SWING_RATE]
     brief, max_events = s.brief != 0.0, int(s.events)
-    quick, most, bob = s.rest_rate, max_events, q.mu > 0.0 and not brief
+    quick, bound, bob = s.rest_rate, max_events, q.mu > 0.0 and not brief
     while True:
-        status = _through(q, f, m, legs, room, s.free, most, Rules(quick * q.nu, bob, bob, brief))
-        # Hops that lose nothing never end. Where there are too many of them, quicker ones count as rest: they
-        # tilt the block by about the square of their speed. The last try has the events that it may take.
+        status = _follow_once(q, f, m, legs, w, s.free, bound, Rules(quick * q.nu, bob, bob, brief))
+        # Hops without energy loss never end. If there are too many of them, the run is repeated with a larger
+        # capture speed. This changes the tilt by about the square of that speed. The last attempt gets a
+        # larger bound on events.
         if status != EVENT_BOUND or q.e < _LOSSLESS or quick * _COARSER > _QUICKEST:
             return status
         quick *= _COARSER
-        most = max_events if quick * _COARSER <= _QUICKEST else _LAST * max_events
+        bound = max_events if quick * _COARSER <= _QUICKEST else _LAST * max_events
         m.y[TILT], m.y[SWING], m.y[TILT_RATE], m.y[SWING_RATE] = y0, y1, y2, y3
 
 
 @compiled
-def put_results(m, status, out):
-    """Put what was counted of a motion through all pieces, with its state and status, into `out`."""
+def store_results(m, status, out):
+    """Write the counters, the state and the status of a run into the record `out` (`FOLLOWED`)."""
     for k in range(3):
-        best = larger(m, k)
-        out.sizes[k], out.times[k] = (m.best[best] if status != OVERTURNED else math.inf), m.when[best]
-    put(m.y, out.state)
-    out.growing, out.status, out.impacts, out.lifted, out.fell = 0.0, status, m.impacts, m.lifted, m.fell
-    out.crossing, out.legs = m.crossing, m.recorded
+        # Of the two sides of each angle only the larger one is a result.
+        out.sizes[k] = largest(m, k) if status != OVERTURNED else math.inf
+        out.times[k] = m.peak_times[larger_side(m, k)]
+    copy_to(m.y, out.state)
+    out.growing, out.status = 0.0, status
+    out.impacts, out.uplift_time, out.overturn_time = m.impacts, m.uplift_time, m.overturn_time
+    out.transversality, out.legs = m.transversality, m.n_legs
     out.state[TILT_PULL] = out.state[SWING_PULL] = 0.0

@@ -1,9 +1,9 @@
-"""Readings of the legs of a followed motion: its derivatives, its states at given times, its impacts.
+"""Derivatives, states at requested times and impacts of a motion, computed from its legs.
 
-Between events a leg has the closed form of its arc: complex numbers carry derivatives (see
-`tpd.exact.plant.STEP`). At an event one Newton step on its time carries the saltation matrix. Over whole
-pieces the state goes through an affine map; the map and its derivatives are computed once, so that a piece
-costs a few products of small matrices.
+Between events a leg has the closed form of its arc, and complex numbers carry the derivatives (see
+`tpd.exact.plant.STEP`). At an event, one Newton step on the event's time gives the saltation matrix. Over
+whole pieces the state changes by an affine map. The map and its derivatives are computed once, so that a
+piece costs a few products of small matrices.
 """
 
 from __future__ import annotations
@@ -11,28 +11,34 @@ from __future__ import annotations
 import numpy as np
 
 from tpd.exact.arcs import Load, arc_from, beginning, forcing_at, instant, launch, load_at, span_of, state_at
-from tpd.exact.contact_kernel import reserve, struck
-from tpd.exact.events import BOB, CUT, END, FIRST, GONE, RELATIVE, SECOND, STOP
-from tpd.exact.motion import WHOLE, angle_of, larger
+from tpd.exact.contact_kernel import hold_margin, rates_after_impact
+from tpd.exact.events import BOB, CUT, END, FIRST, OVERTURN, RELATIVE, SECOND, STOP
+from tpd.exact.motion import WHOLE, angle_of, copy_to, larger_side
 from tpd.exact.plant import COMPLEX_PLANT, STEP, compiled, part
 from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_PULL, SWING_RATE, TILT, TILT_PULL, TILT_RATE
 
 _KINDS = float(SLIP), float(STICK)
-"""Modes of the maps of whole pieces: one serves both kinds of held blocks."""
+"""Modes of the maps of whole pieces, for the slipping and for the held block. A block that sticks and one at
+rest have the same map."""
 INPUTS = np.int64(13)
-"""Directions of derivatives: nine parameters and four components of the start."""
+"""Number of directions of the derivatives: nine parameters and four components of the initial state."""
 STATE, _BEGINNING = np.int64(9), np.int64(-1)
-"""First direction of the start; and the leg before the first one."""
+"""Index of the first direction of the initial state; and the index that stands for the start of the run in
+`peak_legs`."""
 FORCING, KIND, SIDE, STATES = map(np.int64, (6, 7, 8, 9))
-"""Columns of a history after those of the state with its accelerations, and how many there are."""
+"""Columns of a history after those of the state with its accelerations (forcing, kind of the mode, sign of
+the tilt), and the number of columns."""
 _WHEN, _RATE = 0, 1
-"""Columns of impacts."""
-_LATE = 1e-12
-"""Share of the last time by which rounding may put that time beyond the end of a motion."""
+"""Columns of the table of impacts: time, and rate after the impact."""
+_ROUNDING = 1e-12
+"""Relative amount by which a requested time may exceed the end of the motion because of rounding."""
 END_STATE, ANGLES, GROWING, TIMES, UPLIFT, ROWS = map(np.int64, (0, 4, 10, 11, 17, 18))
-"""Rows of derivatives: of the state at the end; the six largest angles of a tally; under a pulse or a record
-also the growing coordinate at the start of the last leg, the times of the six angles, and that of the first
-uplift. A time without a derivative leaves its row as it is."""
+"""First rows of the derivatives, and the number of rows.
+
+The rows are the state at the end (4), the six largest angles (6), and under a ground motion also the growing
+coordinate at the start of the last leg (1), the times of the six angles (6), and that of the first uplift
+(1). The row of a time that has no derivative is not written.
+"""
 READER = np.dtype(
     [
         ("plants", COMPLEX_PLANT, (10,)),
@@ -41,78 +47,92 @@ READER = np.dtype(
         ("now", np.float64, (6,)),
         ("maps", np.float64, (2, 4, 8)),
         ("slopes", np.float64, (2, 4, 8, 13)),
-        ("known", np.int64, (2,)),
+        ("has_map", np.int64, (2,)),
     ],
     align=True,
 )
-"""A reader of legs: complex plants (one for each parameter, and one for the other directions); derivatives of
-the state, and of the local time, in all directions and that of the time of the start; the state where it is
-with its accelerations; the maps of whole pieces for the slipping and for the held block, their derivatives,
-and whether they are known."""
+"""A reader, which computes derivatives from legs: complex `plants`, one for each parameter and one for all
+other directions; the derivatives `dy` of the state and `shift` of the local time, in all directions and in
+that of the start time; the present state `now` with its accelerations; the `maps` of whole pieces for the
+slipping and for the held block, their derivatives `slopes`, and whether they are computed already
+(`has_map`)."""
 
 
 @part
 def _plant(r, j):
-    """The complex plant of direction j: all that move no parameter share the last one."""
+    """Return the complex plant of direction j. All directions that change no parameter share the last one."""
     return r.plants[min(j, STATE)]
 
 
 @compiled
-def _late(q, f, leg, a, s, eta, rate):
-    """How much later a leg ends, in the direction of the derivative; `a` is its last state, and `s` the local
-    time of its beginning."""
-    # To first order: what is left of the event's signal, over its slope.
-    which = leg.which
-    if which == END:
-        # The horizon of a free motion does not depend on anything.
+def _event_delay(q, f, leg, a, s, eta, rate):
+    """Return the delay of the end of a leg, for a complex step in the direction of the derivative.
+
+    `a` is the last state of the leg, `s` the local time of its start, and `eta` and `rate` are the forcing
+    and its slope at the end.
+    """
+    # To first order the delay is the remaining value of the event's signal, divided by its slope.
+    event = leg.event
+    if event == END:
+        # The duration of a free motion does not depend on anything.
         return (span_of(q, f) - s).imag if f.harmonic or leg.piece < f.pieces else -s.imag
-    if which == STOP:
+    if event == STOP:
         return -(leg.piece * span_of(q, f) + s).imag
-    if which >= BOB or which == CUT:
+    # Turning points of the bob and cuts do not change the motion: such a leg keeps its length.
+    if event >= BOB or event == CUT:
         return 0.0
     if leg.kind != SLIP:
-        value = reserve(q, leg.kind, complex(leg.tilt, 0.0), which, a[TILT], a[SWING], a[SWING_RATE], eta)
-        side = 1.0 if which == FIRST else -1.0
+        # A held block is released when its margin vanishes.
+        value = hold_margin(q, leg.kind, complex(leg.tilt, 0.0), event, a[TILT], a[SWING], a[SWING_RATE], eta)
+        side = 1.0 if event == FIRST else -1.0
         pull = (1.0 - q.up.real) * a[SWING_RATE].real + q.bias.real * a[SWING_PULL].real
         slope = -side * (pull - q.f.real * rate.real)
         return -value.imag / slope if slope != 0.0 else 0.0
-    if which == FIRST:
+    # The turning point of a slipping block: phi' vanishes. Otherwise it lands, and phi vanishes.
+    if event == FIRST:
         return -a[TILT_RATE].imag / a[TILT_PULL].real if a[TILT_PULL].real != 0.0 else 0.0
     return -a[TILT].imag / a[TILT_RATE].real if a[TILT_RATE].real != 0.0 else 0.0
 
 
 @compiled
-def _launched(q, f, leg, dy, j, s):
-    """The arc of a leg in direction j, and its forcing; `s` is the local time of its beginning."""
+def _launch_along(q, f, leg, dy, j, s):
+    """Return the arc of a leg in direction j, and its forcing.
+
+    `s` is the local time of the start of the leg.
+    """
     e = load_at(q, f, leg.piece, s)
     y0, y1 = complex(leg.y[TILT], dy[TILT, j] * STEP), complex(leg.y[SWING], dy[SWING, j] * STEP)
     y2 = complex(leg.y[TILT_RATE], dy[TILT_RATE, j] * STEP)
     y3 = complex(leg.y[SWING_RATE], dy[SWING_RATE, j] * STEP)
-    return launch(q, leg.kind, complex(leg.tilt, 0.0), complex(leg.way, 0.0), y0, y1, y2, y3, e), e
+    return launch(q, leg.kind, complex(leg.tilt, 0.0), complex(leg.direction, 0.0), y0, y1, y2, y3, e), e
 
 
 @compiled
-def along(q, r, f, leg, first, last):
-    """Take a reader, in the directions from `first` to before `last`, to the end of a leg, before its
-    event; `q` is the plant."""
-    # The real state begins anew with every leg, so that errors of it do not add up.
-    e, lasted, none = load_at(q, f, leg.piece, leg.begun), leg.lasted, 0.0 * leg.begun
+def carry_through_leg(q, r, f, leg, first, last):
+    """Carry the derivatives of a reader to the end of a leg, before its event.
+
+    `q` is the real plant. The directions are those from `first` to before `last`.
+    """
+    # The real state is read from every leg, so that its rounding errors do not add up.
+    e, duration, none = load_at(q, f, leg.piece, leg.start), leg.duration, 0.0 * leg.start
     arc, free = arc_from(q, leg, leg.y, e), Load(e.xi, none, none, none, none, none)
-    start, here = state_at(arc, beginning(arc), 0.0), instant(arc, lasted)
-    end, (eta, rate) = state_at(arc, here, lasted), forcing_at(e, lasted)
+    start, here = state_at(arc, beginning(arc), 0.0), instant(arc, duration)
+    end, (eta, rate) = state_at(arc, here, duration), forcing_at(e, duration)
     for j in range(first, last):
-        p, s, t = _plant(r, j), complex(leg.begun, r.shift[j] * STEP), complex(lasted, 0.0)
+        p, s, t = _plant(r, j), complex(leg.start, r.shift[j] * STEP), complex(duration, 0.0)
         if j < STATE:
-            moved, of = _launched(p, f, leg, r.dy, j, s)
+            moved, of = _launch_along(p, f, leg, r.dy, j, s)
             a = state_at(moved, instant(moved, t), t)
-            late = _late(p, f, leg, a, s, *forcing_at(of, t))
+            delay = _event_delay(p, f, leg, a, s, *forcing_at(of, t))
         else:
-            # No parameter moves: the change of the state goes on without a forcing. That of the time of the
-            # start moves the whole arc.
+            # No parameter changes in this direction. The change of the state evolves as a free motion without
+            # forcing, and a change of the start time shifts the whole arc.
             d, by = r.dy, r.shift[j]
             y0, y1 = d[TILT, j] - start[TILT_RATE] * by, d[SWING, j] - start[SWING_RATE] * by
             y2, y3 = d[TILT_RATE, j] - start[TILT_PULL] * by, d[SWING_RATE, j] - start[SWING_PULL] * by
-            c = state_at(launch(q, leg.kind, none, none, y0, y1, y2, y3, free), here, lasted)
+            # The start of the leg moves as well. Convert the change of the state to a fixed start time, let
+            # it evolve along the leg, and convert it back at the end.
+            c = state_at(launch(q, leg.kind, none, none, y0, y1, y2, y3, free), here, duration)
             a = (
                 complex(end[TILT], (c[TILT] + end[TILT_RATE] * by) * STEP),
                 complex(end[SWING], (c[SWING] + end[SWING_RATE] * by) * STEP),
@@ -121,89 +141,99 @@ def along(q, r, f, leg, first, last):
                 complex(end[TILT_PULL], 0.0),
                 complex(end[SWING_PULL], 0.0),
             )
-            late = _late(p, f, leg, a, s, complex(eta, rate * by * STEP), complex(rate, 0.0))
+            delay = _event_delay(p, f, leg, a, s, complex(eta, rate * by * STEP), complex(rate, 0.0))
+        # The leg ends later by the delay, during which the state moves with its rates.
         for i in range(4):
-            r.dy[i, j] = (a[i].imag + a[i + 2].real * late) / STEP
-        r.shift[j] += late / STEP
+            r.dy[i, j] = (a[i].imag + a[i + 2].real * delay) / STEP
+        r.shift[j] += delay / STEP
     for i in range(6):
         r.now[i] = end[i]
 
 
 @compiled
-def past(r, leg, first, last):
-    """Take a reader, in the same directions, from the end of a leg past its event."""
-    # The next piece begins at its own zero of time.
-    if leg.which == END:
+def carry_past_event(r, leg, first, last):
+    """Carry the derivatives of a reader from the end of a leg past its event, in the same directions."""
+    # The local time starts again at zero in the next piece.
+    if leg.event == END:
         for j in range(first, last):
             r.shift[j] = 0.0
-    # A held block does not move until it is let go. Let go a little later, it begins in the same state.
-    if leg.kind != SLIP or (leg.which != FIRST and leg.which != SECOND):
+    # A held block does not move until its release, and a later release leaves the same state.
+    if leg.kind != SLIP or (leg.event != FIRST and leg.event != SECOND):
         return
     for j in range(first, last):
-        if leg.which == FIRST:
-            # A hop that ends in rest takes its turn on the base.
-            r.dy[TILT, j], r.dy[TILT_RATE, j] = (0.0 if leg.rests else r.dy[TILT, j]), 0.0
+        if leg.event == FIRST:
+            # A hop that ends in rest has its turning point on the base.
+            r.dy[TILT, j], r.dy[TILT_RATE, j] = (0.0 if leg.ends_at_rest else r.dy[TILT, j]), 0.0
             continue
         y2 = complex(r.now[TILT_RATE], r.dy[TILT_RATE, j] * STEP)
         y3 = complex(r.now[SWING_RATE], r.dy[SWING_RATE, j] * STEP)
-        y2, y3 = struck(_plant(r, j), leg.rests, y2, y3)
-        # At a landing the tilt is zero whatever the parameters.
+        y2, y3 = rates_after_impact(_plant(r, j), leg.ends_at_rest, y2, y3)
+        # At a landing the tilt is zero for all parameters.
         r.dy[TILT, j], r.dy[TILT_RATE, j], r.dy[SWING_RATE, j] = 0.0, y2.imag / STEP, y3.imag / STEP
 
 
 @compiled
-def _put_maps(r, held, inputs):
-    """Put the map (state, coefficients of the forcing) -> state of a piece into a reader, with its
-    derivatives. The tilt counts from the centre of its motion."""
+def _store_maps(r, is_held, inputs):
+    """Write the map of a piece and its derivatives into a reader.
+
+    The map takes the state and the coefficients of the forcing to the state one piece later. The tilt is
+    measured from the centre of its motion.
+    """
     one, zero = complex(1.0, 0.0), complex(0.0, 0.0)
-    u, kind = np.zeros(8, np.complex128), _KINDS[held]
+    u, kind = np.zeros(8, np.complex128), _KINDS[is_held]
     for j in range(inputs):
         q = _plant(r, j)
         h = q.xi
         for k in range(8):
-            # The forcing is given by its coefficients in the share of the piece.
+            # The coefficients of the forcing belong to powers of the time divided by the duration of the
+            # piece.
             for i in range(8):
                 u[i] = zero if i != k else one
             e = Load(zero, zero, u[4], u[5] / h, u[6] / (h * h), u[7] / (h * h * h))
-            # No weight and no friction: both signs are zero.
+            # Both signs are zero, which switches weight and friction off.
             arc = launch(q, kind, zero, zero, u[0], u[1], u[2], u[3], e)
             end = state_at(arc, instant(arc, h), h)
             for i in range(4):
-                r.maps[held, i, k], r.slopes[held, i, k, j] = end[i].real, end[i].imag / STEP
+                r.maps[is_held, i, k], r.slopes[is_held, i, k, j] = end[i].real, end[i].imag / STEP
 
 
 @compiled
-def _along_whole(q, r, c, leg, inputs):
-    """Take a reader through whole pieces, the rows of `c`."""
-    held = 1 if leg.kind != SLIP else 0
-    if r.known[held] == 0:
-        _put_maps(r, held, inputs)
-        r.known[held] = 1
-    a, by, y, dy = r.maps[held], r.slopes[held], r.now, r.dy
+def _carry_through_pieces(q, r, c, leg, inputs):
+    """Carry the derivatives of a reader through whole pieces, which are rows of `c`."""
+    is_held = 1 if leg.kind != SLIP else 0
+    # All pieces have the same duration, so that one map serves them all.
+    if r.has_map[is_held] == 0:
+        _store_maps(r, is_held, inputs)
+        r.has_map[is_held] = 1
+    a, by, y, dy = r.maps[is_held], r.slopes[is_held], r.now, r.dy
     old, x, moved = np.empty((4, inputs)), np.empty(8), np.zeros(inputs)
-    # The map is linear about the centre, which moves with weight and friction.
-    centre = 0.0 if held else (leg.tilt * q.weight + leg.way * q.k) / q.up
+    # The map is linear about the centre, which depends on weight and friction.
+    centre = 0.0 if is_held else (leg.tilt * q.weight + leg.direction * q.k) / q.up
     for j in range(inputs):
         p = _plant(r, j)
         r.shift[j] = 0.0
-        if not held:
-            moved[j] = ((leg.tilt * p.weight + leg.way * p.k) / p.up).imag / STEP
-    for i in range(4):
-        y[i] = leg.y[i]
-    first, last = leg.piece, leg.piece + int(leg.lasted)
-    # A record has no square and no cube: half of the coefficients are left out.
+        if not is_held:
+            moved[j] = ((leg.tilt * p.weight + leg.direction * p.k) / p.up).imag / STEP
+    copy_to(leg.y, y)
+    first, last = leg.piece, leg.piece + int(leg.duration)
+    # A record has no quadratic and no cubic term, so that the last two columns of the map are usually not
+    # needed.
     terms = 6
     for n in range(first, last):
         terms = max(terms, 8 if c[n, 3] != 0.0 else (7 if c[n, 2] != 0.0 else 6))
     for n in range(first, last):
         for k in range(4):
+            # Keep the old derivatives: the loop below overwrites them.
             x[k], x[4 + k] = y[k], c[n, k]
             for j in range(inputs):
                 old[k, j] = dy[k, j]
+        # Measure the tilt from the centre, and change back after the map.
         x[0] -= centre
         for j in range(inputs):
             old[TILT, j] -= moved[j]
         for i in range(4):
+            # Product rule: the derivative of the map times the state, plus the map times the derivative of
+            # the state.
             total = 0.0
             for j in range(inputs):
                 dy[i, j] = 0.0
@@ -223,29 +253,36 @@ def _along_whole(q, r, c, leg, inputs):
 
 
 @compiled
-def _put_angles(r, f, m, n, leg, first, last, by):
-    """Put the derivatives of the largest angles that were met at the end of leg n, and of their times, into
-    `by`."""
+def _store_angles(r, f, m, n, leg, first, last, by):
+    """Write the derivatives of the angles that are largest at the end of leg n into `by`.
+
+    This includes the derivatives of their times.
+
+    The derivatives of their times follow.
+    """
     for k in range(6):
-        if m.where[k] != n:
+        if m.peak_legs[k] != n:
             continue
         for j in range(first, last):
             by[ANGLES + k, j] = angle_of(r.dy[TILT, j], r.dy[SWING, j], k)
         if n < 0 or f.harmonic:
             continue
-        # Where the bob turns the leg ends at a fixed time: the turn itself is a little earlier or later.
-        turns, apart = k > 1 and (leg.which == BOB or leg.which == RELATIVE), 1.0 if k > 3 else 0.0
+        # A leg that ends where the bob turns keeps its length. The turning point itself is a little earlier
+        # or later.
+        turns, apart = k > 1 and (leg.event == BOB or leg.event == RELATIVE), 1.0 if k > 3 else 0.0
         bend = r.now[SWING_PULL] - apart * r.now[TILT_PULL]
-        pieces = leg.piece + (leg.lasted if leg.which == WHOLE else 0.0)
+        pieces = leg.piece + (leg.duration if leg.event == WHOLE else 0.0)
         for j in range(first, last):
-            late = -(r.dy[SWING_RATE, j] - apart * r.dy[TILT_RATE, j]) / bend if turns else 0.0
-            by[TIMES + k, j] = pieces * _plant(r, j).xi.imag / STEP + r.shift[j] + late
+            delay = -(r.dy[SWING_RATE, j] - apart * r.dy[TILT_RATE, j]) / bend if turns else 0.0
+            by[TIMES + k, j] = pieces * _plant(r, j).xi.imag / STEP + r.shift[j] + delay
 
 
 @compiled
-def _lifts_at(legs, count):
-    """The leg with which a block leaves its base for the first time; -1 if it never does, or has left it from
-    the beginning."""
+def _uplift_leg(legs, count):
+    """Return the index of the leg with which the block leaves its base for the first time.
+
+    The result is -1 if the block never leaves its base, or if it does not start at rest.
+    """
     if count > 0 and legs[0].kind == REST:
         for n in range(1, count):
             if legs[n].kind != REST:
@@ -254,43 +291,47 @@ def _lifts_at(legs, count):
 
 
 @compiled
-def read(q, f, m, legs, r, directions, angles_only, by):
-    """Put the derivatives of a followed motion into `by`, of `ROWS` rows, in the `directions` from the first
-    to before the last of two, and return the growing coordinate of its last leg. The reader has its plants.
-    If `angles_only`, what comes after the last of the largest angles and the first uplift is left out."""
-    count, (first, inputs) = min(m.recorded, len(legs)), directions
-    r.known[:] = 0
+def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
+    """Compute the derivatives of a motion from its legs, and return the growing coordinate of its last leg.
+
+    `by` gets `ROWS` rows, and the columns from the first to before the last of `directions`. The reader must
+    have its plants. If `angles_only`, the legs after the last of the largest angles and after the first
+    uplift are not used.
+    """
+    count, (first, inputs) = min(m.n_legs, len(legs)), directions
+    r.has_map[:] = 0
     for j in range(inputs):
+        # At the start only the directions of the initial state change the state.
         r.shift[j] = 0.0
         for i in range(4):
             r.dy[i, j] = 1.0 if j == STATE + i else 0.0
     if count > 0:
-        _put_angles(r, f, m, _BEGINNING, legs[0], first, inputs, by)
-    growing, lifts, last = 0.0, -1 if f.harmonic else _lifts_at(legs, count), count
+        _store_angles(r, f, m, _BEGINNING, legs[0], first, inputs, by)
+    growing, uplift_leg, last = 0.0, -1 if f.harmonic else _uplift_leg(legs, count), count
     if angles_only:
-        last = lifts
+        last = uplift_leg
         for k in range(3):
-            last = max(last, m.where[larger(m, k)])
+            last = max(last, m.peak_legs[larger_side(m, k)])
         last = min(count, 1 + last)
     for n in range(last):
         leg = legs[n]
-        if n == lifts:
+        if n == uplift_leg:
             for j in range(first, inputs):
                 by[UPLIFT, j] = leg.piece * _plant(r, j).xi.imag / STEP + r.shift[j]
-        if n == m.recorded - 1 and not f.harmonic:
-            # The last leg decides between overturning and falling back.
+        if n == m.n_legs - 1 and not f.harmonic:
+            # The last leg decides whether the block overturns or falls back.
             for j in range(first, inputs):
                 p = _plant(r, j)
-                arc, _ = _launched(p, f, leg, r.dy, j, complex(leg.begun, r.shift[j] * STEP))
+                arc, _ = _launch_along(p, f, leg, r.dy, j, complex(leg.start, r.shift[j] * STEP))
                 coordinate = arc.tilt.on_s1 / p.a0
                 by[GROWING, j], growing = coordinate.imag / STEP, coordinate.real
-        if leg.which == WHOLE:
-            _along_whole(q, r, f.cubics, leg, inputs)
+        if leg.event == WHOLE:
+            _carry_through_pieces(q, r, f.cubics, leg, inputs)
         else:
-            along(q, r, f, leg, first, inputs)
-        _put_angles(r, f, m, n, leg, first, inputs, by)
-        if leg.which != WHOLE:
-            past(r, leg, first, inputs)
+            carry_through_leg(q, r, f, leg, first, inputs)
+        _store_angles(r, f, m, n, leg, first, inputs, by)
+        if leg.event != WHOLE:
+            carry_past_event(r, leg, first, inputs)
     for i in range(4):
         for j in range(first, inputs):
             by[END_STATE + i, j] = r.dy[i, j]
@@ -298,15 +339,17 @@ def read(q, f, m, legs, r, directions, angles_only, by):
 
 
 @compiled
-def put_impacts(q, legs, count, impacts):
-    """Put times and rates after them of all impacts into `impacts`, shape (most, 2), NaN where there are
-    fewer."""
+def store_impacts(q, legs, count, impacts):
+    """Write the times of all impacts and the rates after them into `impacts`, shape (n, 2).
+
+    Unused rows are NaN.
+    """
     k = 0
     for n in range(count):
         leg = legs[n]
-        if leg.kind == SLIP and leg.which == SECOND and k < len(impacts):
-            impacts[k, _WHEN] = leg.piece * q.xi + leg.begun + leg.lasted
-            # The next leg begins with the state after the impact; after the last one the block rests.
+        if leg.kind == SLIP and leg.event == SECOND and k < len(impacts):
+            impacts[k, _WHEN] = leg.piece * q.xi + leg.start + leg.duration
+            # The next leg starts with the state after the impact. After the last impact the block rests.
             impacts[k, _RATE] = legs[n + 1].y[TILT_RATE] if n + 1 < count else 0.0
             k += 1
     for i in range(k, len(impacts)):
@@ -314,32 +357,36 @@ def put_impacts(q, legs, count, impacts):
 
 
 @compiled
-def put_states(q, f, legs, count, times, out):
-    """Put what a motion is at increasing `times` into rows of `out`, NaN beyond its end: the state with its
-    accelerations (6), the forcing, the kind of the mode and the sign of the tilt."""
+def store_states(q, f, legs, count, times, out):
+    """Write the states of a motion at increasing `times` into rows of `out`.
+
+    A row has the state with its accelerations (6), the forcing, the kind of the mode and the sign of the
+    tilt. It is NaN for times after the end of the motion.
+    """
     at, y, h = 0, np.empty(4), span_of(q, f)
     for n in range(count):
         leg = legs[n]
-        whole, lasts, late = leg.which == WHOLE, leg.lasted, _LATE * times[-1] if n == count - 1 else 0.0
-        if leg.which == GONE:
-            # To the last time: the arc goes on.
-            lasts = max(lasts, times[-1])
-        for i in range(4):
-            y[i] = leg.y[i]
-        # Whole pieces are gone through one by one, since a time may lie in any of them.
-        for k in range(int(lasts) if whole else 1):
-            start, duration = (0.0 if whole else leg.begun), (h if whole else lasts)
+        is_whole = leg.event == WHOLE
+        length, delay = leg.duration, _ROUNDING * times[-1] if n == count - 1 else 0.0
+        if leg.event == OVERTURN:
+            # The arc of a block that overturns continues until the last time.
+            length = max(length, times[-1])
+        copy_to(leg.y, y)
+        # Whole pieces are treated one by one, because a time may lie in any of them.
+        for k in range(int(length) if is_whole else 1):
+            start, duration = (0.0 if is_whole else leg.start), (h if is_whole else length)
             e = load_at(q, f, leg.piece + k, start)
             arc = arc_from(q, leg, y, e)
-            begun = (leg.piece + k) * h + start
-            while at < len(times) and times[at] <= begun + duration + late:
-                t = times[at] - begun
+            leg_start = (leg.piece + k) * h + start
+            # All requested times that lie in this leg.
+            while at < len(times) and times[at] <= leg_start + duration + delay:
+                t = times[at] - leg_start
                 a = state_at(arc, instant(arc, t), t)
                 for i in range(6):
                     out[at, i] = a[i]
                 out[at, FORCING], out[at, KIND], out[at, SIDE] = q.f * forcing_at(e, t)[0], leg.kind, leg.tilt
                 at += 1
-            if whole:
+            if is_whole:
                 a = state_at(arc, instant(arc, h), h)
                 for i in range(4):
                     y[i] = a[i]

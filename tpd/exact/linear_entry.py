@@ -1,4 +1,4 @@
-"""The entrance to the compiled code of the linear equations (25), for XLA and for the host."""
+"""Entry point to the compiled code of the exact model (25), for XLA and for Python."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from tpd.exact.custom_call import (
     BEGIN,
     RAMP,
     SETTINGS,
+    addresses_in,
     api_version,
-    at,
+    inputs_of,
     on_host,
     pieces,
-    places_in,
     rows_of,
-    usual,
+    view,
 )
 from tpd.exact.custom_call import FIELDS as FIELDS
-from tpd.exact.follow import FOLLOWED, put_results, through
+from tpd.exact.follow import FOLLOWED, follow_ground_motion, store_results
 from tpd.exact.legs import (
     ANGLES,
     GROWING,
@@ -33,136 +33,162 @@ from tpd.exact.legs import (
     STATES,
     TIMES,
     UPLIFT,
-    put_impacts,
-    put_states,
-    read,
+    read_derivatives,
+    store_impacts,
+    store_states,
 )
-from tpd.exact.motion import FIRST_PIECE, LEG, larger, put
-from tpd.exact.period_map import first_of, memory
-from tpd.exact.plant import compiled, put_plants
+from tpd.exact.motion import FIRST_PIECE, LEG, copy_to, larger_side
+from tpd.exact.period_map import RUN, new_buffers, records_of
+from tpd.exact.plant import compiled, fill_plants
 from tpd.exact.repetition import SETTLED
 from tpd.exact.settle import settle
 from tpd.exact.steady import STEADY, steady_state
 from tpd.exact.terms import FAILED, SWING_PULL, TILT_PULL
 from tpd.exact.trajectory import trajectory
 
-SETTLE, TRAJECTORY, SHAKE, HISTORY, STEADY_STATE, ORBIT = range(6)
-"""Tasks; the first number of every row of settings. Histories are for the host alone."""
-_END, _GROWN, _AT, _LIFTED, SHAKEN = map(np.int64, (3, 7, 8, 11, 12))
-"""Places of the quantities with derivatives of a motion through all pieces, after the three angles: the end,
-the growing coordinate, the three times, that of the uplift; and how many there are."""
-_USUAL = 20_000
-"""Events for which there is room at first."""
+SETTLE, TRAJECTORY, GROUND, HISTORY, STEADY_STATE, ORBIT = range(6)
+"""Tasks, which are the first number of every row of settings. Histories are only for calls from Python."""
+_END, _GROWING, _AT, _UPLIFT, OUTPUTS = map(np.int64, (3, 7, 8, 11, 12))
+"""Rows of the derivatives of a run under a ground motion, after those of the three angles: the state at the
+end, the growing coordinate, the three times, and the time of the first uplift. The last number is the number
+of rows."""
+_USUAL_EVENTS = 20_000
+"""Number of events for which memory is allocated at first."""
 
 
 @compiled
-def _keep(own):
-    """Keep the memory of records until here: Numba frees an array after its last use."""
-    return len(own.motions)
+def _keep_alive(buffers):
+    """Keep the arrays alive until here.
+
+    Numba frees an array after its last use, even if a record still points to it.
+    """
+    return len(buffers.motions)
 
 
 @compiled
 def _settle(a, first, last):
-    """Rows of `settle`: settings, parameters, starts, beginnings and ramps; what the motions settle to."""
-    (s, x, y), own, (_, _, _, times, results, _, _, _) = usual(a, last), memory(), places_in(a)
-    t, out, (_, m, _, _) = at(times, (last, 2), np.float64), at(results, (last,), SETTLED), first_of(own)
+    """Compute rows of the task SETTLE, see `settle`.
+
+    Operands: settings, parameters, initial states, and begin and ramp of each run. Results: records
+    `SETTLED`.
+    """
+    s, x, y = inputs_of(a, last)
+    buffers, (_, _, _, times, results, _, _, _) = new_buffers(), addresses_in(a)
+    t, out, m = view(times, (last, 2), np.float64), view(results, (last,), SETTLED), buffers.motions[RUN]
     for n in range(first, last):
-        put(y[n], m.y)
-        settle(x[n], own, s[n], t[n, BEGIN], t[n, RAMP], out[n])
-    _keep(own)
+        copy_to(y[n], m.y)
+        settle(x[n], buffers, s[n], t[n, BEGIN], t[n, RAMP], out[n])
+    _keep_alive(buffers)
 
 
 @compiled
 def _steady(a, first, last, near):
-    """Rows of `steady_state`: settings, parameters and starts; steady states, or orbits `near` the starts."""
-    (s, x, y), own, (_, _, _, results, _, _, _, _) = usual(a, last), memory(), places_in(a)
-    out = at(results, (last,), STEADY)
+    """Compute rows of the tasks STEADY_STATE and ORBIT (`near`), see `steady_state`.
+
+    Operands: settings, parameters and initial states. Results: records `STEADY`.
+    """
+    (s, x, y), buffers, (_, _, _, results, _, _, _, _) = inputs_of(a, last), new_buffers(), addresses_in(a)
+    out = view(results, (last,), STEADY)
     for n in range(first, last):
-        steady_state(x[n], y[n], s[n], near, own, out[n])
-    _keep(own)
+        steady_state(x[n], y[n], s[n], near, buffers, out[n])
+    _keep_alive(buffers)
 
 
 @compiled
 def _trajectory(a, first, last):
-    """Rows of `trajectory`: settings, parameters, starts and times; states with their rates, statuses, and
-    derivatives."""
-    (s, x, y), own, (_, _, _, clock, states, ends, slopes, _) = usual(a, last), memory(), places_in(a)
-    count, (q, m, room, r) = int(s[first].periods), first_of(own)
-    times, out = at(clock, (last, count), np.float64), at(states, (last, count, 8), np.float64)
-    statuses = at(ends, (last,), np.float64)
+    """Compute rows of the task TRAJECTORY, see `trajectory`.
+
+    Operands: settings, parameters, initial states and times. Results: states with their time derivatives,
+    statuses, and derivatives.
+    """
+    s, x, y = inputs_of(a, last)
+    buffers, (_, _, _, clock, states, ends, slopes, _) = new_buffers(), addresses_in(a)
+    count, (q, m, w, r) = int(s[first].periods), records_of(buffers)
+    times, out = view(clock, (last, count), np.float64), view(states, (last, count, 8), np.float64)
+    statuses = view(ends, (last,), np.float64)
     for n in range(first, last):
-        by = at(slopes, (last, count if s[n].slopes != 0.0 else 1, 4, INPUTS + 1), np.float64)
-        put(y[n], m.y)
-        statuses[n] = trajectory(x[n], q, m, room, r, s[n], times[n], out[n], by[n])
-    _keep(own)
+        by = view(slopes, (last, count if s[n].slopes != 0.0 else 1, 4, INPUTS + 1), np.float64)
+        copy_to(y[n], m.y)
+        statuses[n] = trajectory(x[n], q, m, w, r, s[n], times[n], out[n], by[n])
+    _keep_alive(buffers)
 
 
 @compiled
-def _put_slopes(m, many, inputs, by):
-    """Put the derivatives `many` of a motion through all pieces into `by`. Directions that are not asked for
-    stay zero, and times without a derivative no numbers."""
+def _store_slopes(m, table, inputs, by):
+    """Select the derivatives of a run's results from the derivatives of its legs, and write them into `by`.
+
+    The directions from `inputs` on stay zero. The derivative of a time that has none is NaN.
+    """
     for j in range(INPUTS):
-        for i in range(SHAKEN):
+        for i in range(OUTPUTS):
             by[i, j] = 0.0
         if j < inputs:
             for k in range(3):
-                best = larger(m, k)
-                by[k, j], by[_AT + k, j] = many[ANGLES + best, j], many[TIMES + best, j]
+                # Of the two sides of each angle only the larger one is a result.
+                best = larger_side(m, k)
+                by[k, j], by[_AT + k, j] = table[ANGLES + best, j], table[TIMES + best, j]
             for i in range(4):
-                by[_END + i, j] = many[i, j]
-            by[_GROWN, j], by[_LIFTED, j] = many[GROWING, j], many[UPLIFT, j]
+                by[_END + i, j] = table[i, j]
+            by[_GROWING, j], by[_UPLIFT, j] = table[GROWING, j], table[UPLIFT, j]
 
 
 @compiled
-def _shake(a, first, last, history):
-    """Rows of `through`: settings, parameters, starts and pieces. If it is a `history`, also times; states,
-    impacts and statuses. If not, results and derivatives."""
-    (s, x, y), own, (_, _, _, forcing, results, by, arrivals, ends) = usual(a, last), memory(), places_in(a)
-    none, many, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
-    q, m, room, r = first_of(own)
+def _follow_ground(a, first, last, history):
+    """Compute rows of the tasks GROUND and HISTORY (`history`), see `follow_ground_motion`.
+
+    Operands: settings, parameters, initial states and pieces, for a history also times. Results: records
+    `FOLLOWED` and derivatives; for a history states, impacts and statuses.
+    """
+    s, x, y = inputs_of(a, last)
+    buffers, (_, _, _, forcing, results, by, arrivals, ends) = new_buffers(), addresses_in(a)
+    no_legs, table, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
+    q, m, w, r = records_of(buffers)
     for n in range(first, last):
         f, status = pieces(forcing, s[n], n), FAILED
-        # Few motions have so many legs, and those are followed once more. Of memory that nothing is written
-        # to the system gives none.
-        usually = 2 * (int(s[n].pieces) + min(int(s[n].events), _USUAL)) + 64
-        legs = np.empty(usually, LEG) if slopes or history else none
-        m.recorded = len(legs) + 1
-        while m.recorded > len(legs):
-            put(y[n], m.y)
-            status = through(x[n], q, f, m, legs, room, s[n])
+        # Few runs have more legs than this, and such runs are repeated with enough memory. The operating
+        # system assigns memory only when it is written, so that a large array costs nothing.
+        capacity = 2 * (int(s[n].pieces) + min(int(s[n].events), _USUAL_EVENTS)) + 64
+        legs = np.empty(capacity, LEG) if slopes or history else no_legs
+        m.n_legs = len(legs) + 1
+        while m.n_legs > len(legs):
+            copy_to(y[n], m.y)
+            status = follow_ground_motion(x[n], q, f, m, legs, w, s[n])
+            # Without derivatives no legs are needed.
             if not (slopes or history):
                 break
-            if m.recorded > len(legs):
-                legs = np.empty(m.recorded, LEG)
-                m.recorded += 1
+            if m.n_legs > len(legs):
+                legs = np.empty(m.n_legs, LEG)
+                m.n_legs += 1
         if history:
-            count, most = int(s[n].periods), int(s[n].impacts)
-            times, states = at(results, (last, count), np.float64), at(by, (last, count, STATES), np.float64)
-            put_states(q, f, legs, m.recorded, times[n], states[n])
-            put_impacts(q, legs, m.recorded, at(arrivals, (last, most, 2), np.float64)[n])
-            at(ends, (last,), np.float64)[n] = status
+            count, n_impacts = int(s[n].periods), int(s[n].impacts)
+            times, size = view(results, (last, count), np.float64), (last, count, STATES)
+            store_states(q, f, legs, m.n_legs, times[n], view(by, size, np.float64)[n])
+            store_impacts(q, legs, m.n_legs, view(arrivals, (last, n_impacts, 2), np.float64)[n])
+            view(ends, (last,), np.float64)[n] = status
             continue
-        out = at(results, (last,), FOLLOWED)[n]
-        put_results(m, status, out)
+        out = view(results, (last,), FOLLOWED)[n]
+        store_results(m, status, out)
+        # The accelerations at the end, where no forcing acts.
         arc = arc_from(q, m, m.y, Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         end = state_at(arc, beginning(arc), 0.0)
         out.state[TILT_PULL], out.state[SWING_PULL] = end[TILT_PULL], end[SWING_PULL]
         if slopes:
             inputs = int(s[n].slopes)
+            # Derivatives that do not exist are never written, and must be NaN.
             for i in range(ROWS):
                 for j in range(INPUTS):
-                    many[i, j] = math.nan
-            put_plants(x[n], r.plants)
-            out.growing = read(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, many)
-            _put_slopes(m, many, inputs, at(by, (last, SHAKEN, INPUTS), np.float64)[n])
-    _keep(own)
+                    table[i, j] = math.nan
+            fill_plants(x[n], r.plants)
+            out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, table)
+            _store_slopes(m, table, inputs, view(by, (last, OUTPUTS, INPUTS), np.float64)[n])
+    _keep_alive(buffers)
 
 
 @compiled
 def _run(a, first, last):
-    """Rows of whatever the settings ask for."""
-    settings, _, _, _, _, _, _, _ = places_in(a)
-    task = at(settings, (last,), SETTINGS)[first].task
+    """Compute rows of the task that the settings name."""
+    settings, _, _, _, _, _, _, _ = addresses_in(a)
+    task = view(settings, (last,), SETTINGS)[first].task
     if task == SETTLE:
         _settle(a, first, last)
     elif task in (STEADY_STATE, ORBIT):
@@ -170,25 +196,35 @@ def _run(a, first, last):
     elif task == TRAJECTORY:
         _trajectory(a, first, last)
     else:
-        _shake(a, first, last, task == HISTORY)
+        _follow_ground(a, first, last, task == HISTORY)
 
 
 def _entrance(version: int, api: int) -> Any:
+    """Return the entry point to the compiled code.
+
+    Args:
+        version: checksum of the sources.
+        api: version of XLA's interface.
+    """
+
     def call(address):
-        """Answer a frame: 0 for success."""
+        """Compute the rows that a frame describes. XLA takes the result 0 for success."""
         a = np.zeros(8, np.int64)
         first, last, by_host = rows_of(address, a, api)
-        # One call: Numba compiles all that is called once more for each other kind of argument.
+        # There is only one call of `_run`: Numba would compile all functions below it again for each other
+        # kind of argument.
         if last > first:
             _run(a, first, last)
         return version if by_host else 0
 
-    # Numba's store looks at the file of the function alone, and would go on with machine code of another
-    # version of the kernel. Numbers from outside the function are part of its key.
+    # Numba's cache only checks the file of this function, and would keep machine code of an older kernel. But
+    # the values of variables from outside the function are part of the key, so that `version` makes the cache
+    # safe.
     return stored(call, numba.cfunc, "int64(int64)")
 
 
 CALL = _entrance(checksum(), api_version())
-"""The entrance, an FFI handler of XLA's."""
+"""The entry point, an FFI handler for XLA."""
 run = on_host(CALL)
-"""Function that answers the host: first and last row, then the operands and results of a task."""
+"""Function for calls from Python. The arguments are the first row, the row after the last, then operands and
+results."""

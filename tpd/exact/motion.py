@@ -1,7 +1,7 @@
-"""A followed motion in compiled scalar code: its state, what is counted, and its legs.
+"""The record of a motion during its simulation: its state, its counters and its legs.
 
-A leg is a part of an arc that ends in an event, at its horizon or where the bob turns. Legs are all that
-derivatives, states at given times and orbits are read from (`tpd.exact.legs`).
+A leg is a part of an arc that ends at an event, at the end of the simulation, or where the bob turns.
+Derivatives, states at requested times and orbits are computed from legs alone (`tpd.exact.legs`).
 """
 
 from __future__ import annotations
@@ -10,52 +10,59 @@ import math
 
 import numpy as np
 
-from tpd.exact.contact_kernel import meet, transversality
+from tpd.exact.contact_kernel import handle_event, transversality
 from tpd.exact.events import END, SECOND, SIGNALS
 from tpd.exact.plant import compiled
 from tpd.exact.terms import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE
 
 LEG = np.dtype(
     [
-        *((name, np.float64) for name in ("kind", "tilt", "way")),
+        *((name, np.float64) for name in ("kind", "tilt", "direction")),
         ("piece", np.int64),
-        *((name, np.float64) for name in ("begun", "lasted")),
-        ("which", np.int64),
-        ("rests", np.bool_),
+        *((name, np.float64) for name in ("start", "duration")),
+        ("event", np.int64),
+        ("ends_at_rest", np.bool_),
         ("y", np.float64, (4,)),
     ],
     align=True,
 )
-"""A leg: the mode's kind and signs; its piece, its beginning there and its duration (the number of pieces if
-they are whole); what ended it, and whether that ended in rest; the state at its start."""
+"""A leg: `kind`, `tilt` and `direction` of its mode; the index of its `piece`, the local time of its `start`
+in the piece, and its `duration` (the number of pieces if the leg consists of whole pieces); the `event` at
+its end, and whether the block came to rest there (`ends_at_rest`); the state `y` at its start."""
 _ROUNDING = 1e-15
-"""Share of a piece below which a remaining time is rounding."""
+"""Share of a piece below which the remaining time is a rounding error."""
 WHOLE = np.int64(4)
-"""End of a leg that consists of whole pieces without an event."""
+"""Event number at the end of a leg that consists of whole pieces without an event."""
 MOTION = np.dtype(
     [
         ("y", np.float64, (4,)),
-        *((name, np.float64) for name in ("kind", "tilt", "way", "held")),
-        *((name, np.float64, (6,)) for name in ("best", "when")),
-        ("where", np.int64, (6,)),
-        *((name, np.int64) for name in ("impacts", "recorded", "events")),
-        *((name, np.float64) for name in ("lifted", "fell", "crossing", "bob_way")),
+        *((name, np.float64) for name in ("kind", "tilt", "direction", "hold_level")),
+        *((name, np.float64, (6,)) for name in ("peaks", "peak_times")),
+        ("peak_legs", np.int64, (6,)),
+        *((name, np.int64) for name in ("impacts", "n_legs", "events")),
+        *((name, np.float64) for name in ("uplift_time", "overturn_time", "transversality", "bob_direction")),
     ],
     align=True,
 )
-"""A motion that is followed: its state; the kind of its mode, the signs of phi and phi', and for how long the
-block was held since the count began (0 never, 1 for a part of the motion, 2 throughout); and what is counted:
-the largest phi, psi and psi - phi to either side, their times, and the legs at whose ends they were met (-1
-is the beginning); impacts, legs and events that are left; the times of the first uplift and of the
-overturning; the least transversality; and the sign of psi'."""
+"""A motion: its state `y`; the `kind` of its mode and the signs `tilt` of phi and `direction` of phi'; and
+counters.
+
+`hold_level` says for how long the block was held since the largest angles are recorded: 0 never, 1 part of
+the time, 2 all the time. `peaks` are the largest phi, psi and psi - phi to either side, `peak_times` their
+times, and `peak_legs` the legs at whose ends they occurred (-1 is the start). `impacts` and `n_legs` count
+impacts and legs, and `events` is the number of events that are still allowed. `uplift_time` and
+`overturn_time` are the times of the first uplift and of overturning, `transversality` is the smallest one of
+all events, and `bob_direction` is the sign of psi'.
+"""
 GRID, TERMS, MOST, HOPS = map(np.int64, (32, 8, 11, 6))
-"""Sizes of `tpd.exact.march`: shares into which its longest step is divided; usual terms of its Taylor
-polynomials, and most; hops that tell how a rattle ends."""
+"""Sizes in `tpd.exact.march`: the number of points into which its longest step is divided (GRID); the usual
+number of terms of its Taylor polynomials (TERMS) and the largest (MOST); the number of hops from which the
+end of a rattle is extrapolated (HOPS)."""
 _FLOW = np.dtype(
-    [(name, np.float64) for name in ("grown", "fallen", "u", "v", "held_u", "held_v", "sine", "cosine")]
+    [(name, np.float64) for name in ("rising", "decaying", "u", "v", "held_u", "held_v", "sine", "cosine")]
 )
 _PUSH = np.dtype([(name, np.float64) for name in ("by_tilt", "by_swing", "by_slip", "by_forcing")])
-_ORDER = np.dtype([(name, np.float64) for name in ("forced", "growth", "fallen", "grown")])
+_ORDER = np.dtype([(name, np.float64) for name in ("forced", "growth", "decaying", "rising")])
 _NUMBERS = "step", "jump", "sine", "cosine", "share", "growth", "weight", "quickest"
 MARCH = np.dtype(
     [
@@ -65,145 +72,178 @@ MARCH = np.dtype(
         ("orders", _ORDER, (2,)),
         ("hops", np.float64, (2, HOPS, 4)),
         ("limit", np.float64, (4,)),
-        *((name, np.float64, (2,)) for name in ("scale", "over_w", "firm")),
-        ("known", np.int64, (2,)),
+        *((name, np.float64, (2,)) for name in ("scale", "over_w", "sure_time")),
+        ("hop_count", np.int64, (2,)),
         ("terms", np.int64),
         *((name, np.float64) for name in _NUMBERS),
     ],
     align=True,
 )
-"""Working memory of `tpd.exact.march`. The table of the flow: both exponentials, the pair's solutions for the
-slipping block and the held one, sine and cosine of the forcing's phase. Taylor polynomials of tilt, swing and
-a signal. The accelerations of both angles by the tilt from its centre, swing, phi' - psi' and the forcing.
-What multiplies the parts of an angle in bounds on its derivatives, and K and 1/w of the pair for the slipping
-block and the held one. The last hops from either side, how many are known, where they lead, and for how long
-the accelerations are sure to keep their signs. The terms of the Taylor polynomials. The longest step, and the
-shares that the next one has; the phase, share and growth of the forcing; the weight of rates, and k."""
-ROOM = np.dtype(
+"""Workspace of `tpd.exact.march`.
+
+- `flow`: table of the flow over GRID points: both exponentials, the two solutions of the oscillating pair for
+  the slipping and for the held block, sine and cosine of the forcing's phase.
+- `series`: Taylor polynomials of the tilt, of the swing, and of a signal.
+- `tilt`, `swing`: the accelerations of both angles as factors of the tilt from its centre, the swing, phi' -
+  psi' and the forcing.
+- `orders`: factors of the parts of an angle in the bounds on its fourth and fifth derivatives.
+- `scale`, `over_w`: K and 1/w of the pair, for the slipping and for the held block, see `tpd.exact.march`.
+- `hops`, `hop_count`, `limit`: the last hops from either side, their number, and the state to which they
+  lead.
+- `sure_time`: time for which the accelerations are sure to keep their signs, for each half of a hop.
+- `terms`: number of terms of the Taylor polynomials.
+- `step`, `jump`: the longest step, and the number of grid points of the next step.
+- `sine`, `cosine`, `share`, `growth`: phase, size and growth of the forcing.
+- `weight`, `quickest`: the weight of rates, and k, in the bounds of short flights.
+"""
+WORKSPACE = np.dtype(
     [
         *((name, np.float64, (4,)) for name in ("start", "end")),
         ("signals", np.float64, (SIGNALS + 1, 4, 9)),
-        *((name, np.int64) for name in ("count", "second", "looks", "vanished")),
-        *((name, np.float64) for name in ("least", "longest", "window", "limit")),
+        *((name, np.int64) for name in ("count", "has_second", "budget", "first_zero")),
+        *((name, np.float64) for name in ("shortest", "longest", "window", "limit")),
         ("maps", np.float64, (2, 4, 8)),
         ("bounds", np.float64, (2, 2, 2)),
-        ("other", MOTION),
+        ("trial", MOTION),
         ("march", MARCH),
     ],
     align=True,
 )
-"""Working memory: the states at the start and at the end of a leg; for `tpd.exact.events` the signals, how
-many there are and whether the second is one, looks that are left, the first signal that the last event may
-have made zero, the shortest window, the longest and the first one, and the tilt beyond which a block does not
-return; for `tpd.exact.whole_pieces` maps and bounds;
-another motion; and what the march needs."""
+"""Workspace of the kernels of the exact model.
+
+- `start`, `end`: states at the start and at the end of a leg.
+- `signals`: for `tpd.exact.events`, the signals of an arc, one in each row, and a last row for the search
+  itself.
+- `count`, `has_second`: number of signals, and whether the second signal of the block is watched.
+- `budget`: number of windows that the search may still examine.
+- `first_zero`: index of the first signal that the last event may have set to zero.
+- `shortest`, `longest`, `window`: the shortest, the longest and the first window of the search (tau).
+- `limit`: tilt beyond which the block does not return (rad).
+- `maps`, `bounds`: for `tpd.exact.whole_pieces`, the maps of whole pieces and bounds on derivatives.
+- `trial`: another motion, for attempts that may be dropped.
+- `march`: the workspace of `tpd.exact.march`.
+"""
 LEGS = 256
-"""Legs of a motion for which room is made at first."""
+"""Number of legs for which memory is allocated at first."""
 NO, YES, FIRST_PIECE = np.bool_(False), np.bool_(True), np.int64(0)
-"""Numbers of NumPy: Numba would compile a function once more for each plain one."""
+"""NumPy scalars for constants. Numba treats a plain Python constant as a type of its own and would compile a
+function once more for each of them."""
 
 
 @compiled
-def put(new, old):
-    """Put numbers in place of others."""
-    # A slice does the same, with messages of errors that take Numba a second to compile.
-    for i in range(len(new)):
-        old[i] = new[i]
+def copy_to(source, target):
+    """Copy the numbers of `source` to `target`."""
+    # A slice would do the same, but its error messages take Numba a second to compile.
+    for i in range(len(source)):
+        target[i] = source[i]
 
 
 @compiled
 def angle_of(phi, psi, k):
-    """Angle k of a tally, with its sign: phi, psi and psi - phi to the right (k even) and to the left."""
+    """Return angle k of six.
+
+    The angles are phi, psi and psi - phi to the right (even k), and to the left with the opposite sign (odd
+    k).
+    """
     angle = phi if k < 2 else (psi if k < 4 else psi - phi)
     return angle if k % 2 == 0 else -angle
 
 
 @compiled
-def clear(m):
-    """Begin to count anew."""
-    m.impacts, m.recorded, m.lifted, m.fell, m.crossing = 0, 0, math.inf, math.inf, math.inf
+def reset_counts(m):
+    """Reset the counters of impacts, legs and times."""
+    m.impacts, m.n_legs, m.uplift_time, m.overturn_time, m.transversality = 0, 0, math.inf, math.inf, math.inf
 
 
 @compiled
-def restart(m):
-    """Count the largest angles of a motion from its state on."""
+def reset_angles(m):
+    """Start to record the largest angles from the present state on."""
     for k in range(6):
-        m.best[k], m.where[k], m.when[k] = angle_of(m.y[TILT], m.y[SWING], k), -1, 0.0
+        m.peaks[k], m.peak_legs[k], m.peak_times[k] = angle_of(m.y[TILT], m.y[SWING], k), -1, 0.0
 
 
 @compiled
-def note_angle(m, k, angle, tau):
-    """Take account of angle k at the end of the leg that is recorded next."""
-    # The first leg of several with the same angle counts: a block that rests adds none.
-    if angle > m.best[k]:
-        m.best[k], m.where[k], m.when[k] = angle, m.recorded, tau
+def update_angle(m, k, angle, tau):
+    """Update the largest angle k with an angle at the end of the leg that is recorded next."""
+    # Only a larger angle replaces the old one, so that the first leg counts. A block at rest adds none.
+    if angle > m.peaks[k]:
+        m.peaks[k], m.peak_legs[k], m.peak_times[k] = angle, m.n_legs, tau
 
 
 @compiled
-def note(m, phi, psi, tau):
-    """Take account of all angles there."""
+def update_angles(m, phi, psi, tau):
+    """Update the largest angles with phi and psi at the time `tau`."""
     for k in range(3):
         angle = phi if k == TILT else (psi if k == SWING else psi - phi)
-        # To the other side it is below zero, where there is no largest angle.
-        note_angle(m, 2 * k if angle >= 0.0 else 2 * k + 1, abs(angle), tau)
+        # Only the side of the angle is updated: on the other side the angle is negative.
+        update_angle(m, 2 * k if angle >= 0.0 else 2 * k + 1, abs(angle), tau)
 
 
 @compiled
-def larger(m, k):
-    """Place of the larger of both sides of angle k: TILT, SWING or APART."""
-    return 2 * k if m.best[2 * k] >= m.best[2 * k + 1] else 2 * k + 1
+def larger_side(m, k):
+    """Return the index of the larger of both sides of angle k, which is TILT, SWING or APART."""
+    return 2 * k if m.peaks[2 * k] >= m.peaks[2 * k + 1] else 2 * k + 1
 
 
 @compiled
 def largest(m, k):
-    """Largest size of angle k."""
-    return m.best[larger(m, k)]
+    """Return the largest absolute value of angle k, which is TILT, SWING or APART."""
+    return m.peaks[larger_side(m, k)]
 
 
 @compiled
-def record(m, legs, piece, begun, lasted, which, y):
-    """Write down a leg that began in the state `y`, where there is room for it."""
-    n = m.recorded
+def record_leg(m, legs, piece, start, duration, event, y):
+    """Record a leg that started in the state `y`, if there is memory for it.
+
+    Legs without memory are only counted.
+    """
+    n = m.n_legs
     if n < len(legs):
         leg = legs[n]
-        leg.kind, leg.tilt, leg.way, leg.piece = m.kind, m.tilt, m.way, piece
-        leg.begun, leg.lasted, leg.which, leg.rests = begun, lasted, which, NO
-        for i in range(4):
-            leg.y[i] = y[i]
-    m.recorded = n + 1
+        leg.kind, leg.tilt, leg.direction, leg.piece = m.kind, m.tilt, m.direction, piece
+        leg.start, leg.duration, leg.event, leg.ends_at_rest = start, duration, event, NO
+        copy_to(y, leg.y)
+    m.n_legs = n + 1
 
 
 @compiled
-def pass_event(q, m, legs, which, capture, usual, now, eta, tau):
-    """Take a motion, whose last leg is recorded, past an event of the block at the time `tau`; `now` is the
-    state with its accelerations, and `usual` the usual rate of the motion."""
-    # Whether the block rests is known after the event only.
-    y, was, n = m.y, m.kind, m.recorded - 1
-    rests = meet(q, which, capture, eta, y, m)
+def pass_event(q, m, legs, event, capture, usual_rate, now, eta, tau):
+    """Take a motion past an event of the block at the time `tau`. Its last leg is recorded already.
+
+    `now` is the state at the event with its accelerations, and `usual_rate` the usual rate of the motion.
+    """
+    # Only after the event is it clear whether the block rests, so that the last leg is completed here.
+    y, before, n = m.y, m.kind, m.n_legs - 1
+    rests = handle_event(q, event, capture, eta, y, m)
     if rests and n < len(legs):
-        legs[n].rests = rests
-    if was == SLIP and which == SECOND:
+        legs[n].ends_at_rest = rests
+    # The second signal of a slipping block is its tilt: this event is an impact.
+    if before == SLIP and event == SECOND:
         m.impacts += 1
-    if was == REST and m.lifted == math.inf:
-        m.lifted = tau
-    m.crossing = min(m.crossing, transversality(q, usual, which, was, m.kind, now, eta))
+    if before == REST and m.uplift_time == math.inf:
+        m.uplift_time = tau
+    m.transversality = min(m.transversality, transversality(q, usual_rate, event, before, m.kind, now, eta))
+    # An impact may reverse the bob.
     if y[SWING_RATE] * now[SWING_RATE] < 0.0:
-        m.bob_way = -m.bob_way
-    m.held = 1.0 if m.held > 0.0 or m.kind != SLIP else 0.0
+        m.bob_direction = -m.bob_direction
+    m.hold_level = 1.0 if m.hold_level > 0.0 or m.kind != SLIP else 0.0
 
 
 @compiled
-def at_end(m, legs, i, s, end):
-    """Whether what is left of piece i after its local time `s` is rounding. If so, record it as a leg."""
+def is_at_end(m, legs, i, s, end):
+    """Whether the rest of piece i after its local time `s` is only a rounding error.
+
+    If so, record it as a leg.
+    """
     if end - s > _ROUNDING * end:
         return False
-    # With the event earlier or later, the motion is a little further or not as far at the end: the
-    # derivatives need a last leg, though it has no length.
-    record(m, legs, i, s, 0.0, END, m.y)
+    # If parameters move the event, the motion moves at the end of the piece as well. The derivatives need
+    # this last leg, though its length is zero.
+    record_leg(m, legs, i, s, 0.0, END, m.y)
     return True
 
 
 @compiled
-def finite(y):
-    """Whether a state has only finite numbers."""
+def is_finite(y):
+    """Whether all numbers of a state are finite."""
     return math.isfinite(y[TILT] + y[SWING] + y[TILT_RATE] + y[SWING_RATE])

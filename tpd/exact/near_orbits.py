@@ -1,4 +1,4 @@
-"""The orbit that a motion approaches slowly: Newton's method takes it there."""
+"""Search for the orbit that a run approaches slowly, by Newton's method."""
 
 from __future__ import annotations
 
@@ -7,66 +7,77 @@ from collections import namedtuple
 import numpy as np
 
 from tpd.exact.legs import ANGLES, STATE
-from tpd.exact.motion import put
-from tpd.exact.period_map import BEST, ON_ITS_WAY, find_orbit, multipliers, put_motion
+from tpd.exact.motion import copy_to
+from tpd.exact.period_map import APPROACHING, BEST, find_orbit, multipliers, set_motion
 from tpd.exact.plant import compiled
 from tpd.exact.repetition import scales_of
 
-NEARBY, _NEXT_TO_NOTHING = 0.05, 1e-4
-"""Largest distances, in shares of the scales, from which a motion is taken to the orbit that it approaches:
-with its peaks behind it, and always."""
+NEARBY, _NEGLIGIBLE = 0.05, 1e-4
+"""Largest distances, in shares of the scales, at which a run is moved to the orbit that it approaches: if its
+largest angles lie behind it, and in any case."""
 _LINEAR = 0.1
-"""Share of its distance by which the last states of such a motion may differ from what the orbit's derivative
-says."""
+"""Largest deviation of the last states from the linearised motion near the orbit, as a share of their
+distance."""
 CONVERGED = 1e-10
-"""Residual of such an orbit."""
+"""Largest residual of such an orbit."""
 _ATTRACTING, _LONG = 1.0 - 4e-5, 1000
-"""Largest multiplier of an orbit that is known to attract, and periods that are summed up."""
+"""Largest multiplier of an orbit that certainly attracts; and the largest number of periods that are added
+up."""
 Past = namedtuple("Past", "periods peaks")
-"""The last periods of a motion, newest first, and the largest tilt and swing of all."""
+"""The last periods of a run (the newest first), and its largest tilt and swing so far."""
 
 
 @compiled
-def _approaches(by, past, known, periods, found, scales, apart):
-    """Whether a motion's last states, and those before, differ from an orbit's as its derivative says."""
-    if known <= 2 * periods:
+def _is_approaching(by, past, count, periods, orbit_state, scales, distance):
+    """Whether a run approaches an orbit as the orbit's derivative predicts.
+
+    The last states and the states one period of the orbit before must differ from the orbit by amounts that
+    the linearised map relates.
+    """
+    if count <= 2 * periods:
         return False
     for n in range(2):
         for i in range(4):
-            left = past[n * periods].y[i] - found[i]
+            # Difference between the run and its linear prediction from `periods` earlier.
+            error = past[n * periods].y[i] - orbit_state[i]
             for j in range(4):
-                left -= by[i, STATE + j] * (past[(n + 1) * periods].y[j] - found[j])
-            if not abs(left) < _LINEAR * apart * scales[i]:
+                error -= by[i, STATE + j] * (past[(n + 1) * periods].y[j] - orbit_state[j])
+            if not abs(error) < _LINEAR * distance * scales[i]:
                 return False
     return True
 
 
 @compiled
-def _passed(by, best, scales, gap, apart, peaks):
-    """Whether the motion has its peaks behind it, on its way to an orbit from which its state differs by
-    `gap`; or else, where that is next to nothing, raise the peaks by what it reaches, to first order."""
-    onward, worst = np.empty(4), np.zeros(2)
+def _peaks_are_past(by, best, scales, gap, distance, peaks):
+    """Whether the largest angles of a run lie behind it when it approaches an orbit.
+
+    `gap` is the difference between the run's state and the orbit. If the gap is negligible, raise the peaks
+    to the angles that the run reaches to first order, and return True.
+    """
+    next_gap, worst = np.empty(4), np.zeros(2)
     for _ in range(_LONG):
         for k in range(4):
             size = best[k]
             for i in range(4):
                 size += by[ANGLES + k, STATE + i] * gap[i]
+            # Largest angles of the next period, to first order in the gap.
             worst[k // 2] = max(worst[k // 2], size)
-        left = 0.0
+        error = 0.0
         for i in range(4):
-            onward[i] = 0.0
+            next_gap[i] = 0.0
             for j in range(4):
-                onward[i] += by[i, STATE + j] * gap[j]
-            left = max(left, abs(onward[i]) / scales[i])
-        put(onward, gap)
-        if left > 3.0 * apart:
+                next_gap[i] += by[i, STATE + j] * gap[j]
+            error = max(error, abs(next_gap[i]) / scales[i])
+        copy_to(next_gap, gap)
+        # A gap that grows is no convergence.
+        if error > 3.0 * distance:
             return False
-        if left < 1e-8:
+        if error < 1e-8:
             break
     else:
         return False
-    # What the first order leaves out is of the square of the distance.
-    margin = apart * apart if apart > _NEXT_TO_NOTHING else 0.0
+    # The error of the first order is of the square of the distance.
+    margin = distance * distance if distance > _NEGLIGIBLE else 0.0
     for k in range(2):
         if margin > 0.0 and worst[k] + margin * scales[k] > peaks[k]:
             return False
@@ -75,32 +86,35 @@ def _passed(by, best, scales, gap, apart, peaks):
 
 
 @compiled
-def orbit_near(q, m, own, past, known, limits, periods):
-    """Look for the orbit of so many periods that a motion approaches, whose last states are `past`. If it
-    attracts, and the motion is near and moves as the orbit's derivative says, change the motion's state, put
-    the orbit's sizes into `past`, and return True."""
-    c, y, gap, scales, apart = own.cycles[BEST], np.empty(4), np.empty(4), scales_of(q), 0.0
-    put(m.y, y)
-    # If no orbit is found, the motion goes on as if nobody had looked.
-    put_motion(y, m, own.motions[ON_ITS_WAY])
-    residual = find_orbit(q, own.motions[ON_ITS_WAY], own, limits, periods, y)
-    # The derivative of an orbit at rest does not tell whether the decay of the bob lifts the block yet: there
-    # the motion is followed until that is proved away.
+def orbit_near(q, m, buffers, past, count, limits, periods):
+    """Search for the orbit that a run approaches, and move the run to it. Return whether this succeeds.
+
+    The orbit must attract, and the run must be near it and move as the orbit's derivative predicts. Then this
+    changes the state of the motion `m`, writes the sizes of the orbit into `past`, and returns True.
+    Otherwise nothing changes.
+    """
+    c, y, gap, scales, distance = buffers.cycles[BEST], np.empty(4), np.empty(4), scales_of(q), 0.0
+    copy_to(m.y, y)
+    # Use a copy of the motion. If there is no orbit, the run continues unchanged.
+    set_motion(y, m, buffers.motions[APPROACHING])
+    residual = find_orbit(q, buffers.motions[APPROACHING], buffers, limits, periods, y)
+    # The derivative of a motion at rest does not show whether the decaying bob can still lift the block. Such
+    # a run is simulated until that is excluded.
     if not residual < CONVERGED or c.closed == 0.0 or c.amplitude == 0.0:
         return False
     for i in range(4):
         gap[i] = m.y[i] - y[i]
-        apart = max(apart, abs(gap[i]) / scales[i])
-    # With a multiplier next to 1 a motion would be on its way for thousands of periods, and small differences
-    # decide whether it arrives: such a motion is followed.
+        distance = max(distance, abs(gap[i]) / scales[i])
+    # With a multiplier near 1 the run would need thousands of periods, and small differences decide whether
+    # it arrives. Such a run is simulated.
     largest, _, _ = multipliers(q, c.by, np.empty(4, np.complex128))
-    if not (apart < NEARBY and largest < _ATTRACTING):
+    if not (distance < NEARBY and largest < _ATTRACTING):
         return False
-    if not _approaches(c.by, past.periods, known, periods, y, scales, apart):
+    if not _is_approaching(c.by, past.periods, count, periods, y, scales, distance):
         return False
-    if not _passed(c.by, c.best, scales, gap, apart, past.peaks):
+    if not _peaks_are_past(c.by, c.peaks, scales, gap, distance, past.peaks):
         return False
     for n in range(periods):
         past.periods[n].tilt, past.periods[n].swing = c.amplitude, c.swing
-    put(y, m.y)
+    copy_to(y, m.y)
     return True

@@ -1,4 +1,4 @@
-"""The entrance to the compiled code of symmetric orbits, for XLA and for the host."""
+"""Entry point to the compiled code of symmetric orbits, for XLA and for Python."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from tpd.core.machine_code import stored
 from tpd.exact.compiling import checksum
-from tpd.exact.custom_call import api_version, at, on_host, places_in, rows_of
+from tpd.exact.custom_call import addresses_in, api_version, on_host, rows_of, view
 from tpd.exact.motion import FIRST_PIECE
 from tpd.exact.plant import part
 from tpd.exact.symmetric_orbit_kernel import (
@@ -17,66 +17,80 @@ from tpd.exact.symmetric_orbit_kernel import (
     NUMBERS,
     ORBIT,
     ORBITS,
-    SURVEYED,
+    PATH_SAMPLES,
     VANISHING,
     WORK,
     differentiate,
+    sample_path,
     solve,
-    survey,
     vanishing,
 )
-from tpd.exact.terms import MANY
+from tpd.exact.terms import WIDTH
 
-SOLVE, DIFFERENTIATE, VANISH, SURVEY = range(4)
-"""Tasks."""
+SOLVE, DIFFERENTIATE, VANISH, SAMPLE_PATH = range(4)
+"""Tasks, which are the first number of every row of settings."""
 SETTINGS = np.dtype([(name, np.float64) for name in ("task", "directions", "begin", "end")])
-"""A row of settings: the task; for derivatives the number of directions, and the range of sizes that are
-asked for."""
+"""A row of settings: the task, and for derivatives the number of directions and the range of the sizes to
+compute."""
 
 
 @part
 def _run(a, first, last):
-    """Rows of a task, each with its settings and parameters. The others are, operands first: orbits of
-    `solve`; orbits, directions and slopes of `differentiate`; (t, gamma, s), numbers and derivatives of
-    `vanishing`; the same and numbers of `survey`."""
-    settings, design, third, fourth, fifth, _, _, _ = places_in(a)
-    s, x, memory = at(settings, (last,), SETTINGS), at(design, (last, MANY), np.float64), np.empty(1, WORK)
-    what, count, work = s[first].task, int(s[first].directions), memory[FIRST_PIECE]
-    if what == SOLVE:
-        orbits = at(third, (last, ORBITS), ORBIT)
+    """Compute rows of a task. Each row has its settings and its parameters.
+
+    The other buffers, operands first, are: for `solve` the orbits; for `differentiate` orbits, directions and
+    slopes; for `vanishing` (t, gamma, s), the numbers and their derivatives; for `sample_path` (t, gamma, s)
+    and the samples.
+    """
+    settings, design, third, fourth, fifth, _, _, _ = addresses_in(a)
+    s = view(settings, (last,), SETTINGS)
+    x, works = view(design, (last, WIDTH), np.float64), np.empty(1, WORK)
+    task, count, work = s[first].task, int(s[first].directions), works[FIRST_PIECE]
+    if task == SOLVE:
+        orbits = view(third, (last, ORBITS), ORBIT)
         for n in range(first, last):
             solve(x[n], work, orbits[n])
-    elif what == DIFFERENTIATE:
-        orbits, along = at(third, (last, ORBITS), ORBIT), at(fourth, (last, count, MANY), np.float64)
-        slopes = at(fifth, (last, ORBITS, count, NUMBERS), np.float64)
+    elif task == DIFFERENTIATE:
+        orbits, along = view(third, (last, ORBITS), ORBIT), view(fourth, (last, count, WIDTH), np.float64)
+        slopes = view(fifth, (last, ORBITS, count, NUMBERS), np.float64)
         for n in range(first, last):
             differentiate(x[n], orbits[n], along[n], int(s[n].begin), int(s[n].end), work, slopes[n])
-    elif what == VANISH:
-        u, out = at(third, (last, 3), np.float64), at(fourth, (last, VANISHING), np.float64)
-        by = at(fifth, (last, VANISHING, MOVED), np.float64)
+    elif task == VANISH:
+        u, out = view(third, (last, 3), np.float64), view(fourth, (last, VANISHING), np.float64)
+        by = view(fifth, (last, VANISHING, MOVED), np.float64)
         for n in range(first, last):
             vanishing(x[n], u[n], work, out[n], by[n])
     else:
-        u, out = at(third, (last, 3), np.float64), at(fourth, (last,), SURVEYED)
+        u, out = view(third, (last, 3), np.float64), view(fourth, (last,), PATH_SAMPLES)
         for n in range(first, last):
-            survey(x[n], u[n], work, out[n])
-    # A record does not keep its memory, and Numba frees an array after its last use.
-    return len(memory)
+            sample_path(x[n], u[n], work, out[n])
+    # A record does not keep its array alive, and Numba frees an array after its last use.
+    return len(works)
 
 
 def _entrance(version: int, api: int) -> Any:
+    """Return the entry point to the compiled code.
+
+    Args:
+        version: checksum of the sources.
+        api: version of XLA's interface.
+    """
+
     def call(address):
-        """Answer a frame: 0 for success."""
+        """Compute the rows that a frame describes. XLA takes the result 0 for success."""
         a = np.zeros(8, np.int64)
         first, last, by_host = rows_of(address, a, api)
         if last > first:
             _run(a, first, last)
         return version if by_host else 0
 
-    # Numbers from outside the function are part of the key of Numba's store, see `linear_entry`.
+    # The values of variables from outside the function are part of the key of Numba's cache, see
+    # `linear_entry`.
     return stored(call, numba.cfunc, "int64(int64)")
 
 
 CALL = _entrance(checksum(), api_version())
-"""The entrance, an FFI handler of XLA's."""
+"""The entry point, an FFI handler for XLA."""
 run = on_host(CALL)
+"""Function for calls from Python. The arguments are the first row, the row after the last, then operands and
+results."""

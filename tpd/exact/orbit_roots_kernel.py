@@ -1,10 +1,9 @@
-"""Solutions (t, gamma) of the two conditions of a symmetric orbit, without start values, in compiled scalar
-code.
+"""Solutions (t, gamma) of the two conditions of a symmetric orbit, without initial guesses.
 
-Turning, phi'(0) = 0, leaves two values of gamma, the branches. On each of them phi(t-) is a function of t,
-which is sampled over half a period. Every change of sign is followed up. Two roots within one interval leave
-none, but the product of both branches dips there. Where the branches meet, and beyond, this product is
-analytic and takes their place.
+The first condition, phi'(0) = 0, leaves two values of gamma, called branches. On each branch phi(t-) is a
+function of t, which is sampled over half a period. Each change of sign gives an interval with a root. If an
+interval has two roots, there is no change of sign, but the product of both branches has a minimum there.
+Where the branches meet and end, this product is analytic and replaces them.
 """
 
 from __future__ import annotations
@@ -18,31 +17,35 @@ from tpd.exact.half_period_kernel import Flow, conditions, conditions_at, flow, 
 from tpd.exact.plant import compiled, places
 
 NODES = np.int64(64)
-"""Intervals of the crossing time over half a period, in which roots are looked for."""
+"""Number of intervals of the crossing time over half a period that are checked for roots."""
 BRACKETS = np.int64(12)
-"""Most intervals with a root that are followed up."""
+"""Largest number of intervals with a root that are stored."""
 BRACKET = np.dtype([(name, np.float64) for name in ("low", "high", "branch", "at_low", "at_high")])
-"""An interval of t with one root: its ends, the branch (+1, -1, or 0 for the product of both) and the
-branch's values at the ends."""
+"""An interval of t with one root: its ends `low` and `high`, the branch (+1, -1, or 0 for the product of
+both) and the values of the branch at both ends."""
 _E1, _E2, _U, _V, _UPPER, _LOWER, _INSIDE, _PRODUCT = places(8)
-"""Rows of a table of samples: a flow, both branches, whether they are there, and their product."""
+"""Rows of the table of samples: a flow, the values of both branches, the number whose sign says whether they
+exist, and their product."""
 TABLE = (8, int(NODES) + 1)
+"""Shape of the table of samples."""
 _TURNED = np.pi * np.arange(NODES + 1) / NODES
+"""Phase of the forcing at the samples (rad)."""
 _SINES, _COSINES = np.sin(_TURNED), np.cos(_TURNED)
 _CLOSE, _REACHED, _SHARP = 1e-9, 1e-7, 1e-13
-"""Share of a bracket by which rounding may lead a root out of it; the last step of Newton's method, in shares
-of h and rad, with which a root counts as reached; and after which there is no use in another."""
+"""Share of a bracket by which rounding may move a root out of it; the last Newton step of a converged root,
+in shares of h and in rad; and the step after which another one is useless."""
 _GOLDEN = 0.5 * (3.0 - math.sqrt(5.0))
+"""Ratio of the golden section."""
 Branches = namedtuple("Branches", "middle apart inside size")
-"""|turning|^2 phi(t-) = middle +- apart sqrt(inside) on the two branches of gamma; none where inside < 0."""
+"""The branches in the form size phi(t-) = middle +- apart sqrt(inside). They exist if inside >= 0."""
 
 
 @compiled
 def branches(x):
-    """Both branches for a crossing time with the conditions `x`."""
-    # Turning fixes how far (sin gamma, cos gamma) reaches along one direction, c + |(s, u)| cos(gamma -
-    # direction) = 0. A unit vector has two values across it, and none if that share exceeds one. The factor
-    # |(s, u)|^2 saves divisions, and no root is lost or gained by it.
+    """Return both branches for a crossing time with the conditions `x`."""
+    # The condition phi'(0) = 0 fixes the component of the unit vector (sin gamma, cos gamma) along one
+    # direction, c + |(s, u)| cos(gamma - direction) = 0. There are two such vectors, or none if that
+    # component exceeds one. The factor |(s, u)|^2 saves divisions, and changes no root.
     a, b = x.turning, x.crossing
     size = a.s * a.s + a.u * a.u
     middle = b.c * size - a.c * (b.s * a.s + b.u * a.u)
@@ -51,7 +54,10 @@ def branches(x):
 
 @compiled
 def _value(q, m, t, branch):
-    """Value on branch +1 or -1 at a crossing time; at 0 the product of both, also where neither exists."""
+    """Return the value of a branch (+1 or -1) at a crossing time.
+
+    For 0, return the product of both branches, which also exists where the branches do not.
+    """
     b = branches(conditions_at(q, m, t))
     if branch == 0.0:
         return b.middle * b.middle - b.apart * b.apart * b.inside
@@ -60,7 +66,7 @@ def _value(q, m, t, branch):
 
 @compiled
 def _phase(q, m, t, branch):
-    """gamma on a branch; at 0 on that which is nearer to a root."""
+    """Return gamma on a branch, or for 0 on the branch that is closer to a root."""
     x = conditions_at(q, m, t)
     if branch == 0.0:
         b = branches(x)
@@ -72,8 +78,9 @@ def _phase(q, m, t, branch):
 
 @compiled
 def _sample(q, m, table):
-    """Put the samples of both branches into a table."""
+    """Fill the table with samples of both branches."""
     onward = flow(q, m.span / NODES)
+    # The flow over n intervals is the product of n flows over one, which saves exponentials.
     e1, e2, u, v = 1.0, 1.0, 1.0, 0.0
     for i in range(NODES + 1):
         table[_E1, i], table[_E2, i], table[_U, i], table[_V, i] = e1, e2, u, v
@@ -81,31 +88,31 @@ def _sample(q, m, table):
         u = u * onward.u - q.q * v * onward.v
         v = before * onward.v + v * (onward.u - q.p * onward.v)
     for i in range(NODES + 1):
+        # The second flow of a sample belongs to the time h - t.
         j = NODES - i
         f = Flow(table[_E1, i], table[_E2, i], table[_U, i], table[_V, i])
         g = Flow(table[_E1, j], table[_E2, j], table[_U, j], table[_V, j])
         b = branches(conditions(m, f, g, _SINES[i], _COSINES[i]))
         root = b.apart * math.sqrt(max(b.inside, 0.0))
         table[_UPPER, i], table[_LOWER, i], table[_INSIDE, i] = b.middle + root, b.middle - root, b.inside
-        # Free of the factor that changes from sample to sample.
+        # The division removes a factor that changes from sample to sample.
         table[_PRODUCT, i] = (b.middle * b.middle - b.apart * b.apart * b.inside) / (b.size * b.size)
 
 
 @compiled
-def _note(brackets, found, low, high, branch, at_low, at_high):
-    """Write a bracket down where there is room for it, and return how many there are."""
-    if found < BRACKETS:
-        x = brackets[found]
+def _add_bracket(brackets, count, low, high, branch, at_low, at_high):
+    """Store a bracket if there is memory for it. Return the number of brackets."""
+    if count < BRACKETS:
+        x = brackets[count]
         x.low, x.high, x.branch, x.at_low, x.at_high = low, high, branch, at_low, at_high
-    return found + 1
+    return count + 1
 
 
 @compiled
-def put_brackets(q, m, table, brackets):
-    """Put all intervals in which a root was seen into `brackets`; return their number, which may exceed the
-    room."""
+def store_brackets(q, m, table, brackets):
+    """Store all intervals in which a root was detected. Return their number, which may exceed the memory."""
     _sample(q, m, table)
-    spacing, found, quiet_before, deepest, dip = m.span / NODES, 0, False, 1.0, 0
+    spacing, count, quiet_before, deepest, dip = m.span / NODES, 0, False, 1.0, 0
     for i in range(1, NODES + 1):
         low, high, quiet = spacing * (i - 1), spacing * i, True
         here, there = table[_INSIDE, i - 1] >= 0.0, table[_INSIDE, i] >= 0.0
@@ -114,16 +121,17 @@ def put_brackets(q, m, table, brackets):
                 row = _UPPER if branch > 0.0 else _LOWER
                 if table[row, i - 1] * table[row, i] <= 0.0:
                     quiet = False
-                    found = _note(brackets, found, low, high, branch, table[row, i - 1], table[row, i])
+                    count = _add_bracket(brackets, count, low, high, branch, table[row, i - 1], table[row, i])
         elif here or there:
-            # Both branches end in between, where they meet: one of them has a root if they differ in sign.
+            # Both branches end between these samples, where they meet. One of them has a root if their values
+            # differ in sign.
             at = i - 1 if here else i
             if table[_UPPER, at] * table[_LOWER, at] <= 0.0:
                 quiet = False
-                found = _note(brackets, found, low, high, 0.0, 0.0, 0.0)
+                count = _add_bracket(brackets, count, low, high, 0.0, 0.0, 0.0)
         if i > 1 and quiet and quiet_before:
-            # Two roots within an interval, as just before a fold: the parabola through three samples of the
-            # product dips below zero.
+            # Two roots in one interval, as just before a fold: the parabola through three samples of the
+            # product becomes negative.
             a, b, c = table[_PRODUCT, i - 2], table[_PRODUCT, i - 1], table[_PRODUCT, i]
             if 0.0 < b < a and b <= c:
                 depth = 1.0 - (c - a) ** 2 / (8.0 * b * (c - 2.0 * b + a))
@@ -132,17 +140,21 @@ def put_brackets(q, m, table, brackets):
         quiet_before = quiet
     if deepest < 1.0:
         lowest = _lowest(q, m, spacing * (dip - 1), spacing * (dip + 1))
+        # The minimum is negative: there is a root on either side of it.
         if _value(q, m, lowest, 0.0) < 0.0:
-            found = _note(brackets, found, spacing * (dip - 1), lowest, 0.0, 0.0, 0.0)
-            found = _note(brackets, found, lowest, spacing * (dip + 1), 0.0, 0.0, 0.0)
-    return found
+            count = _add_bracket(brackets, count, spacing * (dip - 1), lowest, 0.0, 0.0, 0.0)
+            count = _add_bracket(brackets, count, lowest, spacing * (dip + 1), 0.0, 0.0, 0.0)
+    return count
 
 
 @compiled
 def _lowest(q, m, low, high):
-    """Crossing time between two at which the product of both branches is least, or below zero."""
-    # By golden section, in which each step costs one value. A value below zero ends it, because it already
-    # shows that there are two roots.
+    """Return the crossing time at which the product of both branches is smallest, or negative.
+
+    The time lies between `low` and `high`.
+    """
+    # Golden section search needs one value per step. It ends at a negative value, which already shows that
+    # there are two roots.
     a, b = low + _GOLDEN * (high - low), high - _GOLDEN * (high - low)
     at_a, at_b = _value(q, m, a, 0.0), _value(q, m, b, 0.0)
     for _ in range(34):
@@ -160,46 +172,48 @@ def _lowest(q, m, low, high):
 
 
 @compiled
-def _newton(q, m, t, gamma, most):
-    """Newton's method on both conditions: (t, gamma), and the last step."""
-    # The two conditions stay regular in (t, gamma) where branches meet and phi(t-) has a square root. Steps
-    # go on to rounding: near the fold of two orbits each only halves the error, and derivatives lose digits.
-    moved = math.inf
-    for _ in range(most):
-        x, before = solution_at(q, m, t, gamma), moved
+def _newton(q, m, t, gamma, max_steps):
+    """Solve both conditions by Newton's method. Return (t, gamma) and the size of the last step."""
+    # The two conditions stay regular in (t, gamma) where the branches meet and phi(t-) has a square root. The
+    # iteration continues to rounding: near a fold each step only halves the error, and derivatives would lose
+    # digits.
+    step = math.inf
+    for _ in range(max_steps):
+        x, before = solution_at(q, m, t, gamma), step
         determinant = x.turning_t * x.crossing_g - x.turning_g * x.crossing_t
         dt = (x.crossing_g * x.turning - x.turning_g * x.crossing) / determinant
         dg = (x.turning_t * x.crossing - x.crossing_t * x.turning) / determinant
-        t, gamma, moved = t - dt, gamma - dg, abs(dt) / m.span + abs(dg)
-        if moved <= _SHARP or (before < _CLOSE and moved >= before):
+        t, gamma, step = t - dt, gamma - dg, abs(dt) / m.span + abs(dg)
+        if step <= _SHARP or (before < _CLOSE and step >= before):
             break
-        if not -m.span < t < 2.0 * m.span or math.isnan(moved):
+        if not -m.span < t < 2.0 * m.span or math.isnan(step):
             return t, gamma, math.inf
-    return t, gamma, moved
+    return t, gamma, step
 
 
 @compiled
-def _belongs(q, m, x, t, gamma):
-    """Whether a solution is the root that a bracket is of."""
+def _is_root_of(q, m, x, t, gamma):
+    """Whether a solution is the root of a bracket."""
     beyond = _CLOSE * (x.high - x.low)
     if not x.low - beyond < t < x.high + beyond:
         return False
     a = conditions_at(q, m, t).turning
     across = math.cos(gamma) * a.s - math.sin(gamma) * a.u
-    # Where the branches meet, rounding decides on which of them it is.
+    # Where the branches meet, rounding decides to which of them the solution belongs.
     return x.branch == 0.0 or across * x.branch >= 0.0 or a.s * a.s + a.u * a.u - a.c * a.c < 1e-9
 
 
 @compiled
 def root_in(q, m, x):
-    """The solution (t, gamma) in a bracket, and whether it was reached."""
+    """Return the solution (t, gamma) in a bracket, and whether the iteration has converged."""
+    # Initial guess by linear interpolation.
     share = x.at_low / (x.at_low - x.at_high) if x.branch != 0.0 and x.at_low != x.at_high else 0.5
     t = x.low + share * (x.high - x.low)
-    t, gamma, moved = _newton(q, m, t, _phase(q, m, t, x.branch), 12)
-    if moved < _CLOSE and _belongs(q, m, x, t, gamma):
+    t, gamma, step = _newton(q, m, t, _phase(q, m, t, x.branch), 12)
+    if step < _CLOSE and _is_root_of(q, m, x, t, gamma):
         return t, gamma, True
-    # From afar it may lead anywhere: first by Illinois' method, in which an end that stays twice counts for
-    # half.
+    # Newton's method may have left the bracket. Shrink the bracket first by the Illinois method, in which the
+    # value at an end that is kept twice is halved.
     low, high, side = x.low, x.high, 0
     at_low, at_high = _value(q, m, low, x.branch), _value(q, m, high, x.branch)
     for _ in range(60):
@@ -214,5 +228,5 @@ def root_in(q, m, x):
             low, at_low, side = t, value, -1
         if value == 0.0 or high - low < _CLOSE * (x.high - x.low):
             break
-    t, gamma, moved = _newton(q, m, t, _phase(q, m, t, x.branch), 40)
-    return t, gamma, moved < _REACHED and _belongs(q, m, x, t, gamma)
+    t, gamma, step = _newton(q, m, t, _phase(q, m, t, x.branch), 40)
+    return t, gamma, step < _REACHED and _is_root_of(q, m, x, t, gamma)

@@ -1,7 +1,8 @@
-"""Symmetric period-one orbits by compiled scalar code: batches on the host, one call under XLA.
+"""Symmetric period-one orbits: batches of designs in Python, and one design in JAX programs.
 
 Parameters are rows, see `tpd.exact.rows.row_of`. An orbit is a record with the fields of
-`tpd.exact.symmetric_orbit_kernel.ORBIT`."""
+`tpd.exact.symmetric_orbit_kernel.ORBIT`.
+"""
 
 from __future__ import annotations
 
@@ -16,30 +17,38 @@ from tpd.exact.terms import STATUSES
 from tpd.scene.parameters import NAMES
 
 _PIECE = 16, 256
-"""Designs of one piece of work, at least and at most: each takes some 10 µs, and a thread is not worth
-less."""
+"""Smallest and largest number of designs in one piece of work. A design takes about 10 µs, so that fewer
+designs are not worth a thread."""
 
 
-def _settings(task: str, directions: int = 0, asked: tuple[int, int] = (0, 0)) -> np.ndarray:
-    begin, end = asked
+def _settings(task: str, directions: int = 0, begin: int = 0, end: int = 0) -> np.ndarray:
+    """Return a row of settings."""
     return np.array(ORBITS.settings(task, directions=directions, begin=begin, end=end), dtype=float)
 
 
 def _on_all_cores(
-    settings: np.ndarray, workers: int | None, progress: Callable[[int, int], None] | None, *rows: np.ndarray
+    settings: np.ndarray, workers: int | None, progress: Callable[..., Any] | None, x: np.ndarray, *rows: Any
 ) -> None:
-    x, *_ = rows
+    """Compute rows of a task in several threads. `x` has the parameters, and `rows` the other buffers."""
     settings = np.ascontiguousarray(np.broadcast_to(settings, (len(x), len(settings))))
-    ORBITS.in_threads(len(x), workers, progress, settings, *rows, piece=_PIECE)
+    ORBITS.in_threads(len(x), workers, progress, settings, x, *rows, piece=_PIECE)
 
 
 def solve_orbits(
     x: np.ndarray, *, workers: int | None = None, progress: Callable[[int, int], None] | None = None
 ) -> np.ndarray:
-    """Orbits of the designs `x` (n, 9), on all cores: records (n, 3), the largest first.
+    """Return the symmetric orbits of many designs.
+
+    Args:
+        x: parameters of the designs, shape (n, 9).
+        workers: number of threads, by default one for each core.
+        progress: function that is called from time to time with (designs done, number of designs).
+
+    Returns:
+        Records of shape (n, 3), the orbit with the largest amplitude first.
 
     Raises:
-        ValueError: workers below one, or no batch.
+        ValueError: `workers` is less than one, or `x` is not a batch.
     """
     if x.ndim != 2 or not len(x):
         raise ValueError(f"numbers of `p` must have shape (n,), but the batch has shape {x.shape[:-1]}")
@@ -49,35 +58,44 @@ def solve_orbits(
 
 
 def orbit_slopes(
-    x: np.ndarray, orbits: np.ndarray, directions: np.ndarray, asked: tuple[int, int]
+    x: np.ndarray, orbits: np.ndarray, directions: np.ndarray, group: tuple[int, int]
 ) -> np.ndarray:
-    """Derivatives of the sizes of orbits (n, m) of designs `x` (n, 9) in `directions` (n, d, 9), an array
-    (n, m, d, sizes): NaN where there is none, or it is outside of the range of places that is `asked` for."""
+    """Return the derivatives of the sizes of orbits (n, m) of many designs `x` (n, 9).
+
+    The derivatives are those in `directions` (n, d, 9) of the parameters.
+
+    The result has shape (n, m, d, sizes). Derivatives that do not exist are NaN, and so are those of sizes
+    outside of the `group` (first index, index after the last).
+    """
     entry, (n, d) = ORBITS.entry(), directions.shape[:2]
-    # The kernel takes all orbits of a design: where none is asked for, the status says that there is none.
-    every: Any = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)
-    every["status"] = STATUSES.index("no_orbit")
+    # The kernel takes all three orbits of a design. Places without an orbit get the status `no_orbit`.
+    all_orbits: Any = np.zeros((n, int(entry.ORBITS)), entry.ORBIT)
+    all_orbits["status"] = STATUSES.index("no_orbit")
     _, m = orbits.shape
-    every[:, :m] = orbits
+    all_orbits[:, :m] = orbits
     x, along = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(directions, dtype=float)
-    slopes = np.empty((*every.shape, d, int(entry.NUMBERS)))
-    _on_all_cores(_settings("DIFFERENTIATE", d, asked), None, None, x, every, along, slopes)
+    slopes = np.empty((*all_orbits.shape, d, int(entry.NUMBERS)))
+    _on_all_cores(_settings("DIFFERENTIATE", d, *group), None, None, x, all_orbits, along, slopes)
     return slopes[:, :m]
 
 
 def solved(x: Any) -> Any:
-    """Orbits of the design `x` (9,), known or traced, as numbers (3, numbers of an orbit)."""
+    """Return the orbits of the design `x` (9,), which JAX may trace, as numbers of shape (3, n)."""
     entry, call = ORBITS.entry(), ORBITS.on_host if checks.is_concrete(x) else ORBITS
     (out,) = call((shape(entry.ORBITS, numbers_in(entry.ORBIT)),), _settings("SOLVE"), x)
     return out
 
 
 def slopes(x: Any, orbits: Any, asked: tuple[int, int]) -> Any:
-    """Derivatives in all nine parameters of the sizes of the orbits that `solved` has given, (3, 9, sizes),
-    see `orbit_slopes`."""
+    """Return the derivatives of the sizes of the orbits from `solved` in all parameters.
+
+    The result has shape (3, 9, sizes).
+
+    `asked` is the group of sizes, see `orbit_slopes`.
+    """
     entry, n = ORBITS.entry(), len(NAMES)
     call = ORBITS.on_host if checks.namespace(x, orbits) is np else ORBITS
-    settings = _settings("DIFFERENTIATE", n, asked)
+    settings = _settings("DIFFERENTIATE", n, *asked)
     (out,) = call((shape(entry.ORBITS, n, entry.NUMBERS),), settings, x, orbits, np.eye(n))
     return out
 
@@ -86,41 +104,43 @@ class Vanishing(NamedTuple):
     """Functions of u = (t, gamma, s) and of the parameters that vanish where orbits are lost."""
 
     values: np.ndarray
-    """phi'(0), phi(t), the determinant of the derivatives of both in (t, gamma), det(I + G), phi''(0+),
-    phi'(s) and phi''(s), without friction phi(s) and phi'(s), (7,); see
+    """phi'(0), phi(t), the determinant of their derivatives in (t, gamma), det(I + G), phi''(0+), phi'(s) and
+    phi''(s), without friction phi(s) and phi'(s), shape (7,). See
     `tpd.exact.symmetric_orbit_kernel.vanishing`."""
     by_u: np.ndarray
-    """(7, 3)"""
+    """Derivatives in u, shape (7, 3)."""
     by_x: np.ndarray
-    """(7, 9)"""
+    """Derivatives in the parameters, shape (7, 9)."""
 
 
 def vanishing(u: np.ndarray, x: np.ndarray) -> Vanishing:
-    """Numbers that vanish where orbits are lost, at u = (t, gamma, s) and the parameters `x`."""
+    """Return the functions that vanish where orbits are lost, at u = (t, gamma, s) and the parameters `x`."""
     entry = ORBITS.entry()
     shapes = shape(entry.VANISHING), shape(entry.VANISHING, entry.MOVED)
     values, by = ORBITS.on_host(shapes, _settings("VANISH"), x, u)
     return Vanishing(values, by[:, :3], by[:, 3:])
 
 
-class Survey(NamedTuple):
-    """Extremes of a solution (t, gamma) of the conditions between its turns. It is an orbit if height > 0 and
-    all the others are < 0."""
+class PathSamples(NamedTuple):
+    """Samples along the path of a solution (t, gamma) between its turning points.
+
+    The solution is an orbit if `height` is positive and all other numbers are negative.
+    """
 
     height: float
-    """phi at the turn."""
+    """phi at the turning point (rad)."""
     leaving: float
-    """phi'' just after it."""
+    """phi'' just after the turning point."""
     arriving: float
-    """-phi'' just before the next turn."""
+    """-phi'' just before the next turning point."""
     rates: np.ndarray
-    """phi' at equal steps between them, (199,); without friction minus the distance of phi from zero, on its
-    side."""
+    """phi' at equal time steps between both, shape (199,). Without friction minus the distance of phi from
+    zero."""
 
 
-def survey(u: np.ndarray, x: np.ndarray) -> Survey:
-    """The way of the solution u = (t, gamma) with the parameters `x`, from turn to turn."""
-    record = ORBITS.entry().SURVEYED
-    (out,) = ORBITS.on_host((shape(numbers_in(record)),), _settings("SURVEY"), x, np.append(u, 0.0))
-    of = parts(out, record)
-    return Survey(float(of.height), float(of.leaving), float(of.arriving), of.rates)
+def sample_path(u: np.ndarray, x: np.ndarray) -> PathSamples:
+    """Return samples along the path of the solution u = (t, gamma) with the parameters `x`."""
+    record = ORBITS.entry().PATH_SAMPLES
+    (out,) = ORBITS.on_host((shape(numbers_in(record)),), _settings("SAMPLE_PATH"), x, np.append(u, 0.0))
+    fields = parts(out, record)
+    return PathSamples(float(fields.height), float(fields.leaving), float(fields.arriving), fields.rates)

@@ -1,15 +1,16 @@
-"""The plant of the linear equations (25) in compiled scalar code: all that does not change from arc to arc.
+"""The plant of the linear equations (25): all numbers that do not change from arc to arc.
 
 The quartic det(M s^2 + C s + K) has one positive root s1, with which the block falls over, and one negative
-root s2 away from the others. The other two stay together as z^2 + p z + q, whether the bob swings (a complex
-pair) or creeps (two real roots): so p and q have derivatives at critical damping, where the two roots meet.
+root s2 apart from the others. The other two roots are kept together as z^2 + p z + q, whether the bob
+oscillates (a complex pair) or creeps (two real roots). So p and q have derivatives even at critical damping,
+where the two roots meet.
 
-All formulas are for real and for complex numbers. Complex numbers give derivatives: an input with the
-imaginary part `STEP` yields results whose imaginary parts are `STEP` times their derivatives, exact to
-rounding, because nothing is subtracted (W. Squire and G. Trapp, SIAM Review 40, 1998). Every function here is
-analytic; where one decides, it looks at real parts.
+All formulas hold for real and for complex numbers. Complex numbers give derivatives: an input with the
+imaginary part `STEP` gives results whose imaginary parts are `STEP` times their derivatives. The derivatives
+are exact to rounding, because nothing is subtracted (W. Squire and G. Trapp, SIAM Review 40, 1998). Every
+function here is analytic, and branches depend on real parts only.
 
-Numba takes 0.3 s to load: no module imports this one before it is needed.
+Numba takes 0.3 s to load. Modules import this one only when it is needed.
 """
 
 from __future__ import annotations
@@ -23,50 +24,64 @@ import numba.extending
 import numpy as np
 
 from tpd.core.machine_code import PartCompiler
-from tpd.exact.terms import LAM, MANY, MU, NU, RHO, XI, ZETA, E, F, K
+from tpd.exact.terms import LAM, MU, NU, RHO, WIDTH, XI, ZETA, E, F, K
 from tpd.scene import impacts
 
 STEP = 1e-100
-"""Imaginary part of an input in whose direction a derivative is taken. Its square is nothing beside 1, even
-times a derivative of 1e90 of a chaotic motion, and its third power is still a normal number."""
+"""Imaginary part of an input in whose direction a derivative is computed.
+
+Its square vanishes next to 1, even times a derivative of 1e90 of a chaotic motion. Its third power is still a
+normal number.
+"""
 _FIELDS = (
     "nu mu lam zeta k f xi e slack up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q held_p held_q "
     "a0 a1 a2 a3 al0 al1 al2 al3 b0 b1 b2 b3 bl0 bl1 bl2 bl3 "
     "tilt_sin tilt_cos bob_sin bob_cos tilt_lag_sin tilt_lag_cos bob_lag_sin bob_lag_cos "
     "swing_sin swing_cos swing_lag_sin swing_lag_cos"
 )
-"""Coefficients: of the equations, see `tpd.theory.equations.Linear`; the time scales of the slipping block
-and of the held one; a and b the shapes of modes s1 and s2 over (phi, psi, phi', psi'), al and bl their left
-vectors, which project on them; the answers of tilt, bob and the bob of a held block to sin(xi t) as factors
-of sine and cosine, and `lag` what the answers to t sin(xi t) have besides t times these. `xi` is the
-frequency of a harmonic, or the duration of a piece of another forcing (`tpd.exact.arcs.Forcing`). A held
-block is let go where the moment on it exceeds what holds it by more than the slack: 0 under a harmonic."""
+"""Fields of a plant.
+
+- `nu` to `e`: parameters. `xi` is the frequency of a harmonic, or the duration of a piece of another forcing
+  (`tpd.exact.arcs.Forcing`).
+- `slack`: a held block is released if the moment on it exceeds the holding moment by more than this; 0 under
+  a harmonic.
+- `up`, `weight`, `bias`, `m11` to `c2`: coefficients of the equations, see `tpd.theory.equations.Linear`.
+- `s1`, `s2`, `p`, `q`, `held_p`, `held_q`: the time scales of the slipping block and of the held one.
+- `a0` to `a3`, `b0` to `b3`: shapes of the modes s1 and s2 over (phi, psi, phi', psi').
+- `al0` to `al3`, `bl0` to `bl3`: left eigenvectors, which project a state onto these modes.
+- `tilt_sin` to `bob_cos`, `swing_sin`, `swing_cos`: responses to sin(xi t) of the tilt, of the bob, and of
+  the bob under a held block, as factors of sine and cosine.
+- the same with `lag`: the responses to t sin(xi t), minus t times the responses to sin(xi t).
+"""
 PLANT = np.dtype([(name, np.float64) for name in _FIELDS.split()])
 COMPLEX_PLANT = np.dtype([(name, np.complex128) for name in _FIELDS.split()])
-# Records, because Numba passes a record on as one address, and a tuple as all its numbers.
+# Plants are records, because Numba passes a record as one address, and a tuple as all of its numbers.
 
 
 def places(stop: int, start: int = 0) -> tuple[Any, ...]:
-    """Whole numbers from `start` to before `stop`, as names of columns, signals and the like."""
-    # Numba takes the value of a plain number as its type, and compiles a function once for each value.
+    """Return integers from `start` to before `stop`, which serve as names of columns and signals."""
+    # Numba treats the value of a plain integer as part of its type, and would compile a function once for
+    # each value.
     return tuple(np.arange(start, stop))
 
 
 def compiled(function: Callable[..., Any], *, inline: bool = False, fused: bool = False) -> Any:
-    """Compile a function when it is first called, or with its caller if `inline`. If `fused`, a product and
-    the sum after it may be one instruction, which rounds once and not twice."""
-    # A checker of types may have wrapped the function: Numba needs the one that was written. Division by zero
-    # gives infinity as in NumPy, and needs no check. Python and C call the entry only: wrappers for them
-    # would take a third of the time to compile.
+    """Compile a function with Numba at its first call, or within its caller if `inline`.
+
+    If `fused`, a product and the following sum may be one instruction, which rounds once instead of twice.
+    """
+    # A type checker may have wrapped the function, and Numba needs the original one. Division by zero gives
+    # infinity as in NumPy, and needs no check. Python and C call only the entry points: wrappers for all
+    # functions would take a third of the time to compile.
     options: Any = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     options |= ({"inline": "always"} if inline else {}) | ({"fastmath": {"contract"}} if fused else {})
-    made = numba.njit(error_model="numpy", pipeline_class=PartCompiler, **options)
-    return made(inspect.unwrap(function))
+    compiler = numba.njit(error_model="numpy", pipeline_class=PartCompiler, **options)
+    return compiler(inspect.unwrap(function))
 
 
 def shared(function: Callable[..., Any], form: Callable[..., Any] | None = None) -> Any:
-    """A function of `tpd.core` that compiled code can call as well, in another form if it has one."""
-    # By the name that Python calls: a checker of types may have wrapped it there.
+    """Let compiled code call a function of the package, in another form if one is passed."""
+    # Python keeps the function itself, which a type checker may have wrapped. Numba gets the original one.
     plain = inspect.unwrap(function) if form is None else form
     options: Any = {"nogil": True, "error_model": "numpy", "pipeline_class": PartCompiler}
     numba.extending.overload(function, jit_options=options, strict=False)(lambda *_: plain)
@@ -77,8 +92,7 @@ shared(impacts.select, lambda condition, of_true, of_false: of_true if condition
 
 
 def part(function: Callable[..., Any]) -> Any:
-    """Compile a function as a part of its only caller. Numba then optimises the functions that it calls once,
-    and not twice."""
+    """Compile a function as a part of its only caller. Numba then optimises it once instead of twice."""
     return compiled(function, inline=True)
 
 
@@ -89,23 +103,29 @@ def fused(function: Callable[..., Any]) -> Any:
 
 @compiled
 def _positive_root(a4, a3, a2, a1, a0):
-    """The one positive root of the quartic, whose coefficients change their sign once."""
-    # The even part vanishes at the root without damping, and the odd part at that of a locked hinge: the root
-    # lies between the two. Above it the quartic is convex, so that Newton's method comes down to it without
-    # passing it.
+    """Return the positive root of the quartic.
+
+    The coefficients change their sign once, so that there is exactly one positive root.
+    """
+    # The even part of the quartic vanishes at the root without damping, and the odd part at the root with a
+    # locked hinge. The root lies between the two. Above it the quartic is convex, so that Newton's method
+    # from above converges without passing the root.
     free = np.sqrt(-2.0 * a0 / (a2 + np.sqrt(a2 * a2 - 4.0 * a4 * a0)))
     locked = np.sqrt(abs(a1) / a3) if a3 > 0.0 else 0.0
     s = max(free, locked)
     for _ in range(8):
-        s = _polished(s, a4, a3, a2, a1, a0)
+        s = _newton_step(s, a4, a3, a2, a1, a0)
     return s
 
 
 @compiled
 def _isolated_root(b3, b2, b1, b0):
-    """The real root of the cubic farthest from its mean, hence away from the other two."""
-    # Without its square term the cubic has roots at the cosine, cosh or sinh of a third of an angle. The one
-    # taken lies on the side opposite to the sign of the cubic at the mean.
+    """Return the real root of the cubic that is farthest from the mean of the roots.
+
+    This root is apart from the other two.
+    """
+    # Shifted to its mean, the cubic has no quadratic term. Its roots are then a cosine, cosh or sinh of a
+    # third of an angle. The isolated root lies on the side opposite to the sign of the cubic at the mean.
     mean = -b2 / (3.0 * b3)
     third = (b1 - b2 * b2 / (3.0 * b3)) / b3
     level = (((b3 * mean + b2) * mean + b1) * mean + b0) / b3
@@ -121,8 +141,8 @@ def _isolated_root(b3, b2, b1, b0):
 
 
 @compiled
-def _polished(s, a4, a3, a2, a1, a0):
-    """A root after one Newton step, which carries its derivative."""
+def _newton_step(s, a4, a3, a2, a1, a0):
+    """Return a root after one Newton step, which also gives the derivative of the root."""
     value = (((a4 * s + a3) * s + a2) * s + a1) * s + a0
     slope = ((4.0 * a4 * s + 3.0 * a3) * s + 2.0 * a2) * s + a1
     return s - value / slope
@@ -130,28 +150,30 @@ def _polished(s, a4, a3, a2, a1, a0):
 
 @compiled
 def _roots(a4, a3, a2, a1, a0):
-    """s1, s2 and the pair's p and q."""
-    # Only two real roots that never meet another one are solved for, and the pair is what they leave. The
-    # roots are found in real numbers. One step of Newton's method on the quartic then takes the derivatives
-    # along (implicit function theorem), and removes the rounding of the division by the first root.
+    """Return s1, s2 and the coefficients p and q of the pair."""
+    # Only the two real roots that never meet another one are solved for. The pair follows from the remaining
+    # factor. The roots are computed in real numbers. One Newton step on the complex quartic then adds the
+    # derivatives (implicit function theorem), and removes the rounding error of the division by the first
+    # root.
     r4, r3, r2, r1, r0 = a4.real, a3.real, a2.real, a1.real, a0.real
     first = _positive_root(r4, r3, r2, r1, r0)
     b2 = r3 + first * r4
     b1 = r2 + first * b2
     second = _isolated_root(r4, b2, b1, r1 + first * b1)
     for _ in range(2):
-        second = _polished(second, r4, r3, r2, r1, r0)
-    s1, s2 = _polished(first, a4, a3, a2, a1, a0), _polished(second, a4, a3, a2, a1, a0)
+        second = _newton_step(second, r4, r3, r2, r1, r0)
+    s1, s2 = _newton_step(first, a4, a3, a2, a1, a0), _newton_step(second, a4, a3, a2, a1, a0)
     return s1, s2, a3 / a4 + s1 + s2, a0 / (a4 * s1 * s2)
 
 
 @compiled
 def _mode(s, m11, m12, m21, m22, c1, c2, up):
-    """Shape over (phi, psi) of a real mode, and its left vector over (phi, psi, phi', psi')."""
+    """Return the shape of a real mode over (phi, psi), and its left eigenvector over the whole state."""
     p11, p12, p21, p22 = s * m11 + c1, s * m12 - c1, s * m21 - c2, s * m22 + c2
     a, b, c, d = s * p11 - up, s * p12, s * p21, s * p22 + 1.0
     v0, v1 = d, -c
-    # The pencil has rank one: either column will do, but for the massless bob one of them vanishes.
+    # The matrix has rank one, so that either column gives the vector. For a massless bob one of the columns
+    # vanishes.
     if abs(d.real) >= abs(a.real):
         u0, u1 = d, -b
     else:
@@ -165,56 +187,63 @@ def _mode(s, m11, m12, m21, m22, c1, c2, up):
 
 
 @compiled
-def _times(ar, ai, br, bi):
-    """Product of two numbers given by real and imaginary parts, which may be complex themselves."""
+def _multiply(ar, ai, br, bi):
+    """Return the product of two numbers that are given by their real and imaginary parts.
+
+    These parts may be complex themselves, for derivatives.
+    """
     return ar * br - ai * bi, ar * bi + ai * br
 
 
 @compiled
-def _over(ar, ai, br, bi):
-    """Quotient of two such numbers."""
+def _divide(ar, ai, br, bi):
+    """Return the quotient of two numbers that are given by their real and imaginary parts."""
     size = br * br + bi * bi
     return (ar * br + ai * bi) / size, (ai * br - ar * bi) / size
 
 
 @compiled
-def _solved(matrix, r1r, r1i, r2r, r2i):
-    """Solution of a 2 x 2 system of such numbers."""
+def _solve_2x2(matrix, r1r, r1i, r2r, r2i):
+    """Return the solution of a 2 x 2 system whose numbers are given by their real and imaginary parts."""
     ar, ai, br, bi, cr, ci, dr, di = matrix
-    adr, adi = _times(ar, ai, dr, di)
-    bcr, bci = _times(br, bi, cr, ci)
+    adr, adi = _multiply(ar, ai, dr, di)
+    bcr, bci = _multiply(br, bi, cr, ci)
     nr, ni = adr - bcr, adi - bci
-    d1r, d1i = _times(dr, di, r1r, r1i)
-    b2r, b2i = _times(br, bi, r2r, r2i)
-    a2r, a2i = _times(ar, ai, r2r, r2i)
-    c1r, c1i = _times(cr, ci, r1r, r1i)
-    first, second = _over(d1r - b2r, d1i - b2i, nr, ni), _over(a2r - c1r, a2i - c1i, nr, ni)
+    d1r, d1i = _multiply(dr, di, r1r, r1i)
+    b2r, b2i = _multiply(br, bi, r2r, r2i)
+    a2r, a2i = _multiply(ar, ai, r2r, r2i)
+    c1r, c1i = _multiply(cr, ci, r1r, r1i)
+    first, second = _divide(d1r - b2r, d1i - b2i, nr, ni), _divide(a2r - c1r, a2i - c1i, nr, ni)
     return *first, *second
 
 
 @compiled
 def _responses(m11, m12, m21, m22, c1, c2, up, f, xi):
-    """Harmonic responses H(i xi) of tilt, bob and the bob of a held block, and dH/ds = -P^-1 P' H there: with
-    P = M s^2 + C s + K and r the factors of the forcing, H = P^-1 r. The answer to t exp(s t) is
-    (t H + dH/ds) exp(s t)."""
-    # The imaginary unit of the frequency is not that of a derivative: hence pairs of numbers here.
+    """Return the harmonic responses H(i xi) of tilt, bob and the bob under a held block, and dH/ds.
+
+    With P = M s^2 + C s + K and r the factors of the forcing, H = P^-1 r and dH/ds = -P^-1 P' H. The response
+    to t exp(s t) is (t H + dH/ds) exp(s t).
+    """
+    # The imaginary unit of the frequency differs from that of the derivatives. Therefore the frequency
+    # response is computed with pairs of numbers.
     x2, zero = xi * xi, 0.0 * xi
     a, b, c, d = -up - x2 * m11, -x2 * m12, -x2 * m21, 1.0 - x2 * m22
     matrix = (a, xi * c1, b, -xi * c1, c, -xi * c2, d, xi * c2)
-    h0, h1, h2, h3 = _solved(matrix, -f * up, zero, f, zero)
-    # P' H with P' = 2 s M + C at s = i xi.
-    (ar, ai), (br, bi) = _times(c1, 2.0 * xi * m11, h0, h1), _times(-c1, 2.0 * xi * m12, h2, h3)
-    (cr, ci), (dr, di) = _times(-c2, 2.0 * xi * m21, h0, h1), _times(c2, 2.0 * xi * m22, h2, h3)
-    lag = _solved(matrix, -ar - br, -ai - bi, -cr - dr, -ci - di)
-    w0, w1 = _over(f, zero, d, xi * c2)
-    k0, k1 = _times(-c2, -2.0 * xi * m22, w0, w1)
-    l0, l1 = _over(k0, k1, d, xi * c2)
+    h0, h1, h2, h3 = _solve_2x2(matrix, -f * up, zero, f, zero)
+    # The product P' H, with P' = 2 s M + C at s = i xi.
+    (ar, ai), (br, bi) = _multiply(c1, 2.0 * xi * m11, h0, h1), _multiply(-c1, 2.0 * xi * m12, h2, h3)
+    (cr, ci), (dr, di) = _multiply(-c2, 2.0 * xi * m21, h0, h1), _multiply(c2, 2.0 * xi * m22, h2, h3)
+    lag = _solve_2x2(matrix, -ar - br, -ai - bi, -cr - dr, -ci - di)
+    # The bob under a held block has one degree of freedom.
+    w0, w1 = _divide(f, zero, d, xi * c2)
+    k0, k1 = _multiply(-c2, -2.0 * xi * m22, w0, w1)
+    l0, l1 = _divide(k0, k1, d, xi * c2)
     return (h0, h1, h2, h3), lag, (w0, w1, l0, l1)
 
 
 @compiled
 def coefficients(x, q):
-    """Put what the nonlinear equations have in common with the linear ones into a plant."""
+    """Write the coefficients that the linear and the nonlinear equations share into a plant."""
     nu, mu, lam, zeta, k, f, xi, rho, e = x[NU], x[MU], x[LAM], x[ZETA], x[K], x[F], x[XI], x[RHO], x[E]
     hinge = 2.0 * zeta * np.sqrt(lam * rho)
     q.nu, q.mu, q.lam, q.zeta, q.k, q.f, q.xi, q.e, q.slack = nu, mu, lam, zeta, k, f, xi, e, 0.0 * k
@@ -225,10 +254,11 @@ def coefficients(x, q):
 
 @compiled
 def plant(x, q):
-    """Fill a plant with the coefficients of a row of parameters."""
+    """Fill a plant with the numbers that follow from a row of parameters."""
     coefficients(x, q)
     nu, mu, lam, f, xi, rho = x[NU], x[MU], x[LAM], x[F], x[XI], x[RHO]
     m11, m12, m21, m22, c1, c2, up = q.m11, q.m12, q.m21, q.m22, q.c1, q.c2, q.up
+    # Coefficients of the characteristic quartic.
     d = 1.0 + mu * rho * nu * nu
     a4, a3 = lam * rho * d, c2 * (d + mu * rho * (2.0 - lam) * (2.0 - lam))
     a2, a1, a0 = m11 - up * lam * rho, -c2 * (up - mu * lam), -up
@@ -245,15 +275,15 @@ def plant(x, q):
 
 @compiled
 def plant_along(x, j, q):
-    """Fill a complex plant whose imaginary parts are derivatives in parameter j, times `STEP`."""
-    moved = np.empty(MANY, np.complex128)
-    for i in range(MANY):
-        moved[i] = complex(x[i], STEP if i == j else 0.0)
-    plant(moved, q)
+    """Fill a complex plant whose imaginary parts are `STEP` times the derivatives in parameter j."""
+    row = np.empty(WIDTH, np.complex128)
+    for i in range(WIDTH):
+        row[i] = complex(x[i], STEP if i == j else 0.0)
+    plant(row, q)
 
 
 @compiled
-def put_plants(x, plants):
-    """Fill complex plants: one for each parameter, and one for all directions in which none changes."""
-    for j in range(MANY + 1):
+def fill_plants(x, plants):
+    """Fill the complex plants: one for each parameter, and a last one for all other directions."""
+    for j in range(WIDTH + 1):
         plant_along(x, j, plants[j])

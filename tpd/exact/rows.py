@@ -1,4 +1,4 @@
-"""Parameters as rows of numbers, in the order of `tpd.scene.parameters.NAMES`: what compiled code takes."""
+"""Parameters as rows of numbers for compiled code, in the order of `tpd.scene.parameters.NAMES`."""
 
 from __future__ import annotations
 
@@ -14,8 +14,11 @@ from tpd.scene.parameters import NAMES, Parameters
 
 
 def numbers_of(p: Parameters) -> tuple[Any, ...]:
-    """Return the parameters in the order of a row, with inertia and velocity ratios of their own."""
-    # From where they are kept: by its name a field of an equinox module takes five times as long.
+    """Return the parameters in the order of a row.
+
+    If the inertia ratio or the velocity ratio is None, its value is computed.
+    """
+    # `vars` is used because the attribute access of an equinox module takes five times as long.
     values = vars(p)
     if values["rho"] is None or values["e"] is None:
         values = {**values, "rho": p.inertia_ratio, "e": p.velocity_ratio}
@@ -23,12 +26,13 @@ def numbers_of(p: Parameters) -> tuple[Any, ...]:
 
 
 def row_of(p: Parameters, *, piece: Any = None) -> Any:
-    """Return the row of one set of parameters, or the rows of many, shape (..., 9): an array of NumPy where
-    all numbers are known, and of JAX where one is traced.
+    """Return the row of one set of parameters, or the rows of many, shape (..., 9).
+
+    The result is a NumPy array, or a JAX array if JAX traces one of the numbers.
 
     Args:
-        p: parameters; arrays among them are broadcast against each other.
-        piece: duration of a piece of a ground motion in tau, which takes the place of the frequency.
+        p: parameters. Arrays among them are broadcast against each other.
+        piece: duration of a piece of a ground motion (tau), which replaces the frequency.
     """
     values = dict(zip(NAMES, numbers_of(p), strict=True))
     if piece is not None:
@@ -38,10 +42,10 @@ def row_of(p: Parameters, *, piece: Any = None) -> Any:
 
 
 def ground_row_of(p: Parameters) -> Any:
-    """Return the row of parameters of `Scene.ground_parameters`."""
+    """Return the row of the parameters that `Scene.ground_parameters` returns."""
     return row_of(p, piece=2.0 * np.pi / p.xi)
 
 
 def packed(values: Iterable[Any]) -> Float[Array, "n"]:
-    """Return numbers, some of them traced, as one array."""
+    """Return numbers, some of which JAX may trace, as one array."""
     return jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in values])

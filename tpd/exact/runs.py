@@ -1,7 +1,7 @@
-"""The one door to runs of the linear equations (25) and of the nonlinear equations (4): `follow`.
+"""Runs of the exact model and of the nonlinear model: simulation (`follow`) and steady states (`solve`).
 
-Runs whose numbers are known are computed at once, a batch on all cores. One run may also be traced by JAX.
-The compiled code runs on the host's processor, as `tpd.exact.calling` says, and has derivatives of its own.
+Runs of NumPy arrays are computed at once, a batch on all cores. JAX may also trace a single run. The compiled
+code runs on the CPU (`tpd.exact.calling`) and computes its own derivatives.
 """
 
 from __future__ import annotations
@@ -29,97 +29,111 @@ from tpd.scene.status import Status, codes_of
 from tpd.theory.equations import Terms
 
 ENGINES = {Terms.linear: LINEAR, Terms.nonlinear: NONLINEAR}
-"""Entrances to the compiled code by the equations."""
+"""Compiled code of each model, by its equations."""
 TOLERANCE = 1e-6
-"""Repetition error that counts as settled, by default; see `tpd.exact.repetition.scales_of`."""
+"""Default difference between two periods that counts as settled, relative to
+`tpd.exact.repetition.scales_of`."""
 REST_RATES = {Terms.linear: 2e-7, Terms.nonlinear: 1e-4}
-"""Rates phi', over nu, below which an impact on a block that can be held ends in rest, by default."""
+"""Default rate |phi'|/nu below which an impact ends in rest, if the block can then be held."""
 PERIODS = {Terms.linear: 500, Terms.nonlinear: 400}
-"""Bounds on the forcing periods of a run, by default."""
+"""Default bounds on the forcing periods of a run."""
 EVENTS = 2000
-"""Bound on the events of a forcing period, by default."""
+"""Default bound on the events of a forcing period."""
 GROUND_EVENTS = {Terms.linear: 200_000, Terms.nonlinear: 100_000}
-"""Bounds on the events of a run under a ground motion beyond one for each piece, by default."""
+"""Default bounds on the events of a run under a ground motion, in addition to one event for each piece."""
 _AT_END = 1e-12
-"""Relative distance of two times that are the same but for rounding."""
+"""Relative difference of two times that are equal except for rounding."""
 ANGLES, END, TIMES = slice(0, 3), slice(3, 8), slice(8, 12)
-"""Derivatives of a run: of the three angles; of the state at the end and the growing coordinate; of the
-times of the angles and of the first uplift."""
+"""Rows of the derivatives of a run: the three largest angles; the state at the end and the growing
+coordinate; the times of the angles and of the first uplift."""
 
 
 class HarmonicForcing(NamedTuple):
-    """A harmonic: runs are followed until they repeat, rest or are lost. Numbers for all runs, or (n,)."""
+    """Harmonic excitation of runs that are simulated until they repeat, rest or overturn.
+
+    Each field is a number for all runs or an array (n,), except `periods`.
+    """
 
     periods: int | None = None
-    """Largest number of forcing periods of a run, by default one of `PERIODS`."""
+    """Largest number of forcing periods of a run. The default is that of `PERIODS`."""
     begin: Any = 0.0
     """Dimensionless times at which the excitation and the run begin, within the first forcing period."""
     ramp: Any = 0.0
-    """Forcing periods over which the excitation grows linearly to its full size, counted from tau = 0 also
-    for runs that begin later. The default is sudden."""
+    """Number of forcing periods over which the excitation grows linearly to its full size.
+
+    The growth starts at tau = 0, also for runs that begin later. The default 0 is a sudden start.
+    """
 
 
 class GroundForcing(NamedTuple):
-    """Ground motions: runs are followed through all pieces of one, and freely afterwards."""
+    """Ground motions of runs. A run passes through all pieces of a ground motion and then moves freely."""
 
     records: Sequence[Any]
-    """Pieces of each ground motion, `GroundMotion.pieces`, which are not copied for each run."""
+    """Pieces of each ground motion, as `GroundMotion.pieces` returns them. They are not copied for
+    each run."""
     free: Any
-    """Time of free motion after the ground motion (tau), a number or (n,)."""
+    """Duration of the free motion after the ground motion (tau), a number or an array (n,)."""
     which: Any = 0
-    """Index of the ground motion of each run."""
+    """Index into `records` for each run."""
 
 
 class Settled(eqx.Module):
-    """Where a motion has settled. Not differentiated: a start value for its periodic orbit."""
+    """The state to which a run has settled.
+
+    It has no derivatives and serves as initial guess for a periodic orbit.
+    """
 
     y: State
-    """State at tau = 0 modulo the forcing period."""
+    """State (phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
     memory: Any
-    """Anything else that a model needs to go on from there; None of compiled code."""
+    """Internal state of a model that it needs to continue the run. It is None for compiled models."""
     periods: Int[Array, ""]
-    """Forcing periods in one period of the motion."""
+    """Number of forcing periods in one period of the motion."""
     amplitude: Number
-    """Largest |phi| of the last periods; the answer where there is no periodic orbit."""
+    """Largest |phi| (rad) of the last periods. This is the result if there is no periodic orbit."""
     swing: Number
-    """Largest |psi| of the last periods."""
+    """Largest |psi| (rad) of the last periods."""
     status: Status
+    """Status of the run, one of `tpd.exact.terms.ENDS`."""
     elapsed: Int[Array, ""]
-    """Forcing periods simulated."""
+    """Number of forcing periods that were simulated."""
     peak: Number
-    """Largest |phi| from the start on."""
+    """Largest |phi| (rad) from the start of the run on."""
     peak_swing: Number
-    """Largest |psi| from the start on."""
+    """Largest |psi| (rad) from the start of the run on."""
 
 
 class Followed(NamedTuple):
-    """A run under a ground motion, or a batch of them: numbers of shape (...).
+    """Results of a run under a ground motion, or of a batch of runs: numbers of shape (...).
 
-    Angles are in rad and times in tau. NumPy's arrays of a batch, JAX's of one run.
+    Angles are in rad and times in tau. A batch has NumPy arrays, and a single run has JAX arrays or NumPy
+    numbers.
     """
 
     tilt: Any
-    """Largest |phi|; infinite after an overturning."""
+    """Largest |phi|. It is infinite if the block overturns."""
     swing: Any
     """Largest |psi|."""
     relative: Any
-    """Largest |psi - phi|: the angle between rod and block."""
+    """Largest |psi - phi|, the angle between rod and block."""
     times: Any
-    """Times of the three, shape (..., 3)."""
+    """Times of these three angles, shape (..., 3)."""
     state: Any
-    """(phi, psi, phi', psi') at the end, shape (..., 4)."""
+    """State (phi, psi, phi', psi') at the end of the run, shape (..., 4)."""
     growing: Any
-    """Growing coordinate of the last arc at its start: 0 between overturning and falling back. NaN of the
-    nonlinear equations."""
+    """Growing coordinate of the last arc at its start. It is 0 on the border between overturning and falling
+    back, and NaN for the nonlinear equations."""
     status: Any
-    """Index among `tpd.exact.terms.SHAKEN`."""
+    """Index of the status in `tpd.exact.terms.SHAKEN`."""
     impacts: Any
+    """Number of impacts."""
     lifted: Any
-    """Time of the first uplift; infinite without one."""
+    """Time of the first uplift. It is infinite if the block stays on its base."""
     fell: Any
-    """Time from which the block is beyond return; infinite if it never is."""
+    """Time from which the tilt is beyond return. It is infinite if the block does not overturn."""
     transversality: Any
-    """Least rate at which the motion met an event, over the usual rate. NaN of the nonlinear equations."""
+    """Smallest rate at which the run crossed an event, divided by the usual rate. It is NaN for the nonlinear
+    equations."""
 
 
 def follow(
@@ -136,34 +150,40 @@ def follow(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Any:
-    """Follow a run, or a batch of runs.
+    """Simulate a run, or a batch of runs.
 
     Args:
-        equations: linear or nonlinear. Runs of the nonlinear equations have no derivatives (NaN), every
+        equations: linear or nonlinear. Runs of the nonlinear equations have no derivatives (NaN). There every
             landing is an impact, and a run that does not repeat is `not_settled`.
-        rows: parameters as `tpd.exact.rows` has them, of one run (9,), traced or not, or of a batch (n, 9).
+        rows: parameters as in `tpd.exact.rows`, shape (9,) for one run, or (n, 9) for a batch. JAX may trace
+            the parameters of one run.
         forcing: a harmonic or ground motions.
-        y0: starts (4,), or (n, 4), which make one row those of a batch; at rest by default.
-        rest_rate: an impact slower than this (phi' in units of nu) that the block can be held after is rest;
-            by default one of `REST_RATES`.
-        events: bound on the events of a forcing period, by default `EVENTS`; of a run under a ground motion
-            beyond one for each piece, by default one of `GROUND_EVENTS`.
-        tolerance: repetition error that counts as settled.
+        y0: initial states (4,) or (n, 4). The default is at rest. With (n, 4) a single row of parameters
+            serves all runs of the batch.
+        rest_rate: speed (|phi'| in units of nu) below which an impact ends in rest, if the block can then be
+            held. The default is one of `REST_RATES`.
+        events: bound on the events of a forcing period, by default `EVENTS`. Under a ground motion it is the
+            bound on the events of the run, in addition to one event for each piece, by default one of
+            `GROUND_EVENTS`.
+        tolerance: difference between two periods that counts as settled.
         rtol: relative tolerance of a step of the nonlinear equations.
-        brief: whether free motion after a ground motion may end as soon as it cannot tilt the block further:
-            then only tilt, uplift and overturning hold. For the linear equations.
-        workers: threads of a batch; all cores by default.
-        progress: called with (runs done, of how many) now and then, for a batch.
+        brief: whether free motion after a ground motion may end as soon as it cannot tilt the block further.
+            Then only tilt, uplift and overturning are valid. This option is for the linear equations.
+        workers: number of threads for a batch, by default one for each core.
+        progress: function that is called from time to time with (runs done, number of runs), for a batch.
 
     Returns:
-        `Settled` under a harmonic, with leaves (n,) for a batch in its order, or `Followed` under ground
-        motions. Derivatives of one run of the linear equations under a ground motion in rows, free time and
-        start are exact for the angles, their times, the time of the first uplift, the state and the growing
-        coordinate, or NaN where there is none; that of the time of the overturning and those in the pieces
-        are NaN. A run under a harmonic has no derivatives.
+        `Settled` under a harmonic, `Followed` under ground motions. A batch gives leaves of leading axis n.
+
+        One run of the linear equations under a ground motion has exact derivatives in the parameters, the
+        free time and the initial state: those of the angles, of their times, of the time of the first uplift,
+        of the state and of the growing coordinate. A derivative that does not exist is NaN, and so are that
+        of the time of overturning and all derivatives in the pieces. A run under a harmonic has no
+        derivatives.
 
     Raises:
-        ValueError: an empty batch, arrays of different lengths, a number out of range, or workers below one.
+        ValueError: the batch is empty, arrays have different lengths, a number is out of range, or `workers`
+            is less than one.
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
@@ -177,19 +197,22 @@ def follow(
     else:
         limits |= {"events": EVENTS if events is None else events, "tolerance": tolerance}
         limits["periods"] = PERIODS[equations] if forcing.periods is None else forcing.periods
-    many = np.ndim(rows) > 1 or np.ndim(y0) > 1
-    # Of one run whose numbers are known, JAX would compile a program.
-    if many or all(map(checks.is_concrete, jax.tree.leaves((rows, y0, forcing, limits)))):
-        x, y = (rows, y0) if many else (np.asarray(rows)[None], None if y0 is None else np.asarray(y0)[None])
+    is_batch = np.ndim(rows) > 1 or np.ndim(y0) > 1
+    # Without tracing, even one run is computed as a batch: otherwise JAX would compile a program for it.
+    if is_batch or all(map(checks.is_concrete, jax.tree.leaves((rows, y0, forcing, limits)))):
+        x, y = (
+            (rows, y0) if is_batch else (np.asarray(rows)[None], None if y0 is None else np.asarray(y0)[None])
+        )
         batch = _Batch.of(x, y, workers, progress)
         if ground:
-            runs = _shake_batch(engine, batch, forcing, limits | {"brief": brief})
-            return runs if many else Followed(*(x[0] for x in runs))
+            runs = _run_batch(engine, batch, forcing, limits | {"brief": brief})
+            return runs if is_batch else Followed(*(x[0] for x in runs))
         settled = _settle_batch(engine, batch, forcing, limits)
-        return settled if many else jax.tree.map(lambda x: x[0, ...], settled)
+        return settled if is_batch else jax.tree.map(lambda x: x[0, ...], settled)
+    # JAX traces the run. It becomes one call of the compiled code within the program.
     start = jnp.zeros(4) if y0 is None else y0
     if ground:
-        return _shake_one(engine, rows, start, forcing, limits)
+        return _run_one(engine, rows, start, forcing, limits)
     record, settings = engine.entry().SETTLED, packed(engine.settings("SETTLE", **limits))
     times = packed((forcing.begin, forcing.ramp))
     (out,) = engine((shape(numbers_in(record)),), settings, stop_gradient(rows), stop_gradient(start), times)
@@ -197,7 +220,7 @@ def follow(
 
 
 class _Batch(NamedTuple):
-    """Starts (n, 4) and parameters (n, 9) of runs, and how these are shared among threads."""
+    """Initial states (n, 4) and parameters (n, 9) of runs, and how the runs are shared among threads."""
 
     starts: np.ndarray
     rows: np.ndarray
@@ -206,7 +229,7 @@ class _Batch(NamedTuple):
 
     @staticmethod
     def of(rows: Any, y0: Any, workers: int | None, progress: Any) -> _Batch:
-        """The runs of rows and starts, one of which may be single."""
+        """Return the batch of `rows` and initial states `y0`, and repeat a single row or state."""
         starts = np.zeros((len(rows), 4)) if y0 is None else np.array(y0, dtype=float, order="C")
         n, width = len(starts), len(NAMES)
         if n == 0 or starts.shape != (n, 4) or np.shape(rows) not in ((width,), (n, width)):
@@ -215,109 +238,114 @@ class _Batch(NamedTuple):
         wide = np.ascontiguousarray(np.broadcast_to(rows, (n, width)), dtype=float)
         return _Batch(starts, wide, workers, progress)
 
-    def fill(self, engine: Compiled, settings: np.ndarray, table: np.ndarray, found: np.ndarray) -> None:
-        """Compute the records `found` of all runs; `table` holds what the runs have besides."""
-        buffers = settings, self.rows, self.starts, table, found
+    def fill(self, engine: Compiled, settings: np.ndarray, table: np.ndarray, results: np.ndarray) -> None:
+        """Compute the results of all runs. `table` holds the further operand of the runs: times or pieces."""
+        buffers = settings, self.rows, self.starts, table, results
         engine.in_threads(len(self.rows), self.workers, self.progress, *buffers)
 
 
 def _settle_batch(
     engine: Compiled, batch: _Batch, forcing: HarmonicForcing, limits: dict[str, Any]
 ) -> Settled:
-    n, given = len(batch.rows), (forcing.begin, forcing.ramp)
-    if shapes := {np.shape(x) for x in given} - {(), (n,)}:
+    """Simulate a batch of runs under a harmonic."""
+    n, operands = len(batch.rows), (forcing.begin, forcing.ramp)
+    if shapes := {np.shape(x) for x in operands} - {(), (n,)}:
         raise ValueError(f"`begin` and `ramp` must have shape ({n},), but have {shapes}")
-    times = np.stack([np.broadcast_to(np.asarray(x, dtype=float), n) for x in given], axis=1)
+    times = np.stack([np.broadcast_to(np.asarray(x, dtype=float), n) for x in operands], axis=1)
     begins, ramps = times.T
     late = (begins < 0.0) | (begins * batch.rows[:, XI] > 2.0 * np.pi * (1.0 + 1e-12))
     if np.any(late | ~np.isfinite(begins)):
         raise ValueError(f"`begin` must lie within the first forcing period, but is {begins[late]}")
     checks.not_negative("ramp", ramps, every=True)
-    # Loaded here, and not with the package: it loads Numba.
+    # The module is loaded here and not with the package, because it loads Numba.
     entry = engine.entry()
     settings = np.full(n, np.array(tuple(engine.settings("SETTLE", **limits)), entry.SETTINGS))
-    found = np.empty(n, entry.SETTLED)
-    batch.fill(engine, settings, times, found)
-    return _settled_of(found.view(float).reshape(n, -1), entry.SETTLED)
+    results = np.empty(n, entry.SETTLED)
+    batch.fill(engine, settings, times, results)
+    return _settled_of(results.view(float).reshape(n, -1), entry.SETTLED)
 
 
 def _settled_of(numbers: Any, record: np.dtype) -> Settled:
-    """Where runs have settled, from the records of compiled code as floats."""
+    """Return `Settled` from records of compiled code as floats, shape (..., n)."""
     of, index = parts(numbers, record), codes_of(ENDS)
     code, periods, elapsed = (x.astype(int) for x in (of.status, of.periods, of.elapsed))
     status = index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code]
-    # From its leaves, because fields are annotated with the shapes of a single motion.
-    sizes, peaks = (of.amplitude, of.swing), (of.peak, of.peak_swing)
-    leaves = [of.y, periods, *sizes, status, elapsed, *peaks]
+    # Build the object from its leaves, because the fields are annotated with the shapes of a single run.
+    leaves = [of.y, periods, of.amplitude, of.swing, status, elapsed, of.peak, of.peak_swing]
     return jax.tree.unflatten(_structure(), leaves)
 
 
 @lru_cache(maxsize=1)
 def _structure() -> Any:
-    """Structure of the pytree of a `Settled`."""
+    """Return the pytree structure of `Settled`."""
     none, count = jnp.zeros(()), jnp.zeros((), int)
-    about = count, none, none, Status.failed, count, none, none
-    return jax.tree.structure(Settled(jnp.zeros(4), None, *about))
+    return jax.tree.structure(
+        Settled(jnp.zeros(4), None, count, none, none, Status.failed, count, none, none)
+    )
 
 
-def _shake_batch(engine: Compiled, batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
+def _run_batch(engine: Compiled, batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
+    """Simulate a batch of runs under ground motions."""
     entry, n = engine.entry(), len(batch.rows)
     lengths, which = np.array([len(r) for r in forcing.records]), np.asarray(forcing.which)
-    # All records lie one after another; a run knows the row of its first piece.
+    # All ground motions are stored in one array. Each run has the row of its first piece.
     firsts = np.cumsum(lengths) - lengths
+    # The equations contain minus the acceleration of the base.
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in forcing.records]))
     settings: Any = np.zeros(n, entry.SETTINGS)
-    places = {"task": entry.SHAKE, "pieces": lengths[which], "record": firsts[which], "free": forcing.free}
+    places = {"task": entry.GROUND, "pieces": lengths[which], "record": firsts[which], "free": forcing.free}
     for name, value in {**places, **limits}.items():
         settings[name] = value
-    found = np.zeros(n, entry.FOLLOWED)
-    batch.fill(engine, settings, pieces, found)
-    return _followed_of(found.view(float).reshape(n, -1))
+    results = np.zeros(n, entry.FOLLOWED)
+    batch.fill(engine, settings, pieces, results)
+    return _followed_of(results.view(float).reshape(n, -1))
 
 
-def _shake_one(
-    engine: Compiled, row: Any, y0: Any, forcing: GroundForcing, limits: dict[str, Any]
-) -> Followed:
+def _run_one(engine: Compiled, row: Any, y0: Any, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
+    """Simulate one run under a ground motion, which JAX may trace."""
     (pieces,) = forcing.records
-    settings = engine.settings("SHAKE", pieces=pieces.shape[-2], record=-1.0, free=forcing.free, **limits)
-    # The equations have minus the acceleration of the base.
-    given = jnp.asarray(row), jnp.asarray(y0), -jnp.asarray(pieces), packed(settings)
+    settings = engine.settings("GROUND", pieces=pieces.shape[-2], record=-1.0, free=forcing.free, **limits)
+    # The equations contain minus the acceleration of the base.
+    operands = jnp.asarray(row), jnp.asarray(y0), -jnp.asarray(pieces), packed(settings)
     if engine is LINEAR:
-        angles, end, times, out = _shaken(*given)
+        angles, end, times, out = _ground_run(*operands)
         *at, lifted, fell = times
         tilt, swing, relative = angles
         sizes = {"tilt": tilt, "swing": swing, "relative": relative, "times": jnp.stack(at)}
         state = {"state": end[:TILT_PULL], "growing": end[TILT_PULL], "lifted": lifted, "fell": fell}
         return _followed_of(stop_gradient(out))._replace(**sizes, **state)
-    x, y, c, s = map(stop_gradient, given)
+    x, y, c, s = map(stop_gradient, operands)
     (out,) = engine((shape(numbers_in(engine.entry().FOLLOWED)),), s, x, y, c)
-    found = _followed_of(out)
-    # Angles, times and state depend on all of this in a way that nobody has computed.
+    results = _followed_of(out)
+    # The package has no derivatives of the nonlinear equations: these results get the derivative NaN.
     names = ("tilt", "swing", "relative", "times", "state", "lifted", "fell")
-    return found._replace(**{name: refused_in(given, getattr(found, name)) for name in names})
+    return results._replace(**{name: refused_in(operands, getattr(results, name)) for name in names})
 
 
 def _followed_of(out: Any) -> Followed:
-    """Runs from all results of compiled code."""
+    """Return `Followed` from records of compiled code as floats, shape (..., n)."""
     of = parts(out, LINEAR.entry().FOLLOWED)
     angles, state = (of.sizes[..., k] for k in range(3)), of.state[..., :TILT_PULL]
-    counted = of.status, of.impacts, of.lifted, of.fell, of.crossing
+    counted = of.status, of.impacts, of.uplift_time, of.overturn_time, of.transversality
     return Followed._make((*angles, of.times, state, of.growing, *counted))
 
 
 Limits = tuple[tuple[str, float | int], ...]
-"""Settings by their names, for `solve`."""
+"""Settings of `solve` as pairs of name and value."""
 
 
 def solve(equations: Terms, x: Any, y0: Any, limits: Limits) -> Any:
     """Return the steady state of a run under a harmonic: a record `tpd.exact.steady.STEADY` as floats.
 
     Args:
-        equations: of the nonlinear ones multiplier, Lyapunov exponent and derivatives are NaN.
-        x, y0: the row of parameters, and the state at tau = 0. Of NumPy's arrays the answer is one as well,
-            and no program of JAX is asked.
-        limits: periods, events, tolerance and rest_rate; of the linear equations also lyapunov, the periods
-            over which neighbours are followed; of the nonlinear ones also rtol.
+        equations: linear or nonlinear. For the nonlinear equations the multipliers, the Lyapunov exponent and
+            the derivatives are NaN.
+        x: row of parameters, shape (9,).
+        y0: initial state at tau = 0, shape (4,). If `x` and `y0` are NumPy arrays, so is the result, and no
+            JAX program runs.
+        limits: periods, events, tolerance and rest_rate. The linear equations also need `lyapunov`, the
+            number of periods over which the separation of neighbouring runs is measured. The nonlinear
+            equations also need rtol.
     """
     engine, row, n = _steady_call(equations, limits)
     if not (isinstance(x, np.ndarray) and isinstance(y0, np.ndarray)):
@@ -330,61 +358,69 @@ def solve(equations: Terms, x: Any, y0: Any, limits: Limits) -> Any:
 
 @lru_cache(maxsize=8)
 def _steady_call(equations: Terms, limits: Limits) -> tuple[Compiled, np.ndarray, int]:
-    """The entrance, a row of settings for `solve`, and how many numbers it gives."""
+    """Return the compiled code, a row of settings for `solve`, and the length of the result."""
     engine = ENGINES[equations]
     row = np.array(engine.settings("STEADY_STATE", **dict(limits)))
     return engine, row, numbers_in(engine.entry().STEADY)
 
 
-def _shaken_from(inputs: float, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
+def _ground_run_from(inputs: float, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
+    """Call the compiled code for one run. `inputs` is 0 without derivatives, otherwise 1."""
     entry = LINEAR.entry()
-    shapes = shape(numbers_in(entry.FOLLOWED)), shape(*((entry.SHAKEN, entry.INPUTS) if inputs else (1, 1)))
+    shapes = shape(numbers_in(entry.FOLLOWED)), shape(*((entry.OUTPUTS, entry.INPUTS) if inputs else (1, 1)))
     return LINEAR(shapes, settings, x, y, pieces)
 
 
-_shaken_with_slopes = once(partial(_shaken_from, 1.0))
+_ground_run_with_slopes = once(partial(_ground_run_from, 1.0))
 
 
 @jax.custom_jvp
-def _shaken(x: Array, y: Array, pieces: Array, settings: Array) -> tuple[Array, Array, Array, Array]:
-    """The three angles, the state at the end with the growing coordinate, the times of the angles, of the
-    first uplift and of the overturning, and all results."""
-    out, _ = _shaken_from(0.0, settings, x, y, pieces)
+def _ground_run(x: Array, y: Array, pieces: Array, settings: Array) -> tuple[Array, Array, Array, Array]:
+    """Return the results of one run of the linear equations under a ground motion.
+
+    These are the three largest angles; the state at the end with the growing coordinate; the times of the
+    angles, of the first uplift and of overturning; and all results as floats.
+    """
+    out, _ = _ground_run_from(0.0, settings, x, y, pieces)
     return _divided(out)
 
 
 def _divided(out: Array) -> tuple[Array, Array, Array, Array]:
+    """Divide the results into the parts that have derivatives, as `_ground_run` returns them."""
     of = parts(out, LINEAR.entry().FOLLOWED)
-    end, times = (of.state[:TILT_PULL], of.growing), (of.times, of.lifted, of.fell)
+    end, times = (of.state[:TILT_PULL], of.growing), (of.times, of.uplift_time, of.overturn_time)
     return of.sizes, jnp.hstack(end), jnp.hstack(times), out
 
 
-def _shaken_jvp(primals: tuple, tangents: tuple) -> tuple:
+def _ground_run_jvp(primals: tuple, tangents: tuple) -> tuple:
     entry = LINEAR.entry()
     column = entry.FIELDS.index
     x, y, pieces, settings = primals
-    # All parameters, and four components of the start where that moves.
+    # The directions of the derivatives are the parameters, and the components of the initial state if it is
+    # differentiated.
     _, of_start, of_pieces, _ = tangents
     inputs = len(NAMES) if isinstance(of_start, SymbolicZero) else int(entry.INPUTS)
-    # The largest angles are often met long before the end. A program that asks for them alone leaves the
-    # second call out, on which nothing depends.
-    asked = settings.at[column("slopes")].set(inputs)
-    out, by_angles = _shaken_with_slopes(asked.at[column("angles")].set(1.0), x, y, pieces)
-    _, by_end = _shaken_with_slopes(asked, x, y, pieces)
+    # The largest angles often occur long before the end, so that their derivatives need only a part of the
+    # legs. There are two calls, one for the angles and one for the end. XLA removes the call whose results a
+    # program does not use.
+    with_slopes = settings.at[column("slopes")].set(inputs)
+    out, by_angles = _ground_run_with_slopes(with_slopes.at[column("angles")].set(1.0), x, y, pieces)
+    _, by_end = _ground_run_with_slopes(with_slopes, x, y, pieces)
     of = parts(out, entry.FOLLOWED)
     xs, ys, samples, times = (
         jnp.zeros(t.shape, jnp.float64) if isinstance(t, SymbolicZero) else t for t in tangents
     )
     direction = jnp.concatenate([xs, ys])
     angles, end = by_angles[ANGLES] @ direction, by_end[END] @ direction
-    # Some times have no derivative, that of the overturning never: NaN meets only what asks for it.
+    # The time of overturning never has a derivative, and some of the other times have none. `moved` lets such
+    # a NaN reach only the program that needs this derivative.
     slopes = jnp.concatenate([by_angles[TIMES], jnp.full((1, direction.size), jnp.nan)])
     at = moved(slopes, direction, jnp.concatenate([x, y]))
-    # The state goes on for longer where the free time grows: angles move with their rates, and rates with
-    # the accelerations.
+    # With a longer free time the state moves on: angles change with their rates, and rates with the
+    # accelerations.
     rates = jnp.concatenate([of.state[TILT_RATE:], jnp.zeros(1)])
     end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[column("free")]
-    # So do angles that are largest where the motion ends.
+    # The same holds for angles that are largest at the end of the run.
     whole = settings[column("pieces")] * x[XI] + settings[column("free")]
     last = jnp.abs(of.times - whole) <= _AT_END * whole
     tilt, swing, tilting, swinging, *_ = of.state
@@ -393,10 +429,11 @@ def _shaken_jvp(primals: tuple, tangents: tuple) -> tuple:
     angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[column("free")]
     at = at + jnp.concatenate([last, jnp.zeros(2)]) * times[column("free")]
     if not isinstance(of_pieces, SymbolicZero):
-        # Derivatives in the samples of a record are not computed: not a number, and not zero.
+        # The derivatives in the samples of a record are not computed. They are NaN, because zero would be
+        # wrong.
         unknown = jnp.nan * jnp.sum(samples)
         angles, end, at = angles + unknown, end + unknown, at + unknown
     return _divided(out), (angles, end, at, jnp.zeros_like(out))
 
 
-_shaken.defjvp(_shaken_jvp, symbolic_zeros=True)
+_ground_run.defjvp(_ground_run_jvp, symbolic_zeros=True)

@@ -1,6 +1,6 @@
-"""States of runs over time: under a harmonic by both equations, and the history of a ground motion by (25).
+"""States of runs over time: under a harmonic for both models, and under a ground motion for the exact model.
 
-The compiled code runs on the host's processor, as `tpd.exact.calling` says, with derivatives of its own.
+The compiled code runs on the CPU (`tpd.exact.calling`) and computes its own derivatives.
 """
 
 from __future__ import annotations
@@ -30,25 +30,26 @@ MOMENT = np.dtype(
         *((name, np.float64) for name in ("tilt_pull", "swing_pull", "forcing", "kind", "side")),
     ]
 )
-"""State of a run at a time, as `tpd.exact.legs.put_states` has it: phi, psi, phi', psi', phi'' and psi''; f
-times the forcing; kind of its mode, and the side to which the block leans."""
+"""State of a run at a time, as `tpd.exact.legs.store_states` writes it: phi, psi, phi', psi', phi'' and
+psi''; f times the forcing; the kind of the mode, and the side to which the block tilts."""
 IMPACT = np.dtype([("time", np.float64), ("rate", np.float64)])
 """Time of an impact and the rate phi' after it."""
 
 
 @jax.custom_jvp
 def _trajectory(x: Array, y: Array, times: Array, settings: Array) -> tuple[Array, Array]:
-    """States at all times, and the status."""
+    """Return the states at all times, and the status of the run."""
     out, status, _ = _trajectory_from(0.0, x, y, times, settings)
     return out[:, :4], status
 
 
 def _trajectory_from(slopes: float, x: Array, y: Array, times: Array, settings: Array) -> Any:
+    """Call the compiled code. `slopes` is 0 without derivatives, otherwise 1."""
     entry = LINEAR.entry()
     n = times.size
     shapes = shape(n, 8), shape(1), shape(n if slopes else 1, 4, entry.INPUTS + 1)
-    asked = settings.at[entry.FIELDS.index("slopes")].set(slopes)
-    return LINEAR(shapes, asked, x, y, times)
+    with_slopes = settings.at[entry.FIELDS.index("slopes")].set(slopes)
+    return LINEAR(shapes, with_slopes, x, y, times)
 
 
 _trajectory_with_slopes = once(partial(_trajectory_from, 1.0))
@@ -59,7 +60,7 @@ def _trajectory_jvp(primals: tuple, tangents: tuple) -> tuple:
     out, status, by = _trajectory_with_slopes(*primals)
     x, y, times, _ = tangents
     moved = by @ jnp.concatenate([x, y, times[:1]])
-    # The first time moves the beginning of the motion, and no state at it.
+    # The first time is the start of the run: it shifts the run, but not the state at that time.
     rates = jnp.where(jnp.isfinite(out[:, 4:]), out[:, 4:], 0.0)
     later = rates * times.at[0].set(0.0)[:, None]
     return (out[:, :4], status), (moved + later, jnp.zeros_like(status))
@@ -68,46 +69,63 @@ def _trajectory_jvp(primals: tuple, tangents: tuple) -> tuple:
 def trajectory(
     equations: Terms, p: Parameters, y0: State, times: Float[Array, "times"], **limits: Any
 ) -> tuple[Float[Array, "times 4"], Status]:
-    """Return the states of a run under a harmonic at `times`, from `y0` at `times[0]`, and its status.
+    """Return the states of a run under a harmonic at `times`, and its status.
 
-    `limits` are settings by their names: events, rest_rate, and rtol of the nonlinear equations. Derivatives
-    of the linear equations are exact, those of the nonlinear ones NaN.
+    The run starts from `y0` at `times[0]`.
+
+    Args:
+        equations: linear or nonlinear. Derivatives of the linear equations are exact, and those of the
+            nonlinear ones are NaN.
+        p: parameters.
+        y0: initial state (phi, psi, phi', psi').
+        times: increasing times (tau).
+        limits: settings by their names: events, rest_rate, and rtol for the nonlinear equations.
     """
     engine = ENGINES[equations]
     s = packed(engine.settings("TRAJECTORY", periods=times.size, **limits))
-    given = jnp.asarray(row_of(p)), jnp.asarray(y0), times, s
+    operands = jnp.asarray(row_of(p)), jnp.asarray(y0), times, s
     if equations is Terms.linear:
-        ys, status = _trajectory(*given)
+        ys, status = _trajectory(*operands)
     else:
-        x, y, clock, s = map(stop_gradient, given)
+        x, y, clock, s = map(stop_gradient, operands)
         ys, status = engine((shape(times.size, 4), shape(1)), s, x, y, clock)
-        ys = refused_in(given[:3], ys)
+        ys = refused_in(operands[:3], ys)
     (code,) = stop_gradient(status)
     return ys, status_of(jnp.asarray(codes_of(ENDS))[code.astype(int)])
 
 
 class History(NamedTuple):
-    """A run under a ground motion over time."""
+    """States and impacts of a run under a ground motion."""
 
     states: np.ndarray
-    """Records `MOMENT` at the times asked for, NaN after the end of a run without an answer."""
+    """Records `MOMENT` at the requested times. They are NaN after the end of a run that failed."""
     impacts: np.ndarray
     """Records `IMPACT` of all impacts."""
     status: int
-    """Index among `tpd.exact.terms.SHAKEN`."""
+    """Index of the status in `tpd.exact.terms.SHAKEN`."""
 
 
 def history(
     row: np.ndarray, y0: np.ndarray, pieces: np.ndarray, times: np.ndarray, *, free: float, events: int
 ) -> History:
-    """Follow a run through the pieces of a ground motion, and freely for `free` (tau), and return its states
-    at increasing times and its impacts; at most so many events beyond one for each piece."""
+    """Simulate a run through a ground motion, and return its states and impacts.
+
+    The run passes through all pieces and then moves freely.
+
+    Args:
+        row: parameters (9,).
+        y0: initial state (4,).
+        pieces: pieces of the ground motion.
+        times: increasing times (tau) of the states.
+        free: duration of the free motion (tau).
+        events: bound on the number of events, in addition to one for each piece.
+    """
     states, status = np.empty(len(times), MOMENT), np.empty(1)
-    # No run has more: each impact is one of its events.
+    # No run has more impacts, because each impact is one of its events.
     impacts = np.empty(len(pieces) + events, IMPACT)
     sizes = {"periods": len(times), "impacts": len(impacts), "pieces": len(pieces), "events": events}
     settings = LINEAR.settings("HISTORY", **sizes, free=free, rest_rate=REST_RATES[Terms.linear])
-    # The equations have minus the acceleration of the base.
-    given = row, y0, np.ascontiguousarray(-pieces), times
-    LINEAR.entry().run(0, 1, np.array(settings), *given, states, impacts, status)
+    # The equations contain minus the acceleration of the base.
+    operands = row, y0, np.ascontiguousarray(-pieces), times
+    LINEAR.entry().run(0, 1, np.array(settings), *operands, states, impacts, status)
     return History(states, impacts[np.isfinite(impacts["time"])], int(status.item()))

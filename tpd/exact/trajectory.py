@@ -1,4 +1,4 @@
-"""States of a motion under a harmonic at given times, and their derivatives."""
+"""States of a run under a harmonic at requested times, and their derivatives."""
 
 from __future__ import annotations
 
@@ -9,69 +9,79 @@ import numpy as np
 from tpd.exact.arcs import arc_from, beginning, load_at, span_of, state_at, steady
 from tpd.exact.contact_kernel import decide, sign
 from tpd.exact.events import STOP
-from tpd.exact.follow import ARRIVED, LOST, Rules, allow, begin, forcing_now, piece
-from tpd.exact.legs import STATE, along, past
-from tpd.exact.march import put_flow
-from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, NO, YES, clear
-from tpd.exact.plant import STEP, compiled, plant, put_plants
+from tpd.exact.follow import ARRIVED, BEYOND, Rules, allow_events, follow_piece, forcing_now, start_angles
+from tpd.exact.legs import STATE, carry_past_event, carry_through_leg
+from tpd.exact.march import prepare_march
+from tpd.exact.motion import FIRST_PIECE, LEG, LEGS, NO, YES, reset_counts
+from tpd.exact.plant import STEP, compiled, fill_plants, plant
 from tpd.exact.repetition import EVENT_BOUND, OVERTURNED, ROCKING
 from tpd.exact.terms import TILT, TILT_RATE
 
 ROUNDING = 1e-10
-"""Share of a period by which a time may lie before the period that it counts to, so that a time that rounding
-has put just before a period's end needs no leg of its own."""
+"""Share of a period by which a time may lie before the end of its period. A time that rounding has moved just
+before the end then needs no leg of its own."""
 BEGINNING, _INPUTS, _NONE = np.int64(13), np.int64(14), np.int64(0)
-"""Direction of the time at which a motion begins, after those of the parameters and of the start; and how
-many directions there are."""
+"""Direction of the start time, after those of the parameters and of the initial state; the number of
+directions; and zero as a NumPy scalar."""
 
 
 @compiled
-def trajectory(x, q, m, room, r, s, times, out, by):
-    """Follow a motion from its state at times[0]: put the states at all times, and their derivatives in time,
-    into `out`, shape (times, 8), and if the settings ask for slopes, those in parameters, start and times[0]
-    into `by`, shape (times, 4, 14). Return its status; what lies beyond the end of a motion is NaN."""
+def trajectory(x, q, m, w, r, s, times, out, by):
+    """Simulate a run from its state at times[0], and return its status.
+
+    Args:
+        out: array (n, 8) for the states at all n times and their time derivatives.
+        by: array (n, 4, 14) for the derivatives in the parameters, the initial state and times[0], if the
+            settings `s` request slopes.
+
+    After the end of the run the states are NaN.
+    """
     plant(x, q)
-    put_flow(q, room.march)
+    prepare_march(q, w.march)
     slopes, y, f = s.slopes != 0.0, m.y, steady(np.empty((0, 4)))
     period, rules, events = span_of(q, f), Rules(s.rest_rate * q.nu, YES, NO, NO), int(s.events)
-    # Times count from the beginning of their forcing period: the forcing repeats, and the phase of a late
-    # time is then that of an early one to the last digit of the count.
+    # Times are measured from the start of their forcing period, because the forcing repeats. A late time then
+    # has the phase of an early one to the last digit.
     whole = math.floor(times[0] / period + ROUNDING)
     t, status = times[0] - whole * period, ROCKING
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, t), m)
     legs = np.empty(events + LEGS if slopes else 0, LEG)
     if slopes:
-        put_plants(x, r.plants)
+        fill_plants(x, r.plants)
         for j in range(_INPUTS):
             r.shift[j] = -whole * span_of(r.plants[min(j, 9)], f).imag / STEP
             for i in range(4):
                 r.dy[i, j] = 1.0 if j == STATE + i else 0.0
+        # A later start shifts the whole run.
         r.shift[BEGINNING] += 1.0
     for n in range(len(times)):
         last, arrived = math.floor(times[n] / period + ROUNDING), n == 0
         while not arrived and status == ROCKING:
+            # Simulate to the end of the forcing period, or to the requested time in the last one.
             arrived = whole >= last
             end = times[n] - last * period if arrived else period
-            clear(m)
-            begin(q, f, m, FIRST_PIECE, t)
-            allow(m, room, events)
-            ended = piece(q, f, m, legs, room, whole, t, end, rules)
-            count = min(m.recorded, len(legs))
+            reset_counts(m)
+            start_angles(q, f, m, FIRST_PIECE, t)
+            allow_events(m, w, events)
+            ended = follow_piece(q, f, m, legs, w, whole, t, end, rules)
+            count = min(m.n_legs, len(legs))
             if slopes and ended == ARRIVED:
+                # This leg ends at a requested time, which does not change with the parameters.
                 if arrived:
-                    legs[count - 1].which = STOP
+                    legs[count - 1].event = STOP
                 for k in range(count):
-                    along(q, r, f, legs[k], _NONE, _INPUTS)
-                    past(r, legs[k], _NONE, _INPUTS)
+                    carry_through_leg(q, r, f, legs[k], _NONE, _INPUTS)
+                    carry_past_event(r, legs[k], _NONE, _INPUTS)
             if ended != ARRIVED:
-                status = OVERTURNED if ended == LOST else EVENT_BOUND
+                status = OVERTURNED if ended == BEYOND else EVENT_BOUND
             t, whole = (end, whole) if arrived else (0.0, whole + 1)
         arc = arc_from(q, m, y, load_at(q, f, whole, t))
         now = state_at(arc, beginning(arc), 0.0)
         for i in range(4):
             out[n, i], out[n, 4 + i] = y[i], now[i + 2]
             for j in range(_INPUTS if slopes else 0):
-                # Zeros beyond the end, where the states have none: NaN times zero would spoil sums.
+                # Beyond the end the derivatives are zero and the states NaN: NaN times zero would spoil sums
+                # in reverse mode.
                 by[n, i, j] = r.dy[i, j] if status == ROCKING else 0.0
             if status != ROCKING:
                 out[n, i] = out[n, 4 + i] = math.nan

@@ -1,7 +1,7 @@
-"""Whole pieces of a pulse or a record, taken in one step where it is proved that they have no event.
+"""Whole pieces of a pulse or a record, which are taken in one step if they are proved to have no event.
 
-Between two ends a signal is near the cubic through its values and slopes there: a bound on its fourth
-derivative says how near (see `tpd.exact.events`). Most pieces of a record are proved this way.
+Between two ends a signal is close to the cubic through its values and slopes there, and a bound on its fourth
+derivative says how close (see `tpd.exact.events`). Most pieces of a record are proved in this way.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from tpd.exact.arcs import accelerations, arc_from, forcing_at, load_at
 from tpd.exact.contact_kernel import beyond_return, moment
 from tpd.exact.events import AWAY
-from tpd.exact.motion import WHOLE, largest, note, put, record
+from tpd.exact.motion import WHOLE, copy_to, largest, record_leg, update_angles
 from tpd.exact.plant import compiled, places
 from tpd.exact.terms import (
     APART,
@@ -29,27 +29,30 @@ from tpd.exact.terms import (
 )
 
 _FOURTH, _FIFTH = places(2)
-"""Derivatives that are bounded."""
+"""Indices of the derivatives that have bounds."""
 _C0, _C1, _C2, _C3 = places(8, 4)
 """Columns of a map for the coefficients of the forcing, after those of the state."""
 _CONSTANT, _LINEAR, _SQUARE, _CUBE = places(4)
 """Columns of these coefficients in a row of pieces."""
 _U, _V = places(2)
-"""Solutions of the pair that begin at (1, 0) and at (0, 1)."""
+"""Solutions of the pair that start at (1, 0) and at (0, 1)."""
 _KINDS = float(SLIP), float(REST)
-"""Kinds of modes with a map of their own: one serves both kinds of held blocks."""
+"""Kinds of the modes of both maps. A block that sticks and one at rest have the same map."""
 
 
 @compiled
-def put_map(q, kind, h, out):
-    """Put the map (state, coefficients of the forcing in the share of a piece) -> change of the state over a
-    piece of duration h into `out`, shape (4, 8). The tilt counts from its centre.
+def store_map(q, kind, h, out):
+    """Write the map of a piece of duration h into `out`, shape (4, 8).
 
-    It is a part of the exponential, less the identity, of a matrix for the state and the derivatives of the
-    forcing together: a low tilt, far from its centre, is not lost beside the distance from it. Unlike the
-    closed form of an arc it has no particular solution, which is large where the forcing is quicker than the
-    block and would cancel once in every piece.
+    The map takes the state and the coefficients of the forcing to the change of the state over the piece. The
+    coefficients are for powers of the time divided by h, and the tilt is measured from its centre.
+
+    The map is a part of the matrix exponential, minus the identity, of a system for the state and the
+    derivatives of the forcing. A low tilt far from its centre keeps its digits. Unlike the closed form of an
+    arc, the map contains no particular solution. That solution is large where the forcing is faster than the
+    block, and would cancel in every piece.
     """
+    # The columns of the generator are the rates of change for unit states.
     n, x = np.zeros((8, 8)), np.zeros(5)
     for j in range(5):
         x[j] = 1.0
@@ -57,7 +60,8 @@ def put_map(q, kind, h, out):
         n[TILT_RATE, j], n[SWING_RATE, j], x[j] = h * a, h * b, 0.0
     n[SWING, SWING_RATE], n[_C0, _C1], n[_C1, _C2], n[_C2, _C3] = h, 1.0, 1.0, 1.0
     n[TILT, TILT_RATE] = h if kind == SLIP else 0.0
-    # Halved until the series converges quickly, and squared as often.
+    # Scaling and squaring: the matrix is halved until its series converges quickly, and the result is squared
+    # as often.
     largest = 1e-3
     for i in range(8):
         for j in range(8):
@@ -69,22 +73,23 @@ def put_map(q, kind, h, out):
             n[i, j] /= 2.0**halved
             total[i, j] = term[i, j] = n[i, j]
     for i in range(2, 16):
-        _put_product(term, n, 1.0 / i, spare)
+        _store_product(term, n, 1.0 / i, spare)
         term, spare = spare, term
         _add(total, term)
-    # (1 + E)^2 = 1 + 2 E + E^2.
+    # (1 + E)^2 = 1 + 2 E + E^2, so that E keeps its small values.
     for _ in range(halved):
-        _put_product(total, total, 1.0, spare)
+        _store_product(total, total, 1.0, spare)
         _add(total, total)
         _add(total, spare)
     for i in range(4):
         for j in range(8):
+            # The system has the derivatives of the forcing, which are 2! and 3! times the coefficients.
             out[i, j] = total[i, j] * (2.0 if j == _C2 else (6.0 if j == _C3 else 1.0))
 
 
 @compiled
-def _put_product(a, b, factor, out):
-    """Put the product of two matrices times a factor into a third."""
+def _store_product(a, b, factor, out):
+    """Write the product of two matrices times a factor into a third one."""
     for i in range(8):
         for j in range(8):
             total = 0.0
@@ -95,31 +100,39 @@ def _put_product(a, b, factor, out):
 
 @compiled
 def _add(a, b):
-    """Add a matrix to another."""
+    """Add the second matrix to the first one."""
     for i in range(8):
         for j in range(8):
             a[i, j] += b[i, j]
 
 
 @compiled
-def put_bounds(q, bounds):
-    """Put bounds on the fourth and fifth derivatives of the pair's two solutions into `bounds`, shape
-    (2, 2, 2), for the slipping block and the held one: the energy x^2 + x'^2/q only decreases."""
-    for held in range(2):
-        p, s = (q.held_p, q.held_q) if held else (q.p, q.q)
+def store_bounds(q, bounds):
+    """Write bounds on the fourth and fifth derivatives of the pair's two solutions into `bounds`.
+
+    `bounds` has shape (2, 2, 2).
+
+    The axes are: slipping or held block, order of the derivative, solution. The energy x^2 + x'^2/q never
+    grows.
+    """
+    for is_held in range(2):
+        p, s = (q.held_p, q.held_q) if is_held else (q.p, q.q)
         for i in range(2):
-            # Of the solution that begins at (1, 0), and of that which begins at (0, 1).
+            # The initial values of the two solutions. Each pass below differentiates once.
             u, v = (1.0, 0.0) if i == 0 else (0.0, 1.0)
             for power in range(5):
                 u, v = v, -s * u - p * v
                 if power > 2:
-                    bounds[held, power - 3, i] = math.sqrt(u * u + v * v / s)
+                    bounds[is_held, power - 3, i] = math.sqrt(u * u + v * v / s)
 
 
 @compiled
-def _rough(arc, x, growth, order, bounds):
-    """Bound on the fourth or fifth derivative of a signal over a piece; that of the forcing is zero."""
-    # The growing exponential is largest at the end of the piece, the falling one at its start.
+def _bound(arc, x, growth, order, bounds):
+    """Return a bound on the fourth or fifth derivative of a signal over a piece.
+
+    The derivatives of the forcing of these orders are zero.
+    """
+    # The rising exponential is largest at the end of the piece, and the decaying one at its start.
     r1, r2 = arc.s1 * arc.s1, arc.s2 * arc.s2
     r1, r2 = r1 * r1, r2 * r2
     if order == _FIFTH:
@@ -130,20 +143,26 @@ def _rough(arc, x, growth, order, bounds):
 
 @compiled
 def _positive(g0, v0, g1, v1, d, bound):
-    """Whether a signal with these values and slopes at the ends of a window stays positive in it."""
-    least = min(min(g0, g1), min(g0 + d * v0 / 3.0, g1 - d * v1 / 3.0))
-    # A bob that hangs still does not turn.
-    return least > bound * d * d * d * d * AWAY or (g0 == 0.0 and v0 == 0.0 and g1 == 0.0 and v1 == 0.0)
+    """Whether a signal stays positive within a window of length d.
+
+    The arguments are its values (g0, g1) and slopes (v0, v1) at both ends, and a bound on its fourth
+    derivative.
+    """
+    smallest = min(min(g0, g1), min(g0 + d * v0 / 3.0, g1 - d * v1 / 3.0))
+    # A bob that hangs still has no turning point.
+    return smallest > bound * d * d * d * d * AWAY or (g0 == 0.0 and v0 == 0.0 and g1 == 0.0 and v1 == 0.0)
 
 
 @compiled
-def _stays(q, m, e, h, a, b, bound):
-    """Whether a held block stays where it is over a piece; `a` and `b` are the states at its ends, with their
-    accelerations."""
+def _remains_held(q, m, e, h, a, b, bound):
+    """Whether a held block stays held over a piece.
+
+    `a` and `b` are the states at both ends, with their accelerations.
+    """
     at, rate = forcing_at(e, 0.0)
     to, onward = forcing_at(e, h)
     stuck = m.kind == STICK
-    # Off its base the block has its weight to one side, on its base to both.
+    # Off its base the block has its weight on one side, and on its base on both.
     level, hold = (m.tilt * q.weight if stuck else 0.0), q.k + (0.0 if stuck else q.weight)
     m = moment(q, a[TILT], a[SWING], a[SWING_RATE], at) - level
     n = moment(q, b[TILT], b[SWING], b[SWING_RATE], to) - level
@@ -153,77 +172,91 @@ def _stays(q, m, e, h, a, b, bound):
 
 
 @compiled
-def _no_record(m, k, x0, x1, bend, fourth, h):
-    """Whether angle k, whose rate may change its sign in a piece, stays below the largest so far; `bend` is
-    the larger of its second derivatives at the ends."""
-    # Between its ends a signal is above both by h^2/8 of its largest second derivative at most, and the
-    # fourth one bounds how much larger that is than at the ends.
-    most = max(abs(x0), abs(x1)) + h * h / 8.0 * (bend + h * h / 8.0 * fourth)
-    return most < largest(m, k)
+def _is_below_largest(m, k, x0, x1, bend, fourth, h):
+    """Whether angle k stays below its largest value so far, even if it turns within the piece.
+
+    `bend` is the larger absolute value of its second derivatives at both ends, and `fourth` bounds the fourth
+    derivative.
+    """
+    # Between its ends an angle exceeds the larger end value by at most h^2/8 times its largest second
+    # derivative. The fourth derivative bounds how much larger that is than at the ends.
+    upper = max(abs(x0), abs(x1)) + h * h / 8.0 * (bend + h * h / 8.0 * fourth)
+    return upper < largest(m, k)
 
 
 @compiled
-def _bob_is_clear(m, held, h, a, b, fourths, fifths):
-    """Whether the bob neither turns in a piece, nor turns against the block, unless below its largest angles
-    so far: a strongly damped bob follows every sample of a record. The bounds are those of tilt and bob."""
+def _bob_is_clear(m, is_held, h, a, b, fourths, fifths):
+    """Whether psi and psi - phi have no turning point in a piece, or none above their largest values so far.
+
+    The second case is common: a strongly damped bob follows every sample of a record. `fourths` and `fifths`
+    are the bounds for tilt and bob.
+    """
     (tilt4, bob4), (tilt5, bob5) = fourths, fifths
     r0, u0, r1, u1 = a[SWING_RATE], a[SWING_PULL], b[SWING_RATE], b[SWING_PULL]
     g0, v0, g1, v1 = r0 - a[TILT_RATE], u0 - a[TILT_PULL], r1 - b[TILT_RATE], u1 - b[TILT_PULL]
     bob, side = math.copysign(1.0, r0), math.copysign(1.0, g0)
     clear = _positive(bob * r0, bob * u0, bob * r1, bob * u1, h, bob5)
-    if not clear and not _no_record(m, SWING, a[SWING], b[SWING], max(abs(u0), abs(u1)), bob4, h):
+    if not clear and not _is_below_largest(m, SWING, a[SWING], b[SWING], max(abs(u0), abs(u1)), bob4, h):
         return False
-    if (held and clear) or _positive(side * g0, side * v0, side * g1, side * v1, h, tilt5 + bob5):
+    if (is_held and clear) or _positive(side * g0, side * v0, side * g1, side * v1, h, tilt5 + bob5):
         return True
     bend = max(abs(v0), abs(v1))
-    return _no_record(m, APART, a[SWING] - a[TILT], b[SWING] - b[TILT], bend, tilt4 + bob4, h)
+    return _is_below_largest(m, APART, a[SWING] - a[TILT], b[SWING] - b[TILT], bend, tilt4 + bob4, h)
 
 
 @compiled
-def _without_event(q, m, arc, e, a, b, growth, bounds, bob):
-    """Whether a whole piece is proved to have no event; `a` and `b` are the states at its ends, with their
-    accelerations, and `bob` says whether its turns count."""
-    h, held = q.xi, m.kind != SLIP
-    mine = bounds[1 if held else 0]
-    tilt4, tilt5 = _rough(arc, arc.tilt, growth, _FOURTH, mine), _rough(arc, arc.tilt, growth, _FIFTH, mine)
-    if bob or held:
-        bob4, bob5 = _rough(arc, arc.bob, growth, _FOURTH, mine), _rough(arc, arc.bob, growth, _FIFTH, mine)
-        if bob and not _bob_is_clear(m, held, h, a, b, (tilt4, bob4), (tilt5, bob5)):
+def _has_no_event(q, m, arc, e, a, b, growth, bounds, bob):
+    """Whether a whole piece is proved to have no event.
+
+    `a` and `b` are the states at both ends, with their accelerations. `bob` says whether its turning points
+    count.
+    """
+    h, is_held = q.xi, m.kind != SLIP
+    rows = bounds[1 if is_held else 0]
+    tilt4, tilt5 = _bound(arc, arc.tilt, growth, _FOURTH, rows), _bound(arc, arc.tilt, growth, _FIFTH, rows)
+    if bob or is_held:
+        bob4, bob5 = _bound(arc, arc.bob, growth, _FOURTH, rows), _bound(arc, arc.bob, growth, _FIFTH, rows)
+        if bob and not _bob_is_clear(m, is_held, h, a, b, (tilt4, bob4), (tilt5, bob5)):
             return False
-        if held:
-            return _stays(q, m, e, h, a, b, abs(1.0 - q.up) * bob4 + abs(q.bias) * bob5)
-    tilt, way = m.tilt, m.way
-    v, u, w, x = way * a[TILT_RATE], way * a[TILT_PULL], way * b[TILT_RATE], way * b[TILT_PULL]
+        if is_held:
+            return _remains_held(q, m, e, h, a, b, abs(1.0 - q.up) * bob4 + abs(q.bias) * bob5)
+    tilt, sign = m.tilt, m.direction
+    v, u, w, x = sign * a[TILT_RATE], sign * a[TILT_PULL], sign * b[TILT_RATE], sign * b[TILT_PULL]
     if not _positive(v, u, w, x, h, tilt5):
         return False
-    # A block that tilts further lands nowhere before it turns.
-    if tilt * way > 0.0:
+    # A block that moves away from its base must turn before it can land.
+    if tilt * sign > 0.0:
         return True
     return _positive(tilt * a[TILT], tilt * a[TILT_RATE], tilt * b[TILT], tilt * b[TILT_RATE], h, tilt4)
 
 
 @compiled
-def put_maps(q, room):
-    """Prepare the working memory for the pieces of a plant: two maps serve a whole motion, because all pieces
-    have the same duration."""
-    put_bounds(q, room.bounds)
-    for held in range(2):
-        put_map(q, _KINDS[held], q.xi, room.maps[held])
+def store_maps(q, w):
+    """Fill the workspace with the maps and bounds of a plant.
+
+    All pieces have the same duration, so that two maps are enough.
+    """
+    store_bounds(q, w.bounds)
+    for is_held in range(2):
+        store_map(q, _KINDS[is_held], q.xi, w.maps[is_held])
 
 
 @compiled
-def whole_pieces(q, f, m, legs, room, i, turns):
-    """Follow a motion from the start of piece i as long as whole pieces are proved to have no event. Return
-    the piece at whose start it is then."""
+def whole_pieces(q, f, m, legs, w, i, turns):
+    """Follow a motion from the start of piece i while whole pieces are proved to have no event.
+
+    Returns the index of the next piece.
+
+    `turns` says whether turning points of the bob count.
+    """
     h, first, limit, kind, y = q.xi, i, beyond_return(q), m.kind, m.y
-    start, end, held = room.start, room.end, kind != SLIP
-    for k in range(4):
-        start[k] = y[k]
-    # A held block stays where it is: its tilt needs no centre.
-    centre = 0.0 if held else (m.tilt * q.weight + m.way * q.k) / q.up
-    growth, by, c = math.exp(q.s1 * h), room.maps[1 if held else 0], f.cubics
+    start, end, is_held = w.start, w.end, kind != SLIP
+    copy_to(y, start)
+    # A held block keeps its tilt, which needs no centre.
+    centre = 0.0 if is_held else (m.tilt * q.weight + m.direction * q.k) / q.up
+    growth, by, c = math.exp(q.s1 * h), w.maps[1 if is_held else 0], f.cubics
     while i < f.pieces:
-        # The arc serves the bounds alone; the state goes on by the map, which loses fewer digits.
+        # The arc is needed for the bounds only. The state is advanced by the map, which loses fewer digits.
         e = load_at(q, f, i, 0.0)
         arc = arc_from(q, m, y, e)
         tilt, bob, tilting, swinging = y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE]
@@ -233,16 +266,18 @@ def whole_pieces(q, f, m, legs, room, i, turns):
             change = change + by[k, TILT_RATE] * tilting + by[k, SWING_RATE] * swinging
             change += by[k, _C0] * c0 + by[k, _C1] * c1 + by[k, _C2] * c2 + by[k, _C3] * c3
             end[k] = y[k] + change
+        # States at both ends, with their accelerations.
         up, swing = accelerations(q, kind, centre, tilt, bob, tilting, swinging, e.e0)
         a = tilt, bob, tilting, swinging, up, swing
         tilt, bob, tilting, swinging = end[TILT], end[SWING], end[TILT_RATE], end[SWING_RATE]
         up, swing = accelerations(q, kind, centre, tilt, bob, tilting, swinging, c0 + c1 + c2 + c3)
         b = tilt, bob, tilting, swinging, up, swing
-        if not (abs(tilt) < limit and _without_event(q, m, arc, e, a, b, growth, room.bounds, turns)):
+        if not (abs(tilt) < limit and _has_no_event(q, m, arc, e, a, b, growth, w.bounds, turns)):
             break
-        put(end, y)
+        copy_to(end, y)
         i += 1
+    # All pieces together are one leg.
     if i > first:
-        note(m, y[TILT], y[SWING], i * h)
-        record(m, legs, first, 0.0, float(i - first), WHOLE, start)
+        update_angles(m, y[TILT], y[SWING], i * h)
+        record_leg(m, legs, first, 0.0, float(i - first), WHOLE, start)
     return i
