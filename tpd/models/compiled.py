@@ -23,13 +23,11 @@ class Piecewise(AbstractCompiled):
     (see `tpd.exact.calling`).
 
     Attributes:
-        max_periods: largest number of forcing periods to follow while the motion does not repeat.
+        max_periods: largest number of forcing periods to follow.
         max_events: largest number of steps and events in one forcing period.
-        tolerance: relative difference of the states after a repetition below which the model stops following
-            the motion and continues with Newton's method.
+        tolerance: repetition error at which Newton's method takes over.
         rest_rate: rate (phi' in units of nu) below which an impact can end in rest.
-        lyapunov_periods: number of forcing periods over which the separation of neighbouring motions is
-            measured if a motion does not repeat.
+        lyapunov_periods: forcing periods in which the Lyapunov exponent is measured.
 
     Example:
         >>> import tpd
@@ -39,10 +37,16 @@ class Piecewise(AbstractCompiled):
     """
 
     max_periods: checks.Whole = setting("max_periods", checks.count, 500, 1, COMPILED_PERIODS)
+    """Largest number of forcing periods to follow while the motion does not repeat."""
     max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, COMPILED_PERIODS)
+    """Largest number of steps and events in one forcing period."""
     tolerance: checks.Real = setting("tolerance", checks.tolerance, 1e-6)
+    """Repetition error, relative to the scale of the state, at which Newton's method takes over."""
     rest_rate: checks.Real = setting("rest_rate", checks.tolerance, 2e-7)
+    """Rate (phi' in units of nu) below which an impact can end in rest."""
     lyapunov_periods: checks.Whole = setting("lyapunov_periods", checks.count, 100, 0, 10_000)
+    """Number of forcing periods in which the separation of neighbouring motions is measured if a motion does
+    not repeat."""
 
     equations: ClassVar[Terms] = Terms.linear
 
@@ -71,25 +75,30 @@ class Nonlinear(AbstractCompiled):
 
     Attributes:
         rtol: relative tolerance of a step.
-        max_periods: largest number of forcing periods to follow while the motion does not repeat.
+        max_periods: largest number of forcing periods to follow.
         max_events: largest number of events in one forcing period.
-        tolerance: relative difference of the states after a repetition below which a motion is settled.
-        rest_rate: rate (phi' in units of nu) below which an impact ends in rest if the block can remain at
-            rest after it. The error is of the order of `rest_rate` squared.
+        tolerance: repetition error below which a motion is settled.
+        rest_rate: rate (phi' in units of nu) below which an impact can end in rest.
 
     Example:
         >>> import tpd
         >>> p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.05, f=0.3, xi=3.0)
         >>> linear, nonlinear = (tpd.steady_state(p, model=m) for m in (tpd.Piecewise(), tpd.Nonlinear()))
         >>> round(float(linear.amplitude), 4), round(float(nonlinear.amplitude), 4)
-        (0.0552, 0.0541)
+        (0.0552, 0.0554)
     """
 
     rtol: checks.Real = setting("rtol", checks.tolerance, 1e-10)
+    """Relative tolerance of a step."""
     max_periods: checks.Whole = setting("max_periods", checks.count, 400, 1, COMPILED_PERIODS)
+    """Largest number of forcing periods to follow while the motion does not repeat."""
     max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, COMPILED_PERIODS)
+    """Largest number of events in one forcing period."""
     tolerance: checks.Real = setting("tolerance", checks.tolerance, 1e-9)
+    """Repetition error, relative to the scale of the state, below which a motion is settled."""
     rest_rate: checks.Real = setting("rest_rate", checks.tolerance, 1e-4)
+    """Rate (phi' in units of nu) below which an impact ends in rest if the block can remain at rest after it.
+    The error is of the order of its square."""
 
     equations: ClassVar[Terms] = Terms.nonlinear
 
