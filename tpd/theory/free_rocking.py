@@ -149,7 +149,6 @@ def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
         >>> round(float(tpd.theory.equivalent_friction(p, 0.1)), 5)
         0.01425
     """
-    """
     check_parameters(p)
     amplitude = checks.not_negative("amplitude", amplitude, every=True)
     linear = Linear(p)

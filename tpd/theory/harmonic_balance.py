@@ -13,7 +13,6 @@ iteration. With the parametric term s f (1 + mu) nu phi sin(xi tau) of (12) and 
 
 and |F| = f is a quartic equation for Phi.
 """
-"""
 
 from __future__ import annotations
 
