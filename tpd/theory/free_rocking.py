@@ -191,7 +191,7 @@ def turning_tilts(
         >>> import tpd
         >>> tilts, _ = tpd.theory.turning_tilts(slenderness=0.2, friction=0.0, ratio=0.9, tilt=0.1, count=2)
         >>> [round(float(x), 4) for x in tilts]
-        [0.1, 0.0747, 0.0579]
+        [0.1, 0.0747, 0.0575]
     """
     checks.within("tilt", tilt, 0.0, slenderness - friction)
     down, up = slenderness - friction, slenderness + friction

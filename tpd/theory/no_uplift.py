@@ -129,7 +129,7 @@ def uplift(p: Parameters) -> Uplift:
         >>> p = tpd.Parameters(nu=0.25, mu=0.4, lam=0.8, zeta=0.0, k=0.05, f=0.377, xi=2.67)
         >>> lift = tpd.theory.uplift(p)
         >>> round(float(lift.margin), 3), round(float(lift.swing), 3)
-        (0.5, 0.1)
+        (0.307, 0.125)
     """
     check_parameters(p)
     # At rest the friction of rocking resists uplift to both sides, so that k is added to the capacity. The
