@@ -242,7 +242,7 @@ def simulate(
         >>> trajectory.ys.shape
         (3, 4)
         >>> [round(float(tilt), 4) for tilt in trajectory.ys[:, 0]]
-        [0.1, 0.0, 0.0]
+        [0.1, -0.026, -0.0983]
     """
     check_parameters(p)
     model = _default() if model is None else model

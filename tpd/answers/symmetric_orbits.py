@@ -129,7 +129,7 @@ def symmetric_orbits(p: Parameters) -> Orbits:
         >>> [tpd.status_name(status) for status in orbits.status]
         ['rocking', 'unstable', 'no_orbit']
         >>> [round(float(amplitude), 4) for amplitude in orbits.amplitude[:2]]
-        [0.0637, 0.03]
+        [0.0637, 0.0301]
     """
     check_parameters(p)
     x = row_of(p)

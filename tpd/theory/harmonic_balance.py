@@ -118,7 +118,7 @@ def one_harmonic_branches(p: Parameters) -> HarmonicBranches:
         >>> p = tpd.Parameters(nu=0.2, mu=0.0, lam=0.5, zeta=0.0, k=0.05, f=0.1, xi=2.0)
         >>> branches = tpd.theory.one_harmonic_branches(p)
         >>> [round(float(x), 4) for x in branches.amplitude], branches.exists.tolist()
-        ([0.0652, 0.0307], [True, True])
+        ([0.0664, 0.0355], [True, True])
     """
     check_parameters(p)
     balance = _balance(p)
@@ -162,7 +162,7 @@ def one_harmonic(p: Parameters) -> Harmonic1:
         >>> import tpd
         >>> p = tpd.Parameters(nu=0.2, mu=0.0, lam=0.5, zeta=0.0, k=0.05, f=0.1, xi=2.0)
         >>> round(float(tpd.theory.one_harmonic(p).amplitude), 4)
-        0.0652
+        0.0664
     """
     both = one_harmonic_branches(p)
     return Harmonic1(both.amplitude[..., 0], both.swing[..., 0], both.exists[..., 0])
@@ -201,7 +201,7 @@ def neglected_harmonics(p: Parameters) -> Neglected:
         >>> import tpd
         >>> p = tpd.Parameters(nu=0.2, mu=0.0, lam=0.5, zeta=0.0, k=0.05, f=0.1, xi=2.0)
         >>> round(float(tpd.theory.neglected_harmonics(p).correction[0]), 3)
-        -0.02
+        -0.033
     """
     check_parameters(p)
     balance, both = _balance(p), one_harmonic_branches(p)
@@ -242,7 +242,7 @@ def parametric_branches(p: Parameters) -> HarmonicBranches:
         >>> import tpd
         >>> p = tpd.Parameters(nu=0.2, mu=0.0, lam=0.5, zeta=0.0, k=0.05, f=0.1, xi=2.0)
         >>> [round(float(x), 4) for x in tpd.theory.parametric_branches(p).amplitude]
-        [0.0655, 0.0298]
+        [0.0666, 0.0354]
     """
     check_parameters(p)
     p = as_arrays(p)
