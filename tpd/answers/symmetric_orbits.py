@@ -126,10 +126,10 @@ def symmetric_orbits(p: Parameters) -> Orbits:
         >>> import tpd
         >>> p = tpd.Parameters(nu=0.2, mu=0.0, lam=0.5, zeta=0.1, k=0.05, f=0.1, xi=2.0)
         >>> orbits = tpd.symmetric_orbits(p)
-        >>> [tpd.status_name(status) for status in orbits.status]
-        ['rocking', 'unstable', 'no_orbit']
-        >>> [round(float(amplitude), 4) for amplitude in orbits.amplitude[:2]]
-        [0.0637, 0.0301]
+        >>> [round(float(amplitude), 4) for amplitude in orbits.amplitude]
+        [0.0637, 0.0301, nan]
+        >>> [round(float(abs(multipliers).max()), 2) for multipliers in orbits.multipliers[:2]]
+        [0.6, 2.0]
     """
     check_parameters(p)
     x = row_of(p)

@@ -77,9 +77,10 @@ class Smoothed(AbstractFlow):
     Example:
         >>> import tpd
         >>> p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.05, f=0.3, xi=3.0)
-        >>> steady = tpd.steady_state(p, model=tpd.Smoothed())
-        >>> tpd.status_name(steady.status), round(float(steady.amplitude), 4)
-        ('rocking', 0.0552)
+        >>> model = tpd.Smoothed(terms=tpd.Terms.parametric, sharpness=0.01)
+        >>> trajectory = tpd.simulate(p, [0.1, 0.0, 0.0, 0.0], [0.0, 1.0, 2.0], model=model)
+        >>> [round(float(tilt), 3) for tilt in trajectory.ys[:, 0]]
+        [0.1, -0.026, -0.098]
     """
 
     HUM = 10.0
