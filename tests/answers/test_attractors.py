@@ -29,7 +29,7 @@ def test_an_attractor_prints_on_one_line(without):
     rocking = next(a for a in without if a.status == "rocking")
     lost = next(a for a in without if a.status == "overturned")
     assert str(lost) == repr(lost) == f"overturned: {lost.share:.1%} of the starts"
-    kind = "symmetric, 1 period, amplitude 0.06372 rad, stroke"
+    kind = "symmetric, 1 period, amplitude 0.06372 rad, swing"
     assert str(rocking).startswith(f"rocking: {rocking.share:.1%} of the starts, {kind}")
 
 

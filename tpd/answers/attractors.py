@@ -106,7 +106,7 @@ def attractors(
     Example:
         >>> import tpd
         >>> p = tpd.Parameters(nu=0.2, mu=0.0, lam=0.5, zeta=0.1, k=0.05, f=0.1, xi=2.0)
-        >>> for motion in tpd.attractors(p, starts=tpd.Starts(16)):
+        >>> for motion in tpd.attractors(p, starts=tpd.Starts(size=16)):
         ...     print(motion.status, len(motion.starts))
         rest 10
         rocking 6

@@ -341,6 +341,7 @@ def _explained(search: _Search, grid: np.ndarray, depth: int) -> list[Bifurcatio
     results = []
     for gap in _gaps(along(search.axis, grid)):
         # All kinds are searched for, not only the causes of the gap: another bifurcation nearby costs little.
+        kinds = [kind for kind in Kind if kind is not Kind.unresolved]
         points = [b for kind in kinds if (b := _located(search, gap, kind)) is not None]
         results += points
         if any(b.kind in gap.causes for b in points):

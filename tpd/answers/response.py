@@ -252,7 +252,7 @@ def settled_response(
         >>> [str(status) for status in response.status]
         ['rocking', 'rocking', 'rocking']
         >>> [round(float(amplitude), 4) for amplitude in response.amplitude]
-        [0.0552, 0.0247, 0.0131]
+        [0.0552, 0.0324, 0.0212]
     """
     axis = Axis.of(subject, name, pendulum)
     listed = [values] if np.ndim(values) == 0 else values

@@ -129,7 +129,7 @@ def symmetric_orbits(p: Parameters) -> Orbits:
         >>> [round(float(amplitude), 4) for amplitude in orbits.amplitude]
         [0.0637, 0.0301, nan]
         >>> [round(float(abs(multipliers).max()), 2) for multipliers in orbits.multipliers[:2]]
-        [0.6, 2.0]
+        [0.62, 5.82]
     """
     check_parameters(p)
     x = row_of(p)

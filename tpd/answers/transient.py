@@ -139,7 +139,7 @@ def transient(
         >>> import tpd
         >>> block = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution=0.9595)
         >>> scene = tpd.Scene(block, tpd.Pulse.one_sine(frequency=1.2375, acceleration=3.0))
-        >>> result = tpd.transient(scene, tpd.Pendulum(mass=450.0, length=0.9, damping=0.1))
+        >>> result = tpd.transient(scene, tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1))
         >>> tpd.status_name(result.status), round(float(result.tilt), 4)
         ('rocked', 0.05)
     """

@@ -80,7 +80,7 @@ class Smoothed(AbstractFlow):
         >>> model = tpd.Smoothed(terms=tpd.Terms.parametric, sharpness=0.01)
         >>> trajectory = tpd.simulate(p, [0.1, 0.0, 0.0, 0.0], [0.0, 1.0, 2.0], model=model)
         >>> [round(float(tilt), 3) for tilt in trajectory.ys[:, 0]]
-        [0.1, -0.026, -0.098]
+        [0.1, -0.028, -0.1]
     """
 
     HUM = 10.0
