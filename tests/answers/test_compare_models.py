@@ -70,7 +70,7 @@ def test_models_without_impact_loss_have_nothing_to_say_of_a_block_with_it():
     [
         ((0.05, 0.4, "rocking"), ""),
         ((0.0, 0.4, "rest"), ""),
-        ((0.05, 0.6, "rocking"), "the stroke is 0.6 rad, above 0.5"),
+        ((0.05, 0.6, "rocking"), "the swing is 0.6 rad, above 0.5"),
         ((0.09, 0.4, "rocking"), "the block rocks 0.09 rad, and 0.08 without the pendulum"),
         ((np.inf, np.inf, "overturned"), "the motion ends overturned"),
     ],

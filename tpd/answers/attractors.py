@@ -108,8 +108,8 @@ def attractors(
         >>> p = tpd.Parameters(nu=0.2, mu=0.0, lam=0.5, zeta=0.1, k=0.05, f=0.1, xi=2.0)
         >>> for motion in tpd.attractors(p, starts=tpd.Starts(size=16)):
         ...     print(motion.status, len(motion.starts))
-        rest 10
-        rocking 6
+        rocking 9
+        rest 7
     """
     checks.require_x64()
     model = Piecewise() if model is None else model

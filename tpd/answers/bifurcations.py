@@ -259,7 +259,7 @@ def bifurcations(
         >>> from tpd.answers.bifurcations import bifurcations
         >>> p = tpd.Parameters(nu=0.2, mu=0.0, lam=0.5, zeta=0.1, k=0.05, f=0.1, xi=2.0)
         >>> [(b.kind.value, round(b.value, 3)) for b in bifurcations(p, "xi", 1.0, 1.5, samples=20)]
-        [('symmetry_breaking', 1.044)]
+        [('symmetry_breaking', 1.044), ('sticking', 1.237)]
     """
     checks.require_x64()
     axis = Axis.of(subject, name, pendulum)

@@ -112,7 +112,7 @@ def outcomes(
         >>> scene = tpd.paper_scene()
         >>> runs = tpd.outcomes(scene, ensemble=tpd.Ensemble(size=32))
         >>> runs.tilt.shape, round(runs.share_overturned.value, 2)
-        ((32,), 0.5)
+        ((32,), 0.47)
     """
     checks.require_x64()
     check_where(workers, cluster)

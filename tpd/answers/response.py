@@ -121,7 +121,7 @@ def branches(
         >>> response.sweep.branches
         2
         >>> [b.kind.value for b in response.bifurcations]
-        ['symmetry_breaking']
+        ['symmetry_breaking', 'sticking']
     """
     low, high = checks.interval("(low, high)", (low, high), -math.inf, math.inf)
     samples = checks.count("samples", samples, 8, 100_000)
