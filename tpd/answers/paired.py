@@ -414,7 +414,7 @@ def paired_runs(
         >>> pendulum = tpd.Pendulum(mass=2.0, length=0.1, damping_ratio=0.2)
         >>> pairs = tpd.paired_runs(tpd.paper_scene(), pendulum, ensemble=tpd.Ensemble(size=32))
         >>> pairs.pairs, pairs.only
-        (32, (0, 16))
+        (32, (6, 10))
     """
     if isinstance(subject, Scene):
         checks.instance("pendulum", pendulum, Pendulum)
