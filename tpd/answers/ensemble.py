@@ -109,10 +109,10 @@ def outcomes(
 
     Example:
         >>> import tpd
-        >>> scene = tpd.paper_scene()
-        >>> runs = tpd.outcomes(scene, ensemble=tpd.Ensemble(size=32))
-        >>> runs.tilt.shape, round(runs.share_overturned.value, 2)
-        ((32,), 0.47)
+        >>> p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.05, f=0.3, xi=3.0)
+        >>> runs = tpd.outcomes(p, ensemble=tpd.Ensemble(size=32))
+        >>> runs.share_overturned.value, round(runs.quantiles("settled_tilt")[0], 3)
+        (0.0, 0.055)
     """
     checks.require_x64()
     check_where(workers, cluster)

@@ -411,10 +411,11 @@ def paired_runs(
 
     Example:
         >>> import tpd
-        >>> pendulum = tpd.Pendulum(mass=2.0, length=0.1, damping_ratio=0.2)
-        >>> pairs = tpd.paired_runs(tpd.paper_scene(), pendulum, ensemble=tpd.Ensemble(size=32))
-        >>> pairs.pairs, pairs.only
-        (32, (6, 10))
+        >>> scene = tpd.paper_scene()
+        >>> pendulum = scene.pendulum(mass_ratio=0.4, length_ratio=0.8, damping_ratio=0.3)
+        >>> pairs = tpd.paired_runs(scene, pendulum, ensemble=tpd.Ensemble(size=32))
+        >>> pairs.pairs, pairs.with_pendulum.share_overturned.value, pairs.benefit.mean > 0.5
+        (32, 0.0, True)
     """
     if isinstance(subject, Scene):
         checks.instance("pendulum", pendulum, Pendulum)
