@@ -204,7 +204,8 @@ class Runs(Printed, Tabular):
         out.append(("at rest in the end", str(self.share_at_rest)))
         for name, angle in _QUANTILES.items():
             sizes = (
-                f"{v:.4f}".replace("nan", "unknown").replace("inf", "overturns") for v in self.quantiles(angle)
+                f"{v:.4f}".replace("nan", "unknown").replace("inf", "overturns")
+                for v in self.quantiles(angle)
             )
             out.append((f"{name}: 50, 90, 99 %", "  ".join(sizes)))
         return out
