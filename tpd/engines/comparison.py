@@ -121,9 +121,7 @@ class EngineVerdict(Printed):
         # The engine has the friction of rocking of the block, but impacts of its own.
         block: Any = self.scene.block
         friction = float(block.friction)
-        text = (
-            f"Velocity ratio of an impact: {self.restitution:.3f} in the engine (measured with free rocking)"
-        )
+        text = f"Velocity ratio of an impact: {self.restitution:.3f} in the engine (from free rocking)"
         if abs(e - self.restitution) <= MATCH:
             text += f", {e:.3f} for the block."
         else:
@@ -138,8 +136,8 @@ class EngineVerdict(Printed):
         if self.disagrees:
             word = "harms" if self.benefit < 0.0 else "helps"
             return (
-                f"DANGER: in {self.engine} the pendulum {word} (change of the mean tilt {-self.benefit:+.3f} of "
-                f"static overturning). With the equations (4) it does the opposite "
+                f"DANGER: in {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of the tilt "
+                f"of static overturning). With the equations (4) it does the opposite "
                 f"({-self.expected_benefit:+.3f})."
             )
         if self.step_matters:
