@@ -100,6 +100,31 @@ class Check(Printed):
             f"{'model':20}{'amplitude':>11}{'swing':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
         ]
         for r in self.models:
+            # A model without a result has NaN, which the table shows as a dash.
+            sizes = (
+                f"{'-':>{w}}" if math.isnan(x) else f"{x:{w}.6f}"
+                for x, w in ((r.amplitude, 11), (r.swing, 10))
+            )
+            times = f"{r.seconds * 1e3:7.2f} ms{r.first:7.1f} s"
+            lines.append(f"{r.name:20}{''.join(sizes)}  {r.status:13}{times}  {r.neglects}")
+        return "\n".join([*lines, _MEANING])
+
+    def __str__(self) -> str:
+        verdict = [f"objection: {x}" for x in self.objections] or ["no objection by the nonlinear equations"]
+        return "\n".join([self.table(), *verdict])
+
+
+def objections(self) -> tuple[str, ...]:
+        """Sentences that explain why the nonlinear equations do not confirm the design; empty if they do."""
+        return objections(self.top.amplitude, self.top.swing, self.top.status, self.limit, self.without)
+
+    def table(self) -> str:
+        """Return a table with one line for each model."""
+        lines = [
+            f"{'model':20}{'amplitude':>11}{'swing':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
+        ]
+        for r in self.models:
+            # A model without a result has NaN, which the table shows as a dash.
             sizes = (
                 f"{'-':>{w}}" if math.isnan(x) else f"{x:{w}.6f}"
                 for x, w in ((r.amplitude, 11), (r.swing, 10))
@@ -147,6 +172,7 @@ def check(
         1
     """
     checks.require_x64()
+    # The default, infinity, is no limit. It is not a valid value of the check below.
     if not (isinstance(swing_limit, float) and swing_limit == math.inf):
         swing_limit = checks.positive("swing_limit", swing_limit)
     models = MODELS if models is None else models
@@ -154,6 +180,7 @@ def check(
     for name in models:
         checks.one_of("models", name, MODELS)
     setup = Setup.of(subject, pendulum)
+    # Traced or batched parameters are rejected here, because the models are called one after the other.
     p, names = as_arrays(setup.at({})), [r for r in MODELS if r in models or r == TOP]
     results = []
     with shown(progress) as report:
@@ -162,11 +189,12 @@ def check(
             report("checking", i + 1, len(names))
     if not setup.has_pendulum:
         # The parameters then have a bob that is too light to act on the block. Its swing has no meaning.
-        answers = tuple(replace(r, swing=math.nan) for r in results)
-        return Check(models=answers, limit=math.inf, without=math.nan)
+        results = [replace(r, swing=math.nan) for r in results]
+        return Check(models=tuple(results), limit=math.inf, without=math.nan)
     return Check(
         models=tuple(results),
         limit=swing_limit,
+        # The nonlinear amplitude without the pendulum, for the objection that the pendulum makes it worse.
         without=nonlinear(parameters_without_pendulum(subject))[0],
     )
 
@@ -185,6 +213,7 @@ def objections(amplitude: float, swing: float, status: str, limit: float, withou
         without: settled tilt without the pendulum, rad.
     """
     by, out = "by the nonlinear equations", []
+    # A motion that does not settle has no sizes to compare.
     if status not in names_of(SETTLED):
         return (f"{by} the motion ends {status}",)
     if swing > limit:
@@ -204,9 +233,11 @@ def _timed(name: str, p: Parameters) -> Answer:
     """Return the result of one model. It is solved twice to separate the times of compilation and
     solution."""
     model = _MODELS[name]
+    # A model without impact loss has no result if impacts lose energy, and NaN takes its place.
     is_valid = model.impact_loss or float(p.velocity_ratio) == 1.0
     solve = model.solve if is_valid else lambda _: (math.nan, math.nan, "no impacts")
     begin = time.perf_counter()
+    # The first call includes compilation, the second does not.
     solve(p)
     middle = time.perf_counter()
     amplitude, swing, status = solve(p)
@@ -220,6 +251,7 @@ _one_harmonic = eqx.filter_jit(one_harmonic)
 
 def _at_rest(p: Parameters) -> _Sizes:
     lift = uplift(p)
+    # The closed form gives no amplitude of a block that lifts.
     amplitude, status = (0.0, "rest") if lift.margin >= 0.0 else (math.nan, "lifts")
     return amplitude, float(lift.swing), status
 
@@ -239,6 +271,7 @@ def _followed(model: AbstractModel, p: Parameters) -> _Sizes:
 
 def _sizes_of(settled: Settled | Steady) -> _Sizes:
     name = status_name(settled.status)
+    # The angles of an overturned block depend on when the motion was stopped.
     if settled.status == Status.overturned:
         return math.inf, math.inf, name
     return float(settled.amplitude), float(settled.swing), name
@@ -256,23 +289,23 @@ class _Model(NamedTuple):
 
 
 _MEANING = (
-    "Amplitude and swing are the largest tilt and bob angle (rad) of the motion that each model reaches "
-    "from rest; where they differ from those of the model nonlinear, what a model neglects matters."
+    "Amplitude and swing are the largest tilt and bob angle (rad) of the motion that each model reaches from "
+    "rest. If they differ from those of the nonlinear model, the terms that a model neglects are important."
 )
 TOP = "nonlinear"
 """Name of the model with which the others are compared."""
 _MODELS = {
-    "uplift": _Model("everything but the settled bob under a resting block", _at_rest),
+    "uplift": _Model("everything except the steady swing of the bob under a block at rest", _at_rest),
     "one harmonic": _Model("all harmonics but one", _balanced, impact_loss=False),
     "exact": _Model("terms of second order in the angles", partial(_followed, Piecewise())),
     "smoothed": _Model("terms of second order, and the sharpness of signs", partial(_followed, Smoothed())),
     "parametric": _Model(
-        "as smoothed, but for s f nu phi sin(xi tau)", partial(_followed, Smoothed(terms=Terms.parametric))
+        "as smoothed, except for s f nu phi sin(xi tau)", partial(_followed, Smoothed(terms=Terms.parametric))
     ),
     "smoothed nonlinear": _Model(
         "the sharpness of signs", partial(_followed, Smoothed(terms=Terms.nonlinear)), impact_loss=False
     ),
-    TOP: _Model("nothing of the paper's (4)", nonlinear),
+    TOP: _Model("nothing of equations (4)", nonlinear),
 }
 MODELS = tuple(_MODELS)
 """Names of all models, the fastest first."""

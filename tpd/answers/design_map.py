@@ -82,6 +82,7 @@ class DesignMap(Printed, Tabular):
     def counts(self) -> dict[str, int]:
         """Number of designs of each status, the most frequent status first."""
         names, counts = np.unique(self.status, return_counts=True)
+        # `np.unique` sorts the names, and a stable sort keeps this order where counts are equal.
         return {str(names[i]): int(counts[i]) for i in np.argsort(-counts, kind="stable")}
 
     def columns(self) -> dict[str, Any]:
@@ -167,6 +168,7 @@ def design_map(
     # All designs of the grid, row by row. Each field has the shape (ny nx,).
     across, up = np.meshgrid(xs, ys)
     vector = setup.vector({x_name: across.ravel(), y_name: up.ravel()})
+    # Parameters that do not vary are repeated for all designs.
     designs = from_row([jnp.broadcast_to(jnp.asarray(v), across.size) for v in vector])
     expected = "four numbers (phi, psi, phi', psi')"
     y0 = None if start is None else checks.array("start", start, (4,), expected)
@@ -193,6 +195,7 @@ def _answers(
     # The progress is that of the longer part: of the followed motions, if there are any.
     orbits = all_symmetric_orbits(designs, workers=workers, progress=progress if y0 is None else None)
     if y0 is None:
+        # Without an initial state no motion is followed.
         answer = _largest(orbits, still["margin"], still["swing"])
     else:
         options = {"workers": workers, "progress": progress}
@@ -207,6 +210,7 @@ def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.n
     name, values = axis[0], checks.increasing(f"values of {argument}", axis[1])
     setup.check_name(argument, name)
     for value in (values[0], values[-1]):
+        # All values between the first and the last have the same sign as these two.
         setup.check_sign(name, float(value))
     setup.check_plausible(name, values)
     return name, values
@@ -229,6 +233,7 @@ def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
 
 def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str, np.ndarray]:
     """Return the answers without an initial state: one of the orbits of each design, or rest."""
+    # Rest is one more candidate of each design. If a block at rest lifts, it is replaced by not_known.
     resting = np.where(margin > 0.0, code_of(Status.rest), code_of(Status.not_known))[:, None]
     codes = np.concatenate([code_of(orbits.status), resting], axis=1)
     amplitude = np.concatenate([orbits.amplitude, np.where(margin > 0.0, 0.0, np.nan)[:, None]], axis=1)
@@ -254,6 +259,7 @@ def _followed(
     settled = follow(Terms.linear, row_of(p), forcing, y0=np.tile(y0, (n, 1)), **options)
     codes = np.asarray(code_of(settled.status))
     overturned, rocking = codes == code_of(Status.overturned), code_of(Status.rocking)
+    # The angles of an overturned block depend on when the motion was stopped, and are set to infinity.
     amplitude = np.where(overturned, math.inf, np.asarray(settled.amplitude))
     swing = np.where(overturned, math.inf, np.asarray(settled.swing))
     # An undamped bob swings for ever, and its swing depends on how the block came to rest. A damped bob has

@@ -116,6 +116,7 @@ class Fragility(Cases):
         They have the numbers of motions with and without an answer, and the probability on the fitted curve.
         """
         curves = [curve for case in self.cases for curve in case.values()]
+        # The rows are in the order of cases, states and stripes.
         n = len(self.stripes)
         names = np.repeat(CASE_KEYS[: len(self.cases)], len(self.without_pendulum) * n)
         rows = {"case": names, "stripe": np.tile(self.stripes, len(curves))}
@@ -129,9 +130,11 @@ class Fragility(Cases):
         lines = [f"fragility over {self.intensity} ({self.unit}), {len(self.motions)} motions of {quakes}"]
         for name in self.without_pendulum:
             heads = f"{name}, {_LABELS[0]}:", f"{' ' * len(name)}  {_LABELS[1]}:"
+            # The second line of a state is indented by the length of its name, so that the cases are aligned.
             for head, case in zip(heads, self.cases, strict=False):
                 lines.append(f"  {head} {case[name]}")
         runs = len(self.motions) * len(self.stripes)
+        # The outcomes without an answer are the same for all states, so that one curve of each case suffices.
         if text := _listed([int(next(iter(c.values())).undecided.sum()) for c in self.cases], runs):
             lines.append(f"  without an answer, and not counted: {text}")
         if self.changed is not None and self.unanswered is not None:
@@ -214,8 +217,10 @@ def fragility(
     refuse_zeros(motions)
     names = tuple(getattr(m, "name", "") or f"motion {i + 1}" for i, m in enumerate(motions))
     # Every intensity measure is proportional to the motion.
+    # The factor that scales a motion to a stripe is therefore a quotient.
     factors = stripes / np.array([[measure.value(m)] for m in motions])
     cases, times = (None,) if pendulum is None else (None, pendulum), 2 if nonlinear else 1
+    # The tables need neither the swing nor the final state, so that the runs can end early.
     options: dict[str, Any] = {"gravity": gravity, "free": free, "brief": True}
     options |= {"workers": workers, "cluster": cluster}
 
@@ -228,6 +233,7 @@ def fragility(
     # 1 where a run reaches a damage state, 0 where it does not, NaN without an answer.
     reached = {n: exact.is_overturned if math.isinf(x) else exact.tilt > x * nu for n, x in states.items()}
     hits = {n: np.where(exact.is_unanswered, np.nan, hit) for n, hit in reached.items()}
+    # The runs have the axes cases, motions and stripes.
     curves = tuple(
         {name: _curve(name, hit[i], quakes, stripes) for name, hit in hits.items()} for i in range(len(cases))
     )
@@ -236,11 +242,13 @@ def fragility(
         nonlinear_runs = follow_scaled(
             block, cases, motions, factors, progress=shifted(1), equations=Terms.nonlinear, **options
         )
+        # Only runs that both equations answer can be compared.
         unknown = exact.is_unanswered | nonlinear_runs.is_unanswered
         differs = np.where(unknown, np.nan, exact.is_overturned ^ nonlinear_runs.is_overturned)
         answered = [x[np.isfinite(x)] for x in differs]
         changed = tuple(float(np.mean(x)) if len(x) else math.nan for x in answered)
         unanswered = tuple(int(x.sum()) for x in nonlinear_runs.is_unanswered)
+    # Motions of one earthquake are dependent, so that the test counts earthquakes.
     p_values = None
     if pendulum is not None:
         p_values = {name: mcnemar(hit[0], hit[1], quakes) for name, hit in hits.items()}
@@ -274,6 +282,7 @@ def _first_crossing(hit: np.ndarray, stripes: np.ndarray) -> float:
 
     NaN if the median depends on motions without an answer.
     """
+    # The two extremes: no unknown outcome reaches the state, and all do.
     medians = []
     for unknown in (0.0, 1.0):
         reaches = np.nan_to_num(hit, nan=unknown) == 1.0

@@ -153,6 +153,7 @@ class PairedRuns(Printed):
         return ~np.any([runs.is_unanswered for runs in self._cases], axis=0)
 
     @cached_property
+    # The harm counts all answered runs, but the benefit may be restricted to some of them.
     def _rows(self) -> np.ndarray:
         """Whether each run is counted and has an answer in both cases."""
         return self.known if self.counted is None else self.known & self.counted
@@ -175,6 +176,7 @@ class PairedRuns(Printed):
         """Relative reduction of the mean severity, with its 95 % interval; NaN without any pair."""
         rows = self._rows
         with_pendulum, without_pendulum = self.severity[:, rows]
+        # The severity is at most 1, so that the mean is finite although overturned runs have infinite tilts.
         return fall(with_pendulum, without_pendulum, self._clusters(rows), least=LEAST)
 
     @cached_property
@@ -184,6 +186,7 @@ class PairedRuns(Printed):
         NaN if no run overturns without the pendulum.
         """
         with_pendulum, without_pendulum = (runs.is_overturned[self._rows] for runs in self._cases)
+        # A relative reduction of zero overturned runs has no meaning.
         if not without_pendulum.any():
             return Interval(np.nan, np.nan, np.nan)
         return fall(with_pendulum, without_pendulum, self._clusters(self._rows))
@@ -216,11 +219,13 @@ class PairedRuns(Printed):
         rests = np.array([runs.is_at_rest[rows] for runs in self._cases], dtype=float)
 
         def mean(name: str, values: np.ndarray) -> Change:
+            # With a single earthquake the interval is infinite. JSON and tables show it as unknown.
             by = change(values[0], values[1], self._clusters(rows))
             low, high = (x if np.isfinite(x) else np.nan for x in (by.low, by.high))
             return Change(name, _of(np.mean, values[0]), _of(np.mean, values[1]), low, high)
 
         def single(name: str, size: Callable[[np.ndarray], Any]) -> Change:
+            # Median and worst severity have no simple interval of their difference.
             return Change(name, _of(size, pair[0]), _of(size, pair[1]), np.nan, np.nan)
 
         return (
@@ -243,9 +248,8 @@ class PairedRuns(Printed):
 
     def _only(self, rows: np.ndarray) -> tuple[int, int]:
         """Return these numbers for some of the runs."""
-        with_pendulum, without_pendulum = (runs.is_overturned[rows] for runs in self._cases)
-        only_with = int(np.sum(with_pendulum & ~without_pendulum))
-        return only_with, int(np.sum(without_pendulum & ~with_pendulum))
+        with_pendulum, without = (runs.is_overturned[rows] for runs in self._cases)
+        return int(np.sum(with_pendulum & ~without)), int(np.sum(without & ~with_pendulum))
 
     @cached_property
     def overturns_more(self) -> Overturned | None:
@@ -256,9 +260,12 @@ class PairedRuns(Printed):
         earthquakes. Under earthquakes each part is compared as well.
         """
         if self.cluster is None:
+            # Independent runs: only those with different outcomes count, see `chance_of`.
             worse, better = self.only
             is_harm = worse > better and chance_of(worse, better) < SIGNIFICANT
             return Overturned("", worse, better, int(self.known.sum())) if is_harm else None
+        # Under earthquakes the interval of the difference accounts for runs of the same earthquake. An
+        # increase in one part may be hidden in the sum, so that each part is tested as well.
         overturned = [runs.is_overturned.astype(float) for runs in self._cases]
         for label, rows in (("", self.known), *((part.label, part.rows) for part in self.parts)):
             if change(overturned[0][rows], overturned[1][rows], self._clusters(rows)).is_above:
@@ -278,6 +285,8 @@ class PairedRuns(Printed):
             selections += [(label_of_ramp(ramp), self.with_pendulum.ramp == ramp) for ramp in ramps]
         # A part is worse if its pairs show at 5 % that the mean increases by more than the allowed share. One
         # chaotic run alone cannot show this.
+        # The term with `LEAST` is the allowance where the block is nearly at rest without the pendulum.
+        # `least` is the smallest possible value of the excess: severity 0 with the pendulum and 1 without it.
         excess = self.severity[0] - (1.0 + self.worse) * self.severity[1] - LEAST * self.worse
         least = -1.0 - self.worse * (1.0 + LEAST)
         parts = list[Part]()
@@ -296,11 +305,10 @@ class PairedRuns(Printed):
     @property
     def rests_less(self) -> bool:
         """Whether significantly fewer runs come to rest with the pendulum, by more than the share `FEWER`."""
-        with_pendulum, without_pendulum = (runs.is_at_rest[self.known].astype(float) for runs in self._cases)
-        fewer = int(np.sum(without_pendulum > with_pendulum))
-        more = int(np.sum(with_pendulum > without_pendulum))
+        with_pendulum, without = (runs.is_at_rest[self.known].astype(float) for runs in self._cases)
+        fewer, more = int(np.sum(without > with_pendulum)), int(np.sum(with_pendulum > without))
         # Two tests: the reduction exceeds the tolerance, and McNemar's test is significant.
-        is_above_tolerance = is_positive((1.0 - FEWER) * without_pendulum - with_pendulum)
+        is_above_tolerance = is_positive((1.0 - FEWER) * without - with_pendulum)
         return is_above_tolerance and chance_of(fewer, more) < SIGNIFICANT
 
     @property
@@ -309,6 +317,7 @@ class PairedRuns(Printed):
 
         The tuple is empty if all runs have an answer.
         """
+        # The true outcome lies between these two extremes. A verdict is certain if it holds for both.
         if self.known.all():
             return ()
         return tuple(
@@ -325,6 +334,7 @@ class PairedRuns(Printed):
         """Text with the benefit and its interval, such as "33 % less tilt (95 % interval 29 to 37 %)"."""
         if np.isnan(self.benefit.mean):
             return "benefit unknown"
+        # A negative benefit is an increase, which the text calls "more tilt".
         less, size, around = self.benefit.fall_in_words()
         return f"{size} {'less' if less else 'more'} tilt{around}"
 
@@ -367,6 +377,7 @@ class PairedRuns(Printed):
         """Return shares and quantiles of both cases as a table."""
         cases = self._cases
         lines = [f"{cases[0].equations.value + ' equations':36}{'with pendulum':>26}{'without':>26}"]
+        # Without a pendulum the angle of the bob has no meaning, so that its column is empty.
         for (name, first), (_, second) in zip(*(o.rows() for o in cases), strict=True):
             lines.append(f"{name:36}{first:>26}{'' if name.startswith('bob') else second:>26}".rstrip())
         if self.undecided:
@@ -418,6 +429,7 @@ def paired_runs(
         (32, 0.0, True)
     """
     if isinstance(subject, Scene):
+        # A scene needs a pendulum. Dimensionless parameters contain one, which must have a mass.
         checks.instance("pendulum", pendulum, Pendulum)
     elif isinstance(subject, Parameters):
         checks.positive("mu", subject.mu)

@@ -71,6 +71,7 @@ class Branches(Printed, Tabular):
         """Columns of a table with a row for each orbit: branch, value, status, and angles in rad."""
         s = self.sweep
         at = [np.array(s.line(i)) for i in range(s.branches)]
+        # Each branch has its own rows and columns; the table lists one branch after the other.
         branch = np.repeat(np.arange(len(at)), [places.shape[1] for places in at])
         i, j = np.concatenate([np.zeros((2, 0), int), *at], axis=1)
         sizes = {f"{n}_rad": getattr(s, n)[i, j] for n in ("amplitude", "swing", "phase")}
@@ -127,11 +128,13 @@ def branches(
     samples = checks.count("samples", samples, 8, 100_000)
     points = tuple(bifurcations(subject, name, low, high, samples=samples, pendulum=pendulum))
     axis = Axis.of(subject, name, pendulum)
+    # Additional values on both sides of each bifurcation, at fractions of the step of the sweep.
     near = (high - low) / (samples - 1) * np.concatenate([-_TOWARDS, _TOWARDS])
     # Far from a bifurcation the branches are smooth, and equal steps are sufficient.
     beside = [b.value + near for b in points]
     grid = np.unique(np.concatenate([np.linspace(low, high, samples), *beside]))
     grid = grid[(grid >= low) & (grid <= high)]
+    # The closed form of the block at rest, at all values at once.
     still = uplift(from_row(list(jnp.asarray(axis.at(grid).T))))
     return Branches(
         sweep=along(axis, grid),
@@ -151,6 +154,7 @@ def frequencies(own: float, low: float, high: float, count: int) -> np.ndarray:
     near = own * (1.0 + _STEP * np.arange(-_STEPS, _STEPS + 1))
     near = near[(near >= low) & (near <= high)]
     coarse = np.linspace(low, high, count)
+    # Values of the coarse grid inside the fine one are removed.
     coarse = coarse[np.abs(coarse / own - 1.0) > _STEP * (_STEPS + 0.5)]
     return np.unique(np.concatenate([coarse, near]))
 
@@ -187,6 +191,7 @@ class Response(Printed, Tabular):
 
     def share_overturned(self, low: float, high: float) -> Share:
         """Return the share of the runs from rest between two frequencies in which the block overturns."""
+        # Without runs the share is unknown, see `Share.of`.
         value, overturned = np.zeros((2, 0)) if self.runs is None else self.runs
         inside = (value >= low) & (value <= high) & np.isfinite(overturned)
         return Share.of(overturned[inside] == 1.0)
@@ -204,6 +209,7 @@ class Response(Printed, Tabular):
         """Return the part of this response from the value `low` to the value `high`, with all runs."""
         close = (self.frequency >= low) & (self.frequency <= high)
         names = ("frequency", "amplitude", "swing", "status")
+        # The runs are kept, because those near the ends belong to values inside the range.
         return replace(self, **{n: getattr(self, n)[close] for n in names})
 
     def columns(self) -> dict[str, Any]:
@@ -272,6 +278,7 @@ def settled_response(
         swing=swing,
         status=status,
         name=axis.name,
+        # Only responses over the frequency have runs near each value.
         runs=_runs_near(axis, line) if axis.name in ("frequency", "xi") else None,
     )
 

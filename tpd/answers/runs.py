@@ -152,6 +152,7 @@ class Runs(Printed, Tabular):
 
     def share_by_ramp(self) -> dict[float, Share]:
         """Return the share of overturned runs for each duration over which the excitation grows."""
+        # Runs with the same duration of growth form one group.
         answered = ~self.is_unanswered
         return {
             float(r): Share.of(self.is_overturned[answered & (self.ramp == r)]) for r in np.unique(self.ramp)
@@ -165,6 +166,7 @@ class Runs(Printed, Tabular):
         """
         # Overturned runs have infinite angles, so that they come last in the order.
         values = np.sort(getattr(self, angle)[~self.is_unanswered])
+        # Without answered runs nothing is known of the quantiles.
         if not len(values):
             return (math.nan,) * len(at)
         return tuple(float(values[min(len(values) - 1, math.ceil(q * len(values)) - 1)]) for q in at)
@@ -172,6 +174,7 @@ class Runs(Printed, Tabular):
     def ended(self, overturns: bool) -> Runs:
         """Return the runs with an outcome for each run without an answer: overturned, or at rest."""
         size, status = (math.inf, Status.overturned) if overturns else (0.0, Status.rest)
+        # Angles, and with them the severity, follow from the outcome. Answered runs keep their values.
         ends = dict.fromkeys(ANGLES, size) | {"outcome": code_of(status)}
         return replace(
             self, **{name: np.where(self.is_unanswered, x, getattr(self, name)) for name, x in ends.items()}
@@ -179,6 +182,7 @@ class Runs(Printed, Tabular):
 
     def reshape(self, *shape: int) -> Runs:
         """Return the runs as arrays of another shape."""
+        # Every field except equations and seed has an element for each run.
         arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("equations", "seed")}
         return replace(self, **{name: x.reshape(shape) for name, x in arrays.items()})
 
@@ -201,12 +205,11 @@ class Runs(Printed, Tabular):
         """Return the rows of a table: a label, and a share or quantiles as text."""
         out = [("overturned", str(self.share_overturned))]
         out += [(f"  {label_of_ramp(r)}", f"{x.value:.1%}") for r, x in self.share_by_ramp().items()]
+        # Labels and order are those of the tables in the report.
         out.append(("at rest in the end", str(self.share_at_rest)))
         for name, angle in _QUANTILES.items():
-            sizes = (
-                f"{v:.4f}".replace("nan", "unknown").replace("inf", "overturns")
-                for v in self.quantiles(angle)
-            )
+            values = self.quantiles(angle)
+            sizes = (f"{v:.4f}".replace("nan", "unknown").replace("inf", "overturns") for v in values)
             out.append((f"{name}: 50, 90, 99 %", "  ".join(sizes)))
         return out
 
@@ -271,11 +274,13 @@ def follow_runs(
     """
     check_where(workers, cluster, progress)
     n, ground = len(rows), isinstance(forcing, GroundForcing)
+    # The fields of the forcing with one value for each run, of the two kinds of forcing.
     own = {name: getattr(forcing, name) for name in (("free", "which") if ground else ("begin", "ramp"))}
     # Inputs that differ between runs are divided among the chunks of a cluster. The others are sent once.
     batch = {name: np.broadcast_to(x, n) for name, x in own.items()}
     batch |= {"rows": rows, "y0": np.zeros((n, 4)) if y0 is None else y0}
     limits = {"events": events, "rtol": rtol, "brief": brief}
+    # `_results` puts these fields back, so that they are replaced by zero in the shared forcing.
     shared = equations, forcing._replace(**dict.fromkeys(own, 0)), limits
     if cluster is None:
         results = _results(batch, *shared, workers, progress)
@@ -286,6 +291,7 @@ def follow_runs(
             chunk = int(np.clip(_PIECES // max(map(len, forcing.records)), 128, 16_384))
         results = cluster.map("runs", _results, batch, shared, chunk=chunk, progress=progress)
     inputs = {"condition": np.broadcast_to(condition, n), "ramp": np.broadcast_to(ramp, n)}
+    # Slenderness and pendulum may scatter, so that the table records them for each run.
     design = {"nu": rows[:, NU], "mu": rows[:, MU], "lam": rows[:, LAM]}
     return Runs(equations=equations, seed=seed, **inputs, **design, **results)
 
@@ -307,15 +313,19 @@ def _results(
     settings = {"y0": batch["y0"], "workers": workers, "progress": progress}
     motions = runs.follow(equations, batch["rows"], forcing, **settings, **limits)
     if isinstance(motions, Settled):
+        # `amplitude` and `swing` are those of the settled motion; `peak` and `peak_swing` include the
+        # transient.
         tilt, settled, swing, settled_swing = map(
             np.asarray, (motions.peak, motions.amplitude, motions.peak_swing, motions.swing)
         )
+        # The rod angle is not recorded under a harmonic. The sum of tilt and swing is an upper bound of it.
         sizes = tilt, settled, swing, settled_swing, swing + tilt, settled_swing + settled
         outcome, impacts = np.asarray(code_of(motions.status)), np.full(len(tilt), np.nan)
     else:
         # A run under a ground motion has no steady state. Its largest angles take the place of the settled.
         sizes = (motions.tilt,) * 2 + (motions.swing,) * 2 + (motions.relative,) * 2
         outcome, impacts = _SHAKEN[motions.status.astype(int)], motions.impacts
+    # Overturned runs have infinite angles, and runs without an answer have NaN, see `Runs`.
     overturned, unanswered = outcome == code_of(Status.overturned), is_one_of(outcome, *UNANSWERED)
 
     def answered(x: np.ndarray) -> np.ndarray:
@@ -374,9 +384,11 @@ def follow_scaled(
     free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     # The runs of one record are neighbours, so that its samples stay in the cache of the processor.
     which = np.repeat(np.arange(len(motions)), factors[0].size)
+    # One row for each pendulum, motion and factor. A factor multiplies the amplitude F of the row.
     x = np.concatenate([rows_of(block, pendulum, motions, gravity)[which] for pendulum in pendulums])
     x[:, F] *= np.tile(factors.ravel(), len(pendulums))
     records = [np.asarray(m.pieces(), dtype=float) for m in motions]
+    # Compiled code has dimensionless times, hence the rate of the block.
     late = free * single(Scene(block, motions[0], gravity).rate)
     forcing = GroundForcing(records, late, np.tile(which, len(pendulums)))
     table = follow_runs(equations, x, forcing, brief=brief, condition=forcing.which, **how)

@@ -55,6 +55,7 @@ class OverturningSpectrum(Cases):
 
         NaN if no cell has an answer.
         """
+        # Cells without an answer are neither safe nor overturned.
         answered = [c[c != UNDECIDED] for c in self.cases]
         return np.array([np.mean(c < OVERTURNS) if c.size else np.nan for c in answered])
 
@@ -113,6 +114,7 @@ def overturning_spectrum(
     w = _vector("frequency_ratios", frequency_ratios, np.linspace(0.5, 10.0, 120))
     a = _vector("acceleration_ratios", acceleration_ratios, np.linspace(0.5, 10.0, 120))
     scene = Scene(block, pulse, gravity)
+    # Both ratios are relative to the block: to its rate, and to the acceleration g tan alpha.
     rate, unit = single((scene.rate, scene.gravity * block.slenderness))
     # One pulse of unit size for each frequency. The sizes are factors on it.
     motions = [replace(pulse, frequency=float(x) * rate / (2.0 * np.pi), acceleration=1.0) for x in w]
@@ -120,6 +122,7 @@ def overturning_spectrum(
     cases = (None,) if pendulum is None else (None, pendulum)
     options = {"cluster": cluster, "progress": progress}
     runs = follow_scaled(block, cases, motions, factors, gravity=gravity, free=free, brief=True, **options)
+    # The number of impacts distinguishes the modes of overturning.
     outcomes = np.where(runs.is_overturned, OVERTURNS + runs.impacts, np.where(runs.is_lifted, ROCKS, STANDS))
     # The axes of the runs are cases, frequencies and accelerations.
     cells = np.where(runs.is_unanswered, UNDECIDED, outcomes).astype(int).swapaxes(1, 2)
@@ -195,19 +198,22 @@ def rocking_spectrum(
     free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     scene = Scene(block, motion, gravity)
     pendulum = None
+    # The ratios are converted with the size of the given block. They are the same for every other size.
     if mass_ratio is not None:
         pendulum = scene.pendulum(
             mass_ratio=mass_ratio, length_ratio=length_ratio, damping_ratio=damping_ratio
         )
     # Each period belongs to another size of the block, and all sizes have the same dimensionless parameters.
     rates = 2.0 * np.pi / times
-    cases = (None,) if pendulum is None else (None, pendulum)
+    cases = [None] if pendulum is None else [None, pendulum]
     rows = [rows_of(block, case, [motion], gravity) for case in cases]
     x = np.repeat(np.concatenate(rows), times.size, axis=0)
     # Only the dimensionless duration of a piece depends on the size.
     x[:, 6] = float(motion.piece) * np.tile(rates, len(rows))
+    # The free time is given in seconds, but compiled code needs it in dimensionless time.
     late = free * np.tile(rates, len(rows))
     pieces = np.asarray(motion.pieces(), dtype=float)
     forcing = GroundForcing([pieces], late)
     runs = follow_runs(Terms.linear, x, forcing, brief=True, cluster=cluster, progress=progress)
+    # The slenderness is the same for all sizes.
     return RockingSpectrum(times, runs.tilt.reshape(len(rows), -1) / float(block.slenderness))

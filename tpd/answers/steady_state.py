@@ -464,7 +464,7 @@ def _evaluate(p: Parameters, model: AbstractFlow, reached: Settled) -> tuple[_An
     status = jnp.where(sound, status, code_of(Status.failed))
     # If friction holds a tilted block, it also holds the block at neighbouring tilts: the multiplier is 1.
     multiplier = jnp.where(status == code_of(Status.held), 1.0, multiplier)
-    sizes, slopes = _sizes_and_slopes(p, reached, orbit, status, multiplier)
+    sizes, slopes = _sizes_of(p, reached, orbit, status, multiplier)
     periodic = is_one_of(status, *SETTLED, Status.unstable, Status.neutral)
     lyapunov = jnp.where(periodic, jnp.log(multiplier) / (reached.periods * p.period), jnp.nan)
     # The mirror image is half a period later, which is a whole number of half forcing periods only if the
@@ -476,9 +476,7 @@ def _evaluate(p: Parameters, model: AbstractFlow, reached: Settled) -> tuple[_An
     return _Answer(sizes[0], sizes[1], *rest), slopes
 
 
-def _sizes_and_slopes(
-    p: Any, reached: Settled, orbit: Orbit, status: Any, multiplier: Any
-) -> tuple[Any, Any]:
+def _sizes_of(p: Any, reached: Settled, orbit: Orbit, status: Any, multiplier: Any) -> tuple[Any, Any]:
     """Return (amplitude, swing), and the slopes of these and of the state where they exist."""
     rests = status == code_of(Status.rest)
     # An undamped bob under a block at rest swings for ever and is on no orbit, but its swing is known.

@@ -134,6 +134,7 @@ def symmetric_orbits(p: Parameters) -> Orbits:
     check_parameters(p)
     x = row_of(p)
     if x.size > 9:
+        # A batch is an error here, because its orbits need the loop over several cores below.
         raise ValueError("`p` must be single numbers: `jax.vmap` and `all_symmetric_orbits` take batches")
     x = x.reshape(9)
     # Known numbers have no derivatives. JAX would take longer to prepare derivatives than the solution takes.
@@ -159,6 +160,7 @@ def all_symmetric_orbits(
     """
     checks.require_x64()
     orbits = solve_orbits(row_of(p), workers=workers, progress=progress)
+    # The compiled code returns a structured array. As plain numbers it has one more axis.
     return _orbits(_fields(orbits.view(float).reshape(*orbits.shape, -1)))
 
 
@@ -169,6 +171,7 @@ _UNKNOWN = ("multipliers", "sticking", "grazing")
 def _fields(numbers: Any) -> dict[str, Any]:
     """Return the fields of `Orbits` and `Margins` by name, from the numbers of orbits (..., 3, numbers)."""
     orbits = parts(numbers, ENGINE.entry().ORBIT)
+    # Compiled code has its own numbers of statuses, which are indices of `index`.
     index, codes = codes_of(STATUSES), orbits.status.astype(int)
     return {name: orbits.sizes[..., place] for name, place in SIZES.items()} | {
         "multipliers": orbits.multipliers[..., 0] + 1j * orbits.multipliers[..., 1],
@@ -193,23 +196,28 @@ def _numbers_and_fields_jvp(primals: tuple, tangents: tuple) -> tuple[Any, Any]:
     moves = {}
     # The slopes are divided into groups, because XLA omits the groups that a program does not use.
     for group, names in ASKED.items():
+        # The tangent of each size is the product of its slopes with the direction.
         change = moved(_SLOPES[group](x, numbers).swapaxes(-1, -2), direction, x)
         moves |= {name: change[:, SIZES[name]] for name in names}
+    # Fields without known derivatives get NaN, unless the direction is zero.
     unknown = moved(np.full(len(x), np.nan), direction, x)
     for name in _UNKNOWN:
         moves[name] = jnp.broadcast_to(unknown, fields[name].shape)
+    # A complex number has two unknown parts.
     moves["multipliers"] = (1.0 + 1.0j) * moves["multipliers"]
     for name in ("status", "overflow"):
+        # JAX requires tangents of this type for integers and booleans.
         moves[name] = np.zeros(fields[name].shape, jax.dtypes.float0)
+    # The numbers themselves are not differentiated, see `_numbers_and_fields`.
     return (numbers, fields), (jnp.zeros_like(numbers), {name: moves[name] for name in fields})
 
 
+# The derivatives of the slopes are NaN, because second derivatives are not computed.
 _SLOPES = {group: once(partial(slopes, asked=group)) for group in ASKED}
 
 
 def _orbits(fields: dict[str, Any]) -> Orbits:
-    names = ("fold", "symmetry", "torus", "sticking", "grazing")
-    margins = Margins(**{name: fields[name] for name in names})
-    status = status_of(fields["status"])
+    margins = Margins(**{n: fields[n] for n in ("fold", "symmetry", "torus", "sticking", "grazing")})
     names = ("amplitude", "swing", "state", "phase", "crossing", "multipliers", "overflow")
-    return Orbits(status=status, margins=margins, **{name: fields[name] for name in names})
+    fields = {name: fields[name] for name in names} | {"status": status_of(fields["status"])}
+    return Orbits(margins=margins, **fields)

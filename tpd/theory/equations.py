@@ -219,7 +219,7 @@ def smoothed_rates(
 
 
 def _smoothed_rates(
-    equations: Linear | Equations,
+    field: Linear | Equations,
     p: Parameters,
     decay: Number,
     tilt_width: Number,
@@ -232,5 +232,4 @@ def _smoothed_rates(
     step, drag = jnp.tanh(y[0] / tilt_width), jnp.tanh(y[2] / rate_width)
     # The loss is an impulse on the rates. It is added after the mass matrix has been inverted.
     loss = decay * (y[2] * jnp.abs(y[2]) * (1.0 - step**2))
-    rates = equations.rates(y, step, drag, jnp.sin(p.xi * tau))
-    return rates + jnp.concatenate([jnp.zeros_like(loss), loss])
+    return field.rates(y, step, drag, jnp.sin(p.xi * tau)) + jnp.concatenate([jnp.zeros_like(loss), loss])

@@ -257,8 +257,7 @@ def parametric_branches(p: Parameters) -> HarmonicBranches:
     exists, phi = _two_largest(quartic)
     real, imag, scale = (jnp.polyval(q, phi) for q in polynomials)
     balance = _Balance(*(jnp.asarray(x)[None] for x in balance))
-    forcing = (real + 1j * imag) / jnp.where(scale == 0, 1.0, scale)
-    return _branches_of(balance, phi, forcing, exists)
+    return _branches_of(balance, phi, (real + 1j * imag) / jnp.where(scale == 0, 1.0, scale), exists)
 
 
 def _forcing_polynomials(balance: _Balance, pull: Number) -> tuple[Array, Array, Array]:
