@@ -114,30 +114,6 @@ class Check(Printed):
         return "\n".join([self.table(), *verdict])
 
 
-def objections(self) -> tuple[str, ...]:
-        """Sentences that explain why the nonlinear equations do not confirm the design; empty if they do."""
-        return objections(self.top.amplitude, self.top.swing, self.top.status, self.limit, self.without)
-
-    def table(self) -> str:
-        """Return a table with one line for each model."""
-        lines = [
-            f"{'model':20}{'amplitude':>11}{'swing':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
-        ]
-        for r in self.models:
-            # A model without a result has NaN, which the table shows as a dash.
-            sizes = (
-                f"{'-':>{w}}" if math.isnan(x) else f"{x:{w}.6f}"
-                for x, w in ((r.amplitude, 11), (r.swing, 10))
-            )
-            times = f"{r.seconds * 1e3:7.2f} ms{r.first:7.1f} s"
-            lines.append(f"{r.name:20}{''.join(sizes)}  {r.status:13}{times}  {r.neglects}")
-        return "\n".join([*lines, _MEANING])
-
-    def __str__(self) -> str:
-        verdict = [f"objection: {x}" for x in self.objections] or ["no objection by the nonlinear equations"]
-        return "\n".join([self.table(), *verdict])
-
-
 def check(
     subject: Parameters | Scene,
     pendulum: Pendulum | None = None,
@@ -182,17 +158,16 @@ def check(
     setup = Setup.of(subject, pendulum)
     # Traced or batched parameters are rejected here, because the models are called one after the other.
     p, names = as_arrays(setup.at({})), [r for r in MODELS if r in models or r == TOP]
-    results = []
+    rows = []
     with shown(progress) as report:
         for i, name in enumerate(names):
-            results.append(_timed(name, p))
+            rows.append(_timed(name, p))
             report("checking", i + 1, len(names))
     if not setup.has_pendulum:
         # The parameters then have a bob that is too light to act on the block. Its swing has no meaning.
-        results = [replace(r, swing=math.nan) for r in results]
-        return Check(models=tuple(results), limit=math.inf, without=math.nan)
+        return Check(models=tuple(replace(r, swing=math.nan) for r in rows), limit=math.inf, without=math.nan)
     return Check(
-        models=tuple(results),
+        models=tuple(rows),
         limit=swing_limit,
         # The nonlinear amplitude without the pendulum, for the objection that the pendulum makes it worse.
         without=nonlinear(parameters_without_pendulum(subject))[0],
