@@ -70,6 +70,7 @@ class Attractor(Printed):
 
     def __str__(self) -> str:
         share = f"{self.status.replace('_', ' ')}: {self.share:.1%} of the starts"
+        # Only moving blocks have a symmetry, a period and sizes worth printing.
         if not is_one_of(self.steady.status, *MOVING):
             return share
         kind = f"{'symmetric' if self.symmetric else 'asymmetric'}, {counted_periods(self.periods)}"
@@ -119,6 +120,7 @@ def attractors(
     fixed = as_arrays(parameters_of(subject, pendulum))
     y0 = starts.states(float(fixed.nu))
     with shown_count(progress, "following") as report:
+        # All initial states are followed at once, without Newton's method.
         forcing, limits = HarmonicForcing(model.max_periods), {**model.accuracy, "tolerance": model.tolerance}
         settled = follow(Terms.linear, row_of(fixed), forcing, y0=y0, progress=report, **limits)
     # A bob without mass (mu = 0) does not act on the block. Its swing, which may still be decaying, must not
@@ -132,6 +134,7 @@ def attractors(
             s = _solved(fixed, jnp.asarray(y0[starts_of[0]]), model)
             kind = status_name(s.status), int(s.periods), bool(s.symmetric)
             new = Attractor(*kind, len(starts_of) / len(y0), tuple(starts_of), s)
+            # The motion may be known already, because a group that is too fine divides one motion.
             at = next((i for i, other in enumerate(motions) if _is_same(other, new, felt)), None)
             if at is None:
                 motions.append(new)
@@ -143,6 +146,7 @@ def attractors(
 
 def _is_same(a: Attractor, b: Attractor, felt: bool) -> bool:
     """Whether two motions are the same, or have the same status whose motions are not compared."""
+    # Motions that do not repeat are grouped by their status only.
     if a.status != b.status or not is_one_of(a.steady.status, *_DIVIDED):
         return a.status == b.status
     x, y = (np.array([m.steady.amplitude, m.steady.swing]) for m in (a, b))
@@ -165,6 +169,7 @@ def _groups(settled: Settled, felt: bool) -> list[tuple[int, list[int]]]:
     groups: list[tuple[int, list[int]]] = []
     for i, code in enumerate(codes.tolist()):
         for other, group in groups:
+            # Each group is represented by its first member.
             j = group[0]
             alike = other == code and periods[i] == periods[j]
             if alike and (not is_one_of(code, *MOVING) or _agree(sizes[i], sizes[j], _CLOSE, felt)):

@@ -103,6 +103,7 @@ def along(axis: Axis, grid: np.ndarray) -> Sweep:
     det(I - G) has the same sign. A branch therefore never continues through a fold.
     """
     orbits, names = orbits_at(axis, grid)
+    # Half a period is h = pi/xi, so that the first coordinate is the crossing time as a share of it.
     shares = orbits.crossing * axis.at(grid)[:, [XI]] / np.pi
     place = np.stack([shares, orbits.phase, np.log(orbits.amplitude)], axis=-1)
     same = ("amplitude", "swing", "phase", "crossing", "multipliers", "overflow")
@@ -123,9 +124,11 @@ def _joined(grid: np.ndarray, place: np.ndarray, side: np.ndarray) -> np.ndarray
     # The place in the next row is extrapolated, so that two branches that cross are not exchanged.
     labels, slope, count = np.full(side.shape, -1), np.zeros_like(place), 0
     for i in range(len(grid)):
+        # Orbits with a neighbour in the previous row continue its branch.
         for new, old in _joints(i, grid, place, slope, side) if i else []:
             labels[i, new] = labels[i - 1, old]
             slope[i, new] = wrapped(place[i, new] - place[i - 1, old]) / (grid[i] - grid[i - 1])
+        # All other orbits begin a new branch.
         for new in np.nonzero(~np.isnan(place[i, :, 0]) & (labels[i] < 0))[0]:
             labels[i, new], count = count, count + 1
     return labels
@@ -140,6 +143,7 @@ def _joints(
     extrapolation from the previous rows.
     """
     ahead = place[i - 1] + slope[i - 1] * (grid[i] - grid[i - 1])
+    # The prediction may be wrong next to the beginning of a branch, so that the smaller distance counts.
     apart = np.minimum(_distances(place[i], ahead), _distances(place[i], place[i - 1]))
     allowed = (apart < _APART) & (side[i][:, None] == side[i - 1])
 
@@ -153,6 +157,7 @@ def _joints(
 
 def wrapped(difference: np.ndarray) -> np.ndarray:
     """Return a difference of two places with its phase (the second entry) in [-pi, pi)."""
+    # A phase of almost pi and one of almost -pi are close to each other.
     phase = np.mod(difference[..., 1] + np.pi, 2.0 * np.pi) - np.pi
     return np.concatenate([difference[..., :1], phase[..., None], difference[..., 2:]], axis=-1)
 
@@ -269,6 +274,7 @@ def bifurcations(
     search = _Search(axis, low, high, (high - low) / (samples - 1))
     candidates = _distinct(_explained(search, np.linspace(low, high, samples), _DEPTH))
     inside = (b for b in candidates if low <= b.value <= high)
+    # A fold may be located outside the range, see `_Search.window`. Such bifurcations are not reported.
     return sorted((_confirmed(search, b) for b in inside), key=lambda b: b.value)
 
 
@@ -323,6 +329,7 @@ def _gaps(s: Sweep) -> Iterator[_Gap]:
     """Yield the gaps of a sweep, from every orbit to its neighbours on both sides."""
     margin = np.asarray(s.margins.symmetry)
     for i, j in zip(*np.nonzero(s.branch >= 0), strict=True):
+        # The rows next to row i, of which there is only one at the ends of the sweep.
         for to in {max(i - 1, 0), min(i + 1, len(s.value) - 1)} - {i}:
             neighbours = np.nonzero(s.branch[to] == s.branch[i, j])[0]
             lost = len(neighbours) == 0
@@ -346,6 +353,7 @@ def _explained(search: _Search, grid: np.ndarray, depth: int) -> list[Bifurcatio
         results += points
         if any(b.kind in gap.causes for b in points):
             continue
+        # Without an explanation the gap is swept again with smaller steps.
         finer = np.linspace(min(gap.value, gap.other), max(gap.value, gap.other), _FINER + 1)
         # If the gap is so narrow that its division gives equal numbers, it cannot be resolved further.
         if depth and np.all(np.diff(finer) > 0):
@@ -354,6 +362,7 @@ def _explained(search: _Search, grid: np.ndarray, depth: int) -> list[Bifurcatio
         change = "is lost" if gap.lost else "changes the sign of its det(I + G)"
         causes = " or ".join(kind.value.replace("_", " ") for kind in gap.causes)
         between = f"between {gap.value:.15g} and {gap.other:.15g}"
+        # The recursion has ended without an explanation. The gap is reported as unresolved.
         middle, half = 0.5 * (gap.value + gap.other), 0.5 * abs(gap.value - gap.other)
         where = {"name": search.axis.name, "value": middle, "error": half, "phase": gap.gamma}
         reason = f"an orbit {change} {between}, but no {causes} was found"
@@ -364,6 +373,7 @@ def _explained(search: _Search, grid: np.ndarray, depth: int) -> list[Bifurcatio
 
 def _located(search: _Search, gap: _Gap, kind: Kind) -> Bifurcation | None:
     """Return the bifurcation of a kind near a gap, by Newton's method from the orbit there; None if none."""
+    # Crossing time and phase of the orbit at the gap are close to those at the bifurcation.
     (x,) = search.axis.at(np.array([gap.value]))
     guesses = [np.array([gap.t, gap.gamma])]
     if kind is Kind.grazing:
@@ -405,12 +415,14 @@ def _newton(search: _Search, kind: Kind, guess: np.ndarray, gap: _Gap) -> _Point
         at = vanishing(np.append(u, [1.0] * (3 - m)), x)
         residual, by_axis = at.values[rows], at.by_x[rows] @ search.axis.jacobian(value)
         system = np.column_stack([at.by_u[rows, :m], by_axis[:, 0]])
+        # The system is singular where two bifurcations coincide, and NaN where the orbit does not exist.
         if not np.all(np.isfinite(system)) or np.linalg.matrix_rank(system) <= m:
             return None
         # The first column is the Newton step. The others are the derivatives of the solution with respect to
         # the other parameters, by the implicit function theorem.
         solved = np.linalg.solve(system, -np.column_stack([residual, by_axis[:, 1:]]))
         step, span = solved[:, 0], np.pi / x[XI]
+        # Steps relative to half a period, to 1 rad, and to the range of values.
         share = np.abs(step) / np.array([*(span, 1.0, span)[:m], high - low])
         # A long step would lead to another orbit. The limits are a tenth of half a period and 0.1 rad.
         step = step * min(1.0, 0.1 / max(share[:m].max(), 0.1), 1.0 / max(share[m], 1.0))
@@ -439,6 +451,7 @@ def _on_orbit(search: _Search, kind: Kind, point: _Point) -> Bifurcation | None:
     u, x, axis = point.u, point.x, search.axis
     path = survey(u[:2], x)
     touching = float(u[2]) if kind is Kind.grazing else math.nan
+    # Crossing and contact must lie within the half period.
     times = [t for t in (u[0], touching) if not math.isnan(t)]
     # The quantity that vanishes at this point is zero except for rounding, so that its sign is not checked.
     highest = float(path.rates.max()) - 1e-9 * x[XI] * path.height * (kind is Kind.grazing)
@@ -462,6 +475,7 @@ def _distinct(candidates: list[Bifurcation]) -> list[Bifurcation]:
     """Return each bifurcation once. The search finds a fold twice, from both branches that end there."""
     distinct: list[Bifurcation] = []
     for b in candidates:
+        # Two bifurcations are the same if kind, value and crossing time agree.
         close = 1e-9 * abs(b.value) + 1e-12
         twins = (a for a in distinct if a.kind is b.kind and abs(a.value - b.value) <= close)
         if not any(abs(a.crossing - b.crossing) <= 1e-4 * b.crossing for a in twins):
@@ -480,6 +494,7 @@ def _confirmed(search: _Search, b: Bifurcation) -> Bifurcation:
     away = _AWAY * (search.high - search.low)
     lost = {Kind.fold: 2, Kind.symmetry_breaking: 0}.get(b.kind, 1)
     sides = (_neighbours(search, b, b.value + side * away, max(lost, 1)) for side in (-1.0, 1.0))
+    # The first distance at which both sides agree with the kind of the bifurcation confirms it.
     for below, above in zip(*sides, strict=True):
         more = below.near - above.near
         if abs(more) == lost and (lost or below.margin * above.margin < 0):

@@ -142,6 +142,7 @@ def critical_scale(
     pieces, late = jnp.asarray(scene.motion.pieces()), free * rate
     lifts = (1.0 + p.mu) * p.nu + p.k
     top = HIGHEST * lifts / p.f if highest is None else highest
+    # `pure_callback` needs the shapes of its results before the scan runs.
     intervals = jax.ShapeDtypeStruct((TONGUES, 2), jnp.float64)
     shapes = jax.ShapeDtypeStruct((), jnp.float64), intervals, intervals
 
@@ -163,6 +164,7 @@ def _with_slope(p: Parameters, pieces: Any, late: Any, first: Any) -> Any:
     finite = jnp.isfinite(first)
     at = jnp.where(finite, first, 1.0)
 
+    # The growing coordinate q of the last arc as a function of the parameters and the scale.
     def growing(p: Parameters, scale: Any) -> Any:
         wide = eqx.tree_at(lambda q: q.f, p, p.f * scale)
         return runs.follow(Terms.linear, ground_row_of(wide), GroundForcing([pieces], late)).growing
@@ -214,6 +216,7 @@ def _scanned(
     lo[at], hi[at], is_exact[at] = bisected(
         lambda scale: overturning(follow(scale)), scales[inner], scales[inner + 1], falls[inner] == 1.0
     )
+    # The end of a tongue is the side on which the block overturns.
     borders = np.where(falls[edges] == 1.0, lo, hi)
     # An odd number of ends means that the last tongue ends with the scan.
     if len(borders) % 2:
@@ -267,6 +270,7 @@ def bisected(
             break
         factors = lo[rows, None] + (hi - lo)[rows, None] * share
         falls = np.empty_like(factors)
+        # The outcomes at both ends are known from the previous round.
         falls[:, 0], falls[:, -1] = low_falls[rows], ~low_falls[rows]
         falls[:, 1:-1] = verdict(factors[:, 1:-1])
         # The first factor on the upper side, and the last factor on the lower side before it.

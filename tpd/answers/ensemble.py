@@ -59,8 +59,10 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     # of static overturning.
     e, unit, nu = ensemble, ensemble.draws(), float(p.nu)
     reach = np.array([e.tilt * nu, e.swing, e.tilt_rate * nu, e.swing_rate])
+    # The first six columns of the samples are initial state, phase and growth; the others are the scatter.
     scatter = factors_at(unit[:, 6:], e.widths(p.e))
     conditions = Conditions() if conditions is None else conditions
+    # The conditions are dealt to the runs like cards, so that each condition has the same number of runs.
     dealt = e.dealt(len(conditions))
     factor = np.stack([scatter.get(name, 1.0) * conditions.column(name)[dealt] for name in FACTORS])
     design = np.repeat([[float(x)] for x in (p.mu, p.lam, p.zeta)], e.size, axis=1)
@@ -70,9 +72,12 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     rho, ratio = (np.broadcast_to(np.asarray(x), e.size) for x in (q.inertia_ratio, q.velocity_ratio))
     q = replace(q, rho=rho, e=ratio)
     xi = np.asarray(q.xi)
+    # The phase is varied by the time at which a run begins. With a fixed phase all runs begin at tau = 0.
     begin = unit[:, 4] * 2.0 * np.pi / xi if e.any_phase else np.zeros(e.size)
     ramps = np.array(e.ramps)
+    # A uniform sample selects one of the durations of growth.
     ramp = ramps[np.minimum((unit[:, 5] * len(ramps)).astype(int), len(ramps) - 1)]
+    # Samples from 0 to 1 become initial states from -reach to reach.
     return Plan(q, (2.0 * unit[:, :4] - 1.0) * reach, begin, ramp * rate * xi / (2.0 * np.pi), ramp, dealt)
 
 
@@ -120,10 +125,12 @@ def outcomes(
     terms = Terms(equations)
     ensemble = Ensemble() if ensemble is None else ensemble
     checks.instance("ensemble", ensemble, Ensemble)
+    # The seed is set here, so that the result records it.
     ensemble = ensemble.seeded(0)
     if ensemble.restitution and isinstance(subject, Scene):
         check_restitution(subject)
     checks.optional("conditions", conditions, Conditions)
+    # Durations of growth are in seconds for a scene, and in units of tau for dimensionless parameters.
     rate = float(subject.rate) if isinstance(subject, Scene) else 1.0
     runs = plan(parameters_of(subject, pendulum), ensemble, rate, conditions)
     forcing = HarmonicForcing(ensemble.periods, runs.begin, runs.periods)

@@ -74,6 +74,7 @@ class MotionHistory:
         across, upwards, rate, relative = self.bob.T
         # The linear equations neglect the square of the rate, but in a rod this force is often the largest.
         pull = float(pendulum.mass) * float(pendulum.length) * rate**2
+        # The force of the hinge is split into the directions along and across the rod.
         tension = upwards * np.cos(self.swing) - across * np.sin(self.swing) + pull
         whole = np.hypot(across - pull * np.sin(self.swing), upwards + pull * np.cos(self.swing))
         return tuple(float(np.nanmax(np.abs(x))) for x in (tension, whole, relative))  # type: ignore[return-value]
@@ -120,18 +121,19 @@ def motion_history(
     row = rows_of(scene.block, pendulum, [scene.motion], float(scene.gravity))[0]
     rate, piece = float(scene.rate), float(scene.motion.piece)
     pieces = np.asarray(scene.motion.pieces(), dtype=float)
-    # The free motion must reach the last of the times.
     shaken, free = len(pieces) * piece, checks.within("free", free, 0.0, LONGEST_FREE, " s")
     if times is None:
         times = np.linspace(0.0, shaken + free, min(20_000, int(len(pieces) + free / piece) + 1))
     clock = checks.increasing("times", times)
     checks.not_negative("times", clock, every=True)
+    # The motion is followed until the last of the times, even if the free motion would end earlier.
     free = float(clock[-1]) - shaken if clock[-1] > shaken + free else free
     start = np.zeros(4) if y0 is None else checks.state(y0) / [1.0, 1.0, rate, rate]
     motion = history(row, start, pieces, clock * rate, free=free * rate, events=MAX_EVENTS)
     states, status = motion.states, getattr(Status, SHAKEN[motion.status])
     # The equations have no meaning after the block has reached the ground.
     if status == Status.overturned:
+        # From the first time at which the tilt is no longer below a right angle, all rows are NaN.
         states[np.cumsum(~(np.abs(states["tilt"]) < 0.5 * np.pi)) > 0] = np.nan
     base = scene.motion.acceleration_at(clock)
     # Conversion to SI units: tau is time multiplied by omega0.
@@ -140,6 +142,7 @@ def motion_history(
     mass, height, width = (float(getattr(scene.block, name)) for name in ("mass", "height", "width"))
     m, length = (0.0, 0.0) if pendulum is None else (float(pendulum.mass), float(pendulum.length))
     # A positive tilt moves the top to the left, and a positive rod angle moves the bob to the right.
+    # The accelerations of top and centre of mass follow from the geometry; see the equations above.
     across = m * (base - height * up + length * swinging)
     lifting = float(scene.gravity) + 0.5 * width * states["side"] * up
     return MotionHistory(

@@ -124,6 +124,7 @@ def _linearised(p: Parameters, model: AbstractFlow, settled: Settled) -> _Along:
 
     def along(y: Any, memory: Any) -> tuple[Orbit, Any]:
         x = jnp.concatenate([flat, y])
+        # The run continues from another state and another discrete state than `settled`.
         now = eqx.tree_at(lambda s: s.memory, settled, memory, is_leaf=lambda leaf: leaf is None)
 
         def run(x: Float[Array, "n"]) -> tuple[Float[Array, "6"], tuple]:
@@ -135,6 +136,7 @@ def _linearised(p: Parameters, model: AbstractFlow, settled: Settled) -> _Along:
         def push(direction: Float[Array, "n"]) -> tuple[Array, Array, tuple]:
             return jax.jvp(run, (x,), (direction,), has_aux=True)
 
+        # One forward pass for each parameter and each component of the state, all in one batch.
         out, columns, (events, memory) = jax.vmap(push, out_axes=(None, 1, None))(jnp.eye(x.size))
         residual = jnp.max(jnp.abs(out[:4] - y) / scale)
         by_parameter, by_state = columns[:, :size], columns[:, size:]
@@ -159,6 +161,7 @@ def multipliers(mu: Any, jacobian: Any) -> tuple[Any, Any]:
     bob = jnp.where(mu > 0.0, 1.0, 0.0)
     feels = jnp.stack([1.0 + 0.0 * bob, bob, 1.0 + 0.0 * bob, bob])
     felt = jacobian * (feels[:, None] * feels[None])
+    # `eigvals` must not receive infinite numbers. The modulus is then infinite.
     finite = jnp.all(jnp.isfinite(felt))
     values = jnp.linalg.eigvals(_where(finite, felt, jnp.zeros((4, 4))))
     return _where(finite, jnp.max(jnp.abs(values)), jnp.inf), jnp.min(jnp.abs(1.0 - values))

@@ -142,6 +142,7 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
     if all(map(checks.is_concrete, inputs)):
         record = np.empty(size)
         row, parameters, start = (np.ascontiguousarray(v, dtype=float) for v in (settings, *inputs[:2]))
+        # One run of compiled code on the host, which writes its result into `record`.
         entry.run(0, 1, row, parameters, start, record)
     else:
         (record,) = LINEAR((shape(size),), packed(map(stop_gradient, settings)), *inputs[:2])
@@ -153,6 +154,7 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
         unknown = jnp.full((len(numbers) - _SIZES, len(x)), jnp.nan)
         numbers = with_slopes(x, numbers, jnp.concatenate([of.by, unknown]))
     amplitude, swing, *state = numbers[:_SIZES]
+    # The remaining numbers are the parts of the multipliers in turn, and the margin of the fold.
     *both, fold = numbers[_SIZES:]
     # A motion that does not repeat is no periodic orbit, and has not been followed until it settles.
     names = ("no_orbit" if name == "not_settled" else name for name in STEADY_STATUSES)

@@ -89,6 +89,7 @@ class Transient(eqx.Module):
 
     def __str__(self) -> str:
         if not (checks.is_concrete(self.tilt) and jnp.ndim(self.tilt) == 0):
+            # A batch has no single status, and traced values are unknown.
             return repr(self)
         lines = [f"{status_name(self.status)}: {Status[self.status]}"]
         has_pendulum = float(self.swing) != 0.0
@@ -152,6 +153,7 @@ def transient(
     p, rate = single((scene.ground_parameters(pendulum), scene.rate))
     start = np.zeros(4) if y0 is None else checks.state(y0)
     bob = 0.0 if pendulum is None else 1.0
+    # NumPy if all numbers are known, otherwise JAX.
     xp = checks.namespace(*jax.tree.leaves((p, rate, free, start)))
     # Rates are per unit tau in compiled code, and per second for the user.
     speeds = xp.stack([x * xp.ones(()) for x in (1.0, 1.0, rate, rate)])
@@ -166,17 +168,20 @@ def _answer(run: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
     code = xp.asarray(run.status).astype(int)
     # A motion that touches an event has one event more on one side of these parameters, and no derivative.
     touched = (code == ROCKED) & (run.transversality < GRAZING)
+    # Only these outcomes have derivatives.
     sound = ((code == ROCKED) | (code == STOOD)) & ~touched
     status = xp.where(touched, code_of(Status.grazing), xp.asarray(codes_of(SHAKEN))[code])
     # Without a pendulum the equations have a bob that is too light to act on the block. Its angles are
     # replaced by zero.
     has_angle = xp.array([1.0, bob, bob])
     if xp is np:
+        # Known numbers have no derivatives to correct.
         seconds, kept = (lambda tau, usable: tau / rate), (lambda x, usable: x)
     else:
         # Traced numbers also need the correct derivatives, or NaN.
         seconds, kept = partial(_seconds, rate), refused
     times = seconds(run.times, sound[..., None] & (has_angle > 0.0))
+    # The block lifts before it overturns, so that the time of uplift has a derivative in this case as well.
     has_uplift_slope = sound | (status == code_of(Status.overturned))
     return Transient(
         tilt=kept(run.tilt, sound),
@@ -200,6 +205,8 @@ def _seconds(rate: Any, tau: Any, usable: Any) -> Any:
     """
     fixed = stop_gradient(tau)
     is_finite = jnp.isfinite(fixed)
+    # The infinite value is added after the division, because infinity divided by the rate has a derivative of
+    # NaN.
     finite = refused(_finite(tau) / rate, usable & is_finite & (fixed > 0.0))
     return finite + jnp.where(is_finite, 0.0, jnp.inf)
 

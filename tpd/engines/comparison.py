@@ -167,11 +167,12 @@ class EngineVerdict(Printed):
         if isinstance(self.scene.motion, Harmonic):
             sizes.append(("settled", "median", "settled", 0.5))
         for i, case in enumerate((" with the pendulum", " without") if self.pendulum is not None else ("",)):
-            runs_of_case = [group[i] for group in groups]
-            rows.append([f"overturned{case}", *(f"{Share.of(r.overturned).value:.1%}" for r in runs_of_case)])
+            group_runs = [group[i] for group in groups]
+            rows.append([f"overturned{case}", *(f"{Share.of(r.overturned).value:.1%}" for r in group_runs)])
             for what, share, name, at in sizes:
-                sizes_of_case = (_size(getattr(runs, name), at) for runs in runs_of_case)
-                rows.append([f"{what}{case}: {share}, rad", *sizes_of_case])
+                rows.append(
+                    [f"{what}{case}: {share}, rad", *(_size(getattr(r, name), at) for r in group_runs)]
+                )
         # The equations include neither sliding nor flight, so that their column is empty in these rows.
         bodies = [group[0] for group in groups[:3]]
         if self.pendulum is not None:

@@ -151,8 +151,7 @@ class Equations(eqx.Module):
             by_moment = jnp.stack([linear.m22, -linear.m21]) / linear.determinant
             return rates + jnp.concatenate([jnp.zeros(2), by_moment * moment])
         sin, cos, sin_apart, cos_apart = jnp.sin(phi), jnp.cos(phi), jnp.sin(phi - psi), jnp.cos(phi - psi)
-        big_s = step * p.nu * sin_apart + 2.0 * cos_apart
-        big_c = step * p.nu * cos_apart - 2.0 * sin_apart
+        big_s, big_c = step * p.nu * sin_apart + 2.0 * cos_apart, step * p.nu * cos_apart - 2.0 * sin_apart
         # Moments on the block: weight and base motion, centripetal force of the bob, friction and hinge.
         r1 = linear.tilt * sin - step * linear.weight * cos
         r1 = r1 - linear.f * sine * (step * linear.weight * sin + linear.tilt * cos)
