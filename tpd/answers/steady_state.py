@@ -435,8 +435,7 @@ def _compare(answer: _Answer, exact: Settled | None) -> _Answer:
     error = jnp.where(answer.amplitude == amplitude, 0.0, jnp.abs(answer.amplitude / amplitude - 1.0))
     is_known = jnp.logical_not(is_one_of(code, Status.not_settled, *UNANSWERED))
     is_settled = is_one_of(answer.status, *SETTLED, Status.overturned)
-    is_inexact = is_settled & is_known & (error > INEXACT)
-    status = jnp.where(is_inexact, code_of(Status.inexact), answer.status)
+    status = jnp.where(is_settled & is_known & (error > INEXACT), code_of(Status.inexact), answer.status)
     return answer._replace(status=status, estimate=jnp.where(is_known, error, jnp.nan))
 
 

@@ -90,6 +90,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             # Dask itself rejects such an address only after a minute.
             raise ValueError(f"`dask` must be an address such as tcp://host:8786, but is {dask!r}")
         try:
+            # Dask is an optional dependency, and only clusters import it.
             import distributed
             from dask.config import set as settings
         except ModuleNotFoundError:
@@ -128,8 +129,10 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
                 An error in the task itself is raised unchanged.
         """
         part_of, length = elements(batch)
+        # A short batch is divided into at least `_CHUNKS` chunks, so that all workers have work.
         chunk = min(chunk, -(-length // _CHUNKS))
         try:
+            # The fingerprint covers everything on which the results depend.
             key = fingerprint(of_environment(), *_source(task), chunk, part_of(slice(None)), shared)
         except TypeError as error:
             raise ValueError(f"these inputs cannot be computed on a cluster: {error}") from None
@@ -141,6 +144,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
         report, sizes = progress or unreported, [min(chunk, length - a) for a in starts]
         if results:
             report(sum(sizes[i] for i in results), length)
+        # Only missing chunks are computed.
         parts = {i: part_of(slice(a, a + chunk)) for i, a in enumerate(starts) if i not in results}
         # If all chunks are stored already, no process is started.
         for i, arrays in self._computed(task, shared, parts) if parts else ():
@@ -151,6 +155,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
 
     def _computed(self, task: Task, shared: Any, parts: dict[int, Any]) -> Iterator[tuple[int, Results]]:
         """Yield number and results of the chunks, in the order in which they finish."""
+        # Dask's own pickle module also handles functions of the main script.
         client, pickle, version = self.client, self._distributed.protocol.pickle, of_environment()
         try:
             client.wait_for_workers(1, timeout=_WAIT)
@@ -164,6 +169,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
         queue, rest = self._distributed.as_completed(loop=client.loop), iter(parts.items())
         try:
             with self._settings({"distributed.admin.large-graph-warning-threshold": "1 TiB"}):
+                # Dask warns of large arguments, which are intended here.
                 common = client.submit(bytes, pickle.dumps((task, shared)), pure=False)
             while True:
                 # Workers may have joined since the last chunk.
@@ -181,6 +187,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
                 f"the scheduler of the cluster is lost ({error}); the finished chunks are stored"
             ) from None
         finally:
+            # Chunks that are still waiting are cancelled, also if the caller stops this generator.
             queue.clear()
 
     def __exit__(self, *_: object) -> None:
@@ -231,7 +238,7 @@ def _compute(version: str, common: bytes, part: bytes) -> tuple[int, Results]:
         raise ClusterError(
             "a worker of the cluster has another version of Python, tpd or its packages: install the same"
         )
-    # This must come first: otherwise arrays of JAX would be converted to 32 bits when they are unpickled.
+    # This must precede the next line: otherwise JAX would convert arrays to 32 bits when they are unpickled.
     process.use_64_bits()
     (task, shared), (number, own) = pickle.loads(common), pickle.loads(part)
     return number, {name: np.asarray(values) for name, values in task(own, *shared).items()}
@@ -244,6 +251,7 @@ def stored(folder: Path, key: str, count: int) -> dict[int, Results]:
     """
     folder.mkdir(parents=True, exist_ok=True)
     numbers = [i for i in range(count) if (folder / f"{i}.npz").exists()]
+    # `unsealed` returns None for a file whose checksum is wrong, or that belongs to another batch.
     read = {i: files.unsealed((folder / f"{i}.npz").read_bytes(), f"{key} {i}") for i in numbers}
     sound = {i: dict(np.load(io.BytesIO(data))) for i, data in read.items() if data is not None}
     if len(sound) < len(numbers):
@@ -276,6 +284,7 @@ def _source(task: Task) -> tuple[str, str]:
     if "<locals>" in name or "<lambda>" in name or module is None:
         raise ValueError("`task` must be a function at the top level of a module")
     try:
+        # The source of this package is a part of the fingerprint anyway, see `of_sources`.
         own = module.startswith("tpd.")
         return f"{module}.{name}", "" if own else inspect.getsource(inspect.getmodule(task) or task)
     except (OSError, TypeError):
@@ -311,6 +320,7 @@ def _add(digest: Any, value: Any) -> None:
     bytes."""
     kind, own, parts = f"{type(value).__module__}.{type(value).__qualname__}", b"", []
     if isinstance(value, enum.Enum):
+        # Name and class identify a member, whatever its value is.
         own = value.name.encode()
     elif isinstance(value, (str, bytes, bool, int, float, type(None), np.generic)):
         own = repr(value).encode()
@@ -321,6 +331,7 @@ def _add(digest: Any, value: Any) -> None:
     elif isinstance(value, (list, tuple)):
         parts = value
     elif hasattr(value, "__array__"):
+        # Arrays of NumPy and JAX with the same numbers have the same fingerprint.
         array = np.asarray(value)
         kind, own = f"{array.dtype.str}{array.shape}", array.tobytes()
     else:

@@ -133,12 +133,12 @@ class EngineVerdict(Printed):
     @property
     def warning(self) -> str:
         """Sentence that must precede the results; empty if there is nothing to warn of."""
+        # A disagreement is the more serious warning, so that it comes first.
         if self.disagrees:
             word = "harms" if self.benefit < 0.0 else "helps"
             return (
-                f"DANGER: in {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of the tilt "
-                f"of static overturning). With the equations (4) it does the opposite "
-                f"({-self.expected_benefit:+.3f})."
+                f"DANGER: in {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of toppling). The "
+                f"equations (4) predict the opposite ({-self.expected_benefit:+.3f})."
             )
         if self.step_matters:
             return f"DANGER: whether the pendulum helps in {self.engine} depends on its time step."
@@ -161,18 +161,17 @@ class EngineVerdict(Printed):
 
     def _rows(self, few: int) -> list[list[str]]:
         # Each row has the values of the engine, its first runs, the finer time step, and the equations.
+        # Quantiles are comparable only for the same runs, hence the column of the first runs.
         first = tuple(runs.first(few) for runs in self.with_engine)
         groups, rows = (self.with_engine, first, self.finer, self.with_equations), []
         sizes = [("tilt", "median", "peak", 0.5), ("tilt", "90 %", "peak", 0.9)]
         if isinstance(self.scene.motion, Harmonic):
             sizes.append(("settled", "median", "settled", 0.5))
         for i, case in enumerate((" with the pendulum", " without") if self.pendulum is not None else ("",)):
-            group_runs = [group[i] for group in groups]
-            rows.append([f"overturned{case}", *(f"{Share.of(r.overturned).value:.1%}" for r in group_runs)])
+            runs_of = [group[i] for group in groups]
+            rows.append([f"overturned{case}", *(f"{Share.of(r.overturned).value:.1%}" for r in runs_of)])
             for what, share, name, at in sizes:
-                rows.append(
-                    [f"{what}{case}: {share}, rad", *(_size(getattr(r, name), at) for r in group_runs)]
-                )
+                rows.append([f"{what}{case}: {share}, rad", *(_size(getattr(r, name), at) for r in runs_of)])
         # The equations include neither sliding nor flight, so that their column is empty in these rows.
         bodies = [group[0] for group in groups[:3]]
         if self.pendulum is not None:
@@ -182,6 +181,7 @@ class EngineVerdict(Printed):
         return rows
 
     def _benefit(self, pair: tuple[EngineRuns, ...]) -> float:
+        # Infinite tilts of overturned runs count as 1, see `benefit`.
         toppling = math.atan(float(self.scene.block.slenderness))
         with_pendulum, without = (np.minimum(runs.peak / toppling, 1.0).mean() for runs in pair)
         return float(without - with_pendulum)
@@ -224,6 +224,7 @@ def mujoco(
     version = available()
     with shown(progress) as report:
         case = _Case(scene, ensemble, sliding, workers, report)
+        # An engine with other impacts than Housner's is rejected before the long runs.
         e = case.restitution()
         few = min(FINE, runs)
         coarse = _pair(pendulum, lambda pendulum: case.runs(pendulum, 1, runs))
@@ -273,6 +274,7 @@ class _Case:
             ValueError: the impacts are not Housner's.
         """
         # If the contact is too soft or too hard for the time step, the engine has impacts of another kind.
+        # Friction of rocking would also reduce the energy between two impacts.
         body = replace(self.bodies(None, _FINER)[0], friction=0.0)
         e = free_rocking(body)
         if not abs(e - body.housner) <= MATCH:
@@ -289,6 +291,7 @@ class _Case:
     def bodies(self, pendulum: Pendulum | None, steps: int) -> list[RigidBody]:
         """Return the bodies of all runs, including their scatter."""
         q, n = vars(self.plan(pendulum).p), self.ensemble.size
+        # Parameters without scatter are repeated for all runs.
         columns = {name: np.broadcast_to(np.ravel(x), n) for name, x in q.items() if x is not None}
         runs = ({name: float(x[i]) for name, x in columns.items()} for i in range(n))
         return [body_of(self.scene, Parameters(**run), self.sliding, steps) for run in runs]
@@ -296,6 +299,7 @@ class _Case:
     def runs(self, pendulum: Pendulum | None, steps: int, few: int) -> EngineRuns:
         """Follow the first `few` runs in the engine."""
         runs, rate = self.plan(pendulum), float(self.scene.rate)
+        # The engine has rates per second.
         y = runs.y0[:few] * [1.0, 1.0, rate, rate]
         shaking, duration, late = self._shaking(runs, few)
         case = "with the pendulum" if pendulum is not None else "without"
@@ -322,6 +326,7 @@ class _Case:
             x, forcing = row_of(runs.p), HarmonicForcing(self.ensemble.periods, runs.begin, runs.periods)
         # A run without an answer counts as overturned, because it must not look safe.
         table = follow_runs(Terms.nonlinear, x, forcing, y0=runs.y0).ended(True)
+        # The equations have no sliding and no flight. Zeros fill these fields.
         none, bounced = np.zeros(n), np.zeros(n, dtype=bool)
         return EngineRuns(table.is_overturned, table.tilt, table.settled_tilt, none, none, bounced)
 
@@ -342,6 +347,7 @@ class _Case:
             end = np.full(few, float(motion.duration) + _FREE)
             return (lambda t: size * motion.acceleration_at(t)[None]), end, end
         w = np.broadcast_to(np.asarray(runs.p.xi, dtype=float), self.ensemble.size)[:few, None] * rate
+        # Times in s, shape (runs, 1), so that they combine with the times of the steps.
         begin, grow = runs.begin[:few, None] / rate, runs.periods[:few, None] * 2.0 * np.pi / w
 
         def shaking(t: np.ndarray) -> np.ndarray:
@@ -357,6 +363,7 @@ class _Case:
 
 def _size(values: np.ndarray, share: float) -> str:
     """Return a quantile as text. Overturned runs have an infinite tilt, larger than all others."""
+    # The smallest value that at least `share` of the runs do not exceed.
     ordered = np.sort(values)
     x = float(ordered[min(len(ordered) - 1, math.ceil(share * len(ordered)) - 1)])
     return "overturns" if math.isinf(x) else number(x, 3)

@@ -115,7 +115,9 @@ def body_of(scene: Scene, p: Parameters, sliding: float, steps: int = 1) -> Rigi
     scene."""
     b, mass, g = float(scene.block.half_height), float(scene.block.mass), float(scene.gravity)
     nu, mu, rod = float(p.nu), float(p.mu), float(p.lam) * b
+    # The inertia ratio is rho = b^2/(a^2 + b^2 + c^2), where c is the radius of gyration.
     own = b**2 * (1.0 / float(p.inertia_ratio) - 1.0 - nu**2)
+    # zeta is relative to the critical damping of the pendulum with a fixed hinge.
     damping = 2.0 * float(p.zeta) * mu * mass * rod * math.sqrt(g * rod)
     return RigidBody(
         half_width=nu * b,

@@ -92,6 +92,7 @@ def follow(
 
     mujoco = _mujoco()
     models = [mujoco.MjModel.from_xml_string(body.mjcf()) for body in bodies]
+    # Each thread needs work memory of its own. All models have the same dimensions.
     threads = min(workers or os.cpu_count() or 1, len(models))
     datas = [mujoco.MjData(models[0]) for _ in range(threads)]
     full = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -104,11 +105,13 @@ def follow(
     while remaining.size:
         n = int(min(_CHUNK, steps[remaining].max() - done))
         times = step * (done + np.arange(n))
+        # Every actuator of a model has the same control, the acceleration of the base.
         control = np.repeat(shaking(times)[remaining, :, None], models[0].nu, axis=2)
         some = [models[i] for i in remaining]
         path, _ = rollout.rollout(some, datas[: min(threads, len(some))], states[remaining], control)
         results.add(remaining, np.asarray(path), late, steps[remaining] - done)
         states[remaining], done = np.asarray(path)[:, -1], done + n
+        # A run ends when the block has overturned or its duration is over.
         remaining = remaining[~results.overturned[remaining] & (steps[remaining] > done)]
         progress(min(1.0, done / float(steps.max())) if remaining.size else 1.0)
     return results.runs()
@@ -124,6 +127,7 @@ class Maxima:
 
     def __init__(self, bodies: Sequence[RigidBody]) -> None:
         n, one = len(bodies), bodies[0]
+        # The width may scatter between runs; the height does not.
         self.a = np.array([body.half_width for body in bodies])
         self.b, self.has_pendulum = one.half_height, one.bob > 0.0
         self.overturned, self.bounced = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
@@ -137,9 +141,11 @@ class Maxima:
         counts = ~fell & (np.arange(tilt.shape[1])[None] < steps[:, None])
         self.overturned[rows] |= np.any(fell & (np.arange(tilt.shape[1])[None] < steps[:, None]), axis=1)
         self.peak[rows] = np.maximum(self.peak[rows], _largest(tilt, counts))
+        # The last periods of a run count as settled.
         at_end = counts & (time >= late[rows, None])
         self.settled[rows] = np.maximum(self.settled[rows], _largest(tilt, at_end))
         if self.has_pendulum:
+            # The fourth coordinate of a body with a pendulum is the angle between rod and block.
             self.relative[rows] = np.maximum(self.relative[rows], _largest(path[:, :, 4], counts))
         # Height and displacement of each corner follow from position and tilt of the block.
         cos, sin, a = np.cos(tilt), np.sin(tilt), self.a[rows, None]
@@ -148,6 +154,7 @@ class Maxima:
             height = z + self.b * (1.0 - cos) - side * a * sin
             down = height < _LIFTED * self.b
             shift = x + side * a * cos - self.b * sin - side * a
+            # A corner slides only while it is on the floor.
             self.slid[rows] = np.maximum(self.slid[rows], _largest(shift, counts & down))
             off &= ~down
         self.bounced[rows] |= np.any(off & counts, axis=1)
@@ -168,6 +175,7 @@ def placed(body: RigidBody, start: np.ndarray) -> np.ndarray:
     cos, sin = math.cos(tilt), math.sin(tilt)
     x, z = dx * cos + dz * sin, dz * cos - dx * sin
     at = [side * body.half_width + x, z - body.half_height, tilt]
+    # The block rotates about the corner, so that its velocity is perpendicular to (x, z).
     moving = [tilt_rate * z, -tilt_rate * x, tilt_rate]
     if body.bob > 0.0:
         return np.array([*at, psi - tilt, *moving, psi_rate - tilt_rate])
@@ -184,6 +192,7 @@ def free_rocking(body: RigidBody) -> float:
     model = mujoco.MjModel.from_xml_string(body.mjcf())
     data = mujoco.MjData(model)
     assert max(body.bob, body.friction) == 0.0, "friction and a bob change the energy between impacts"
+    # The released block stands on one corner, and crosses zero tilt at its first impact.
     half_of_toppling = 0.5 * math.atan2(body.half_width, body.half_height)
     state = placed(body, np.array([half_of_toppling, 0.0, 0.0, 0.0]))
     data.qpos[:], data.qvel[:] = state[:3], state[3:]
@@ -193,6 +202,7 @@ def free_rocking(body: RigidBody) -> float:
     for step in range(10_000_000):
         mujoco.mj_step(model, data)
         (vx, vz, rate), height = data.qvel, data.qpos[1]
+        # Without friction the energy changes only at the impact.
         kinetic = 0.5 * body.mass * (vx**2 + vz**2) + 0.5 * body.inertia * rate**2
         energies.append(float(kinetic + body.mass * body.gravity * height))
         if data.qpos[2] < 0.0:

@@ -112,6 +112,7 @@ class AbstractCompiled(AbstractModel):
 
     def settle(self, p: Parameters, y0: State) -> Settled:
         """Follow the motion from the state `y0` at tau = 0 until it repeats or comes to rest for good."""
+        # By default compiled code has limits of its own; those of the model replace them.
         forcing = HarmonicForcing(self.max_periods)
         settings = {**self.accuracy, "tolerance": self.tolerance}
         return follow(self.equations, row_of(p), forcing, y0=y0, **settings)
@@ -145,6 +146,7 @@ class AbstractFlow(AbstractModel):
         The result is None if the model smooths nothing, or if its equations can be solved only with
         smoothing. It is not differentiated.
         """
+        # This is the answer of a model that smooths nothing. `Smoothed` overrides it.
         del p, y0
         return None
 

@@ -115,6 +115,7 @@ class Smoothed(AbstractFlow):
 
     def widths(self, p: Parameters) -> tuple[Number, Number]:
         """Smoothing widths of the tilt (rad) and of its rate (rad per unit tau)."""
+        # Angles and rates of the orbit have different sizes, and each has its own width.
         width = self.sharpness * rocking_scale(p)
         return width, p.xi * width
 
@@ -139,6 +140,8 @@ class Smoothed(AbstractFlow):
         field = smoothed_rates(p, *self.widths(p), self.terms)
         # An overturning block grows without limit. The limit on its tilt ends the transient.
         limit, no = Equations(p, self.terms).beyond_return, jnp.zeros((), bool)
+        # The largest angles of the transient are taken from 17 samples per period, which is enough to
+        # recognise a repetition. The settled period is computed with `cycle`.
         times = jnp.linspace(0.0, 1.0, 17) * p.period
 
         def one_period(y: State, memory: None) -> Period:
@@ -167,6 +170,7 @@ class Smoothed(AbstractFlow):
 
         def one_period(_: Array, carry: tuple) -> tuple:
             y, sizes, sides = carry
+            # The settled period has a small tolerance, because its derivatives are used.
             ys, _ = self._integrate(field, y, times, precise=True)
             peaks = jax.vmap(lambda i: self._peak(field, times, ys, i))(jnp.arange(2))
             # The two sides are compared by their samples: in a symmetric motion these are mirror images.
@@ -178,6 +182,7 @@ class Smoothed(AbstractFlow):
         y, sizes, sides = jax.lax.fori_loop(0, settled.periods, one_period, first)
         (amplitude, swing), (right, left) = sizes, sides
         asymmetry = jnp.abs(right - left) / jnp.max(sides)
+        # A smoothed motion has no events and no discrete modes.
         never, closed = jnp.full_like(asymmetry, jnp.inf), jnp.ones((), bool)
         return Cycle(y, amplitude, swing, None, never, asymmetry, closed)
 
@@ -207,6 +212,8 @@ class Smoothed(AbstractFlow):
 
         With `precise` and an event `until`, the only state is the one at which the event ends the motion.
         """
+        # An event of a precise run is the turning point of `_peak`. It needs only the final state, and a
+        # small first step.
         rtol = self.cycle_rtol if precise else self.rtol
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(field),
@@ -239,6 +246,8 @@ class Smoothed(AbstractFlow):
         # either side of the largest sample.
         angles, rates = stop_gradient(ys)[:, i], stop_gradient(ys)[:, TILT_RATE + i]
         j = jnp.argmax(jnp.abs(angles))
+        # If the largest sample is the first one and decreases, the peak is before it. Because the orbit is
+        # periodic, this peak is also before the last sample.
         j = jnp.where((j == 0) & (angles[0] * rates[0] < 0), times.size - 1, j)
         before = jnp.maximum(j - 1, 0)
         outward = jnp.sign(angles[j])

@@ -72,6 +72,7 @@ def _modes(p: Parameters) -> _Modes:
     def tilt(x: Number, sign: float) -> Number:
         return sign * linear.weight * (linear.m22 * x + 1.0) / (apart * x)
 
+    # The parts of the bob angle are equal and opposite, because its static angle is zero.
     swing = -linear.m21 * linear.weight / apart
     return _Modes(jnp.sqrt(up), jnp.sqrt(-down), (tilt(up, 1.0), tilt(down, -1.0)), (swing, -swing))
 
@@ -101,6 +102,7 @@ def free_motion(p: Parameters) -> Free:
     quarter = 0.5 * jnp.pi / p.xi
     shares = jnp.linspace(0.0, 1.0, _SAMPLES, endpoint=False)
     falling, swinging, late = (jnp.asarray(x)[..., None] for x in (modes.falling, modes.swinging, quarter))
+    # Both modes vanish at the crossing and have no rate at the turn.
     fall = 1.0 - jnp.cosh(falling * late * shares) / jnp.cosh(falling * late)
     swing = 1.0 - jnp.cos(swinging * late * shares) / jnp.cos(swinging * late)
     # The last axis of the shape (..., times) is time within the quarter period.
@@ -199,8 +201,10 @@ def turning_tilts(
     turns[0] = tilt
     for i in range(count):
         phi = turns[i]
+        # The energy after the impact. Rounding must not make it negative.
         energy = ratio**2 * max(down * phi - 0.5 * phi**2, 0.0)
         turns[i + 1] = up - np.sqrt(up**2 - 2.0 * energy)
+        # Times from the turn to the impact, and from the impact to the next turn.
         falling, rising = np.arccosh(down / (down - phi)), np.arccosh(up / (up - turns[i + 1]))
         times[i + 1] = times[i] + falling + rising
     return turns, times

@@ -59,6 +59,8 @@ class AtRest(NamedTuple):
     @staticmethod
     def of(nu: Any, k: Any, f: Any, base_friction: float | None = None) -> AtRest:
         """Return the most critical of many conditions. Each argument is a number or an array (n,)."""
+        # The condition that is closest to lifting the block gives uplift and peak; sliding is checked for
+        # all.
         uplift, peak = np.broadcast_arrays(np.asarray(nu) + np.asarray(k), np.abs(f))
         worst, needed = np.argmax(peak / uplift), float(np.max(np.minimum(uplift, peak)))
         return AtRest(float(uplift.flat[worst]), float(peak.flat[worst]), base_friction, needed)
@@ -76,6 +78,7 @@ class AtRest(NamedTuple):
     @property
     def slides(self) -> bool:
         """Whether the block slides before it lifts, according to the friction of its base."""
+        # With an unknown friction of the base nothing is claimed.
         return self.base_friction is not None and self.base_friction < self.needed_friction
 
     @property
@@ -83,6 +86,7 @@ class AtRest(NamedTuple):
         """Text that says whether the block at rest slides before it lifts."""
         least, own = number(self.needed_friction, 2), self.base_friction
         if own is None:
+            # Only friction that a dry base may lack is worth a hint.
             more = f". A dry base may have only {DRY:g}: state `base_friction`"
             least += more if self.needed_friction > DRY else ""
             return f"not before it lifts, if the coefficient of friction of the base is at least {least}"
@@ -106,6 +110,7 @@ def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
     """Return |D|^2, and the real and the imaginary part of B."""
     # Real numbers only, because the search differentiates `uplift` with imaginary steps of the parameters.
     rho, c = p.inertia_ratio, p.hinge
+    # Real and imaginary part of D, and of h = 2 mu rho lam xi^2 - i xi mu lam c_p.
     real, imaginary = 1.0 - p.lam * rho * p.xi**2, p.xi * c
     size2 = real**2 + imaginary**2
     h_real, h_imag = 2.0 * p.mu * rho * p.lam * p.xi**2, -p.xi * p.mu * p.lam * c

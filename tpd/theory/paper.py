@@ -91,6 +91,7 @@ def quarter_crossing(p: Parameters) -> Quarter:
 def _quarter(p: Parameters, omega: Number, sine: Number) -> Quarter:
     """Compute Phi of (19) from (18), which has xi, with the tilt zero at pi/(2 Omega)."""
     late, g = 0.5 * jnp.pi / omega, p.f / (1.0 + p.xi**2)
+    # The last axis has the two solutions for cos gamma.
     sine = jnp.asarray(sine)[..., None]
     # The result is NaN where no phase exists.
     cosine = jnp.sqrt(jnp.where(jnp.abs(sine) <= 1.0, 1.0 - sine**2, jnp.nan)) * jnp.array([1.0, -1.0])
@@ -123,8 +124,10 @@ def printed_pendulum_balance(p: Parameters) -> tuple[Float[Array, "*batch 2"], F
     rho, signs = p.inertia_ratio, jnp.array([1.0, -1.0])
     f = jnp.asarray(p.f)[..., None] * signs
     nu, mu, lam, x2, rho = (jnp.asarray(x)[..., None] for x in (p.nu, p.mu, p.lam, p.xi**2, rho))
+    # The coefficients c11 to c22 and r1, r2 are those of the printed equation, with its errors.
     c11 = 1.0 + 2.0 * mu + (1.0 + mu * rho) * x2 + 8.0 / 3.0 * nu * f * (1.0 + mu)
     c12, c21, c22 = 2.0 * lam * rho * mu * x2, -2.0 * rho * x2, 1.0 - lam * rho * x2
     r1, r2 = (1.0 + mu) * (f - 4.0 / jnp.pi * nu), -f
     determinant = c11 * c22 - c12 * c21
+    # Cramer's rule.
     return (r1 * c22 - c12 * r2) / determinant, (c11 * r2 - c21 * r1) / determinant
