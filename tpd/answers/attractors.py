@@ -42,7 +42,7 @@ images."""
 
 @dataclass(frozen=True, repr=False)
 class Attractor(Printed):
-    """One motion that some of the initial states reach.
+    """Settled motion that some of the initial states reach.
 
     Attributes:
         status: name of the status.

@@ -107,8 +107,8 @@ class Auto(AbstractChoice):
         else:
             why = "the error of the linear equations cannot be estimated here"
         complete = steady_state(fixed, model=Nonlinear(), y0=y0)
-        known_error = jnp.where(is_one_of(complete.status, *SETTLED), INTEGRATED, jnp.nan)
-        return replace(complete, model="nonlinear", estimate=known_error, reason=why)
+        integration_error = jnp.where(is_one_of(complete.status, *SETTLED), INTEGRATED, jnp.nan)
+        return replace(complete, model="nonlinear", estimate=integration_error, reason=why)
 
 
 @eqx.filter_jit

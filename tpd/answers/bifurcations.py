@@ -186,7 +186,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Bifurcation(Printed):
-    """One bifurcation. Angles are in rad; unknown numbers are NaN."""
+    """Bifurcation of symmetric period-one orbits. Angles are in rad; unknown numbers are NaN."""
 
     kind: Kind
     """Kind of the bifurcation."""
@@ -310,7 +310,7 @@ class _Gap(NamedTuple):
     """Value at which the orbit exists."""
     other: float
     """Neighbouring value."""
-    lost: bool
+    disappears: bool
     """Whether the orbit does not exist at the other value. Otherwise its det(I + G) changes sign."""
     t: float
     """Crossing time of the orbit."""
@@ -320,7 +320,7 @@ class _Gap(NamedTuple):
     @property
     def causes(self) -> tuple[Kind, ...]:
         """Kinds of bifurcations that would explain the gap."""
-        if self.lost:
+        if self.disappears:
             return Kind.fold, Kind.sticking, Kind.grazing
         return (Kind.symmetry_breaking,)
 
@@ -332,12 +332,12 @@ def _gaps(s: Sweep) -> Iterator[_Gap]:
         # The rows next to row i, of which there is only one at the ends of the sweep.
         for to in {max(i - 1, 0), min(i + 1, len(s.value) - 1)} - {i}:
             neighbours = np.nonzero(s.branch[to] == s.branch[i, j])[0]
-            lost = len(neighbours) == 0
-            changes_sign = not lost and margin[i, j] * margin[to, neighbours[0]] < 0
+            disappears = len(neighbours) == 0
+            changes_sign = not disappears and margin[i, j] * margin[to, neighbours[0]] < 0
             # A change of sign is seen from both sides, and is listed only once.
-            if lost or (changes_sign and to > i):
+            if disappears or (changes_sign and to > i):
                 values = float(s.value[i]), float(s.value[to])
-                yield _Gap(*values, lost, float(s.crossing[i, j]), float(s.phase[i, j]))
+                yield _Gap(*values, disappears, float(s.crossing[i, j]), float(s.phase[i, j]))
 
 
 def _explained(search: _Search, grid: np.ndarray, depth: int) -> list[Bifurcation]:
@@ -359,7 +359,7 @@ def _explained(search: _Search, grid: np.ndarray, depth: int) -> list[Bifurcatio
         if depth and np.all(np.diff(finer) > 0):
             results += _explained(search, finer, depth - 1)
             continue
-        change = "is lost" if gap.lost else "changes the sign of its det(I + G)"
+        change = "is lost" if gap.disappears else "changes the sign of its det(I + G)"
         causes = " or ".join(kind.value.replace("_", " ") for kind in gap.causes)
         between = f"between {gap.value:.15g} and {gap.other:.15g}"
         # The recursion has ended without an explanation. The gap is reported as unresolved.
@@ -492,12 +492,12 @@ def _confirmed(search: _Search, b: Bifurcation) -> Bifurcation:
     if b.kind is Kind.unresolved:
         return b
     away = _AWAY * (search.high - search.low)
-    lost = {Kind.fold: 2, Kind.symmetry_breaking: 0}.get(b.kind, 1)
-    sides = (_neighbours(search, b, b.value + side * away, max(lost, 1)) for side in (-1.0, 1.0))
+    change = {Kind.fold: 2, Kind.symmetry_breaking: 0}.get(b.kind, 1)
+    sides = (_neighbours(search, b, b.value + side * away, max(change, 1)) for side in (-1.0, 1.0))
     # The first distance at which both sides agree with the kind of the bifurcation confirms it.
     for below, above in zip(*sides, strict=True):
         more = below.near - above.near
-        if abs(more) == lost and (lost or below.margin * above.margin < 0):
+        if abs(more) == change and (change or below.margin * above.margin < 0):
             none = status_name(Status.no_orbit)
             names = none if more < 0 else below.status, none if more > 0 else above.status
             return replace(b, below=names[0], above=names[1])

@@ -48,7 +48,7 @@ WORSE = 0.05
 
 
 class Change(NamedTuple):
-    """One quantity with and without the pendulum. A mean has the 95 % interval of the difference."""
+    """Quantity with and without the pendulum. A mean has the 95 % interval of the difference."""
 
     name: str
     """Name of the quantity."""
@@ -105,7 +105,7 @@ class PairedRuns(Printed):
 
     Attributes:
         with_pendulum: runs with the pendulum.
-        without_pendulum: the same runs without the pendulum.
+        without_pendulum: runs without the pendulum, which are otherwise the same.
         group: index of the group of each run.
         labels: names of the groups.
         cluster: number of the earthquake of each run; None if all runs are independent.
@@ -116,7 +116,7 @@ class PairedRuns(Printed):
     with_pendulum: Runs
     """Runs with the pendulum."""
     without_pendulum: Runs
-    """The same runs without the pendulum."""
+    """Runs without the pendulum, which are otherwise the same."""
     group: np.ndarray
     """Index of the condition, or of the group of ground motions, of each run."""
     labels: tuple[str, ...]
@@ -292,8 +292,9 @@ class PairedRuns(Printed):
         parts = list[Part]()
         for label, of_part in selections:
             rows = self.known & of_part
-            means = (_of(np.mean, x[rows]) for x in self.severity)
-            parts.append(Part(label, rows, *means, is_positive(excess[rows], least, self._clusters(rows))))
+            is_worse = is_positive(excess[rows], least, self._clusters(rows))
+            with_pendulum, without = (_of(np.mean, x[rows]) for x in self.severity)
+            parts.append(Part(label, rows, with_pendulum, without, is_worse))
         return tuple(parts)
 
     @cached_property

@@ -318,7 +318,7 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     if any(np.size(x) != 1 for x in values):
         raise ValueError("`p` must be single numbers: `jax.vmap` and `tpd.in_chunks` take batches")
     values = single(values)
-    is_known, *fixed = all(map(checks.is_concrete, (*values, y0))), *map(_without_tangent, values)
+    is_concrete, *fixed = all(map(checks.is_concrete, (*values, y0))), *map(_without_tangent, values)
     start = _without_tangent(y0)
     if compiled:
         # Compiled code needs no JAX program if all its inputs are known numbers.
@@ -332,7 +332,7 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
         # leaves can be a static argument of `jax.jit`, which is faster.
         flow = cast("AbstractFlow", model)
         answer, slopes = (_solved_with if jax.tree.leaves(flow) else _solved_by)(x, flow, start)
-    return _steady(answer if is_known else _joined((*values, *y0), answer, slopes))
+    return _steady(answer if is_concrete else _joined((*values, *y0), answer, slopes))
 
 
 _PLAIN = {float, np.float64}
@@ -433,10 +433,10 @@ def _compare(answer: _Answer, exact: Settled | None) -> _Answer:
     amplitude = jnp.where(code == code_of(Status.overturned), jnp.inf, exact.amplitude)
     # The difference is zero if both motions rest or both overturn, and infinite if only one does.
     error = jnp.where(answer.amplitude == amplitude, 0.0, jnp.abs(answer.amplitude / amplitude - 1.0))
-    is_known = jnp.logical_not(is_one_of(code, Status.not_settled, *UNANSWERED))
+    is_answered = jnp.logical_not(is_one_of(code, Status.not_settled, *UNANSWERED))
     is_settled = is_one_of(answer.status, *SETTLED, Status.overturned)
-    status = jnp.where(is_settled & is_known & (error > INEXACT), code_of(Status.inexact), answer.status)
-    return answer._replace(status=status, estimate=jnp.where(is_known, error, jnp.nan))
+    status = jnp.where(is_settled & is_answered & (error > INEXACT), code_of(Status.inexact), answer.status)
+    return answer._replace(status=status, estimate=jnp.where(is_answered, error, jnp.nan))
 
 
 def _evaluate(p: Parameters, model: AbstractFlow, reached: Settled) -> tuple[_Answer, Array]:

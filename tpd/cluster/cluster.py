@@ -222,7 +222,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
                 except (OSError, ValueError) as error:
                     if self.dask is None:
                         raise
-                    raise ValueError(f"no Dask scheduler answers at {self.dask}: {error}") from None
+                    raise ValueError(f"the Dask scheduler at {self.dask} does not answer: {error}") from None
         return self._client
 
 
@@ -335,7 +335,7 @@ def _add(digest: Any, value: Any) -> None:
         array = np.asarray(value)
         kind, own = f"{array.dtype.str}{array.shape}", array.tobytes()
     else:
-        raise TypeError(f"no fingerprint of a {type(value).__name__}")
+        raise TypeError(f"an object of the type {type(value).__name__} has no fingerprint")
     digest.update(f"{kind} {len(own)} {len(parts)};".encode() + own)
     for part in parts:
         _add(digest, part)

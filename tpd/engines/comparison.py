@@ -137,8 +137,8 @@ class EngineVerdict(Printed):
         if self.disagrees:
             word = "harms" if self.benefit < 0.0 else "helps"
             return (
-                f"DANGER: in {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of toppling). The "
-                f"equations (4) predict the opposite ({-self.expected_benefit:+.3f})."
+                f"DANGER: in {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of toppling). "
+                f"The equations (4) predict the opposite ({-self.expected_benefit:+.3f})."
             )
         if self.step_matters:
             return f"DANGER: whether the pendulum helps in {self.engine} depends on its time step."

@@ -33,7 +33,7 @@ def setting(name: str, check: Callable[..., Any], default: Any, *bounds: Any) ->
 
 
 class Cycle(eqx.Module):
-    """One period of a motion. All numbers can be differentiated in forward mode."""
+    """Period of a motion. All numbers can be differentiated in forward mode."""
 
     end: State
     """State at the end of the period."""

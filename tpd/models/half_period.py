@@ -1,4 +1,4 @@
-"""One Newton step of a symmetric orbit and of its derivatives, from half a forcing period of the smoothed
+"""Newton step of a symmetric orbit and of its derivatives, from half a forcing period of the smoothed
 equations. diffrax integrates the half period.
 
 Four numbers u = (phi, psi, gamma, psi') describe a symmetric orbit: the state at its upper turn, where

@@ -180,8 +180,8 @@ class Smoothed(AbstractFlow):
 
         first = (y, jnp.zeros(2), jnp.zeros(2))
         y, sizes, sides = jax.lax.fori_loop(0, settled.periods, one_period, first)
-        (amplitude, swing), (right, left) = sizes, sides
-        asymmetry = jnp.abs(right - left) / jnp.max(sides)
+        (amplitude, swing), (positive, negative) = sizes, sides
+        asymmetry = jnp.abs(positive - negative) / jnp.max(sides)
         # A smoothed motion has no events and no discrete modes.
         never, closed = jnp.full_like(asymmetry, jnp.inf), jnp.ones((), bool)
         return Cycle(y, amplitude, swing, None, never, asymmetry, closed)

@@ -1,4 +1,4 @@
-"""One-harmonic balance: (23) of the paper without a pendulum and (27) with a pendulum, both corrected.
+"""Balance of one harmonic: (23) of the paper without a pendulum and (27) with a pendulum, both corrected.
 
 With phi = Re Phi exp(i theta), psi = Re Z exp(i theta) and the forcing Re F exp(i theta), |F| = f:
 
@@ -139,7 +139,7 @@ def one_harmonic_branches(p: Parameters) -> HarmonicBranches:
 
 
 class Harmonic1(NamedTuple):
-    """One-harmonic estimate of the stable branch."""
+    """Estimate of the stable branch with one harmonic."""
 
     amplitude: Number
     """Amplitude of the tilt, rad; zero if the branch does not exist."""

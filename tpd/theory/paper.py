@@ -103,7 +103,7 @@ def _quarter(p: Parameters, omega: Number, sine: Number) -> Quarter:
     return Quarter(amplitude, jnp.arctan2(jnp.broadcast_to(sine, cosine.shape), cosine))
 
 
-def printed_bare_balance(p: Parameters, amplitude: Number) -> tuple[Number, Number]:
+def printed_balance_without_pendulum(p: Parameters, amplitude: Number) -> tuple[Number, Number]:
     """Evaluate (23) as printed: cos gamma and sin gamma of the block without a pendulum at the tilt Phi.
 
     An orbit exists where the squares add up to 1, see `tpd.theory.parametric_branches`.
