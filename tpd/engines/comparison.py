@@ -78,7 +78,7 @@ class EngineVerdict(Printed):
     finer: tuple[EngineRuns, EngineRuns]
     """The first of these runs with a fifth of the time step."""
     with_equations: tuple[EngineRuns, EngineRuns]
-    """The same runs with the nonlinear equations and the losses of the scene, without sliding and
+    """Runs with the nonlinear equations and the losses of the scene, without sliding and
     bouncing."""
     restitution: float
     """Velocity ratio of impacts in the engine, measured with free rocking."""
