@@ -2,8 +2,8 @@
 
 import pytest
 
+from tests.reference import WITHOUT, parameters
 from tests.reference import exact as solve
-from tests.reference import parameters
 from tpd import Starts, attractors
 from tpd.models.compiled import Piecewise
 

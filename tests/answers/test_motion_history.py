@@ -99,7 +99,7 @@ def test_bad_input_is_refused(wrong, said):
 
 
 @pytest.mark.mends("the last row of a history was no number where rounding put the last time beyond the end")
-@pytest.mark.parametrize("hung", [None, PENDULUM])
+@pytest.mark.parametrize("pendulum", [None, PENDULUM])
 @pytest.mark.parametrize("free", [0.0, 0.3, 3.0])
 def test_no_row_of_a_motion_that_rocks_or_stands_is_unknown(pendulum, free):
     samples = np.random.default_rng(5).normal(size=37)

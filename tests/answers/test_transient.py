@@ -208,7 +208,7 @@ def times_of(x, *, with_it=True, y0=None):
 @pytest.mark.mends("derivatives of times were zero")
 # Of a block that overturns the uplift alone, of a bare one the block's own times.
 @pytest.mark.parametrize(
-    ("size", "hung", "known"), [(2.1, True, [0, 1, 2, 3]), (2.1, False, [0, 3]), (8.0, True, [3])]
+    ("size", "with_it", "known"), [(2.1, True, [0, 1, 2, 3]), (2.1, False, [0, 3]), (8.0, True, [3])]
 )
 def test_times_have_the_derivatives_of_differences(size, with_it, known):
     x, felt = np.array([size, 1.2375, 6.0, 450.0, 0.9]), 5 if with_it else 3
@@ -278,7 +278,7 @@ def test_an_angle_that_is_largest_at_the_very_end_grows_with_the_free_time():
 
 
 @pytest.mark.parametrize(
-    ("motion", "hung"), [(sine(2.0), None), (tpd.records.el_centro().scaled(1.155), PENDULUM)]
+    ("motion", "with_it"), [(sine(2.0), None), (tpd.records.el_centro().scaled(1.155), PENDULUM)]
 )
 def test_nonlinear_motions_are_those_of_the_batch(motion, with_it):
     found = tpd.transient(column(motion), with_it, model=tpd.Nonlinear(rtol=1e-8))
@@ -335,7 +335,7 @@ def test_a_nonlinear_motion_has_a_status():
 
 @pytest.mark.mends("a time of overturning was the end of a step or a window, up to 6 % too late")
 @pytest.mark.parametrize("nonlinear", [True, False])
-@pytest.mark.parametrize("hung", [None, PENDULUM])
+@pytest.mark.parametrize("with_it", [None, PENDULUM])
 def test_the_time_of_overturning_is_that_of_the_event_loop(nonlinear, with_it):
     for way in (-1.0, 1.0):
         samples = way * (3.0 + 2.0 * np.random.default_rng(0).normal(size=12))

@@ -75,8 +75,8 @@ def test_motions_runs_and_spectra_are_those_of_one_process(cluster):
         axes_of_map = ("mu", np.linspace(0.05, 0.2, 3)), ("lam", np.array([0.3, 0.6]))
         from_rest = tpd.design_map(SCENE, *axes_of_map, pendulum=PENDULUM, start=np.zeros(4), cluster=c)
         numbers = {
-            "bare": spectrum.without_pendulum,
-            "hung": spectrum.with_pendulum,
+            "without_pendulum": spectrum.without_pendulum,
+            "with_pendulum": spectrum.with_pendulum,
             "tilt": rocking.without_pendulum,
         }
         numbers |= {"bare tilts": fragility.tilts[0], "hung tilts": fragility.tilts[1]}

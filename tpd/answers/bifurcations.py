@@ -397,7 +397,7 @@ class _Point(NamedTuple):
     value: float
     """Value of the varying parameter."""
     x: np.ndarray
-    """All parameters there, in the order of `NAMES`."""
+    """All parameters there, in the order of `tpd.scene.parameters.NAMES`."""
     last_step: float
     """Last Newton step of `value`."""
     slopes: np.ndarray

@@ -75,8 +75,8 @@ class Transient(eqx.Module):
     """Number of impacts on the base. All impacts of a rattling motion count until the block is set to rest.
     `Piecewise` sets the block to rest after an impact below 2e-7 nu (phi' in tau); with a restitution of
     0.9999 or more below up to 8e-5 nu, because slower impacts would exceed `max_events`. `Nonlinear` uses
-    `rest_rate` times nu. The number depends on these rates; `MotionHistory.impacts_above` counts the impacts
-    above a given rate."""
+    `rest_rate` times nu. The number depends on these rates;
+    `tpd.answers.motion_history.MotionHistory.impacts_above` counts the impacts above a given rate."""
     uplift_time: Number
     """Time at which the block leaves its base for the first time, s; infinite if it never does."""
     overturning_time: Number

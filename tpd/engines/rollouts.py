@@ -196,7 +196,8 @@ def free_rocking(body: RigidBody) -> float:
     half_of_toppling = 0.5 * math.atan2(body.half_width, body.half_height)
     state = placed(body, np.array([half_of_toppling, 0.0, 0.0, 0.0]))
     data.qpos[:], data.qvel[:] = state[:3], state[3:]
-    # The contact force of this stiffness ends after some time constants, during which the block hardly moves.
+    # The contact force of this stiffness ends after some time constants, in which the block moves very
+    # little.
     around = round(12.0 * body.contact_time / body.step)
     energies, impact = [], math.inf
     for step in range(10_000_000):
