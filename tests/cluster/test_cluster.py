@@ -171,7 +171,8 @@ def test_bad_input(options, words, tmp_path):
 def test_a_batch_that_cannot_be_shared_out_is_refused(cluster):
     with pytest.raises(ZeroDivisionError):
         cluster.map("bad", slowly_squared, batch(10), (None,), chunk=128)
-    with pytest.raises(ValueError, match="cannot be computed on a cluster: an object of the type object has no fingerprint"):
+    refusal = "cannot be computed on a cluster: an object of the type object has no fingerprint"
+    with pytest.raises(ValueError, match=refusal):
         cluster.map("bad", slowly_squared, batch(10), (object(),), chunk=128)
     with pytest.raises(ValueError, match="arrays of one length"):
         cluster.map("bad", slowly_squared, {"x": np.zeros(3), "y": np.zeros(2)}, (0.0,), chunk=128)

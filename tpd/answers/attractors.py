@@ -134,7 +134,7 @@ def attractors(
             s = _solved(fixed, jnp.asarray(y0[starts_of[0]]), model)
             kind = status_name(s.status), int(s.periods), bool(s.symmetric)
             new = Attractor(*kind, len(starts_of) / len(y0), tuple(starts_of), s)
-            # The motion may be known already, because a group that is too fine divides one motion.
+            # An earlier group may have the same motion, because the coarse grouping can divide a motion.
             at = next((i for i, other in enumerate(motions) if _is_same(other, new, felt)), None)
             if at is None:
                 motions.append(new)
@@ -160,8 +160,7 @@ def _agree(a: np.ndarray, b: np.ndarray, share: float, felt: bool) -> bool:
 
 
 def _groups(settled: Settled, felt: bool) -> list[tuple[int, list[int]]]:
-    """Group the initial states that seem to reach the same motion; each group has the number of its
-    status."""
+    """Group the initial states that seem to reach the same motion, by number of status."""
     # This coarse grouping saves Newton's method for all but one initial state of each group. The motions that
     # Newton's method returns are then compared with a much smaller tolerance.
     codes, periods = code_of(settled.status), settled.periods

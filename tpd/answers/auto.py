@@ -141,8 +141,7 @@ def _at_rest(p: Parameters, y0: State) -> tuple[Steady, Number, Number]:
 
 @eqx.filter_jit
 def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
-    """Return the exact solution of the linear equations, and the estimated relative error of its
-    amplitude."""
+    """Return the exact solution of the linear equations, and its estimated error."""
 
     def size(p: Parameters) -> tuple[Number, Steady]:
         steady = steady_state(p, model=Piecewise(lyapunov_periods=0), y0=y0)

@@ -50,8 +50,10 @@ differences in crossing time (share of half a period), phase (rad) and logarithm
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """Orbits at `n` values of one parameter or quantity. Arrays have the shape (n, 3); NaN without an
-    orbit."""
+    """Orbits at `n` values of one parameter or quantity.
+
+    Arrays have the shape (n, 3), unless another shape is stated. They are NaN where there is no orbit.
+    """
 
     name: str
     """Name of the parameter or quantity."""
@@ -405,8 +407,7 @@ class _Point(NamedTuple):
 
 
 def _newton(search: _Search, kind: Kind, guess: np.ndarray, gap: _Gap) -> _Point | None:
-    """Solve for u and the value by Newton's method with limited steps; None if it does not converge
-    nearby."""
+    """Solve for u and the value by Newton's method; None if it does not converge nearby."""
     u, m, value, last, rows = guess, len(guess), gap.value, math.inf, _ROWS[kind]
     low, high = search.window(kind, gap)
     for _ in range(40):

@@ -205,8 +205,7 @@ def nonlinear(p: Parameters) -> tuple[float, float, str]:
 
 
 def _timed(name: str, p: Parameters) -> Answer:
-    """Return the result of one model. It is solved twice to separate the times of compilation and
-    solution."""
+    """Return the result of one model, and its computing times with and without compilation."""
     model = _MODELS[name]
     # A model without impact loss has no result if impacts lose energy, and NaN takes its place.
     is_valid = model.impact_loss or float(p.velocity_ratio) == 1.0

@@ -217,8 +217,7 @@ def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.n
 
 
 def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
-    """Raise `ValueError` if both axes change the same parameter, or if a corner of the grid is out of
-    range."""
+    """Raise `ValueError` if both axes change the same parameter, or leave its range."""
     if len(lines) < 2:
         raise ValueError(f"`x` and `y` must differ, but both are {next(iter(lines))!r}")
     # A quantity and a parameter that depends on it would both set this parameter.

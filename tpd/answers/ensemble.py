@@ -62,7 +62,7 @@ def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Condi
     # The first six columns of the samples are initial state, phase and growth; the others are the scatter.
     scatter = factors_at(unit[:, 6:], e.widths(p.e))
     conditions = Conditions() if conditions is None else conditions
-    # The conditions are dealt to the runs like cards, so that each condition has the same number of runs.
+    # The conditions have equal numbers of runs (up to one), in random order.
     dealt = e.dealt(len(conditions))
     factor = np.stack([scatter.get(name, 1.0) * conditions.column(name)[dealt] for name in FACTORS])
     design = np.repeat([[float(x)] for x in (p.mu, p.lam, p.zeta)], e.size, axis=1)

@@ -86,8 +86,7 @@ class MotionHistory:
 
     @property
     def needed_friction(self) -> float:
-        """Largest ratio of horizontal to vertical force. With a smaller coefficient of friction the base
-        slides."""
+        """Smallest coefficient of friction of the base with which it does not slide."""
         return float(np.nanmax(np.abs(self.horizontal) / np.maximum(self.vertical, 1e-300)))
 
 

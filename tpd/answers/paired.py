@@ -211,8 +211,7 @@ class PairedRuns(Printed):
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
-        """Changes of mean, median and worst severity, and of the shares that overturn and that come to
-        rest."""
+        """Changes of mean, median and worst severity, and of the shares of two outcomes."""
         rows = self._rows
         pair = self.severity[:, rows]
         overturned = np.array([runs.is_overturned[rows] for runs in self._cases], dtype=float)
@@ -253,8 +252,7 @@ class PairedRuns(Printed):
 
     @cached_property
     def overturns_more(self) -> Overturned | None:
-        """Group of runs of which significantly more overturn with the pendulum; None if there is no such
-        group.
+        """Group of runs of which significantly more overturn with the pendulum, or None.
 
         The comparison of all runs uses McNemar's test if they are independent, otherwise the interval between
         earthquakes. Under earthquakes each part is compared as well.

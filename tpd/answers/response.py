@@ -161,8 +161,9 @@ def frequencies(own: float, low: float, high: float, count: int) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Response(Printed, Tabular):
-    """Motions that a block settles into from rest, over a frequency or another quantity. Arrays of shape
-    (n,).
+    """Motions that a block settles into from rest, over a frequency or another quantity.
+
+    Arrays have the shape (n,).
 
     Attributes:
         frequency: values in Hz, or values of `name`.

@@ -127,8 +127,10 @@ class Runs(Printed, Tabular):
 
     @property
     def severity(self) -> np.ndarray:
-        """Settled tilt divided by the slenderness, from 0 to 1; 1 if the block overturns, NaN without an
-        answer."""
+        """Settled tilt divided by the slenderness, from 0 to 1.
+
+        It is 1 if the block overturns, and NaN without an answer.
+        """
         # The upper bound of 1 keeps means finite. An overturned block counts as much as one on its corner.
         return np.where(self.is_unanswered, np.nan, np.fmin(self.settled_tilt / self.nu, 1.0))
 
@@ -205,7 +207,7 @@ class Runs(Printed, Tabular):
         """Return the rows of a table: a label, and a share or quantiles as text."""
         out = [("overturned", str(self.share_overturned))]
         out += [(f"  {label_of_ramp(r)}", f"{x.value:.1%}") for r, x in self.share_by_ramp().items()]
-        # Labels and order are those of the tables in the report.
+        # The report shows the same rows.
         out.append(("at rest in the end", str(self.share_at_rest)))
         for name, angle in _QUANTILES.items():
             values = self.quantiles(angle)

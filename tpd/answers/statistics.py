@@ -47,8 +47,10 @@ class Share(NamedTuple):
 
     @staticmethod
     def of(hits: np.ndarray) -> Share:
-        """Return the share of true entries in a vector. Without entries the share is NaN, the interval 0 to
-        1."""
+        """Return the share of true entries in a vector.
+
+        Without entries the share is NaN and the interval is 0 to 1.
+        """
         if not len(hits):
             return Share(math.nan, 0.0, 1.0)
         # Wilson's interval stays within 0 to 1, and has a positive width even if all runs are alike.
@@ -81,8 +83,7 @@ class Interval:
         return f"{form.format(self.mean)} ({form.format(self.low)} to {form.format(self.high)})"
 
     def fall_in_words(self) -> tuple[bool, str, str]:
-        """Return whether a relative reduction is not an increase, its size, and its interval if it is
-        known."""
+        """Return whether a relative change is a reduction, its size, and its interval as text."""
         # A share that rounds to zero must not read "-0 %".
         less = self.mean > -0.005
         ends = (self.mean, self.low, self.high) if less else (-self.mean, -self.high, -self.low)
@@ -284,8 +285,10 @@ def chance_of(worse: int, better: int) -> float:
 
 
 def chance_of_either(x: int, y: int) -> float:
-    """Return the p-value of McNemar's test, exact and two-sided, for x and y differences in each
-    direction."""
+    """Return the p-value of McNemar's test, exact and two-sided.
+
+    x and y are the numbers of differences in the two directions.
+    """
     return min(1.0, 2.0 * chance_of(max(x, y), min(x, y)))
 
 
@@ -521,8 +524,7 @@ def _sandwich(
 
 
 def _density_over(eta: np.ndarray) -> np.ndarray:
-    """Return the density of the normal distribution divided by its distribution function, at full
-    precision."""
+    """Return the ratio of density and distribution function of the normal distribution."""
     return math.sqrt(2.0 / math.pi) / erfcx(-eta / math.sqrt(2.0))
 
 

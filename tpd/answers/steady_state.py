@@ -153,8 +153,7 @@ _MOST_TIMES = 1_000_000
 
 @lru_cache(maxsize=1)
 def _default() -> Piecewise:
-    """Return the default model. It is cached, because its construction takes a third of the time of a
-    call."""
+    """Return the default model, which is cached: making it takes a third of the time of a call."""
     return Piecewise()
 
 

@@ -34,8 +34,9 @@ MAX_EVENTS = 200_000
 
 
 class Transient(eqx.Module):
-    """Largest angles and outcome of a block under a ground motion. Angles in rad, times in s from its
-    beginning.
+    """Largest angles and outcome of a block under a ground motion.
+
+    Angles are in rad, and times in s from the beginning of the motion.
 
     Angles, their times and the state are differentiable if the status is stood or rocked: with respect to
     every SI quantity of block, pendulum and gravity, to the size and the time scale of the motion, to the
@@ -73,9 +74,9 @@ class Transient(eqx.Module):
     """Time at which the largest |psi - phi| is reached, s."""
     impacts: Int[Any, "..."]
     """Number of impacts on the base. All impacts of a rattling motion count until the block is set to rest.
-    `Piecewise` sets the block to rest after an impact below 2e-7 nu (phi' in tau); with a restitution of
-    0.9999 or more below up to 8e-5 nu, because slower impacts would exceed `max_events`. `Nonlinear` uses
-    `rest_rate` times nu. The number depends on these rates;
+    `Piecewise` sets the block to rest after an impact slower than 2e-7 nu (phi' in tau). With a restitution
+    of 0.9999 or more this rate is up to 8e-5 nu, because slower impacts would exceed `max_events`.
+    `Nonlinear` uses `rest_rate` times nu. The number depends on these rates;
     `tpd.answers.motion_history.MotionHistory.impacts_above` counts the impacts above a given rate."""
     uplift_time: Number
     """Time at which the block leaves its base for the first time, s; infinite if it never does."""
@@ -163,8 +164,10 @@ def transient(
 
 
 def _answer(run: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
-    """Convert a run to SI units. `bob` is 0 without a pendulum, and `xp` is NumPy if all numbers are
-    known."""
+    """Convert a run to SI units.
+
+    `bob` is 0 without a pendulum and 1 with it. `xp` is NumPy if all numbers are known, otherwise JAX.
+    """
     code = xp.asarray(run.status).astype(int)
     # A motion that touches an event has one event more on one side of these parameters, and no derivative.
     touched = (code == ROCKED) & (run.transversality < GRAZING)

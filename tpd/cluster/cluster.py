@@ -266,8 +266,7 @@ def store(folder: Path, key: str, number: int, results: Results) -> None:
 
 
 def check_where(workers: object, cluster: object, progress: object = None) -> None:
-    """Raise `ValueError` unless `workers` is a number of threads, `cluster` a cluster and `progress` a
-    function."""
+    """Raise `ValueError` if an argument is not a number of threads, a cluster, or a function."""
     if workers is not None:
         checks.count("workers", workers)
     checks.optional("cluster", cluster, Cluster)
@@ -316,8 +315,10 @@ def of_environment() -> str:
 
 
 def _add(digest: Any, value: Any) -> None:
-    """Add a value to a digest, with its type and length, so that different values cannot give the same
-    bytes."""
+    """Add a value to a digest.
+
+    Type and length are added as well, so that different values cannot give the same bytes.
+    """
     kind, own, parts = f"{type(value).__module__}.{type(value).__qualname__}", b"", []
     if isinstance(value, enum.Enum):
         # Name and class identify a member, whatever its value is.

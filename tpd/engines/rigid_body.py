@@ -111,8 +111,10 @@ def parameters_under(scene: Scene, pendulum: Pendulum | None) -> Parameters:
 
 
 def body_of(scene: Scene, p: Parameters, sliding: float, steps: int = 1) -> RigidBody:
-    """Return the rigid bodies of dimensionless parameters (plain numbers), in the size and mass of a
-    scene."""
+    """Return the rigid bodies of dimensionless parameters (plain numbers) in SI units.
+
+    Size and mass of the block are those of the scene.
+    """
     b, mass, g = float(scene.block.half_height), float(scene.block.mass), float(scene.gravity)
     nu, mu, rod = float(p.nu), float(p.mu), float(p.lam) * b
     # The inertia ratio is rho = b^2/(a^2 + b^2 + c^2), where c is the radius of gyration.

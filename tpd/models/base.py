@@ -58,8 +58,7 @@ class AbstractChoice(eqx.Module):
 
     @abstractmethod
     def steady(self, p: Parameters, y0: State) -> Any:
-        """Return the `tpd.answers.steady_state.Steady` of the selected model. The parameters must be plain
-        numbers."""
+        """Return the steady state of the selected model. The parameters must be plain numbers."""
 
 
 class AbstractModel(eqx.Module):

@@ -150,10 +150,10 @@ class Harmonic1(NamedTuple):
 
 
 def one_harmonic(p: Parameters) -> Harmonic1:
-    """Return the larger root of the one-harmonic balance: the stable branch, 1 to 5 % above the exact
-    amplitude.
+    """Return the larger root of the one-harmonic balance, which is the stable branch.
 
-    If the balance has no root, `exists` is False and both amplitudes are zero.
+    Its amplitude is 1 to 5 % above the exact one. If the balance has no root, `exists` is False and both
+    amplitudes are zero.
 
     Args:
         p: dimensionless parameters. Fields may be arrays.

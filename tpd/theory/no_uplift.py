@@ -120,8 +120,9 @@ def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
 
 
 def uplift(p: Parameters) -> Uplift:
-    """Return the margin of the no-uplift condition and the swing of the bob, differentiable in all
-    parameters.
+    """Return the margin of the no-uplift condition and the swing of the bob.
+
+    Both are differentiable in all parameters.
 
     Args:
         p: dimensionless parameters. Fields may be arrays.

@@ -58,8 +58,10 @@ def printed_free_amplitude(nu: Number, frequency: Number) -> Number:
 
 
 class Quarter(NamedTuple):
-    """Result of (19). The last axis has cos gamma positive and negative; NaN where |sin gamma| would exceed
-    1."""
+    """Result of (19).
+
+    The last axis has cos gamma positive and negative. NaN where |sin gamma| would exceed 1.
+    """
 
     amplitude: Float[Array, "*batch 2"]
     """Amplitude Phi, rad."""
