@@ -299,9 +299,9 @@ def mcnemar(a: np.ndarray, b: np.ndarray, quakes: np.ndarray | None = None) -> n
     are unknown, the p-value is the largest that is possible.
 
     Args:
-        a, b: 1 where a motion reaches the state, 0 where it does not, NaN if unknown, shape (motions,
-        stripes). quakes: number of the earthquake of each motion; by default each motion has its own
-        earthquake.
+        a, b: 1 where a motion reaches the state, 0 where it does not, NaN if unknown; shape
+            (motions, stripes).
+        quakes: number of the earthquake of each motion; by default each motion has its own earthquake.
     """
     # For each earthquake: the number of motions that reach the state in case a minus that in case b, at least
     # and at most.
@@ -442,9 +442,10 @@ def fit_lognormal(stripes: np.ndarray, hits: np.ndarray, earthquakes: np.ndarray
 
     Args:
         stripes: increasing intensities, shape (stripes,).
-        hits: 1 where a motion reaches the state, 0 where it does not, NaN if unknown, shape (motions,
-        stripes). earthquakes: number of the earthquake of each motion, shape (motions,); by default each
-            motion has its own earthquake.
+        hits: 1 where a motion reaches the state, 0 where it does not, NaN if unknown; shape
+            (motions, stripes).
+        earthquakes: number of the earthquake of each motion, shape (motions,); by default each motion has its
+            own earthquake.
 
     Raises:
         RuntimeError: the maximum is not reached (never observed).
