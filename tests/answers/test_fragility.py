@@ -118,7 +118,7 @@ def test_runs_that_the_nonlinear_equations_do_not_answer_are_named(monkeypatch):
     found = tpd.fragility(STATUE, RECORDS, scales=[0.8, 30.0])
     assert found.changed == (0.0,)
     assert found.unanswered == (12,)
-    assert "by these equations, and not compared: 12 of 24 runs bare" in str(found)
+    assert "with these equations, and not compared: 12 of 24 runs without pendulum" in str(found)
 
 
 @pytest.mark.mends("motions without an answer were not drawn")

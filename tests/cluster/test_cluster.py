@@ -198,7 +198,7 @@ def test_task_that_is_edited_is_another_batch(tmp_path, monkeypatch):
 
 
 def test_workers_of_another_version_are_refused(cluster, monkeypatch):
-    monkeypatch.setattr("tpd.cluster.cluster.of_environment", lambda: "another")
+    monkeypatch.setattr("tpd.cluster.cluster.environment_fingerprint", lambda: "another")
     with pytest.raises(ClusterError, match="a worker of the cluster has another version"):
         cluster.map("versions", slowly_squared, batch(10), (0.0,), chunk=128)
 

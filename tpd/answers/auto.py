@@ -121,21 +121,21 @@ def _at_rest(p: Parameters, y0: State) -> tuple[Steady, Number, Number]:
     """
     linear, lift = Linear(p), uplift(p)
     # Under a block at rest the bob is a damped oscillator, lam rho psi'' + c_p psi' + psi = f sin(xi tau).
-    # Its steady swing is psi = s sin(xi tau) + c cos(xi tau). The difference from it, `own`, decays.
+    # Its steady swing is psi = s sin(xi tau) + c cos(xi tau). The difference from it, `own_swing`, decays.
     response = linear.f / (1.0 - linear.m22 * p.xi**2 + 1j * linear.c2 * p.xi)
     s, c = jnp.real(response), jnp.imag(response)
-    own = jnp.hypot(y0[1] - c, jnp.sqrt(linear.m22) * (y0[3] - p.xi * s))
+    own_swing = jnp.hypot(y0[1] - c, jnp.sqrt(linear.m22) * (y0[3] - p.xi * s))
     # The block stays at rest if steady swing and own swing, both at their largest, cannot lift it.
-    pull = (linear.tilt - 1.0 + jnp.abs(linear.bias) / jnp.sqrt(linear.m22)) * own
+    pull = (linear.tilt - 1.0 + jnp.abs(linear.bias) / jnp.sqrt(linear.m22)) * own_swing
     reserve = lift.margin - pull / (linear.weight + linear.friction)
     is_valid = (y0[0] == 0.0) & (y0[2] == 0.0)
     none, unknown, count = jnp.zeros(()), jnp.full((), jnp.nan), jnp.ones((), int)
     # The own swing of an undamped bob does not decay.
     decays = p.zeta > 0.0
     state = jnp.where(decays, jnp.stack([none, c, none, p.xi * s]), y0)
-    swing = jnp.where(decays, lift.swing, lift.swing + own)
+    swing = jnp.where(decays, lift.swing, lift.swing + own_swing)
     rest = none, swing, Status.rest, count, unknown, jnp.ones((), bool), unknown, state, 0 * count
-    reach = (lift.swing + own) * (p.mu > 0)
+    reach = (lift.swing + own_swing) * (p.mu > 0)
     return Steady(*rest), jnp.where(is_valid, reserve, -jnp.inf), _neglected_at_rest(p, reach)
 
 

@@ -102,17 +102,17 @@ def along(axis: Axis, grid: np.ndarray) -> Sweep:
     """Return the orbits of `symmetric_orbits` over a checked grid of increasing values, joined to branches.
 
     Two neighbouring orbits belong to one branch if crossing time, phase and amplitude are continuous and
-    det(I - G) has the same sign. A branch therefore never continues through a fold.
+    det(I - G) has the arrays_of_orbits sign. A branch therefore never continues through a fold.
     """
     orbits, names = orbits_at(axis, grid)
     # Half a period is h = pi/xi, so that the first coordinate is the crossing time as a share of it.
     shares = orbits.crossing * axis.at(grid)[:, [XI]] / np.pi
     place = np.stack([shares, orbits.phase, np.log(orbits.amplitude)], axis=-1)
-    same = ("amplitude", "swing", "phase", "crossing", "multipliers", "overflow")
-    arrays: Any = {n: np.asarray(getattr(orbits, n)) for n in same}
+    arrays_of_orbits = ("amplitude", "swing", "phase", "crossing", "multipliers", "overflow")
+    arrays: Any = {n: np.asarray(getattr(orbits, n)) for n in arrays_of_orbits}
     branch = _joined(grid, place, np.sign(orbits.margins.fold))
-    about = {"name": axis.name, "value": grid, "status": names, "branch": branch}
-    return Sweep(**about, **arrays, margins=orbits.margins)
+    labels = {"name": axis.name, "value": grid, "status": names, "branch": branch}
+    return Sweep(**labels, **arrays, margins=orbits.margins)
 
 
 def _joined(grid: np.ndarray, place: np.ndarray, side: np.ndarray) -> np.ndarray:

@@ -221,11 +221,11 @@ class PairedRuns(Printed):
             # With a single earthquake the interval is infinite. JSON and tables show it as unknown.
             by = change(values[0], values[1], self._clusters(rows))
             low, high = (x if np.isfinite(x) else np.nan for x in (by.low, by.high))
-            return Change(name, _of(np.mean, values[0]), _of(np.mean, values[1]), low, high)
+            return Change(name, _size_of(np.mean, values[0]), _size_of(np.mean, values[1]), low, high)
 
         def single(name: str, size: Callable[[np.ndarray], Any]) -> Change:
             # Median and worst severity have no simple interval of their difference.
-            return Change(name, _of(size, pair[0]), _of(size, pair[1]), np.nan, np.nan)
+            return Change(name, _size_of(size, pair[0]), _size_of(size, pair[1]), np.nan, np.nan)
 
         return (
             mean("mean severity", pair),
@@ -291,7 +291,7 @@ class PairedRuns(Printed):
         for label, of_part in selections:
             rows = self.known & of_part
             is_worse = is_positive(excess[rows], least, self._clusters(rows))
-            with_pendulum, without = (_of(np.mean, x[rows]) for x in self.severity)
+            with_pendulum, without = (_size_of(np.mean, x[rows]) for x in self.severity)
             parts.append(Part(label, rows, with_pendulum, without, is_worse))
         return tuple(parts)
 
@@ -452,6 +452,6 @@ def paired_runs(
     )
 
 
-def _of(size: Callable[[np.ndarray], Any], values: np.ndarray) -> float:
+def _size_of(size: Callable[[np.ndarray], Any], values: np.ndarray) -> float:
     """Return the size of values; NaN if there are none."""
     return float(size(values)) if len(values) else np.nan

@@ -146,26 +146,26 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
         entry.run(0, 1, row, parameters, start, record)
     else:
         (record,) = LINEAR((shape(size),), packed(map(stop_gradient, settings)), *inputs[:2])
-    of = parts(record, entry.STEADY)
+    fields = parts(record, entry.STEADY)
     # Slopes are real numbers, so that complex numbers are divided into their two parts.
-    numbers = jnp.concatenate([record[:_SIZES], of.multipliers.reshape(-1), of.fold[None]])
+    numbers = jnp.concatenate([record[:_SIZES], fields.multipliers.reshape(-1), fields.fold[None]])
     # If the parameters are a NumPy array, JAX does not differentiate with respect to them.
     if not isinstance(x, np.ndarray):
         unknown = jnp.full((len(numbers) - _SIZES, len(x)), jnp.nan)
-        numbers = with_slopes(x, numbers, jnp.concatenate([of.by, unknown]))
+        numbers = with_slopes(x, numbers, jnp.concatenate([fields.by, unknown]))
     amplitude, swing, *state = numbers[:_SIZES]
     # The remaining numbers are the parts of the multipliers in turn, and the margin of the fold.
     *both, fold = numbers[_SIZES:]
     # A motion that does not repeat is no periodic orbit, and has not been followed until it settles.
     names = ("no_orbit" if name == "not_settled" else name for name in STEADY_STATUSES)
-    status = jnp.asarray([index_of(name) for name in names], dtype=jnp.int32)[of.status.astype(int)]
+    status = jnp.asarray([index_of(name) for name in names], dtype=jnp.int32)[fields.status.astype(int)]
     return PeriodicOrbit(
         status=jax.tree.unflatten(jax.tree.structure(Status.rocking), [status]),
         amplitude=amplitude,
         swing=swing,
         state=jnp.stack(state),
-        periods=jnp.asarray(of.periods, dtype=int),
-        symmetric=jnp.asarray(of.symmetric != 0.0),
+        periods=jnp.asarray(fields.periods, dtype=int),
+        symmetric=jnp.asarray(fields.symmetric != 0.0),
         multipliers=jnp.stack(both[::2]) + 1j * jnp.stack(both[1::2]),
         fold=fold,
     )

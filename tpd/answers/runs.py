@@ -277,13 +277,13 @@ def follow_runs(
     check_where(workers, cluster, progress)
     n, ground = len(rows), isinstance(forcing, GroundForcing)
     # The fields of the forcing with one value for each run, of the two kinds of forcing.
-    own = {name: getattr(forcing, name) for name in (("free", "which") if ground else ("begin", "ramp"))}
+    per_run = {name: getattr(forcing, name) for name in (("free", "which") if ground else ("begin", "ramp"))}
     # Inputs that differ between runs are divided among the chunks of a cluster. The others are sent once.
-    batch = {name: np.broadcast_to(x, n) for name, x in own.items()}
+    batch = {name: np.broadcast_to(x, n) for name, x in per_run.items()}
     batch |= {"rows": rows, "y0": np.zeros((n, 4)) if y0 is None else y0}
     limits = {"events": events, "rtol": rtol, "brief": brief}
     # `_results` puts these fields back, so that they are replaced by zero in the shared forcing.
-    shared = equations, forcing._replace(**dict.fromkeys(own, 0)), limits
+    shared = equations, forcing._replace(**dict.fromkeys(per_run, 0)), limits
     if cluster is None:
         results = _results(batch, *shared, workers, progress)
     else:
@@ -356,7 +356,7 @@ def follow_scaled(
     free: float,
     equations: Terms = Terms.linear,
     brief: bool = False,
-    **how: Any,
+    **options: Any,
 ) -> Runs:
     """Follow a block with each pendulum, from rest, under every motion multiplied by each of its factors.
 
@@ -369,7 +369,8 @@ def follow_scaled(
         free: duration of the free motion after each ground motion, s.
         equations: linear or nonlinear.
         brief: whether only the tilt, the uplift, the impacts before an overturning and the outcome are
-        needed. how: `workers`, `cluster` and `progress`, see `follow_runs`.
+            needed.
+        options: `workers`, `cluster` and `progress`, see `follow_runs`.
 
     Returns:
         Runs of the shape (pendulums, motions, ...).
@@ -393,5 +394,5 @@ def follow_scaled(
     # Compiled code has dimensionless times, hence the rate of the block.
     late = free * single(Scene(block, motions[0], gravity).rate)
     forcing = GroundForcing(records, late, np.tile(which, len(pendulums)))
-    table = follow_runs(equations, x, forcing, brief=brief, condition=forcing.which, **how)
+    table = follow_runs(equations, x, forcing, brief=brief, condition=forcing.which, **options)
     return table.reshape(len(pendulums), *factors.shape)

@@ -133,7 +133,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
         chunk = min(chunk, -(-length // _CHUNKS))
         try:
             # The fingerprint covers everything on which the results depend.
-            key = fingerprint(of_environment(), *_source(task), chunk, part_of(slice(None)), shared)
+            key = fingerprint(environment_fingerprint(), *_source(task), chunk, part_of(slice(None)), shared)
         except TypeError as error:
             raise ValueError(f"these inputs cannot be computed on a cluster: {error}") from None
         folder, starts = self.folder / f"{name}-{key[:16]}", range(0, length, chunk)
@@ -156,7 +156,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
     def _computed(self, task: Task, shared: Any, parts: dict[int, Any]) -> Iterator[tuple[int, Results]]:
         """Yield number and results of the chunks, in the order in which they finish."""
         # Dask's own pickle module also handles functions of the main script.
-        client, pickle, version = self.client, self._distributed.protocol.pickle, of_environment()
+        client, pickle, version = self.client, self._distributed.protocol.pickle, environment_fingerprint()
         try:
             client.wait_for_workers(1, timeout=_WAIT)
         except TimeoutError:
@@ -234,7 +234,7 @@ def _compute(version: str, common: bytes, part: bytes) -> tuple[int, Results]:
     """
     from distributed.protocol import pickle
 
-    if of_environment() != version:
+    if environment_fingerprint() != version:
         raise ClusterError(
             "a worker of the cluster has another version of Python, tpd or its packages: install the same"
         )
@@ -283,9 +283,9 @@ def _source(task: Task) -> tuple[str, str]:
     if "<locals>" in name or "<lambda>" in name or module is None:
         raise ValueError("`task` must be a function at the top level of a module")
     try:
-        # The source of this package is a part of the fingerprint anyway, see `of_sources`.
-        own = module.startswith("tpd.")
-        return f"{module}.{name}", "" if own else inspect.getsource(inspect.getmodule(task) or task)
+        # The source of this package is a part of the fingerprint anyway, see `source_fingerprint`.
+        is_ours = module.startswith("tpd.")
+        return f"{module}.{name}", "" if is_ours else inspect.getsource(inspect.getmodule(task) or task)
     except (OSError, TypeError):
         raise ValueError(f"`task` must be in a file, but {module}.{name} is not") from None
 
@@ -302,16 +302,16 @@ def fingerprint(*values: Any) -> str:
 
 
 @lru_cache(maxsize=1)
-def of_sources() -> str:
+def source_fingerprint() -> str:
     """Return the fingerprint of the source of this package. Another version may compute other digits."""
     root = Path(__file__).parents[1]
     return fingerprint([(p.relative_to(root).as_posix(), p.read_bytes()) for p in sorted(root.rglob("*.py"))])
 
 
 @lru_cache(maxsize=1)
-def of_environment() -> str:
+def environment_fingerprint() -> str:
     """Return the fingerprint of the source of this package and of the versions of its dependencies."""
-    return fingerprint(of_sources(), files.versions())
+    return fingerprint(source_fingerprint(), files.versions())
 
 
 def _add(digest: Any, value: Any) -> None:
@@ -319,12 +319,12 @@ def _add(digest: Any, value: Any) -> None:
 
     Type and length are added as well, so that different values cannot give the same bytes.
     """
-    kind, own, parts = f"{type(value).__module__}.{type(value).__qualname__}", b"", []
+    kind, content, parts = f"{type(value).__module__}.{type(value).__qualname__}", b"", []
     if isinstance(value, enum.Enum):
         # Name and class identify a member, whatever its value is.
-        own = value.name.encode()
+        content = value.name.encode()
     elif isinstance(value, (str, bytes, bool, int, float, type(None), np.generic)):
-        own = repr(value).encode()
+        content = repr(value).encode()
     elif is_dataclass(value) and not isinstance(value, type):
         parts = [(f.name, getattr(value, f.name)) for f in fields(value)]
     elif isinstance(value, Mapping):
@@ -334,9 +334,9 @@ def _add(digest: Any, value: Any) -> None:
     elif hasattr(value, "__array__"):
         # Arrays of NumPy and JAX with the same numbers have the same fingerprint.
         array = np.asarray(value)
-        kind, own = f"{array.dtype.str}{array.shape}", array.tobytes()
+        kind, content = f"{array.dtype.str}{array.shape}", array.tobytes()
     else:
         raise TypeError(f"an object of the type {type(value).__name__} has no fingerprint")
-    digest.update(f"{kind} {len(own)} {len(parts)};".encode() + own)
+    digest.update(f"{kind} {len(content)} {len(parts)};".encode() + content)
     for part in parts:
         _add(digest, part)

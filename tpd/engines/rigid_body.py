@@ -83,8 +83,8 @@ class RigidBody:
         """Velocity ratio of Housner's impact without a pendulum."""
         # The impact conserves the angular momentum about the new corner.
         a2, b2 = self.half_width**2, self.half_height**2
-        own = self.inertia / self.mass
-        return 1.0 - 2.0 * a2 / (a2 + b2 + own)
+        gyration2 = self.inertia / self.mass
+        return 1.0 - 2.0 * a2 / (a2 + b2 + gyration2)
 
     def mjcf(self) -> str:
         """Return the model as text in the format of MuJoCo."""
@@ -118,14 +118,14 @@ def body_of(scene: Scene, p: Parameters, sliding: float, steps: int = 1) -> Rigi
     b, mass, g = float(scene.block.half_height), float(scene.block.mass), float(scene.gravity)
     nu, mu, rod = float(p.nu), float(p.mu), float(p.lam) * b
     # The inertia ratio is rho = b^2/(a^2 + b^2 + c^2), where c is the radius of gyration.
-    own = b**2 * (1.0 / float(p.inertia_ratio) - 1.0 - nu**2)
+    gyration2 = b**2 * (1.0 / float(p.inertia_ratio) - 1.0 - nu**2)
     # zeta is relative to the critical damping of the pendulum with a fixed hinge.
     damping = 2.0 * float(p.zeta) * mu * mass * rod * math.sqrt(g * rod)
     return RigidBody(
         half_width=nu * b,
         half_height=b,
         mass=mass,
-        inertia=mass * own,
+        inertia=mass * gyration2,
         friction=float(p.k) * mass * g * b,
         bob=mu * mass,
         rod=rod,

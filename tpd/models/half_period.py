@@ -165,8 +165,8 @@ def newton(turn: np.ndarray, half: HalfPeriod) -> Step:
     finite = np.all(np.isfinite(half.end), axis=(1, 2)) & np.all(np.isfinite(half.swing), axis=1)
     by = np.where(finite[:, None, None], half.end[:, 1:], 0.0)
     # The third component of u is the phase. It takes the place of phi', which is zero at the turn.
-    own = [TILT, SWING, _PHASE, SWING_RATE]
-    jacobian = np.swapaxes(by[:, own] + np.eye(8, 4)[own], 1, 2)
+    components = [TILT, SWING, _PHASE, SWING_RATE]
+    jacobian = np.swapaxes(by[:, components] + np.eye(8, 4)[components], 1, 2)
     # NumPy raises an error for the whole batch if one matrix is singular. Such a matrix is replaced by the
     # identity, and its orbit is marked as not solved at the end.
     regular = finite & (np.abs(np.linalg.det(jacobian)) > 0.0)
@@ -174,7 +174,7 @@ def newton(turn: np.ndarray, half: HalfPeriod) -> Step:
     residual = half.end[:, _VALUE] + half.start
     moved = -np.linalg.solve(jacobian, residual[:, :, None]).squeeze(-1)
     slope = -np.linalg.solve(jacobian, np.swapaxes(by[:, _DESIGN], 1, 2))
-    swing_u = half.swing[:, 1:][:, own]
+    swing_u = half.swing[:, 1:][:, components]
     # Derivative G of the mirrored half-period map. Its eigenvalues g decide whether the orbit attracts.
     g = np.linalg.eigvals(-by[:, :4] * (half.felt[:, :, None] * half.felt[:, None]))
     pairs = np.stack([g[:, i] * g[:, j] for i, j in combinations(range(4), 2)], axis=1)
