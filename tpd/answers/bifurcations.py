@@ -102,7 +102,7 @@ def along(axis: Axis, grid: np.ndarray) -> Sweep:
     """Return the orbits of `symmetric_orbits` over a checked grid of increasing values, joined to branches.
 
     Two neighbouring orbits belong to one branch if crossing time, phase and amplitude are continuous and
-    det(I - G) has the arrays_of_orbits sign. A branch therefore never continues through a fold.
+    det(I - G) has the same sign. A branch therefore never continues through a fold.
     """
     orbits, names = orbits_at(axis, grid)
     # Half a period is h = pi/xi, so that the first coordinate is the crossing time as a share of it.
