@@ -55,9 +55,9 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
     Example:
         >>> import tempfile
         >>> import tpd
-        >>> folder = tempfile.mkdtemp()
-        >>> with tpd.Cluster(folder, workers=2) as cluster:  # Pass it as `cluster` to tpd.outcomes, for
-        instance. ...     cluster.workers
+        >>> # Functions such as tpd.outcomes have an argument `cluster`.
+        >>> with tpd.Cluster(tempfile.mkdtemp(), workers=2) as cluster:
+        ...     cluster.workers
         2
     """
 
