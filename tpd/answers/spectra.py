@@ -205,8 +205,7 @@ def rocking_spectrum(
         )
     # Each period belongs to another size of the block, and all sizes have the same dimensionless parameters.
     rates = 2.0 * np.pi / times
-    cases = [None] if pendulum is None else [None, pendulum]
-    rows = [rows_of(block, case, [motion], gravity) for case in cases]
+    rows = [rows_of(block, c, [motion], gravity) for c in ([None] if pendulum is None else [None, pendulum])]
     x = np.repeat(np.concatenate(rows), times.size, axis=0)
     # Only the dimensionless duration of a piece depends on the size.
     x[:, 6] = float(motion.piece) * np.tile(rates, len(rows))

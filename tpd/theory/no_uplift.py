@@ -84,17 +84,15 @@ class AtRest(NamedTuple):
     @property
     def sliding_in_words(self) -> str:
         """Text that says whether the block at rest slides before it lifts."""
-        least, friction = number(self.needed_friction, 2), self.base_friction
-        if friction is None:
+        least, base = number(self.needed_friction, 2), self.base_friction
+        if base is None:
             # Only friction that a dry base may lack is worth a hint.
             more = f". A dry base may have only {DRY:g}: state `base_friction`"
             least += more if self.needed_friction > DRY else ""
             return f"not before it lifts, if the coefficient of friction of the base is at least {least}"
         if self.slides:
-            return (
-                f"at {number(friction, 2)} g, BEFORE IT LIFTS: a coefficient of friction of {least} is needed"
-            )
-        has = f"the base has {number(friction, 2)}"
+            return f"at {number(base, 2)} g, BEFORE IT LIFTS: a coefficient of friction of {least} is needed"
+        has = f"the base has {number(base, 2)}"
         return f"not before it lifts: a coefficient of friction of {least} is needed, {has}"
 
     @property
