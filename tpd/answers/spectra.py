@@ -1,5 +1,8 @@
-"""Overturning spectrum: the effect of pulses of each frequency and size on one block. Rocking spectrum: the
-largest tilt of blocks of one slenderness and all sizes under one motion. Both without and with a pendulum."""
+"""Overturning spectra and rocking spectra, without and with a pendulum.
+
+An overturning spectrum is the effect of pulses of each frequency and size on one block. A rocking spectrum is
+the largest tilt of blocks of one slenderness and all sizes under one motion.
+"""
 
 from __future__ import annotations
 

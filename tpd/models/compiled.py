@@ -1,5 +1,8 @@
-"""Models that compiled code solves: the exact piecewise solution of the linear equations (25), and Taylor
-series for the nonlinear equations (4). Both models keep the sign functions and smooth nothing."""
+"""Models that compiled code solves.
+
+They are the exact piecewise solution of the linear equations (25), and Taylor series for the nonlinear
+equations (4). Both models keep the sign functions and smooth nothing.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Newton step of a symmetric orbit and of its derivatives, from half a forcing period of the smoothed
-equations. diffrax integrates the half period.
+"""Newton step of a symmetric orbit and of its derivatives, from half a forcing period.
+
+diffrax integrates the smoothed equations over the half period.
 
 Four numbers u = (phi, psi, gamma, psi') describe a symmetric orbit: the state at its upper turn, where
 phi' = 0, and the phase gamma of the forcing at the turn. Let y(u) be this state and P the state half a period

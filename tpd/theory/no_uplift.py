@@ -1,5 +1,4 @@
-"""No-uplift condition |B| f <= (1 + mu) nu + k: the excitation that a block at rest withstands, as in Table
-1.
+"""No-uplift condition |B| f <= (1 + mu) nu + k: the excitation that a block at rest withstands (Table 1).
 
 While the block is at rest, the bob is a damped oscillator driven by the base: its amplitude is Z = F/D with
 D = 1 - lam rho xi^2 + i xi c_p. The moment on the block then has the amplitude |B| f with

@@ -28,8 +28,8 @@ the package uses these formulas. The corrected equations are (4) and (25) in `tp
 | (27) | f (1 + mu) on the right | f (1 + 2 mu) | `test_27_...` |
 | (27) | (8/3) nu f (1 + mu) | (8 / 3 pi) nu f (1 + mu) | `test_27_...` |
 | (27) | Phi and f of (26) and (25) | -Phi and -f in both rows | `test_27_...` |
-| (25), Table 1 | lambda = l/b in (25), l/2b in Table 1 | l/b everywhere in this package | `test_table_1_...`
-| | Figure 8 | lambda = 0.1 in the caption, 1 in the text | 1 | notebook 03 |
+| (25), Table 1 | lambda = l/b in (25), l/2b in Table 1 | l/b everywhere here | `test_table_1_...` |
+| Figure 8 | lambda = 0.1 in the caption, 1 in the text | 1 | notebook 03 |
 
 (23) is correct as printed, although it does not follow from (20): it belongs to the equation with corrected
 signs (`test_23_...`). (4) is correct for both signs (`tests/theory/test_equations.py`).
