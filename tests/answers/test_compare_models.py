@@ -34,8 +34,8 @@ def test_a_check_has_every_model_asked_for_and_the_nonlinear_one():
     *others, last, meaning = found.table().splitlines()
     assert len(others) == 3
     assert last.startswith("nonlinear")
-    assert meaning.startswith("Amplitude and stroke are the largest tilt and bob angle (rad)")
-    assert "nothing of the paper's (4)" in last
+    assert meaning.startswith("Amplitude and swing are the largest tilt and bob angle (rad)")
+    assert "nothing of equations (4)" in last
     assert str(found) == f"{found.table()}\nno objection by the nonlinear equations"
     # Dimensionless parameters stand for the scene and its pendulum.
     same = check(p, swing_limit=0.5, models=("exact",))

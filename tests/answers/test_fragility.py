@@ -53,8 +53,8 @@ def test_nothing_rocks_below_the_threshold_and_the_first_crossing_is_named(found
     assert found.first_crossings["rocking"] == (1.5, pytest.approx(1.5, abs=0.71))
     assert 0.8 < found.without_pendulum["rocking"].fit.median < 1.5
     assert all(0.0 <= share < 0.3 for share in found.changed)
-    assert "the nonlinear equations change the verdict of" in str(found)
-    assert "rocking: bare median" in str(found)
+    assert "the nonlinear equations change the outcome of" in str(found)
+    assert "rocking, without pendulum: median" in str(found)
 
 
 def taken(monkeypatch, with_it: bool, fewest: float) -> None:
@@ -69,8 +69,8 @@ def taken(monkeypatch, with_it: bool, fewest: float) -> None:
 def test_motions_without_an_answer_are_counted_and_named(monkeypatch, found):
     taken(monkeypatch, True, 11.0)
     lost = tpd.fragility(STATUE, RECORDS, scales=found.stripes, pendulum=PENDULUM)
-    assert "and not counted: 0 of 60 runs bare, 12 of 60 runs with the pendulum" in str(lost)
-    assert "whatever the motions without an answer do" in str(lost)
+    assert "and not counted: 0 of 60 runs without pendulum, 12 of 60 runs with pendulum" in str(lost)
+    assert "depending on the motions without an answer" in str(lost)
     curve, before = lost.with_pendulum["overturned"], found.with_pendulum["overturned"]
     assert curve.undecided.tolist() == [0, 0, 0, 0, 12]
     assert curve.total.tolist() == [12, 12, 12, 12, 0]
@@ -118,7 +118,7 @@ def test_runs_that_the_nonlinear_equations_do_not_answer_are_named(monkeypatch):
     found = tpd.fragility(STATUE, RECORDS, scales=[0.8, 30.0])
     assert found.changed == (0.0,)
     assert found.unanswered == (12,)
-    assert "by these equations, and not compared: 12 of 24 runs bare" in str(found)
+    assert "with these equations, and not compared: 12 of 24 runs without pendulum" in str(found)
 
 
 @pytest.mark.mends("motions without an answer were not drawn")

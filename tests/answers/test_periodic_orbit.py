@@ -63,7 +63,7 @@ ALL = (*SCENES, RATTLING)
 
 
 class Answer(NamedTuple):
-    """An orbit, and the derivatives of (amplitude, stroke, state) in all parameters."""
+    """An orbit, and the derivatives of (amplitude, swing, state) in all parameters."""
 
     orbit: PeriodicOrbit
     slopes: np.ndarray

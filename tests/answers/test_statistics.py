@@ -239,7 +239,7 @@ def test_separated_outcomes_have_the_median_and_band_of_the_stripes_around(count
     stripes = np.arange(1.0, len(counts) + 1.0)
     fit = fit_lognormal(stripes, outcomes(counts, motions))
     assert fit.separated
-    assert "less than the stripes see" in str(fit)
+    assert "too small to resolve with these stripes" in str(fit)
     assert math.isnan(fit.dispersion)
     assert fit.median == pytest.approx(math.sqrt(passes[0] * passes[1]))
     assert fit.interval()[0] <= passes[0]
@@ -263,7 +263,7 @@ def test_one_stripe_sees_no_dispersion():
         fit = fit_lognormal(np.array([2.0]), outcomes([count], 10))
         assert (fit.separated, fit.median) == (True, median)
         assert math.isnan(fit.dispersion)
-        assert "not seen by one stripe" in str(fit)
+        assert "unknown with one stripe" in str(fit)
 
 
 @pytest.mark.mends("a share that grows slowly was said not to grow")

@@ -22,7 +22,7 @@ from tests.reference import (
 )
 from tpd import Parameters, Status, simulate, status_name, steady_state, symmetric_orbits
 from tpd.answers.period_map import Orbit
-from tpd.answers.steady_state import _Answer, _compared, _verdict
+from tpd.answers.steady_state import _Answer, _compare, _status
 from tpd.answers.symmetric_orbits import all_symmetric_orbits
 from tpd.exact.runs import Settled
 from tpd.scene.status import index_of, names_of
@@ -84,7 +84,7 @@ def test_the_verdict_by_traced_rules_has_a_name_for_each_loss(what, status):
     met = np.asarray(of["transversality"]), one, np.asarray(True)
     orbit = Orbit(y, np.asarray(of["residual"]), y, sizes, np.zeros((6, 9)), np.zeros((6, 4)), *met)
     others = np.asarray(of["multiplier"]), np.asarray(False), of["to_fold"], 0.0
-    code = _verdict(index_of("rocking"), orbit, *others)
+    code = _status(index_of("rocking"), orbit, *others)
     assert names_of(jax.tree.unflatten(jax.tree.structure(Status.failed), [code])) == status
 
 
@@ -340,7 +340,7 @@ def compared(answer, exact):
     judged = _Answer(of[1], none, of[0], 1, none, False, none, jnp.zeros(4), 0)
     status = jax.tree.unflatten(jax.tree.structure(Status.failed), [jnp.asarray(other[0])])
     settled = Settled(jnp.zeros(4), None, jnp.asarray(1), other[1], none, status, jnp.asarray(1), none, none)
-    found = _compared(judged, settled)
+    found = _compare(judged, settled)
     return str(names_of(found.status)), float(found.estimate)
 
 

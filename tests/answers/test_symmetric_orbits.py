@@ -63,7 +63,7 @@ def test_an_attracting_orbit_is_the_steady_state_from_its_own_state():
 
 
 def by_differences(x, amplitude, share):
-    """d(amplitude, stroke, state, phase, crossing, two margins)/d(parameters) of the orbit nearest in
+    """d(amplitude, swing, state, phase, crossing, two margins)/d(parameters) of the orbit nearest in
     amplitude, shape (10, 8)."""
     asked = []
     for i in range(8):

@@ -13,7 +13,7 @@ from tests.reference import NAMES, EventDriven, differences
 from tests.truth import GRAVITY, load
 from tpd.answers.critical_scale import _scanned
 from tpd.answers.runs import follow_scaled
-from tpd.answers.transient import _followed
+from tpd.answers.transient import _follow
 from tpd.exact.rows import ground_row_of
 
 TABLE = load("ground")
@@ -393,7 +393,7 @@ def test_a_model_that_does_not_fit_is_one_sentence():
         (tpd.Nonlinear, "the class itself"),
     ):
         with pytest.raises(ValueError, match=words):
-            _followed(model, scene.ground_parameters(), None, 0.0, None, 1)
+            _follow(model, scene.ground_parameters(), None, 0.0, None, 1)
 
 
 def test_bad_input_is_one_sentence():

@@ -27,7 +27,7 @@ def test_fragility_over_records(run):
     written = done.json("fragility.json")
     assert written["motions"][0].startswith("El Centro")
     assert set(written["fits"]) == set(written["p_values"]) == states
-    assert "overturned: bare median" in done.out
+    assert "overturned, without pendulum: median" in done.out
 
 
 @pytest.mark.mends("runs without an answer counted silently")
@@ -36,7 +36,7 @@ def test_runs_without_an_answer_are_named(run, monkeypatch):
     unanswered(monkeypatch, lambda rows: rows[:, 5] > 0.5)
     done = run("fragility", COLUMN, PENDULUM, TWO)
     assert done.status == 0
-    assert "not counted: 4 of 6 runs bare, 4 of 6 runs with the pendulum" in done.out
+    assert "not counted: 4 of 6 runs without pendulum, 4 of 6 runs with pendulum" in done.out
     assert done.json("fragility.json")["fits"]["overturned"]["with_pendulum"]["undecided"] == 4
     rows = [
         r for r in done.rows("fragility.csv") if (r["state"], r["case"]) == ("overturned", "without_pendulum")

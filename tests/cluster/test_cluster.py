@@ -57,7 +57,7 @@ def test_stored_batch_is_not_computed_again(cluster):
     assert same(shut.map("stored", slowly_squared, batch(300), (0.0,), chunk=128), by_hand(300))
     other = batch(300) | {"y": np.ones(300)}
     soon = dask.config.set({"distributed.comm.timeouts.connect": "1s"})
-    with soon, pytest.raises(ValueError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1"):
+    with soon, pytest.raises(ValueError, match=r"the Dask scheduler at tcp://127.0.0.1:1 does not answer"):
         shut.map("stored", slowly_squared, other, (0.0,), chunk=128)
 
 
@@ -171,7 +171,8 @@ def test_bad_input(options, words, tmp_path):
 def test_a_batch_that_cannot_be_shared_out_is_refused(cluster):
     with pytest.raises(ZeroDivisionError):
         cluster.map("bad", slowly_squared, batch(10), (None,), chunk=128)
-    with pytest.raises(ValueError, match="cannot be computed on a cluster: no fingerprint of a object"):
+    refusal = "cannot be computed on a cluster: an object of the type object has no fingerprint"
+    with pytest.raises(ValueError, match=refusal):
         cluster.map("bad", slowly_squared, batch(10), (object(),), chunk=128)
     with pytest.raises(ValueError, match="arrays of one length"):
         cluster.map("bad", slowly_squared, {"x": np.zeros(3), "y": np.zeros(2)}, (0.0,), chunk=128)
@@ -197,7 +198,7 @@ def test_task_that_is_edited_is_another_batch(tmp_path, monkeypatch):
 
 
 def test_workers_of_another_version_are_refused(cluster, monkeypatch):
-    monkeypatch.setattr("tpd.cluster.cluster.of_environment", lambda: "another")
+    monkeypatch.setattr("tpd.cluster.cluster.environment_fingerprint", lambda: "another")
     with pytest.raises(ClusterError, match="a worker of the cluster has another version"):
         cluster.map("versions", slowly_squared, batch(10), (0.0,), chunk=128)
 
@@ -300,5 +301,5 @@ def test_fingerprints_differ_where_inputs_do():
 
 
 def test_what_no_words_tell_from_another_is_refused():
-    with pytest.raises(TypeError, match=re.escape("no fingerprint of a object")):
+    with pytest.raises(TypeError, match=re.escape("an object of the type object has no fingerprint")):
         fingerprint([object()])

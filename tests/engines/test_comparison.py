@@ -41,7 +41,7 @@ def test_tilts_of_both_are_alike_and_the_verdict_says_so():
     assert_alike(found, 0.03, least=3)
     assert not found.disagrees
     assert found.warning == ""
-    assert "0.959 of the block" in found.losses
+    assert "0.959 for the block" in found.losses
     assert "a fifth of its step" in str(found)
 
 
@@ -68,8 +68,8 @@ def test_a_disagreement_comes_before_the_answer(tmp_path):
     helps, harms = ([0.02, 0.02], [0.1, np.inf]), ([0.1, np.inf], [0.02, 0.02])
     wrong = verdict_of(harms, harms, helps)
     assert wrong.disagrees
-    assert str(wrong).startswith("DANGER: by MuJoCo 0 the pendulum harms")
-    assert "the losses are not the same" in wrong.losses
+    assert str(wrong).startswith("DANGER: in MuJoCo 0 the pendulum harms")
+    assert "the losses differ" in wrong.losses
     unsure = verdict_of(helps, harms, helps)
     assert unsure.step_matters
     assert "time step" in unsure.warning

@@ -72,7 +72,7 @@ def test_amplitude_and_gradient_are_the_known_ones(case):
 
 
 @pytest.mark.parametrize("x", [STILL.x, (*WITH[3].x, 0.8)], ids=["rest", "impacts"])
-def test_amplitude_and_stroke_have_the_gradients_of_differences(x):
+def test_amplitude_and_swing_have_the_gradients_of_differences(x):
     # From the settled state, since far steps from elsewhere may end on another orbit. The amplitude is known
     # to about 1e-14 of itself, hence its differences to 1e-8 even where they are small.
     answer = exact(x)

@@ -34,7 +34,7 @@ def stepped(p, design, turn, model=MODEL):
 
 
 def exact(p, design):
-    """Amplitude and stroke of the largest orbit with their slopes, and the orbits."""
+    """Amplitude and swing of the largest orbit with their slopes, and the orbits."""
 
     def sizes(x):
         o = tpd.symmetric_orbits(under(p, x, ONE))

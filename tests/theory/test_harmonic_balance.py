@@ -23,7 +23,7 @@ def test_one_harmonic_is_the_larger_root_a_little_above_the_exact_amplitude(case
 
 
 @pytest.mark.parametrize("case", WITH, ids=named)
-def test_one_harmonic_knows_the_stroke_too(case):
+def test_one_harmonic_knows_the_swing_too(case):
     assert float(ONE(np.array(case.x)).swing) == pytest.approx(exact(case.x).swing, rel=0.1)
 
 

@@ -20,7 +20,7 @@ DAMPED, UNDAMPED = (
 )
 
 
-def test_the_stroke_of_an_undamped_bob_in_resonance_is_infinite():
+def test_the_swing_of_an_undamped_bob_in_resonance_is_infinite():
     x = UNDAMPED.copy()
     x[6] = 1.0 / np.sqrt(x[2] * 0.75 / (1 + x[0] ** 2))
     found = uplift(parameters(x))
@@ -40,7 +40,7 @@ def test_the_margin_is_that_of_the_largest_moment_over_a_period():
     assert float(UPLIFT(DAMPED).margin) == pytest.approx(1 - largest / ((1 + mu) * nu + k), rel=1e-8)
 
 
-def test_a_block_within_its_margin_settles_at_rest_with_the_stroke_that_is_predicted():
+def test_a_block_within_its_margin_settles_at_rest_with_the_predicted_swing():
     found = UPLIFT(np.array(STILL.x))
     assert found.margin > 0
     assert exact(STILL.x).status == "rest"

@@ -187,7 +187,7 @@ def test_23_belongs_to_the_mended_equation():
     found = parametric_branches(WITHOUT)
     assert np.all(found.exists)
     for amplitude, phase in zip(found.amplitude, found.phase, strict=True):
-        cosine, sine = paper.printed_bare_balance(WITHOUT, float(amplitude))
+        cosine, sine = paper.printed_balance_without_pendulum(WITHOUT, float(amplitude))
         assert float(cosine**2 + sine**2) == pytest.approx(1.0, rel=1e-10)
         # -f cos(xi tau + gamma) is f sin(xi tau + phase) with gamma = phase + pi/2.
         np.testing.assert_allclose([cosine, sine], [-np.sin(phase), np.cos(phase)], atol=1e-10)

@@ -1,1 +1,1 @@
-"""Questions about one design, one question a module."""
+"""Answers to questions about one design, one kind of question in each module."""

@@ -1,8 +1,8 @@
-"""Motions that a design can settle into, and the share of starts that reach each.
+"""Motions that a design can settle into, and the share of initial states that reach each of them.
 
-Rest, rocking of several kinds, chaos and overturning exist side by side; which one is reached depends on the
-start and on the phase of the shaking. So a seeded set of starts is followed by the exact model, and the
-motions that they settle into are sorted.
+Rest, rocking of several kinds, chaos and overturning exist for the same design. The initial state and the
+phase of the excitation decide which motion is reached. The exact model therefore follows a seeded set of
+initial states, and the settled motions are grouped.
 """
 
 from __future__ import annotations
@@ -31,34 +31,46 @@ from tpd.scene.status import MOVING, NOT_ATTRACTING, Status, code_of, is_one_of,
 from tpd.theory.equations import Terms
 
 _CLOSE = 1e-4
-"""Largest relative difference of the sizes of two motions that may be one. Motions are followed until they
-repeat within a tolerance only, so that starts of one motion end at slightly different sizes."""
+"""Largest relative difference of the sizes of two motions that may be the same. Motions are followed until
+they repeat within a tolerance, so that two runs of one motion end with slightly different sizes."""
 _DIVIDED = (*MOVING, *NOT_ATTRACTING)
-"""Statuses whose motions are told from each other."""
+"""Statuses whose motions are compared with each other."""
 _SAME = 1e-6
-"""Largest relative difference of the sizes of two motions that are one, or mirror images, after Newton's
-method."""
+"""Largest relative difference of the sizes, after Newton's method, of two motions that are the same or mirror
+images."""
 
 
 @dataclass(frozen=True, repr=False)
 class Attractor(Printed):
-    """One motion that some of the starts reach."""
+    """Settled motion that some of the initial states reach.
+
+    Attributes:
+        status: name of the status.
+        periods: number of forcing periods in one period of the motion.
+        symmetric: whether the motion is its own mirror image half a period later.
+        share: share of the initial states that reach the motion.
+        starts: indices of these initial states.
+        steady: settled motion of the first of them.
+    """
 
     status: str
-    """Name of the `Status`: rocking, sticking, rest, aperiodic, overturned, not_settled, ..."""
+    """Name of the status: rocking, sticking, rest, aperiodic, overturned, not_settled, ..."""
     periods: int
-    """Forcing periods in one period of the motion; 1 where it has none."""
+    """Number of forcing periods in one period of the motion; 1 if it is not periodic."""
     symmetric: bool
-    """Whether the motion is its own mirror image half a period of it later."""
+    """Whether the motion is its own mirror image half a period later."""
     share: float
-    """Share of the starts that reach it, or its mirror image, or itself some forcing periods later."""
+    """Share of the initial states that reach the motion, its mirror image, or the motion shifted by some
+    forcing periods."""
     starts: tuple[int, ...]
-    """Indices of these starts."""
+    """Indices of these initial states."""
     steady: Steady
-    """The settled motion of the first of these; for gradients call `steady_state` from that start."""
+    """Settled motion of the first of these initial states. For gradients call `steady_state` with this
+    state."""
 
     def __str__(self) -> str:
         share = f"{self.status.replace('_', ' ')}: {self.share:.1%} of the starts"
+        # Only moving blocks have a symmetry, a period and sizes worth printing.
         if not is_one_of(self.steady.status, *MOVING):
             return share
         kind = f"{'symmetric' if self.symmetric else 'asymmetric'}, {counted_periods(self.periods)}"
@@ -74,22 +86,31 @@ def attractors(
     model: Piecewise | None = None,
     progress: Callable[[int, int], None] | bool | None = None,
 ) -> tuple[Attractor, ...]:
-    """The motions that a set of starts settles into, the one most often reached first.
+    """Find the motions that a set of initial states settles into, and sort them by their share.
 
-    Motions that do not repeat (aperiodic, not_settled, overturned, event_bound) are grouped by their
-    status. Motions whose amplitudes and strokes agree within 1e-6 are taken for one or for mirror images.
-    The shares are estimates: with n starts, a share s is known to about sqrt(s (1 - s)/n).
+    Motions that do not repeat (aperiodic, not_settled, overturned, event_bound) are grouped by their status.
+    Other motions are the same, or mirror images, if their amplitudes and swings agree within 1e-6. The shares
+    are estimates: with n initial states the standard error of a share s is about sqrt(s (1 - s)/n).
 
     Args:
-        subject: dimensionless parameters, or a scene; plain numbers.
-        pendulum: in the scene; default none.
-        starts: default `Starts()`, 64 of them, seed 0.
+        subject: dimensionless parameters, or a scene, with plain numbers.
+        pendulum: pendulum of the scene; None without a pendulum.
+        starts: initial states, by default `Starts()`, which has 64 states and the seed 0.
         model: settings of the exact model.
-        progress: True for a bar on stderr, or called with (starts followed, of how many).
+        progress: True for a progress bar on stderr, or a function that is called with (number of followed
+            initial states, number of all initial states).
 
     Raises:
         ValueError: bad input.
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.Parameters(nu=0.2, mu=0.0, lam=0.5, zeta=0.1, k=0.05, f=0.1, xi=2.0)
+        >>> for motion in tpd.attractors(p, starts=tpd.Starts(size=16)):
+        ...     print(motion.status, len(motion.starts))
+        rocking 9
+        rest 7
     """
     checks.require_x64()
     model = Piecewise() if model is None else model
@@ -99,29 +120,33 @@ def attractors(
     fixed = as_arrays(parameters_of(subject, pendulum))
     y0 = starts.states(float(fixed.nu))
     with shown_count(progress, "following") as report:
+        # All initial states are followed at once, without Newton's method.
         forcing, limits = HarmonicForcing(model.max_periods), {**model.accuracy, "tolerance": model.tolerance}
         settled = follow(Terms.linear, row_of(fixed), forcing, y0=y0, progress=report, **limits)
-    # The block does not feel a bob without mass (mu = 0), whose swing may still be decaying.
+    # A bob without mass (mu = 0) does not act on the block. Its swing, which may still be decaying, must not
+    # divide a motion into several.
     felt = bool(np.isfinite(np.asarray(scale_of(fixed))[1]))
     motions: list[Attractor] = []
     for code, group in _groups(settled, felt):
-        # Only the Lyapunov exponent of each motion separates chaos from slow decay, so that these starts
-        # are solved one by one; of the others one start stands for its group.
+        # Only the Lyapunov exponent separates chaos from slow decay, so that each motion that has not settled
+        # is solved. In other groups one initial state represents the group.
         for starts_of in [[i] for i in group] if code == code_of(Status.not_settled) else [group]:
             s = _solved(fixed, jnp.asarray(y0[starts_of[0]]), model)
             kind = status_name(s.status), int(s.periods), bool(s.symmetric)
             new = Attractor(*kind, len(starts_of) / len(y0), tuple(starts_of), s)
-            at = next((i for i, known in enumerate(motions) if _is_same(known, new, felt)), None)
+            # An earlier group may have the same motion, because the coarse grouping can divide a motion.
+            at = next((i for i, other in enumerate(motions) if _is_same(other, new, felt)), None)
             if at is None:
                 motions.append(new)
             else:
-                all_ = tuple(sorted(motions[at].starts + new.starts))
-                motions[at] = replace(motions[at], starts=all_, share=len(all_) / len(y0))
+                members = tuple(sorted(motions[at].starts + new.starts))
+                motions[at] = replace(motions[at], starts=members, share=len(members) / len(y0))
     return tuple(sorted(motions, key=lambda a: -a.share))
 
 
 def _is_same(a: Attractor, b: Attractor, felt: bool) -> bool:
-    """Whether both are one motion, or have one status whose motions are not divided."""
+    """Whether two motions are the same, or have the same status whose motions are not compared."""
+    # Motions that do not repeat are grouped by their status only.
     if a.status != b.status or not is_one_of(a.steady.status, *_DIVIDED):
         return a.status == b.status
     x, y = (np.array([m.steady.amplitude, m.steady.swing]) for m in (a, b))
@@ -129,22 +154,23 @@ def _is_same(a: Attractor, b: Attractor, felt: bool) -> bool:
 
 
 def _agree(a: np.ndarray, b: np.ndarray, share: float, felt: bool) -> bool:
-    """Whether two pairs (amplitude, stroke) agree; the strokes count only if the block feels the bob."""
+    """Whether two pairs (amplitude, swing) agree. The swings count only if the block feels the bob."""
     close = np.abs(a - b) <= share * np.maximum(a, b)
     return bool(close[0] and (close[1] or not felt))
 
 
 def _groups(settled: Settled, felt: bool) -> list[tuple[int, list[int]]]:
-    """Numbers of statuses and indices of the starts that seem to reach the same motion."""
-    # A coarse grouping saves Newton's method for all but one start of each group; the motions that it finds
-    # are compared again, far more closely.
+    """Group the initial states that seem to reach the same motion, by number of status."""
+    # This coarse grouping saves Newton's method for all but one initial state of each group. The motions that
+    # Newton's method returns are then compared with a much smaller tolerance.
     codes, periods = code_of(settled.status), settled.periods
     sizes = np.stack([np.asarray(settled.amplitude), np.asarray(settled.swing)], axis=-1)
     groups: list[tuple[int, list[int]]] = []
     for i, code in enumerate(codes.tolist()):
-        for known, group in groups:
+        for other, group in groups:
+            # Each group is represented by its first member.
             j = group[0]
-            alike = known == code and periods[i] == periods[j]
+            alike = other == code and periods[i] == periods[j]
             if alike and (not is_one_of(code, *MOVING) or _agree(sizes[i], sizes[j], _CLOSE, felt)):
                 group.append(i)
                 break

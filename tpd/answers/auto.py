@@ -1,9 +1,10 @@
-"""Selection of a model: the least one that answers a scene within a tolerance.
+"""Selection of the simplest model that solves a scene within a tolerance.
 
-First the closed form of a block that never lifts (`uplift`), then the exact solution of the linear equations
-(25) (`exact`), at last the nonlinear equations (4) (`nonlinear`). The first two neglect terms of second order
-in the angles. Their error is estimated from their own answer, which cannot show that the nonlinear equations
-lead to another motion: so these are followed from every start that is not near the settled motion.
+The models are, from simple to complete: the closed form of a block that never lifts (`uplift`), the exact
+solution of the linear equations (25) (`exact`), and the nonlinear equations (4) (`nonlinear`). The first two
+neglect terms of second order in the angles. Their error is estimated from their own solution, which cannot
+show that the nonlinear equations lead to another motion. The nonlinear equations are therefore followed from
+every initial state that is not near the settled motion.
 """
 
 from __future__ import annotations
@@ -31,137 +32,169 @@ from tpd.theory.equations import Linear, Terms
 from tpd.theory.no_uplift import uplift
 
 INTEGRATED = 1e-5
-"""Relative error of the nonlinear model: that of its integration, with some to spare."""
+"""Relative error of the nonlinear model: its integration error, with a margin."""
 SAFETY = 2.0
-"""Factor on the estimated error of the linear equations: its parts may add up less well than assumed."""
+"""Factor on the estimated error of the linear equations, because the estimate neglects how its parts add."""
 _NEAR = 0.02
-"""Largest distance of a start from a motion that attracts it, in shares of the scales of the state."""
+"""Distance of an initial state from an attracting motion, relative to the scale of the state, up to which the
+initial state certainly reaches this motion."""
 _ALIKE = 0.25
-"""Largest relative difference of amplitudes of one motion by (25) and by (4): other motions are far apart."""
+"""Largest relative difference between the amplitudes of (25) and (4) for the same motion. The amplitudes of
+different motions differ more."""
 
 
 class Auto(AbstractChoice):
-    """`steady_state(p, model=Auto(tolerance=...))` takes the least model whose estimated relative error of
-    the amplitude is within the tolerance; `model`, `estimate` and `reason` of the result say which one
-    answered.
+    """Automatic selection of the simplest model whose estimated error is within a tolerance.
+
+    Use it as the model of `steady_state`. The fields `model`, `estimate` and `reason` of the result give the
+    selected model, the estimated relative error of its amplitude, and the reason.
+
+    Attributes:
+        tolerance: largest allowed relative error of the amplitude, from 1e-5 to 1.
 
     Raises:
         ValueError: a tolerance that is not between 1e-5 and 1.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.05, f=0.1, xi=3.0)
+        >>> tpd.steady_state(p, model=tpd.Auto(tolerance=0.05)).model
+        'uplift'
     """
 
     tolerance: checks.Real = setting("tolerance", checks.within, 0.05, INTEGRATED, 1.0)
+    """Largest allowed relative error of the amplitude."""
 
     def steady(self, p: Parameters, y0: State) -> Steady:
-        """The settled motion from `y0` by the least model that is accurate enough.
+        """Compute the settled motion from `y0` with the simplest model that is accurate enough.
 
         Raises:
-            ValueError: traced or batched parameters, whose values are not known when a model is chosen.
+            ValueError: traced or batched parameters, because the selection needs known numbers.
         """
         if not all(checks.is_concrete(x) and np.ndim(x) == 0 for x in jax.tree.leaves(p)):
             raise ValueError(
                 "`Auto` chooses by numbers: `p` must hold plain numbers, but is traced or batched"
             )
         fixed, limit = as_arrays(p), f"the tolerance {self.tolerance:g}"
-        steady, reserve, share = _still(fixed, y0)
+        # The first model: the block never lifts. The reserve must exceed the share of the terms that the
+        # closed form neglects.
+        steady, reserve, share = _at_rest(fixed, y0)
         if float(share) <= min(self.tolerance, float(reserve)):
-            left = f"{float(reserve):.1%} of the moment that would lift the block is in reserve"
-            why = f"the block never lifts: {left}, from the start on"
+            remaining = f"{float(reserve):.1%} of the moment that would lift the block remains in reserve"
+            why = f"the block never lifts: {remaining} at all times"
             return replace(steady, model="uplift", estimate=share, reason=why)
+        # The second model: the exact solution of the linear equations.
         steady, estimate = _exact(fixed, y0)
-        name, off = status_name(steady.status), float(estimate)
+        name, error = status_name(steady.status), float(estimate)
         settles = bool(is_one_of(steady.status, *SETTLED))
-        close = settles and off <= self.tolerance
-        # Following the nonlinear equations costs most of the time, so that it is left out next to the motion.
+        close = settles and error <= self.tolerance
+        # The nonlinear equations take most of the time. They are not followed if the initial state is already
+        # next to the settled motion.
         near = close and bool(jnp.max(jnp.abs(y0 - steady.state) / scale_of(fixed)) < _NEAR)
         run = (Terms.nonlinear, row_of(fixed), HarmonicForcing())
         reached = None if near else follow(*run, y0=y0)
-        if close and (reached is None or _same_motion(steady, reached)):
-            why = f"what the linear equations drop is estimated to be within {limit}"
+        if close and (reached is None or _is_same_motion(steady, reached)):
+            why = f"the estimated error of the linear equations is within {limit}"
             return replace(steady, model="exact", estimate=estimate, reason=why)
+        # The third model. The reason says why the linear equations are not used.
         if not settles:
-            why = f"the linear equations end {name}, which says nothing about their error"
+            why = f"with the linear equations the outcome is {name}, so that their error cannot be estimated"
         elif close and reached is not None:
             other = status_name(reached.status)
-            why = f"the linear equations end {name}, and the nonlinear ones another way: {other}"
-        elif off < np.inf:
-            why = f"the linear equations may be off by {off:.2g}, beyond {limit}"
+            why = f"the outcome is {name} with the linear and {other} with the nonlinear equations"
+        elif error < np.inf:
+            why = f"the estimated error of the linear equations is {error:.2g}, above {limit}"
         else:
             why = "the error of the linear equations cannot be estimated here"
-        top = steady_state(fixed, model=Nonlinear(), y0=y0)
-        sure = jnp.where(is_one_of(top.status, *SETTLED), INTEGRATED, jnp.nan)
-        return replace(top, model="nonlinear", estimate=sure, reason=why)
+        complete = steady_state(fixed, model=Nonlinear(), y0=y0)
+        integration_error = jnp.where(is_one_of(complete.status, *SETTLED), INTEGRATED, jnp.nan)
+        return replace(complete, model="nonlinear", estimate=integration_error, reason=why)
 
 
 @eqx.filter_jit
-def _still(p: Parameters, y0: State) -> tuple[Steady, Number, Number]:
-    """The bob under a block that never lifts; the share of the lifting moment that is in reserve from the
-    start on, -infinity where this is no answer; and the share of it that is dropped."""
+def _at_rest(p: Parameters, y0: State) -> tuple[Steady, Number, Number]:
+    """Return the motion of the bob under a block that never lifts, and the reserve against uplift.
+
+    The second result is the share of the lifting moment that remains in reserve at all times; it is -infinity
+    if the block is not at rest at the beginning. The third result is the share of the moment that the closed
+    form neglects.
+    """
     linear, lift = Linear(p), uplift(p)
-    # Under a block that does not move the bob is a damped oscillator, lam rho psi'' + c_p psi' + psi =
-    # f sin(xi tau). Its steady swing is psi = s sin(xi tau) + c cos(xi tau), and the rest of it decays.
+    # Under a block at rest the bob is a damped oscillator, lam rho psi'' + c_p psi' + psi = f sin(xi tau).
+    # Its steady swing is psi = s sin(xi tau) + c cos(xi tau). The difference from it, `own_swing`, decays.
     response = linear.f / (1.0 - linear.m22 * p.xi**2 + 1j * linear.c2 * p.xi)
     s, c = jnp.real(response), jnp.imag(response)
-    own = jnp.hypot(y0[1] - c, jnp.sqrt(linear.m22) * (y0[3] - p.xi * s))
-    # The block stays down if both swings, at their largest, leave something of what holds it.
-    pull = (linear.tilt - 1.0 + jnp.abs(linear.bias) / jnp.sqrt(linear.m22)) * own
+    own_swing = jnp.hypot(y0[1] - c, jnp.sqrt(linear.m22) * (y0[3] - p.xi * s))
+    # The block stays at rest if steady swing and own swing, both at their largest, cannot lift it.
+    pull = (linear.tilt - 1.0 + jnp.abs(linear.bias) / jnp.sqrt(linear.m22)) * own_swing
     reserve = lift.margin - pull / (linear.weight + linear.friction)
-    answers = (y0[0] == 0.0) & (y0[2] == 0.0)
+    is_valid = (y0[0] == 0.0) & (y0[2] == 0.0)
     none, unknown, count = jnp.zeros(()), jnp.full((), jnp.nan), jnp.ones((), int)
-    # An undamped bob keeps its own swing for ever.
+    # The own swing of an undamped bob does not decay.
     decays = p.zeta > 0.0
     state = jnp.where(decays, jnp.stack([none, c, none, p.xi * s]), y0)
-    swing = jnp.where(decays, lift.swing, lift.swing + own)
+    swing = jnp.where(decays, lift.swing, lift.swing + own_swing)
     rest = none, swing, Status.rest, count, unknown, jnp.ones((), bool), unknown, state, 0 * count
-    reach = (lift.swing + own) * (p.mu > 0)
-    return Steady(*rest), jnp.where(answers, reserve, -jnp.inf), _dropped_at_rest(p, reach)
+    reach = (lift.swing + own_swing) * (p.mu > 0)
+    return Steady(*rest), jnp.where(is_valid, reserve, -jnp.inf), _neglected_at_rest(p, reach)
 
 
 @eqx.filter_jit
 def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
-    """The exact solution of the linear equations, and the estimated relative error of its amplitude."""
+    """Return the exact solution of the linear equations, and its estimated error."""
 
     def size(p: Parameters) -> tuple[Number, Steady]:
         steady = steady_state(p, model=Piecewise(lyapunov_periods=0), y0=y0)
         return steady.amplitude, steady
 
-    # e as a number of its own, so that there is a derivative with respect to it.
+    # Housner's e is replaced by its number, so that there is a derivative with respect to e.
     p = replace(p, e=jnp.asarray(p.velocity_ratio))
     slope, steady = jax.jacrev(size, has_aux=True)(p)
-    return steady, dropped(p, steady.amplitude, steady.swing, slope)
+    return steady, estimated_error(p, steady.amplitude, steady.swing, slope)
 
 
-def _same_motion(steady: Steady, reached: Settled) -> bool:
-    """Whether the nonlinear equations reach the motion that the linear ones settle into."""
+def _is_same_motion(steady: Steady, reached: Settled) -> bool:
+    """Whether the nonlinear equations reach the same motion as the linear ones."""
     if bool(steady.status == Status.rest) or not is_one_of(reached.status, *SETTLED):
         return bool(reached.status == steady.status)
     alike = abs(float(reached.amplitude) - float(steady.amplitude)) <= _ALIKE * float(steady.amplitude)
-    # A motion that was followed until it repeated may be told with a multiple of its periods.
+    # A motion that was only followed until it repeated may have a multiple of its period.
     return alike and int(reached.periods) % int(steady.periods) == 0
 
 
-def _dropped_at_rest(p: Parameters, reach: Number) -> Number:
-    """Share by which terms dropped from (4) change the moment on a resting block under a bob that swings to
-    `reach`: nu/2 psi from S = 2 cos psi -+ nu sin psi, and what is of second order."""
+def _neglected_at_rest(p: Parameters, reach: Number) -> Number:
+    """Return the share of the moment on a block at rest that the terms neglected from (4) contribute.
+
+    The bob swings up to `reach` (rad). The terms are nu/2 psi, from S = 2 cos psi -+ nu sin psi, and terms of
+    second order.
+    """
     return 0.5 * p.nu * reach + reach**2
 
 
-def dropped(p: Parameters, phi: Number, psi: Number, slope: Any) -> Number:
-    """Estimated relative change of the amplitude `phi` by the terms of (4) that (25) drops; for a block at
-    rest the share of the moment, infinite where it exceeds the uplift margin.
+def estimated_error(p: Parameters, phi: Number, psi: Number, slope: Any) -> Number:
+    """Estimate the relative change of the amplitude `phi` by the terms of (4) that (25) neglects.
 
-    The weight's moment changes by the shares f phi (the parametric term) and phi^2/2, the forcing by (phi^2 +
-    psi^2)/2, the bob's spring by psi^2/6, the coupling by nu (phi + psi)/2 and (phi + psi)^2/2, and e by what
-    the pull of a bob at +-psi, the settled stroke, changes. Their effect follows from `slope`, d phi/d p as
-    `jax.grad` gives it where `p.e` is a number.
+    For a block at rest the result is the share of the moment that these terms contribute, or infinity if this
+    share exceeds the uplift margin.
+
+    The moment of the weight changes by the shares f phi (the parametric term) and phi^2/2, the forcing by
+    (phi^2 + psi^2)/2, the restoring moment of the bob by psi^2/6, the coupling by nu (phi + psi)/2 and
+    (phi + psi)^2/2, and e by the impulse of a bob at +-psi.
+
+    Args:
+        p: dimensionless parameters with a number for `p.e`.
+        phi: settled amplitude, rad.
+        psi: settled swing, rad.
+        slope: derivatives of the amplitude with respect to the parameters, as `jax.grad` returns them.
     """
-    # A bob without mass swings, but the block does not feel it.
+    # The block does not feel a bob without mass.
     felt = psi * (p.mu > 0)
-    lean = phi + felt
-    coupling = 0.5 * p.nu * lean + 0.5 * lean**2
-    of = p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio
-    pulled = [velocity_ratio(*of, side, jnp.sin(felt), jnp.cos(felt)) for side in (1.0, -1.0)]
-    impacts = jnp.maximum(*[jnp.abs(e - linear_ratio(*of)) for e in pulled])
-    # The parts have no known signs, so that their sizes are added.
+    angle = phi + felt
+    coupling = 0.5 * p.nu * angle + 0.5 * angle**2
+    law = p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio
+    ratios = [velocity_ratio(*law, side, jnp.sin(felt), jnp.cos(felt)) for side in (1.0, -1.0)]
+    impacts = jnp.maximum(*[jnp.abs(e - linear_ratio(*law)) for e in ratios])
+    # The signs of the parts are unknown, so that their sizes are added.
     parts = (
         (slope.nu, p.nu * (p.f * phi + 0.5 * phi**2)),
         (slope.f, p.f * 0.5 * (phi**2 + felt**2)),
@@ -170,5 +203,5 @@ def dropped(p: Parameters, phi: Number, psi: Number, slope: Any) -> Number:
         (slope.e, impacts),
     )
     moving = SAFETY * sum(jnp.abs(by * change) for by, change in parts) / jnp.where(phi > 0, phi, 1.0)
-    resting = _dropped_at_rest(p, felt)
+    resting = _neglected_at_rest(p, felt)
     return jnp.where(phi > 0, moving, jnp.where(resting < uplift(p).margin, resting, jnp.inf))

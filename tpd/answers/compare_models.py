@@ -1,4 +1,4 @@
-"""Comparison of models for one design: the answer of each, what it neglects and how long it takes."""
+"""Comparison of models for one design: the result of each model, what it neglects, and its computing time."""
 
 from __future__ import annotations
 
@@ -30,53 +30,77 @@ from tpd.theory.harmonic_balance import one_harmonic
 from tpd.theory.no_uplift import uplift
 
 _Sizes = tuple[float, float, str]
-"""Amplitude and stroke (rad), and the name of the status."""
+"""Amplitude and swing (rad), and the name of the status."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """Answer of one model; angles in rad, NaN where it has none: the status is "no impacts" where impacts
-    lose energy and the model has no impact loss."""
+    """Result of one model. Angles are in rad; they are NaN if the model has no result.
+
+    The status is "no impacts" if impacts lose energy and the model has no impact loss.
+
+    Attributes:
+        name: name of the model.
+        amplitude: largest |phi| of the settled motion from rest, rad.
+        swing: largest |psi| of this motion, rad.
+        status: name of the status.
+        seconds: computing time without compilation, s.
+        first: computing time of the first solution, with compilation, s.
+        neglects: text that says what the model neglects.
+    """
 
     name: str
+    """Name of the model."""
     amplitude: float
-    """Largest |phi| of the settled motion from rest."""
+    """Largest |phi| of the settled motion from rest, rad."""
     swing: float
-    """Largest |psi|."""
+    """Largest |psi| of the settled motion from rest, rad."""
     status: str
+    """Name of the status."""
     seconds: float
-    """Time of a second solution: compiled already."""
+    """Computing time of a second solution, which needs no compilation, s."""
     first: float
-    """Time of the first solution, compilation included; near zero if it had been compiled before."""
+    """Computing time of the first solution, s. It includes compilation, unless the model was compiled
+    before."""
     neglects: str
+    """Text that says what the model neglects."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Check(Printed):
-    """A design by several models, the cheapest first."""
+    """Results of several models for one design, the fastest model first.
+
+    Attributes:
+        models: results of the models.
+        limit: largest allowed swing, rad.
+        without: nonlinear amplitude without the pendulum, rad.
+    """
 
     models: tuple[Answer, ...]
+    """Results of the models."""
     limit: float
-    """Largest allowed stroke, rad."""
+    """Largest allowed swing, rad."""
     without: float
-    """Nonlinear amplitude of the bare block, rad; infinite if it overturns, NaN without a pendulum."""
+    """Nonlinear amplitude without the pendulum, rad. Infinite if the block overturns; NaN if the design has
+    no pendulum."""
 
     @property
     def top(self) -> Answer:
-        """The answer of the nonlinear equations."""
+        """Result of the nonlinear equations."""
         return next(r for r in self.models if r.name == TOP)
 
     @property
     def objections(self) -> tuple[str, ...]:
-        """Sentences that say why the nonlinear equations refuse the design; empty if they confirm it."""
+        """Sentences that explain why the nonlinear equations do not confirm the design; empty if they do."""
         return objections(self.top.amplitude, self.top.swing, self.top.status, self.limit, self.without)
 
     def table(self) -> str:
-        """One line for each model."""
+        """Return a table with one line for each model."""
         lines = [
             f"{'model':20}{'amplitude':>11}{'swing':>10}  {'status':13}{'time':>10}{'first':>9}  neglects"
         ]
         for r in self.models:
+            # A model without a result has NaN, which the table shows as a dash.
             sizes = (
                 f"{'-':>{w}}" if math.isnan(x) else f"{x:{w}.6f}"
                 for x, w in ((r.amplitude, 11), (r.swing, 10))
@@ -98,21 +122,33 @@ def check(
     models: tuple[str, ...] | None = None,
     progress: Progress | bool | None = None,
 ) -> Check:
-    """Solve a design by all models, from rest.
+    """Solve a design from rest with all models.
 
     Args:
         subject: a scene, or dimensionless parameters (plain numbers).
-        pendulum: in the scene; default none, the bare block.
-        swing_limit: limit on the bob's angle, rad.
-        models: names of models out of `MODELS`, default all; the nonlinear one is always there.
-        progress: True for a bar on stderr, or called with ("checking", models done, of how many).
+        pendulum: pendulum of the scene; None without a pendulum.
+        swing_limit: largest allowed angle of the bob, rad.
+        models: names of models, see `tpd.answers.compare_models.MODELS`; all by default. The nonlinear model
+            is always included.
+        progress: True for a progress bar on stderr, or a function that is called with ("checking", number of
+            finished models, number of all models).
 
     Raises:
         ValueError: an unknown model, a limit that is not positive, traced or batched parameters, or a
-            pendulum beside parameters.
+            pendulum together with dimensionless parameters.
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.05, f=0.3, xi=3.0)
+        >>> comparison = tpd.check(p, swing_limit=0.5, models=("uplift", "exact", "nonlinear"))
+        >>> [(r.name, r.status, round(r.amplitude, 4)) for r in comparison.models]
+        [('uplift', 'lifts', nan), ('exact', 'rocking', 0.0552), ('nonlinear', 'rocking', 0.0554)]
+        >>> len(comparison.objections)
+        1
     """
     checks.require_x64()
+    # The default, infinity, is no limit. It is not a valid value of the check below.
     if not (isinstance(swing_limit, float) and swing_limit == math.inf):
         swing_limit = checks.positive("swing_limit", swing_limit)
     models = MODELS if models is None else models
@@ -120,47 +156,62 @@ def check(
     for name in models:
         checks.one_of("models", name, MODELS)
     setup = Setup.of(subject, pendulum)
-    p, asked = as_arrays(setup.at({})), [r for r in MODELS if r in models or r == TOP]
-    done = []
+    # Traced or batched parameters are rejected here, because the models are called one after the other.
+    p, names = as_arrays(setup.at({})), [r for r in MODELS if r in models or r == TOP]
+    rows = []
     with shown(progress) as report:
-        for i, name in enumerate(asked):
-            done.append(_timed(name, p))
-            report("checking", i + 1, len(asked))
+        for i, name in enumerate(names):
+            rows.append(_timed(name, p))
+            report("checking", i + 1, len(names))
     if not setup.has_pendulum:
-        # The parameters of a bare block stand for a bob too light to be felt; its stroke means nothing.
-        return Check(models=tuple(replace(r, swing=math.nan) for r in done), limit=math.inf, without=math.nan)
+        # The parameters then have a bob that is too light to act on the block. Its swing has no meaning.
+        return Check(models=tuple(replace(r, swing=math.nan) for r in rows), limit=math.inf, without=math.nan)
     return Check(
-        models=tuple(done),
+        models=tuple(rows),
         limit=swing_limit,
+        # The nonlinear amplitude without the pendulum, for the objection that the pendulum makes it worse.
         without=nonlinear(parameters_without_pendulum(subject))[0],
     )
 
 
 def objections(amplitude: float, swing: float, status: str, limit: float, without: float) -> tuple[str, ...]:
-    """Sentences that say why a nonlinear motion speaks against its design: it does not settle, its stroke
-    exceeds the limit, or the bare block rocks less. Angles in rad."""
+    """Return sentences that explain why a nonlinear motion does not confirm a design.
+
+    The reasons are: the motion does not settle, its swing exceeds the limit, or the block rocks less without
+    the pendulum.
+
+    Args:
+        amplitude: settled tilt, rad.
+        swing: settled angle of the bob, rad.
+        status: name of the status.
+        limit: largest allowed angle of the bob, rad.
+        without: settled tilt without the pendulum, rad.
+    """
     by, out = "by the nonlinear equations", []
+    # A motion that does not settle has no sizes to compare.
     if status not in names_of(SETTLED):
         return (f"{by} the motion ends {status}",)
     if swing > limit:
         out.append(f"{by} the swing is {swing:.4g} rad, above {limit:g}")
-    # A block that rests with the pendulum is no worse than any bare block.
+    # A block at rest with the pendulum cannot be worse than without.
     if amplitude > 0.0 and amplitude >= without:
         out.append(f"{by} the block rocks {amplitude:.4g} rad, and {without:.4g} without the pendulum")
     return tuple(out)
 
 
 def nonlinear(p: Parameters) -> tuple[float, float, str]:
-    """(amplitude, stroke, status) by the nonlinear equations from rest, without derivatives."""
+    """Return (amplitude, swing, status) with the nonlinear equations from rest, without derivatives."""
     return _sizes_of(follow(Terms.nonlinear, row_of(p), HarmonicForcing()))
 
 
 def _timed(name: str, p: Parameters) -> Answer:
-    """The answer of one model, solved twice to separate the time to compile from the time to solve."""
+    """Return the result of one model, and its computing times with and without compilation."""
     model = _MODELS[name]
-    knows = model.impact_loss or float(p.velocity_ratio) == 1.0
-    solve = model.solve if knows else lambda _: (math.nan, math.nan, "no impacts")
+    # A model without impact loss has no result if impacts lose energy, and NaN takes its place.
+    is_valid = model.impact_loss or float(p.velocity_ratio) == 1.0
+    solve = model.solve if is_valid else lambda _: (math.nan, math.nan, "no impacts")
     begin = time.perf_counter()
+    # The first call includes compilation, the second does not.
     solve(p)
     middle = time.perf_counter()
     amplitude, swing, status = solve(p)
@@ -174,59 +225,63 @@ _one_harmonic = eqx.filter_jit(one_harmonic)
 
 def _at_rest(p: Parameters) -> _Sizes:
     lift = uplift(p)
+    # The closed form gives no amplitude of a block that lifts.
     amplitude, status = (0.0, "rest") if lift.margin >= 0.0 else (math.nan, "lifts")
     return amplitude, float(lift.swing), status
 
 
 def _balanced(p: Parameters) -> _Sizes:
-    found = _one_harmonic(p)
-    if not bool(found.exists):
+    balance = _one_harmonic(p)
+    if not bool(balance.exists):
         return math.nan, math.nan, "no_orbit"
-    return float(found.amplitude), float(found.swing), "rocking"
+    return float(balance.amplitude), float(balance.swing), "rocking"
 
 
 def _followed(model: AbstractModel, p: Parameters) -> _Sizes:
-    # A smoothed motion is known between its samples only once its orbit is polished; polishing the exact one
-    # is compiled by `optimise` already.
+    # The smoothed models need Newton's method, because following alone gives their largest angles only at
+    # samples. For the exact model `optimise` has usually compiled it already.
     return _sizes_of(jax.block_until_ready(steady_state(p, model=model)))
 
 
 def _sizes_of(settled: Settled | Steady) -> _Sizes:
     name = status_name(settled.status)
+    # The angles of an overturned block depend on when the motion was stopped.
     if settled.status == Status.overturned:
         return math.inf, math.inf, name
     return float(settled.amplitude), float(settled.swing), name
 
 
 class _Model(NamedTuple):
-    """A model that can be asked for its answer from rest."""
+    """Model that can be solved from rest."""
 
     neglects: str
+    """Text that says what the model neglects."""
     solve: Callable[[Parameters], _Sizes]
+    """Function that solves the model."""
     impact_loss: bool = True
-    """Whether the model has the loss of energy at impacts."""
+    """Whether the model includes the loss of energy at impacts."""
 
 
 _MEANING = (
-    "Amplitude and stroke are the largest tilt and bob angle (rad) of the motion that each model reaches "
-    "from rest; where they differ from those of the model nonlinear, what a model neglects matters."
+    "Amplitude and swing are the largest tilt and bob angle (rad) of the motion that each model reaches from "
+    "rest. If they differ from those of the nonlinear model, the terms that a model neglects are important."
 )
 TOP = "nonlinear"
-"""Name of the model that the others are compared with."""
+"""Name of the model with which the others are compared."""
 _MODELS = {
-    "uplift": _Model("everything but the settled bob under a resting block", _at_rest),
+    "uplift": _Model("everything except the steady swing of the bob under a block at rest", _at_rest),
     "one harmonic": _Model("all harmonics but one", _balanced, impact_loss=False),
     "exact": _Model("terms of second order in the angles", partial(_followed, Piecewise())),
     "smoothed": _Model("terms of second order, and the sharpness of signs", partial(_followed, Smoothed())),
     "parametric": _Model(
-        "as smoothed, but for s f nu phi sin(xi tau)", partial(_followed, Smoothed(terms=Terms.parametric))
+        "as smoothed, except for s f nu phi sin(xi tau)", partial(_followed, Smoothed(terms=Terms.parametric))
     ),
     "smoothed nonlinear": _Model(
         "the sharpness of signs", partial(_followed, Smoothed(terms=Terms.nonlinear)), impact_loss=False
     ),
-    TOP: _Model("nothing of the paper's (4)", nonlinear),
+    TOP: _Model("nothing of equations (4)", nonlinear),
 }
 MODELS = tuple(_MODELS)
-"""Names of all models, the cheapest first."""
+"""Names of all models, the fastest first."""
 QUICK = ("uplift", "one harmonic", "exact", TOP)
-"""Names of the models that do not take long to compile."""
+"""Names of the models that are compiled quickly."""

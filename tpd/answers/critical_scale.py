@@ -1,11 +1,11 @@
-"""The factor on a ground motion from which a block overturns, and its derivative.
+"""Factor on a ground motion from which a block overturns, and its derivative.
 
-Overturning is not monotone in the size of a motion: above the first factor that overturns the block there may
-be others that do not. Hence a critical scale is the first crossing of a stated scan, and comes with the list
-of tongues above it. The scan begins where the block stays on its base: up to there the bob swings in
-proportion to the motion, so that no smaller factor lifts the block. At a crossing the state after the motion
-lies on the stable manifold of the leaning block's unstable equilibrium: the growing coordinate q of the last
-arc vanishes there, so that
+Overturning is not monotone in the size of a motion: above the smallest factor that overturns the block there
+may be larger factors that do not. A critical scale is therefore the first crossing of a stated scan, and the
+result also has the list of intervals (tongues) above it. The scan begins at a factor at which the block stays
+on its base. While the block is at rest, the swing of the bob is proportional to the motion, so that no
+smaller factor lifts the block. At a crossing the state after the motion is on the stable manifold of the
+unstable equilibrium of the tilted block: the growing coordinate q of the last arc vanishes there, so that
 
     d(scale)/dx = -(dq/dx)/(dq/d scale).
 """
@@ -38,53 +38,62 @@ from tpd.scene.status import Status, code_of
 from tpd.theory.equations import Terms
 
 SCAN = 0.02
+"""Default relative step of a scan."""
 HIGHEST = 20.0
-"""Largest factor of a scan by default, over that which lifts the bare block."""
+"""Default of the largest factor of a scan, relative to the factor that lifts the block without a pendulum."""
 TONGUES = 32
-"""Tongues that are listed, at most."""
+"""Largest number of tongues in a result."""
 _SECTIONS = 32
-"""Parts into which an interval around a crossing is divided at once."""
+"""Number of parts into which an interval around a crossing is divided in one round."""
 _HALVINGS = 20
-"""Times that the beginning of a scan is halved, at most: no pendulum lowers what lifts its block by a factor
-of a million."""
+"""Largest number of times that the beginning of a scan is halved: no pendulum reduces the factor that lifts
+its block by more than a million."""
 _NARROW = 1e-9
-"""Relative width of an interval without an answer that is taken for a crossing."""
+"""Relative width below which an interval without an answer counts as a crossing."""
 
 
 class CriticalScale(eqx.Module):
-    """Factor on a ground motion from which a block overturns."""
+    """Factor on a ground motion from which a block overturns.
+
+    Attributes:
+        scale: first factor of the scan at which the block begins to overturn.
+        tongues: intervals of factors at which the block overturns, shape (32, 2).
+        scan: relative step of the scan.
+        highest: largest factor of the scan.
+        undecided: intervals of factors without an answer, shape (32, 2).
+    """
 
     scale: Number
-    """First factor of the scan's crossing; infinite if no factor of the scan overturns the block. NaN if it
-    is not known, because a run below it has no answer. Its derivatives in block, pendulum and motion are
-    exact; those of an infinite or unknown one are NaN."""
+    """First factor of the scan at which the block begins to overturn. Infinite if no factor of the scan
+    overturns the block; NaN if it is unknown, because a run at a smaller factor has no answer. Derivatives
+    with respect to block, pendulum and motion are exact; those of an infinite or unknown factor are NaN."""
     tongues: Float[Array, "tongues 2"]
-    """Intervals of factors that overturn the block, as far as the scan sees them; the last one may end with
-    the scan. NaN where there are fewer."""
+    """Intervals of factors at which the block overturns, as far as the scan resolves them. The last one may
+    end at the end of the scan. NaN where there are fewer intervals."""
     scan: float = eqx.field(static=True)
-    """Relative step of the scan: narrower tongues are not seen."""
+    """Relative step of the scan. Narrower tongues are not found."""
     highest: Number = float("nan")
     """Largest factor of the scan."""
     undecided: Float[Array, "tongues 2"] = eqx.field(default_factory=lambda: jnp.full((TONGUES, 2), jnp.nan))
-    """Intervals of factors in which runs have no answer; they reach to the next factors that have one. NaN
-    where there are fewer."""
+    """Intervals of factors at which runs have no answer, up to the next factors with an answer. NaN where
+    there are fewer intervals."""
 
     def __str__(self) -> str:
         if not checks.is_concrete(self.scale):
             return repr(self)
         scale, scan = float(self.scale), f"(scan of {self.scan:.2%})"
-        open_, tongues = _listed(self.undecided), _listed(self.tongues)
-        without = f"; no answer at {open_}" if open_ else ""
+        unknown, tongues = _listed(self.undecided), _listed(self.tongues)
+        without = f"; no answer at {unknown}" if unknown else ""
         if np.isnan(scale):
-            found = f"overturns at {tongues}" if tongues else "no factor with an answer overturns"
-            return f"not known from which factor on the motion overturns {scan}: {found}{without}"
+            factors = f"overturns at {tongues}" if tongues else "no factor with an answer overturns the block"
+            return f"critical scale unknown {scan}: {factors}{without}"
         if np.isinf(scale):
             return f"does not overturn up to {self.highest:.4g} times the motion {scan}"
-        return f"overturns from {scale:.10g} times the motion on {scan}: {tongues}{without}"
+        return f"overturns from {scale:.10g} times the motion {scan}: {tongues}{without}"
 
 
 def _listed(intervals: Array) -> str:
-    """Intervals in words."""
+    """Return intervals as text."""
     return ", ".join(f"{a:.6g} to {b:.6g}" for a, b in np.asarray(intervals) if np.isfinite(a))
 
 
@@ -96,19 +105,30 @@ def critical_scale(
     highest: Real | None = None,
     free: Real = FREE,
 ) -> CriticalScale:
-    """Find the smallest factor on the motion of a scene, seen by a scan, that overturns the block.
+    """Find the smallest factor of a scan at which the motion of a scene overturns the block.
 
     Args:
         scene: a block under a `Pulse` or a `Record`.
-        pendulum: None is the bare block.
-        scan: relative step between factors that are tried.
-        highest: largest factor; by default 20 times that which lifts the bare block.
-        free: free motion after the ground motion that is followed, s. An arc that leads beyond return counts
-            however far it has come by then.
+        pendulum: pendulum of the block; None for the block without a pendulum.
+        scan: relative step between the factors.
+        highest: largest factor; by default 20 times the factor that lifts the block without a pendulum.
+        free: duration of the free motion after the ground motion, s. If the last arc cannot return, the block
+            overturns, whatever its tilt at the end is.
+
+    Returns:
+        The critical scale, to which `jax.jit` and `jax.grad` apply.
 
     Raises:
-        ValueError: bad input, or a motion of zeros.
+        ValueError: bad input, or a motion whose samples are all zero.
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> block = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution=0.9595)
+        >>> scene = tpd.Scene(block, tpd.Pulse.one_sine(frequency=1.2375, acceleration=9.80665 / 6.0))
+        >>> critical = tpd.critical_scale(scene, scan=0.05, highest=4.0)
+        >>> round(float(critical.scale), 4)
+        2.4865
     """
     checks.require_x64()
     checks.instance("scene", scene, Scene)
@@ -122,134 +142,143 @@ def critical_scale(
     pieces, late = jnp.asarray(scene.motion.pieces()), free * rate
     lifts = (1.0 + p.mu) * p.nu + p.k
     top = HIGHEST * lifts / p.f if highest is None else highest
+    # `pure_callback` needs the shapes of its results before the scan runs.
     intervals = jax.ShapeDtypeStruct((TONGUES, 2), jnp.float64)
     shapes = jax.ShapeDtypeStruct((), jnp.float64), intervals, intervals
 
-    # Below half of what lifts the bare block, only a pendulum can lift it.
+    # Below half of the factor that lifts the block without a pendulum only a pendulum can lift the block.
     ends = jnp.stack([jnp.asarray(x, dtype=jnp.float64) for x in (0.5 * lifts / p.f, top)])
 
     def scanned(x: Any, c: Any, late: Any, ends: Any) -> tuple[np.ndarray, ...]:
         return _scanned(np.asarray(x), np.asarray(c), float(late), np.asarray(ends), scan)
 
-    held = jax.tree.map(stop_gradient, (ground_row_of(p), pieces, jnp.asarray(late), ends))
-    first, tongues, undecided = jax.pure_callback(scanned, shapes, *held, vmap_method="sequential")
+    # The scan is a callback without derivatives. `_with_slope` adds them.
+    inputs = jax.tree.map(stop_gradient, (ground_row_of(p), pieces, jnp.asarray(late), ends))
+    first, tongues, undecided = jax.pure_callback(scanned, shapes, *inputs, vmap_method="sequential")
     scale = _with_slope(p, pieces, late, first)
-    return CriticalScale(scale, tongues, scan, held[3][1], undecided)
+    return CriticalScale(scale, tongues, scan, inputs[3][1], undecided)
 
 
 def _with_slope(p: Parameters, pieces: Any, late: Any, first: Any) -> Any:
-    """The scale `first` with its derivatives, by the implicit function theorem."""
+    """Return the scale `first` with its derivatives, by the implicit function theorem."""
     finite = jnp.isfinite(first)
     at = jnp.where(finite, first, 1.0)
 
+    # The growing coordinate q of the last arc as a function of the parameters and the scale.
     def growing(p: Parameters, scale: Any) -> Any:
         wide = eqx.tree_at(lambda q: q.f, p, p.f * scale)
         return runs.follow(Terms.linear, ground_row_of(wide), GroundForcing([pieces], late)).growing
 
-    # The size of the motion is a parameter like the others, but for the implicit function it is the unknown.
+    # The size of the motion is a parameter of the run, but the unknown of the implicit function.
     fixed = jax.tree.map(stop_gradient, p)
     slope = jax.jvp(lambda s: growing(fixed, s), (at,), (jnp.ones_like(at),))[1]
     q = growing(p, at)
-    # Zero, but for its derivative.
-    moved = -(q - stop_gradient(q)) / jnp.where(finite, stop_gradient(slope), 1.0)
-    return refused(first + moved, finite)
+    # The value of this correction is zero, and its derivative is that of the scale.
+    correction = -(q - stop_gradient(q)) / jnp.where(finite, stop_gradient(slope), 1.0)
+    return refused(first + correction, finite)
 
 
 def _scanned(
     x: np.ndarray, c: np.ndarray, late: float, ends: np.ndarray, scan: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """First crossing of a scan, all tongues, and the intervals without an answer."""
+    """Return the first crossing of a scan, all tongues, and the intervals without an answer."""
 
-    def followed(scales: np.ndarray) -> Runs:
+    def follow(scales: np.ndarray) -> Runs:
         rows = np.repeat(x[None], scales.size, axis=0)
         rows[:, F] *= scales.ravel()
         return follow_runs(Terms.linear, rows, GroundForcing([c], late), brief=True).reshape(*scales.shape)
 
     none = np.full((TONGUES, 2), np.nan)
     top, stood = ends[1], code_of(Status.stood)
-    # A traced motion may turn out to be one of zeros, which overturns nothing.
+    # A traced motion may turn out to consist of zeros, which overturn nothing.
     if not np.isfinite(top):
         return np.asarray(np.inf), none, none
-    # Lowered by whole steps of the scan until the block stays on its base: so it does at all below.
+    # The beginning is lowered by whole steps of the scan until the block stays on its base.
     low, ratio = float(min(ends)), (1.0 + scan) ** np.ceil(np.log(2.0) / np.log1p(scan))
     for _ in range(_HALVINGS):
-        if followed(np.array([low])).outcome[0] == stood:
+        if follow(np.array([low])).outcome[0] == stood:
             break
         low /= ratio
     steps = int(np.ceil(np.log(top / low) / np.log1p(scan)))
     scales = np.minimum(low * (1.0 + scan) ** np.arange(steps + 1), top)
-    scanned = followed(scales)
-    falls = overturning(scanned)
-    if scanned.outcome[0] != stood:
+    table = follow(scales)
+    falls = overturning(table)
+    # If the block lifts even at the lowest factor, smaller factors may overturn it.
+    if table.outcome[0] != stood:
         falls[0] = np.nan
-    known = ~np.isnan(falls)
-    # Every change between two factors is a border of a tongue.
+    answered = ~np.isnan(falls)
+    # Each change between two factors is an end of a tongue. Runs without an answer count as not overturned.
     edges = np.flatnonzero((falls[1:] == 1.0) != (falls[:-1] == 1.0))
-    inner = edges[known[edges] & known[edges + 1]]
-    lo, hi, found = scales[edges], scales[edges + 1], np.ones(len(edges), dtype=bool)
+    inner = edges[answered[edges] & answered[edges + 1]]
+    lo, hi, is_exact = scales[edges], scales[edges + 1], np.ones(len(edges), dtype=bool)
+    # Only changes between two answered factors can be bisected.
     at = np.isin(edges, inner)
-    lo[at], hi[at], found[at] = bisected(
-        lambda scale: overturning(followed(scale)), scales[inner], scales[inner + 1], falls[inner] == 1.0
+    lo[at], hi[at], is_exact[at] = bisected(
+        lambda scale: overturning(follow(scale)), scales[inner], scales[inner + 1], falls[inner] == 1.0
     )
+    # The end of a tongue is the side on which the block overturns.
     borders = np.where(falls[edges] == 1.0, lo, hi)
+    # An odd number of ends means that the last tongue ends with the scan.
     if len(borders) % 2:
         borders = np.concatenate([borders, scales[-1:]])
-    # A factor without an answer leaves all open up to its neighbours that have one.
-    starts = np.flatnonzero(~known & np.concatenate([[True], known[:-1]]))
-    stops = np.flatnonzero(~known & np.concatenate([known[1:], [True]]))
+    # Each run of factors without an answer gives an interval that reaches to the next answered factors.
+    starts = np.flatnonzero(~answered & np.concatenate([[True], answered[:-1]]))
+    stops = np.flatnonzero(~answered & np.concatenate([answered[1:], [True]]))
     outer = scales[np.maximum(starts - 1, 0)], scales[np.minimum(stops + 1, steps)]
-    undecided = np.concatenate([np.stack(outer, axis=1), np.stack([lo, hi], axis=1)[~found]])
+    undecided = np.concatenate([np.stack(outer, axis=1), np.stack([lo, hi], axis=1)[~is_exact]])
     undecided = undecided[np.argsort(undecided[:, 0])]
     pairs = borders.reshape(-1, 2)
     first = pairs[0, 0] if len(pairs) else np.inf
+    # An interval without an answer below the first crossing could contain an earlier one.
     if len(undecided) and undecided[0, 0] < first:
         first = np.nan
     return np.asarray(first), _padded(pairs), _padded(undecided)
 
 
 def _padded(intervals: np.ndarray) -> np.ndarray:
-    """The first of the intervals, with NaN where there are fewer than `TONGUES`."""
+    """Return at most `TONGUES` intervals, with NaN where there are fewer."""
     padded = np.full((TONGUES, 2), np.nan)
     padded[: len(intervals)] = intervals[:TONGUES]
     return padded
 
 
-def overturning(found: Runs) -> np.ndarray:
-    """1 where the block overturns in a run, 0 where it does not, and NaN where there is no answer."""
-    return np.where(found.is_unanswered, np.nan, found.is_overturned)
+def overturning(table: Runs) -> np.ndarray:
+    """Return 1 for runs in which the block overturns, 0 if it does not, and NaN without an answer."""
+    return np.where(table.is_unanswered, np.nan, table.is_overturned)
 
 
 def bisected(
     verdict: Any, lo: np.ndarray, hi: np.ndarray, low_falls: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Narrow the intervals that hold crossings, and say which are found.
+    """Narrow the intervals that contain crossings.
 
     Args:
-        verdict: function of factors, see `overturning`.
-        lo: factors, shape (crossings,).
-        hi: factors, on the other side of each crossing.
-        low_falls: whether `lo` is the side that overturns the block.
+        verdict: function that returns `overturning` of the runs at given factors.
+        lo: lower ends of the intervals, shape (crossings,).
+        hi: upper ends, on the other side of each crossing.
+        low_falls: whether the block overturns at `lo` (and not at `hi`).
 
     Returns:
-        Lower and upper ends, and whether runs without an answer left the interval as wide as it is.
+        Lower and upper ends, and whether each interval is narrow. Runs without an answer may prevent this.
     """
-    lo, hi, found = lo.copy(), hi.copy(), np.ones(len(lo), dtype=bool)
+    lo, hi, is_narrow = lo.copy(), hi.copy(), np.ones(len(lo), dtype=bool)
     share, places = np.linspace(0.0, 1.0, _SECTIONS + 1), np.arange(_SECTIONS + 1)
-    # Each round divides the distance by 32; twelve reach the rounding of a double.
+    # Each round divides the width by 32. Twelve rounds reach the rounding of a double.
     for _ in range(12):
-        rows = np.flatnonzero(found & (hi - lo > 4e-16 * hi))
+        rows = np.flatnonzero(is_narrow & (hi - lo > 4e-16 * hi))
         if not len(rows):
             break
-        tried = lo[rows, None] + (hi - lo)[rows, None] * share
-        falls = np.empty_like(tried)
+        factors = lo[rows, None] + (hi - lo)[rows, None] * share
+        falls = np.empty_like(factors)
+        # The outcomes at both ends are known from the previous round.
         falls[:, 0], falls[:, -1] = low_falls[rows], ~low_falls[rows]
-        falls[:, 1:-1] = verdict(tried[:, 1:-1])
-        # The first factor on the other side, and the last on this side before it.
+        falls[:, 1:-1] = verdict(factors[:, 1:-1])
+        # The first factor on the upper side, and the last factor on the lower side before it.
         upper = np.argmax(falls == falls[:, -1:], axis=1)
         this = (falls == falls[:, :1]) & (places < upper[:, None])
         lower = _SECTIONS - np.argmax(this[:, ::-1], axis=1)
         every = np.arange(len(rows))
-        lo[rows], hi[rows] = tried[every, lower], tried[every, upper]
-        # Where half an interval has no answer, no further round makes it much narrower.
-        found[rows] = upper - lower < _SECTIONS // 2
-    return lo, hi, found | (hi - lo < _NARROW * hi)
+        lo[rows], hi[rows] = factors[every, lower], factors[every, upper]
+        # If half of the factors between them have no answer, further rounds do not narrow the interval.
+        is_narrow[rows] = upper - lower < _SECTIONS // 2
+    return lo, hi, is_narrow | (hi - lo < _NARROW * hi)

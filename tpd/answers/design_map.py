@@ -1,4 +1,4 @@
-"""Amplitude, stroke, status and uplift margin of the designs on a grid of any two numbers."""
+"""Amplitude, swing, status and uplift margin of designs on a grid of any two parameters or quantities."""
 
 from __future__ import annotations
 
@@ -27,50 +27,66 @@ from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import uplift
 
 _MATCH = 1e-3
-"""Largest distance, in shares of the scales, between a followed motion and the orbit that it is on."""
+"""Largest distance between a motion and the orbit to which it belongs, relative to the scale of the state."""
 _CHUNK, _CHUNK_FOLLOWED = 16_384, 2048
-"""Designs in a chunk for a cluster, without and with a start: some tenths of a second of work."""
+"""Number of designs in one chunk for a cluster, without and with an initial state: some tenths of a second of
+work."""
 _CHOICE = (
     *(Status.rocking, Status.near_fold, Status.grazing, Status.rest),
     *(Status.neutral, Status.unstable, Status.not_known),
 )
-"""Statuses in the order in which one of them becomes the answer where no start is given."""
+"""Statuses in order of priority, for designs without an initial state."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class DesignMap(Printed, Tabular):
-    """A grid of designs: arrays (ny, nx), row by row along y. Angles in rad."""
+    """Motions of the designs on a grid. Arrays have the shape (ny, nx): one row for each y. Angles in rad.
+
+    Attributes:
+        x_name, y_name: names of the two parameters or quantities.
+        x, y: their values, shapes (nx,) and (ny,).
+        start: initial state of all designs; None if there is none.
+        amplitude: largest |phi|; infinite if the block overturns.
+        swing: largest |psi|.
+        status: names of the statuses.
+        margin: uplift margin.
+        exact: whether amplitude and swing are exact except for rounding.
+        overflow: whether a design may have more orbits than the solved ones.
+    """
 
     x_name: str
+    """Name of the parameter or quantity along x."""
     x: np.ndarray
-    """(nx,), in SI units if `x_name` is one of a scene's quantities."""
+    """Values along x, shape (nx,); in SI units if `x_name` is a quantity of a scene."""
     y_name: str
+    """Name of the parameter or quantity along y."""
     y: np.ndarray
-    """(ny,)"""
+    """Values along y, shape (ny,)."""
     start: tuple[float, ...] | None
-    """State at tau = 0 that the designs were followed from; None where none was asked for."""
+    """Initial state at tau = 0 of all designs; None if there is none."""
     amplitude: np.ndarray
-    """Largest |phi| of the motion that `design_map` describes. Infinite where the block overturns."""
+    """Largest |phi| of the motion that `design_map` describes; infinite if the block overturns."""
     swing: np.ndarray
-    """Largest |psi| of this motion. Without a pendulum, that of a bob too light to be felt."""
+    """Largest |psi| of this motion. Without a pendulum it is that of a bob too light to act on the block."""
     status: np.ndarray
-    """Names of statuses."""
+    """Names of the statuses."""
     margin: np.ndarray
-    """Uplift margin: where positive, a block at rest under the settled pendulum stays at rest."""
+    """Uplift margin. Where it is positive, a block at rest under the settled pendulum does not lift."""
     exact: np.ndarray
-    """Whether amplitude and stroke are exact to rounding. Elsewhere the motion was followed until it repeated
-    within 1e-6 of nu (amplitude) and of nu + f (stroke), or until its periods ended."""
+    """Whether amplitude and swing are exact except for rounding. Otherwise the motion was followed until it
+    repeated within 1e-6 of nu (amplitude) and of nu + f (swing), or until the largest number of periods."""
     overflow: np.ndarray
-    """Whether a design may have more orbits than were solved for."""
+    """Whether a design may have more orbits than the solved ones."""
 
     @property
     def counts(self) -> dict[str, int]:
-        """Number of designs of each status, the most frequent first."""
+        """Number of designs of each status, the most frequent status first."""
         names, counts = np.unique(self.status, return_counts=True)
+        # `np.unique` sorts the names, and a stable sort keeps this order where counts are equal.
         return {str(names[i]): int(counts[i]) for i in np.argsort(-counts, kind="stable")}
 
     def columns(self) -> dict[str, Any]:
-        """A row for every design: both numbers, status, sizes in rad and uplift margin."""
+        """Columns of a table with a row for each design: x, y, status, angles in rad and uplift margin."""
         x, y = np.meshgrid(self.x, self.y)
         names = {"amplitude": "amplitude_rad", "swing": "swing_rad", "margin": "uplift_margin"}
         fields = ("status", "amplitude", "swing", "margin", "exact", "overflow")
@@ -78,7 +94,7 @@ class DesignMap(Printed, Tabular):
         return {self.x_name: x.ravel(), self.y_name: y.ravel()} | columns
 
     def __str__(self) -> str:
-        lines = ["Design map" if self.start is None else f"Design map from the start {self.start}"]
+        lines = ["Design map" if self.start is None else f"Design map from the initial state {self.start}"]
         for name, values in ((self.x_name, self.x), (self.y_name, self.y)):
             lines.append(f"  {name:15} {len(values)} values, {span(values, UNITS.get(name, ''))}")
         sizes = {"amplitude": "rad", "swing": "rad", "margin": ""}
@@ -96,53 +112,66 @@ def design_map(
     cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | bool | None = None,
 ) -> DesignMap:
-    """The motion of every design on a grid of two parameters, or of two quantities of a scene.
+    """Compute the motion of every design on a grid of two parameters, or of two quantities of a scene.
 
-    Without a `start` the answer is the largest attracting motion among the symmetric period-one orbits
-    that `symmetric_orbits` finds and rest, each known in closed form (some 15 µs a design and core). Other
-    motions may attract as well. Its status is
+    Without `start` the result is the largest attracting motion among the orbits of `symmetric_orbits` and
+    rest. Both are known in closed form (about 15 µs per design and core). Other motions may attract as well.
+    The status is
 
-    - rocking: this orbit attracts; the block may rest or rock less as well, from another start;
-    - near_fold, grazing: this orbit attracts, but is about to be lost;
-    - rest: no orbit that was found attracts, and a block at rest stays at rest; the amplitude is zero, and
-      the stroke is that of the bob under the resting block;
-    - neutral: an orbit was found, but nothing takes energy from it, so that it does not attract;
-    - unstable: orbits were found, but all repel, and a block at rest lifts: the block settles into another
-      motion, which depends on the start. Amplitude and stroke are those of the largest orbit;
-    - not_known: no orbit was found, which does not prove that there is none, and a block at rest lifts;
-      amplitude and stroke are NaN. A `start` shows what the block settles into.
+    - rocking: this orbit attracts. From another initial state the block may rest or rock less;
+    - near_fold, grazing: this orbit attracts, but a small change of the design may remove it;
+    - rest: none of the orbits attracts, and a block at rest does not lift. The amplitude is zero, and the
+      swing is that of the bob under the block at rest;
+    - neutral: an orbit exists, but it loses no energy, so that it does not attract;
+    - unstable: all orbits repel, and a block at rest lifts. The block settles into another motion, which
+      depends on the initial state. Amplitude and swing are those of the largest orbit;
+    - not_known: no orbit was found, which does not prove that there is none, and a block at rest lifts.
+      Amplitude and swing are NaN. Use `start` to see what the block settles into.
 
-    With a `start` every design is followed from it by events (some 0.6 ms a design) until the motion
-    repeats: rocking, sticking, rest, held, overturned (infinite), not_settled, event_bound or failed, as in
-    `steady_state`, which alone separates aperiodic motions from those not settled. Where the motion is a
-    symmetric period-one orbit its exact sizes are given; see `DesignMap.exact`.
+    With `start` every design is followed from this initial state (about 0.6 ms per design) until the motion
+    repeats. The status is rocking, sticking, rest, held, overturned (infinite angles), not_settled,
+    event_bound or failed, as in `steady_state`. Only `steady_state` distinguishes aperiodic motions from
+    motions that have not settled. If the motion is a symmetric period-one orbit, its exact angles are
+    returned, see `DesignMap.exact`.
 
     Args:
-        subject: dimensionless parameters, or a scene; its values of the two names are not used.
-        x: a name, see `tpd.answers.bifurcations`, and its values, shape (nx,), increasing. A name in SI units
-            can be combined with a parameter that it does not move; the other parameters are held then.
+        subject: dimensionless parameters, or a scene. Its own values of the two names are not used.
+        x: a name, see `tpd.answers.bifurcations`, and its increasing values, shape (nx,). A quantity in SI
+            units can be combined with a parameter that does not depend on it. The other parameters are then
+            constant.
         y: name and values of the other axis, shape (ny,).
-        pendulum: in the scene; default none.
-        start: (phi, psi, phi', psi') at tau = 0 in rad and rad per unit tau; zeros are from rest.
+        pendulum: pendulum of the scene; None without a pendulum.
+        start: initial state (phi, psi, phi', psi') at tau = 0, in rad and rad per unit tau; zeros are rest.
         cluster: processes or machines in place of threads.
-        progress: True for a bar on stderr, or called with (designs done, of how many).
+        progress: True for a progress bar on stderr, or a function that is called with (number of finished
+            designs, number of all designs).
 
     Raises:
-        ValueError: unknown names or two that move the same, batched parameters, or values that do not
-            increase or lie outside their range.
+        ValueError: unknown names, two names that change the same parameter, batched parameters, or values
+            that do not increase or are out of range.
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.05, f=0.3, xi=3.0)
+        >>> designs = tpd.design_map(p, ("mu", [0.05, 0.1]), ("lam", [0.4, 0.6, 0.8]))
+        >>> designs.counts
+        {'rocking': 6}
+        >>> round(float(designs.amplitude[2, 0]), 4)
+        0.0552
     """
     checks.require_x64()
     check_where(None, cluster)
     setup = Setup.of(subject, pendulum)
     (x_name, xs), (y_name, ys) = _line(setup, "x", x), _line(setup, "y", y)
     _check_together(setup, {x_name: xs, y_name: ys})
-    # All designs on the grid, row by row, leaves of shape (ny nx,).
+    # All designs of the grid, row by row. Each field has the shape (ny nx,).
     across, up = np.meshgrid(xs, ys)
     vector = setup.vector({x_name: across.ravel(), y_name: up.ravel()})
+    # Parameters that do not vary are repeated for all designs.
     designs = from_row([jnp.broadcast_to(jnp.asarray(v), across.size) for v in vector])
-    wanted = "four numbers (phi, psi, phi', psi')"
-    y0 = None if start is None else checks.array("start", start, (4,), wanted)
+    expected = "four numbers (phi, psi, phi', psi')"
+    y0 = None if start is None else checks.array("start", start, (4,), expected)
     with shown_count(progress, "mapping") as report:
         if cluster is None:
             answer = _answers(designs, y0, None, report)
@@ -158,77 +187,85 @@ def design_map(
 def _answers(
     designs: Parameters, y0: np.ndarray | None, workers: int | None = 1, progress: Any = None
 ) -> dict[str, np.ndarray]:
-    """Fields of `DesignMap` of designs, flat, statuses by their codes; in one thread on a cluster, whose
-    processes share the cores."""
+    """Return the fields of `DesignMap` as flat arrays, with the codes of the statuses.
+
+    On a cluster the processes share the cores, so that each uses one thread.
+    """
     still = {n: np.asarray(v) for n, v in uplift(designs)._asdict().items()}
-    # The bar is that of the longer part: of the motions, where there are any.
+    # The progress is that of the longer part: of the followed motions, if there are any.
     orbits = all_symmetric_orbits(designs, workers=workers, progress=progress if y0 is None else None)
     if y0 is None:
+        # Without an initial state no motion is followed.
         answer = _largest(orbits, still["margin"], still["swing"])
     else:
-        how = {"workers": workers, "progress": progress}
-        answer = _followed(designs, orbits, still["swing"], y0, how)
+        options = {"workers": workers, "progress": progress}
+        answer = _followed(designs, orbits, still["swing"], y0, options)
     return {**answer, "margin": still["margin"], "overflow": np.asarray(orbits.overflow)}
 
 
 def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.ndarray]:
-    """The name and values of one axis, checked."""
+    """Return name and values of one axis after their checks."""
     if not (isinstance(axis, (tuple, list)) and len(axis) == 2):
         raise ValueError(f"`{argument}` must be a name and its values, but is {checks.shown(axis)}")
     name, values = axis[0], checks.increasing(f"values of {argument}", axis[1])
     setup.check_name(argument, name)
     for value in (values[0], values[-1]):
+        # All values between the first and the last have the same sign as these two.
         setup.check_sign(name, float(value))
     setup.check_plausible(name, values)
     return name, values
 
 
 def _check_together(setup: Setup, lines: dict[str, np.ndarray]) -> None:
-    """`ValueError` for two axes that move the same, or corners of the grid that are out of range."""
+    """Raise `ValueError` if both axes change the same parameter, or leave its range."""
     if len(lines) < 2:
         raise ValueError(f"`x` and `y` must differ, but both are {next(iter(lines))!r}")
-    # A quantity and a parameter that it moves would both set this parameter.
+    # A quantity and a parameter that depends on it would both set this parameter.
     for name, other in (tuple(lines), tuple(lines)[::-1]):
         if other in NAMES and other in setup.moved(name):
             raise ValueError(f"`x` and `y` must not both move {other}, but {name!r} does so as well")
     (x, xs), (y, ys) = lines.items()
-    # Each parameter with a range is monotonic in each quantity, so that the corners decide for the grid.
+    # Each parameter with a range is monotonic in each quantity, so that a check of the corners is sufficient.
     for corner in ((i, j) for i in (0, -1) for j in (0, -1)):
         setup.at({x: float(xs[corner[0]]), y: float(ys[corner[1]])})
 
 
 def _largest(orbits: Orbits, margin: np.ndarray, reach: np.ndarray) -> dict[str, np.ndarray]:
-    """The answers where no start is given: one of the orbits of each design, or rest."""
+    """Return the answers without an initial state: one of the orbits of each design, or rest."""
+    # Rest is one more candidate of each design. If a block at rest lifts, it is replaced by not_known.
     resting = np.where(margin > 0.0, code_of(Status.rest), code_of(Status.not_known))[:, None]
     codes = np.concatenate([code_of(orbits.status), resting], axis=1)
     amplitude = np.concatenate([orbits.amplitude, np.where(margin > 0.0, 0.0, np.nan)[:, None]], axis=1)
     swing = np.concatenate([orbits.swing, np.where(margin > 0.0, reach, np.nan)[:, None]], axis=1)
+    # Priority of each candidate: the place of its status in `_CHOICE`.
     place = np.select(
         [codes == code_of(status) for status in _CHOICE], list(range(len(_CHOICE))), len(_CHOICE)
     )
-    # Orbits are sorted by amplitude, the largest first, and `argmin` returns the first minimum: the largest
-    # orbit of the best status.
+    # Orbits are sorted by amplitude, the largest first, and `argmin` returns the first minimum. Hence the
+    # result is the largest orbit of the status with the highest priority.
     best = np.argmin(place, axis=1)[:, None]
-    taken = {"amplitude": amplitude, "swing": swing, "status": codes}
-    chosen = {n: np.take_along_axis(v, best, axis=1)[:, 0] for n, v in taken.items()}
-    return {**chosen, "exact": np.ones(len(margin), bool)}
+    candidates = {"amplitude": amplitude, "swing": swing, "status": codes}
+    answer = {n: np.take_along_axis(v, best, axis=1)[:, 0] for n, v in candidates.items()}
+    return {**answer, "exact": np.ones(len(margin), bool)}
 
 
 def _followed(
-    p: Parameters, orbits: Orbits, reach: np.ndarray, y0: np.ndarray, how: dict[str, Any]
+    p: Parameters, orbits: Orbits, reach: np.ndarray, y0: np.ndarray, options: dict[str, Any]
 ) -> dict[str, np.ndarray]:
-    """The answers from a start: sizes of the orbit that the motion is on, or those of the motion itself."""
+    """Return the answers from an initial state: the angles of the orbit reached, or of the motion itself."""
     n = len(np.asarray(p.nu))
     forcing = HarmonicForcing()
-    settled = follow(Terms.linear, row_of(p), forcing, y0=np.tile(y0, (n, 1)), **how)
+    settled = follow(Terms.linear, row_of(p), forcing, y0=np.tile(y0, (n, 1)), **options)
     codes = np.asarray(code_of(settled.status))
     overturned, rocking = codes == code_of(Status.overturned), code_of(Status.rocking)
+    # The angles of an overturned block depend on when the motion was stopped, and are set to infinity.
     amplitude = np.where(overturned, math.inf, np.asarray(settled.amplitude))
     swing = np.where(overturned, math.inf, np.asarray(settled.swing))
-    # Without damping the bob rings for ever, and its reach depends on how the block came to rest.
+    # An undamped bob swings for ever, and its swing depends on how the block came to rest. A damped bob has
+    # the steady swing of the closed form.
     swing = np.where((codes == code_of(Status.rest)) & (np.asarray(p.zeta) > 0.0), reach, swing)
     scale = np.asarray(jax.vmap(scale_of)(p))
-    # A followed motion ends near its orbit, not on it; the orbit's own sizes are exact.
+    # A followed motion ends near its orbit, but not on it. The amplitude and swing of the orbit are exact.
     apart = np.abs(np.asarray(orbits.state) - np.asarray(settled.y)[:, None]) / scale[:, None]
     apart = np.where(np.asarray(code_of(orbits.status)) == rocking, apart.max(axis=-1), np.inf)
     nearest = np.argmin(apart, axis=1)

@@ -1,9 +1,9 @@
-"""Ensembles of runs: how the block may be found when the shaking begins, how the shaking begins, and which
-numbers of both are uncertain.
+"""Ensembles of runs with different initial states, growth of the excitation, and uncertain parameters.
 
-One run decides little: rest, rocking and overturning exist side by side, and a per cent of the amplitude may
-change which of them is reached. Shares of a seeded set of runs are stable. Designs that are verified are
-put to the same runs (common random numbers) and compared run by run; see `tpd.answers.paired`.
+One run says little: rest, rocking and overturning exist for the same design, and a change of the amplitude by
+one per cent may decide which is reached. The shares of a seeded set of runs are stable. All designs under
+validation are evaluated with the same runs (common random numbers), and are compared run by run, see
+`tpd.answers.paired`.
 """
 
 from __future__ import annotations
@@ -29,45 +29,55 @@ from tpd.theory.equations import Terms
 
 
 class Plan(NamedTuple):
-    """Inputs of `follow_runs` for the runs of an ensemble: arrays of leading axis (size,)."""
+    """Inputs of `follow_runs` for the runs of an ensemble: arrays with the leading axis (size,)."""
 
     p: Parameters
+    """Dimensionless parameters of each run."""
     y0: np.ndarray
+    """Initial states, shape (size, 4)."""
     begin: np.ndarray
     """Dimensionless times at which the runs begin."""
     periods: np.ndarray
-    """Forcing periods over which the shaking grows."""
+    """Number of forcing periods over which the excitation grows."""
     ramp: np.ndarray
-    """Seconds (or units of tau, where time has no unit) over which the shaking grows."""
+    """Duration over which the excitation grows: s, or units of tau if time has no unit."""
     condition: np.ndarray
-    """Index of the condition."""
+    """Index of the condition of each run."""
 
 
 def plan(p: Parameters, ensemble: Ensemble, rate: float = 1.0, conditions: Conditions | None = None) -> Plan:
-    """Return the runs of an ensemble for one design.
+    """Return the inputs of the runs of an ensemble for one design.
 
     Args:
         p: dimensionless parameters, plain numbers.
         ensemble: spreads of the runs.
-        rate: omega0 in rad/s where the ramps are in seconds.
-        conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
+        rate: omega0 in rad/s, if the durations of growth are in seconds.
+        conditions: conditions that are distributed evenly over the runs, in addition to the scatter; by
+            default the condition of the scene.
     """
-    # Tilts scale with nu: at |phi| = nu a block of any shape stands on its corner, about to fall.
+    # Initial tilts are relative to nu: at |phi| = nu a block of any shape stands on its corner, at the limit
+    # of static overturning.
     e, unit, nu = ensemble, ensemble.draws(), float(p.nu)
     reach = np.array([e.tilt * nu, e.swing, e.tilt_rate * nu, e.swing_rate])
+    # The first six columns of the samples are initial state, phase and growth; the others are the scatter.
     scatter = factors_at(unit[:, 6:], e.widths(p.e))
     conditions = Conditions() if conditions is None else conditions
+    # The conditions have equal numbers of runs (up to one), in random order.
     dealt = e.dealt(len(conditions))
     factor = np.stack([scatter.get(name, 1.0) * conditions.column(name)[dealt] for name in FACTORS])
     design = np.repeat([[float(x)] for x in (p.mu, p.lam, p.zeta)], e.size, axis=1)
     q = under(p, design, factor)
-    # Every leaf is given for every run: then all ensembles, also that of the bare block, share one program.
+    # Every parameter is an array with an element for each run. All ensembles, also those without a pendulum,
+    # then share one compiled program.
     rho, ratio = (np.broadcast_to(np.asarray(x), e.size) for x in (q.inertia_ratio, q.velocity_ratio))
     q = replace(q, rho=rho, e=ratio)
     xi = np.asarray(q.xi)
+    # The phase is varied by the time at which a run begins. With a fixed phase all runs begin at tau = 0.
     begin = unit[:, 4] * 2.0 * np.pi / xi if e.any_phase else np.zeros(e.size)
     ramps = np.array(e.ramps)
+    # A uniform sample selects one of the durations of growth.
     ramp = ramps[np.minimum((unit[:, 5] * len(ramps)).astype(int), len(ramps) - 1)]
+    # Samples from 0 to 1 become initial states from -reach to reach.
     return Plan(q, (2.0 * unit[:, :4] - 1.0) * reach, begin, ramp * rate * xi / (2.0 * np.pi), ramp, dealt)
 
 
@@ -87,18 +97,27 @@ def outcomes(
 
     Args:
         subject: a scene, or dimensionless parameters (plain numbers).
-        pendulum: in the scene; default none.
-        ensemble: default `Ensemble()`.
-        conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
-        equations: the linear ones by their exact solution, or the nonlinear ones by a compiled event loop.
+        pendulum: pendulum of the scene; None without a pendulum.
+        ensemble: number, seed and spreads of the runs; `Ensemble()` by default.
+        conditions: conditions that are distributed evenly over the runs, in addition to the scatter; by
+            default the condition of the scene.
+        equations: "linear", with the exact solution, or "nonlinear".
         rtol: relative tolerance of a step of the nonlinear equations.
-        workers: threads; default the number of cores.
+        workers: number of threads; all cores by default.
         cluster: processes or machines in place of threads.
-        progress: True for a bar on stderr, or called with (runs done, of how many).
+        progress: True for a progress bar on stderr, or a function that is called with (number of finished
+            runs, number of all runs).
 
     Raises:
-        ValueError: bad input, or a pendulum beside parameters.
+        ValueError: bad input, or a pendulum together with dimensionless parameters.
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.05, f=0.3, xi=3.0)
+        >>> runs = tpd.outcomes(p, ensemble=tpd.Ensemble(size=32))
+        >>> runs.share_overturned.value, round(runs.quantiles("settled_tilt")[0], 3)
+        (0.0, 0.055)
     """
     checks.require_x64()
     check_where(workers, cluster)
@@ -106,10 +125,12 @@ def outcomes(
     terms = Terms(equations)
     ensemble = Ensemble() if ensemble is None else ensemble
     checks.instance("ensemble", ensemble, Ensemble)
+    # The seed is set here, so that the result records it.
     ensemble = ensemble.seeded(0)
     if ensemble.restitution and isinstance(subject, Scene):
         check_restitution(subject)
     checks.optional("conditions", conditions, Conditions)
+    # Durations of growth are in seconds for a scene, and in units of tau for dimensionless parameters.
     rate = float(subject.rate) if isinstance(subject, Scene) else 1.0
     runs = plan(parameters_of(subject, pendulum), ensemble, rate, conditions)
     forcing = HarmonicForcing(ensemble.periods, runs.begin, runs.periods)

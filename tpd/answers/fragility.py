@@ -1,9 +1,9 @@
-"""Fragility: the share of ground motions of each intensity that bring a block to a damage state.
+"""Fragility: the share of ground motions of each intensity under which a block reaches a damage state.
 
-Every motion is scaled to every stripe of the intensity. The fragility curve is the lognormal distribution
-that makes the counts of all stripes most likely (probit regression on the logarithm of the intensity;
-J. W. Baker, Earthquake Spectra 31, 2015). The pendulum is judged on the same motions: at each stripe by
-McNemar's exact test on the motions whose outcome differs.
+Every motion is scaled to every intensity level (stripe). The fragility curve is the lognormal distribution
+with the largest likelihood of the counts at all stripes: a probit regression on the logarithm of the
+intensity (J. W. Baker, Earthquake Spectra 31, 2015). The cases with and without the pendulum have the same
+motions. At each stripe McNemar's exact test compares them on the motions whose outcome differs.
 """
 
 from __future__ import annotations
@@ -26,79 +26,97 @@ from tpd.scene.scene import Block, Pendulum
 from tpd.theory.equations import Terms
 
 STATES: Mapping[str, float] = {"rocking": 0.0, "half": 0.5, "overturned": math.inf}
-"""Damage states by default: the tilt over the slenderness that a motion exceeds. 0 is any uplift, infinity an
-overturning."""
+"""Default damage states: the tilt divided by the slenderness that a motion must exceed. 0 is any uplift, and
+infinity is overturning."""
 
 
-_LABELS = ("bare", "with the pendulum")
+_LABELS = ("without pendulum", "with pendulum")
 """Names of the cases in text."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Fragility of one damage state, with or without the pendulum."""
+    """Fragility curve of one damage state, with or without the pendulum."""
 
     state: str
+    """Name of the damage state."""
     shares: np.ndarray
-    """Share of the motions whose outcome is known that reach the state, shape (stripes,); NaN where none is
-    known."""
+    """Share of the answered motions that reach the state, shape (stripes,); NaN if no motion is answered."""
     counts: np.ndarray
-    """Motions that reach the state."""
+    """Number of motions that reach the state, shape (stripes,)."""
     total: np.ndarray
-    """Motions whose outcome is known."""
+    """Number of motions with an answer, shape (stripes,)."""
     undecided: np.ndarray
-    """Motions without an answer: they count neither in `shares` nor in `fit`."""
+    """Number of motions without an answer, shape (stripes,). Neither `shares` nor `fit` counts them."""
     fit: Lognormal
-    """Lognormal distribution, with its uncertainty."""
+    """Lognormal distribution with its uncertainty."""
     medians: tuple[float, float]
-    """Medians of the fits in which all motions without an answer reach the state, and in which none does."""
+    """Medians of the two extreme fits: all motions without an answer reach the state, and none does."""
 
     def __str__(self) -> str:
         if not self.undecided.any():
             return str(self.fit)
-        # All of them reaching the state makes the lower median.
+        # The median is lower if all motions without an answer reach the state.
         low, high = (median_words(x) for x in self.medians)
-        return f"{self.fit} (between {low} and {high}, whatever the motions without an answer do)"
+        return f"{self.fit} (between {low} and {high}, depending on the motions without an answer)"
 
 
 @dataclass(frozen=True)
 class Fragility(Cases):
     """Fragility of a block under a set of ground motions, without a pendulum and, if there is one, with it.
 
-    What has a number or an array for each case has that without the pendulum first.
+    Where a field has an entry for each case, the case without the pendulum comes first.
+
+    Attributes:
+        intensity: name of the intensity measure.
+        stripes: intensity levels, shape (stripes,).
+        unit: unit of the intensity.
+        motions: names of the ground motions.
+        earthquakes: number of earthquakes to which the motions belong.
+        cases: fragility curves by damage state, for each case.
+        p_values: p-values of the difference between the cases, by damage state, shape (stripes,).
+        tilts: largest tilt divided by the slenderness, shape (cases, motions, stripes).
+        first_crossings: median of the lowest stripe that reaches a state, by damage state.
+        changed: share of the outcomes that the nonlinear equations change, for each case.
+        unanswered: number of runs without an answer with the nonlinear equations, for each case.
     """
 
     intensity: str
+    """Name of the intensity measure."""
     stripes: np.ndarray
-    """Values of the intensity, shape (stripes,)."""
+    """Intensity levels, shape (stripes,)."""
     unit: str
+    """Unit of the intensity."""
     motions: tuple[str, ...]
     """Names of the ground motions."""
     earthquakes: int
-    """Earthquakes that they are of: motions of one are no independent observations."""
+    """Number of earthquakes to which the motions belong. Motions of one earthquake are not independent."""
     cases: tuple[dict[str, Curve], ...]
-    """Curves by damage state."""
+    """Fragility curves by damage state, for each case."""
     p_values: dict[str, np.ndarray] | None
-    """By damage state: two-sided probability, at each stripe, of a difference between the cases at least
-    this large if the pendulum changed nothing (McNemar, exact, over earthquakes). Where motions have no
-    answer, the largest that their outcomes allow."""
+    """p-values by damage state, shape (stripes,): two-sided probability of a difference at least this large
+    if the pendulum had no effect (McNemar's exact test over earthquakes). If motions have no answer, the
+    value is the largest that their outcomes allow. None without a pendulum."""
     tilts: np.ndarray
-    """Largest tilt over the slenderness of every motion, shape (cases, motions, stripes); infinite after an
-    overturning, NaN where nothing is known."""
+    """Largest tilt divided by the slenderness, shape (cases, motions, stripes). Infinite if the block
+    overturns, NaN without an answer."""
     first_crossings: dict[str, tuple[float, ...]]
-    """By damage state: median of the lowest stripes that reach it (infinite if fewer than half of the motions
-    do). It depends on the stripes, and lies below the median of the curve where a larger motion may do less.
-    NaN where it depends on motions without an answer."""
+    """Median of the lowest stripe that reaches a state, by damage state and for each case. Infinite if fewer
+    than half of the motions reach it. The value depends on the stripes, and is below the median of the curve
+    if a larger motion may have a smaller effect. NaN if it depends on motions without an answer."""
     changed: tuple[float, ...] | None
-    """Share of the runs whose verdict on overturning the nonlinear equations change, among those that both
-    equations answer; NaN if there are none."""
+    """Share of the runs for which the nonlinear equations change the outcome overturned or not, among the
+    runs that both equations answer; NaN if there are none. None if the nonlinear equations were not used."""
     unanswered: tuple[int, ...] | None = None
-    """Runs that the nonlinear equations do not answer."""
+    """Number of runs without an answer with the nonlinear equations, for each case."""
 
     def columns(self) -> dict[str, Any]:
-        """A row for every case, damage state and stripe: motions that reach it, with an answer and without,
-        and the share on the fitted curve."""
+        """Columns of a table with a row for each case, damage state and stripe.
+
+        They have the numbers of motions with and without an answer, and the probability on the fitted curve.
+        """
         curves = [curve for case in self.cases for curve in case.values()]
+        # The rows are in the order of cases, states and stripes.
         n = len(self.stripes)
         names = np.repeat(CASE_KEYS[: len(self.cases)], len(self.without_pendulum) * n)
         rows = {"case": names, "stripe": np.tile(self.stripes, len(curves))}
@@ -111,22 +129,24 @@ class Fragility(Cases):
         quakes = "one earthquake" if self.earthquakes == 1 else f"{self.earthquakes} earthquakes"
         lines = [f"fragility over {self.intensity} ({self.unit}), {len(self.motions)} motions of {quakes}"]
         for name in self.without_pendulum:
-            heads = f"{name}: {_LABELS[0]}", f"{' ' * len(name)}  {_LABELS[1]}"
+            heads = f"{name}, {_LABELS[0]}:", f"{' ' * len(name)}  {_LABELS[1]}:"
+            # The second line of a state is indented by the length of its name, so that the cases are aligned.
             for head, case in zip(heads, self.cases, strict=False):
                 lines.append(f"  {head} {case[name]}")
         runs = len(self.motions) * len(self.stripes)
-        if lost := _listed([int(next(iter(c.values())).undecided.sum()) for c in self.cases], runs):
-            lines.append(f"  without an answer, and not counted: {lost}")
+        # The outcomes without an answer are the same for all states, so that one curve of each case suffices.
+        if text := _listed([int(next(iter(c.values())).undecided.sum()) for c in self.cases], runs):
+            lines.append(f"  without an answer, and not counted: {text}")
         if self.changed is not None and self.unanswered is not None:
             shares = " and ".join(f"{x:.1%}" for x in self.changed)
-            lines.append(f"  the nonlinear equations change the verdict of {shares} of the runs")
-            if lost := _listed(self.unanswered, runs):
-                lines.append(f"  without an answer by these equations, and not compared: {lost}")
+            lines.append(f"  the nonlinear equations change the outcome of {shares} of the runs")
+            if text := _listed(self.unanswered, runs):
+                lines.append(f"  without an answer with these equations, and not compared: {text}")
         return "\n".join(lines)
 
 
 def _listed(counts: Sequence[int], runs: int) -> str:
-    """Numbers of runs of each case; nothing if they are all zero."""
+    """Return the numbers of runs of each case as text; empty if all are zero."""
     if not any(counts):
         return ""
     cases = zip(counts, _LABELS, strict=False)
@@ -149,27 +169,36 @@ def fragility(
     cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> Fragility:
-    """Follow a block through every motion at every intensity, bare and with a pendulum.
+    """Compute the fragility of a block under a set of motions, without a pendulum and with it.
 
     Args:
-        block: with its friction and restitution.
-        motions: pulses or records; their own sizes do not matter but for `intensity="scale"`.
-        scales: stripes: values of the intensity, increasing.
-        pendulum: compared with the bare block on the same motions.
-        intensity: "pga_star" is PGA/(g tan alpha), "pgv_star" is p PGV/(g tan alpha) with p the block's rate
-            omega0; "pga" and "pgv" are in m/s^2 and m/s; "sa" is the spectral acceleration in m/s^2 at
-            `period` (s) and 5 % damping; "pga_g" and "sa_g" are in g; "scale" is the factor on each motion as
-            it is.
-        states: damage states: tilt over the slenderness that a motion exceeds.
-        nonlinear: whether the nonlinear equations follow all motions too, to say how many verdicts change.
-        gravity: m/s^2.
-        free: free motion after each ground motion, s.
-        workers: threads; all cores by default.
+        block: block with its friction and restitution.
+        motions: pulses or records. Their own sizes matter only for `intensity="scale"`.
+        scales: intensity levels (stripes), increasing.
+        pendulum: pendulum that is compared with the block without one, under the same motions.
+        intensity: name of the intensity measure. "pga_star" is PGA/(g tan alpha), "pgv_star" is
+            p PGV/(g tan alpha), where p is the rate omega0 of the block; "pga" and "pgv" are in m/s^2 and
+            m/s; "sa" is the spectral acceleration in m/s^2 at `period` (s) with 5 % damping; "pga_g" and
+            "sa_g" are in g; "scale" is the factor on each motion as it is.
+        period: period of the spectral acceleration, s.
+        states: damage states by name: the tilt divided by the slenderness that a motion must exceed.
+        nonlinear: whether the nonlinear equations also follow all motions, to count the changed outcomes.
+        gravity: acceleration of gravity, m/s^2.
+        free: duration of the free motion after each ground motion, s.
+        workers: number of threads; all cores by default.
         cluster: processes or machines in place of threads.
-        progress: called with the motions done and in all.
+        progress: function that is called with (number of finished motions, number of all motions).
 
     Raises:
         ValueError: bad input.
+
+    Example:
+        >>> import tpd
+        >>> block = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution=0.9595)
+        >>> motions = [tpd.Pulse.one_sine(frequency=f, acceleration=1.0) for f in (0.6, 0.7, 0.8)]
+        >>> curves = tpd.fragility(block, motions, scales=[1.0, 2.0, 3.0], nonlinear=False)
+        >>> curves.without_pendulum["overturned"].counts
+        array([0, 3, 3])
     """
     checks.instance("block", block, Block)
     checks.optional("pendulum", pendulum, Pendulum)
@@ -187,33 +216,39 @@ def fragility(
         checks.instance(f"motions[{i}]", motion, GroundMotion)
     refuse_zeros(motions)
     names = tuple(getattr(m, "name", "") or f"motion {i + 1}" for i, m in enumerate(motions))
-    # Intensities are proportional to the motion.
+    # Every intensity measure is proportional to the motion.
+    # The factor that scales a motion to a stripe is therefore a quotient.
     factors = stripes / np.array([[measure.value(m)] for m in motions])
     cases, times = (None,) if pendulum is None else (None, pendulum), 2 if nonlinear else 1
+    # The tables need neither the swing nor the final state, so that the runs can end early.
     options: dict[str, Any] = {"gravity": gravity, "free": free, "brief": True}
     options |= {"workers": workers, "cluster": cluster}
 
+    # The nonlinear runs follow the exact ones, so that progress continues from one to the other.
     def shifted(n: int, report: Progress | None = progress) -> Progress | None:
         return None if report is None else lambda done, all_: report(n * all_ + done, times * all_)
 
     exact = follow_scaled(block, cases, motions, factors, progress=shifted(0), **options)
     nu, quakes = float(block.slenderness), np.unique(events_of(motions), return_inverse=True)[1]
-    # Whether every run reaches each of the damage states, as a number; NaN where nothing is known.
+    # 1 where a run reaches a damage state, 0 where it does not, NaN without an answer.
     reached = {n: exact.is_overturned if math.isinf(x) else exact.tilt > x * nu for n, x in states.items()}
     hits = {n: np.where(exact.is_unanswered, np.nan, hit) for n, hit in reached.items()}
+    # The runs have the axes cases, motions and stripes.
     curves = tuple(
         {name: _curve(name, hit[i], quakes, stripes) for name, hit in hits.items()} for i in range(len(cases))
     )
     changed, unanswered = None, None
     if nonlinear:
-        checked = follow_scaled(
+        nonlinear_runs = follow_scaled(
             block, cases, motions, factors, progress=shifted(1), equations=Terms.nonlinear, **options
         )
-        unknown = exact.is_unanswered | checked.is_unanswered
-        differs = np.where(unknown, np.nan, exact.is_overturned ^ checked.is_overturned)
-        known = [x[np.isfinite(x)] for x in differs]
-        changed = tuple(float(np.mean(x)) if len(x) else math.nan for x in known)
-        unanswered = tuple(int(x.sum()) for x in checked.is_unanswered)
+        # Only runs that both equations answer can be compared.
+        unknown = exact.is_unanswered | nonlinear_runs.is_unanswered
+        differs = np.where(unknown, np.nan, exact.is_overturned ^ nonlinear_runs.is_overturned)
+        answered = [x[np.isfinite(x)] for x in differs]
+        changed = tuple(float(np.mean(x)) if len(x) else math.nan for x in answered)
+        unanswered = tuple(int(x.sum()) for x in nonlinear_runs.is_unanswered)
+    # Motions of one earthquake are dependent, so that the test counts earthquakes.
     p_values = None
     if pendulum is not None:
         p_values = {name: mcnemar(hit[0], hit[1], quakes) for name, hit in hits.items()}
@@ -237,17 +272,20 @@ def _curve(name: str, hit: np.ndarray, quakes: np.ndarray, stripes: np.ndarray) 
     counts, total = np.nansum(hit, axis=0).astype(int), np.sum(np.isfinite(hit), axis=0)
     shares = np.where(total > 0, counts / np.maximum(total, 1), np.nan)
     fit, undecided = fit_lognormal(stripes, hit, quakes), len(hit) - total
-    # The two extremes of what the motions without an answer may do.
+    # The two extreme outcomes of the motions without an answer: all reach the state, and none does.
     ends = [fit_lognormal(stripes, np.nan_to_num(hit, nan=x)).median for x in (1.0, 0.0)]
     return Curve(name, shares, counts, total, undecided, fit, (ends[0], ends[1]))
 
 
 def _first_crossing(hit: np.ndarray, stripes: np.ndarray) -> float:
-    """Median of the lowest stripes at which the motions reach a state; NaN where it depends on outcomes that
-    are not known."""
+    """Return the median of the lowest stripe at which each motion reaches a state.
+
+    NaN if the median depends on motions without an answer.
+    """
+    # The two extremes: no unknown outcome reaches the state, and all do.
     medians = []
     for unknown in (0.0, 1.0):
-        known = np.nan_to_num(hit, nan=unknown) == 1.0
-        lowest = np.where(known.any(axis=1), stripes[np.argmax(known, axis=1)], np.inf)
+        reaches = np.nan_to_num(hit, nan=unknown) == 1.0
+        lowest = np.where(reaches.any(axis=1), stripes[np.argmax(reaches, axis=1)], np.inf)
         medians.append(float(np.median(lowest)))
     return medians[0] if medians[0] == medians[1] else math.nan

@@ -1,4 +1,4 @@
-"""Time histories of a block under a ground motion, and the forces at its base."""
+"""Time history of a block under a ground motion, and the forces on its base."""
 
 from __future__ import annotations
 
@@ -16,66 +16,77 @@ from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status
 
 STRONG = 0.01
-"""Rate over nu omega0 above which an impact is counted as one: slower ones are a rattle, and how many of them
-there are depends on when rattling is called rest."""
+"""Rate, divided by nu omega0, above which an impact counts as strong. Slower impacts belong to a rattling
+motion, and their number depends on the rate at which the block is set to rest."""
 
 
 @dataclass(frozen=True)
 class MotionHistory:
-    """Motion over time of a block under a ground motion, from the exact solution of the linear equations.
+    """Time history of a block under a ground motion, from the exact solution of the linear equations.
 
-    Rows are NaN once a block that overturns is past a right angle, and after the end of a motion without an
-    answer."""
+    Rows are NaN from the time at which an overturning block reaches a right angle, and after the end of a
+    motion without an answer.
+    """
 
     times: np.ndarray
+    """Times, s, shape (times,)."""
     """s, shape (times,)."""
     base: np.ndarray
-    """Acceleration of the base, m/s^2."""
+    """Acceleration of the base, m/s^2, shape (times,)."""
     tilt: np.ndarray
-    """phi, rad."""
+    """phi, rad, shape (times,)."""
     swing: np.ndarray | None
-    """psi, rad; None without a pendulum."""
+    """psi, rad, shape (times,); None without a pendulum."""
     horizontal: np.ndarray
-    """Force of the ground on the base, N: what friction has to carry, impacts left out."""
+    """Horizontal force of the ground on the base, N, without the impulses of impacts. Friction must carry
+    it."""
     vertical: np.ndarray
-    """Force of the ground upwards, N."""
+    """Upward force of the ground on the base, N."""
     impacts: np.ndarray
-    """Times (s) and tilting rates after them (rad/s) of all impacts, shape (impacts, 2)."""
+    """Times (s) of all impacts, and rates of the tilt after them (rad/s), shape (impacts, 2)."""
     rocking: np.ndarray
-    """Whether the block moves on its base."""
+    """Whether the block moves on its base, shape (times,)."""
     status: Status
+    """Outcome of the motion."""
     bob: np.ndarray | None = None
-    """Horizontal and vertical force (N) of the hinge on the bob, angular rate of the rod, and that of the rod
-    against the block (rad/s), shape (times, 4); None without a pendulum."""
+    """Loads of the pendulum, shape (times, 4): horizontal and vertical force of the hinge on the bob (N),
+    angular rate of the rod, and angular rate between rod and block (rad/s). None without a pendulum."""
 
     @property
     def overturned(self) -> bool:
-        """Whether the block overturns, within the times or after them."""
+        """Whether the block overturns, during the given times or later."""
         return bool(self.status == Status.overturned)
 
     def loads(self, pendulum: Pendulum) -> tuple[float, float, float]:
-        """Largest force along the rod and of the hinge (N), and largest angular rate between rod and block
-        (rad/s), of the pendulum that was followed.
+        """Return the largest loads of the pendulum of this motion.
 
-        The forces are those of the linear equations, with the centripetal force of the rod's rate added.
+        The forces are those of the linear equations plus the centripetal force of the rod.
+
+        Returns:
+            Largest force along the rod (N), largest force of the hinge (N), and largest angular rate between
+            rod and block (rad/s).
+
+        Raises:
+            ValueError: the motion has no pendulum.
         """
         if self.bob is None or self.swing is None:
             raise ValueError("a history without a pendulum has no loads on one")
         across, upwards, rate, relative = self.bob.T
-        # The linear equations drop the square of the rate, which a rod feels first of all.
+        # The linear equations neglect the square of the rate, but in a rod this force is often the largest.
         pull = float(pendulum.mass) * float(pendulum.length) * rate**2
+        # The force of the hinge is split into the directions along and across the rod.
         tension = upwards * np.cos(self.swing) - across * np.sin(self.swing) + pull
         whole = np.hypot(across - pull * np.sin(self.swing), upwards + pull * np.cos(self.swing))
         return tuple(float(np.nanmax(np.abs(x))) for x in (tension, whole, relative))  # type: ignore[return-value]
 
     def impacts_above(self, rate: float) -> int:
-        """Number of the impacts after which the block tilts faster than `rate` (rad/s)."""
+        """Return the number of impacts after which the rate of the tilt exceeds `rate` (rad/s)."""
         _, rates = self.impacts.T
         return int(np.sum(np.abs(rates) > rate))
 
     @property
     def needed_friction(self) -> float:
-        """Largest horizontal over vertical force: a smaller coefficient of friction lets the base slide."""
+        """Smallest coefficient of friction of the base with which it does not slide."""
         return float(np.nanmax(np.abs(self.horizontal) / np.maximum(self.vertical, 1e-300)))
 
 
@@ -87,19 +98,20 @@ def motion_history(
     y0: checks.Vector | None = None,
     free: checks.Real = FREE,
 ) -> MotionHistory:
-    """Follow a block through the pulse or record of its scene.
+    """Compute the time history of a block under the pulse or record of its scene.
 
-    The forces follow from the accelerations along the arcs in closed form: with d the side to which the block
-    leans, a its half width and b its half height,
+    The forces follow from the accelerations along the arcs in closed form. With d the side to which the block
+    tilts, a its half width and b its half height,
 
         H = M (x'' - b phi'') + m (x'' - 2 b phi'' + l psi''),   V = (M + m) (g + a d phi'').
 
     Args:
         scene: a block under a `Pulse` or a `Record`.
-        pendulum: None is the bare block.
-        times: increasing, s; by default every piece of the motion, and as often after it.
-        y0: start (phi, psi, phi', psi') in rad and rad/s; at rest by default.
-        free: free motion after the ground motion, s; more if `times` end later.
+        pendulum: pendulum of the block; None for the block without a pendulum.
+        times: increasing times, s. By default there is one for every piece of the motion, and as many in the
+            same interval after the motion.
+        y0: initial state (phi, psi, phi', psi') in rad and rad/s; at rest by default.
+        free: duration of the free motion after the ground motion, s; longer if `times` end later.
 
     Raises:
         ValueError: bad input.
@@ -113,20 +125,23 @@ def motion_history(
         times = np.linspace(0.0, shaken + free, min(20_000, int(len(pieces) + free / piece) + 1))
     clock = checks.increasing("times", times)
     checks.not_negative("times", clock, every=True)
+    # The motion is followed until the last of the times, even if the free motion would end earlier.
     free = float(clock[-1]) - shaken if clock[-1] > shaken + free else free
     start = np.zeros(4) if y0 is None else checks.state(y0) / [1.0, 1.0, rate, rate]
-    found = history(row, start, pieces, clock * rate, free=free * rate, events=MAX_EVENTS)
-    states, status = found.states, getattr(Status, SHAKEN[found.status])
-    # The equations mean nothing where the block lies down.
+    motion = history(row, start, pieces, clock * rate, free=free * rate, events=MAX_EVENTS)
+    states, status = motion.states, getattr(Status, SHAKEN[motion.status])
+    # The equations have no meaning after the block has reached the ground.
     if status == Status.overturned:
+        # From the first time at which the tilt is no longer below a right angle, all rows are NaN.
         states[np.cumsum(~(np.abs(states["tilt"]) < 0.5 * np.pi)) > 0] = np.nan
     base = scene.motion.acceleration_at(clock)
-    # In SI: tau is time over 1/omega0.
+    # Conversion to SI units: tau is time multiplied by omega0.
     up, swinging = states["tilt_pull"] * rate**2, states["swing_pull"] * rate**2
     rates = states["swing_rate"] * rate, (states["swing_rate"] - states["tilt_rate"]) * rate
     mass, height, width = (float(getattr(scene.block, name)) for name in ("mass", "height", "width"))
     m, length = (0.0, 0.0) if pendulum is None else (float(pendulum.mass), float(pendulum.length))
-    # A positive tilt takes the top to the left, and a positive angle of the rod the bob to the right.
+    # A positive tilt moves the top to the left, and a positive rod angle moves the bob to the right.
+    # The accelerations of top and centre of mass follow from the geometry; see the equations above.
     across = m * (base - height * up + length * swinging)
     lifting = float(scene.gravity) + 0.5 * width * states["side"] * up
     return MotionHistory(
@@ -136,7 +151,7 @@ def motion_history(
         None if pendulum is None else states["swing"],
         mass * (base - 0.5 * height * up) + across,
         (mass + m) * lifting,
-        np.stack([found.impacts["time"] / rate, found.impacts["rate"] * rate], axis=1),
+        np.stack([motion.impacts["time"] / rate, motion.impacts["rate"] * rate], axis=1),
         states["kind"] == SLIP,
         status,
         None if pendulum is None else np.stack([across, m * lifting, *rates], axis=1),

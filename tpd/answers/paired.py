@@ -1,7 +1,8 @@
-"""Paired runs: the same runs with a pendulum and without it, and the benefit and the harm that they show.
+"""Paired runs: each run with and without the pendulum, and the benefit and the harm that the pairs show.
 
-Both cases have the same initial states, phases and scatter (common random numbers), so that what they share
-cancels: a difference shows with far fewer runs than two independent shares would need.
+Both cases have the same initial states, phases and scatter (common random numbers), so that common effects
+cancel in the difference. A difference is therefore significant with far fewer runs than two independent
+shares would need.
 """
 
 from __future__ import annotations
@@ -34,77 +35,98 @@ from tpd.scene.scene import Pendulum, Scene
 from tpd.theory.equations import Terms
 
 LEAST = 0.02
-"""Severity that counts as none, so that next to a block at rest not every tilt is a worse one."""
+"""Smallest mean severity to which changes are related. A smaller mean counts as this value, so that a small
+tilt is not a large relative increase where the block is otherwise at rest."""
 FEWER = 0.1
-"""Share of the runs that end at rest without the pendulum which may rock with it: with enough runs any
-difference is significant."""
+"""Share of the runs at rest without the pendulum that may rock with it. With many runs any difference is
+significant, so that a tolerance is necessary."""
 OVERTURNS = 0.01
-"""Share of the runs without a pendulum in which the block overturns, from which on fewer overturnings are the
-first purpose of a pendulum, and a smaller mean tilt below it."""
+"""Share of overturned runs without a pendulum from which the first purpose of a pendulum is to reduce
+overturning. Below this share it is to reduce the mean tilt."""
 WORSE = 0.05
-"""Share by which the mean tilt of one group of runs may be higher with the pendulum."""
+"""Relative increase of the mean tilt that is allowed in one group of runs."""
 
 
 class Change(NamedTuple):
-    """One quantity with and without the pendulum and, for a mean, the 95 % interval of their difference."""
+    """Quantity with and without the pendulum. A mean has the 95 % interval of the difference."""
 
     name: str
+    """Name of the quantity."""
     with_pendulum: float
+    """Value with the pendulum."""
     without_pendulum: float
+    """Value without the pendulum."""
     low: float
+    """Lower end of the interval of the difference, with minus without; NaN for a quantity that is not a
+    mean."""
     high: float
-    """Interval of the difference, with less without; NaN for what is no mean."""
+    """Upper end of this interval."""
 
     @property
     def difference(self) -> float:
-        """Value with the pendulum less that without it."""
+        """Value with the pendulum minus value without it."""
         return self.with_pendulum - self.without_pendulum
 
 
 class Overturned(NamedTuple):
-    """Runs of which significantly more overturn with the pendulum."""
+    """Group of runs of which significantly more overturn with the pendulum."""
 
     label: str
-    """Name of the part; empty for all runs."""
+    """Name of the group; empty for all runs."""
     only_with: int
     """Number of runs that overturn only with the pendulum."""
     only_without: int
+    """Number of runs that overturn only without the pendulum."""
     total: int
+    """Number of runs of the group."""
 
 
 class Part(NamedTuple):
-    """The runs of one condition, of one group of ground motions, or of one kind of start."""
+    """Runs of one condition, of one group of ground motions, or of one duration of growth."""
 
     label: str
+    """Name of the part."""
     rows: np.ndarray
-    """Whether a run belongs to the part and has both answers."""
+    """Whether each run belongs to the part and has an answer in both cases."""
     with_pendulum: float
-    """Mean severity with the pendulum; NaN where no run has it."""
+    """Mean severity with the pendulum; NaN if the part has no run."""
     without_pendulum: float
+    """Mean severity without the pendulum; NaN if the part has no run."""
     is_worse: bool
-    """Whether the mean severity is significantly higher with the pendulum, by more than the allowed share."""
+    """Whether the mean severity with the pendulum is significantly higher, by more than the allowed share."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class PairedRuns(Printed):
-    """Runs with a pendulum, and the same runs without it; arrays of shape (runs,).
+    """Runs with a pendulum, and the same runs without it. Arrays have the shape (runs,).
 
-    Benefit and changes are those of the counted runs that have an answer in both cases. The severity of a
-    run is its settled tilt over the slenderness, at most 1, and 1 where the block overturns.
+    Benefit and changes are those of the counted runs with an answer in both cases. The severity of a run is
+    its settled tilt divided by the slenderness, at most 1, and 1 if the block overturns.
+
+    Attributes:
+        with_pendulum: runs with the pendulum.
+        without_pendulum: runs without the pendulum, which are otherwise the same.
+        group: index of the group of each run.
+        labels: names of the groups.
+        cluster: number of the earthquake of each run; None if all runs are independent.
+        counted: whether the benefit counts each run; None for all runs.
+        worse: relative increase of the mean severity that is allowed in a part.
     """
 
     with_pendulum: Runs
+    """Runs with the pendulum."""
     without_pendulum: Runs
+    """Runs without the pendulum, which are otherwise the same."""
     group: np.ndarray
-    """Index of the condition, or of the group of ground motions, of every run."""
+    """Index of the condition, or of the group of ground motions, of each run."""
     labels: tuple[str, ...]
     """Names of the groups."""
     cluster: np.ndarray | None = None
-    """Number of the earthquake of every run; None where all runs are independent."""
+    """Number of the earthquake of each run; None if all runs are independent."""
     counted: np.ndarray | None = None
-    """Whether the benefit counts a run; by default it counts all of them. The harm is that of all runs."""
+    """Whether the benefit counts each run; by default it counts all runs. The harm always counts all runs."""
     worse: float = WORSE
-    """Share by which the mean severity of a part may be higher with the pendulum."""
+    """Relative increase of the mean severity that is allowed in a part."""
 
     @property
     def _cases(self) -> tuple[Runs, Runs]:
@@ -112,7 +134,7 @@ class PairedRuns(Printed):
 
     @cached_property
     def description(self) -> str:
-        """Number and kind of the counted runs."""
+        """Text with the number and the kind of the counted runs."""
         runs = self.with_pendulum
         kind = f"{self.pairs} paired runs of the {runs.equations.value} equations, seed {runs.seed}"
         if self.cluster is None:
@@ -122,27 +144,28 @@ class PairedRuns(Printed):
 
     @cached_property
     def severity(self) -> np.ndarray:
-        """Severity with and without the pendulum, (2, runs); NaN where a run has no answer."""
-        return np.stack([o.severity for o in self._cases])
+        """Severity with and without the pendulum, shape (2, runs); NaN without an answer."""
+        return np.stack([runs.severity for runs in self._cases])
 
     @cached_property
     def known(self) -> np.ndarray:
-        """Whether a run has an answer in both cases."""
-        return ~np.any([o.is_unanswered for o in self._cases], axis=0)
+        """Whether each run has an answer in both cases."""
+        return ~np.any([runs.is_unanswered for runs in self._cases], axis=0)
 
     @cached_property
+    # The harm counts all answered runs, but the benefit may be restricted to some of them.
     def _rows(self) -> np.ndarray:
-        """Counted runs with both answers."""
+        """Whether each run is counted and has an answer in both cases."""
         return self.known if self.counted is None else self.known & self.counted
 
     @property
     def pairs(self) -> int:
-        """Number of counted pairs with both answers."""
+        """Number of counted pairs of runs with an answer in both cases."""
         return int(self._rows.sum())
 
     @property
     def undecided(self) -> int:
-        """Number of pairs without an answer in one of the two cases."""
+        """Number of pairs of runs without an answer in at least one case."""
         return int(np.sum(~self.known))
 
     def _clusters(self, rows: np.ndarray) -> np.ndarray | None:
@@ -150,31 +173,37 @@ class PairedRuns(Printed):
 
     @cached_property
     def benefit(self) -> Interval:
-        """Share by which the mean severity falls, with its 95 % interval; NaN without any pair."""
+        """Relative reduction of the mean severity, with its 95 % interval; NaN without any pair."""
         rows = self._rows
-        with_it, without = self.severity[:, rows]
-        return fall(with_it, without, self._clusters(rows), least=LEAST)
+        with_pendulum, without_pendulum = self.severity[:, rows]
+        # The severity is at most 1, so that the mean is finite although overturned runs have infinite tilts.
+        return fall(with_pendulum, without_pendulum, self._clusters(rows), least=LEAST)
 
     @cached_property
     def overturning_reduction(self) -> Interval:
-        """Share by which the share of runs that overturn falls, with its 95 % interval; NaN where no run
-        overturns without the pendulum."""
-        with_it, without = (o.is_overturned[self._rows] for o in self._cases)
-        if not without.any():
+        """Relative reduction of the share of overturned runs, with its 95 % interval.
+
+        NaN if no run overturns without the pendulum.
+        """
+        with_pendulum, without_pendulum = (runs.is_overturned[self._rows] for runs in self._cases)
+        # A relative reduction of zero overturned runs has no meaning.
+        if not without_pendulum.any():
             return Interval(np.nan, np.nan, np.nan)
-        return fall(with_it, without, self._clusters(self._rows))
+        return fall(with_pendulum, without_pendulum, self._clusters(self._rows))
 
     @property
     def first_measure(self) -> str:
-        """Name of the first thing to reduce: "overturning" if the block overturns in 1 % or more of the
-        runs without the pendulum, else "tilt"."""
+        """Name of the quantity to reduce first.
+
+        It is "overturning" if at least 1 % of the runs without the pendulum overturn, otherwise "tilt".
+        """
         return "overturning" if self.change("overturned").without_pendulum >= OVERTURNS else "tilt"
 
     def reduction(self, measure: str) -> tuple[Interval, bool]:
-        """Return the relative reduction of a measure, "overturning" or "tilt", and whether the mean falls
-        significantly.
+        """Return the relative reduction of "overturning" or "tilt", and whether it is significant.
 
-        In few runs the interval of a ratio of means may lie above zero where that of the difference does not.
+        The reduction is significant if the interval of the difference is below zero. With few runs the
+        interval of the ratio may be above zero although the difference is not significant.
         """
         if measure == "overturning":
             return self.overturning_reduction, self.change("overturned").high < 0.0
@@ -182,81 +211,89 @@ class PairedRuns(Printed):
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
-        """Mean, median and worst severity, and the shares that overturn and that end at rest."""
+        """Changes of mean, median and worst severity, and of the shares of two outcomes."""
         rows = self._rows
         pair = self.severity[:, rows]
-        fell = np.array([o.is_overturned[rows] for o in self._cases], dtype=float)
-        rests = np.array([o.is_at_rest[rows] for o in self._cases], dtype=float)
+        overturned = np.array([runs.is_overturned[rows] for runs in self._cases], dtype=float)
+        rests = np.array([runs.is_at_rest[rows] for runs in self._cases], dtype=float)
 
         def mean(name: str, values: np.ndarray) -> Change:
+            # With a single earthquake the interval is infinite. JSON and tables show it as unknown.
             by = change(values[0], values[1], self._clusters(rows))
             low, high = (x if np.isfinite(x) else np.nan for x in (by.low, by.high))
-            return Change(name, _of(np.mean, values[0]), _of(np.mean, values[1]), low, high)
+            return Change(name, _size_of(np.mean, values[0]), _size_of(np.mean, values[1]), low, high)
 
         def single(name: str, size: Callable[[np.ndarray], Any]) -> Change:
-            return Change(name, _of(size, pair[0]), _of(size, pair[1]), np.nan, np.nan)
+            # Median and worst severity have no simple interval of their difference.
+            return Change(name, _size_of(size, pair[0]), _size_of(size, pair[1]), np.nan, np.nan)
 
         return (
             mean("mean severity", pair),
             single("median severity", np.median),
-            # The mean of the worst tenth: the largest of all runs alone would say little.
+            # The mean of the worst tenth of the runs, because the single worst run is mostly chance.
             single("worst severity", lambda x: np.sort(x)[-max(1, len(x) // 10) :].mean()),
-            mean("overturned", fell),
+            mean("overturned", overturned),
             mean("at rest", rests),
         )
 
     def change(self, name: str) -> Change:
-        """Return the change of one quantity by its name in `changes`."""
+        """Return the change of the quantity with this name, see `changes`."""
         return next(c for c in self.changes if c.name == name)
 
     @cached_property
     def only(self) -> tuple[int, int]:
-        """Numbers of runs that overturn only with the pendulum, and only without it."""
+        """Numbers of runs that overturn only with, and only without the pendulum."""
         return self._only(self.known)
 
     def _only(self, rows: np.ndarray) -> tuple[int, int]:
-        """Numbers of some runs that overturn only with the pendulum, and only without it."""
-        with_it, without = (o.is_overturned[rows] for o in self._cases)
-        return int(np.sum(with_it & ~without)), int(np.sum(without & ~with_it))
+        """Return these numbers for some of the runs."""
+        with_pendulum, without = (runs.is_overturned[rows] for runs in self._cases)
+        return int(np.sum(with_pendulum & ~without)), int(np.sum(without & ~with_pendulum))
 
     @cached_property
     def overturns_more(self) -> Overturned | None:
-        """Runs of which significantly more overturn with the pendulum; None if there are none.
+        """Group of runs of which significantly more overturn with the pendulum, or None.
 
-        All runs are compared, by McNemar's test if they are independent and otherwise by the interval between
-        earthquakes. Under earthquakes each group is compared as well.
+        The comparison of all runs uses McNemar's test if they are independent, otherwise the interval between
+        earthquakes. Under earthquakes each part is compared as well.
         """
         if self.cluster is None:
+            # Independent runs: only those with different outcomes count, see `chance_of`.
             worse, better = self.only
             is_harm = worse > better and chance_of(worse, better) < SIGNIFICANT
             return Overturned("", worse, better, int(self.known.sum())) if is_harm else None
-        fell = [o.is_overturned.astype(float) for o in self._cases]
+        # Under earthquakes the interval of the difference accounts for runs of the same earthquake. An
+        # increase in one part may be hidden in the sum, so that each part is tested as well.
+        overturned = [runs.is_overturned.astype(float) for runs in self._cases]
         for label, rows in (("", self.known), *((part.label, part.rows) for part in self.parts)):
-            if change(fell[0][rows], fell[1][rows], self._clusters(rows)).is_above:
+            if change(overturned[0][rows], overturned[1][rows], self._clusters(rows)).is_above:
                 return Overturned(label, *self._only(rows), int(rows.sum()))
         return None
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
-        """The runs of each group and, where the shaking grows over several durations, of each of these.
+        """Runs of each group and, if the excitation grows over several durations, of each duration.
 
-        The benefit is a mean over all runs. A pendulum that helps where the shaking grows slowly and harms
-        where it begins suddenly must not be hidden by this mean.
+        The benefit is a mean over all runs. This mean could hide a pendulum that helps if the excitation
+        grows slowly and harms if it begins suddenly.
         """
         ramps = np.unique(self.with_pendulum.ramp)
-        chosen = [(label, self.group == i) for i, label in enumerate(self.labels)]
+        selections = [(label, self.group == i) for i, label in enumerate(self.labels)]
         if len(ramps) > 1:
-            chosen += [(label_of_ramp(ramp), self.with_pendulum.ramp == ramp) for ramp in ramps]
-        # One chaotic run decides nothing: pairs must show at 5 % that the mean is higher by more.
+            selections += [(label_of_ramp(ramp), self.with_pendulum.ramp == ramp) for ramp in ramps]
+        # A part is worse if its pairs show at 5 % that the mean increases by more than the allowed share. One
+        # chaotic run alone cannot show this.
+        # The term with `LEAST` is the allowance where the block is nearly at rest without the pendulum.
+        # `least` is the smallest possible value of the excess: severity 0 with the pendulum and 1 without it.
         excess = self.severity[0] - (1.0 + self.worse) * self.severity[1] - LEAST * self.worse
         least = -1.0 - self.worse * (1.0 + LEAST)
-        found = list[Part]()
-        for label, of in chosen:
-            rows = self.known & of
-            with_it, without = (_of(np.mean, x[rows]) for x in self.severity)
+        parts = list[Part]()
+        for label, of_part in selections:
+            rows = self.known & of_part
             is_worse = is_positive(excess[rows], least, self._clusters(rows))
-            found.append(Part(label, rows, with_it, without, is_worse))
-        return tuple(found)
+            with_pendulum, without = (_size_of(np.mean, x[rows]) for x in self.severity)
+            parts.append(Part(label, rows, with_pendulum, without, is_worse))
+        return tuple(parts)
 
     @cached_property
     def worse_parts(self) -> tuple[Part, ...]:
@@ -266,15 +303,20 @@ class PairedRuns(Printed):
 
     @property
     def rests_less(self) -> bool:
-        """Whether significantly fewer runs end at rest with the pendulum, by more than the share `FEWER`."""
-        with_it, without = (o.is_at_rest[self.known].astype(float) for o in self._cases)
-        fewer, more = int(np.sum(without > with_it)), int(np.sum(with_it > without))
-        return is_positive((1.0 - FEWER) * without - with_it) and chance_of(fewer, more) < SIGNIFICANT
+        """Whether significantly fewer runs come to rest with the pendulum, by more than the share `FEWER`."""
+        with_pendulum, without = (runs.is_at_rest[self.known].astype(float) for runs in self._cases)
+        fewer, more = int(np.sum(without > with_pendulum)), int(np.sum(with_pendulum > without))
+        # Two tests: the reduction exceeds the tolerance, and McNemar's test is significant.
+        is_above_tolerance = is_positive((1.0 - FEWER) * without - with_pendulum)
+        return is_above_tolerance and chance_of(fewer, more) < SIGNIFICANT
 
     @property
     def ends(self) -> tuple[PairedRuns, ...]:
-        """The runs with each that has no answer ended against the pendulum, and ended for it; empty where all
-        runs have an answer."""
+        """The two extreme outcomes of the runs without an answer: all against the pendulum, and all for it.
+
+        The tuple is empty if all runs have an answer.
+        """
+        # The true outcome lies between these two extremes. A verdict is certain if it holds for both.
         if self.known.all():
             return ()
         return tuple(
@@ -288,26 +330,27 @@ class PairedRuns(Printed):
 
     @property
     def benefit_in_words(self) -> str:
-        """The benefit with its interval, such as "33 % less tilt (95 % interval 29 to 37 %)"."""
+        """Text with the benefit and its interval, such as "33 % less tilt (95 % interval 29 to 37 %)"."""
         if np.isnan(self.benefit.mean):
             return "benefit unknown"
+        # A negative benefit is an increase, which the text calls "more tilt".
         less, size, around = self.benefit.fall_in_words()
         return f"{size} {'less' if less else 'more'} tilt{around}"
 
     @property
     def overturning_in_words(self) -> str:
-        """Runs that overturn in one of the two cases only, and whether that is significant."""
-        with_it, without = self.only
-        said = f"{with_it} runs overturn only with the pendulum and {without} only without it"
-        # Runs of one earthquake are not independent, so that the counts have no such probability.
-        if with_it == without or self.cluster is not None:
-            return f"{said}."
-        chance = chance_of_either(with_it, without)
+        """Text with the numbers of runs that overturn in one case only, and whether they are significant."""
+        only_with, only_without = self.only
+        counts = f"{only_with} runs overturn only with the pendulum and {only_without} only without it"
+        # McNemar's probability does not apply to runs of the same earthquake, because they are dependent.
+        if only_with == only_without or self.cluster is not None:
+            return f"{counts}."
+        chance = chance_of_either(only_with, only_without)
         size = "p < 1e-6" if chance < 1e-6 else f"p = {chance:.2g}"
-        return f"{said}: {'' if chance < SIGNIFICANT else 'not '}statistically significant ({size})."
+        return f"{counts}: {'' if chance < SIGNIFICANT else 'not '}statistically significant ({size})."
 
     def summary(self) -> dict[str, Any]:
-        """Both cases, the benefit and the runs that differ, for JSON."""
+        """Return both cases, the benefit and the runs that differ, for JSON."""
         with_only, without_only = self.only
         mean = {
             "with": [part.with_pendulum for part in self.parts],
@@ -330,9 +373,10 @@ class PairedRuns(Printed):
         }
 
     def table(self) -> str:
-        """Shares and quantiles of both cases as text."""
+        """Return shares and quantiles of both cases as a table."""
         cases = self._cases
         lines = [f"{cases[0].equations.value + ' equations':36}{'with pendulum':>26}{'without':>26}"]
+        # Without a pendulum the angle of the bob has no meaning, so that its column is empty.
         for (name, first), (_, second) in zip(*(o.rows() for o in cases), strict=True):
             lines.append(f"{name:36}{first:>26}{'' if name.startswith('bob') else second:>26}".rstrip())
         if self.undecided:
@@ -356,32 +400,42 @@ def paired_runs(
     cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | bool | None = None,
 ) -> PairedRuns:
-    """Follow the runs of an ensemble with a pendulum and without it.
+    """Follow the runs of an ensemble with a pendulum, and the same runs without it.
 
     Args:
         subject: a scene, or dimensionless parameters (plain numbers).
-        pendulum: in the scene.
-        ensemble: default `Ensemble()`.
-        conditions: dealt out evenly among the runs, on top of their scatter; default the scene's own.
+        pendulum: pendulum of the scene.
+        ensemble: number, seed and spreads of the runs; `Ensemble()` by default.
+        conditions: conditions that are distributed evenly over the runs, in addition to the scatter; by
+            default the condition of the scene.
         equations: linear or nonlinear, see `outcomes`.
         rtol: relative tolerance of a step of the nonlinear equations.
-        workers: threads; default the number of cores.
+        workers: number of threads; all cores by default.
         cluster: processes or machines in place of threads.
-        progress: True for a bar on stderr, or called with (runs done, of how many), for one case after the
-            other.
+        progress: True for a progress bar on stderr, or a function that is called with (number of finished
+            runs, number of all runs), for one case after the other.
 
     Raises:
-        ValueError: bad input, or a pendulum beside parameters.
+        ValueError: bad input, or a pendulum together with dimensionless parameters.
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> scene = tpd.paper_scene()
+        >>> pendulum = scene.pendulum(mass_ratio=0.4, length_ratio=0.8, damping_ratio=0.3)
+        >>> pairs = tpd.paired_runs(scene, pendulum, ensemble=tpd.Ensemble(size=32))
+        >>> pairs.pairs, pairs.with_pendulum.share_overturned.value, pairs.benefit.mean > 0.5
+        (32, 0.0, True)
     """
     if isinstance(subject, Scene):
+        # A scene needs a pendulum. Dimensionless parameters contain one, which must have a mass.
         checks.instance("pendulum", pendulum, Pendulum)
     elif isinstance(subject, Parameters):
         checks.positive("mu", subject.mu)
     ensemble = (Ensemble() if ensemble is None else ensemble).seeded(0)
     conditions = Conditions() if conditions is None else conditions
 
-    # Both cases use the seed of one ensemble, hence the same initial states, phases and scatter.
+    # Both cases have the ensemble with the same seed, hence the same initial states, phases and scatter.
     def follow(subject: Parameters | Scene, pendulum: Pendulum | None) -> Runs:
         runs: dict[str, Any] = {"ensemble": ensemble, "conditions": conditions, "equations": equations}
         where: dict[str, Any] = {"workers": workers, "cluster": cluster, "progress": progress}
@@ -398,6 +452,6 @@ def paired_runs(
     )
 
 
-def _of(size: Callable[[np.ndarray], Any], values: np.ndarray) -> float:
-    """A size of values, NaN where there are none."""
+def _size_of(size: Callable[[np.ndarray], Any], values: np.ndarray) -> float:
+    """Return the size of values; NaN if there are none."""
     return float(size(values)) if len(values) else np.nan

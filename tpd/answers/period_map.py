@@ -1,8 +1,8 @@
-"""Newton's method on the map of some forcing periods, for models that are programs of JAX.
+"""Newton's method on the map of some forcing periods, for models that are JAX programs.
 
-The method, its bounds and what counts as an orbit are those of `tpd.exact.period_map`, where they are
-explained. One run in forward mode gives the map P and DP, hence the Newton step, the Floquet multipliers, and
-with dP/dp the derivative of the orbit.
+`tpd.exact.period_map` explains the method, its limits and its criterion for an orbit. One run in forward mode
+gives the map P and its derivative DP, hence the Newton step and the Floquet multipliers, and together with
+dP/dp the derivative of the orbit.
 """
 
 from __future__ import annotations
@@ -25,128 +25,154 @@ from tpd.scene.status import index_of
 
 
 class Orbit(NamedTuple):
-    """A (nearly) periodic orbit with the derivatives of one run along it."""
+    """Approximation of a periodic orbit, with the derivatives of one run along it."""
 
     y: Any
+    """State at the beginning."""
     residual: Any
+    """Largest difference between end and beginning, relative to the scale of the state."""
     end: Any
+    """State at the end."""
     sizes: Any
-    """Amplitude and stroke."""
+    """Amplitude and swing, rad."""
     by_parameter: Any
-    """d(end, sizes)/dp at a fixed start, shape (6, n)."""
+    """Derivative d(end, sizes)/dp at a fixed initial state, shape (6, n)."""
     by_state: Any
-    """d(end, sizes)/dy at fixed parameters, shape (6, 4)."""
+    """Derivative d(end, sizes)/dy at fixed parameters, shape (6, 4)."""
     transversality: Any
+    """See `Cycle.transversality`."""
     asymmetry: Any
+    """See `Cycle.asymmetry`."""
     closed: Any
-    """The last three as in `Cycle`."""
+    """See `Cycle.closed`."""
     step: Any = 0.0
+    """Newton step from the beginning; zero if it does not exist."""
     longest: Any = 0.0
-    """Newton's step from the start, zero if there is none, and its largest share of the scales."""
+    """Largest component of the Newton step, relative to the scale of the state."""
 
     @property
     def error(self) -> Any:
-        """The residual, raised by half of the largest allowed one if the orbit is not `closed`."""
+        """Residual, increased by half of the largest allowed residual if the orbit is not `closed`."""
         return self.residual + jnp.where(self.closed, 0.0, 0.5 * RESIDUAL)
 
 
 _Along = Callable[[Any, Any], tuple[Orbit, Any]]
-"""(state, memory) to the run of a motion's periods from there, and the memory at its end."""
+"""Function of (state, memory). It runs the periods of a motion and returns the run and the final memory."""
 
 
 def is_rocking(status: Any) -> Any:
-    """Whether the number of a status is that of an attracting motion of the block."""
+    """Whether the number of a status belongs to a block that moves on an attracting orbit."""
     return (status == index_of("rocking")) | (status == index_of("sticking"))
 
 
 def _where(condition: Any, a: Any, b: Any) -> Any:
-    """One of two trees of numbers."""
+    """Select one of two pytrees of numbers."""
     return jax.tree.map(lambda x, y: jnp.where(condition, x, y), a, b)
 
 
-class _Walk(NamedTuple):
-    """Newton's method on its way to a periodic orbit."""
+class _Iteration(NamedTuple):
+    """Iteration of Newton's method."""
 
     y: Any
+    """State at which the next run begins."""
     memory: Any
+    """Discrete state at which the next run begins."""
     best: Orbit
+    """Run with the smallest error so far."""
     steps: Any
+    """Number of steps so far."""
 
 
-def refine(p: Parameters, model: AbstractFlow, begun: Settled, code: Any) -> Orbit:
-    """The periodic orbit near where following the motion ended, with `code` the number of its status."""
-    along = _linearised(p, model, begun)
-    # There is nothing to be said of a motion that is lost, or does not repeat.
-    worthwhile = is_rocking(code) | (code == index_of("rest"))
+def refine(p: Parameters, model: AbstractFlow, reached: Settled, code: Any) -> Orbit:
+    """Solve for the periodic orbit near the motion that following has reached.
 
-    def going(w: _Walk) -> Any:
-        return worthwhile & (w.steps < NEWTON_STEPS) & (w.best.error > model.round_off)
+    Args:
+        p: dimensionless parameters.
+        model: model of the motion.
+        reached: motion that following has reached.
+        code: number of its status.
+    """
+    run = _linearised(p, model, reached)
+    # A motion that overturns or does not repeat has no orbit to solve for.
+    has_orbit = is_rocking(code) | (code == index_of("rest"))
 
-    def step(w: _Walk) -> _Walk:
-        orbit, memory = along(w.y, w.memory)
+    def goes_on(w: _Iteration) -> Any:
+        return has_orbit & (w.steps < NEWTON_STEPS) & (w.best.error > model.round_off)
+
+    def step(w: _Iteration) -> _Iteration:
+        orbit, memory = run(w.y, w.memory)
         better = orbit.error < w.best.error
+        # A step that increases the error is halved, unless it was tiny. Then the iteration ends.
         again = ~better & jnp.isfinite(w.best.error) & (w.best.longest > LAST_STEP)
         onward = jnp.where(again, 0.5 * (w.y + w.best.y), w.y + orbit.step)
         steps = jnp.where(better | again, w.steps + 1, NEWTON_STEPS)
-        return _Walk(onward, _where(again, w.memory, memory), _where(better, orbit, w.best), steps)
+        return _Iteration(onward, _where(again, w.memory, memory), _where(better, orbit, w.best), steps)
 
-    # Nothing has been found yet: all that a run gives is infinite.
-    infinite, sizes = jnp.full((6, 9), jnp.inf), jnp.stack([begun.amplitude, begun.swing])
+    # Before the first run the error is infinite, so that every run is better.
+    infinite, sizes = jnp.full((6, 9), jnp.inf), jnp.stack([reached.amplitude, reached.swing])
     rest = infinite[0, 0], infinite[0, :4], sizes, infinite, infinite[:, :4], infinite[0, 0], infinite[0, 0]
-    none = Orbit(begun.y, *rest, jnp.ones((), bool), jnp.zeros(4), infinite[0, 0])
-    first = _Walk(begun.y, begun.memory, none, jnp.zeros((), int))
-    return jax.lax.while_loop(going, step, first).best
+    none = Orbit(reached.y, *rest, jnp.ones((), bool), jnp.zeros(4), infinite[0, 0])
+    first = _Iteration(reached.y, reached.memory, none, jnp.zeros((), int))
+    return jax.lax.while_loop(goes_on, step, first).best
 
 
 def _linearised(p: Parameters, model: AbstractFlow, settled: Settled) -> _Along:
-    """A function that runs the motion's periods from a state, with all derivatives; traced."""
+    """Return a function that runs the periods of a motion from a state, with all derivatives (traced)."""
     flat, unflatten = ravel_pytree(p)
+    # The angle and the rate of the bob count for the residual if the block feels them, or if they decay.
     size, scale = flat.size, scale_of(p, bob=jnp.asarray((p.mu > 0) | (p.zeta > 0)))
 
     def along(y: Any, memory: Any) -> tuple[Orbit, Any]:
         x = jnp.concatenate([flat, y])
+        # The run continues from another state and another discrete state than `settled`.
         now = eqx.tree_at(lambda s: s.memory, settled, memory, is_leaf=lambda leaf: leaf is None)
 
         def run(x: Float[Array, "n"]) -> tuple[Float[Array, "6"], tuple]:
             cycle = model.cycle(unflatten(x[:size]), now, x[size:])
             sizes = jnp.stack([cycle.amplitude, cycle.swing])
-            met = cycle.transversality, cycle.asymmetry, cycle.closed
-            return jnp.concatenate([cycle.end, sizes]), (met, cycle.memory)
+            events = cycle.transversality, cycle.asymmetry, cycle.closed
+            return jnp.concatenate([cycle.end, sizes]), (events, cycle.memory)
 
         def push(direction: Float[Array, "n"]) -> tuple[Array, Array, tuple]:
             return jax.jvp(run, (x,), (direction,), has_aux=True)
 
-        out, columns, (met, memory) = jax.vmap(push, out_axes=(None, 1, None))(jnp.eye(x.size))
+        # One forward pass for each parameter and each component of the state, all in one batch.
+        out, columns, (events, memory) = jax.vmap(push, out_axes=(None, 1, None))(jnp.eye(x.size))
         residual = jnp.max(jnp.abs(out[:4] - y) / scale)
         by_parameter, by_state = columns[:, :size], columns[:, size:]
         step = jnp.linalg.solve(jnp.eye(4) - by_state[:4], out[:4] - y)
-        # Of a singular I - DP there is no step, and the next one begins at the same state.
+        # If I - DP is singular, there is no step, and the next run begins at the same state.
         step = jnp.where(jnp.all(jnp.isfinite(step)), step, 0.0)
         longest = jnp.max(jnp.abs(step) / scale)
         return Orbit(
-            y, residual, out[:4], out[4:], by_parameter, by_state, *met, step=step, longest=longest
+            y, residual, out[:4], out[4:], by_parameter, by_state, *events, step=step, longest=longest
         ), memory
 
     return along
 
 
 def multipliers(mu: Any, jacobian: Any) -> tuple[Any, Any]:
-    """The largest modulus of the Floquet multipliers that the block can feel (all, unless mu = 0), and
-    the least distance of one from +1."""
-    # A bob without mass (mu = 0) does not act on the block. With its rows and columns set to zero the
-    # multipliers of the block and two zeros are left.
+    """Return the largest modulus of the Floquet multipliers, and the smallest distance of one from +1.
+
+    For mu = 0 only the multipliers of the block count.
+    """
+    # A bob without mass (mu = 0) does not act on the block. If its rows and columns are zero, the eigenvalues
+    # are the multipliers of the block and two zeros.
     bob = jnp.where(mu > 0.0, 1.0, 0.0)
     feels = jnp.stack([1.0 + 0.0 * bob, bob, 1.0 + 0.0 * bob, bob])
     felt = jacobian * (feels[:, None] * feels[None])
+    # `eigvals` must not receive infinite numbers. The modulus is then infinite.
     finite = jnp.all(jnp.isfinite(felt))
     values = jnp.linalg.eigvals(_where(finite, felt, jnp.zeros((4, 4))))
     return _where(finite, jnp.max(jnp.abs(values)), jnp.inf), jnp.min(jnp.abs(1.0 - values))
 
 
 def implicit(orbit: Orbit) -> tuple[Any, Any]:
-    """(amplitude, stroke) after one more Newton step, and the derivatives of (amplitude, stroke, state)
-    with the orbit following its parameters, shape (6, n)."""
-    # By the implicit function theorem, see `tpd.exact.steady`; at a fold the caller refuses the slopes.
+    """Return (amplitude, swing) after one more Newton step, and the derivatives of the orbit.
+
+    The derivatives are those of (amplitude, swing, state) with respect to the parameters, shape (6, n).
+    """
+    # The implicit function theorem, see `tpd.exact.steady`. At a fold the caller replaces the slopes by NaN.
     right = jnp.concatenate([(orbit.end - orbit.y)[:, None], orbit.by_parameter[:4]], axis=1)
     follow = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], right)
     moves = orbit.by_state[4:] @ follow

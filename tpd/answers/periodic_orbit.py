@@ -1,8 +1,8 @@
-"""Periodic orbits of the exact model near a state: period n, asymmetric, sticking, resting, with impacts.
+"""Periodic orbits of the exact model near a state: of period n, asymmetric, sticking, resting, with impacts.
 
-Newton's method on the map of the orbit's periods finds an orbit whether it attracts or repels
-(`tpd.exact.period_map`). So an orbit can be followed where no simulation stays near it, and its derivatives
-follow from the implicit function theorem.
+Newton's method on the map of the periods of the orbit finds both attracting and repelling orbits
+(`tpd.exact.period_map`). An orbit can therefore be continued where no simulation would stay near it. Its
+derivatives follow from the implicit function theorem.
 """
 
 from __future__ import annotations
@@ -26,39 +26,50 @@ from tpd.scene.status import Status, index_of
 from tpd.theory.equations import Terms
 
 REST_RATE = REST_RATES[Terms.linear]
-"""Slowest impact that is followed, phi' in units of nu, by default."""
+"""Default of the rate (phi' in units of nu) below which an impact can end in rest."""
 _MOST_PERIODS = 1000
 _SIZES = 6
-"""How many numbers of an orbit have derivatives: amplitude, stroke and state come first."""
+"""How many numbers of an orbit have derivatives: amplitude, swing and state, which come first."""
 
 
 class PeriodicOrbit(eqx.Module):
-    """A periodic orbit; angles in rad.
+    """Periodic orbit. Angles are in rad.
 
-    `amplitude`, `swing` and `state` are differentiable in every parameter, also on unstable and neutral
-    orbits; elsewhere, as those of `multipliers` and `fold`, their derivatives are NaN. Where the status is
-    no_orbit, event_bound or failed all numbers are NaN, and where it is overturned all but amplitude and
-    stroke, which are infinite.
+    `amplitude`, `swing` and `state` are differentiable in every parameter, also for unstable and neutral
+    orbits. For other statuses their derivatives are NaN, as are the derivatives of `multipliers` and `fold`.
+    All numbers are NaN if the status is no_orbit, event_bound or failed. If it is overturned, amplitude and
+    swing are infinite and the others NaN.
+
+    Attributes:
+        status: outcome.
+        amplitude: largest |phi|, rad.
+        swing: largest |psi|, rad.
+        state: (phi, psi, phi', psi') at tau = 0 modulo the period of the orbit.
+        periods: number of forcing periods in one period of the orbit.
+        symmetric: whether the orbit is its own mirror image half a period later.
+        multipliers: Floquet multipliers over one period of the orbit.
+        fold: det(I - M), where M is the derivative of the map of one period.
     """
 
     status: Status
-    """rocking or sticking (attracting), rest, held, unstable, neutral, near_fold, grazing, no_orbit, or, of
-    the motion in its first period, overturned, event_bound or failed (a number that is not finite)."""
+    """Outcome: rocking or sticking (the orbit attracts), rest, held, unstable, neutral, near_fold, grazing or
+    no_orbit. If the motion ends during its first period: overturned, event_bound, or failed (a number is not
+    finite)."""
     amplitude: Float[Array, "*batch"]
-    """Largest |phi|."""
+    """Largest |phi|, rad."""
     swing: Float[Array, "*batch"]
-    """Largest |psi|."""
+    """Largest |psi|, rad."""
     state: Float[Array, "*batch 4"]
-    """(phi, psi, phi', psi') at tau = 0 modulo the orbit's period."""
+    """(phi, psi, phi', psi') at tau = 0 modulo the period of the orbit."""
     periods: Int[Array, "*batch"]
-    """Forcing periods in one period of the orbit: the fewest after which it closes."""
+    """Smallest number of forcing periods after which the orbit closes."""
     symmetric: Bool[Array, "*batch"]
     """Whether the orbit is its own mirror image half a period later."""
     multipliers: Complex[Array, "*batch 4"]
-    """Floquet multipliers over one period of the orbit; attracting if all are below 1 in size."""
+    """Floquet multipliers over one period of the orbit. The orbit attracts if all moduli are below 1."""
     fold: Float[Array, "*batch"]
-    """det(I - M), M the derivative of the map over one period of the orbit: it vanishes where two orbits
-    merge, or a symmetric one gives way to a pair."""
+    """det(I - M), where M is the derivative of the map of one period of the orbit. It vanishes where two
+    orbits merge, or where a symmetric orbit loses its symmetry."""
 
 
 def periodic_orbit(
@@ -69,24 +80,32 @@ def periodic_orbit(
     max_events: checks.Whole = EVENTS,
     rest_rate: checks.Real = REST_RATE,
 ) -> PeriodicOrbit:
-    """Return the periodic orbit near a state, which need not attract.
+    """Solve for the periodic orbit near a state. The orbit need not attract.
 
-    Newton's method starts from `y0` and follows so many `periods` at each step. `steady_state(p).state` and
-    its `periods` are a good start.
+    Newton's method starts from `y0`, and each of its steps follows `periods` forcing periods. The state and
+    the periods of a `steady_state` are good initial guesses. The function works under `jit`, `vmap`, `grad`
+    and `jacfwd`.
 
     Args:
-        p: dimensionless parameters; gradients with respect to them are exact.
-        y0: (phi, psi, phi', psi') near the orbit at tau = 0, in rad and rad per unit tau.
-        periods: forcing periods in one period of the orbit.
-        max_events: most events in one forcing period.
-        rest_rate: an impact slower than this (phi' in units of nu) that the block can be held after
-            counts as rest, which ends a rattle; the error is of the order of its square.
-
-    Works under `jit`, `vmap`, `grad` and `jacfwd`.
+        p: dimensionless parameters. Derivatives with respect to them are exact.
+        y0: state (phi, psi, phi', psi') near the orbit at tau = 0, in rad and rad per unit tau.
+        periods: number of forcing periods in one period of the orbit.
+        max_events: largest number of events in one forcing period.
+        rest_rate: rate (phi' in units of nu) below which an impact counts as rest if the block can remain at
+            rest after it. This ends a rattling motion. The error is of the order of `rest_rate` squared.
 
     Raises:
-        ValueError: `y0` has not four components, or a bound is not positive.
+        ValueError: `y0` does not have four components, or a limit is not positive.
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.05, f=0.3, xi=3.0)
+        >>> orbit = tpd.periodic_orbit(p, tpd.steady_state(p).state)
+        >>> tpd.status_name(orbit.status), round(float(orbit.amplitude), 4)
+        ('rocking', 0.0552)
+        >>> round(float(abs(orbit.multipliers).max()), 3)
+        0.823
     """
     check_parameters(p)
     periods = checks.count("periods", periods, most=_MOST_PERIODS)
@@ -96,13 +115,16 @@ def periodic_orbit(
 
 
 def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
-    """Return the orbit near another one, at other parameters near by.
+    """Solve for the orbit at other parameters, from an orbit at parameters nearby.
 
-    Nothing is simulated for longer than a period: unstable orbits, and stable ones near a fold or a grazing,
-    are followed just as well. Take steps in which the orbit changes little: from afar Newton's method may
-    come to another orbit.
+    The function follows one period at a time. It therefore works for unstable orbits, and near a fold or a
+    grazing, as well as for stable ones. Change the parameters in small steps: from a distance Newton's method
+    may converge to another orbit. The function works under `jit`, `vmap`, `grad` and `jacfwd`. `orbit` is an
+    initial guess and is not differentiated.
 
-    Works under `jit`, `vmap`, `grad` and `jacfwd`; `orbit` is a guess and is not differentiated.
+    Args:
+        p: dimensionless parameters.
+        orbit: orbit at parameters nearby.
 
     Raises:
         RuntimeError: JAX is in 32-bit mode.
@@ -114,34 +136,36 @@ def continue_orbit(p: Parameters, orbit: PeriodicOrbit) -> PeriodicOrbit:
 def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_rate: float) -> PeriodicOrbit:
     entry, x = LINEAR.entry(), row_of(as_arrays(single(p)))
     settings = LINEAR.settings("ORBIT", periods=periods, events=events, rest_rate=rest_rate)
-    given = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, y0, periods)]
+    inputs = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, y0, periods)]
     size = numbers_in(entry.STEADY)
-    # What is known, outside of programs and under `grad` there, needs no program of JAX.
-    if all(map(checks.is_concrete, given)):
-        found = np.empty(size)
-        row, known, start = (np.ascontiguousarray(v, dtype=float) for v in (settings, *given[:2]))
-        entry.run(0, 1, row, known, start, found)
+    # Known numbers need no JAX program. Inside `jax.grad` outside of a program they are known, too.
+    if all(map(checks.is_concrete, inputs)):
+        record = np.empty(size)
+        row, parameters, start = (np.ascontiguousarray(v, dtype=float) for v in (settings, *inputs[:2]))
+        # One run of compiled code on the host, which writes its result into `record`.
+        entry.run(0, 1, row, parameters, start, record)
     else:
-        (found,) = LINEAR((shape(size),), packed(map(stop_gradient, settings)), *given[:2])
-    of = parts(found, entry.STEADY)
-    # Complex numbers are split in two, because slopes are real.
-    numbers = jnp.concatenate([found[:_SIZES], of.multipliers.reshape(-1), of.fold[None]])
-    # Of known parameters JAX asks for no derivative.
+        (record,) = LINEAR((shape(size),), packed(map(stop_gradient, settings)), *inputs[:2])
+    fields = parts(record, entry.STEADY)
+    # Slopes are real numbers, so that complex numbers are divided into their two parts.
+    numbers = jnp.concatenate([record[:_SIZES], fields.multipliers.reshape(-1), fields.fold[None]])
+    # If the parameters are a NumPy array, JAX does not differentiate with respect to them.
     if not isinstance(x, np.ndarray):
         unknown = jnp.full((len(numbers) - _SIZES, len(x)), jnp.nan)
-        numbers = with_slopes(x, numbers, jnp.concatenate([of.by, unknown]))
+        numbers = with_slopes(x, numbers, jnp.concatenate([fields.by, unknown]))
     amplitude, swing, *state = numbers[:_SIZES]
+    # The remaining numbers are the parts of the multipliers in turn, and the margin of the fold.
     *both, fold = numbers[_SIZES:]
-    # A motion whose period does not close is no orbit: it was not followed until it settled.
+    # A motion that does not repeat is no periodic orbit, and has not been followed until it settles.
     names = ("no_orbit" if name == "not_settled" else name for name in STEADY_STATUSES)
-    status = jnp.asarray([index_of(name) for name in names], dtype=jnp.int32)[of.status.astype(int)]
+    status = jnp.asarray([index_of(name) for name in names], dtype=jnp.int32)[fields.status.astype(int)]
     return PeriodicOrbit(
         status=jax.tree.unflatten(jax.tree.structure(Status.rocking), [status]),
         amplitude=amplitude,
         swing=swing,
         state=jnp.stack(state),
-        periods=jnp.asarray(of.periods, dtype=int),
-        symmetric=jnp.asarray(of.symmetric != 0.0),
+        periods=jnp.asarray(fields.periods, dtype=int),
+        symmetric=jnp.asarray(fields.symmetric != 0.0),
         multipliers=jnp.stack(both[::2]) + 1j * jnp.stack(both[1::2]),
         fold=fold,
     )

@@ -1,4 +1,4 @@
-"""Table of runs. Ensembles, paired runs, fragility, spectra, critical scales and trial runs use it."""
+"""Table of runs, for ensembles, paired runs, fragility, spectra, critical scales and trial runs."""
 
 from __future__ import annotations
 
@@ -24,8 +24,9 @@ from tpd.scene.status import SETTLED, UNANSWERED, Status, code_of, codes_of, is_
 from tpd.theory.equations import Terms
 
 Progress = Callable[[int, int], None]
+"""Function that is called with (number of finished runs, number of all runs)."""
 ANGLES = ("tilt", "settled_tilt", "swing", "settled_swing", "rod_angle", "settled_rod_angle")
-"""Names of the angles of a run."""
+"""Names of the angles of a run, which are fields of `Runs`."""
 _QUANTILES = {
     "largest tilt, rad": "tilt",
     "settled tilt, rad": "settled_tilt",
@@ -34,85 +35,103 @@ _QUANTILES = {
 _KEYS = {"peak": "tilt", "amplitude": "settled_tilt", "peak_swing": "swing", "swing": "settled_swing"}
 """Angles by their keys in JSON."""
 UNANSWERED_ROW = "runs without an answer"
+"""Label of the number of runs without an answer, in tables."""
 _SHAKEN = codes_of(SHAKEN)
-"""Numbers of outcomes by those of compiled code under ground motions."""
+"""Numbers of outcomes, by the numbers that compiled code uses under ground motions."""
 _CHUNKS = {Terms.linear: 2048, Terms.nonlinear: 128}
-"""Runs under a harmonic in a chunk for a cluster: some tenths of a second of work."""
+"""Number of runs under a harmonic in one chunk for a cluster: some tenths of a second of work."""
 _PIECES = 1 << 21
-"""Pieces of ground motion in such a chunk."""
+"""Number of pieces of ground motion in one chunk for a cluster."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Runs(Printed, Tabular):
-    """Runs of one block: NumPy arrays of one shape.
+    """Runs of one block: NumPy arrays of the same shape.
 
-    Angles are in rad. They are infinite in a run in which the block overturns, because their sizes at that
-    moment depend on when the run was stopped. All results are NaN in a run without an answer, which reached
-    the bound on events or ended without finite numbers. Shares and quantiles count the runs with an answer.
-    Without a pendulum the angles of the rod are those of a bob too light to act on the block.
+    Angles are in rad. They are infinite in a run in which the block overturns, because their values would
+    depend on the time at which the run was stopped. A run has no answer if it reached the limit on events, or
+    ended without finite numbers. All its results are NaN, and shares and quantiles do not count it. Without a
+    pendulum the angles of the rod are those of a bob that is too light to act on the block.
+
+    Attributes:
+        equations: equations of the runs.
+        seed: seed of the ensemble.
+        condition: index of the condition, or of the ground motion.
+        ramp: duration over which the excitation grows, s or units of tau.
+        nu, mu, lam: slenderness, mass ratio and length ratio.
+        tilt, settled_tilt: largest and settled |phi|.
+        swing, settled_swing: largest and settled |psi|.
+        rod_angle, settled_rod_angle: largest and settled angle between rod and block.
+        impacts: number of impacts.
+        outcome: number of the status.
     """
 
     equations: Terms
+    """Equations of the runs: linear or nonlinear."""
     seed: int = 0
+    """Seed of the ensemble."""
     condition: np.ndarray
-    """Index of the condition or of the ground motion of every run."""
+    """Index of the condition, or of the ground motion, of each run."""
     ramp: np.ndarray
+    """Duration (s, or units of tau) over which the excitation grows."""
     """Seconds (or units of tau) over which the excitation grows."""
     nu: np.ndarray
-    """Slenderness of the block in every run, as it scatters."""
+    """Slenderness of the block in each run, including its scatter."""
     mu: np.ndarray
     """Mass ratio of the pendulum."""
     lam: np.ndarray
     """Length ratio."""
     tilt: np.ndarray
-    """Largest |phi| from the initial state on."""
+    """Largest |phi|, transient included."""
     settled_tilt: np.ndarray
-    """Settled |phi|, or the largest of the last periods; under a ground motion the largest of the run."""
+    """Settled |phi|, or the largest of the last periods. Under a ground motion the largest of the run."""
     swing: np.ndarray
-    """Largest |psi| from the initial state on."""
+    """Largest |psi|, transient included."""
     settled_swing: np.ndarray
-    """Settled |psi|, or the largest of the last periods; under a ground motion the largest of the run."""
+    """Settled |psi|, or the largest of the last periods. Under a ground motion the largest of the run."""
     rod_angle: np.ndarray
-    """Largest angle between rod and block, |psi - phi|. Under a harmonic, of which runs do not record it, the
-    sum of the largest tilt and the largest swing, which is never less."""
+    """Largest angle between rod and block, |psi - phi|. Runs under a harmonic do not record this angle. Then
+    it is the sum of the largest tilt and the largest swing, which is an upper bound."""
     settled_rod_angle: np.ndarray
-    """Largest angle between rod and block of the settled motion, recorded as `rod_angle` is."""
+    """Largest angle between rod and block of the settled motion, with the same bound under a harmonic."""
     impacts: np.ndarray
     """Number of impacts under a ground motion; NaN under a harmonic."""
     outcome: np.ndarray
-    """Numbers of statuses, see `tpd.scene.status`. A run that has not settled within its periods is
-    not_settled."""
+    """Numbers of statuses, see `tpd.scene.status`. The status is not_settled if a run has not settled within
+    its periods."""
 
     @property
     def is_overturned(self) -> np.ndarray:
-        """Whether the block overturns in a run."""
+        """Whether the block overturns in each run."""
         return self.outcome == code_of(Status.overturned)
 
     @property
     def is_unanswered(self) -> np.ndarray:
-        """Whether a run has no answer."""
+        """Whether each run has no answer."""
         return is_one_of(self.outcome, *UNANSWERED)
 
     @property
     def is_at_rest(self) -> np.ndarray:
-        """Whether the block comes to rest for good in a run."""
+        """Whether the block comes to rest for good in each run."""
         return self.outcome == code_of(Status.rest)
 
     @property
     def is_lifted(self) -> np.ndarray:
-        """Whether the block is known to leave its base in a run that begins at rest."""
+        """Whether the block certainly leaves its base in each run. The runs must begin at rest."""
         return self.tilt > 0.0
 
     @property
     def stands(self) -> np.ndarray:
-        """Whether the block is known not to overturn in a run."""
+        """Whether the block certainly does not overturn in each run."""
         return ~(self.is_overturned | self.is_unanswered)
 
     @property
     def severity(self) -> np.ndarray:
-        """Settled tilt over the slenderness, from 0 to 1; 1 where the block overturns, NaN where a run has no
-        answer."""
-        # A bound at 1 keeps means finite: an overturned block is as bad as one on its corner, and no worse.
+        """Settled tilt divided by the slenderness, from 0 to 1.
+
+        It is 1 if the block overturns, and NaN without an answer.
+        """
+        # The upper bound of 1 keeps means finite. An overturned block counts as much as one on its corner.
         return np.where(self.is_unanswered, np.nan, np.fmin(self.settled_tilt / self.nu, 1.0))
 
     @property
@@ -134,41 +153,48 @@ class Runs(Printed, Tabular):
         return Share.of(hits[~self.is_unanswered])
 
     def share_by_ramp(self) -> dict[float, Share]:
-        """Share overturned for each duration over which the excitation grows."""
-        known = ~self.is_unanswered
+        """Return the share of overturned runs for each duration over which the excitation grows."""
+        # Runs with the same duration of growth form one group.
+        answered = ~self.is_unanswered
         return {
-            float(r): Share.of(self.is_overturned[known & (self.ramp == r)]) for r in np.unique(self.ramp)
+            float(r): Share.of(self.is_overturned[answered & (self.ramp == r)]) for r in np.unique(self.ramp)
         }
 
     def quantiles(self, angle: str, at: tuple[float, ...] = (0.5, 0.9, 0.99)) -> tuple[float, ...]:
-        """Quantiles of one of `ANGLES`: the least number that at least such a share of the runs does not
-        exceed, infinite if that needs runs that overturn."""
-        # Runs that overturn have infinite angles, so that quantiles of all runs are defined.
+        """Return quantiles of one of `ANGLES`.
+
+        A quantile is the smallest value that at least the share `at` of the runs does not exceed. It is
+        infinite if so many runs can only be reached with runs that overturn.
+        """
+        # Overturned runs have infinite angles, so that they come last in the order.
         values = np.sort(getattr(self, angle)[~self.is_unanswered])
+        # Without answered runs nothing is known of the quantiles.
         if not len(values):
             return (math.nan,) * len(at)
         return tuple(float(values[min(len(values) - 1, math.ceil(q * len(values)) - 1)]) for q in at)
 
     def ended(self, overturns: bool) -> Runs:
-        """The runs with an end for each that has no answer: an overturning, or rest."""
+        """Return the runs with an outcome for each run without an answer: overturned, or at rest."""
         size, status = (math.inf, Status.overturned) if overturns else (0.0, Status.rest)
+        # Angles, and with them the severity, follow from the outcome. Answered runs keep their values.
         ends = dict.fromkeys(ANGLES, size) | {"outcome": code_of(status)}
         return replace(
             self, **{name: np.where(self.is_unanswered, x, getattr(self, name)) for name, x in ends.items()}
         )
 
     def reshape(self, *shape: int) -> Runs:
-        """The runs as arrays of another shape."""
+        """Return the runs as arrays of another shape."""
+        # Every field except equations and seed has an element for each run.
         arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("equations", "seed")}
         return replace(self, **{name: x.reshape(shape) for name, x in arrays.items()})
 
     def columns(self) -> dict[str, Any]:
-        """A row for every run: its inputs, and its results with the name of its outcome."""
+        """Columns of a table with a row for each run: its inputs, its results and the name of its outcome."""
         table = {name: x.ravel() for name, x in vars(self).items() if name not in ("equations", "seed")}
         return table | {"outcome": names_of(table["outcome"])}
 
     def summary(self) -> dict[str, Any]:
-        """Equations, shares with their intervals, and quantiles, for JSON."""
+        """Return equations, shares with their intervals, and quantiles, for JSON."""
         shares = {n: tuple(getattr(self, f"share_{n}")) for n in ("overturned", "at_rest", "settled")}
         return {
             "equations": self.equations.value,
@@ -178,14 +204,14 @@ class Runs(Printed, Tabular):
         }
 
     def rows(self) -> list[tuple[str, str]]:
-        """Lines of a table: a name, and a share or quantiles as text."""
+        """Return the rows of a table: a label, and a share or quantiles as text."""
         out = [("overturned", str(self.share_overturned))]
         out += [(f"  {label_of_ramp(r)}", f"{x.value:.1%}") for r, x in self.share_by_ramp().items()]
+        # The report shows the same rows.
         out.append(("at rest in the end", str(self.share_at_rest)))
         for name, angle in _QUANTILES.items():
-            sizes = (
-                f"{v:.4f}".replace("nan", "unknown").replace("inf", "lost") for v in self.quantiles(angle)
-            )
+            values = self.quantiles(angle)
+            sizes = (f"{v:.4f}".replace("nan", "unknown").replace("inf", "overturns") for v in values)
             out.append((f"{name}: 50, 90, 99 %", "  ".join(sizes)))
         return out
 
@@ -198,10 +224,10 @@ class Runs(Printed, Tabular):
 
 
 class Cases(Tabular):
-    """Base of results without a pendulum and, if there is one, with it."""
+    """Base class of results without a pendulum and, if there is a pendulum, with it."""
 
     cases: Any
-    """Results without the pendulum first."""
+    """Results of the cases. The first is the case without the pendulum."""
 
     @property
     def without_pendulum(self) -> Any:
@@ -210,7 +236,7 @@ class Cases(Tabular):
 
     @property
     def with_pendulum(self) -> Any:
-        """Result with the pendulum; None if there is none."""
+        """Result with the pendulum; None if there is no pendulum."""
         return self.cases[1] if len(self.cases) > 1 else None
 
 
@@ -219,7 +245,7 @@ CASE_KEYS = ("without_pendulum", "with_pendulum")
 
 
 def label_of_ramp(ramp: float) -> str:
-    """Name the duration in seconds over which the excitation grows."""
+    """Return a label for the runs in which the excitation grows over `ramp` seconds."""
     return "sudden starts" if ramp == 0.0 else f"starts over {ramp:g} s"
 
 
@@ -242,29 +268,32 @@ def follow_runs(
     """Follow runs in threads, or on a cluster.
 
     Args:
-        equations, rows, forcing, y0, events, rtol, brief: as in `tpd.exact.runs.follow`, of runs (n,).
-        condition, ramp, seed: inputs of the runs, which only stand in the table.
-        workers: threads; all cores by default.
+        equations, rows, forcing, y0, events, rtol, brief: see `tpd.exact.runs.follow`; of n runs.
+        condition, ramp, seed: inputs of the runs that are only recorded in the table.
+        workers: number of threads; all cores by default.
         cluster: processes or machines in place of threads.
-        progress: called with (runs done, of how many).
+        progress: function that is called with (number of finished runs, number of all runs).
     """
     check_where(workers, cluster, progress)
     n, ground = len(rows), isinstance(forcing, GroundForcing)
-    own = {name: getattr(forcing, name) for name in (("free", "which") if ground else ("begin", "ramp"))}
-    # What differs from run to run is divided among the chunks of a cluster, and the rest is sent once.
-    batch = {name: np.broadcast_to(x, n) for name, x in own.items()}
+    # The fields of the forcing with one value for each run, of the two kinds of forcing.
+    per_run = {name: getattr(forcing, name) for name in (("free", "which") if ground else ("begin", "ramp"))}
+    # Inputs that differ between runs are divided among the chunks of a cluster. The others are sent once.
+    batch = {name: np.broadcast_to(x, n) for name, x in per_run.items()}
     batch |= {"rows": rows, "y0": np.zeros((n, 4)) if y0 is None else y0}
     limits = {"events": events, "rtol": rtol, "brief": brief}
-    shared = equations, forcing._replace(**dict.fromkeys(own, 0)), limits
+    # `_results` puts these fields back, so that they are replaced by zero in the shared forcing.
+    shared = equations, forcing._replace(**dict.fromkeys(per_run, 0)), limits
     if cluster is None:
         results = _results(batch, *shared, workers, progress)
     else:
-        # A chunk under long ground motions has fewer runs.
+        # The longer the ground motions are, the fewer runs are in a chunk.
         chunk = _CHUNKS[equations]
         if isinstance(forcing, GroundForcing):
             chunk = int(np.clip(_PIECES // max(map(len, forcing.records)), 128, 16_384))
         results = cluster.map("runs", _results, batch, shared, chunk=chunk, progress=progress)
     inputs = {"condition": np.broadcast_to(condition, n), "ramp": np.broadcast_to(ramp, n)}
+    # Slenderness and pendulum may scatter, so that the table records them for each run.
     design = {"nu": rows[:, NU], "mu": rows[:, MU], "lam": rows[:, LAM]}
     return Runs(equations=equations, seed=seed, **inputs, **design, **results)
 
@@ -274,39 +303,45 @@ def _results(
     equations: Terms,
     forcing: HarmonicForcing | GroundForcing,
     limits: dict[str, Any],
-    # The processes of a cluster share the cores.
+    # On a cluster the processes share the cores, so that each uses one thread.
     workers: int | None = 1,
     progress: Progress | None = None,
 ) -> dict[str, np.ndarray]:
-    """Results of runs by the names of `Runs`. `batch` has rows, initial states and what the forcing has for
-    each run."""
+    """Return the results of runs by the names of the fields of `Runs`.
+
+    `batch` has the rows, the initial states, and those fields of the forcing that differ between runs.
+    """
     forcing = forcing._replace(**{name: x for name, x in batch.items() if name in forcing._fields})
-    how = {"y0": batch["y0"], "workers": workers, "progress": progress}
-    found = runs.follow(equations, batch["rows"], forcing, **how, **limits)
-    if isinstance(found, Settled):
+    settings = {"y0": batch["y0"], "workers": workers, "progress": progress}
+    motions = runs.follow(equations, batch["rows"], forcing, **settings, **limits)
+    if isinstance(motions, Settled):
+        # `amplitude` and `swing` are those of the settled motion; `peak` and `peak_swing` include the
+        # transient.
         tilt, settled, swing, settled_swing = map(
-            np.asarray, (found.peak, found.amplitude, found.peak_swing, found.swing)
+            np.asarray, (motions.peak, motions.amplitude, motions.peak_swing, motions.swing)
         )
+        # The rod angle is not recorded under a harmonic. The sum of tilt and swing is an upper bound of it.
         sizes = tilt, settled, swing, settled_swing, swing + tilt, settled_swing + settled
-        outcome, impacts = np.asarray(code_of(found.status)), np.full(len(tilt), np.nan)
+        outcome, impacts = np.asarray(code_of(motions.status)), np.full(len(tilt), np.nan)
     else:
-        # A run under a ground motion has no steady state: its largest angles count.
-        sizes = found.tilt, found.tilt, found.swing, found.swing, found.relative, found.relative
-        outcome, impacts = _SHAKEN[found.status.astype(int)], found.impacts
+        # A run under a ground motion has no steady state. Its largest angles take the place of the settled.
+        sizes = (motions.tilt,) * 2 + (motions.swing,) * 2 + (motions.relative,) * 2
+        outcome, impacts = _SHAKEN[motions.status.astype(int)], motions.impacts
+    # Overturned runs have infinite angles, and runs without an answer have NaN, see `Runs`.
     overturned, unanswered = outcome == code_of(Status.overturned), is_one_of(outcome, *UNANSWERED)
 
-    def known(x: np.ndarray) -> np.ndarray:
+    def answered(x: np.ndarray) -> np.ndarray:
         return np.where(unanswered, np.nan, x)
 
-    angles = {n: known(np.where(overturned, np.inf, x)) for n, x in zip(ANGLES, sizes, strict=True)}
-    return {**angles, "impacts": known(impacts), "outcome": outcome.astype(np.int8)}
+    angles = {n: answered(np.where(overturned, np.inf, x)) for n, x in zip(ANGLES, sizes, strict=True)}
+    return {**angles, "impacts": answered(impacts), "outcome": outcome.astype(np.int8)}
 
 
 def rows_of(
     block: Block, pendulum: Pendulum | None, motions: Sequence[GroundMotion], gravity: float
 ) -> np.ndarray:
-    """Parameters of the compiled code for each of the motions at its own size, shape (motions, 9)."""
-    # Numbers of NumPy throughout: no program is compiled for them.
+    """Return the parameters of compiled code for each motion at its own size, shape (motions, 9)."""
+    # With NumPy numbers JAX compiles no program.
     shaken = (Scene(block, motion, gravity).ground_parameters(pendulum) for motion in motions)
     return np.array([ground_row_of(p) for p in map(single, shaken)])
 
@@ -321,40 +356,43 @@ def follow_scaled(
     free: float,
     equations: Terms = Terms.linear,
     brief: bool = False,
-    **how: Any,
+    **options: Any,
 ) -> Runs:
-    """Follow a block with each pendulum from rest through every motion times each of its factors.
+    """Follow a block with each pendulum, from rest, under every motion multiplied by each of its factors.
 
     Args:
-        block: with its friction and restitution.
-        pendulums: None is the bare block.
+        block: block with its friction and restitution.
+        pendulums: pendulums; None for the block without a pendulum.
         motions: pulses or records.
-        factors: shape (motions, ...), at least 0.
-        gravity: m/s^2.
-        free: free motion after each ground motion, s.
+        factors: factors on the motions, shape (motions, ...), at least 0.
+        gravity: acceleration of gravity, m/s^2.
+        free: duration of the free motion after each ground motion, s.
         equations: linear or nonlinear.
-        brief: whether only tilt, uplift, impacts before an overturning and the verdict are wanted.
-        how: workers, cluster and progress, as in `follow_runs`.
+        brief: whether only the tilt, the uplift, the impacts before an overturning and the outcome are
+            needed.
+        options: `workers`, `cluster` and `progress`, see `follow_runs`.
 
     Returns:
         Runs of the shape (pendulums, motions, ...).
 
     Raises:
-        ValueError: a size that does not fit, or a number out of range.
+        ValueError: a shape that does not fit, or a number out of range.
     """
     for i, motion in enumerate(motions):
         checks.instance(f"motions[{i}]", motion, GroundMotion)
     if len(factors) != len(motions) or not len(motions):
-        wanted = f"a row for each of {len(motions)} motions"
-        raise ValueError(f"`factors` must have {wanted}, but has {factors.shape}")
+        expected = f"a row for each of {len(motions)} motions"
+        raise ValueError(f"`factors` must have {expected}, but has {factors.shape}")
     checks.not_negative("factors", factors, every=True)
     free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
-    # Rows of one record stand together, so that a thread finds its samples in the cache.
+    # The runs of one record are neighbours, so that its samples stay in the cache of the processor.
     which = np.repeat(np.arange(len(motions)), factors[0].size)
+    # One row for each pendulum, motion and factor. A factor multiplies the amplitude F of the row.
     x = np.concatenate([rows_of(block, pendulum, motions, gravity)[which] for pendulum in pendulums])
     x[:, F] *= np.tile(factors.ravel(), len(pendulums))
     records = [np.asarray(m.pieces(), dtype=float) for m in motions]
+    # Compiled code has dimensionless times, hence the rate of the block.
     late = free * single(Scene(block, motions[0], gravity).rate)
     forcing = GroundForcing(records, late, np.tile(which, len(pendulums)))
-    found = follow_runs(equations, x, forcing, brief=brief, condition=forcing.which, **how)
-    return found.reshape(len(pendulums), *factors.shape)
+    table = follow_runs(equations, x, forcing, brief=brief, condition=forcing.which, **options)
+    return table.reshape(len(pendulums), *factors.shape)

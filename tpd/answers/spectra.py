@@ -1,5 +1,8 @@
-"""Overturning spectrum: what a pulse of each frequency and size does to a block. Rocking spectrum: the
-largest tilt of blocks of one slenderness and every size under one motion. Both bare and with a pendulum."""
+"""Overturning spectra and rocking spectra, without and with a pendulum.
+
+An overturning spectrum is the effect of pulses of each frequency and size on one block. A rocking spectrum is
+the largest tilt of blocks of one slenderness and all sizes under one motion.
+"""
 
 from __future__ import annotations
 
@@ -19,42 +22,53 @@ from tpd.scene.scene import Block, Pendulum, Scene
 from tpd.theory.equations import Terms
 
 UNDECIDED, STANDS, ROCKS, OVERTURNS = -1, 0, 1, 2
-"""Outcomes of a cell; OVERTURNS + n is an overturning after n impacts."""
+"""Outcomes of a cell. `OVERTURNS` + n is an overturning after n impacts."""
 
 
 @dataclass(frozen=True)
 class OverturningSpectrum(Cases):
-    """Outcomes over frequency and size of a pulse."""
+    """Outcomes over frequency and size of a pulse.
+
+    Attributes:
+        pulse: kind, cycles and phase of the pulses.
+        frequency_ratios: omega_p/p, shape (frequencies,).
+        acceleration_ratios: a_p/(g tan alpha), shape (accelerations,).
+        cases: outcomes, shape (cases, accelerations, frequencies).
+    """
 
     pulse: Pulse
-    """Its kind, cycles and phase; frequency and size vary."""
+    """Pulse that gives kind, cycles and phase. Frequency and size vary."""
     frequency_ratios: np.ndarray
-    """omega_p/p, shape (frequencies,): p is the block's rate omega0 of the linear equations."""
+    """omega_p/p, shape (frequencies,), where p is the rate omega0 of the block in the linear equations."""
     acceleration_ratios: np.ndarray
-    """a_p/(g tan alpha), shape (accelerations,): the largest acceleration over that which lifts a bare block
-    without friction."""
+    """a_p/(g tan alpha), shape (accelerations,): largest acceleration divided by the acceleration that lifts
+    a block without a pendulum and without friction."""
     cases: np.ndarray
-    """Outcomes without the pendulum and, if there is one, with it, (cases, accelerations, frequencies)."""
+    """Outcomes without the pendulum and, if there is one, with it, shape (cases, accelerations, frequencies).
+    -1 has no answer, 0 stands, 1 rocks, and 2 + n overturns after n impacts."""
 
     def columns(self) -> dict[str, Any]:
-        """A row for every pulse: both ratios, and the outcomes by their numbers."""
+        """Columns of a table with a row for each pulse: both ratios, and the numbers of the outcomes."""
         across, up = np.meshgrid(self.frequency_ratios, self.acceleration_ratios)
         cells = {name: c.ravel() for name, c in zip(CASE_KEYS, self.cases, strict=False)}
         return {"frequency_ratio": across.ravel(), "acceleration_ratio": up.ravel(), **cells}
 
     def safe(self) -> np.ndarray:
-        """Share of the cells with an answer in which the block does not overturn, of each case; NaN where no
-        cell has one."""
-        known = [c[c != UNDECIDED] for c in self.cases]
-        return np.array([np.mean(c < OVERTURNS) if c.size else np.nan for c in known])
+        """Return the share of the answered cells in which the block does not overturn, for each case.
+
+        NaN if no cell has an answer.
+        """
+        # Cells without an answer are neither safe nor overturned.
+        answered = [c[c != UNDECIDED] for c in self.cases]
+        return np.array([np.mean(c < OVERTURNS) if c.size else np.nan for c in answered])
 
     def undecided(self) -> np.ndarray:
-        """Number of cells without an answer, of each case."""
+        """Return the number of cells without an answer, for each case."""
         return np.sum(self.cases == UNDECIDED, axis=(1, 2))
 
 
 def _vector(name: str, values: Any, usual: np.ndarray) -> np.ndarray:
-    """Positive numbers as an array, checked; the usual ones in place of None."""
+    """Return positive numbers as a checked array; `usual` if `values` is None."""
     values = usual if values is None else values
     return checks.positive(name, checks.array(name, values, (-1,), "a vector of numbers"), every=True)
 
@@ -71,21 +85,31 @@ def overturning_spectrum(
     cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> OverturningSpectrum:
-    """Follow a block through a pulse of every frequency and every size.
+    """Follow a block under pulses of all frequencies and sizes.
 
     Args:
-        block: its friction and its restitution hold.
-        pulse: gives kind, cycles and phase.
-        pendulum: compared with the bare block; None for the bare block alone.
-        frequency_ratios: omega_p/p; by default 120 from 0.5 to 10.
-        acceleration_ratios: a_p/(g tan alpha); by default 120 from 0.5 to 10.
-        gravity: m/s^2.
-        free: free motion after each pulse, s.
+        block: block with its friction and restitution.
+        pulse: pulse that gives kind, cycles and phase.
+        pendulum: pendulum that is compared with the block without one; None for no comparison.
+        frequency_ratios: omega_p/p; by default 120 values from 0.5 to 10.
+        acceleration_ratios: a_p/(g tan alpha); by default 120 values from 0.5 to 10.
+        gravity: acceleration of gravity, m/s^2.
+        free: duration of the free motion after each pulse, s.
         cluster: processes or machines in place of threads.
-        progress: called with the motions done and in all.
+        progress: function that is called with (number of finished motions, number of all motions).
 
     Raises:
         ValueError: bad input.
+
+    Example:
+        >>> import tpd
+        >>> block = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution=0.9)
+        >>> pulse = tpd.Pulse.one_sine(frequency=1.0, acceleration=1.0)
+        >>> axes = {"frequency_ratios": [2.0, 5.0], "acceleration_ratios": [0.5, 2.0, 8.0]}
+        >>> tpd.overturning_spectrum(block, pulse, **axes).without_pendulum
+        array([[0, 0],
+               [3, 1],
+               [2, 2]])
     """
     checks.instance("block", block, Block)
     checks.instance("pulse", pulse, Pulse)
@@ -93,34 +117,42 @@ def overturning_spectrum(
     w = _vector("frequency_ratios", frequency_ratios, np.linspace(0.5, 10.0, 120))
     a = _vector("acceleration_ratios", acceleration_ratios, np.linspace(0.5, 10.0, 120))
     scene = Scene(block, pulse, gravity)
+    # Both ratios are relative to the block: to its rate, and to the acceleration g tan alpha.
     rate, unit = single((scene.rate, scene.gravity * block.slenderness))
-    # A pulse of unit size for each frequency; sizes are factors on it.
+    # One pulse of unit size for each frequency. The sizes are factors on it.
     motions = [replace(pulse, frequency=float(x) * rate / (2.0 * np.pi), acceleration=1.0) for x in w]
     factors = np.array([a * unit / float(m.pga) for m in motions])
     cases = (None,) if pendulum is None else (None, pendulum)
-    how = {"cluster": cluster, "progress": progress}
-    found = follow_scaled(block, cases, motions, factors, gravity=gravity, free=free, brief=True, **how)
-    known = np.where(found.is_overturned, OVERTURNS + found.impacts, np.where(found.is_lifted, ROCKS, STANDS))
-    cells = np.where(found.is_unanswered, UNDECIDED, known).astype(int).swapaxes(1, 2)
+    options = {"cluster": cluster, "progress": progress}
+    runs = follow_scaled(block, cases, motions, factors, gravity=gravity, free=free, brief=True, **options)
+    # The number of impacts distinguishes the modes of overturning.
+    outcomes = np.where(runs.is_overturned, OVERTURNS + runs.impacts, np.where(runs.is_lifted, ROCKS, STANDS))
+    # The axes of the runs are cases, frequencies and accelerations.
+    cells = np.where(runs.is_unanswered, UNDECIDED, outcomes).astype(int).swapaxes(1, 2)
     return OverturningSpectrum(pulse, w, a, cells)
 
 
 @dataclass(frozen=True)
 class RockingSpectrum(Cases):
-    """Largest tilt over the slenderness, bare and with a pendulum of stated ratios."""
+    """Largest tilt of blocks of all sizes, without a pendulum and with one of constant ratios.
+
+    Attributes:
+        periods: 2 pi/p in s, shape (periods,).
+        cases: largest |phi|/nu, shape (cases, periods).
+    """
 
     periods: np.ndarray
-    """2 pi/p in s, shape (periods,): p is the block's rate omega0 of the linear equations."""
+    """2 pi/p in s, shape (periods,), where p is the rate omega0 of the block in the linear equations."""
     cases: np.ndarray
-    """Largest |phi|/nu without the pendulum and, if there is one, with it, (cases, periods); infinite where
-    the block overturns, NaN where nothing is known."""
+    """Largest |phi|/nu without the pendulum and, if there is one, with it, shape (cases, periods). Infinite
+    if the block overturns, NaN without an answer."""
 
     def columns(self) -> dict[str, Any]:
-        """A row for every block: 2 pi/p in s, and the largest tilts over the slenderness."""
+        """Columns of a table with a row for each block: 2 pi/p in s, and the largest tilts over nu."""
         return {"period_s": self.periods, **dict(zip(CASE_KEYS, self.cases, strict=False))}
 
     def undecided(self) -> np.ndarray:
-        """Number of blocks without an answer, of each case."""
+        """Return the number of blocks without an answer, for each case."""
         return np.sum(np.isnan(self.cases), axis=1)
 
 
@@ -137,22 +169,30 @@ def rocking_spectrum(
     cluster: Cluster | None = None,
     progress: Progress | None = None,
 ) -> RockingSpectrum:
-    """Follow blocks of every size through a ground motion.
+    """Follow blocks of all sizes under one ground motion.
 
     Args:
-        block: its slenderness, friction, restitution and shape hold; its size varies.
+        block: block with its slenderness, friction, restitution and shape. Its size varies.
         motion: a pulse or a record.
-        periods: 2 pi/p in s; by default 200 from 1 to 12.
-        mass_ratio: bob over block; None for the bare block alone.
-        length_ratio: rod over half height.
-        damping_ratio: of the pendulum.
-        gravity: m/s^2.
-        free: free motion after the ground motion, s.
+        periods: 2 pi/p in s; by default 200 values from 1 to 12.
+        mass_ratio: mass of the bob divided by that of the block; None for no pendulum.
+        length_ratio: length of the rod divided by the half height of the block.
+        damping_ratio: damping ratio of the pendulum.
+        gravity: acceleration of gravity, m/s^2.
+        free: duration of the free motion after the ground motion, s.
         cluster: processes or machines in place of threads.
-        progress: called with the motions done and in all.
+        progress: function that is called with (number of finished motions, number of all motions).
 
     Raises:
         ValueError: bad input.
+
+    Example:
+        >>> import tpd
+        >>> block = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution=0.9)
+        >>> pulse = tpd.Pulse.one_sine(frequency=1.0, acceleration=4.0)
+        >>> spectrum = tpd.rocking_spectrum(block, pulse, periods=[2.0, 4.0, 6.0], mass_ratio=0.1)
+        >>> [round(float(tilt), 2) for tilt in spectrum.without_pendulum]
+        [inf, inf, 0.4]
     """
     checks.instance("block", block, Block)
     checks.instance("motion", motion, GroundMotion)
@@ -160,19 +200,22 @@ def rocking_spectrum(
     times = _vector("periods", periods, np.linspace(1.0, 12.0, 200))
     free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     scene = Scene(block, motion, gravity)
-    with_it = None
+    pendulum = None
+    # The ratios are converted with the size of the given block. They are the same for every other size.
     if mass_ratio is not None:
-        with_it = scene.pendulum(
+        pendulum = scene.pendulum(
             mass_ratio=mass_ratio, length_ratio=length_ratio, damping_ratio=damping_ratio
         )
-    # Each period is another size of the block, and the same numbers without dimension.
+    # Each period belongs to another size of the block, and all sizes have the same dimensionless parameters.
     rates = 2.0 * np.pi / times
-    rows = [rows_of(block, h, [motion], gravity) for h in ((None,) if with_it is None else (None, with_it))]
+    rows = [rows_of(block, c, [motion], gravity) for c in ([None] if pendulum is None else [None, pendulum])]
     x = np.repeat(np.concatenate(rows), times.size, axis=0)
-    # All numbers but the duration of a piece depend on shapes and ratios only.
+    # Only the dimensionless duration of a piece depends on the size.
     x[:, 6] = float(motion.piece) * np.tile(rates, len(rows))
+    # The free time is given in seconds, but compiled code needs it in dimensionless time.
     late = free * np.tile(rates, len(rows))
     pieces = np.asarray(motion.pieces(), dtype=float)
     forcing = GroundForcing([pieces], late)
-    found = follow_runs(Terms.linear, x, forcing, brief=True, cluster=cluster, progress=progress)
-    return RockingSpectrum(times, found.tilt.reshape(len(rows), -1) / float(block.slenderness))
+    runs = follow_runs(Terms.linear, x, forcing, brief=True, cluster=cluster, progress=progress)
+    # The slenderness is the same for all sizes.
+    return RockingSpectrum(times, runs.tilt.reshape(len(rows), -1) / float(block.slenderness))

@@ -1,11 +1,11 @@
-"""Steady states and trajectories, for every model alike, and their exact derivatives.
+"""Steady states and trajectories of every model, and their exact derivatives.
 
-A settled motion is a fixed point y* of the period map P. Newton's method on P finishes what
-following began, and the implicit function theorem gives dy*/dp = (I - DP)^-1 dP/dp, so a gradient
-costs a few periods however long the transient was. With nine parameters and four states against
-two answers over many steps, forward mode along those periods is the cheap one; what comes out is
-linear in the direction, hence usable in forward and in reverse mode. Where a multiplier reaches the
-unit circle it does not exist.
+A settled motion is a fixed point y* of the period map P. Following the motion gives an approximation, and
+Newton's method on P gives the fixed point. The implicit function theorem then gives its derivative,
+dy*/dp = (I - DP)^-1 dP/dp, so that a gradient costs a few periods, however long the transient was. There are
+nine parameters and four states, but many time steps, so that forward mode along these periods is cheaper than
+reverse mode. The result is linear in the direction of the derivative, so that forward and reverse mode can
+both use it. The derivative does not exist where a multiplier is on the unit circle.
 """
 
 from __future__ import annotations
@@ -48,54 +48,76 @@ from tpd.scene.status import (
 )
 
 _STATUSES = codes_of(STEADY_STATUSES)
-"""Numbers of statuses by those of compiled code."""
+"""Numbers of the statuses of this package, by the numbers that compiled code uses."""
 INEXACT = 0.05
-"""Largest relative error of the amplitude of a smoothed motion that is not `inexact`."""
+"""Relative error of a smoothed amplitude above which the status is `inexact`."""
 
 
 class Steady(eqx.Module):
-    """A steady state; angles in rad.
+    """Steady state that a motion settles into. Angles are in rad.
 
-    `amplitude` is the largest |phi| and `swing` the largest |psi| over the settled period(s). They and
-    `state` are differentiable in every parameter when `status` is rocking, sticking or rest; elsewhere
-    their derivative is NaN and `status` says why, but where it is inexact: then they belong to the smoothed
-    motion. Stroke and state of a bob under a resting block have
-    none either if zeta = 0: the bob rings for ever, and its reach depends on how the block came to rest.
-    Nor has the stroke of a bob that hangs still, being at the corner of |psi|. The derivatives of
-    `multiplier`, `lyapunov` and `estimate` are always NaN, and so are all second ones; those in the start are
-    zero where the others are numbers. At mu = 0 the stroke is that of a bob too light to be felt. An
-    overturned block has infinite amplitude and stroke.
+    `amplitude`, `swing` and `state` are differentiable in every parameter if `status` is rocking, sticking or
+    rest. Otherwise their derivatives are NaN, and `status` gives the reason. The exception is the status
+    inexact: the derivatives are then those of the smoothed motion. The following derivatives are also NaN:
+
+    - of swing and state of an undamped bob (zeta = 0) under a block at rest. This bob swings for ever, and
+      its swing depends on how the block came to rest;
+    - of the swing of a bob at rest, because |psi| has a corner there;
+    - of `multiplier`, `lyapunov` and `estimate`, and all second derivatives.
+
+    Derivatives with respect to the initial state are zero where the others are numbers. For mu = 0 the swing
+    is that of a bob that is too light to act on the block. For an overturned block amplitude and swing are
+    infinite.
+
+    Attributes:
+        amplitude: largest |phi| of the settled motion, rad.
+        swing: largest |psi| of the settled motion, rad.
+        status: outcome, see `tpd.Status`.
+        periods: number of forcing periods in one period of the motion.
+        multiplier: largest modulus of the Floquet multipliers. The motion attracts if it is below 1.
+        symmetric: whether the motion is its own mirror image half a period later.
+        lyapunov: rate at which neighbouring motions separate, per unit tau.
+        state: (phi, psi, phi', psi') at tau = 0 modulo the forcing period.
+        elapsed: number of forcing periods until the motion repeated.
+        estimate: estimated relative error of the amplitude, for `Auto` and `Smoothed`.
+        model: name of the model that `Auto` selected.
+        reason: sentence that gives the reason for this selection.
     """
 
     amplitude: Number
+    """Largest |phi| of the settled motion, rad."""
     swing: Number
+    """Largest |psi| of the settled motion, rad."""
     status: Status
+    """Outcome of the motion."""
     periods: Int[Array, "..."] | int
-    """Forcing periods in one period of the motion."""
+    """Number of forcing periods in one period of the motion."""
     multiplier: Number
-    """Largest modulus of the Floquet multipliers; below 1 the motion attracts. NaN of a motion that is
+    """Largest modulus of the Floquet multipliers. The motion attracts if it is below 1. NaN if the motion is
     not periodic."""
     symmetric: Bool[Array, "..."] | np.bool_
-    """Whether the motion is its own mirror image half a period of it later."""
+    """Whether the motion is its own mirror image half a period later."""
     lyapunov: Number
-    """Rate, per unit tau, at which neighbouring motions separate (negative: approach). Of a periodic
-    motion exact; of one that does not repeat an estimate, by `Piecewise` alone; NaN where neither applies."""
+    """Rate at which neighbouring motions separate, per unit tau; negative if they approach. It is exact for a
+    periodic motion. For a motion that does not repeat it is an estimate, which only `Piecewise` computes.
+    Otherwise it is NaN."""
     state: Float[Array | np.ndarray, "... 4"]
     """(phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
     elapsed: Int[Array, "..."] | int
-    """Forcing periods followed before the repetition was recognised."""
+    """Number of forcing periods until the motion repeated."""
     estimate: Number = math.nan
-    """Estimated relative error of the amplitude, if `Auto` chose the model. Of `Smoothed` the relative
-    difference from the exact amplitude that is reached from the same start, infinite where one of both rests
-    or overturns and the other does not; NaN where the exact motion is not known."""
+    """Estimated relative error of the amplitude. If `Auto` selected the model, it is the error estimate of
+    `Auto`. For `Smoothed` it is the relative difference from the exact amplitude that is reached from the
+    same initial state: infinite if only one of the two motions rests or overturns, and NaN if the exact
+    motion is unknown. For other models it is NaN."""
     model: str = eqx.field(static=True, default="")
-    """The model that `Auto` chose."""
+    """Name of the model that `Auto` selected."""
     reason: str = eqx.field(static=True, default="")
-    """Why, in a sentence."""
+    """Sentence that gives the reason for this selection."""
 
     def __str__(self) -> str:
         if not (checks.is_concrete(self.amplitude) and jnp.ndim(self.amplitude) == 0):
-            # Batched and traced answers have no single status.
+            # A batch has no single status, and traced values are unknown.
             return repr(self)
         lines = [
             f"{status_name(self.status)}: {Status[self.status]}",
@@ -104,25 +126,34 @@ class Steady(eqx.Module):
             f"  multiplier   {number(float(self.multiplier))}",
             f"  repeats      after {counted_periods(int(self.periods))}",
         ]
-        chosen = f"  model        {self.model}, estimated error {self.estimate:.2g}: {self.reason}"
-        return "\n".join([*lines, chosen] if self.model else lines)
+        selected = f"  model        {self.model}, estimated error {self.estimate:.2g}: {self.reason}"
+        return "\n".join([*lines, selected] if self.model else lines)
 
 
 class Trajectory(eqx.Module):
-    """States over dimensionless time: `ys` has shape (times, 4), order phi, psi, phi', psi'."""
+    """States of a motion at given dimensionless times.
+
+    Attributes:
+        times: dimensionless times tau, shape (times,).
+        ys: states (phi, psi, phi', psi') in rad and rad per unit tau, shape (times, 4).
+        status: outcome of the motion within these times.
+    """
 
     times: Float[Array, "times"]
+    """Dimensionless times tau."""
     ys: Float[Array, "times 4"]
+    """States (phi, psi, phi', psi'), in rad and rad per unit tau."""
     status: Status
+    """Outcome of the motion within these times."""
 
 
 _MOST_TIMES = 1_000_000
-"""Most times of a trajectory."""
+"""Largest number of times of a trajectory."""
 
 
 @lru_cache(maxsize=1)
 def _default() -> Piecewise:
-    """Default model: to make one, and check it, takes a third of the time of a call."""
+    """Return the default model, which is cached: making it takes a third of the time of a call."""
     return Piecewise()
 
 
@@ -133,20 +164,35 @@ def steady_state(
     y0: checks.Vector | None = None,
     throw: bool = False,
 ) -> Steady:
-    """The motion that the block settles into from a stated start.
+    """Compute the motion into which the block settles from an initial state.
 
     Args:
-        p: dimensionless parameters; gradients with respect to them are exact.
-        model: `Piecewise()`, the exact solution of the linear equations (default), `Smoothed()`,
-            `Nonlinear()`, the nonlinear equations without derivatives, or `Auto()`, which chooses. The answer
-            of `Smoothed()` is compared with the exact motion from the same start, and its status is inexact
-            where their amplitudes differ by more than 5 %: see `Steady.estimate`.
-        y0: start (phi, psi, phi', psi') in rad and rad per unit tau, at tau = 0; default at rest.
-        throw: raise an error where the status is not rocking, sticking or rest.
+        p: dimensionless parameters. Derivatives with respect to them are exact.
+        model: `Piecewise()`, the exact solution of the linear equations (default); `Smoothed()`;
+            `Nonlinear()`, the nonlinear equations, without derivatives; or `Auto()`, which selects a model.
+            The amplitude of `Smoothed()` is compared with that of the exact motion from the same initial
+            state. If they differ by more than 5 %, the status is inexact, see `Steady.estimate`.
+        y0: initial state (phi, psi, phi', psi') at tau = 0, in rad and rad per unit tau. By default block
+            and bob are at rest.
+        throw: whether to raise an error if the status is not rocking, sticking or rest.
+
+    Returns:
+        The steady state. `jax.jit`, `jax.vmap` and `jax.grad` apply, except with `Auto()`.
 
     Raises:
-        ValueError: bad input, or a parameter that the model has no term for.
+        ValueError: bad input, or a parameter that the model cannot represent.
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import dataclasses
+        >>> import jax, tpd
+        >>> p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.05, f=0.3, xi=3.0)
+        >>> steady = tpd.steady_state(p)
+        >>> tpd.status_name(steady.status), round(float(steady.amplitude), 4), round(float(steady.swing), 3)
+        ('rocking', 0.0552, 0.102)
+        >>> amplitude = lambda zeta: tpd.steady_state(dataclasses.replace(p, zeta=zeta)).amplitude
+        >>> round(float(jax.grad(amplitude)(0.1)), 6)
+        -0.001383
     """
     check_parameters(p)
     model = _default() if model is None else model
@@ -156,11 +202,13 @@ def steady_state(
     if isinstance(model, AbstractChoice):
         steady = model.steady(p, start)
     else:
-        # By its class: what equinox makes of a method of an object takes longer than the check.
+        # The method of the class is called, because Equinox wraps a method of an object, which takes longer
+        # than the check itself.
         model.__class__.check(model, p)  # pyright: ignore[reportArgumentType]
         steady = _steady_state(p, model, start)
     if throw:
         settled = is_one_of(steady.status, *SETTLED)
+        # The error is attached to the amplitude, so that it is also raised inside compiled programs.
         steady = eqx.tree_at(
             lambda s: s.amplitude, steady, steady.status.error_if(jnp.asarray(steady.amplitude), ~settled)
         )
@@ -170,21 +218,37 @@ def steady_state(
 def simulate(
     p: Parameters, y0: checks.Vector, times: checks.Vector, *, model: AbstractModel | None = None
 ) -> Trajectory:
-    """The motion from `y0` at `times[0]`, at increasing dimensionless `times`, shape (n,).
+    """Compute the states of a motion at given times, from the initial state `y0` at `times[0]`.
 
-    After an overturning the exact model's states and their derivatives are NaN, and the status says so.
-    Derivatives in p and y0 are exact in both modes, those in `times` in forward mode only.
+    After an overturning the states of the exact model and their derivatives are NaN, and the status is
+    overturned. Derivatives with respect to `p` and `y0` are exact in forward and reverse mode; derivatives
+    with respect to `times` exist in forward mode only.
+
+    Args:
+        p: dimensionless parameters.
+        y0: initial state (phi, psi, phi', psi'), in rad and rad per unit tau.
+        times: increasing dimensionless times tau, shape (n,).
+        model: `Piecewise()` (default), `Smoothed()` or `Nonlinear()`, see `steady_state`.
 
     Raises:
-        ValueError: bad input, or a parameter that the model has no term for.
+        ValueError: bad input, or a parameter that the model cannot represent.
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.05, f=0.3, xi=3.0)
+        >>> trajectory = tpd.simulate(p, [0.1, 0.0, 0.0, 0.0], [0.0, 1.0, 2.0])
+        >>> trajectory.ys.shape
+        (3, 4)
+        >>> [round(float(tilt), 4) for tilt in trajectory.ys[:, 0]]
+        [0.1, -0.026, -0.0983]
     """
     check_parameters(p)
     model = _default() if model is None else model
     checks.instance("model", model, AbstractModel)
     model.check(p)
     clock = checks.increasing("times", times)
-    # Ctrl-C waits for compiled code to return.
+    # Ctrl-C has no effect until compiled code returns, hence the limits on times and periods.
     checks.count("number of times", clock.size, most=_MOST_TIMES)
     p, longest = single(p), f"{model.most_periods} forcing periods in one call"
     checks.at_most("times[-1] - times[0]", clock[-1] - clock[0], model.most_periods * p.period, longest)
@@ -194,25 +258,29 @@ def simulate(
 
 
 def sampled(p: Parameters, periods: int = 24, per_period: int = 60) -> Float[Array, "times"]:
-    """Times tau over the first forcing periods, fine enough to draw."""
+    """Return dimensionless times over the first forcing periods, close enough together for a drawing."""
     return jnp.asarray(np.linspace(0.0, 1.0, per_period * periods + 1) * periods) * p.period
 
 
 @eqx.filter_jit
 def _trajectory(p: Parameters, model: AbstractModel, y0: State, times: Array) -> tuple[Array, Status]:
-    ys, status = _followed(p, y0, times, model=model)
+    ys, status = _states_at(p, y0, times, model=model)
+    # The derivatives of states that are NaN are NaN as well, and not zero.
     return refused(ys, jnp.isfinite(ys)), status
 
 
 @eqx.filter_custom_jvp
-def _followed(p: Parameters, y0: State, times: Array, *, model: AbstractModel) -> tuple[Array, Status]:
+def _states_at(p: Parameters, y0: State, times: Array, *, model: AbstractModel) -> tuple[Array, Status]:
     return model.trajectory(p, y0, times)
 
 
-@_followed.def_jvp
-def _followed_jvp(primals: tuple, tangents: tuple, *, model: AbstractModel) -> tuple:
-    """All derivatives of one run with respect to parameters and start, so that what comes out is
-    linear in the direction and can be transposed. That in the times is for forward mode only."""
+@_states_at.def_jvp
+def _states_at_jvp(primals: tuple, tangents: tuple, *, model: AbstractModel) -> tuple:
+    """Compute all derivatives of one trajectory with respect to parameters and initial state.
+
+    The result is their product with the tangents, which is linear in the tangents and can be transposed for
+    reverse mode. The derivative with respect to the times is available in forward mode only.
+    """
     p, y0, times = primals
     x, unflatten = ravel_pytree((p, y0))
 
@@ -224,6 +292,7 @@ def _followed_jvp(primals: tuple, tangents: tuple, *, model: AbstractModel) -> t
         return jax.jvp(run, (x,), (direction,), has_aux=True)
 
     ys, slopes, status = jax.vmap(push, out_axes=(None, -1, None))(jnp.eye(x.size))
+    # JAX passes None as the tangent of an input that is not differentiated.
     moved = jax.tree.map(
         lambda tangent, x: jax.tree.map(jnp.zeros_like, x) if tangent is None else tangent,
         *(tangents[:2], (p, y0)),
@@ -236,39 +305,41 @@ def _followed_jvp(primals: tuple, tangents: tuple, *, model: AbstractModel) -> t
 
 
 def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
-    # Value and slopes come first and are joined here: forward and reverse mode, at any nesting, then cost one
-    # product with the slopes and never run through the loops that found the orbit.
+    # Value and slopes are computed first, and then joined. Forward and reverse mode, nested to any depth,
+    # then cost one product with the slopes, and never differentiate the loops that solve for the orbit.
     values = numbers_of(p)
     plain = _PLAIN.issuperset(map(type, values)) and type(y0) is np.ndarray
     compiled = isinstance(model, AbstractCompiled)
     if plain and compiled:
-        # The usual call, which takes as long as two questions of JAX's: none is asked.
+        # The most frequent call. It takes as long as two tests of whether JAX traces a value, so that no such
+        # test is made here.
         return _steady(_answer(solve(model.equations, np.array(values), y0, model.limits))[0])
     if any(np.size(x) != 1 for x in values):
         raise ValueError("`p` must be single numbers: `jax.vmap` and `tpd.in_chunks` take batches")
     values = single(values)
-    known, *still = all(map(checks.is_concrete, (*values, y0))), *map(_still, values)
-    start = _still(y0)
+    is_concrete, *fixed = all(map(checks.is_concrete, (*values, y0))), *map(_without_tangent, values)
+    start = _without_tangent(y0)
     if compiled:
-        # By compiled code; of numbers without any program of JAX.
-        sure = all(map(checks.is_concrete, (*still, start)))
-        x = np.array(still, dtype=float) if sure else packed(still)
-        start = start if sure else jnp.asarray(start, float)
+        # Compiled code needs no JAX program if all its inputs are known numbers.
+        concrete = all(map(checks.is_concrete, (*fixed, start)))
+        x = np.array(fixed, dtype=float) if concrete else packed(fixed)
+        start = start if concrete else jnp.asarray(start, float)
         answer, slopes = _answer(solve(model.equations, x, start, model.limits))
     else:
-        x: Any = np.array(still, dtype=float) if all(map(checks.is_concrete, still)) else packed(still)
-        # `eqx.filter_jit` sorts the leaves in Python at every call. A model without numbers needs none of it.
+        x: Any = np.array(fixed, dtype=float) if all(map(checks.is_concrete, fixed)) else packed(fixed)
+        # `eqx.filter_jit` separates arrays from other leaves in Python at every call. A model without array
+        # leaves can be a static argument of `jax.jit`, which is faster.
         flow = cast("AbstractFlow", model)
         answer, slopes = (_solved_with if jax.tree.leaves(flow) else _solved_by)(x, flow, start)
-    return _steady(answer if known else _joined((*values, *y0), answer, slopes))
+    return _steady(answer if is_concrete else _joined((*values, *y0), answer, slopes))
 
 
 _PLAIN = {float, np.float64}
-"""Types of parameters that are known to the engine as they are."""
+"""Types of numbers that are certainly not traced."""
 
 
-def _still(x: Any) -> Any:
-    """A number or an array, as it is where it is differentiated: known if it is known there."""
+def _without_tangent(x: Any) -> Any:
+    """Return a number or an array without its tangent; known numbers are returned unchanged."""
     return x if checks.is_concrete(x) else stop_gradient(x)
 
 
@@ -281,13 +352,14 @@ _Answer = namedtuple(
 
 
 def _steady(answer: _Answer) -> Steady:
-    # From its leaves, because fields are annotated with arrays of JAX's, and known numbers are NumPy's.
+    # The object is built from its leaves, because its fields are annotated as JAX arrays, and known numbers
+    # are NumPy numbers.
     return jax.tree.unflatten(_structure(), answer)
 
 
 @lru_cache(maxsize=1)
 def _structure() -> Any:
-    """Structure of the pytree of a `Steady`."""
+    """Return the pytree structure of a `Steady`."""
     none, count, no = jnp.zeros(()), jnp.zeros((), int), jnp.zeros((), bool)
     return jax.tree.structure(
         Steady(none, none, Status.failed, count, none, no, none, jnp.zeros(4), count, none)
@@ -295,137 +367,150 @@ def _structure() -> Any:
 
 
 _DEPENDING = "amplitude", "swing", "state", "multiplier", "lyapunov", "estimate"
-"""Numbers of an answer that depend on parameters; the derivatives of the last three nobody has computed."""
+"""Fields that depend on the parameters. The derivatives of the last three are not computed."""
 
 
 def _joined(values: tuple, answer: _Answer, slopes: Any) -> _Answer:
-    """An answer whose numbers depend on parameters, with these slopes of amplitude, stroke and state."""
-    # What is known need not be differentiated in. An orbit that is settled does not move with the start.
-    moving = [i for i, x in enumerate(values) if not checks.is_concrete(x)]
-    unknown = np.full(len(moving), np.nan)
-    by = [slopes[:, i] if i < 9 else 0.0 * slopes[:, 0] for i in moving]
+    """Attach the slopes of amplitude, swing and state to an answer whose inputs are differentiated."""
+    # Only inputs that are traced need derivatives. A settled orbit does not depend on the initial state, so
+    # that the derivatives with respect to the initial state (i >= 9) are zero, or NaN.
+    traced = [i for i, x in enumerate(values) if not checks.is_concrete(x)]
+    unknown = np.full(len(traced), np.nan)
+    by = [slopes[:, i] if i < 9 else 0.0 * slopes[:, 0] for i in traced]
     numbers = tuple(getattr(answer, name) for name in _DEPENDING)
     rows = *([s[k] for s in by] for k in range(2)), [s[2:] for s in by], unknown, unknown, unknown
-    found = joined(tuple(jnp.asarray(values[i], dtype=jnp.float64) for i in moving), numbers, rows)
-    return answer._replace(**dict(zip(_DEPENDING, found, strict=True)))
+    fields = joined(tuple(jnp.asarray(values[i], dtype=jnp.float64) for i in traced), numbers, rows)
+    return answer._replace(**dict(zip(_DEPENDING, fields, strict=True)))
 
 
 def _answer(out: Any) -> tuple[_Answer, Any]:
-    """The answer in the record of compiled code, and the slopes of amplitude, stroke and state."""
+    """Return the answer in a record of compiled code, and the slopes of amplitude, swing and state."""
     record = LINEAR.entry().STEADY
     if isinstance(out, np.ndarray):
-        # Numbers of NumPy, and not arrays without axes.
-        of: Any = _known(record)._make(out.view(record)[0])
+        # The first row of a structured view has NumPy numbers, and not arrays without axes.
+        fields: Any = _record_type(record)._make(out.view(record)[0])
         xp, whole = np, int
     else:
-        of, xp, whole = parts(out, record), jnp, partial(jnp.asarray, dtype=int)
-    # An array, by which equinox looks up the message of a status.
-    status = xp.asarray(xp.asarray(_STATUSES)[whole(of.status)])
-    about = whole(of.periods), of.multiplier, of.symmetric == 1.0, of.lyapunov, of.y, whole(of.elapsed)
-    return _Answer(of.amplitude, of.swing, status, *about), of.by
+        fields, xp, whole = parts(out, record), jnp, partial(jnp.asarray, dtype=int)
+    # The status must be an array, because Equinox uses it as an index of the messages.
+    status = xp.asarray(xp.asarray(_STATUSES)[whole(fields.status)])
+    period = whole(fields.periods), fields.multiplier, fields.symmetric == 1.0, fields.lyapunov
+    answer = _Answer(fields.amplitude, fields.swing, status, *period, fields.y, whole(fields.elapsed))
+    return answer, fields.by
 
 
 @lru_cache(maxsize=1)
-def _known(record: np.dtype) -> Any:
-    """A tuple with the names of a record."""
-    return namedtuple("_known", record.names or ())
+def _record_type(record: np.dtype) -> Any:
+    """Return a named tuple with the names of a record."""
+    return namedtuple("_record_type", record.names or ())
 
 
 def _solve(x: Float[Array, "9"], model: AbstractFlow, y0: State) -> tuple[_Answer, Float[Array, "6 9"]]:
-    """The answer, and the slopes of amplitude, stroke and state: NaN where there are none. Traced."""
+    """Return the answer of a model and the slopes of amplitude, swing and state, as a traced function.
+
+    Slopes that do not exist are NaN.
+    """
     sane = jnp.all(jnp.isfinite(x)) & jnp.all(jnp.isfinite(y0))
-    # A solver fed with NaN would try until its bound; it gets something harmless instead.
+    # With NaN a solver would continue until its limit on steps. Harmless numbers replace such inputs, and the
+    # status is set to failed.
     fixed = from_row(jnp.where(sane, x, 1.0))
     settled = model.settle(fixed, jnp.where(sane, y0, 0.0))
     settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
-    answer, slopes = _judged(fixed, model, settled)
-    return _compared(answer, model.settle_exactly(fixed, jnp.where(sane, y0, 0.0))), slopes
+    answer, slopes = _evaluate(fixed, model, settled)
+    return _compare(answer, model.settle_exactly(fixed, jnp.where(sane, y0, 0.0))), slopes
 
 
 _solved_by = jax.jit(_solve, static_argnums=1)
 _solved_with = eqx.filter_jit(_solve)
 
 
-def _compared(answer: _Answer, exact: Settled | None) -> _Answer:
-    """The answer of a smoothed model, with its difference from the exact motion from the same start."""
+def _compare(answer: _Answer, exact: Settled | None) -> _Answer:
+    """Return the answer of a smoothed model with its difference from the exact motion."""
     if exact is None:
         return answer
     (code,) = jax.tree.leaves(exact.status)
     amplitude = jnp.where(code == code_of(Status.overturned), jnp.inf, exact.amplitude)
-    # Two that rest or overturn are alike, and one alone is not.
+    # The difference is zero if both motions rest or both overturn, and infinite if only one does.
     error = jnp.where(answer.amplitude == amplitude, 0.0, jnp.abs(answer.amplitude / amplitude - 1.0))
-    known = jnp.logical_not(is_one_of(code, Status.not_settled, *UNANSWERED))
-    claimed = is_one_of(answer.status, *SETTLED, Status.overturned)
-    status = jnp.where(claimed & known & (error > INEXACT), code_of(Status.inexact), answer.status)
-    return answer._replace(status=status, estimate=jnp.where(known, error, jnp.nan))
+    is_answered = jnp.logical_not(is_one_of(code, Status.not_settled, *UNANSWERED))
+    is_settled = is_one_of(answer.status, *SETTLED, Status.overturned)
+    status = jnp.where(is_settled & is_answered & (error > INEXACT), code_of(Status.inexact), answer.status)
+    return answer._replace(status=status, estimate=jnp.where(is_answered, error, jnp.nan))
 
 
-def _judged(p: Parameters, model: AbstractFlow, begun: Settled) -> tuple[_Answer, Array]:
-    """The answer for a motion that has been followed, and the slopes of amplitude, stroke and state in the
-    parameters, NaN where there are none."""
-    (code,) = jax.tree.leaves(begun.status)
-    orbit = refine(p, model, begun, code)
+def _evaluate(p: Parameters, model: AbstractFlow, reached: Settled) -> tuple[_Answer, Array]:
+    """Return the answer for the motion that following has reached, and the slopes of its sizes and state.
+
+    The slopes are those of amplitude, swing and state with respect to the parameters. Slopes that do not
+    exist are NaN.
+    """
+    (code,) = jax.tree.leaves(reached.status)
+    orbit = refine(p, model, reached, code)
     multiplier, to_fold = multipliers(p.mu, orbit.by_state[:4])
     neutral = is_neutral(p.k, p.velocity_ratio, p.mu, p.zeta, multiplier)
-    # By its class, as the check.
-    status = _verdict(code, orbit, multiplier, neutral, to_fold, model.__class__.resolution(model, p))
-    # A bob that swings for ever is on no orbit; of any other under a resting block a period was followed,
-    # unless it has more steps than that may take.
-    endless = jnp.logical_not(jnp.isfinite(orbit.residual))
-    cut_short = (code == code_of(Status.rest)) & (p.zeta > 0.0) & endless
+    # The method of the class is called for speed, as for the check of the parameters.
+    status = _status(code, orbit, multiplier, neutral, to_fold, model.__class__.resolution(model, p))
+    # Newton's method computes one period of every damped bob under a block at rest. It has no finite residual
+    # only if this period needs too many solver steps. (An undamped bob is on no orbit.)
+    no_period = jnp.logical_not(jnp.isfinite(orbit.residual))
+    cut_short = (code == code_of(Status.rest)) & (p.zeta > 0.0) & no_period
     status = jnp.where(cut_short, code_of(Status.event_bound), status)
-    # Without a finite derivative of the period map nothing can be said about stability.
-    unsaid = (status == code_of(Status.unstable)) & jnp.logical_not(jnp.isfinite(multiplier))
-    status = jnp.where(unsaid, code_of(Status.failed), status)
+    # Without a finite derivative of the period map the stability is unknown.
+    unknown = (status == code_of(Status.unstable)) & jnp.logical_not(jnp.isfinite(multiplier))
+    status = jnp.where(unknown, code_of(Status.failed), status)
     sound = jnp.all(jnp.isfinite(orbit.y)) | (status == code_of(Status.overturned))
     status = jnp.where(sound, status, code_of(Status.failed))
-    # The tilt at which friction holds a block is a state next to which it is held as well.
+    # If friction holds a tilted block, it also holds the block at neighbouring tilts: the multiplier is 1.
     multiplier = jnp.where(status == code_of(Status.held), 1.0, multiplier)
-    sizes, slopes = _answers(p, begun, orbit, status, multiplier)
+    sizes, slopes = _sizes_of(p, reached, orbit, status, multiplier)
     periodic = is_one_of(status, *SETTLED, Status.unstable, Status.neutral)
-    lyapunov = jnp.where(periodic, jnp.log(multiplier) / (begun.periods * p.period), jnp.nan)
-    symmetric = periodic & (begun.periods % 2 == 1) & (orbit.asymmetry < SYMMETRIC)
-    followed = periodic | is_one_of(status, Status.held, Status.near_fold, Status.grazing)
-    multiplier = jnp.where(followed, multiplier, jnp.nan)
-    about = status, begun.periods, multiplier, symmetric, lyapunov, orbit.y, begun.elapsed
-    return _Answer(sizes[0], sizes[1], *about), slopes
+    lyapunov = jnp.where(periodic, jnp.log(multiplier) / (reached.periods * p.period), jnp.nan)
+    # The mirror image is half a period later, which is a whole number of half forcing periods only if the
+    # number of periods is odd.
+    symmetric = periodic & (reached.periods % 2 == 1) & (orbit.asymmetry < SYMMETRIC)
+    has_orbit = periodic | is_one_of(status, Status.held, Status.near_fold, Status.grazing)
+    multiplier = jnp.where(has_orbit, multiplier, jnp.nan)
+    rest = status, reached.periods, multiplier, symmetric, lyapunov, orbit.y, reached.elapsed
+    return _Answer(sizes[0], sizes[1], *rest), slopes
 
 
-def _answers(p: Any, begun: Settled, orbit: Orbit, status: Any, multiplier: Any) -> tuple[Any, Any]:
-    """(amplitude, stroke), and the slopes of these and the state where they exist."""
+def _sizes_of(p: Any, reached: Settled, orbit: Orbit, status: Any, multiplier: Any) -> tuple[Any, Any]:
+    """Return (amplitude, swing), and the slopes of these and of the state where they exist."""
     rests = status == code_of(Status.rest)
-    # A bob that swings for ever under a resting block is on no orbit, but its reach is known.
-    ringing = rests & (p.zeta == 0.0)
-    isolated = (is_rocking(status) | rests) & (multiplier < 1.0) & jnp.logical_not(ringing)
-    # On an isolated orbit the sizes gain one more Newton step. Elsewhere I - DP may be singular: then they
-    # are those of the orbit as it was found.
+    # An undamped bob under a block at rest swings for ever and is on no orbit, but its swing is known.
+    undamped = rests & (p.zeta == 0.0)
+    isolated = (is_rocking(status) | rests) & (multiplier < 1.0) & jnp.logical_not(undamped)
+    # On an isolated orbit one more Newton step improves the sizes. Elsewhere I - DP may be singular, and the
+    # sizes are those of the orbit before this step.
     unknown = jnp.full(2, jnp.nan)
-    last = jnp.where(status == code_of(Status.failed), unknown, jnp.stack([begun.amplitude, begun.swing]))
+    last = jnp.where(status == code_of(Status.failed), unknown, jnp.stack([reached.amplitude, reached.swing]))
     sizes, slopes = implicit(orbit)
-    followed = is_one_of(status, *NOT_ATTRACTING)
-    last = jnp.where(followed, orbit.sizes, last)
+    last = jnp.where(is_one_of(status, *NOT_ATTRACTING), orbit.sizes, last)
     last = jnp.where(status == code_of(Status.overturned), jnp.full(2, jnp.inf), last)
     sizes, slopes = jnp.where(isolated, sizes, last), jnp.where(isolated, slopes, jnp.nan)
-    still = rests & (sizes[1] == 0.0)
-    # A block at rest has no amplitude, whatever moves. The stroke of a bob that hangs still is at the corner
-    # of |psi|.
-    none = jnp.where(rests, jnp.zeros(9), slopes[0])
-    reach = jnp.where(still, jnp.full(9, jnp.nan), slopes[1])
-    slopes = jnp.concatenate([jnp.stack([none, reach]), slopes[2:]])
+    bob_rests = rests & (sizes[1] == 0.0)
+    # The amplitude of a block at rest is zero for all neighbouring parameters, so that its slopes are zero.
+    # The swing of a bob at rest has no slope, because |psi| has a corner there.
+    tilt_slopes = jnp.where(rests, jnp.zeros(9), slopes[0])
+    swing_slopes = jnp.where(bob_rests, jnp.full(9, jnp.nan), slopes[1])
+    slopes = jnp.concatenate([jnp.stack([tilt_slopes, swing_slopes]), slopes[2:]])
     return jnp.stack([jnp.where(rests, 0.0, sizes[0]), sizes[1]]), slopes
 
 
-def _verdict(begun: Any, orbit: Orbit, multiplier: Any, neutral: Any, to_fold: Any, resolution: Any) -> Any:
-    """The number of the status of a motion, from that with which following it has ended, and from what
-    Newton's method on its period map has found."""
-    # From the weakest statement to the strongest: each line overrules those above it. Stability comes first,
-    # because its numbers mean nothing if an event was grazed, next to a fold, or off an orbit; and a motion
-    # smaller than what the model can resolve is rest, whatever its multipliers.
-    moving = is_rocking(begun)
-    status = jnp.where(moving & (multiplier > 1.0), code_of(Status.unstable), begun)
+def _status(code: Any, orbit: Orbit, multiplier: Any, neutral: Any, to_fold: Any, resolution: Any) -> Any:
+    """Return the number of the final status of a motion.
+
+    `code` is the status that following the motion has given. The other arguments are the results of Newton's
+    method on the period map.
+    """
+    # Each line overrules the lines above. Stability comes first, because the multipliers have no meaning if
+    # the motion grazes an event, is next to a fold, or is not on an orbit. A motion below the resolution of
+    # the model is rest, whatever its multipliers are.
+    moving = is_rocking(code)
+    status = jnp.where(moving & (multiplier > 1.0), code_of(Status.unstable), code)
     status = jnp.where(moving & neutral, code_of(Status.neutral), status)
     status = jnp.where(moving & (orbit.transversality < GRAZING), code_of(Status.grazing), status)
     status = jnp.where(moving & (to_fold < 2.0 * NEAR_FOLD), code_of(Status.near_fold), status)
-    open_ = jnp.logical_not(orbit.residual < RESIDUAL)
-    status = jnp.where(moving & open_, code_of(Status.not_settled), status)
+    not_closed = jnp.logical_not(orbit.residual < RESIDUAL)
+    status = jnp.where(moving & not_closed, code_of(Status.not_settled), status)
     return jnp.where(moving & (orbit.sizes[0] < resolution), code_of(Status.rest), status)

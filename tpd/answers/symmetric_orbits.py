@@ -1,8 +1,9 @@
-"""The symmetric period-one orbits of a design, stable and unstable, without start values.
+"""Symmetric period-one orbits of a design, stable and unstable, without initial guesses.
 
-Most rocking attractors are such orbits: one swing to either side per forcing period, the second the
-mirror image of the first. They are the roots of one scalar equation (`tpd.exact.half_period_kernel`), so that
-nothing is simulated; their derivatives follow from the implicit function theorem.
+Most rocking motions that attract are such orbits: one swing to either side in each forcing period, the second
+swing being the mirror image of the first. The orbits are the roots of one scalar equation
+(`tpd.exact.half_period_kernel`), so that no motion is simulated. Their derivatives follow from the implicit
+function theorem.
 """
 
 from __future__ import annotations
@@ -29,151 +30,194 @@ from tpd.scene.pytrees import Number
 from tpd.scene.status import Status, codes_of, status_of
 
 ORBITS = 3
-"""Most orbits of a design."""
+"""Largest number of orbits of a design."""
 
 
 class Margins(eqx.Module):
-    """Distances from the loss of an orbit, as functions that vanish where it happens; leading axis the
-    orbits. `fold`, `symmetry` and `torus` are differentiable as the amplitude is; the derivatives of the
-    other two are NaN (`tpd.bifurcations` has those of the place where they vanish). An attracting orbit
-    keeps attracting for as long as none of the five vanishes."""
+    """Distances of an orbit from the ways in which it can be lost. The leading axis is that of the orbits.
+
+    Each margin is a function that vanishes where the orbit is lost or changes its kind. An attracting orbit
+    continues to attract while none of the five margins vanishes. `fold`, `symmetry` and `torus` are
+    differentiable wherever the amplitude is. The derivatives of `sticking` and `grazing` are NaN;
+    `tpd.answers.bifurcations` computes the derivatives of the parameter values at which they vanish.
+    """
 
     fold: Number
-    """det(I - G), G the derivative of the mirrored half-period map: two orbits merge and vanish."""
+    """det(I - G), where G is the derivative of the mirrored half-period map. At zero two orbits merge and
+    vanish."""
     symmetry: Number
-    """det(I + G): the orbit loses its symmetry, and two mirror images branch off."""
+    """det(I + G). At zero the orbit loses its symmetry, and two orbits that are mirror images of each other
+    branch off."""
     torus: Number
-    """The product of 1 - g_i g_j over all pairs of G's eigenvalues: a pair of them leaves the unit circle
-    together, and motions that never repeat branch off (Neimark-Sacker)."""
+    """Product of 1 - g_i g_j over all pairs of eigenvalues of G. At zero a pair of eigenvalues leaves the
+    unit circle, and motions that never repeat branch off (Neimark-Sacker bifurcation)."""
     sticking: Number
-    """-phi'' just after the turn, over its size just before: at zero the block sticks there."""
+    """-phi'' just after the turn, divided by its size just before. At zero the block sticks at the turn."""
     grazing: Number
-    """The least falling rate between the turns, over xi times the amplitude (infinite if the rate has
-    no dent): at zero the block turns back once more. Without friction a turn is no event, and this is the
-    least tilt at a turn between the largest ones, over the amplitude: at zero the block strikes its base."""
+    """Smallest downward rate between the turns, divided by xi times the amplitude; infinite if the rate has
+    no local minimum. At zero the block turns back once more. Without friction a turn is not an event. Then
+    the margin is the smallest tilt at a turn between the largest ones, divided by the amplitude, and at zero
+    the block has one more impact."""
 
 
 class Orbits(eqx.Module):
-    """The symmetric period-one orbits of one design, the largest first; leading axis `ORBITS` (3),
-    status `no_orbit` where no more were found, and NaN beside it. Angles in rad.
+    """Symmetric period-one orbits of one design, the largest first. Angles are in rad.
 
-    `amplitude`, `swing`, `state`, `phase` and `crossing` are differentiable in every parameter, also on
-    unstable orbits; their derivative is NaN where the status is near_fold, grazing or no_orbit. That of
-    `multipliers` is NaN everywhere.
+    The leading axis has the length `ORBITS` (3). Where fewer orbits exist, the status is `no_orbit` and the
+    numbers are NaN. `amplitude`, `swing`, `state`, `phase` and `crossing` are differentiable in every
+    parameter, also for unstable orbits. Their derivatives are NaN if the status is near_fold, grazing or
+    no_orbit. The derivative of `multipliers` is always NaN.
+
+    Attributes:
+        status: outcome of each orbit.
+        amplitude: largest |phi|, rad.
+        swing: largest |psi|, rad.
+        state: (phi, psi, phi', psi') at tau = 0 modulo the forcing period.
+        phase: phase xi tau of the forcing at the upper turn, rad.
+        crossing: dimensionless time from the upper turn to the crossing of phi = 0.
+        multipliers: Floquet multipliers over one forcing period.
+        margins: distances from the loss of the orbit.
+        overflow: whether the design may have more orbits.
     """
 
     status: Status
-    """rocking (attracting), unstable, neutral, near_fold, grazing or no_orbit."""
+    """Outcome: rocking (the orbit attracts), unstable, neutral, near_fold, grazing or no_orbit."""
     amplitude: Float[Array | np.ndarray, "*orbits"]
-    """Largest |phi|."""
+    """Largest |phi|, rad."""
     swing: Float[Array | np.ndarray, "*orbits"]
-    """Largest |psi|."""
+    """Largest |psi|, rad."""
     state: Float[Array | np.ndarray, "*orbits 4"]
     """(phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
     phase: Float[Array | np.ndarray, "*orbits"]
-    """Phase xi tau of the forcing at the upper turn, in (-pi, pi]."""
+    """Phase xi tau of the forcing at the upper turn, rad, in (-pi, pi]."""
     crossing: Float[Array | np.ndarray, "*orbits"]
     """Dimensionless time from the upper turn to the crossing of phi = 0."""
     multipliers: Complex[Array | np.ndarray, "*orbits 4"]
-    """Floquet multipliers over one forcing period; attracting if all are below 1 in size."""
+    """Floquet multipliers over one forcing period. The orbit attracts if all moduli are below 1."""
     margins: Margins
+    """Distances from the loss of the orbit."""
     overflow: Bool[Array | np.ndarray, "..."] | np.bool_
-    """Whether there may be more: more roots than could be followed up, or a bob that swings freely more than
-    300 times on one of the two arcs of a half period, whose path is not followed."""
+    """Whether the design may have more orbits. This is the case if the equation has more roots than were
+    examined, or if the bob swings freely more than 300 times during one of the two arcs of a half period; the
+    path of such a bob is not followed."""
 
 
 def symmetric_orbits(p: Parameters) -> Orbits:
-    """The symmetric period-one orbits of (25) with true signs, section by section in closed form.
+    """Solve for the symmetric period-one orbits of (25), in closed form between the events.
 
-    With friction (k > 0) they are all orbits that cross phi = 0 once in half a period and fall from the upper
-    turn to the lower one without turning back; without friction (k = 0) the block may turn back as often as
-    it likes. Not found are orbits with a stick phase, with more crossings, with more turns under friction, or
-    that repeat later. `steady_state` follows those from a start. So `no_orbit` does not prove that there is
-    no periodic motion, not even a symmetric one.
+    With friction (k > 0) the orbits are those that cross phi = 0 once in half a period and move from the
+    upper to the lower turn without turning back. Without friction (k = 0) the block may turn back any number
+    of times. The function does not find orbits that stick, that cross more often, that turn more often under
+    friction, or that have a longer period. `steady_state` follows such motions from an initial state. Hence
+    `no_orbit` does not prove that there is no periodic motion, not even that there is no symmetric one.
 
-    Works under `jit`, `vmap`, `grad` and `jacfwd` as one call of compiled code; what is known is answered on
-    the host, and nothing is compiled. See `all_symmetric_orbits` and `in_chunks` for large batches.
+    The function works under `jit`, `vmap`, `grad` and `jacfwd` as one call of compiled code. Known numbers
+    are evaluated on the host without a JAX program. For large batches see `all_symmetric_orbits` and
+    `tpd.in_chunks`.
+
+    Args:
+        p: dimensionless parameters, single numbers.
 
     Raises:
         ValueError: bad input.
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.Parameters(nu=0.2, mu=0.0, lam=0.5, zeta=0.1, k=0.05, f=0.1, xi=2.0)
+        >>> orbits = tpd.symmetric_orbits(p)
+        >>> [round(float(amplitude), 4) for amplitude in orbits.amplitude]
+        [0.0637, 0.0301, nan]
+        >>> [round(float(abs(multipliers).max()), 2) for multipliers in orbits.multipliers[:2]]
+        [0.62, 5.82]
     """
     check_parameters(p)
     x = row_of(p)
     if x.size > 9:
+        # A batch is an error here, because its orbits need the loop over several cores below.
         raise ValueError("`p` must be single numbers: `jax.vmap` and `all_symmetric_orbits` take batches")
     x = x.reshape(9)
-    # What is known has no derivatives, which JAX would prepare for longer than the orbits take.
-    return _orbits(_leaves(solved(x)) if isinstance(x, np.ndarray) else _described(x)[1])
+    # Known numbers have no derivatives. JAX would take longer to prepare derivatives than the solution takes.
+    return _orbits(_fields(solved(x)) if isinstance(x, np.ndarray) else _numbers_and_fields(x)[1])
 
 
 def all_symmetric_orbits(
     p: Parameters, *, workers: int | None = None, progress: Callable[[int, int], None] | None = None
 ) -> Orbits:
-    """`symmetric_orbits` of every element of a batch, on all cores: NumPy arrays with leading axes (n, 3),
-    without derivatives.
+    """Solve for the `symmetric_orbits` of every element of a batch, on all cores and without derivatives.
 
     Args:
-        p: known parameters, at least one of shape (n,), single numbers for all.
-        workers: threads; default the number of cores.
-        progress: called with (designs done, of how many) now and then.
+        p: known parameters. At least one field has the shape (n,); single numbers apply to all elements.
+        workers: number of threads; all cores by default.
+        progress: function that is called with (number of solved designs, number of all designs).
+
+    Returns:
+        Orbits as NumPy arrays with leading axes (n, 3).
 
     Raises:
         RuntimeError: JAX is in 32-bit mode.
-        ValueError: workers below one.
+        ValueError: `workers` is below one.
     """
     checks.require_x64()
     orbits = solve_orbits(row_of(p), workers=workers, progress=progress)
-    return _orbits(_leaves(orbits.view(float).reshape(*orbits.shape, -1)))
+    # The compiled code returns a structured array. As plain numbers it has one more axis.
+    return _orbits(_fields(orbits.view(float).reshape(*orbits.shape, -1)))
 
 
 _UNKNOWN = ("multipliers", "sticking", "grazing")
-"""Names of numbers whose derivative is not known."""
+"""Names of the fields whose derivatives are not computed."""
 
 
-def _leaves(numbers: Any) -> dict[str, Any]:
-    """Fields of `Orbits` and `Margins` by name, of orbits as numbers (..., 3, numbers of an orbit)."""
-    of = parts(numbers, ENGINE.entry().ORBIT)
-    index, codes = codes_of(STATUSES), of.status.astype(int)
-    return {name: of.sizes[..., place] for name, place in SIZES.items()} | {
-        "multipliers": of.multipliers[..., 0] + 1j * of.multipliers[..., 1],
-        "sticking": of.sticking,
-        "grazing": of.grazing,
+def _fields(numbers: Any) -> dict[str, Any]:
+    """Return the fields of `Orbits` and `Margins` by name, from the numbers of orbits (..., 3, numbers)."""
+    orbits = parts(numbers, ENGINE.entry().ORBIT)
+    # Compiled code has its own numbers of statuses, which are indices of `index`.
+    index, codes = codes_of(STATUSES), orbits.status.astype(int)
+    return {name: orbits.sizes[..., place] for name, place in SIZES.items()} | {
+        "multipliers": orbits.multipliers[..., 0] + 1j * orbits.multipliers[..., 1],
+        "sticking": orbits.sticking,
+        "grazing": orbits.grazing,
         "status": index[codes] if isinstance(codes, np.ndarray) else jnp.asarray(index)[codes],
-        "overflow": of.overflow[..., 0] > 0.0,
+        "overflow": orbits.overflow[..., 0] > 0.0,
     }
 
 
 @jax.custom_jvp
-def _described(x: Float[Array | np.ndarray, "9"]) -> tuple[Any, dict[str, Any]]:
-    """Orbits of a design as numbers, and their fields. Only the fields have derivatives."""
+def _numbers_and_fields(x: Float[Array | np.ndarray, "9"]) -> tuple[Any, dict[str, Any]]:
+    """Return the orbits of a design as numbers, and their fields. Only the fields have derivatives."""
     numbers = solved(x)
-    return numbers, _leaves(numbers)
+    return numbers, _fields(numbers)
 
 
-@_described.defjvp
-def _described_jvp(primals: tuple, tangents: tuple) -> tuple[Any, Any]:
+@_numbers_and_fields.defjvp
+def _numbers_and_fields_jvp(primals: tuple, tangents: tuple) -> tuple[Any, Any]:
     (x,), (direction,) = primals, tangents
-    numbers, leaves = _described(x)
+    numbers, fields = _numbers_and_fields(x)
     moves = {}
-    # A program computes those that it needs.
-    for asked, names in ASKED.items():
-        change = moved(_SLOPES[asked](x, numbers).swapaxes(-1, -2), direction, x)
+    # The slopes are divided into groups, because XLA omits the groups that a program does not use.
+    for group, names in ASKED.items():
+        # The tangent of each size is the product of its slopes with the direction.
+        change = moved(_SLOPES[group](x, numbers).swapaxes(-1, -2), direction, x)
         moves |= {name: change[:, SIZES[name]] for name in names}
+    # Fields without known derivatives get NaN, unless the direction is zero.
     unknown = moved(np.full(len(x), np.nan), direction, x)
     for name in _UNKNOWN:
-        moves[name] = jnp.broadcast_to(unknown, leaves[name].shape)
+        moves[name] = jnp.broadcast_to(unknown, fields[name].shape)
+    # A complex number has two unknown parts.
     moves["multipliers"] = (1.0 + 1.0j) * moves["multipliers"]
     for name in ("status", "overflow"):
-        moves[name] = np.zeros(leaves[name].shape, jax.dtypes.float0)
-    return (numbers, leaves), (jnp.zeros_like(numbers), {name: moves[name] for name in leaves})
+        # JAX requires tangents of this type for integers and booleans.
+        moves[name] = np.zeros(fields[name].shape, jax.dtypes.float0)
+    # The numbers themselves are not differentiated, see `_numbers_and_fields`.
+    return (numbers, fields), (jnp.zeros_like(numbers), {name: moves[name] for name in fields})
 
 
-_SLOPES = {asked: once(partial(slopes, asked=asked)) for asked in ASKED}
+# The derivatives of the slopes are NaN, because second derivatives are not computed.
+_SLOPES = {group: once(partial(slopes, asked=group)) for group in ASKED}
 
 
-def _orbits(of: dict[str, Any]) -> Orbits:
-    margins = Margins(**{name: of[name] for name in ("fold", "symmetry", "torus", "sticking", "grazing")})
-    status = status_of(of["status"])
+def _orbits(fields: dict[str, Any]) -> Orbits:
+    margins = Margins(**{n: fields[n] for n in ("fold", "symmetry", "torus", "sticking", "grazing")})
     names = ("amplitude", "swing", "state", "phase", "crossing", "multipliers", "overflow")
-    return Orbits(status=status, margins=margins, **{name: of[name] for name in names})
+    fields = {name: fields[name] for name in names} | {"status": status_of(fields["status"])}
+    return Orbits(margins=margins, **fields)

@@ -1,4 +1,4 @@
-"""Motion of a block and its pendulum through a pulse or a record, and after it."""
+"""Motion of a block with or without a pendulum during a pulse or a record, and after it."""
 
 from __future__ import annotations
 
@@ -28,62 +28,80 @@ from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status, code_of, codes_of, status_name, status_of
 
 FREE = 20.0
-"""Free motion that is followed after a ground motion by default, s."""
+"""Default duration of the free motion that is followed after a ground motion, s."""
 MAX_EVENTS = 200_000
-"""Events of a motion beyond one for each piece, at most."""
+"""Default for the largest number of events of a motion, in addition to one for each piece of the record."""
 
 
 class Transient(eqx.Module):
-    """Largest angles and outcome of a block under a ground motion: rad, and s from its beginning.
+    """Largest angles and outcome of a block under a ground motion.
 
-    Angles, their times and the state are differentiable in every SI quantity of block, pendulum and gravity,
-    in the size of the motion and its time scale, in the start and in the free time, if the status is stood
-    or rocked. So is the time of the first uplift, also of a block that overturns. Elsewhere derivatives are
-    NaN and `status` says why. NaN as well are those of a time that is infinite or that of the beginning, of
-    the time of the overturning, and all second derivatives; counts have none.
+    Angles are in rad, and times in s from the beginning of the motion.
 
-    By the nonlinear equations (`Nonlinear`) all derivatives are NaN, because nobody computes them. Every
-    landing is an impact, and the block overturns at a tilt of a right angle, which it must reach before the
-    end.
+    Angles, their times and the state are differentiable if the status is stood or rocked: with respect to
+    every SI quantity of block, pendulum and gravity, to the size and the time scale of the motion, to the
+    initial state and to the free time. The time of the first uplift is also differentiable if the block
+    overturns. Otherwise the derivatives are NaN, and `status` gives the reason. The derivatives of a time
+    that is infinite or zero, of the time of overturning, and all second derivatives are also NaN. Counts have
+    no derivatives.
+
+    With the nonlinear equations (`Nonlinear`) all derivatives are NaN. Every landing then is an impact, and
+    the block overturns if its tilt reaches a right angle before the end.
+
+    Attributes:
+        tilt: largest |phi|, rad; infinite if the block overturns.
+        swing: largest |psi|, rad; 0 without a pendulum.
+        relative: largest |psi - phi|, rad; 0 without a pendulum.
+        tilt_time, swing_time, relative_time: times at which these angles are reached, s.
+        impacts: number of impacts on the base.
+        uplift_time: time of the first uplift, s; infinite if the block stays on its base.
+        overturning_time: time from which the block cannot return, s; infinite if it does not overturn.
+        state: (phi, psi, phi', psi') at the end, rad and rad/s.
+        status: outcome.
     """
 
     tilt: Number
-    """Largest |phi|; infinite if the block overturns."""
+    """Largest |phi|, rad; infinite if the block overturns."""
     swing: Number
-    """Largest |psi|, the rod's angle from the vertical; 0 without a pendulum."""
+    """Largest |psi|, the angle of the rod from the vertical, rad; 0 without a pendulum."""
     relative: Number
-    """Largest |psi - phi|, the angle between rod and block; 0 without a pendulum."""
+    """Largest |psi - phi|, the angle between rod and block, rad; 0 without a pendulum."""
     tilt_time: Number
+    """Time at which the largest |phi| is reached, s."""
     swing_time: Number
+    """Time at which the largest |psi| is reached, s."""
     relative_time: Number
+    """Time at which the largest |psi - phi| is reached, s."""
     impacts: Int[Any, "..."]
-    """Impacts on the base, all hops of a rattle included down to the one that is called rest: slower than
-    2e-7 nu (phi' in tau) by `Piecewise` (with a restitution of 0.9999 or more than up to 8e-5 nu, where
-    slower ones would exhaust `max_events`), than `rest_rate` nu by `Nonlinear`. Their number depends on that;
-    `MotionHistory.impacts_above` counts those above a stated rate."""
+    """Number of impacts on the base. All impacts of a rattling motion count until the block is set to rest.
+    `Piecewise` sets the block to rest after an impact slower than 2e-7 nu (phi' in tau). With a restitution
+    of 0.9999 or more this rate is up to 8e-5 nu, because slower impacts would exceed `max_events`.
+    `Nonlinear` uses `rest_rate` times nu. The number depends on these rates;
+    `tpd.answers.motion_history.MotionHistory.impacts_above` counts the impacts above a given rate."""
     uplift_time: Number
-    """Time at which the block leaves its base for the first time; infinite if it never does."""
+    """Time at which the block leaves its base for the first time, s; infinite if it never does."""
     overturning_time: Number
-    """Time from which the block is beyond return; infinite if it does not overturn."""
+    """Time from which the block cannot return, s; infinite if it does not overturn."""
     state: Float[Any, "... 4"]
-    """(phi, psi, phi', psi') in rad and rad/s at the end."""
+    """(phi, psi, phi', psi') at the end, in rad and rad/s."""
     status: Status
-    """stood, rocked, overturned, grazing (an event was touched without crossing: no derivative), event_bound
-    or failed."""
+    """Outcome: stood, rocked, overturned, grazing (the motion touches an event without crossing it, so that
+    there is no derivative), event_bound or failed."""
 
     def __str__(self) -> str:
         if not (checks.is_concrete(self.tilt) and jnp.ndim(self.tilt) == 0):
+            # A batch has no single status, and traced values are unknown.
             return repr(self)
         lines = [f"{status_name(self.status)}: {Status[self.status]}"]
-        with_it = float(self.swing) != 0.0
-        for name in ("tilt", "swing", "relative") if with_it else ("tilt",):
+        has_pendulum = float(self.swing) != 0.0
+        for name in ("tilt", "swing", "relative") if has_pendulum else ("tilt",):
             at = f"at {getattr(self, name + '_time'):.4g} s"
             lines.append(f"  {name:9s} {getattr(self, name):.6g} rad {at}")
-        lines.append(f"  impacts   {int(self.impacts)}, all of a rattle included until it is called rest")
+        lines.append(f"  impacts   {int(self.impacts)}, including all impacts of a rattling motion")
         if math.isfinite(self.uplift_time):
             lines.append(f"  uplift    at {self.uplift_time:.4g} s")
         if math.isfinite(self.overturning_time):
-            lines.append(f"  falls     at {self.overturning_time:.4g} s")
+            lines.append(f"  overturns at {self.overturning_time:.4g} s")
         return "\n".join(lines)
 
 
@@ -96,25 +114,36 @@ def transient(
     free: Real = FREE,
     max_events: Whole = MAX_EVENTS,
 ) -> Transient:
-    """Follow a block, with or without a pendulum, through the pulse or record of its scene.
+    """Follow a block, with or without a pendulum, during the pulse or record of its scene and after it.
 
-    With `Piecewise()` the linear equations (25) with the base acceleration in the place of the harmonic are
-    solved exactly: a record is linear between its samples, and no event is missed. After the motion the block
-    moves freely for `free` seconds; a last arc that leads beyond return overturns it however far it has come
-    by then. See `Transient` for what the answers of the nonlinear equations mean.
+    `Piecewise()` solves the linear equations (25) exactly, with the base acceleration in place of the
+    harmonic: a record is linear between its samples, and no event is missed. After the ground motion the
+    block moves freely for `free` seconds. If its last arc cannot return, the block overturns, whatever its
+    tilt at the end is. `Transient` explains the results of the nonlinear equations.
 
     Args:
         scene: a block under a `Pulse` or a `Record`.
-        pendulum: None is the bare block.
-        y0: start (phi, psi, phi', psi') in rad and rad/s; at rest by default.
-        model: `Piecewise()`, the exact solution of the linear equations (default); or `Nonlinear()`, the
-            nonlinear equations (4), with the model's `rtol` and `rest_rate`.
-        free: free motion after the ground motion, s.
-        max_events: events allowed beyond one for each piece of the motion.
+        pendulum: pendulum of the block; None for the block without a pendulum.
+        y0: initial state (phi, psi, phi', psi') in rad and rad/s; at rest by default.
+        model: `Piecewise()`, the exact solution of the linear equations (default), or `Nonlinear()`, the
+            nonlinear equations (4), of which `rtol` and `rest_rate` are used.
+        free: duration of the free motion after the ground motion, s.
+        max_events: largest number of events, in addition to one for each piece of the ground motion.
+
+    Returns:
+        Largest angles, times and outcome. `jax.jit`, `jax.vmap` and `jax.grad` apply.
 
     Raises:
         ValueError: bad input, or a model that cannot follow this block under such a motion.
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> block = tpd.Block(width=1.0, height=6.0, mass=9000.0, restitution=0.9595)
+        >>> scene = tpd.Scene(block, tpd.Pulse.one_sine(frequency=1.2375, acceleration=3.0))
+        >>> result = tpd.transient(scene, tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1))
+        >>> tpd.status_name(result.status), round(float(result.tilt), 4)
+        ('rocked', 0.0597)
     """
     checks.require_x64()
     checks.instance("scene", scene, Scene)
@@ -125,56 +154,69 @@ def transient(
     p, rate = single((scene.ground_parameters(pendulum), scene.rate))
     start = np.zeros(4) if y0 is None else checks.state(y0)
     bob = 0.0 if pendulum is None else 1.0
+    # NumPy if all numbers are known, otherwise JAX.
     xp = checks.namespace(*jax.tree.leaves((p, rate, free, start)))
-    # Rates are per unit tau inside, and per second outside.
+    # Rates are per unit tau in compiled code, and per second for the user.
     speeds = xp.stack([x * xp.ones(()) for x in (1.0, 1.0, rate, rate)])
     pieces = xp.asarray(scene.motion.pieces())
-    found = _followed(model, p, pieces, free * rate, start / speeds, max_events)
-    return _answer(found, rate, speeds, bob, xp)
+    run = _follow(model, p, pieces, free * rate, start / speeds, max_events)
+    return _answer(run, rate, speeds, bob, xp)
 
 
-def _answer(found: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
-    """The motion in seconds; `bob` is 0 without a pendulum, and `xp` NumPy if all numbers are known."""
-    code = xp.asarray(found.status).astype(int)
-    # On one side of such a motion there is an event more: it has no derivative.
-    touched = (code == ROCKED) & (found.transversality < GRAZING)
+def _answer(run: Any, rate: Any, speeds: Any, bob: float, xp: Any) -> Transient:
+    """Convert a run to SI units.
+
+    `bob` is 0 without a pendulum and 1 with it. `xp` is NumPy if all numbers are known, otherwise JAX.
+    """
+    code = xp.asarray(run.status).astype(int)
+    # A motion that touches an event has one event more on one side of these parameters, and no derivative.
+    touched = (code == ROCKED) & (run.transversality < GRAZING)
+    # Only these outcomes have derivatives.
     sound = ((code == ROCKED) | (code == STOOD)) & ~touched
     status = xp.where(touched, code_of(Status.grazing), xp.asarray(codes_of(SHAKEN))[code])
-    # The angles of a bare block's bob, which is too light to be felt, are nobody's.
-    with_it = xp.array([1.0, bob, bob])
+    # Without a pendulum the equations have a bob that is too light to act on the block. Its angles are
+    # replaced by zero.
+    has_angle = xp.array([1.0, bob, bob])
     if xp is np:
+        # Known numbers have no derivatives to correct.
         seconds, kept = (lambda tau, usable: tau / rate), (lambda x, usable: x)
     else:
+        # Traced numbers also need the correct derivatives, or NaN.
         seconds, kept = partial(_seconds, rate), refused
-    times = seconds(found.times, sound[..., None] & (with_it > 0.0))
-    fallen = sound | (status == code_of(Status.overturned))
+    times = seconds(run.times, sound[..., None] & (has_angle > 0.0))
+    # The block lifts before it overturns, so that the time of uplift has a derivative in this case as well.
+    has_uplift_slope = sound | (status == code_of(Status.overturned))
     return Transient(
-        tilt=kept(found.tilt, sound),
-        swing=kept(found.swing if bob else xp.zeros_like(found.swing), sound),
-        relative=kept(found.relative if bob else xp.zeros_like(found.relative), sound),
+        tilt=kept(run.tilt, sound),
+        swing=kept(run.swing if bob else xp.zeros_like(run.swing), sound),
+        relative=kept(run.relative if bob else xp.zeros_like(run.relative), sound),
         tilt_time=times[..., 0],
         swing_time=times[..., 1],
         relative_time=times[..., 2],
-        impacts=xp.asarray(found.impacts).astype(int),
-        uplift_time=seconds(found.lifted, fallen),
-        overturning_time=seconds(found.fell, sound),
-        state=kept(found.state * speeds * xp.array([1.0, bob, 1.0, bob]), sound),
+        impacts=xp.asarray(run.impacts).astype(int),
+        uplift_time=seconds(run.lifted, has_uplift_slope),
+        overturning_time=seconds(run.fell, sound),
+        state=kept(run.state * speeds * xp.array([1.0, bob, 1.0, bob]), sound),
         status=status_of(status.astype(np.int32)),
     )
 
 
 def _seconds(rate: Any, tau: Any, usable: Any) -> Any:
-    """A time in seconds, infinite if it is not finite, with its derivative where that is usable and the time
-    is not that of the beginning."""
-    still = stop_gradient(tau)
-    there = jnp.isfinite(still)
-    known = refused(_finite(tau) / rate, usable & there & (still > 0.0))
-    return known + jnp.where(there, 0.0, jnp.inf)
+    """Convert a time to seconds. A time that is not finite becomes infinite.
+
+    The derivative is NaN where it is not `usable`, and for an infinite time or the time zero.
+    """
+    fixed = stop_gradient(tau)
+    is_finite = jnp.isfinite(fixed)
+    # The infinite value is added after the division, because infinity divided by the rate has a derivative of
+    # NaN.
+    finite = refused(_finite(tau) / rate, usable & is_finite & (fixed > 0.0))
+    return finite + jnp.where(is_finite, 0.0, jnp.inf)
 
 
 @jax.custom_jvp
 def _finite(x: Any) -> Any:
-    """`x`, or 0 where it is not finite, with the derivative of `x` in both cases."""
+    """Return `x`, or 0 where it is not finite, with the derivative of `x` in both cases."""
     return jnp.where(jnp.isfinite(x), x, 0.0)
 
 
@@ -183,15 +225,15 @@ def _finite_jvp(primals: tuple, tangents: tuple) -> tuple:
     return _finite(*primals), tangents[0]
 
 
-def _followed(model: Any, p: Parameters, pieces: Any, free: Any, start: Any, most: int) -> Followed:
-    """The motion of a model.
+def _follow(model: Any, p: Parameters, pieces: Any, free: Any, start: Any, most: int) -> Followed:
+    """Follow the motion of a model.
 
     Raises:
-        ValueError: a model that does not follow such a motion.
+        ValueError: the model cannot follow a ground motion.
     """
     checks.instance("model", model, (Piecewise, Nonlinear))
     limits: dict[str, Any] = {"events": most}
-    # What the exact solution calls rest under a ground motion does not depend on the model.
+    # Only `Nonlinear` has settings here. The exact solution has its own rate of rest under a ground motion.
     if isinstance(model, Nonlinear):
         limits |= {"rtol": model.rtol, "rest_rate": model.rest_rate}
     row, forcing = ground_row_of(p), GroundForcing([pieces], free)

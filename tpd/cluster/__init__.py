@@ -1,1 +1,1 @@
-"""Long work on several processes or machines."""
+"""Computation of long batches on several processes or machines."""

@@ -1,7 +1,7 @@
-"""Independent rigid-body engines: the same block, pendulum and shaking by codes that share nothing with ours.
+"""Independent rigid-body engines: the same block, pendulum and excitation with other codes than this package.
 
-An engine knows contact, sliding and bouncing, which the equations of the paper leave out. It has no exact
-events: its answers depend on its time step, hence two steps stand side by side.
+An engine includes contact, sliding and bouncing, which the equations of the paper neglect. It has no exact
+events, so that its results depend on its time step. Comparisons therefore use two time steps.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ __all__ = ["EngineVerdict", "mjcf", "mujoco", "opensees"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import the comparison with an engine on first use: it needs JAX, which a model for export does not."""
+    """Import the comparison with an engine on first use. It needs JAX, which a model for export does not."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from tpd.engines import comparison

@@ -1,4 +1,4 @@
-"""Paired ensemble of a design in an engine, beside that of the equations (4) on the same runs."""
+"""Comparison of a design in an engine and with the nonlinear equations (4), on the same paired runs."""
 
 from __future__ import annotations
 
@@ -25,102 +25,127 @@ from tpd.scene.scene import Harmonic, Pendulum, Scene
 from tpd.theory.equations import Terms
 
 _MEANING = (
-    "Rows in % are shares of the runs, the others quantiles over them; where a fifth of the step changes "
-    "nothing, a difference from the equations is the effect of sliding and of the law of impacts."
+    "Rows in % are shares of the runs, the others quantiles. If a fifth of the time step changes nothing, "
+    "differences from the equations are the effects of sliding and of the law of impacts."
 )
 RUNS = 64
+"""Default number of runs."""
 FINE = 16
-"""Runs that are repeated with the finer time step."""
+"""Number of runs that are repeated with the finer time step."""
 _FINER = 5
 """Divisor of the finer time step."""
 _PERIODS = 100
+"""Default number of forcing periods of a run."""
 _LAST = 10
-"""Periods at the end of a run whose largest tilt counts as settled."""
+"""Number of periods at the end of a run whose largest tilt counts as settled."""
 _FREE = 10.0
-"""Free motion after a ground motion, s."""
+"""Duration of the free motion after a ground motion, s."""
 MATCH = 0.01
-"""Difference of a velocity ratio up to which two impacts are the same."""
-_SURE = 0.02
-"""Change of the mean tilt (in units of that of toppling) below which nothing is said about its sign."""
+"""Largest difference between the velocity ratios of two impacts that count as equal."""
+_RESOLVED = 0.02
+"""Smallest change of the mean tilt, in units of the tilt of static overturning, whose sign is reported."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class EngineVerdict(Printed):
-    """Runs of an engine and of the equations (4), each with the pendulum and without."""
+    """Runs in an engine and with the equations (4), each with and without the pendulum.
+
+    Attributes:
+        engine: name and version of the engine.
+        scene: block and excitation.
+        pendulum: pendulum; None if the block has none.
+        ensemble: number, seed and spreads of the runs.
+        sliding: coefficient of friction against sliding.
+        with_engine: runs in the engine, with and without the pendulum.
+        finer: first of these runs with a fifth of the time step.
+        with_equations: the same runs with the nonlinear equations.
+        restitution: velocity ratio of impacts in the engine.
+        step: time step, s.
+    """
 
     engine: str
+    """Name and version of the engine."""
     scene: Scene
+    """Block and excitation."""
     pendulum: Pendulum | None
+    """Pendulum; None if the block has none."""
     ensemble: Ensemble
+    """Number, seed and spreads of the runs."""
     sliding: float
+    """Coefficient of friction of the corners against sliding."""
     with_engine: tuple[EngineRuns, EngineRuns]
-    """With the pendulum and without."""
+    """Runs in the engine, with and without the pendulum."""
     finer: tuple[EngineRuns, EngineRuns]
-    """The first of the same runs with a fifth of the time step."""
+    """The first of these runs with a fifth of the time step."""
     with_equations: tuple[EngineRuns, EngineRuns]
-    """The nonlinear equations with the losses of the scene. Sliding and bouncing are none."""
+    """Runs with the nonlinear equations and the losses of the scene, without sliding and
+    bouncing."""
     restitution: float
-    """Velocity ratio measured by free rocking in the engine."""
+    """Velocity ratio of impacts in the engine, measured with free rocking."""
     step: float
     """Time step, s."""
 
     @property
     def benefit(self) -> float:
-        """Decrease of the mean tilt over that of toppling, an overturning as 1, in the engine."""
+        """Reduction of the mean tilt in the engine, in units of the tilt of static overturning.
+
+        The tilt of a run is at most 1 in these units, and 1 if the block overturns.
+        """
         return self._benefit(self.with_engine)
 
     @property
     def expected_benefit(self) -> float:
-        """Decrease of the mean tilt by the equations (4); see `benefit`."""
+        """Reduction of the mean tilt with the equations (4), see `benefit`."""
         return self._benefit(self.with_equations)
 
     @property
     def disagrees(self) -> bool:
-        """Whether the pendulum helps by one of the two and harms by the other."""
+        """Whether the pendulum helps in the engine and harms with the equations, or the other way round."""
         ours, theirs = self.expected_benefit, self.benefit
-        # Near zero either sign is luck.
-        return ours * theirs < 0.0 and min(abs(ours), abs(theirs)) > _SURE
+        # The sign of a small change is not significant.
+        return ours * theirs < 0.0 and min(abs(ours), abs(theirs)) > _RESOLVED
 
     @property
     def step_matters(self) -> bool:
-        """Whether the verdict of the first runs depends on the time step."""
-        # Only the same runs can be compared.
+        """Whether the sign of the benefit in the first runs depends on the time step."""
+        # Only runs that both time steps have can be compared.
         few = tuple(runs.first(len(self.finer[0].peak)) for runs in self.with_engine)
         coarse, fine = self._benefit(few), self._benefit(self.finer)
-        return coarse * fine < 0.0 and min(abs(coarse), abs(fine)) > _SURE
+        return coarse * fine < 0.0 and min(abs(coarse), abs(fine)) > _RESOLVED
 
     @property
     def losses(self) -> str:
-        """Sentence on the losses of both."""
+        """Sentences that compare the losses of the engine and the block."""
         without: Any = parameters_under(self.scene, None)
         e = float(without.velocity_ratio)
-        # The engine rocks the scene's block, so that its own friction stays.
+        # The engine has the friction of rocking of the block, but impacts of its own.
         block: Any = self.scene.block
         friction = float(block.friction)
-        said = f"Velocity ratio of an impact: {self.restitution:.3f} in the engine by free rocking"
+        text = f"Velocity ratio of an impact: {self.restitution:.3f} in the engine (from free rocking)"
         if abs(e - self.restitution) <= MATCH:
-            said += f", {e:.3f} of the block."
+            text += f", {e:.3f} for the block."
         else:
-            said += f" (Housner's), but {e:.3f} of the block: the losses are not the same."
+            text += f", {e:.3f} for the block: the losses differ, because the engine has Housner's impacts."
         if friction > 0.0:
-            said += " The block's friction of rocking comes on top of the engine's impacts."
-        return said
+            text += " The engine also has the friction of rocking of the block."
+        return text
 
     @property
     def warning(self) -> str:
-        """Sentence that comes before an answer; empty where there is nothing to warn of."""
+        """Sentence that must precede the results; empty if there is nothing to warn of."""
+        # A disagreement is the more serious warning, so that it comes first.
         if self.disagrees:
             word = "harms" if self.benefit < 0.0 else "helps"
             return (
-                f"DANGER: by {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of toppling), "
-                f"by the equations (4) it does the opposite ({-self.expected_benefit:+.3f})."
+                f"DANGER: in {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of toppling). "
+                f"The equations (4) predict the opposite ({-self.expected_benefit:+.3f})."
             )
         if self.step_matters:
             return f"DANGER: whether the pendulum helps in {self.engine} depends on its time step."
         return ""
 
     def table(self) -> str:
-        """Shares and sizes as text."""
+        """Return shares and quantiles of all runs as a table."""
         few = len(self.finer[0].peak)
         head = ["", self.engine, f"its first {few}", "a fifth of its step", "equations (4)"]
         return "\n".join(aligned([head, *self._rows(few)]))
@@ -128,24 +153,26 @@ class EngineVerdict(Printed):
     def __str__(self) -> str:
         e = self.ensemble
         head = (
-            f"{e.size} paired runs, seed {e.seed}; time step {number(1e3 * self.step, 3)} ms, friction of "
-            f"sliding {self.sliding:g}."
+            f"{e.size} paired runs, seed {e.seed}; time step {number(1e3 * self.step, 3)} ms, friction "
+            f"coefficient {self.sliding:g} against sliding."
         )
         lines = [*([self.warning] if self.warning else []), head, self.losses, "", self.table(), _MEANING]
         return "\n".join(lines)
 
     def _rows(self, few: int) -> list[list[str]]:
+        # Each row has the values of the engine, its first runs, the finer time step, and the equations.
+        # Quantiles are comparable only for the same runs, hence the column of the first runs.
         first = tuple(runs.first(few) for runs in self.with_engine)
         groups, rows = (self.with_engine, first, self.finer, self.with_equations), []
         sizes = [("tilt", "median", "peak", 0.5), ("tilt", "90 %", "peak", 0.9)]
         if isinstance(self.scene.motion, Harmonic):
             sizes.append(("settled", "median", "settled", 0.5))
-        for i, who in enumerate((" with the pendulum", " without") if self.pendulum is not None else ("",)):
-            of = [group[i] for group in groups]
-            rows.append([f"overturned{who}", *(f"{Share.of(r.overturned).value:.1%}" for r in of)])
+        for i, case in enumerate((" with the pendulum", " without") if self.pendulum is not None else ("",)):
+            runs_of = [group[i] for group in groups]
+            rows.append([f"overturned{case}", *(f"{Share.of(r.overturned).value:.1%}" for r in runs_of)])
             for what, share, name, at in sizes:
-                rows.append([f"{what}{who}: {share}, rad", *(_size(getattr(r, name), at) for r in of)])
-        # The equations know neither slip nor flight.
+                rows.append([f"{what}{case}: {share}, rad", *(_size(getattr(r, name), at) for r in runs_of)])
+        # The equations include neither sliding nor flight, so that their column is empty in these rows.
         bodies = [group[0] for group in groups[:3]]
         if self.pendulum is not None:
             rows.append(["rod to block: 90 %, rad", *(_size(r.relative, 0.9) for r in bodies), "–"])
@@ -154,9 +181,10 @@ class EngineVerdict(Printed):
         return rows
 
     def _benefit(self, pair: tuple[EngineRuns, ...]) -> float:
-        topples = math.atan(float(self.scene.block.slenderness))
-        with_it, without = (np.minimum(runs.peak / topples, 1.0).mean() for runs in pair)
-        return float(without - with_it)
+        # Infinite tilts of overturned runs count as 1, see `benefit`.
+        toppling = math.atan(float(self.scene.block.slenderness))
+        with_pendulum, without = (np.minimum(runs.peak / toppling, 1.0).mean() for runs in pair)
+        return float(without - with_pendulum)
 
 
 def mujoco(
@@ -170,35 +198,37 @@ def mujoco(
     workers: checks.Whole | None = None,
     progress: Progress | bool | None = None,
 ) -> EngineVerdict:
-    """Follow the paired runs of a verdict in MuJoCo, and by the nonlinear equations (4).
+    """Follow paired runs in MuJoCo, and the same runs with the nonlinear equations (4).
 
     Args:
-        scene: of any motion.
-        pendulum: None is the bare block alone.
-        runs: in the ensemble; its first is from rest, without scatter.
-        seed: of the ensemble.
-        periods: length of a run under a harmonic.
+        scene: block with any excitation.
+        pendulum: pendulum of the block; None for the block without a pendulum.
+        runs: number of runs. The first starts from rest and has no scatter.
+        seed: seed of the ensemble.
+        periods: length of a run under a harmonic, in forcing periods.
         sliding: coefficient of friction of the corners on the floor.
-        workers: threads; default the number of cores.
-        progress: True for a bar on stderr, or called with (stage, done, of how many).
+        workers: number of threads; all cores by default.
+        progress: True for a progress bar on stderr, or a function that is called with (stage, number of
+            finished runs, number of all runs).
 
     Raises:
-        ValueError: bad input, MuJoCo is not installed, or its impacts are not Housner's.
+        ValueError: bad input, MuJoCo is not installed, or the impacts in MuJoCo are not Housner's.
         RuntimeError: JAX is in 32-bit mode.
     """
     checks.require_x64()
     checks.instance("scene", scene, Scene)
     checks.optional("pendulum", pendulum, Pendulum)
     sliding = checks.positive("sliding", sliding)
-    # Impacts of an engine are Housner's, whatever e scatters to.
+    # Impacts in an engine are Housner's, so that e does not scatter.
     ensemble = Ensemble(size=runs, seed=seed, periods=periods, restitution=0.0)
     version = available()
     with shown(progress) as report:
         case = _Case(scene, ensemble, sliding, workers, report)
+        # An engine with other impacts than Housner's is rejected before the long runs.
         e = case.restitution()
         few = min(FINE, runs)
-        coarse = _pair(pendulum, lambda with_it: case.runs(with_it, 1, runs))
-        finer = _pair(pendulum, lambda with_it: case.runs(with_it, _FINER, few))
+        coarse = _pair(pendulum, lambda pendulum: case.runs(pendulum, 1, runs))
+        finer = _pair(pendulum, lambda pendulum: case.runs(pendulum, _FINER, few))
         equations = _pair(pendulum, case.equations)
     return EngineVerdict(
         engine=f"MuJoCo {version}",
@@ -217,7 +247,7 @@ def mujoco(
 def _pair(
     pendulum: Pendulum | None, runs_with: Callable[[Pendulum | None], EngineRuns]
 ) -> tuple[EngineRuns, EngineRuns]:
-    """Runs with the pendulum and without."""
+    """Return the runs with and without the pendulum. Without a pendulum both are the same."""
     without = runs_with(None)
     return (without if pendulum is None else runs_with(pendulum)), without
 
@@ -227,18 +257,24 @@ class _Case:
     """Runs of an ensemble in SI units."""
 
     scene: Scene
+    """Block and excitation."""
     ensemble: Ensemble
+    """Number, seed and spreads of the runs."""
     sliding: float
+    """Coefficient of friction against sliding."""
     workers: int | None
+    """Number of threads; None for all cores."""
     report: Progress
+    """Function that reports the progress."""
 
     def restitution(self) -> float:
-        """Velocity ratio of the engine's impacts.
+        """Return the velocity ratio of the impacts in the engine.
 
         Raises:
-            ValueError: they are not Housner's.
+            ValueError: the impacts are not Housner's.
         """
-        # An engine whose contact is too soft or too hard for its step has impacts of its own making.
+        # If the contact is too soft or too hard for the time step, the engine has impacts of another kind.
+        # Friction of rocking would also reduce the energy between two impacts.
         body = replace(self.bodies(None, _FINER)[0], friction=0.0)
         e = free_rocking(body)
         if not abs(e - body.housner) <= MATCH:
@@ -249,65 +285,73 @@ class _Case:
         return e
 
     def plan(self, pendulum: Pendulum | None) -> Plan:
-        """Starts and parameters of every run."""
+        """Return initial states and parameters of all runs."""
         return plan(parameters_under(self.scene, pendulum), self.ensemble, float(self.scene.rate))
 
     def bodies(self, pendulum: Pendulum | None, steps: int) -> list[RigidBody]:
-        """Bodies of every run, as scattered."""
+        """Return the bodies of all runs, including their scatter."""
         q, n = vars(self.plan(pendulum).p), self.ensemble.size
+        # Parameters without scatter are repeated for all runs.
         columns = {name: np.broadcast_to(np.ravel(x), n) for name, x in q.items() if x is not None}
         runs = ({name: float(x[i]) for name, x in columns.items()} for i in range(n))
         return [body_of(self.scene, Parameters(**run), self.sliding, steps) for run in runs]
 
     def runs(self, pendulum: Pendulum | None, steps: int, few: int) -> EngineRuns:
-        """The first runs in the engine."""
+        """Follow the first `few` runs in the engine."""
         runs, rate = self.plan(pendulum), float(self.scene.rate)
+        # The engine has rates per second.
         y = runs.y0[:few] * [1.0, 1.0, rate, rate]
         shaking, duration, late = self._shaking(runs, few)
-        what = "with the pendulum" if pendulum is not None else "without"
-        stage = f"engine, {what}" + (", finer step" if steps > 1 else "")
+        case = "with the pendulum" if pendulum is not None else "without"
+        stage = f"engine, {case}" + (", finer step" if steps > 1 else "")
 
         def count(share: float) -> None:
             self.report(stage, round(share * few), few)
 
-        # All runs are planned, also where few are followed: these are the same runs then.
+        # The bodies of all runs are sampled before the first are selected, so that the first runs do not
+        # depend on `few`.
         bodies = self.bodies(pendulum, steps)[:few]
         return follow(bodies, y, shaking, duration, late, workers=self.workers, progress=count)
 
     def equations(self, pendulum: Pendulum | None) -> EngineRuns:
-        """All runs by the nonlinear equations."""
+        """Follow all runs with the nonlinear equations."""
         runs, n = self.plan(pendulum), self.ensemble.size
         if isinstance(self.scene.motion, GroundMotion):
-            # The time scale of a ground motion is its own: the scatter of a frequency is for harmonics.
+            # A ground motion has its own time scale. The scatter of the frequency applies to harmonics only.
             h = np.full(n, float(self.scene.motion.piece) * float(self.scene.rate))
             x = row_of(runs.p, piece=h)
             pieces = [np.asarray(self.scene.motion.pieces(), dtype=float)]
             forcing = GroundForcing(pieces, _FREE * float(self.scene.rate))
         else:
             x, forcing = row_of(runs.p), HarmonicForcing(self.ensemble.periods, runs.begin, runs.periods)
-        # What is not known must not look like standing.
-        found = follow_runs(Terms.nonlinear, x, forcing, y0=runs.y0).ended(True)
+        # A run without an answer counts as overturned, because it must not look safe.
+        table = follow_runs(Terms.nonlinear, x, forcing, y0=runs.y0).ended(True)
+        # The equations have no sliding and no flight. Zeros fill these fields.
         none, bounced = np.zeros(n), np.zeros(n, dtype=bool)
-        return EngineRuns(found.is_overturned, found.tilt, found.settled_tilt, none, none, bounced)
+        return EngineRuns(table.is_overturned, table.tilt, table.settled_tilt, none, none, bounced)
 
     def _shaking(
         self, runs: Plan, few: int
     ) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray]:
-        """Accelerations at times from the start of the runs, durations, and times from which a tilt counts as
-        settled."""
+        """Return the base acceleration as a function of time, and two times for each run.
+
+        The times are the duration of the run, and the time from which a tilt counts as settled, both in s
+        from the beginning of the run.
+        """
         rate, g = float(self.scene.rate), float(self.scene.gravity)
         f = np.broadcast_to(np.asarray(runs.p.f, dtype=float), self.ensemble.size)[:few, None] * g
         if isinstance(self.scene.motion, GroundMotion):
-            one = self.scene.motion
-            # The equations turn a tilt against the base's acceleration.
-            size = -f / (float(one.pga))
-            end = np.full(few, float(one.duration) + _FREE)
-            return (lambda t: size * one.acceleration_at(t)[None]), end, end
+            motion = self.scene.motion
+            # The tilt of the equations is positive against the acceleration of the base.
+            size = -f / (float(motion.pga))
+            end = np.full(few, float(motion.duration) + _FREE)
+            return (lambda t: size * motion.acceleration_at(t)[None]), end, end
         w = np.broadcast_to(np.asarray(runs.p.xi, dtype=float), self.ensemble.size)[:few, None] * rate
+        # Times in s, shape (runs, 1), so that they combine with the times of the steps.
         begin, grow = runs.begin[:few, None] / rate, runs.periods[:few, None] * 2.0 * np.pi / w
 
         def shaking(t: np.ndarray) -> np.ndarray:
-            # Growth counts from tau = 0, as in the ensemble, and not from the start of a run.
+            # As in the ensemble, the excitation grows from tau = 0, and not from the beginning of a run.
             since = begin + t[None]
             share = np.where(since < grow, since / np.where(grow > 0.0, grow, 1.0), 1.0)
             return f * share * np.sin(w * since)
@@ -318,7 +362,8 @@ class _Case:
 
 
 def _size(values: np.ndarray, share: float) -> str:
-    """Quantile as text; a run that overturned is beyond all others."""
+    """Return a quantile as text. Overturned runs have an infinite tilt, larger than all others."""
+    # The smallest value that at least `share` of the runs do not exceed.
     ordered = np.sort(values)
     x = float(ordered[min(len(ordered) - 1, math.ceil(share * len(ordered)) - 1)])
-    return "lost" if math.isinf(x) else number(x, 3)
+    return "overturns" if math.isinf(x) else number(x, 3)

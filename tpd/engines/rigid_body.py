@@ -1,10 +1,10 @@
-"""Block and pendulum as rigid bodies in SI units, and the text of models of them for MuJoCo and OpenSees.
+"""Block and pendulum as rigid bodies in SI units, and their models as text for MuJoCo and OpenSees.
 
-The block stands on the two lower corners of its cross-section. In the frame of the floor the base's
-acceleration acts on every mass, so that it enters as forces in the two centres of mass.
+The block stands on the two lower corners of its cross-section. The coordinates move with the base, so that
+the acceleration of the base is a force on every mass, at the two centres of mass.
 
-In OpenSees (Tcl) the block is a star of stiff beams from its centre of mass to its lower corners and to the
-hinge; it stands on friction bearings that bear no tension. Coordinates move with the base.
+In OpenSees (Tcl) the block consists of stiff beams from its centre of mass to its lower corners and to the
+hinge. It stands on friction bearings that carry no tension.
 """
 
 from __future__ import annotations
@@ -26,38 +26,45 @@ from tpd.scene.scene import Harmonic, Pendulum, Scene
 SLIDING = 0.6
 """Coefficient of friction against sliding, of stone on stone."""
 _CONTACT = 0.01
-"""Time constant of the contact over sqrt(b/g): soft enough for the step, and impacts are Housner's."""
+"""Time constant of the contact divided by sqrt(b/g). The contact is soft enough for the time step, and its
+impacts are Housner's."""
 _STEP = 0.4
-"""Time step over the time constant of the contact."""
+"""Time step divided by the time constant of the contact."""
 RADIUS = 1e-4
-"""Radius of a corner over the half height. On a visible arc a thin block would roll and never rest."""
+"""Radius of a corner divided by the half height. With a larger radius a slender block would roll and never
+come to rest."""
 
 
 _FREE = 20.0
-"""Free motion after a pulse or a record, s."""
+"""Duration of the free motion after a pulse or a record, s."""
 _STEP_OPENSEES = 0.2
-"""Time step of an OpenSees model over the time constant of the contact."""
+"""Time step of an OpenSees model divided by the time constant of the contact."""
 
 
 @dataclass(frozen=True)
 class RigidBody:
-    """A block with its pendulum: SI units."""
+    """Block with its pendulum, in SI units."""
 
     half_width: float
+    """Half width of the block, m."""
     half_height: float
+    """Half height of the block, m."""
     mass: float
+    """Mass of the block, kg."""
     inertia: float
-    """About the centre of mass, kg m^2."""
+    """Moment of inertia of the block about its centre of mass, kg m^2."""
     friction: float
     """Moment of the dry friction of rocking, N m."""
     bob: float
-    """Mass of the bob, kg; 0 for a bare block."""
+    """Mass of the bob, kg; 0 without a pendulum."""
     rod: float
     """Length of the rod, m."""
     damping: float
-    """Constant of the hinge's damper, N m s."""
+    """Damping constant of the hinge, N m s."""
     gravity: float
+    """Acceleration of gravity, m/s^2."""
     sliding: float = SLIDING
+    """Coefficient of friction against sliding."""
     steps: int = 1
     """Divisor of the time step."""
 
@@ -73,24 +80,24 @@ class RigidBody:
 
     @property
     def housner(self) -> float:
-        """Velocity ratio of Housner's impact of the bare block."""
-        # Angular momentum about the corner that is struck, kept through the impact.
+        """Velocity ratio of Housner's impact without a pendulum."""
+        # The impact conserves the angular momentum about the new corner.
         a2, b2 = self.half_width**2, self.half_height**2
-        own = self.inertia / self.mass
-        return 1.0 - 2.0 * a2 / (a2 + b2 + own)
+        gyration2 = self.inertia / self.mass
+        return 1.0 - 2.0 * a2 / (a2 + b2 + gyration2)
 
     def mjcf(self) -> str:
-        """Model as text, in MuJoCo's format."""
+        """Return the model as text in the format of MuJoCo."""
         return _rendered("mujoco.xml.j2", body=self, radius=RADIUS * self.half_height)
 
 
 def _rendered(template: str, **values: Any) -> str:
-    """Return the text of a model from its template, a file beside this one."""
-    # Few commands write a model, and the others should not wait for this package.
+    """Return the text of a model from its template, a file in this folder."""
+    # The import is local, because only a few commands write a model and the others should start quickly.
     import jinja2
 
     source = resources.files("tpd.engines").joinpath(template).read_text(encoding="utf-8")
-    # A name that is missing in the template is an error, not an empty place in a model.
+    # A name that is missing in the template raises an error and does not leave a gap in the model.
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
@@ -98,22 +105,27 @@ def _rendered(template: str, **values: Any) -> str:
 
 
 def parameters_under(scene: Scene, pendulum: Pendulum | None) -> Parameters:
-    """Dimensionless parameters of a scene with any motion."""
+    """Return the dimensionless parameters of a scene with any excitation."""
     harmonic = isinstance(scene.motion, Harmonic)
     return scene.parameters(pendulum) if harmonic else scene.ground_parameters(pendulum)
 
 
 def body_of(scene: Scene, p: Parameters, sliding: float, steps: int = 1) -> RigidBody:
-    """Rigid bodies of dimensionless parameters (plain numbers), at the scene's size and mass."""
+    """Return the rigid bodies of dimensionless parameters (plain numbers) in SI units.
+
+    Size and mass of the block are those of the scene.
+    """
     b, mass, g = float(scene.block.half_height), float(scene.block.mass), float(scene.gravity)
     nu, mu, rod = float(p.nu), float(p.mu), float(p.lam) * b
-    own = b**2 * (1.0 / float(p.inertia_ratio) - 1.0 - nu**2)
+    # The inertia ratio is rho = b^2/(a^2 + b^2 + c^2), where c is the radius of gyration.
+    gyration2 = b**2 * (1.0 / float(p.inertia_ratio) - 1.0 - nu**2)
+    # zeta is relative to the critical damping of the pendulum with a fixed hinge.
     damping = 2.0 * float(p.zeta) * mu * mass * rod * math.sqrt(g * rod)
     return RigidBody(
         half_width=nu * b,
         half_height=b,
         mass=mass,
-        inertia=mass * own,
+        inertia=mass * gyration2,
         friction=float(p.k) * mass * g * b,
         bob=mu * mass,
         rod=rod,
@@ -125,17 +137,25 @@ def body_of(scene: Scene, p: Parameters, sliding: float, steps: int = 1) -> Rigi
 
 
 def mjcf(scene: Scene, pendulum: Pendulum | None = None, *, sliding: checks.Real = SLIDING) -> str:
-    """Block and pendulum as the text of a MuJoCo model, which needs no MuJoCo.
+    """Return block and pendulum as the text of a MuJoCo model. This needs no MuJoCo.
 
-    The shaking is no part of the text: give every actuator the acceleration of the base in m/s^2 as control.
+    The text does not contain the excitation: use the acceleration of the base in m/s^2 as the control of
+    every actuator.
 
     Args:
-        scene: of any motion.
-        pendulum: None is the bare block.
+        scene: block with any excitation.
+        pendulum: pendulum of the block; None for the block without a pendulum.
         sliding: coefficient of friction of the corners on the floor.
 
     Raises:
         ValueError: bad input.
+
+    Example:
+        >>> import tpd
+        >>> scene = tpd.paper_scene()
+        >>> pendulum = scene.pendulum(mass_ratio=0.1, length_ratio=0.8, damping_ratio=0.1)
+        >>> tpd.engines.mjcf(scene, pendulum).count("<joint")
+        4
     """
     checks.instance("scene", scene, Scene)
     sliding = checks.positive("sliding", sliding)
@@ -143,20 +163,26 @@ def mjcf(scene: Scene, pendulum: Pendulum | None = None, *, sliding: checks.Real
 
 
 def opensees(scene: Scene, pendulum: Pendulum | None = None, *, sliding: checks.Real = SLIDING) -> str:
-    """Block, pendulum and shaking as the text of an OpenSees model in Tcl, which needs no OpenSees.
+    """Return block, pendulum and excitation as the text of an OpenSees model in Tcl. This needs no OpenSees.
 
-    The text stands the block under its weight, shakes it and writes its motion to files. Its comments say
-    how the model differs from the equations: damping of the contact takes the energy of impacts, and whoever
-    runs the model must match it.
+    The model first applies the weight, then the excitation, and writes the motion to files. Its comments
+    describe how it differs from the equations. The damping of the contact dissipates the energy of impacts,
+    and the user must adapt it.
 
     Args:
-        scene: of any motion: a harmonic lasts 40 periods; a record has its samples, and a pulse those between
-            its pieces, with free motion of 20 s after either.
-        pendulum: None is the bare block.
+        scene: block with any excitation. A harmonic lasts 40 periods. A record has its samples, and a pulse
+            the samples between its pieces; free motion of 20 s follows.
+        pendulum: pendulum of the block; None for the block without a pendulum.
         sliding: coefficient of friction of the corners on the floor.
 
     Raises:
         ValueError: bad input.
+
+    Example:
+        >>> import tpd
+        >>> text = tpd.engines.opensees(tpd.paper_scene())
+        >>> [line[:36] for line in text.splitlines() if line.startswith("timeSeries")]
+        ['timeSeries Trig 1 0.0 $tEnd 0.4 -fac']
     """
     checks.instance("scene", scene, Scene)
     sliding = checks.positive("sliding", sliding)
@@ -174,13 +200,13 @@ def opensees(scene: Scene, pendulum: Pendulum | None = None, *, sliding: checks.
 
 
 def _series(motion: Harmonic | GroundMotion) -> str:
-    """Time series 1, the acceleration of the base."""
+    """Return time series 1, the acceleration of the base, in Tcl."""
     if isinstance(motion, Harmonic):
-        # The base begins to move to the right, and is braked.
+        # The base moves to the right first, and decelerates.
         peak, period = -float(motion.amplitude) * float(motion.rate) ** 2, 1.0 / float(motion.frequency)
         return f"timeSeries Trig 1 0.0 $tEnd {period!r} -factor {peak!r}"
     piece = float(motion.piece)
-    # Linear between samples: a record is so already, and the pieces of a pulse are short.
+    # Linear between samples. This is exact for a record, and the pieces of a pulse are short.
     values = motion.acceleration_at(np.arange(len(motion.pieces()) + 1) * piece)
     listed = textwrap.fill(" ".join(map(repr, values.tolist())), 100, break_on_hyphens=False)
     return f"timeSeries Path 1 -dt {piece!r} -values {{\n{listed}\n}}"

@@ -1,4 +1,4 @@
-"""Runs of MuJoCo: blocks with pendulums through given accelerations of the base, many at once."""
+"""Runs in MuJoCo: many blocks with pendulums at once, under given accelerations of the base."""
 
 from __future__ import annotations
 
@@ -15,39 +15,41 @@ from tpd.engines.rigid_body import RigidBody
 FALLEN = 1.3
 """Tilt beyond which a block has overturned, rad."""
 _CHUNK = 2000
-"""Time steps between two looks at the runs."""
+"""Number of time steps after which the runs are examined."""
 _LIFTED = 1e-3
-"""Height over the half height above which a corner is off the floor."""
+"""Height divided by the half height above which a corner has left the floor."""
 
 Accelerations = Callable[[np.ndarray], np.ndarray]
-"""Accelerations of the base (runs, steps), m/s^2, at times (steps,) from the start of the runs."""
+"""Function that returns the base accelerations (runs, steps), m/s^2, at the times (steps,) since the
+start."""
 
 
 class EngineRuns(NamedTuple):
-    """Runs of an engine: arrays of shape (n,)."""
+    """Results of runs in an engine: arrays of shape (n,)."""
 
     overturned: np.ndarray
+    """Whether the block overturns."""
     peak: np.ndarray
-    """Largest |phi|, rad; infinite where the block overturns."""
+    """Largest |phi|, rad; infinite if the block overturns."""
     settled: np.ndarray
-    """Largest |phi| at the end of a run, rad; infinite where the block overturns."""
+    """Largest |phi| at the end of a run, rad; infinite if the block overturns."""
     relative: np.ndarray
-    """Largest |psi - phi|, rad, up to an overturning."""
+    """Largest |psi - phi| before an overturning, rad."""
     slid: np.ndarray
-    """Largest shift of a corner on the floor, m, up to an overturning."""
+    """Largest displacement of a corner on the floor before an overturning, m."""
     bounced: np.ndarray
-    """Whether both corners were off the floor at once, up to an overturning."""
+    """Whether both corners left the floor at the same time before an overturning."""
 
     def first(self, n: int) -> EngineRuns:
-        """The first n of the runs."""
+        """Return the first n runs."""
         return EngineRuns(*(x[:n] for x in self))
 
 
 def available() -> str:
-    """Version of MuJoCo.
+    """Return the version of MuJoCo.
 
     Raises:
-        ValueError: it is not installed.
+        ValueError: MuJoCo is not installed.
     """
     try:
         return str(_mujoco().__version__)
@@ -58,7 +60,7 @@ def available() -> str:
 
 
 def _mujoco() -> Any:
-    """Import MuJoCo, which is optional. Its types do not name what its compiled module has."""
+    """Import MuJoCo, which is optional. The result is `Any`, because MuJoCo does not declare its names."""
     import mujoco
 
     return mujoco
@@ -74,96 +76,106 @@ def follow(
     workers: int | None = None,
     progress: Callable[[float], None] = unreported,
 ) -> EngineRuns:
-    """Follow n runs of blocks of one size, with one time step.
+    """Follow n runs of blocks of the same size, with one time step.
 
     Args:
-        bodies: of every run; all have a pendulum, or none has.
-        starts: (phi, psi, phi', psi') in rad and rad/s, shape (n, 4); a tilted block stands on its corner.
-        shaking: accelerations of the base of all runs.
-        duration: of every run, s.
-        late: time from which the tilt of a run counts as settled, s.
-        workers: threads; default the number of cores.
-        progress: called with the share that is done.
+        bodies: bodies of the runs. Either all or none have a pendulum.
+        starts: initial states (phi, psi, phi', psi') in rad and rad/s, shape (n, 4). A tilted block stands on
+            its corner.
+        shaking: function that returns the accelerations of the base of all runs.
+        duration: duration of each run, s.
+        late: time from which the tilt of each run counts as settled, s.
+        workers: number of threads; all cores by default.
+        progress: function that is called with the finished share of the work.
     """
     from mujoco import rollout
 
     mujoco = _mujoco()
     models = [mujoco.MjModel.from_xml_string(body.mjcf()) for body in bodies]
+    # Each thread needs work memory of its own. All models have the same dimensions.
     threads = min(workers or os.cpu_count() or 1, len(models))
     datas = [mujoco.MjData(models[0]) for _ in range(threads)]
     full = mujoco.mjtState.mjSTATE_FULLPHYSICS
     states = np.zeros((len(models), mujoco.mj_stateSize(models[0], full)))
-    # Time comes first in a state, then positions and velocities.
+    # A state of MuJoCo begins with the time. Positions and velocities follow.
     states[:, 1:] = [placed(body, start) for body, start in zip(bodies, starts, strict=True)]
-    found, left, step, done = Found(bodies), np.arange(len(models)), bodies[0].step, 0
+    results, remaining, step, done = Maxima(bodies), np.arange(len(models)), bodies[0].step, 0
     steps = np.ceil(duration / step).astype(int)
-    # In chunks, so that an overturned block is followed no further and an interruption is heard.
-    while left.size:
-        n = int(min(_CHUNK, steps[left].max() - done))
+    # In chunks, so that overturned blocks are followed no further, and Ctrl-C has an effect between chunks.
+    while remaining.size:
+        n = int(min(_CHUNK, steps[remaining].max() - done))
         times = step * (done + np.arange(n))
-        control = np.repeat(shaking(times)[left, :, None], models[0].nu, axis=2)
-        some = [models[i] for i in left]
-        passed, _ = rollout.rollout(some, datas[: min(threads, len(some))], states[left], control)
-        found.see(left, np.asarray(passed), late, steps[left] - done)
-        states[left], done = np.asarray(passed)[:, -1], done + n
-        left = left[~found.overturned[left] & (steps[left] > done)]
-        progress(min(1.0, done / float(steps.max())) if left.size else 1.0)
-    return found.runs()
+        # Every actuator of a model has the same control, the acceleration of the base.
+        control = np.repeat(shaking(times)[remaining, :, None], models[0].nu, axis=2)
+        some = [models[i] for i in remaining]
+        path, _ = rollout.rollout(some, datas[: min(threads, len(some))], states[remaining], control)
+        results.add(remaining, np.asarray(path), late, steps[remaining] - done)
+        states[remaining], done = np.asarray(path)[:, -1], done + n
+        # A run ends when the block has overturned or its duration is over.
+        remaining = remaining[~results.overturned[remaining] & (steps[remaining] > done)]
+        progress(min(1.0, done / float(steps.max())) if remaining.size else 1.0)
+    return results.runs()
 
 
 def _largest(values: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Largest size of each row (n, m) where it counts, (n,)."""
+    """Return the largest absolute value of each row (n, m) among the entries that count, shape (n,)."""
     return np.max(np.where(where, np.abs(values), 0.0), axis=1)
 
 
-class Found:
-    """Largest sizes met so far."""
+class Maxima:
+    """Largest angles and displacements of runs so far."""
 
     def __init__(self, bodies: Sequence[RigidBody]) -> None:
         n, one = len(bodies), bodies[0]
+        # The width may scatter between runs; the height does not.
         self.a = np.array([body.half_width for body in bodies])
         self.b, self.has_pendulum = one.half_height, one.bob > 0.0
         self.overturned, self.bounced = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         self.peak, self.settled, self.relative, self.slid = np.zeros((4, n))
 
-    def see(self, rows: np.ndarray, passed: np.ndarray, late: np.ndarray, steps: np.ndarray) -> None:
-        """Take the states of some runs (rows, steps, state) in."""
-        time, x, z, tilt = np.moveaxis(passed[:, :, :4], 2, 0)
-        # An overturned block goes on falling, and a run that has come to its end goes on: both count no more.
+    def add(self, rows: np.ndarray, path: np.ndarray, late: np.ndarray, steps: np.ndarray) -> None:
+        """Add the states of some runs, shape (rows, steps, state)."""
+        time, x, z, tilt = np.moveaxis(path[:, :, :4], 2, 0)
+        # States after an overturning or after the end of a run do not count.
         fell = np.logical_or.accumulate(~(np.abs(tilt) < FALLEN), axis=1)
         counts = ~fell & (np.arange(tilt.shape[1])[None] < steps[:, None])
         self.overturned[rows] |= np.any(fell & (np.arange(tilt.shape[1])[None] < steps[:, None]), axis=1)
         self.peak[rows] = np.maximum(self.peak[rows], _largest(tilt, counts))
+        # The last periods of a run count as settled.
         at_end = counts & (time >= late[rows, None])
         self.settled[rows] = np.maximum(self.settled[rows], _largest(tilt, at_end))
         if self.has_pendulum:
-            self.relative[rows] = np.maximum(self.relative[rows], _largest(passed[:, :, 4], counts))
+            # The fourth coordinate of a body with a pendulum is the angle between rod and block.
+            self.relative[rows] = np.maximum(self.relative[rows], _largest(path[:, :, 4], counts))
+        # Height and displacement of each corner follow from position and tilt of the block.
         cos, sin, a = np.cos(tilt), np.sin(tilt), self.a[rows, None]
         off = np.ones_like(counts)
         for side in (-1.0, 1.0):
             height = z + self.b * (1.0 - cos) - side * a * sin
             down = height < _LIFTED * self.b
             shift = x + side * a * cos - self.b * sin - side * a
+            # A corner slides only while it is on the floor.
             self.slid[rows] = np.maximum(self.slid[rows], _largest(shift, counts & down))
             off &= ~down
         self.bounced[rows] |= np.any(off & counts, axis=1)
 
     def runs(self) -> EngineRuns:
-        """The runs, sizes of overturned ones infinite."""
+        """Return the results of the runs. The tilts of overturned runs are infinite."""
         peak, settled = (np.where(self.overturned, math.inf, v) for v in (self.peak, self.settled))
         return EngineRuns(self.overturned, peak, settled, self.relative, self.slid, self.bounced)
 
 
 def placed(body: RigidBody, start: np.ndarray) -> np.ndarray:
-    """Positions and velocities of a block that stands on its corner."""
+    """Return positions and velocities of a block that stands on its corner."""
     tilt, psi, tilt_rate, psi_rate = (float(v) for v in start)
     side = 1.0 if tilt >= 0.0 else -1.0
-    # A start says how the block is turned; where it stands follows from the corner that it stands on.
-    # From the corner to the centre of mass, turned by the tilt.
+    # The initial state has the angles only. The position follows from the corner on which the block stands:
+    # (x, z) is the vector from this corner to the centre of mass, rotated by the tilt.
     dx, dz = -side * body.half_width, body.half_height
     cos, sin = math.cos(tilt), math.sin(tilt)
     x, z = dx * cos + dz * sin, dz * cos - dx * sin
     at = [side * body.half_width + x, z - body.half_height, tilt]
+    # The block rotates about the corner, so that its velocity is perpendicular to (x, z).
     moving = [tilt_rate * z, -tilt_rate * x, tilt_rate]
     if body.bob > 0.0:
         return np.array([*at, psi - tilt, *moving, psi_rate - tilt_rate])
@@ -171,27 +183,32 @@ def placed(body: RigidBody, start: np.ndarray) -> np.ndarray:
 
 
 def free_rocking(body: RigidBody) -> float:
-    """Return the velocity ratio of the first impact of a block without pendulum and friction, released from
-    half of its toppling tilt: the square root of the ratio of the energies after and before the impact. NaN
-    if there is no impact."""
+    """Return the velocity ratio of the first impact of free rocking in MuJoCo, without pendulum and friction.
+
+    The block is released from half of its toppling tilt. The ratio is the square root of the ratio of the
+    energies after and before the impact. The result is NaN if there is no impact.
+    """
     mujoco = _mujoco()
     model = mujoco.MjModel.from_xml_string(body.mjcf())
     data = mujoco.MjData(model)
     assert max(body.bob, body.friction) == 0.0, "friction and a bob change the energy between impacts"
+    # The released block stands on one corner, and crosses zero tilt at its first impact.
     half_of_toppling = 0.5 * math.atan2(body.half_width, body.half_height)
     state = placed(body, np.array([half_of_toppling, 0.0, 0.0, 0.0]))
     data.qpos[:], data.qvel[:] = state[:3], state[3:]
-    # A contact of this stiffness ends after some time constants, in which the block hardly moves.
+    # The contact force of this stiffness ends after some time constants, in which the block moves very
+    # little.
     around = round(12.0 * body.contact_time / body.step)
     energies, impact = [], math.inf
     for step in range(10_000_000):
         mujoco.mj_step(model, data)
         (vx, vz, rate), height = data.qvel, data.qpos[1]
+        # Without friction the energy changes only at the impact.
         kinetic = 0.5 * body.mass * (vx**2 + vz**2) + 0.5 * body.inertia * rate**2
         energies.append(float(kinetic + body.mass * body.gravity * height))
         if data.qpos[2] < 0.0:
             impact = min(impact, step)
         if step == impact + around:
-            # An impact right after the release leaves no motion before it to compare with.
+            # If the impact follows the release too soon, the energy before it is unknown.
             return math.sqrt(energies[step] / energies[step - 2 * around]) if impact >= around else math.nan
     return math.nan

@@ -1,1 +1,1 @@
-"""The models that answer a scene, a file each, behind one interface."""
+"""Models of a block and a pendulum, one in each file, behind one interface."""

@@ -1,4 +1,4 @@
-"""The interface of a model; `steady_state` and `simulate` do the rest for every model alike."""
+"""Interface of a model. `steady_state` and `simulate` use every model through this interface."""
 
 from __future__ import annotations
 
@@ -18,49 +18,54 @@ from tpd.scene.status import Status
 from tpd.theory.equations import Terms
 
 MOST_PERIODS = 800
-"""Most forcing periods in one call of a model, by default."""
+"""Default for the largest number of forcing periods in one call of a model."""
 COMPILED_PERIODS = 100_000
-"""Most forcing periods in one call of a model that compiled code solves: half a second of work, or some
-seconds with many events."""
+"""Largest number of forcing periods in one call of a model that compiled code solves. So many periods take
+half a second, or some seconds if the motion has many events."""
 
 
 def setting(name: str, check: Callable[..., Any], default: Any, *bounds: Any) -> Any:
-    """Return a field of a model that holds what a check returns for a value."""
-    # Not in `__check_init__`: Equinox warns of an array before that.
+    """Return a field for a model: `check(name, value, *bounds)` checks every value and converts it."""
+    # The check is a converter and not a part of `__check_init__`, because Equinox warns about array values
+    # before it calls `__check_init__`.
     convert = lambda value: check(name, value, *bounds)  # noqa: E731
     return eqx.field(converter=convert, default=default, static=True, kw_only=True)
 
 
 class Cycle(eqx.Module):
-    """One period of a motion, differentiable in forward mode."""
+    """Period of a motion. All numbers can be differentiated in forward mode."""
 
     end: State
+    """State at the end of the period."""
     amplitude: Number
+    """Largest |phi| of the period, rad."""
     swing: Number
+    """Largest |psi| of the period, rad."""
     memory: Any
-    """As `Settled.memory`, at the end."""
+    """Discrete state at the end of the period, see `Settled.memory`."""
     transversality: Number
-    """Least rate at which the motion met an event, over the usual rate: 0 if it grazed one, infinite for a
-    model without events."""
+    """Smallest rate at which the motion crosses an event, divided by the usual rate. It is 0 if the motion
+    grazes an event, and infinite for a model without events."""
     asymmetry: Number
-    """Difference between the largest tilts to either side, over the amplitude."""
+    """Difference between the largest tilts to the two sides, divided by the amplitude."""
     closed: Bool[Array, ""]
-    """Whether the discrete mode at the end is that at the beginning; true for a model without modes."""
+    """Whether the discrete mode at the end equals the mode at the beginning. Always true for a model without
+    modes."""
 
 
 class AbstractChoice(eqx.Module):
-    """A way to choose among models."""
+    """A rule that selects a model for given parameters."""
 
     @abstractmethod
     def steady(self, p: Parameters, y0: State) -> Any:
-        """The `Steady` of the model chosen for these parameters, plain numbers."""
+        """Return the steady state of the selected model. The parameters must be plain numbers."""
 
 
 class AbstractModel(eqx.Module):
     """A model of block and pendulum in dimensionless form."""
 
     most_periods: ClassVar[int] = MOST_PERIODS
-    """Most forcing periods in one call, which Ctrl-C cannot stop."""
+    """Largest number of forcing periods in one call. Ctrl-C cannot interrupt a call."""
 
     @abstractmethod
     def check(self, p: Parameters) -> None:
@@ -68,20 +73,21 @@ class AbstractModel(eqx.Module):
 
     @abstractmethod
     def settle(self, p: Parameters, y0: State) -> Settled:
-        """Follow the motion from `y0` at tau = 0 until it repeats itself."""
+        """Follow the motion from the state `y0` at tau = 0 until it repeats."""
 
     @abstractmethod
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]
     ) -> tuple[Float[Array, "times 4"], Status]:
-        """The states at `times`, from `y0` at `times[0]`."""
+        """Return the states at `times` and the status of the motion that begins with `y0` at `times[0]`."""
 
 
 class AbstractCompiled(AbstractModel):
-    """A model of equations that compiled code solves.
+    """A model whose equations are solved by compiled code (Numba).
 
-    Compiled code also decides when a motion has settled, after how many periods it repeats, and what its
-    status is. A subclass changes nothing of that: a model with another flow is an `AbstractFlow`.
+    The compiled code also decides when a motion has settled, after how many periods the motion repeats, and
+    which status it has. Subclasses cannot change these decisions. A model with another flow must be an
+    `AbstractFlow`.
     """
 
     max_periods: eqx.AbstractVar[int]
@@ -93,49 +99,57 @@ class AbstractCompiled(AbstractModel):
 
     @property
     def accuracy(self) -> dict[str, Any]:
-        """Settings of the compiled code for a part of a motion, by their names."""
+        """Settings, by their names, with which the compiled code follows a part of a motion."""
         return {"events": self.max_events, "rest_rate": self.rest_rate}
 
     @property
     @abstractmethod
     def limits(self) -> Limits:
-        """Settings of the compiled code for a steady state."""
+        """Settings with which the compiled code computes a steady state."""
 
     def check(self, p: Parameters) -> None:
-        """Every valid set of parameters is representable."""
+        """Accept the parameters: compiled models can represent every valid set."""
 
     def settle(self, p: Parameters, y0: State) -> Settled:
-        """Follow the motion from `y0` at tau = 0 until it repeats or rests for good."""
+        """Follow the motion from the state `y0` at tau = 0 until it repeats or comes to rest for good."""
+        # By default compiled code has limits of its own; those of the model replace them.
         forcing = HarmonicForcing(self.max_periods)
-        how = {**self.accuracy, "tolerance": self.tolerance}
-        return follow(self.equations, row_of(p), forcing, y0=y0, **how)
+        settings = {**self.accuracy, "tolerance": self.tolerance}
+        return follow(self.equations, row_of(p), forcing, y0=y0, **settings)
 
     def trajectory(
         self, p: Parameters, y0: State, times: Float[Array, "times"]
     ) -> tuple[Float[Array, "times 4"], Status]:
-        """The states at `times`, from `y0` at `times[0]`."""
+        """Return the states at `times` and the status of the motion that begins with `y0` at `times[0]`."""
         return trajectory(self.equations, p, y0, times, **self.accuracy)
 
 
 class AbstractFlow(AbstractModel):
-    """A model whose motions programs of JAX follow and differentiate, by the rules of
-    `tpd.answers.period_map` and `tpd.models.settling`."""
+    """A model whose motions are followed and differentiated by JAX programs.
+
+    `tpd.models.settling` decides when such a motion has settled, and `tpd.answers.period_map` computes its
+    periodic orbit and the derivatives of the orbit.
+    """
 
     @property
     @abstractmethod
     def round_off(self) -> float:
-        """Residual of the period map, relative to its scale, that counts as round-off."""
+        """Residual of the period map, relative to the scale of the state, that is due to rounding."""
 
     @abstractmethod
     def resolution(self, p: Parameters) -> Number:
-        """The largest |phi| that the model cannot tell from rest."""
+        """Return the largest |phi| (rad) that the model cannot distinguish from rest."""
 
     def settle_exactly(self, p: Parameters, y0: State) -> Settled | None:
-        """The motion from `y0` by the same equations without smoothing: None of a model that smooths nothing,
-        or of equations that are solved with smoothing alone. Not differentiated."""
+        """Return the motion that the same equations without smoothing reach from `y0`.
+
+        The result is None if the model smooths nothing, or if its equations can be solved only with
+        smoothing. It is not differentiated.
+        """
+        # This is the answer of a model that smooths nothing. `Smoothed` overrides it.
         del p, y0
         return None
 
     @abstractmethod
     def cycle(self, p: Parameters, settled: Settled, y: State) -> Cycle:
-        """Run `settled.periods` forcing periods from the state `y` at tau = 0."""
+        """Follow `settled.periods` forcing periods from the state `y` at tau = 0."""

@@ -1,16 +1,18 @@
-"""One step of an orbit and of its derivatives: half a forcing period of the smoothed equations by diffrax.
+"""Newton step of a symmetric orbit and of its derivatives, from half a forcing period.
 
-A symmetric orbit is described by the state at its upper turn, phi' = 0, and by the phase of the forcing
-there: four numbers u = (phi, psi, gamma, psi'). With P the state half a period later, -P must be the state
-again.
-One integration with tangents in the state y, the design x and the phase gives P and its derivatives, and with
-them one Newton step of the orbit and the derivative of u by the implicit function theorem,
+diffrax integrates the smoothed equations over the half period.
+
+Four numbers u = (phi, psi, gamma, psi') describe a symmetric orbit: the state at its upper turn, where
+phi' = 0, and the phase gamma of the forcing at the turn. Let y(u) be this state and P the state half a period
+later. The orbit is symmetric if P is the mirror image of y(u). One integration with tangents in the state y,
+the design x and the phase gives P and its derivatives. These give one Newton step of the orbit and, by the
+implicit function theorem, the derivative of u:
 
     F(u, x) = P + y(u) = 0,     u <- u - F_u^-1 F,     du/dx = -F_u^-1 P_x.
 
-The first number of u is the amplitude, so no peak has to be looked for. If a design moves little between two
-steps, orbit and design converge together; the residual |F| goes with every step as its own estimate of the
-error.
+The first component of u is the amplitude, so that no search for a peak is necessary. If a design changes
+little between two steps, orbit and design converge together. Each step returns its residual |F| as an
+estimate of its error.
 """
 
 from __future__ import annotations
@@ -35,57 +37,62 @@ from tpd.scene.pytrees import Number
 from tpd.theory.equations import smoothed_rates
 
 _VALUE, _DESIGN, _PHASE = 0, slice(4, 7), 7
-"""Row of a value before its derivatives; directions of these after the state's own four: the design's three,
-and the phase."""
+"""Layout of an array with tangents. Row `_VALUE` of the array is the value. Among the eight directions of the
+derivatives the first four are those of the state, then follow the three of the design and the phase."""
 _SAMPLES = 32
-"""Samples of the bob's way in half a period, of which the largest is beside its turn."""
+"""Number of samples of the bob angle in half a period. The largest one is next to the turn of the bob."""
 _STEPS = 256
-"""Bound on the solver's steps: some 50 are usual, and in a batch all wait for the slowest."""
+"""Largest number of solver steps. About 50 steps are usual, and a batch waits for its slowest element."""
 
 
 class HalfPeriod(NamedTuple):
-    """The state after half a period, with derivatives, and what a Newton step needs beside them."""
+    """State after half a period with its derivatives, and the other inputs of a Newton step."""
 
     end: Array
-    """The state at the end and its derivatives, (9, 4): in the four numbers of the first state, in the design
-    (mu, lam, zeta), and in the phase of the forcing."""
+    """State at the end and its derivatives, shape (9, 4). The derivatives are those with respect to the four
+    components of the first state, the design (mu, lam, zeta), and the phase of the forcing."""
     swing: Array
-    """Largest |psi|, rad, and the same derivatives, (9,)."""
+    """Largest |psi| (rad) and its derivatives in the same order, shape (9,)."""
     start: Array
-    """The first state."""
+    """State at the beginning, shape (4,)."""
     units: Array
-    """Sizes of the numbers of a state: nu for angles, xi nu for rates."""
+    """Unit of each component of the state, shape (4,): nu for angles, xi nu for rates."""
     felt: Array
-    """1 for the numbers of a state that act on the block; a bob without mass (mu = 0) does not."""
+    """1 for each component of the state that acts on the block, otherwise 0, shape (4,). A bob without mass
+    (mu = 0) does not act on the block."""
     done: Array
-    """Whether the solver kept its bound on the steps."""
+    """Whether the solver stayed within its limit on the number of steps."""
 
 
 class Step(NamedTuple):
-    """Orbits after one step, and their derivatives with respect to the design (mu, lam, zeta)."""
+    """Orbits after one Newton step, with their derivatives with respect to the design (mu, lam, zeta)."""
 
     turn: np.ndarray
-    """phi, the largest of the orbit, and psi (rad), phase of the forcing (rad) and psi' at the upper turn."""
+    """phi (rad, the amplitude), psi (rad), phase of the forcing (rad) and psi' at the upper turn, (n, 4)."""
     slope: np.ndarray
-    """Its derivatives, (4, 3); the first row is that of the amplitude."""
+    """Derivatives of `turn`, shape (n, 4, 3). Row 0 is the derivative of the amplitude."""
     swing: np.ndarray
-    """Largest |psi|, rad."""
+    """Largest |psi|, rad, shape (n,)."""
     swing_slope: np.ndarray
+    """Derivatives of `swing`, shape (n, 3)."""
     residual: np.ndarray
-    """Largest difference from an orbit, over nu for angles and xi nu for rates."""
+    """Largest component of F, in units of nu for angles and xi nu for rates, shape (n,)."""
     multiplier: np.ndarray
-    """Largest modulus of the Floquet multipliers over a whole period."""
+    """Largest modulus of the Floquet multipliers over a whole period, shape (n,)."""
     reserve: np.ndarray
-    """Distance from where the orbit stops attracting, as `tpd.Margins` has it: the least of fold, symmetry
-    and torus."""
+    """Distance from the loss of stability, shape (n,): the smallest of `fold`, `symmetry` and `torus` of
+    `tpd.answers.symmetric_orbits.Margins`."""
     solved: np.ndarray
-    """Whether the solver kept its bound on the steps and all numbers are finite."""
+    """Whether the solver stayed within its limit on the steps and all numbers are finite, shape (n,)."""
 
 
 @lru_cache(maxsize=8)
 def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Array]], HalfPeriod]:
-    """Function of (parameters of the bare block, design (3,), factors of the condition (8,), turn (4,)) that
-    follows half a period; pure JAX."""
+    """Return a function that follows half a period of one orbit, as a pure JAX function.
+
+    Its argument is a tuple: the parameters without the pendulum, the design (3,), the factors of the
+    condition (8,), and the turn u (4,).
+    """
 
     def run(args: tuple[Parameters, Array, Array, Array]) -> HalfPeriod:
         p, design, factors, turn = args
@@ -94,26 +101,27 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
         times = 0.5 * q.period * jnp.linspace(0.0, 1.0, _SAMPLES + 1)
 
         def motion_at(x: Array, phase: Array) -> tuple[Field, Array]:
-            """The field, and the time at which the motion begins."""
+            """Return the vector field and the time at which the motion begins."""
             q = as_arrays(under(p, x, factors))
             return smoothed_rates(q, *model.widths(q), model.terms), phase / q.xi
 
-        # Eight directions: the state's own four, the design's three, and the phase.
-        ways = jnp.eye(8)[:, _DESIGN], jnp.eye(8)[:, _PHASE]
-        motion, turned = _along(motion_at, (design, turn[TILT_RATE]), ways)
+        # Design and phase enter through the vector field. Its tangents in their directions are computed once,
+        # before the integration.
+        directions = jnp.eye(8)[:, _DESIGN], jnp.eye(8)[:, _PHASE]
+        motion, motion_tangents = _with_tangents(motion_at, (design, turn[TILT_RATE]), directions)
 
         def rates(time: Any, z: Any, args: Any) -> Array:
-            """Rates of the state and of its derivatives, (9, 4)."""
+            """Return the rates of the state and of its derivatives, shape (9, 4)."""
 
             def rate(motion: tuple[Field, Array], y: Array) -> Array:
                 field, begin = motion
                 return field(begin + time, y, args)
 
-            value, slopes = _along(rate, (motion, z[_VALUE]), (turned, z[1:]))
+            value, slopes = _with_tangents(rate, (motion, z[_VALUE]), (motion_tangents, z[1:]))
             return jnp.concatenate([value[None], slopes])
 
-        # The derivatives are solved beside the state. `jax.jacfwd` of the solver gives the same numbers, but
-        # traces it three times more, and every process has to trace.
+        # The derivatives are integrated together with the state. `jax.jacfwd` of the solver returns the same
+        # numbers, but traces the solver three more times, and every process has to trace.
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(rates),
             model.solver,
@@ -122,7 +130,7 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
             1e-3 * q.period,
             jnp.concatenate([start[None], jnp.eye(8, 4)]),
             saveat=diffrax.SaveAt(ts=times),
-            # The steps are those of the state alone.
+            # Only the error of the state controls the step size, so that tangents do not change the steps.
             stepsize_controller=diffrax.PIDController(
                 rtol=model.rtol, atol=0.01 * model.rtol, norm=lambda z: jnp.sqrt(jnp.mean(z[_VALUE] ** 2))
             ),
@@ -131,13 +139,13 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
             throw=False,
         )
         zs: Array = solution.ys  # type: ignore[assignment]
-        ways = turned, jnp.moveaxis(zs[:, 1:], 1, 0)
-        bob_of = partial(_largest_bob, times)
-        swing, by_stroke = _along(bob_of, (motion, zs[:, _VALUE]), ways)
+        directions = motion_tangents, jnp.moveaxis(zs[:, 1:], 1, 0)
+        swing_at = partial(_largest_swing, times)
+        swing, swing_slopes = _with_tangents(swing_at, (motion, zs[:, _VALUE]), directions)
         bob = jnp.where(q.mu > 0.0, 1.0, 0.0)
         return HalfPeriod(
             end=zs[-1],
-            swing=jnp.concatenate([swing[None], by_stroke]),
+            swing=jnp.concatenate([swing[None], swing_slopes]),
             start=start,
             units=q.nu * jnp.stack([jnp.ones_like(q.xi), jnp.ones_like(q.xi), q.xi, q.xi]),
             felt=jnp.stack([jnp.ones_like(bob), bob, jnp.ones_like(bob), bob]),
@@ -147,29 +155,31 @@ def half_period(model: Smoothed) -> Callable[[tuple[Parameters, Array, Array, Ar
     return run
 
 
-def _along(function: Callable[..., Any], at: Any, ways: Any) -> tuple[Any, Any]:
-    """A function of several arguments, and its derivatives in several directions."""
-    return jax.vmap(lambda *way: jax.jvp(function, at, way), out_axes=(None, 0))(*ways)
+def _with_tangents(function: Callable[..., Any], at: Any, directions: Any) -> tuple[Any, Any]:
+    """Return the value of a function of several arguments, and its derivatives in several directions."""
+    return jax.vmap(lambda *d: jax.jvp(function, at, d), out_axes=(None, 0))(*directions)
 
 
 @np.errstate(all="ignore")
 def newton(turn: np.ndarray, half: HalfPeriod) -> Step:
-    """The step of orbits (n, 4) from what half a period did to them."""
+    """Return the orbits (n, 4) after one Newton step, from the half periods that begin at their turns."""
     finite = np.all(np.isfinite(half.end), axis=(1, 2)) & np.all(np.isfinite(half.swing), axis=1)
     by = np.where(finite[:, None, None], half.end[:, 1:], 0.0)
-    # The numbers of u are no state: the phase stands in the place of phi', which is zero.
-    own = [TILT, SWING, _PHASE, SWING_RATE]
-    jacobian = np.swapaxes(by[:, own] + np.eye(8, 4)[own], 1, 2)
-    # NumPy refuses a whole batch for one matrix that is singular; what is put here is marked below.
+    # The third component of u is the phase. It takes the place of phi', which is zero at the turn.
+    components = [TILT, SWING, _PHASE, SWING_RATE]
+    jacobian = np.swapaxes(by[:, components] + np.eye(8, 4)[components], 1, 2)
+    # NumPy raises an error for the whole batch if one matrix is singular. Such a matrix is replaced by the
+    # identity, and its orbit is marked as not solved at the end.
     regular = finite & (np.abs(np.linalg.det(jacobian)) > 0.0)
     jacobian = np.where(regular[:, None, None], jacobian, np.eye(4))
     residual = half.end[:, _VALUE] + half.start
     moved = -np.linalg.solve(jacobian, residual[:, :, None]).squeeze(-1)
     slope = -np.linalg.solve(jacobian, np.swapaxes(by[:, _DESIGN], 1, 2))
-    swing_u = half.swing[:, 1:][:, own]
-    # The derivative of the mirrored half period: its eigenvalues say whether the orbit attracts.
+    swing_u = half.swing[:, 1:][:, components]
+    # Derivative G of the mirrored half-period map. Its eigenvalues g decide whether the orbit attracts.
     g = np.linalg.eigvals(-by[:, :4] * (half.felt[:, :, None] * half.felt[:, None]))
     pairs = np.stack([g[:, i] * g[:, j] for i, j in combinations(range(4), 2)], axis=1)
+    # The products vanish at an eigenvalue +1, at an eigenvalue -1, and at a pair on the unit circle.
     margins = [np.prod(1.0 - g, axis=1), np.prod(1.0 + g, axis=1), np.prod(1.0 - pairs, axis=1)]
     step = Step(
         turn=turn + moved,
@@ -185,32 +195,39 @@ def newton(turn: np.ndarray, half: HalfPeriod) -> Step:
     return step._replace(solved=step.solved & np.all(sound, axis=0))
 
 
-def _largest_bob(
+def _largest_swing(
     times: Float[Array, "samples"], motion: tuple[Field, Number], ys: Float[Array, "samples 4"]
 ) -> Number:
-    """Largest |psi|, at a turn of the bob, or at an impact where its rate jumps to the other side. `motion`
-    is the field, and the time at which the motion begins."""
+    """Return the largest |psi| of half a period.
+
+    The largest value is at a turn of the bob, or at an impact, where the rate of the bob changes its sign by
+    a jump. `motion` is the vector field and the time at which the motion begins.
+    """
     field, begin = motion
     times = begin + times
-    # The half periods before and after are mirror images.
+    # The half periods before and after this one are its mirror images, so that the samples next to the two
+    # ends are known.
     step = times[1] - times[0]
     ys = jnp.concatenate([-ys[-2:-1], ys, -ys[1:2]])
     times = jnp.concatenate([times[:1] - step, times, times[-1:] + step])
+    # Sample i is the largest one. Its neighbour j is on the side to which |psi| increases.
     i = 1 + jnp.argmax(jnp.abs(stop_gradient(ys)[1:-1, SWING]))
     side = jnp.sign(stop_gradient(ys)[i, SWING])
     j = jnp.where(side * stop_gradient(ys)[i, SWING_RATE] > 0.0, i + 1, i - 1)
     here, there, to = ys[i], ys[j], times[j] - times[i]
     pull, back = field(times[i], here, None)[SWING_RATE], field(times[j], there, None)[SWING_RATE]
-    # The top of the parabola lies between the two samples, or an impact stands between: then both parabolas
-    # end where they meet, by the secant and one step of Newton.
+    # Each sample has a parabola from its angle, rate and acceleration. Either the top of the first parabola
+    # lies between the two samples, or an impact lies between them. In the second case the parabolas intersect
+    # at the impact: the secant and one Newton step give the time of the intersection.
     top = -here[SWING_RATE] / jnp.where(pull == 0.0, 1.0, pull)
     turns = (side * pull < 0.0) & (jnp.abs(stop_gradient(top)) <= step)
-    fall = jnp.where(turns, 1.0, here[SWING_RATE] - there[SWING_RATE])
-    meets = (there[SWING] - here[SWING] - there[SWING_RATE] * to) / fall
-    apart = here[SWING] + here[SWING_RATE] * meets + 0.5 * pull * meets**2
-    apart = apart - there[SWING] - there[SWING_RATE] * (meets - to) - 0.5 * back * (meets - to) ** 2
-    meets = meets - apart / jnp.where(turns, 1.0, fall + pull * meets - back * (meets - to))
-    when = jnp.where(turns, top, meets)
+    slope = jnp.where(turns, 1.0, here[SWING_RATE] - there[SWING_RATE])
+    crossing = (there[SWING] - here[SWING] - there[SWING_RATE] * to) / slope
+    apart = here[SWING] + here[SWING_RATE] * crossing + 0.5 * pull * crossing**2
+    apart = apart - there[SWING] - there[SWING_RATE] * (crossing - to) - 0.5 * back * (crossing - to) ** 2
+    crossing = crossing - apart / jnp.where(turns, 1.0, slope + pull * crossing - back * (crossing - to))
+    when = jnp.where(turns, top, crossing)
+    # A time outside the interval means that neither case applies: the sample itself is the largest value.
     between = jnp.abs(stop_gradient(when)) <= step
     when = jnp.where(between, when, 0.0)
     return side * (here[SWING] + here[SWING_RATE] * when + 0.5 * pull * when**2)

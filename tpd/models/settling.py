@@ -1,4 +1,4 @@
-"""Recognising, period after period, that a motion repeats itself, rests or is lost."""
+"""Decide, forcing period after forcing period, whether a motion repeats, rests, overturns or goes on."""
 
 from __future__ import annotations
 
@@ -16,58 +16,78 @@ from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status
 
 LONGEST = 8
-"""Longest motion recognised as periodic, in forcing periods."""
+"""Longest period, in forcing periods, that is recognised as a repetition."""
 
 
 class Period(NamedTuple):
-    """Summary of one forcing period."""
+    """Summary of one forcing period of a motion."""
 
     y: State
+    """State at the end of the period."""
     memory: Any
+    """Discrete state at the end of the period, see `Settled.memory`."""
     amplitude: Number
+    """Largest |phi|, rad."""
     swing: Number
+    """Largest |psi|, rad."""
     rests: Bool[Array, ""]
-    """Whether the block does not move any more: on its base, or where friction holds it leaning."""
-    lost: Bool[Array, ""]
+    """Whether the block has stopped moving for good: on its base, or tilted, where friction holds it."""
+    overturned: Bool[Array, ""]
+    """Whether the block has overturned."""
     exhausted: Bool[Array, ""]
-    held: Bool[Array, ""]
-    """Whether the block was held by friction, or on its base, for a part of it."""
+    """Whether the limit on events or solver steps ended the period early."""
+    sticks: Bool[Array, ""]
+    """Whether friction or the base held the block during a part of the period."""
     peak: Number
-    """Largest |phi|; `amplitude` as well unless the block came to rest."""
+    """Largest |phi|, rad; equal to `amplitude` unless the block came to rest."""
     peak_swing: Number
+    """Largest |psi|, rad, see `peak`."""
 
 
 class Record(NamedTuple):
-    """The last `LONGEST` periods of a motion, newest first."""
+    """The last `LONGEST` periods of a motion, the newest first."""
 
     y: State
+    """Current state."""
     memory: Any
+    """Current discrete state, see `Settled.memory`."""
     past: Float[Array, "longest 4"]
+    """States at the ends of the periods; infinite where there are fewer periods."""
     amplitudes: Float[Array, "longest"]
+    """Largest |phi| of each period, rad."""
     swings: Float[Array, "longest"]
-    held: Bool[Array, "longest"]
+    """Largest |psi| of each period, rad."""
+    sticks: Bool[Array, "longest"]
+    """Whether the block was held during a part of each period."""
     repeats: Int[Array, ""]
-    """Periods after which the motion repeats itself; 0 if it does not."""
+    """Number of periods after which the motion repeats; 0 if it does not repeat."""
     rests: Bool[Array, ""]
-    lost: Bool[Array, ""]
+    """Whether the block has stopped moving for good."""
+    overturned: Bool[Array, ""]
+    """Whether the block has overturned."""
     exhausted: Bool[Array, ""]
+    """Whether a limit ended the last period early."""
     elapsed: Int[Array, ""]
+    """Number of periods so far."""
     peak: Number
-    """Largest |phi| so far."""
+    """Largest |phi| so far, rad."""
     peak_swing: Number
+    """Largest |psi| so far, rad."""
 
     @property
     def done(self) -> Bool[Array, ""]:
-        """Whether nothing new can follow."""
-        return (self.repeats > 0) | self.rests | self.lost | self.exhausted
+        """Whether the outcome of the motion is known, so that no further period is necessary."""
+        return (self.repeats > 0) | self.rests | self.overturned | self.exhausted
 
     def add(self, period: Period, scale: Float[Array, "4"], tolerance: float) -> Record:
-        """With one more period."""
-        # One period is compared with each of the last few: a motion of period n repeats the n-th of them.
-        # Comparing states rather than sizes of swings cannot mistake one motion for another of the same size.
+        """Return the record with one more period."""
+        # The new state is compared with the states after the last few periods: a motion of period n repeats
+        # the n-th of them. States are compared, and not amplitudes, because two different motions may have
+        # the same amplitude.
         errors = jnp.max(jnp.abs(period.y[None] - self.past) / scale[None], axis=1)
-        # A motion alternating on its way to period one repeats sooner after two periods than
-        # after one: take the shortest period that is close as well.
+        # A transient that alternates and converges to a motion of period one repeats after two periods sooner
+        # than after one. Once one error is below the tolerance, the shortest period with a similarly small
+        # error is therefore selected.
         repeats = jnp.where(jnp.any(errors < tolerance), jnp.argmax(errors < 100.0 * tolerance) + 1, 0)
 
         def push(new: Array | float, old: Array) -> Array:
@@ -79,11 +99,11 @@ class Record(NamedTuple):
             push(period.y, self.past),
             push(period.amplitude, self.amplitudes),
             push(period.swing, self.swings),
-            push(period.held, self.held),
-            # A motion that was cut short stands where it stood, which is no repetition.
+            push(period.sticks, self.sticks),
+            # After an early end the state may be unchanged, which is not a repetition.
             jnp.where(period.exhausted, 0, repeats),
             period.rests,
-            period.lost,
+            period.overturned,
             period.exhausted,
             self.elapsed + 1,
             jnp.maximum(self.peak, period.peak),
@@ -91,30 +111,32 @@ class Record(NamedTuple):
         )
 
     def settled(self) -> Settled:
-        """Where the motion has settled, with its status."""
+        """Return the settled motion with its status."""
         periods = jnp.maximum(self.repeats, 1)
-        # Of a motion that repeats itself, what its own periods reached: those before belong to the way there.
+        # Only the periods of the repeating motion itself count. Earlier periods belong to the transient.
         own = (jnp.arange(LONGEST) < periods) | (self.repeats == 0)
         swing, amplitude = (jnp.max(jnp.where(own, x, 0.0)) for x in (self.swings, self.amplitudes))
-        held = jnp.any(self.held & (jnp.arange(LONGEST) < periods))
-        status = Status.where(held, Status.sticking, Status.rocking)
+        sticks = jnp.any(self.sticks & (jnp.arange(LONGEST) < periods))
+        # Later lines overrule earlier ones.
+        status = Status.where(sticks, Status.sticking, Status.rocking)
         status = Status.where(self.repeats > 0, status, Status.not_settled)
         status = Status.where(self.exhausted, Status.event_bound, status)
-        leans = self.rests & (self.y[TILT] != 0.0)
-        status = Status.where(self.rests, Status.where(leans, Status.held, Status.rest), status)
-        # The bob of a block that never moved may repeat itself before its decay is proved to be harmless.
+        is_tilted = self.rests & (self.y[TILT] != 0.0)
+        status = Status.where(self.rests, Status.where(is_tilted, Status.held, Status.rest), status)
+        # If the block never moves, the motion of the bob may repeat before its remaining decay is proved to
+        # be too small to lift the block.
         still = (self.repeats > 0) & (amplitude == 0.0)
         status = Status.where(still, Status.rest, status)
-        status = Status.where(self.lost, Status.overturned, status)
+        status = Status.where(self.overturned, Status.overturned, status)
         status = Status.where(jnp.all(jnp.isfinite(self.y)), status, Status.failed)
         swing = jnp.where(self.rests, self.swings[0], swing)
         amplitude = jnp.where(self.rests, jnp.abs(self.y[TILT]), amplitude)
-        peaks = (jnp.where(self.lost, jnp.inf, x) for x in (self.peak, self.peak_swing))
+        peaks = (jnp.where(self.overturned, jnp.inf, x) for x in (self.peak, self.peak_swing))
         return Settled(self.y, self.memory, periods, amplitude, swing, status, self.elapsed, *peaks)
 
 
 def blank(y0: State, memory: Any) -> Record:
-    """The record of a motion that is about to begin."""
+    """Return the record of a motion before its first period."""
     no, count, none = jnp.zeros((), bool), jnp.zeros((), int), jnp.zeros(LONGEST)
     past = jnp.full((LONGEST, 4), jnp.inf).at[0].set(y0)
     peaks = jnp.abs(y0[TILT]), jnp.abs(y0[SWING])
@@ -122,11 +144,14 @@ def blank(y0: State, memory: Any) -> Record:
 
 
 def scale_of(p: Any, *, bob: Any = None) -> Float[Array, "4"]:
-    """Sizes of (phi, psi, phi', psi') against which a repetition is judged. A bob without mass
-    cannot move the block, so that its state is left out unless `bob` asks for it."""
+    """Return the scales of (phi, psi, phi', psi') to which a repetition error is compared.
+
+    A bob without mass (mu = 0) cannot move the block. The scales of its angle and rate are then infinite, so
+    that its state is ignored, unless `bob` is true.
+    """
     rate = jnp.maximum(p.xi, 1.0)
     swing = jnp.where(jnp.asarray(p.mu) > 0 if bob is None else bob, p.nu + p.f, jnp.inf)
-    # Errors of rates count over the forcing's rate, but at slow forcing over that of the block itself.
+    # Errors of rates are divided by the forcing frequency or, at low frequencies, by the rate of the block.
     return jnp.stack([p.nu * jnp.ones(()), swing, p.nu * rate, swing * rate])
 
 
@@ -139,14 +164,17 @@ def settle(
     tolerance: float,
     max_periods: int,
 ) -> Settled:
-    """Run `one_period` until the state repeats after 1 to `LONGEST` periods, within `tolerance`
-    of its scale, or until the block rests for good, is lost, or the bound is reached."""
+    """Run `one_period` repeatedly, as a traced loop, until the outcome of the motion is known.
+
+    The loop ends if the state repeats after 1 to `LONGEST` periods within `tolerance` times its scale, if the
+    block rests for good or overturns, or after `max_periods` periods.
+    """
     scale = scale_of(p)
 
-    def going(r: Record) -> Bool[Array, ""]:
+    def goes_on(r: Record) -> Bool[Array, ""]:
         return ~r.done & (r.elapsed < max_periods)
 
     def step(r: Record) -> Record:
         return r.add(one_period(r.y, r.memory), scale, tolerance)
 
-    return jax.lax.while_loop(going, step, blank(y0, memory)).settled()
+    return jax.lax.while_loop(goes_on, step, blank(y0, memory)).settled()

@@ -1,11 +1,11 @@
-"""Closed forms: what can be computed of block and pendulum without solving for a motion.
+"""Closed forms: quantities of block and pendulum that need no integration of the motion.
 
-| equation of the paper | file | functions |
+| equation of the paper | module | functions |
 |---|---|---|
 | Table 1, no-uplift condition | `no_uplift` | `uplift` |
 | (11), free rocking | `free_rocking` | `free_motion` |
+| losses at impacts as friction, free decay | `free_rocking` | `equivalent_friction`, `turning_tilts` |
 | (23) and (27), one-harmonic balance | `harmonic_balance` | `one_harmonic` and three more |
-| losses at impacts as friction, free decay | `impact_loss` | `equivalent_friction`, `turning_tilts` |
 | (11), (18), (19), (23), (27) as printed | `paper` | for comparison only, with the errata |
 """
 

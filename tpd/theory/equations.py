@@ -1,13 +1,13 @@
-"""Equations of motion of block and pendulum: the paper's (25) with its misprints corrected, and its (4).
+"""Equations of motion of block and pendulum: (25) of the paper with its misprints corrected, and (4).
 
-With s the sign of the tilt phi, sigma that of its rate, and primes d/dtau:
+Let s be the sign of the tilt phi, sigma the sign of its rate, and let primes denote d/dtau:
 
     [1 + mu rho (4 + nu^2)] phi'' - 2 mu rho lam psi'' - (1 + 2 mu) phi + mu lam c_p (phi' - psi')
         = -s (1 + mu) nu - sigma k - f (1 + 2 mu) sin(xi tau)
     -2 rho phi'' + lam rho psi'' + psi + c_p (psi' - phi') = f sin(xi tau)
 
-`Linear` holds these coefficients; every solver of (25) is built on it. `Equations` is the vector field of
-(25) with or without its parametric term, or of (4), from which (25) follows for small angles. With
+`Linear` holds these coefficients, and every solver of (25) uses it. `Equations` is the vector field of (25),
+with or without its parametric term, or of (4). For small angles (4) reduces to (25). With
 S = s nu sin(phi - psi) + 2 cos(phi - psi) and C = s nu cos(phi - psi) - 2 sin(phi - psi), (4) reads
 
     [1 + mu rho (4 + nu^2)] phi'' - mu rho lam S psi'' + mu rho lam C psi'^2
@@ -32,20 +32,32 @@ from tpd.scene.pytrees import Number, State
 
 
 class Linear(eqx.Module):
-    """Coefficients of the linear equations (25): M q'' + C q' + K q = moments, q = (phi, psi)."""
+    """Coefficients of the linear equations (25) in the form M q'' + C q' + K q = moments, q = (phi, psi)."""
 
     m11: Number
+    """Mass matrix, row 1 (block), column 1 (tilt)."""
     m12: Number
+    """Mass matrix, row 1, column 2 (bob angle)."""
     m21: Number
+    """Mass matrix, row 2 (pendulum), column 1."""
     m22: Number
+    """Mass matrix, row 2, column 2."""
     determinant: Number
+    """Determinant of the mass matrix."""
     c1: Number
+    """Factor of phi' - psi' in row 1, from the damper of the hinge."""
     c2: Number
+    """Factor of psi' - phi' in row 2."""
     tilt: Number
+    """1 + 2 mu: factor of phi and of the forcing in row 1."""
     weight: Number
+    """(1 + mu) nu: moment of the weight about the corner."""
     friction: Number
+    """k: moment of the dry friction of rocking."""
     f: Number
+    """Amplitude of the base acceleration over gravity."""
     bias: Number
+    """Factor of psi' in the moment on a block at rest, see `tpd.exact.contact_kernel.moment`."""
 
     def __init__(self, p: Parameters) -> None:
         rho, c = p.inertia_ratio, p.hinge
@@ -53,7 +65,7 @@ class Linear(eqx.Module):
         self.m12 = -2.0 * p.mu * rho * p.lam
         self.m21 = -2.0 * rho
         self.m22 = p.lam * rho
-        # m11 m22 - m12 m21, written so that nothing cancels where mu is large or nu small.
+        # This form of m11 m22 - m12 m21 does not subtract nearly equal numbers if mu is large or nu small.
         self.determinant = self.m22 * (1.0 + p.mu * rho * p.nu**2)
         self.c1 = p.mu * p.lam * c
         self.c2 = c
@@ -61,17 +73,19 @@ class Linear(eqx.Module):
         self.weight = (1.0 + p.mu) * p.nu
         self.friction = p.k
         self.f = p.f
-        # Factor of psi' in the moment on a held block: see `tpd.exact.contact_kernel.moment`.
+        # This moment is needed where the block is at rest, see `tpd.exact.contact_kernel.moment`.
         self.bias = p.mu * c * (p.lam - 2.0)
 
     def rates(self, y: State, step: Number, drag: Number, sine: Number) -> State:
-        """Derivative d/dtau of the state (phi, psi, phi', psi').
+        """Return the derivative d/dtau of the state (phi, psi, phi', psi').
 
-        `step` stands for sgn(phi), `drag` for sgn(phi'), `sine` for sin(xi tau); each may be
+        `step` is the value of sgn(phi), `drag` that of sgn(phi'), and `sine` that of sin(xi tau). Each may be
         smoothed, zero (the free system), or a constant sign.
         """
         phi, psi, dphi, dpsi = y
         slip = dphi - dpsi
+        # The moments of both rows without the inertia terms. The inverse of the 2 by 2 mass matrix then gives
+        # the accelerations.
         r1 = -step * self.weight - drag * self.friction - self.f * self.tilt * sine
         r1 = r1 + self.tilt * phi - self.c1 * slip
         r2 = self.f * sine - psi + self.c2 * slip
@@ -81,53 +95,70 @@ class Linear(eqx.Module):
 
 
 class Terms(enum.StrEnum):
-    """Terms of the equations of motion (4) that a model keeps."""
+    """Terms of the equations of motion (4) that a model keeps.
+
+    The members are `linear`, which is (25) without its parametric term; `parametric`, which is (25) with it;
+    and `nonlinear`, which is (4). A member can be given by its name.
+
+    Example:
+        >>> import tpd
+        >>> tpd.Terms("nonlinear") is tpd.Terms.nonlinear
+        True
+        >>> tpd.Smoothed(terms=tpd.Terms.parametric).terms.value
+        'parametric'
+    """
 
     linear = "linear"
-    """(25) without its parametric term, which has an exact solution between events."""
+    """(25) without its parametric term. These equations have an exact solution between events."""
     parametric = "parametric"
-    """(25) with s f (1 + mu) nu phi sin(xi tau) on the left, of second order in the angles."""
+    """(25) with the term s f (1 + mu) nu phi sin(xi tau) on the left, which is of second order in the
+    angles."""
     nonlinear = "nonlinear"
-    """(4) with all terms."""
+    """(4) with all its terms."""
 
     @classmethod
     def _missing_(cls, value: object) -> None:
-        """Raise `ValueError` for a word that is none of the terms."""
+        """Raise `ValueError` for a word that names no member."""
         checks.one_of("terms", value, tuple(cls))
 
 
 class Equations(eqx.Module):
-    """Vector field of (25) or (4), for models that integrate it numerically."""
+    """Vector field of (25) or (4), for models that integrate the equations numerically."""
 
     linear: Linear
+    """Coefficients of (25), which (4) contains as well."""
     p: Parameters
+    """Dimensionless parameters."""
     rho: Number
+    """Inertia ratio."""
     terms: Terms = eqx.field(static=True)
+    """Terms of the equations."""
 
     def __init__(self, p: Parameters, terms: Terms) -> None:
         self.linear, self.p, self.rho, self.terms = Linear(p), p, p.inertia_ratio, terms
 
     def rates(self, y: State, step: Number, drag: Number, sine: Number) -> State:
-        """Derivative d/dtau of the state; arguments as in `Linear.rates`."""
+        """Return the derivative d/dtau of the state. The arguments are those of `Linear.rates`."""
         phi, psi, dphi, dpsi = y
         p, linear, rho, slip = self.p, self.linear, self.rho, dphi - dpsi
         if self.terms is not Terms.nonlinear:
             rates = linear.rates(y, step, drag, sine)
             if self.terms is Terms.linear:
                 return rates
-            # The parametric term is one more moment on the block, so it moves both angles through the mass
-            # matrix.
+            # The parametric term is an additional moment on the block. The mass matrix couples both angles,
+            # so that this moment accelerates both.
             moment = -step * linear.f * linear.weight * phi * sine
             by_moment = jnp.stack([linear.m22, -linear.m21]) / linear.determinant
             return rates + jnp.concatenate([jnp.zeros(2), by_moment * moment])
-        sin, cos, lean_sin, lean_cos = jnp.sin(phi), jnp.cos(phi), jnp.sin(phi - psi), jnp.cos(phi - psi)
-        big_s, big_c = step * p.nu * lean_sin + 2.0 * lean_cos, step * p.nu * lean_cos - 2.0 * lean_sin
-        # Moments on the block: weight and base motion, the centripetal force on the bob, friction and hinge.
+        sin, cos, sin_apart, cos_apart = jnp.sin(phi), jnp.cos(phi), jnp.sin(phi - psi), jnp.cos(phi - psi)
+        big_s, big_c = step * p.nu * sin_apart + 2.0 * cos_apart, step * p.nu * cos_apart - 2.0 * sin_apart
+        # Moments on the block: weight and base motion, centripetal force of the bob, friction and hinge.
         r1 = linear.tilt * sin - step * linear.weight * cos
         r1 = r1 - linear.f * sine * (step * linear.weight * sin + linear.tilt * cos)
         r1 = r1 - p.mu * rho * p.lam * big_c * dpsi**2 - drag * linear.friction - linear.c1 * slip
         r2 = linear.f * jnp.cos(psi) * sine - jnp.sin(psi) + rho * big_c * dphi**2 + linear.c2 * slip
         coupling = p.mu * rho * p.lam * big_s
+        # The mass matrix of (4) depends on the angles through S. Its inverse gives the accelerations.
         determinant = linear.m11 * linear.m22 - coupling * rho * big_s
         ddphi = (linear.m22 * r1 + coupling * r2) / determinant
         ddpsi = (linear.m11 * r2 + rho * big_s * r1) / determinant
@@ -135,12 +166,15 @@ class Equations(eqx.Module):
 
     @property
     def beyond_return(self) -> Number:
-        """Tilt (rad) from which the block does not return: a right angle, or of the linear equations ten
-        times the tilt at which weight, friction and forcing balance."""
+        """Tilt (rad) from which the block does not return.
+
+        With (4) it is a right angle. With the linear equations it is ten times the tilt at which weight,
+        friction and forcing are in balance.
+        """
         if self.terms is Terms.nonlinear:
             return 0.5 * jnp.pi
-        # Beyond the balance (25) grows like exp(tau), so a factor of ten costs little time, and it leaves
-        # room for the pull of the bob.
+        # Beyond the balance a solution of (25) grows like exp(tau), so that a factor of ten costs little
+        # time. The factor allows for the moment that the bob exerts on the block.
         linear = self.linear
         return 10.0 * (linear.weight + linear.friction + linear.f * linear.tilt) / linear.tilt
 
@@ -150,32 +184,41 @@ def smoothed_rates(
 ) -> Callable[[Number, State, None], State]:
     """Return the vector field with sgn(x) smoothed to tanh(x/width), for an ODE solver.
 
-    An impact at zero tilt multiplies phi' by r and adds d phi' to psi' (`tpd.scene.impacts`). That is the
-    flow of the constant field (phi', psi')' = ln(r) (phi', d/(r - 1) phi') over a unit of time. With half of
-    what tanh(phi/w) runs through in a crossing, -1 to 1, for that time,
+    An impact at zero tilt multiplies phi' by r and adds d phi' to psi' (see `tpd.scene.impacts`). The flow of
+    the constant field (phi', psi')' = ln(r) (phi', d/(r - 1) phi') over a unit of time has the same effect.
+    During a crossing tanh(phi/w) increases from -1 to 1, or decreases from 1 to -1. Half of this change takes
+    the place of the unit of time, so that
 
         loss = ln(r) phi' |phi'| (1 - tanh(phi/w)^2) / (2 w)
 
-    goes on phi'', and d/(r - 1) loss on psi'': the smoothed counterpart of an impact, exact for w -> 0, where
-    nothing is lost without a crossing. With (4) the law of impacts depends on psi: this form does not hold.
+    is added to phi'', and d/(r - 1) loss to psi''. For w -> 0 this is exactly the law of impacts, and without
+    a crossing nothing is lost. The form is not valid for (4), where the law of impacts depends on psi.
+
+    Args:
+        p: dimensionless parameters.
+        tilt_width: smoothing width of the tilt, rad.
+        rate_width: smoothing width of the rate of the tilt, rad per unit tau.
+        terms: terms of the equations.
     """
     equations = Linear(p) if terms is Terms.linear else Equations(p, terms)
     law = p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio
     ratio = linear_ratio(*law)
-    # Without loss the limit of ln(r)/(r - 1), with its slope.
-    lost = jnp.where(ratio == 1.0, 1.0, 1.0 - ratio)
-    share = jnp.where(ratio == 1.0, 1.5 - 0.5 * ratio, -jnp.log1p(-lost) / lost) / (2.0 * tilt_width)
+    # For r = 1 the quotient ln(r)/(r - 1) is replaced by its limit, in a form with the correct derivative.
+    loss = jnp.where(ratio == 1.0, 1.0, 1.0 - ratio)
+    share = jnp.where(ratio == 1.0, 1.5 - 0.5 * ratio, -jnp.log1p(-loss) / loss) / (2.0 * tilt_width)
     decay = share * jnp.stack([ratio - 1.0, linear_bob_change(ratio, *law)])
     if terms is Terms.nonlinear:
-        # The law of impacts of (4) is another one: `Smoothed.check` refuses them, but for a traced ratio.
+        # (4) has another law of impacts, so that e must be 1. `Smoothed.check` cannot reject a traced e; then
+        # all rates are NaN.
         decay = jnp.where(p.velocity_ratio == 1.0, jnp.zeros(2), jnp.nan)
 
-    # A pytree of its coefficients: their derivatives are those of the field.
+    # `Partial` makes the field a pytree of its coefficients, so that JAX can differentiate with respect to
+    # them.
     return Partial(_smoothed_rates, equations, p, decay, tilt_width, rate_width)
 
 
 def _smoothed_rates(
-    of: Linear | Equations,
+    field: Linear | Equations,
     p: Parameters,
     decay: Number,
     tilt_width: Number,
@@ -186,6 +229,6 @@ def _smoothed_rates(
 ) -> State:
     del args
     step, drag = jnp.tanh(y[0] / tilt_width), jnp.tanh(y[2] / rate_width)
-    # The loss is an impulse: it does not pass through the mass matrix, which has acted already.
+    # The loss is an impulse on the rates. It is added after the mass matrix has been inverted.
     loss = decay * (y[2] * jnp.abs(y[2]) * (1.0 - step**2))
-    return of.rates(y, step, drag, jnp.sin(p.xi * tau)) + jnp.concatenate([jnp.zeros_like(loss), loss])
+    return field.rates(y, step, drag, jnp.sin(p.xi * tau)) + jnp.concatenate([jnp.zeros_like(loss), loss])

@@ -1,17 +1,18 @@
-"""Free rocking of the undamped system in closed form: the paper's (11), extended to a pendulum.
+"""Free rocking without damping in closed form: (11) of the paper, extended to a pendulum.
 
-A free motion that is symmetric (its own mirror image half a period later) and turns at tau = 0 is even in
-tau, so phi and psi both vanish a quarter of a period later. Between the two moments the block stands on one
-corner and (25) is linear: a static part and two modes cosh(s_j tau), det(M s_j^2 + K) = 0, of which one s_j^2
-is positive (the block falling) and one negative (the bob swinging, cosh becomes cos). With the static tilt
-split into its modes,
+A symmetric free motion is its own mirror image half a period later. If it turns at tau = 0, it is even in
+tau, so that phi and psi both vanish a quarter of a period later. In between the block stands on one corner
+and (25) is linear: the solution is a static part and two modes cosh(s_j tau) with det(M s_j^2 + K) = 0. One
+s_j^2 is positive (the block tilts further) and one is negative (the bob swings, and cosh becomes cos). The
+static tilt is divided into parts w_j of the two modes, so that
 
     phi(tau) = sum_j w_j [1 - cosh(s_j tau) / cosh(s_j T/4)],   T/4 = pi / (2 Omega_0)
 
-and psi alike. Of the bare block w = nu, s = 1: phi(0) = nu [1 - 1/cosh(pi/(2 Omega_0))], the paper's (11).
+and psi has the same form. Without a pendulum w = nu and s = 1, and phi(0) = nu [1 - 1/cosh(pi/(2 Omega_0))]
+is (11) of the paper.
 
-Losses: the dry friction that takes as much energy from a cycle as impacts of ratio e, and the decay of a free
-bare block with both.
+The module also has two results on losses: the dry friction that dissipates as much energy per cycle as
+impacts with the velocity ratio e, and the decay of free rocking with both losses.
 """
 
 from __future__ import annotations
@@ -29,36 +30,40 @@ from tpd.scene.pytrees import Number
 from tpd.theory.equations import Linear
 
 _SAMPLES = 128
-"""Times in the quarter period at which the sign of the tilt is checked."""
+"""Number of times in the quarter period at which the sign of the tilt is checked."""
 
 
 class Free(NamedTuple):
-    """A free symmetric motion of a given frequency; angles in rad."""
+    """Symmetric free motion of a given frequency. Angles are in rad."""
 
     amplitude: Float[Array, "*batch"]
     """Tilt of the block at the turn, tau = 0."""
     bob: Float[Array, "*batch"]
-    """Angle of the bob at the turn: positive to the side that the block leans to."""
+    """Angle of the bob at the turn, positive towards the side to which the block tilts."""
     exists: Bool[Array, "*batch"]
-    """True if the block stays on its corner, below the turn, for the whole quarter period (checked at 128
-    times). Otherwise the two angles solve the equations but belong to no motion."""
+    """Whether the tilt stays between zero and its value at the turn during the quarter period (checked at 128
+    times). If not, the two angles solve the equations but belong to no motion."""
 
 
 class _Modes(NamedTuple):
-    """Rates of the falling and of the swinging mode, and their shares w_j in the static angles."""
+    """Rates of the two modes, and their parts w_j of the static angles."""
 
     falling: Number
+    """Rate s of the mode in which the block tilts further."""
     swinging: Number
+    """Frequency of the mode in which the bob swings."""
     tilts: tuple[Number, Number]
+    """Parts of the static tilt."""
     bobs: tuple[Number, Number]
+    """Parts of the static bob angle."""
 
 
 def _modes(p: Parameters) -> _Modes:
-    """Modes from a4 x^2 + a2 x + a0 = det(M x + K), x = s^2, by partial fractions."""
+    """Compute the modes from a4 x^2 + a2 x + a0 = det(M x + K) with x = s^2, by partial fractions."""
     linear = Linear(p)
     a4, a2, a0 = linear.determinant, linear.m11 - linear.tilt * linear.m22, -linear.tilt
-    # The usual formula for one of the two roots subtracts nearly equal numbers; the product of the roots,
-    # a0/a4, gives that one from the other.
+    # The usual formula subtracts nearly equal numbers for one of the two roots. This root follows from the
+    # other one and the product of the roots, a0/a4.
     size = 0.5 * (jnp.abs(a2) + jnp.sqrt(a2**2 - 4.0 * a4 * a0))
     up = jnp.where(a2 > 0, -a0 / size, size / a4)
     down = -jnp.where(a2 > 0, size / a4, -a0 / size)
@@ -67,102 +72,128 @@ def _modes(p: Parameters) -> _Modes:
     def tilt(x: Number, sign: float) -> Number:
         return sign * linear.weight * (linear.m22 * x + 1.0) / (apart * x)
 
+    # The parts of the bob angle are equal and opposite, because its static angle is zero.
     swing = -linear.m21 * linear.weight / apart
     return _Modes(jnp.sqrt(up), jnp.sqrt(-down), (tilt(up, 1.0), tilt(down, -1.0)), (swing, -swing))
 
 
 def free_motion(p: Parameters) -> Free:
-    """The free symmetric rocking of frequency `p.xi` of the undamped linear system; fields may be arrays.
+    """Return the symmetric free rocking of frequency `p.xi` of the undamped linear system.
 
-    k, zeta, f and e of `p` are not used: the motion is that at k = zeta = f = 0, e = 1. At mu = 0 it is (11),
-    the bare block's, with a bob too light to act on it. The bob resonates, and there is no such motion, at
-    every frequency of which an odd multiple is the frequency of the swinging mode.
+    The function ignores k, zeta, f and e of `p`: the motion is that with k = zeta = f = 0 and e = 1. For
+    mu = 0 it is (11), the motion of the block without a pendulum, together with the angle of a bob that is
+    too light to act on the block. At every frequency of which an odd multiple is the frequency of the
+    swinging mode the bob resonates, and no such motion exists.
+
+    Args:
+        p: dimensionless parameters. Fields may be arrays.
 
     Raises:
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.Parameters(nu=0.2, mu=0.0, lam=0.5, zeta=0.0, k=0.0, f=0.0, xi=2.0)
+        >>> round(float(tpd.theory.free_motion(p).amplitude), 4)
+        0.049
     """
     check_parameters(p)
     modes = _modes(p)
     quarter = 0.5 * jnp.pi / p.xi
     shares = jnp.linspace(0.0, 1.0, _SAMPLES, endpoint=False)
     falling, swinging, late = (jnp.asarray(x)[..., None] for x in (modes.falling, modes.swinging, quarter))
+    # Both modes vanish at the crossing and have no rate at the turn.
     fall = 1.0 - jnp.cosh(falling * late * shares) / jnp.cosh(falling * late)
     swing = 1.0 - jnp.cos(swinging * late * shares) / jnp.cos(swinging * late)
-    # Shape (..., times): the last axis is time within the quarter period.
+    # The last axis of the shape (..., times) is time within the quarter period.
     phi, psi = (
         jnp.asarray(a)[..., None] * fall + jnp.asarray(b)[..., None] * swing
         for a, b in (modes.tilts, modes.bobs)
     )
     turn = phi[..., :1]
-    # The paper supposes that the block stands on one corner from the turn to the crossing. A bob that swings
-    # faster than the block rocks can lift it across earlier.
+    # The paper assumes that the block stands on one corner from the turn to the crossing. A bob that swings
+    # faster than the block rocks can make the block cross earlier.
     exists = jnp.all((phi > 0) & (phi <= turn), axis=-1)
     return Free(turn[..., 0], psi[..., 0], exists)
 
 
 def equivalent_friction(p: Parameters, amplitude: Any) -> Number:
-    """Dry friction k that loses as much per cycle of amplitude Phi as impacts of ratio e.
+    """Return the dry friction k that dissipates as much per cycle as impacts with the velocity ratio e.
 
-    Friction takes 4 k Phi from a cycle, in which the tilt travels four times Phi. Each of the two impacts
-    takes (1 - e^2) phi'^2/2, where phi'^2/2 is the work of the weight on the way down from Phi:
-    w Phi - K Phi^2/2, with w = (1 + mu) nu and K = 1 + 2 mu. Both losses are equal for
+    Friction dissipates 4 k Phi per cycle of amplitude Phi, because the tilt travels four times Phi. Each of
+    the two impacts dissipates (1 - e^2) phi'^2/2, where phi'^2/2 is the work of the weight on the way down
+    from Phi: w Phi - K Phi^2/2 with w = (1 + mu) nu and K = 1 + 2 mu. The two losses are equal for
 
-        k = (1 - e^2)(2 w - K Phi)/4,   of the bare block (1 - e^2)(2 nu - Phi)/4.
+        k = (1 - e^2)(2 w - K Phi)/4,   without a pendulum (1 - e^2)(2 nu - Phi)/4.
 
-    The formula assumes that all losses of a cycle are small against its energy: then the friction `p.k` and
-    the impacts do not affect each other, k adds to `p.k`, and the block passes its base as fast as in free
-    rocking. It assumes as well that a pendulum adds its weight and takes no energy on the way.
+    The formula assumes that all losses of a cycle are small compared with its energy. Friction `p.k` and
+    impacts then do not affect each other, k is added to `p.k`, and the block passes its base as fast as in
+    free rocking. The formula also assumes that a pendulum adds its weight and dissipates nothing.
 
-    So k serves for the settled motion, and not for the way to it: of 400 random scenes from rest 84 ended
-    otherwise with k than with the impacts.
+    Use k for the settled motion and not for the transient: of 400 random scenes started from rest, 84 ended
+    in another motion with k than with the impacts.
 
     Args:
-        p: dimensionless parameters; fields may be arrays. f, xi, lam, zeta and k are not used.
-        amplitude: Phi in rad, a number or an array, from 0 to 2 w/K: twice the tilt of static overturning.
+        p: dimensionless parameters. Fields may be arrays. f, xi, lam, zeta and k are not used.
+        amplitude: Phi in rad, a number or an array, from 0 to 2 w/K, which is twice the tilt of static
+            overturning.
 
     Returns:
-        k, to be added to `p.k` with e = 1; differentiable in both arguments.
+        k, to be added to `p.k` together with e = 1. It is differentiable in both arguments.
 
     Raises:
         ValueError: an amplitude out of range.
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.Parameters(nu=0.2, mu=0.0, lam=0.5, zeta=0.0, k=0.0, f=0.0, xi=2.0, e=0.9)
+        >>> round(float(tpd.theory.equivalent_friction(p, 0.1)), 5)
+        0.01425
     """
     check_parameters(p)
     amplitude = checks.not_negative("amplitude", amplitude, every=True)
     linear = Linear(p)
     twice, tilt = 2.0 * linear.weight, linear.tilt
-    # Beyond this the weight would have done negative work, and k would be negative.
+    # Beyond this amplitude the weight would do negative work on the way down, and k would be negative.
     if all(map(checks.is_concrete, (amplitude, twice, tilt))):
         phi, most = np.broadcast_arrays(amplitude, np.asarray(twice) / np.asarray(tilt))
         i = np.unravel_index(np.argmax(phi - most), phi.shape)
         if phi[i] > most[i]:
             why = "twice the tilt at which the block topples of itself"
             raise ValueError(f"`amplitude` must be at most {most[i]:g}, {why}, but is {phi[i]:g}")
-    lost = 1.0 - linear_ratio(p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio) ** 2
-    return lost * (twice - tilt * checks.namespace(amplitude).asarray(amplitude)) / 4.0
+    loss = 1.0 - linear_ratio(p.velocity_ratio, p.nu, p.mu, p.lam, p.inertia_ratio) ** 2
+    return loss * (twice - tilt * checks.namespace(amplitude).asarray(amplitude)) / 4.0
 
 
 def turning_tilts(
     slenderness: float, friction: float, ratio: float, tilt: float, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Tilts at the turns of a free bare block, and the times from the release to them.
+    """Return the tilts at the turns of free rocking without a pendulum, and the times of the turns.
 
-    From a turn at phi the weight less friction does the work G = (nu - k) phi - phi^2/2 on the way down, the
-    impact leaves e^2 G, and the next turn has (nu + k) phi' - phi'^2/2 = e^2 G (linear equations). Between
-    them the tilt is a hyperbolic cosine.
+    From a turn at phi to the impact, the weight less the friction does the work G = (nu - k) phi - phi^2/2.
+    After the impact the energy e^2 G remains, so that the next turn is at phi' with
+    (nu + k) phi' - phi'^2/2 = e^2 G (linear equations). Between turn and impact the tilt is a hyperbolic
+    cosine of time.
 
     Args:
         slenderness: nu.
         friction: k, less than nu.
         ratio: e, the velocity ratio of an impact.
-        tilt: of the release, rad, between 0 and nu - k.
-        count: of the turns after the release.
+        tilt: tilt at the release, rad, between 0 and nu - k.
+        count: number of turns after the release.
 
     Returns:
-        Tilts (rad) and times (tau), shape (count + 1,), the release first.
+        Tilts (rad) and times since the release (tau), each of shape (count + 1,). The release comes first.
 
     Raises:
         ValueError: a tilt out of range.
+
+    Example:
+        >>> import tpd
+        >>> tilts, _ = tpd.theory.turning_tilts(slenderness=0.2, friction=0.0, ratio=0.9, tilt=0.1, count=2)
+        >>> [round(float(x), 4) for x in tilts]
+        [0.1, 0.0747, 0.0575]
     """
     checks.within("tilt", tilt, 0.0, slenderness - friction)
     down, up = slenderness - friction, slenderness + friction
@@ -170,8 +201,10 @@ def turning_tilts(
     turns[0] = tilt
     for i in range(count):
         phi = turns[i]
-        left = ratio**2 * max(down * phi - 0.5 * phi**2, 0.0)
-        turns[i + 1] = up - np.sqrt(up**2 - 2.0 * left)
+        # The energy after the impact. Rounding must not make it negative.
+        energy = ratio**2 * max(down * phi - 0.5 * phi**2, 0.0)
+        turns[i + 1] = up - np.sqrt(up**2 - 2.0 * energy)
+        # Times from the turn to the impact, and from the impact to the next turn.
         falling, rising = np.arccosh(down / (down - phi)), np.arccosh(up / (up - turns[i + 1]))
         times[i + 1] = times[i] + falling + rising
     return turns, times

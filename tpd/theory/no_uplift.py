@@ -1,11 +1,12 @@
-"""No-uplift condition |B| f <= (1 + mu) nu + k: the shaking that a block at rest withstands, as in Table 1.
+"""No-uplift condition |B| f <= (1 + mu) nu + k: the excitation that a block at rest withstands (Table 1).
 
-While the block stands still the bob is a damped oscillator under the base motion, Z = F/D with
-D = 1 - lam rho xi^2 + i xi c_p. The moment on the held block then has the amplitude |B| f with
+While the block is at rest, the bob is a damped oscillator driven by the base: its amplitude is Z = F/D with
+D = 1 - lam rho xi^2 + i xi c_p. The moment on the block then has the amplitude |B| f with
 
     B = 1 + 2 mu + (2 mu rho lam xi^2 - i xi mu lam c_p)/D
 
-and weight and friction hold it up to (1 + mu) nu + k. All formulas take arrays in the fields of `Parameters`.
+and weight and friction resist this moment up to (1 + mu) nu + k. All formulas accept arrays in the fields of
+`Parameters`.
 """
 
 from __future__ import annotations
@@ -21,76 +22,81 @@ from tpd.scene.pytrees import Number
 from tpd.scene.scene import Scene
 
 DRY = 0.3
-"""Coefficient of friction that a dry base of stone or concrete may not have."""
+"""Coefficient of friction above which a dry base of stone or concrete may be too smooth."""
 
 
 class Uplift(NamedTuple):
-    """State of a block at rest under the settled pendulum.
+    """Uplift margin of a block at rest, and swing of the settled pendulum.
 
-    A positive margin does not exclude rocking from another start, nor a lift before the pendulum has settled.
+    A positive margin excludes neither rocking from another initial state, nor an uplift before the pendulum
+    has settled.
     """
 
     margin: Number
-    """1 - |B| f / ((1 + mu) nu + k): positive where the block at rest does not lift."""
+    """1 - |B| f / ((1 + mu) nu + k). If it is positive, a block at rest does not lift."""
     swing: Number
-    """Amplitude (rad) of the bob's angle under the resting block, f/|D|."""
+    """Amplitude of the bob angle (rad) while the block is at rest, f/|D|."""
 
 
 class AtRest(NamedTuple):
-    """The resting block without a pendulum under the excitation that comes nearest to lifting it.
+    """Resistance of the block at rest, without a pendulum, under the condition that is closest to lifting it.
 
-    Accelerations are over that of gravity.
+    Accelerations are divided by the acceleration of gravity.
     """
 
     uplift: float
-    """Acceleration of the base that lifts the block, nu + k, see (5)."""
+    """Base acceleration that lifts the block: nu + k, see (5)."""
     peak: float
-    """Largest acceleration of the base."""
+    """Largest base acceleration."""
     base_friction: float | None
-    """Coefficient of friction of the base; None if it is not known."""
+    """Coefficient of friction of the base; None if it is unknown."""
     needed_friction: float
-    """Coefficient of friction of the base without which the block slides before it lifts, under any of the
-    conditions: the base pushes the block sideways with as much as its acceleration asks for, and never with
-    more than is enough to lift the block."""
+    """Smallest coefficient of friction of the base with which the block does not slide before it lifts, over
+    all conditions. The friction force must equal the mass times the base acceleration, which increases up to
+    the peak or up to the uplift, whichever is smaller."""
 
     @staticmethod
     def of(nu: Any, k: Any, f: Any, base_friction: float | None = None) -> AtRest:
-        """Return that of many conditions: numbers, or arrays of shape (n,)."""
+        """Return the most critical of many conditions. Each argument is a number or an array (n,)."""
+        # The condition that is closest to lifting the block gives uplift and peak; sliding is checked for
+        # all.
         uplift, peak = np.broadcast_arrays(np.asarray(nu) + np.asarray(k), np.abs(f))
         worst, needed = np.argmax(peak / uplift), float(np.max(np.minimum(uplift, peak)))
         return AtRest(float(uplift.flat[worst]), float(peak.flat[worst]), base_friction, needed)
 
     @staticmethod
     def under(scene: Scene) -> AtRest:
-        """Return that of a scene."""
+        """Return the resistance of the block of a scene under the excitation of the scene."""
         return AtRest.of(scene.block.slenderness, scene.block.friction, scene.peak, scene.block.base_friction)
 
     @property
     def margin(self) -> float:
-        """Factor on the excitation from which it lifts the block."""
+        """Factor on the excitation at which the block lifts; infinite without an excitation."""
         return self.uplift / self.peak if self.peak > 0.0 else np.inf
 
     @property
     def slides(self) -> bool:
-        """Whether the block is known to slide before it lifts."""
+        """Whether the block slides before it lifts, according to the friction of its base."""
+        # With an unknown friction of the base nothing is claimed.
         return self.base_friction is not None and self.base_friction < self.needed_friction
 
     @property
     def sliding_in_words(self) -> str:
-        """Whether the resting block slides before it lifts."""
-        least, own = number(self.needed_friction, 2), self.base_friction
-        if own is None:
+        """Text that says whether the block at rest slides before it lifts."""
+        least, base = number(self.needed_friction, 2), self.base_friction
+        if base is None:
+            # Only friction that a dry base may lack is worth a hint.
             more = f". A dry base may have only {DRY:g}: state `base_friction`"
             least += more if self.needed_friction > DRY else ""
             return f"not before it lifts, if the coefficient of friction of the base is at least {least}"
         if self.slides:
-            return f"at {number(own, 2)} g, BEFORE IT LIFTS: a coefficient of friction of {least} is needed"
-        has = f"the base has {number(own, 2)}"
+            return f"at {number(base, 2)} g, BEFORE IT LIFTS: a coefficient of friction of {least} is needed"
+        has = f"the base has {number(base, 2)}"
         return f"not before it lifts: a coefficient of friction of {least} is needed, {has}"
 
     @property
     def lifting_in_words(self) -> str:
-        """When the resting block lifts, and whether the excitation is strong enough."""
+        """Text that says when the block at rest lifts, and whether the excitation is large enough."""
         ratio, lifts = number(1.0 / self.margin, 3), "lifts" if self.margin < 1.0 else "does not lift"
         reaches = f"the excitation reaches {number(self.peak, 3)} g, {ratio} times as much"
         return f"at {number(self.uplift, 3)} g; {reaches}: the block {lifts}"
@@ -100,9 +106,10 @@ class AtRest(NamedTuple):
 
 
 def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
-    """Return |D|^2 and the real and imaginary part of B."""
-    # In real numbers, because the search differentiates `uplift` by imaginary steps of the parameters.
+    """Return |D|^2, and the real and the imaginary part of B."""
+    # Real numbers only, because the search differentiates `uplift` with imaginary steps of the parameters.
     rho, c = p.inertia_ratio, p.hinge
+    # Real and imaginary part of D, and of h = 2 mu rho lam xi^2 - i xi mu lam c_p.
     real, imaginary = 1.0 - p.lam * rho * p.xi**2, p.xi * c
     size2 = real**2 + imaginary**2
     h_real, h_imag = 2.0 * p.mu * rho * p.lam * p.xi**2, -p.xi * p.mu * p.lam * c
@@ -112,14 +119,26 @@ def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
 
 
 def uplift(p: Parameters) -> Uplift:
-    """Margin of the no-uplift condition and the bob's stroke, differentiable in every parameter.
+    """Return the margin of the no-uplift condition and the swing of the bob.
+
+    Both are differentiable in all parameters.
+
+    Args:
+        p: dimensionless parameters. Fields may be arrays.
 
     Raises:
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.Parameters(nu=0.25, mu=0.4, lam=0.8, zeta=0.0, k=0.05, f=0.377, xi=2.67)
+        >>> lift = tpd.theory.uplift(p)
+        >>> round(float(lift.margin), 3), round(float(lift.swing), 3)
+        (0.307, 0.125)
     """
     check_parameters(p)
-    # Friction adds to the capacity: at rest it resists lifting to either side.
-    # An undamped bob in resonance has an infinite stroke.
+    # At rest the friction of rocking resists uplift to both sides, so that k is added to the capacity. The
+    # swing of an undamped bob is infinite at resonance, hence the division by zero.
     with np.errstate(divide="ignore", invalid="ignore"):
         size2, b_real, b_imag = _transfer(p)
         moment2, capacity = b_real**2 + b_imag**2, (1.0 + p.mu) * p.nu + p.k

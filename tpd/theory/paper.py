@@ -1,11 +1,11 @@
-"""Formulas of the paper as printed, with their misprints, for comparison only; and the errata.
+"""Formulas of the paper as printed, including their misprints, for comparison only; and the errata.
 
 L. Collini, R. Garziera, K. Riabova, M. Munitsyna, A. Tasora, *Oscillations Control of Rocking-Block-Type
-Buildings by the Addition of a Tuned Pendulum*, Shock and Vibration, 2016, article 8570538. Nothing else in
-the package is built on this file. The corrected equations are (4) and (25) in `tpd.theory.equations`, (11) in
-`tpd.theory.free_rocking`, (23) and (27) in `tpd.theory.harmonic_balance`, and instead of (16) to
-(19) the exact orbits of `tpd.answers.symmetric_orbits`. The test named in each line below, in
-`tests/theory/test_paper.py`, proves it.
+Buildings by the Addition of a Tuned Pendulum*, Shock and Vibration, 2016, article 8570538. No other module of
+the package uses these formulas. The corrected equations are (4) and (25) in `tpd.theory.equations`, (11) in
+`tpd.theory.free_rocking`, and (23) and (27) in `tpd.theory.harmonic_balance`. The exact orbits of
+`tpd.answers.symmetric_orbits` replace (16) to (19). The last column names the test in
+`tests/theory/test_paper.py` that proves the correction.
 
 | where | printed | right | test |
 |---|---|---|---|
@@ -28,11 +28,11 @@ the package is built on this file. The corrected equations are (4) and (25) in `
 | (27) | f (1 + mu) on the right | f (1 + 2 mu) | `test_27_...` |
 | (27) | (8/3) nu f (1 + mu) | (8 / 3 pi) nu f (1 + mu) | `test_27_...` |
 | (27) | Phi and f of (26) and (25) | -Phi and -f in both rows | `test_27_...` |
-| (25), Table 1 | lambda = l/b in the one, l/2b in the other | l/b everywhere here | `test_table_1_...` |
+| (25), Table 1 | lambda = l/b in (25), l/2b in Table 1 | l/b everywhere here | `test_table_1_...` |
 | Figure 8 | lambda = 0.1 in the caption, 1 in the text | 1 | notebook 03 |
 
-(23) is right as it stands, though it does not follow from (20): it belongs to the equation with the signs
-mended (`test_23_...`). (4) is right for both signs (`tests/theory/test_equations.py`).
+(23) is correct as printed, although it does not follow from (20): it belongs to the equation with corrected
+signs (`test_23_...`). (4) is correct for both signs (`tests/theory/test_equations.py`).
 
 Notation: nu, mu, lam, rho, k, f, xi as in `Parameters`; angles in rad.
 """
@@ -49,42 +49,53 @@ from tpd.scene.pytrees import Number
 
 
 def printed_free_amplitude(nu: Number, frequency: Number) -> Number:
-    """(11) as printed: tilt (rad) of free rocking of frequency Omega_0, with the inverse function
-    of cosh. NaN where that has no value, Omega_0 > pi/2. Right: `free_motion`."""
+    """Return the tilt (rad) of free rocking of frequency Omega_0 by (11) as printed.
+
+    The printed formula has the inverse function of cosh. The result is NaN for Omega_0 > pi/2, where this
+    function has no value. `tpd.theory.free_motion` is correct.
+    """
     return nu * (1.0 - jnp.arccosh(jnp.asarray(0.5 * jnp.pi / frequency)))
 
 
 class Quarter(NamedTuple):
-    """(19): last axis cos gamma positive and negative; NaN where |sin gamma| would exceed 1."""
+    """Result of (19).
+
+    The last axis has cos gamma positive and negative. NaN where |sin gamma| would exceed 1.
+    """
 
     amplitude: Float[Array, "*batch 2"]
-    """Phi, rad."""
+    """Amplitude Phi, rad."""
     gamma: Float[Array, "*batch 2"]
     """Phase of the forcing f cos(xi tau - gamma) at the turn, rad, in (-pi, pi]."""
 
 
 def printed_quarter_crossing(p: Parameters, frequency: Number | None = None) -> Quarter:
-    """(19) as printed: the bare block rocking at `frequency` (Omega, default xi; xi/3 is a
-    subharmonic), supposed to cross phi = 0 at a quarter of its period."""
+    """Evaluate (19) as printed, for rocking without a pendulum at the frequency `frequency`.
+
+    The formula assumes that the block crosses phi = 0 after a quarter of its period. The default of
+    `frequency` (Omega) is xi; xi/3 is a subharmonic.
+    """
     omega = p.xi if frequency is None else frequency
     return _quarter(p, omega, p.k * (1.0 + p.xi**2) * jnp.tanh(0.5 * jnp.pi / omega) / p.f)
 
 
 def quarter_crossing(p: Parameters) -> Quarter:
-    """(19) at Omega = xi with the sine that follows from (16) to (18): -1/xi times the printed one.
+    """Evaluate (19) at Omega = xi with the correct sine, -1/xi times the printed one, from (16) to (18).
 
-    It is still no orbit: the block is supposed to cross at a quarter of the period, but its tilt and its rate
-    at the crossing cannot both agree from both sides unless k = 0. `symmetric_orbits` has the exact solution.
+    The result is still not an orbit. The formula assumes that the block crosses after a quarter of the
+    period, but the tilt and the rate at the crossing then agree from both sides only if k = 0.
+    `symmetric_orbits` returns the exact solution.
     """
     sine = -p.k * (1.0 + p.xi**2) * jnp.tanh(0.5 * jnp.pi / p.xi) / (p.xi * p.f)
     return _quarter(p, p.xi, sine)
 
 
 def _quarter(p: Parameters, omega: Number, sine: Number) -> Quarter:
-    """Phi of (19), from (18) (with xi) vanishing at pi/(2 Omega)."""
+    """Compute Phi of (19) from (18), which has xi, with the tilt zero at pi/(2 Omega)."""
     late, g = 0.5 * jnp.pi / omega, p.f / (1.0 + p.xi**2)
+    # The last axis has the two solutions for cos gamma.
     sine = jnp.asarray(sine)[..., None]
-    # NaN on purpose: no phase exists, and this formula is for comparison only.
+    # The result is NaN where no phase exists.
     cosine = jnp.sqrt(jnp.where(jnp.abs(sine) <= 1.0, 1.0 - sine**2, jnp.nan)) * jnp.array([1.0, -1.0])
     pull, level, c = (
         jnp.asarray(x)[..., None] for x in (1.0 - p.xi * jnp.sinh(late), p.nu - p.k, jnp.cosh(late))
@@ -94,9 +105,11 @@ def _quarter(p: Parameters, omega: Number, sine: Number) -> Quarter:
     return Quarter(amplitude, jnp.arctan2(jnp.broadcast_to(sine, cosine.shape), cosine))
 
 
-def printed_bare_balance(p: Parameters, amplitude: Number) -> tuple[Number, Number]:
-    """(23) as printed: (cos gamma, sin gamma) of the bare block at the tilt Phi. An orbit is where
-    their squares add up to 1: `parametric_branches`."""
+def printed_balance_without_pendulum(p: Parameters, amplitude: Number) -> tuple[Number, Number]:
+    """Evaluate (23) as printed: cos gamma and sin gamma of the block without a pendulum at the tilt Phi.
+
+    An orbit exists where the squares add up to 1, see `tpd.theory.parametric_branches`.
+    """
     cosine = (4.0 * p.nu - jnp.pi * amplitude * (1.0 + p.xi**2)) / (
         p.f * (jnp.pi + 8.0 / 3.0 * p.nu * amplitude)
     )
@@ -105,16 +118,18 @@ def printed_bare_balance(p: Parameters, amplitude: Number) -> tuple[Number, Numb
 
 
 def printed_pendulum_balance(p: Parameters) -> tuple[Float[Array, "*batch 2"], Float[Array, "*batch 2"]]:
-    """(27) as printed: (Phi, Psi) in rad of block and undamped pendulum without friction; last axis
-    the forcing f and -f, the two branches.
+    """Evaluate (27) as printed: (Phi, Psi) in rad, for an undamped pendulum and no friction.
 
-    Where the printed signs make sense, Phi comes out negative: the amplitude is -Phi.
+    The last axis has the forcing f and -f, which are the two branches. Where the printed signs are
+    meaningful, Phi is negative, and the amplitude is -Phi.
     """
     rho, signs = p.inertia_ratio, jnp.array([1.0, -1.0])
     f = jnp.asarray(p.f)[..., None] * signs
     nu, mu, lam, x2, rho = (jnp.asarray(x)[..., None] for x in (p.nu, p.mu, p.lam, p.xi**2, rho))
+    # The coefficients c11 to c22 and r1, r2 are those of the printed equation, with its errors.
     c11 = 1.0 + 2.0 * mu + (1.0 + mu * rho) * x2 + 8.0 / 3.0 * nu * f * (1.0 + mu)
     c12, c21, c22 = 2.0 * lam * rho * mu * x2, -2.0 * rho * x2, 1.0 - lam * rho * x2
     r1, r2 = (1.0 + mu) * (f - 4.0 / jnp.pi * nu), -f
     determinant = c11 * c22 - c12 * c21
+    # Cramer's rule.
     return (r1 * c22 - c12 * r2) / determinant, (c11 * r2 - c21 * r1) / determinant
