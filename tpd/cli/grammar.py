@@ -1,4 +1,4 @@
-"""Grammar of the command line: all commands, their options and their help texts.
+"""Grammar of the command line: all commands and their options.
 
 Nothing here imports JAX, so that the help appears at once.
 """
@@ -6,8 +6,10 @@ Nothing here imports JAX, so that the help appears at once.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+import tomllib
+from collections.abc import Iterable
+from importlib import resources
+from typing import Any
 
 from tpd.cli.options import Option, Parser, SetWidths, keys
 from tpd.core.files import path_of
@@ -82,23 +84,6 @@ SEARCH = (
 )
 
 
-class Command(NamedTuple):
-    """Declaration of a command. Its function `run` is in the module of the same name in this folder."""
-
-    add_options: Callable[[Parser], None]
-    """Function that adds the options of the command to its parser."""
-    help: str
-    """Summary in the list of commands."""
-    activity: str
-    """Description of the work while it runs, printed before JAX is imported; empty for a quick command."""
-    description: str
-    """First paragraph of the help."""
-    example: str
-    """Command line that ends the help."""
-    exit_status: str = _DONE
-    """Explanation of the exit status."""
-
-
 def parser(about: str, version: str) -> Parser:
     """Return the grammar of the command line.
 
@@ -109,12 +94,14 @@ def parser(about: str, version: str) -> Parser:
     top = Parser(prog="tpd", description=about)
     top.add_argument("--version", action="version", version=f"tpd {version}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, c in COMMANDS.items():
-        # The class of the help puts what follows "Example: " on a line of its own.
-        epilog = f"{c.exit_status}\nExample: {c.example}"
-        command = commands.add_parser(name, help=c.help, description=c.description, epilog=epilog)
-        command.set_defaults(activity=c.activity)
-        c.add_options(command)
+    texts = tomllib.loads(resources.files("tpd.cli").joinpath("commands.toml").read_text(encoding="utf-8"))
+    for name, add_options in COMMANDS.items():
+        text = texts[name]
+        # The formatter of the help puts what follows "Example: " on a line of its own.
+        end = f"{text.get('exit_status', _DONE)}\nExample: {text['example']}"
+        command = commands.add_parser(name, help=text["summary"], description=text["description"], epilog=end)
+        command.set_defaults(activity=text.get("activity", ""))
+        add_options(command)
     return top
 
 
@@ -165,9 +152,8 @@ def _add_case(command: Parser, *motions: Option) -> None:
     )
     command.add_argument("design", type=path_of, nargs="?", metavar="DESIGN", help=text)
     _add_scene(command, *motions)
-    group = command.add_argument_group(
-        "pendulum", "An equivalent point mass on a rod: give one value for the mass and one for the length."
-    )
+    rod = "An equivalent point mass on a rod. Give one value for the mass and one for the length."
+    group = command.add_argument_group("pendulum", rod)
     mass, length = group.add_mutually_exclusive_group(), group.add_mutually_exclusive_group()
     _add_number(mass, "--pendulum-mass", "KG", "mass of the bob, kg")
     _add_number(mass, "--mass-ratio", "MU", "mass of the bob as a ratio to the mass of the block")
@@ -310,124 +296,16 @@ def _export(command: Parser) -> None:
 
 
 COMMANDS = {
-    "new": Command(
-        _new,
-        "write a job file to start from",
-        "",
-        "Write a job file in TOML with a realistic block and base motion. Comments explain each key and its "
-        "unit. Change the numbers, then run `tpd optimise FILE`.",
-        "tpd new tower --out mine.toml",
-        "Exit status: 0 success; 2 invalid input, or the file exists.",
-    ),
-    "record": Command(
-        _record,
-        "describe ground motion records: peaks, duration, spectrum",
-        "",
-        "Read ground motion records and print for each the peak acceleration (PGA), velocity (PGV) and "
-        "displacement (PGD), the time between 5 and 95 % of the energy, and the spectral acceleration with "
-        "5 % damping. Files that are not used are listed. A warning appears if the PGA is implausible, "
-        "which usually means a wrong unit. With --out the command also draws the histories and the response "
-        "spectrum.",
-        "tpd record el-centro",
-    ),
-    "assess": Command(
-        _assess,
-        "find out whether the block lifts, slides or overturns without a pendulum",
-        "simulating the block without a pendulum",
-        "Compare the base acceleration with the acceleration that lifts the block and with the friction of "
-        "its base. If the block lifts, simulate it without a pendulum in the same runs that `tpd optimise` "
-        "uses for validation. Print the share of runs in which the block overturns, and measures that "
-        "prevent uplift without a pendulum.",
-        "tpd assess tower.toml",
-    ),
-    "optimise": Command(
-        _optimise,
-        "find the pendulum that reduces the rocking most, and write a report",
-        "searching for the best pendulum (report: {out})",
-        "Find the pendulum that reduces the rocking most under a harmonic base motion (one condition or "
-        "many), a pulse or records. Simulations that were not used in the search validate the pendulum. "
-        "Without options the command designs a pendulum for the block of Collini et al. (2016). A job file "
-        "can set everything that the options set, and more: `tpd new tower` writes one. The report contains "
-        "scene.toml, a job file that repeats the run.",
-        "tpd optimise --scene tower.toml --out tower",
-        "Exit status: 0 a pendulum is recommended, or none is needed; 2 invalid input, the message says what "
-        "is allowed; 3 no pendulum is recommended, the first line of the report says why; 130 interrupted.",
-    ),
-    "check": Command(
-        _check,
-        "check whether a given pendulum helps and stays within the limits",
-        "checking the pendulum",
-        "Solve the motion with a given pendulum by several models, from closed formulas to the nonlinear "
-        "equations. Then validate the pendulum as `tpd optimise` does: under the same conditions, initial "
-        "states, limits and number of runs. Give DESIGN, or a scene and a pendulum.",
-        "tpd check --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2",
-        "Exit status: 0 the pendulum is recommended, or none is needed; 2 invalid input; 3 the pendulum is "
-        "not recommended, the last line says why; 130 interrupted.",
-    ),
-    "response": Command(
-        _response,
-        "compute the rocking amplitude over the frequency",
-        "computing the response over frequency (results: {out})",
-        "Compute the tilt of the block and the swing of the pendulum over the frequency of the base motion. "
-        "The command follows the branches of symmetric periodic motions, stable and unstable, and reports "
-        "where a branch ends or changes its stability. The amplitude of the base is constant; with "
-        "--dimensionless its acceleration is. In addition, motions from rest are simulated until they "
-        "settle, over the whole range and every 0.4 % within 5 % of the base frequency. Results are for the "
-        "block without a pendulum and, if a pendulum is given, with it.",
-        "tpd response --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2",
-    ),
-    "map": Command(
-        _map,
-        "compute the rocking amplitude over any two parameters",
-        "solving the designs of the map (results: {out})",
-        "Solve the motion on a grid of two quantities. Each is a dimensionless parameter (nu, mu, lam, zeta, "
-        "k, f, xi, e, rho) or a quantity in SI units (width, height, mass, friction, restitution, amplitude, "
-        "frequency, pendulum-mass, pendulum-length, pendulum-damping). The maps show the amplitude of the "
-        "largest stable symmetric periodic motion, or rest. With --from-rest they show the motion that "
-        "develops from rest.",
-        "tpd map --scene tower.toml --x mu 0.01 0.1 --y lam 0.1 0.9",
-    ),
-    "shake": Command(
-        _shake,
-        "simulate a block under one pulse or record",
-        "simulating the block (results: {out})",
-        "Simulate a block from rest under one pulse or record, without a pendulum and, if a pendulum is "
-        "given, with it. The command prints the largest angles, the time of uplift and overturning, the "
-        "number of impacts and the friction that the base needs. The nonlinear equations decide the result. "
-        "The linear equations are solved as well, for comparison: histories, impacts and friction come from "
-        "them.",
-        "tpd shake --scene tower.toml --record el-centro --pga 0.3",
-        "Exit status: 0 success; 2 invalid input; 3 the block overturns or its motion has no solution, with "
-        "the pendulum if a pendulum is given; 130 interrupted.",
-    ),
-    "spectrum": Command(
-        _spectrum,
-        "compute the overturning spectrum of a pulse or the rocking spectrum of a record",
-        "simulating blocks (results: {out})",
-        "With --pulse, compute the overturning spectrum: whether the block overturns under pulses of every "
-        "frequency and acceleration, over omega_p/p and a_p/(g tan alpha). Here p = sqrt(g rho/b) is the "
-        "frequency parameter of the block and alpha its toppling angle. With --record, compute the rocking "
-        "spectrum: the largest tilt of blocks of the same slenderness and all sizes, over 2 pi/p. Both are "
-        "computed without a pendulum and, if a pendulum is given, with it.",
-        "tpd spectrum --scene tower.toml --pulse ricker",
-    ),
-    "fragility": Command(
-        _fragility,
-        "compute fragility curves over several records",
-        "simulating the block under all ground motions (results: {out})",
-        "Compute the share of ground motions that overturn the block, as a function of their intensity. "
-        "Every record is scaled to every intensity of --scales (default 20 values from 0.5 to 8). The block "
-        "is simulated without a pendulum and, if a pendulum is given, with it under the same motions.",
-        "tpd fragility --scene tower.toml --records el-centro loma-prieta --scales 1 2 4",
-    ),
-    "export": Command(
-        _export,
-        "export a model for MuJoCo or OpenSees, or time histories as a table",
-        "",
-        "Write the block and the pendulum as a model for MuJoCo or OpenSees, or write their motion from rest "
-        "as a table in CSV, without and with the pendulum. Block, base motion and pendulum come from DESIGN "
-        "or from the options. The model for MuJoCo contains no base motion.",
-        "tpd export --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2 --as mjcf",
-    ),
+    "new": _new,
+    "record": _record,
+    "assess": _assess,
+    "optimise": _optimise,
+    "check": _check,
+    "response": _response,
+    "map": _map,
+    "shake": _shake,
+    "spectrum": _spectrum,
+    "fragility": _fragility,
+    "export": _export,
 }
-"""All commands, in the order in which the help lists them."""
+"""Functions that add the options of each command. The help texts of the commands are in `commands.toml`."""

@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     set_keys(options, "motion", {"records": options.records})
     job, rows, out = job_of(tables_of(options)), [], options.out
     for record in job.motions:
-        # The velocity and the displacement are exact integrals of the record. A wrong baseline shows here first.
+        # Velocity and displacement are exact integrals of the record. They show a wrong baseline first.
         v, d = (float(np.max(np.abs(x))) for x in base_motion(record)[1:])
         first, last = significant_times(record)
         sizes = {"pgv_m_s": v, "pgd_m": d, "significant_s": last - first, "significant_from_s": first}

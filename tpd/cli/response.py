@@ -55,8 +55,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             }
     near = {label: response.between(*window(own)) for label, response in settled.items()}
     lines = [f"{label}: {case_orbits}" for label, case_orbits in orbits.items()]
-    # Whether a single run overturns depends on tiny changes of the frequency. Shares of many runs are printed:
-    # near the frequency of the base motion, and over the range that a report shows.
+    # A tiny change of the frequency decides whether a single run overturns. Therefore shares of many runs are
+    # printed: near the frequency of the base motion, and over the range that a report shows.
     for ends in (window(own), own * np.array(BAND)) if settled else ():
         first, last = np.clip(ends, low, high)
         if first < last:
@@ -113,7 +113,7 @@ def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float
 
 
 def _rows(label: str, orbits: Branches) -> Iterator[tuple]:
-    """Yield the rows of branches.csv: one for each orbit, and one for each value at which rest is possible."""
+    """Yield the rows of branches.csv: one for each orbit, and one for each value with a stable rest."""
     s = orbits.sweep
     largest = np.abs(s.multipliers).max(axis=-1)
     for branch in range(s.branches):
@@ -121,6 +121,6 @@ def _rows(label: str, orbits: Branches) -> Iterator[tuple]:
             sizes = (s.amplitude[i, j], s.swing[i, j], s.phase[i, j], largest[i, j])
             yield (label, branch, s.value[i], s.status[i, j], *sizes)
     for value, margin, swing in zip(s.value, orbits.margin, orbits.rest_swing, strict=True):
-        # A positive uplift margin means that a block at rest stays at rest.
+        # With a positive uplift margin a block at rest stays at rest.
         if margin > 0.0:
             yield (label, "rest", value, "rest", 0.0, swing, "", "")

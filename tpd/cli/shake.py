@@ -47,7 +47,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         for name, h in cases.items()
     }
     histories = {name: motion_history(scene, h, free=free) for name, h in cases.items()}
-    # A block that comes to rest makes infinitely many weak impacts. Those above this rate (rad/s) are counted.
+    # A block that comes to rest makes very many weak impacts. Only those above this rate (rad/s) are counted.
     strong = STRONG * float(scene.block.slenderness) * float(scene.rate)
     tables = (_table(name, pair, histories[name], strong) for name, pair in motions.items())
     print_answer("\n".join(line for table in tables for line in table))
