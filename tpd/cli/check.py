@@ -81,7 +81,10 @@ def _check_by_models(
     # The table of models is about one harmonic motion; there is none for pulses and records.
     if isinstance(problem, HarmonicProblem):
         limit = stroke_limit(job.limits)
-        table = [check(job.scene, pendulum, swing_limit=limit, models=models, progress=bar).table(), ""]
+        models_table = check(job.scene, pendulum, swing_limit=limit, models=models, progress=bar).table()
+        # The last line explains the columns; the others are rows, which are not wrapped.
+        *rows, explanation = models_table.splitlines()
+        table = [*rows, *wrapped(explanation), ""]
     # A report without a pendulum is right only if the block needs none under all conditions of the job.
     if (status := problem.needs_none) is not None:
         return [*table, *wrapped(needless(problem))], status.is_sound
@@ -103,8 +106,9 @@ def _check_by_models(
         if runs.cluster is not None:
             sentences += [words.group(part) for part in runs.parts]
     status = validation.status if validation.reasons else problem.evidence
-    lines = [line for text in sentences for line in wrapped(text)]
-    return [*table, *lines, "", *answer.verdict_lines(status, validation.refusals)], status.is_sound
+    verdict = answer.verdict_lines(status, validation.refusals)
+    before, after = ([line for text in texts for line in wrapped(text)] for texts in (sentences, verdict))
+    return [*table, *before, "", *after], status.is_sound
 
 
 def _check_by_engine(

@@ -22,8 +22,8 @@ LARGEST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as lo
 WITHOUT, WITH = "without a pendulum", "with the pendulum"
 """Names of the two cases in printed results and in files."""
 PERIODIC_ONLY = (
-    "These motions are periodic. Run the command with {} to find out whether the block settles to them from "
-    "rest, or overturns."
+    "These motions are periodic. Run the command with {} to find out whether the block\n"
+    "  settles to one of them from rest, or overturns."
 )
 """Note on results without motions from rest; the placeholder is an option."""
 _REQUIRED = {

@@ -218,7 +218,7 @@ def _check(command: Parser) -> None:
     _add_case(command, *HARMONIC, *PULSE, *RECORDS)
     NO_WALLS.add(command)
     _add_switch(command, "--full", "also solve the smoothed models, which take a minute to compile")
-    _add_number(command, "--seed", "N", "seed of the runs (default: the job's seed; for --engine 0)", int)
+    _add_number(command, "--seed", "N", "seed of the runs (default: seed of the job; with --engine 0)", int)
     engine = command.add_argument_group("rigid-body engine (install tpd[engines])")
     text = (
         "simulate runs with and without the pendulum in a rigid-body engine with contact and sliding, in "

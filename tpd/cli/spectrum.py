@@ -29,7 +29,9 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     is_pulse = isinstance(scene.motion, Pulse)
     if not is_pulse and options.sizes_to is not None:
         raise ValueError("--sizes-to has an effect on the spectrum of a pulse, but the job has a record")
-    common.print_header(scene, pendulum, notes=job.told)
+    # The motion of the job gives only the kind of the pulse.
+    motion = f"{scene.motion.kind} pulses of all frequencies and accelerations" if is_pulse else ""
+    common.print_header(scene, pendulum, motion, job.told)
     with Bar() as bar, common.open_cluster(options) as cluster:
         how = {"gravity": float(scene.gravity), "cluster": cluster, "progress": partial(bar, "blocks")}
         compute = _overturning if is_pulse else _rocking
