@@ -18,7 +18,7 @@ from tpd.report.json import as_json
 
 COLUMN = "--width 1 --height 6 --mass 9000 --friction 0 --restitution 0.9595"
 PENDULUM = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
-WITH = "--pendulum-mass 450 --pendulum-length 0.9"
+PENDULUM_OPTIONS = "--pendulum-mass 450 --pendulum-length 0.9"
 
 
 class Done(NamedTuple):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.cli.conftest import COLUMN, PENDULUM
+from tests.cli.conftest import COLUMN, PENDULUM_OPTIONS
 from tests.unanswered import unanswered
 from tpd.design.job import job_of
 from tpd.formats.channel import STANDARD_GRAVITY
@@ -16,7 +16,7 @@ TWO = "--records el-centro loma-prieta --scales 1 4 8"
 
 
 def test_fragility_over_records(run):
-    done = run("fragility", COLUMN, PENDULUM, TWO)
+    done = run("fragility", COLUMN, PENDULUM_OPTIONS, TWO)
     assert done.status == 0
     table = done.rows("fragility.csv")
     # There are two cases, three damage states and three intensities.
@@ -34,7 +34,7 @@ def test_fragility_over_records(run):
 def test_runs_without_a_solution_are_reported(run, monkeypatch):
     # These are all motions above 3 g tan alpha.
     unanswered(monkeypatch, lambda rows: rows[:, 5] > 0.5)
-    done = run("fragility", COLUMN, PENDULUM, TWO)
+    done = run("fragility", COLUMN, PENDULUM_OPTIONS, TWO)
     assert done.status == 0
     assert "not counted: 4 of 6 runs bare, 4 of 6 runs with the pendulum" in done.out
     assert done.json("fragility.json")["fits"]["overturned"]["with_pendulum"]["undecided"] == 4

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.cli.conftest import COLUMN, PENDULUM, call
+from tests.cli.conftest import COLUMN, PENDULUM_OPTIONS, call
 from tpd.cli import shake
 from tpd.core import files
 from tpd.plots import response
@@ -17,7 +17,7 @@ BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=
 
 
 def test_shake_agrees_with_the_library(run):
-    done = run("shake", COLUMN, PENDULUM, PULSE, "0.4", "--free", "5")
+    done = run("shake", COLUMN, PENDULUM_OPTIONS, PULSE, "0.4", "--free", "5")
     assert done.status == 0
     names = {"histories.csv", "histories.png", "impacts.csv", "animation.gif", "shake.json"}
     assert done.files.keys() == names
@@ -125,7 +125,9 @@ def test_a_block_that_stands_has_no_empty_cell_and_no_mark(tmp_path, monkeypatch
         t = dt * np.arange(n)
         lines = [f"{x:.4f},{0.25 * np.sin(8.0 * x):.6f}" for x in t]
         (tmp_path / "record.csv").write_text("time (s),acceleration (g)\n" + "\n".join(lines) + "\n")
-        done = call("shake", COLUMN, PENDULUM, f"--record {tmp_path / 'record.csv'}", out=tmp_path / str(i))
+        done = call(
+            "shake", COLUMN, PENDULUM_OPTIONS, f"--record {tmp_path / 'record.csv'}", out=tmp_path / str(i)
+        )
         results = done.json("shake.json")["results"]
         assert {x["linear"]["status"] for x in results.values()} == {"rocked"}
         rows = done.rows("histories.csv")

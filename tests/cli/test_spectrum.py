@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from tests.cli.conftest import COLUMN, PENDULUM
+from tests.cli.conftest import COLUMN, PENDULUM_OPTIONS
 from tests.unanswered import unanswered
 
 
 def test_the_spectrum_of_a_pulse_and_of_a_record(run):
-    done = run("spectrum", COLUMN, PENDULUM, "--pulse", "ricker", "--points", "5")
+    done = run("spectrum", COLUMN, PENDULUM_OPTIONS, "--pulse", "ricker", "--points", "5")
     assert done.status == 0
     assert done.files.keys() == {"spectrum.csv", "spectrum.json", "spectrum.png"}
     assert len(done.rows("spectrum.csv")) == 25
     assert "pulses under which the block does not overturn: " in done.out
     record = "--record el-centro --points 3 --overwrite"
-    done = run("spectrum", COLUMN, PENDULUM, record)
+    done = run("spectrum", COLUMN, PENDULUM_OPTIONS, record)
     assert done.status == 0
     assert [float(r["period_s"]) for r in done.rows("spectrum.csv")] == np.linspace(0.5, 12.0, 3).tolist()
 
@@ -23,7 +23,7 @@ def test_the_spectrum_of_a_pulse_and_of_a_record(run):
 def test_runs_without_a_solution_are_reported(run, monkeypatch):
     # These are all motions above 3 g tan alpha.
     unanswered(monkeypatch, lambda rows: rows[:, 5] > 0.5)
-    done = run("spectrum", COLUMN, PENDULUM, "--pulse one-sine --points 4 --sizes-to 5")
+    done = run("spectrum", COLUMN, PENDULUM_OPTIONS, "--pulse one-sine --points 4 --sizes-to 5")
     assert done.status == 0
     assert "pulses without a solution: 8 of 16 without a pendulum, 8 of 16 with the pendulum" in done.out
     # The block stands under six of the eight pulses with a solution, and perhaps under the other eight.
