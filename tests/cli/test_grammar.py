@@ -66,7 +66,7 @@ def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
         f"{first_sentence('space', 'mass_ratio')} --",
         f"--exactly {first_sentence('conditions', 'exactly')}",
         f"--seed N {first_sentence('search', 'seed')} (default 0)",
-        "--no-walls do not limit the clearance to the cavity walls",
+        "--no-walls no walls around the bob: no limit on clearance",
         "0 a pendulum is recommended",
         "130 interrupted",
     ):

@@ -105,6 +105,7 @@ def _check_by_models(
         # Only ground motions form groups, one for each earthquake.
         if runs.cluster is not None:
             sentences += [words.group(part) for part in runs.parts]
+    # Without a reason against the pendulum, the amount of evidence decides: there may be too few earthquakes.
     status = validation.status if validation.reasons else problem.evidence
     verdict = answer.verdict_lines(status, validation.refusals)
     before, after = ([line for text in texts for line in wrapped(text)] for texts in (sentences, verdict))
@@ -116,6 +117,7 @@ def _check_by_engine(
 ) -> int:
     """Simulate the pendulum in a rigid-body engine, add the result to the report of the design, if any, and
     return the exit status."""
+    # --sliding takes precedence over the friction of the base in the job.
     if (own := job.block.base_friction) is not None:
         settings.setdefault("sliding", own)
     with Bar() as bar:

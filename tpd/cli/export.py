@@ -25,6 +25,7 @@ def run(options: argparse.Namespace) -> int:
     # The file is checked before the work, because a history may take seconds.
     if file.is_dir() or not file.name:
         raise ValueError(f"--file must name a file, but {file} is a directory")
+    # Users edit an exported model, so that a file is never replaced without --overwrite.
     if file.exists() and not options.overwrite:
         raise ValueError(f"{file} exists already: choose another name with --file, or pass --overwrite")
     has_motion = options.kind != "mjcf"
@@ -44,6 +45,7 @@ def run(options: argparse.Namespace) -> int:
             reason = "the block overturns" if case in overturning else "the motion has no solution"
             print(f"{name}: {reason}; the cells after that time are empty")
     else:
+        # Without any coefficient the engine uses its own default.
         sliding = scene.block.base_friction if options.sliding is None else options.sliding
         friction = {} if sliding is None else {"sliding": sliding}
         content = {"mjcf": mjcf, "opensees": opensees}[options.kind](scene, pendulum, **friction)
@@ -61,6 +63,7 @@ def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], s
     from tpd.answers.motion_history import motion_history
     from tpd.design.as_built import time_histories
 
+    # Only a harmonic motion has an amplitude.
     if hasattr(scene.motion, "amplitude"):
         cases = time_histories(scene, pendulum)
         # A harmonic has an exact displacement. That of a record would have to be integrated, and drifts.

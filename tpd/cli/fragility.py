@@ -34,6 +34,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     factors = [stripes[-1] / measure.value(m) for m in motions]
     strongest = max(factor * float(m.pga) for factor, m in zip(factors, motions, strict=True))
     block = scene.block
+    # `AtRest.under` would use the motion of the scene, which is not scaled.
     at_rest = AtRest.of(block.slenderness, block.friction, strongest / scene.gravity, block.base_friction)
     common.print_header(scene, pendulum, in_words(motions), job.told, at_rest)
     with Bar() as bar, common.open_cluster(options) as cluster:
@@ -49,6 +50,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             progress=lambda done, total: bar("ground motions", done, total),
         )
     print_answer(str(curves))
+    # There is one picture for each damage state. It is drawn when `outputs.write` calls the function.
     pictures = {
         f"fragility_{name}.png": partial(outputs.plot, curves, name) for name in curves.without_pendulum
     }
@@ -59,6 +61,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
 def _tables(job: Job, pendulum: Pendulum | None, curves: Fragility) -> Iterator[tuple[str, str]]:
     """Yield the names and contents of the files of numbers."""
     yield "fragility.csv", files.as_table(curves.columns())
+    # The keys of the JSON file are part of the interface; `None` marks results that this run does not have.
     content = {
         **common.json_inputs(job.scene, pendulum, job),
         "intensity": curves.intensity,

@@ -44,7 +44,14 @@ _FACTOR: dict[str, Any] = {"one": True, "also": {"intensity": "scale"}}
 # Commands that simulate one motion have `--record` and a factor `--scale`. Commands that need several have
 # `--records` and `--scales`; there `--scale` multiplies the samples of a file.
 RECORD = (
-    Option("--record", "motion", "records", "FILE", one=True, help="ground motion record: a file or a name"),
+    Option(
+        "--record",
+        "motion",
+        "records",
+        "FILE",
+        one=True,
+        help="file, or built-in name such as el-centro",
+    ),
     *READING,
     Option("--scale", "motion", "scales", "X", help="factor on the acceleration of the motion", **_FACTOR),
 )
@@ -55,13 +62,17 @@ RECORDS = (
 )
 VALIDATION_SHARE = Option("--validation-share", "motion", "validation_share", "X")
 NO_WALLS = Option(
-    "--no-walls", "limits", "clearance", value=False, help="do not limit the clearance to the cavity walls"
+    "--no-walls",
+    "limits",
+    "clearance",
+    value=False,
+    help="no walls around the bob: no limit on clearance",
 )
 DESIGN = (
     *_key_options("space", mass_ratio=("LO", "HI"), length_ratio=("LO", "HI")),
     Option("--pendulum-mass", "space", "mass", ("LO", "HI")),
     Option("--pendulum-length", "space", "length", ("LO", "HI")),
-    Option("--damping", "space", "damping_ratio", "ZETA"),
+    Option("--damping", "space", "damping_ratio", ("LO", "HI")),
     Option("--stroke", "limits", "stroke", "RAD"),
     Option("--bob", "bob", "shape", "WORD"),
     NO_WALLS,
@@ -94,6 +105,7 @@ def parser(about: str, version: str) -> Parser:
     top = Parser(prog="tpd", description=about)
     top.add_argument("--version", action="version", version=f"tpd {version}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    # The texts are in a file of their own, so that they can be read and revised as text.
     texts = tomllib.loads(resources.files("tpd.cli").joinpath("commands.toml").read_text(encoding="utf-8"))
     for name, add_options in COMMANDS.items():
         text = texts[name]
@@ -134,7 +146,13 @@ def _add_scene(command: Parser, *motions: Option) -> None:
         "the base motion."
     )
     _add_group(command, "block", BLOCK, block)
-    _add_group(command, "base motion", motions, "The motion replaces that of the job file or of DESIGN.")
+    command.add_argument_group("base motion", "One of the following kinds. It replaces that of the job file.")
+    kinds = {"harmonic": HARMONIC, "pulse": PULSE, "files of records": READING}
+    records = [option for option in motions if not any(option in kind for kind in kinds.values())]
+    # Each command has some of the kinds of motion. The options for reading files come last.
+    for title, kind in {"harmonic": HARMONIC, "pulse": PULSE, "records": records, **kinds}.items():
+        if options := [option for option in motions if option in kind]:
+            _add_group(command, title, options)
 
 
 def _add_job(command: Parser, *motions: Option) -> None:
@@ -154,6 +172,7 @@ def _add_case(command: Parser, *motions: Option) -> None:
     _add_scene(command, *motions)
     rod = "An equivalent point mass on a rod. Give one value for the mass and one for the length."
     group = command.add_argument_group("pendulum", rod)
+    # argparse itself rejects a mass together with a mass ratio.
     mass, length = group.add_mutually_exclusive_group(), group.add_mutually_exclusive_group()
     _add_number(mass, "--pendulum-mass", "KG", "mass of the bob, kg")
     _add_number(mass, "--mass-ratio", "MU", "mass of the bob as a ratio to the mass of the block")
@@ -181,6 +200,10 @@ def _add_cluster(command: Parser) -> None:
     either.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster, tcp://host:port")
 
 
+# Each of the following functions adds the options of one command. Options that set keys of the job file are
+# declared above; the others belong to the command alone.
+
+
 def _new(command: Parser) -> None:
     command.add_argument("kind", choices=KINDS, metavar="KIND", help=f"one of {', '.join(KINDS)}")
     text = "job file to write; it must not exist yet (default KIND.toml)"
@@ -190,7 +213,7 @@ def _new(command: Parser) -> None:
 def _record(command: Parser) -> None:
     text = "files or folders with records, or names of built-in records: el-centro, loma-prieta, fema-p695"
     command.add_argument("records", nargs="+", metavar="FILE", help=text)
-    _add_group(command, "reading of files", READING)
+    _add_group(command, "files of records", READING)
     _add_out(command, None, "folder for a table and pictures (default: write no files)")
 
 
@@ -203,6 +226,7 @@ def _optimise(command: Parser) -> None:
     _add_job(command, *HARMONIC, *PULSE, *RECORDS, VALIDATION_SHARE)
     _add_group(command, "design space and limits", DESIGN)
     conditions = _add_group(command, "conditions", CONDITIONS)
+    # One option sets many keys of the table [scatter], so that it is no `Option`.
     text = f"uncertain quantities with their relative half widths. Names: {', '.join(keys()['scatter'])}"
     how: dict[str, Any] = {"nargs": "+", "action": SetWidths, "default": argparse.SUPPRESS}
     conditions.add_argument("--scatter", metavar="NAME=WIDTH", help=text, **how)
@@ -216,6 +240,7 @@ def _optimise(command: Parser) -> None:
 
 def _check(command: Parser) -> None:
     _add_case(command, *HARMONIC, *PULSE, *RECORDS)
+    # The other limits come from the job: a check uses those with which the pendulum was designed.
     NO_WALLS.add(command)
     _add_switch(command, "--full", "also solve the smoothed models, which take a minute to compile")
     _add_number(command, "--seed", "N", "seed of the runs (default: seed of the job; with --engine 0)", int)

@@ -27,6 +27,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     x, y = _axis("--x", options.x), _axis("--y", options.y)
     scene, pendulum = case.job.scene, case.pendulum
     with Bar() as bar, common.open_cluster(options) as cluster:
+        # The bar appears before the first designs are solved, because a compilation may come first.
         bar("designs", 0, options.points**2)
         m = design_map(
             scene,
@@ -44,6 +45,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     print_answer("\n".join(["number of designs by the status of the motion:", *counts]))
     if not options.from_rest:
         print(common.PERIODIC_ONLY.format("--from-rest"))
+    # The pictures are drawn when `outputs.write` calls these functions, after the numbers are written.
     pictures = {f"{name}.png": partial(outputs.plot, m, name) for name in ("amplitude", "swing", "margin")}
     outputs.write(options.out, _tables(m, common.json_inputs(scene, pendulum)), pictures)
     return SOUND
@@ -57,6 +59,7 @@ def _axis(flag: str, words: list[str]) -> tuple[str, float, float]:
         raise ValueError(f"`{flag}` must be a name and two numbers, but is {' '.join(words)}") from None
     if not low < high:
         raise ValueError(f"`{flag}` must have the lower number first, but goes from {low:g} to {high:g}")
+    # Options are written with hyphens; attributes and parameters have underscores.
     name = words[0].replace("-", "_")
     if name in common.LARGEST:
         checks.at_most(flag, high, *common.LARGEST[name])

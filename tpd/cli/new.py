@@ -27,6 +27,7 @@ def run(options: argparse.Namespace) -> int:
     except FileExistsError:
         raise ValueError(f"{out} exists and was not changed: choose another file with --out") from None
     except OSError as error:
+        # A full disk leaves a part of the file, which would look like a job.
         with contextlib.suppress(OSError):
             out.unlink()
         raise ValueError(f"cannot write {out}: {error.strerror or error}") from None

@@ -30,12 +30,14 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         common.print_header(job.scene, None, job.in_words, messages, problem.at_rest)
     with Bar() as bar:
         design, points = solve(problem, bar), ()
+        # Lighter pendulums make sense only beside a pendulum that is recommended.
         if (
             job.full["search"]["pareto"]
             and design.pendulum is not None
             and design.status.name == "recommended"
         ):
             points = front(design, progress=bar)
+        # Details are results that only the report needs, such as responses and tolerances.
         shown = details(design, front=points, progress=bar)
     # The lines on the records and the answer together should fit on a terminal.
     lines = max(_FEWEST_LINES, answer.MOST - len(messages))

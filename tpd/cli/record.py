@@ -47,6 +47,7 @@ def run(options: argparse.Namespace) -> int:
         first, last = significant_times(record)
         sizes = {"pgv_m_s": v, "pgd_m": d, "significant_s": last - first, "significant_from_s": first}
         rows.append(facts(record) | sizes)
+    # The folder is checked after the records were read, and before anything is printed.
     if out is not None:
         files.claim(out, overwrite=options.overwrite)
     names = [row["source"] or row["name"] for row in rows]
@@ -55,6 +56,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         notes = ["; ".join(note.partition(":")[0] for note in row["notes"]) for row in rows]
         cells = ([number(float(row[key])) for key in _TABLE] for row in rows)
+        # Notes are shortened to the text before the colon. The table in CSV has the whole notes.
         table = [[name, *x, note] for name, x, note in zip(names, cells, notes, strict=True)]
         lines = aligned([["record", *_TABLE.values(), "notes"], *table])
     print("\n".join([*job.told, *lines]))

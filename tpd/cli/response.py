@@ -47,12 +47,14 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         for label, pendulum in pendulums.items():
             orbits[label] = branches(scene, name, low, high, pendulum=pendulum, samples=options.points)
             bar("branches", len(orbits), len(pendulums))
+        # Motions from rest take longer than branches, so that they can be turned off.
         if options.from_rest:
             values = frequencies(own, low, high, options.from_rest)
             settled = {
                 label: settled_response(scene, name, values, pendulum=pendulum, progress=bar)
                 for label, pendulum in pendulums.items()
             }
+    # The motions near the base frequency are drawn in a picture of their own.
     near = {label: response.between(*window(own)) for label, response in settled.items()}
     lines = [f"{label}: {case_orbits}" for label, case_orbits in orbits.items()]
     # A tiny change of the frequency decides whether a single run overturns. Therefore shares of many runs are
@@ -115,6 +117,7 @@ def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float
 def _rows(label: str, orbits: Branches) -> Iterator[tuple]:
     """Yield the rows of branches.csv: one for each orbit, and one for each value with a stable rest."""
     s = orbits.sweep
+    # An orbit is stable if its largest Floquet multiplier is below 1 in modulus.
     largest = np.abs(s.multipliers).max(axis=-1)
     for branch in range(s.branches):
         for i, j in zip(*s.line(branch), strict=True):

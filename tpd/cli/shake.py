@@ -71,6 +71,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         from tpd.plots.response import plot_motions
 
         axes = plot_motions(list(histories.values()), float(scene.block.slenderness))
+        # The reader of the picture must not compare it with the nonlinear results in the table.
         axes[0].set_title("linear equations, exact between the samples", fontsize=9)
         return axes
 
@@ -106,6 +107,7 @@ def _table(name: str, pair: tuple[Transient, ...], history: MotionHistory, stron
             continue
         cells = (number(x) if math.isfinite(x) else "-" for x in values)
         yield f"  {label:40}" + "".join(f"{cell:>20}" for cell in cells)
+    # Impacts and forces are known for the linear equations only: their column is the last one.
     impacts = history.impacts_above(strong)
     yield f"  {f'impacts faster than {number(strong)} rad/s':40}{'':20}{impacts:>20}"
     yield f"  {'friction coefficient to prevent sliding':40}{'':20}{number(history.needed_friction):>20}"

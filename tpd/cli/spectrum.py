@@ -34,6 +34,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     common.print_header(scene, pendulum, motion, job.told)
     with Bar() as bar, common.open_cluster(options) as cluster:
         how = {"gravity": float(scene.gravity), "cluster": cluster, "progress": partial(bar, "blocks")}
+        # A pulse can be varied in frequency and size, a record cannot: its spectrum varies the block instead.
         compute = _overturning if is_pulse else _rocking
         spectrum, content = compute(options, scene, pendulum, how)
     tables = {
