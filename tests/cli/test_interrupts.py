@@ -6,12 +6,13 @@ import shlex
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
 import tpd
 from tests.cli.conftest import call
-from tpd.cli import new
+from tpd.cli import interrupts, new
 
 PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
 COMMAND = [sys.executable, "-m", "tpd", "optimise", "--out", "out"]
@@ -73,6 +74,21 @@ def test_in_python_ctrl_c_is_an_exception_for_the_caller(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         call("new tower")
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.mends("messages about the work followed the answer while pictures were drawn")
+def test_no_message_about_the_work_follows_the_answer(monkeypatch, capsys):
+    for name, seconds in {"EVERY": 0.0, "TICK": 0.02, "_SOON": 0.0}.items():
+        monkeypatch.setattr(interrupts, name, seconds)
+    with interrupts.announced("working"):
+        time.sleep(0.2)
+        interrupts.print_answer("answer", "in two lines")
+        time.sleep(0.1)
+        out, err = capsys.readouterr()
+        time.sleep(0.2)
+    assert out == "answer\nin two lines\n"
+    assert "tpd: working, 0 s\n" in err
+    assert capsys.readouterr() == ("", "")
 
 
 HOMELESS = """

@@ -23,5 +23,5 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     if assessment.runs is not None:
         measures = assessment.alternatives
         sentences.append(f"Each of these measures prevents uplift without a pendulum: {measures}.")
-    print_answer("\n".join(["", *(line for text in sentences for line in wrapped(text))]))
+    print_answer("", *(line for text in sentences for line in wrapped(text)))
     return SOUND

@@ -47,7 +47,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     models = MODELS if options.full else QUICK
     with Bar() as bar:
         lines, is_sound = _check_by_models(job, problem, pendulum, models, bar)
-    print_answer("\n".join(["", *lines]))
+    print_answer("", *lines)
     return SOUND if is_sound else UNSOUND
 
 
@@ -122,7 +122,7 @@ def _check_by_engine(
         settings.setdefault("sliding", own)
     with Bar() as bar:
         comparison = mujoco(job.scene, pendulum, seed=options.seed or 0, progress=bar, **settings)
-    print_answer(f"\n{comparison}\n")
+    print_answer("", str(comparison), "")
     # A pendulum of the options has no report.
     if options.design is not None:
         directory = options.design if options.design.is_dir() else options.design.parent

@@ -49,7 +49,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             cluster=cluster,
             progress=lambda done, total: bar("ground motions", done, total),
         )
-    print_answer(str(curves))
+    print_answer("", str(curves))
     # There is one picture for each damage state. It is drawn when `outputs.write` calls the function.
     pictures = {
         f"fragility_{name}.png": partial(outputs.plot, curves, name) for name in curves.without_pendulum

@@ -99,10 +99,14 @@ def announced(activity: str) -> Iterator[None]:
             reporter.join()
 
 
-def print_answer(text: str) -> None:
-    """Print the answer of the command on stdout; `announced` prints no message after it."""
+def print_answer(*lines: str) -> None:
+    """Print the answer of the command on stdout. `announced` prints no message after it.
+
+    Args:
+        lines: lines or paragraphs; an empty text gives an empty line.
+    """
     _answered.set()
-    say(text, sys.stdout)
+    say("\n".join(lines), sys.stdout)
 
 
 def _report(activity: str) -> None:

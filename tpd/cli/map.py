@@ -42,7 +42,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # nothing is printed for invalid input.
     common.print_header(scene, at_rest=AtRest.under(scene))
     counts = [f"{count:8} {status.replace('_', ' ')}" for status, count in m.counts.items()]
-    print_answer("\n".join(["number of designs by the status of the motion:", *counts]))
+    print_answer("", "number of designs by the status of the motion:", *counts)
     if not options.from_rest:
         print(common.PERIODIC_ONLY.format("--from-rest"))
     # The pictures are drawn when `outputs.write` calls these functions, after the numbers are written.

@@ -65,7 +65,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             lines.append(overturned_between(tuple(settled.values()), first, last))
     if not settled:
         lines.append(common.PERIODIC_ONLY.format("--from-rest N"))
-    print_answer("\n".join(lines))
+    print_answer("", *lines)
     content = {
         **common.json_inputs(scene, pendulum),
         "bifurcations": {label: [asdict(b) for b in x.bifurcations] for label, x in orbits.items()},

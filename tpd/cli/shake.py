@@ -50,7 +50,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # A block that comes to rest makes very many weak impacts. Only those above this rate (rad/s) are counted.
     strong = STRONG * float(scene.block.slenderness) * float(scene.rate)
     tables = (_table(name, pair, histories[name], strong) for name, pair in motions.items())
-    print_answer("\n".join(line for table in tables for line in table))
+    print_answer(*(line for table in tables for line in ("", *table)))
     results: dict[str, Any] = {}
     for name, (nonlinear, linear) in motions.items():
         counts = {

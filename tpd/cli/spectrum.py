@@ -61,8 +61,8 @@ def _overturning(
     total = spectrum.without_pendulum.size
     stands = (_share(share, n, total) for share, n in zip(shares, undecided, strict=True))
     cases = (f"{share} {name}" for share, name in zip(stands, (common.WITHOUT, common.WITH), strict=False))
-    lines = [f"pulses under which the block does not overturn: {', '.join(cases)}"]
-    print_answer("\n".join(lines + _undecided_line("pulses", undecided, total)))
+    line = f"pulses under which the block does not overturn: {', '.join(cases)}"
+    print_answer("", line, *_undecided_line("pulses", undecided, total))
     return spectrum, {"survived": shares, "undecided": undecided}
 
 
@@ -102,5 +102,5 @@ def _rocking(
     spectrum = rocking_spectrum(block, scene.motion, periods=periods, **how)
     undecided = spectrum.undecided().tolist()
     if lines := _undecided_line("blocks", undecided, spectrum.periods.size):
-        print_answer("\n".join(lines))
+        print_answer("", *lines)
     return spectrum, {"undecided": undecided}
