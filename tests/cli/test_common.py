@@ -156,7 +156,7 @@ map BOB X --y pendulum-mass 1 2 | must not both move mu
 map MAP --points 3000 | `--points` must be between 2 and 2000, but is 3000
 check absent | cannot read absent: No such file or directory
 check | a pendulum is missing: give DESIGN, or --pendulum-mass and --pendulum-length
-check absent BOB | absent already contains a scene and a pendulum: give DESIGN without options for these, or
+check absent BOB | absent contains a scene and a pendulum: give either DESIGN or options for these
 response --out LONG | cannot use xxx
 check BOB --runs 0 | `--runs` must be a whole number, 1 or more, but is 0
 check BOB --engine drake | argument --engine: invalid choice: 'drake'

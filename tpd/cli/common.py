@@ -15,17 +15,13 @@ from tpd.design import job as jobs
 from tpd.design.criteria import check_cavity
 from tpd.design.stored_design import read_design
 from tpd.records.read import summary
+from tpd.report import words
 from tpd.scene.scene import Block, Pendulum, Scene, check_damping
 
 LARGEST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as long as the block is high")}
 """Largest mass ratio and length ratio of a pendulum, with their meaning."""
 WITHOUT, WITH = "without a pendulum", "with the pendulum"
 """Names of the two cases in printed results and in files."""
-PERIODIC_ONLY = (
-    "These motions are periodic. Run the command with {} to find out whether the block\n"
-    "  settles to one of them from rest, or overturns."
-)
-"""Note on results without motions from rest; the placeholder is an option."""
 _REQUIRED = {
     **dict.fromkeys(("assess", "optimise", "check"), "settings"),
     **dict.fromkeys(("shake", "spectrum"), "shaking"),
@@ -132,10 +128,7 @@ def read_case(options: argparse.Namespace) -> Case:
     # A design may be combined with another motion, but not with another block, harmonic or pendulum.
     others = {"amplitude", "frequency"} & set(tables.get("motion", {})) or set(tables) - {"motion"}
     if others or any(getattr(options, x, None) is not None for x in ("scene", *_PENDULUM)):
-        raise ValueError(
-            f"{name} already contains a scene and a pendulum: give DESIGN without options for these, or the "
-            "options without DESIGN"
-        )
+        raise ValueError(f"{name} contains a scene and a pendulum: give either DESIGN or options for these")
     design = read_design(name)
     return Case(jobs.job_of(jobs.merged(design.tables, tables)), design.pendulum)
 
@@ -168,9 +161,6 @@ def print_header(
         at_rest: `tpd.theory.no_uplift.AtRest` with the accelerations of uplift and sliding; None if the
             command varies the motion.
     """
-    # This module is imported before JAX; the report is not.
-    from tpd.report import words
-
     rest = () if at_rest is None else (str(at_rest),)
     point = () if pendulum is None else (words.pendulum_line(scene, pendulum),)
     progress.say("\n".join((*notes, *words.scene_lines(scene, motion), *rest, *point)), sys.stdout)

@@ -44,7 +44,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     counts = [f"{count:8} {status.replace('_', ' ')}" for status, count in m.counts.items()]
     print_answer("", "number of designs by the status of the motion:", *counts)
     if not options.from_rest:
-        print(common.PERIODIC_ONLY.format("--from-rest"))
+        print(outputs.PERIODIC_ONLY.format("--from-rest"))
     # The pictures are drawn when `outputs.write` calls these functions, after the numbers are written.
     pictures = {f"{name}.png": partial(outputs.plot, m, name) for name in ("amplitude", "swing", "margin")}
     outputs.write(options.out, _tables(m, common.json_inputs(scene, pendulum)), pictures)

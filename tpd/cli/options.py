@@ -1,7 +1,7 @@
 """Options of the command line that set keys of the job file.
 
 An option is declared once, by its table and key. Its type, default and help text come from `job.schema.json`,
-because importing the package that defines them would also import JAX, which takes seconds.
+so that the help appears without the import of NumPy and of the modules that define the keys.
 """
 
 from __future__ import annotations

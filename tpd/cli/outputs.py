@@ -11,6 +11,12 @@ import numpy as np
 
 from tpd.core import files, progress
 
+PERIODIC_ONLY = (
+    "These motions are periodic. Run the command with {} to find out whether the block\n"
+    "  settles to one of them from rest, or overturns."
+)
+"""Note on results without motions from rest; the placeholder is an option."""
+
 
 def plot(result: Any, what: str | None = None) -> Any:
     """Draw a result with `tpd.plot`. Matplotlib is imported when the function is called, and not before."""

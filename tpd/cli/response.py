@@ -64,7 +64,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         if first < last:
             lines.append(overturned_between(tuple(settled.values()), first, last))
     if not settled:
-        lines.append(common.PERIODIC_ONLY.format("--from-rest N"))
+        lines.append(outputs.PERIODIC_ONLY.format("--from-rest N"))
     print_answer("", *lines)
     content = {
         **common.json_inputs(scene, pendulum),
