@@ -101,8 +101,8 @@ def _check_by_models(
             f"block does not overturn (allowed: at most {100 * problem.allowed:.1f} %).",
         ]
         if runs.undecided:
-            sentences.append(f"{runs.undecided} runs have no answer and are not counted.")
-        # Only ground motions form groups, one for each earthquake.
+            sentences.append(f"{runs.undecided} runs have no solution and are not counted.")
+        # Ground motions have groups: those of the search, and those that were kept for validation.
         if runs.cluster is not None:
             sentences += [words.group(part) for part in runs.parts]
     # Without a reason against the pendulum, the amount of evidence decides: there may be too few earthquakes.

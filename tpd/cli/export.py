@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
             reason = "the block overturns" if case in overturning else "the motion has no solution"
             print(f"{name}: {reason}; the cells after that time are empty")
     else:
-        # Without any coefficient the engine uses its own default.
+        # Without a coefficient the exported model has the default one.
         sliding = scene.block.base_friction if options.sliding is None else options.sliding
         friction = {} if sliding is None else {"sliding": sliding}
         content = {"mjcf": mjcf, "opensees": opensees}[options.kind](scene, pendulum, **friction)

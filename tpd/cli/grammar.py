@@ -44,14 +44,7 @@ _FACTOR: dict[str, Any] = {"one": True, "also": {"intensity": "scale"}}
 # Commands that simulate one motion have `--record` and a factor `--scale`. Commands that need several have
 # `--records` and `--scales`; there `--scale` multiplies the samples of a file.
 RECORD = (
-    Option(
-        "--record",
-        "motion",
-        "records",
-        "FILE",
-        one=True,
-        help="file, or built-in name such as el-centro",
-    ),
+    Option("--record", "motion", "records", "FILE", one=True, help="file, or name such as el-centro"),
     *READING,
     Option("--scale", "motion", "scales", "X", help="factor on the acceleration of the motion", **_FACTOR),
 )
@@ -62,11 +55,7 @@ RECORDS = (
 )
 VALIDATION_SHARE = Option("--validation-share", "motion", "validation_share", "X")
 NO_WALLS = Option(
-    "--no-walls",
-    "limits",
-    "clearance",
-    value=False,
-    help="no walls around the bob: no limit on clearance",
+    "--no-walls", "limits", "clearance", value=False, help="no walls around the bob: no limit on clearance"
 )
 DESIGN = (
     *_key_options("space", mass_ratio=("LO", "HI"), length_ratio=("LO", "HI")),
@@ -146,7 +135,7 @@ def _add_scene(command: Parser, *motions: Option) -> None:
         "the base motion."
     )
     _add_group(command, "block", BLOCK, block)
-    command.add_argument_group("base motion", "One of the following kinds. It replaces that of the job file.")
+    command.add_argument_group("base motion", "One of these kinds. It replaces the motion of the job file.")
     kinds = {"harmonic": HARMONIC, "pulse": PULSE, "files of records": READING}
     records = [option for option in motions if not any(option in kind for kind in kinds.values())]
     # Each command has some of the kinds of motion. The options for reading files come last.
@@ -175,9 +164,11 @@ def _add_case(command: Parser, *motions: Option) -> None:
     # argparse itself rejects a mass together with a mass ratio.
     mass, length = group.add_mutually_exclusive_group(), group.add_mutually_exclusive_group()
     _add_number(mass, "--pendulum-mass", "KG", "mass of the bob, kg")
-    _add_number(mass, "--mass-ratio", "MU", "mass of the bob as a ratio to the mass of the block")
+    _add_number(mass, "--mass-ratio", "MU", "mass ratio: bob divided by block")
     _add_number(length, "--pendulum-length", "M", "length of the pendulum, m")
-    _add_number(length, "--length-ratio", "LAM", "length as a ratio to half the height of the block")
+    _add_number(
+        length, "--length-ratio", "LAM", "length ratio: pendulum divided by half the height of the block"
+    )
     _add_number(group, "--pendulum-damping", "ZETA", "damping ratio of the hinge (default 0.1)")
 
 

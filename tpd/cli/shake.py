@@ -71,7 +71,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         from tpd.plots.response import plot_motions
 
         axes = plot_motions(list(histories.values()), float(scene.block.slenderness))
-        # The reader of the picture must not compare it with the nonlinear results in the table.
+        # The title says why the picture differs from the nonlinear results in the table.
         axes[0].set_title("linear equations, exact between the samples", fontsize=9)
         return axes
 
