@@ -5,6 +5,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -71,6 +72,13 @@ def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
         "130 interrupted",
     ):
         assert expected in text
+
+
+def test_every_command_has_help_texts_and_no_text_is_unused():
+    texts = tomllib.loads(Path(grammar.__file__).with_name("commands.toml").read_text(encoding="utf-8"))
+    assert [*texts] == [*grammar.COMMANDS]
+    allowed = {"summary", "activity", "description", "exit_status", "example"}
+    assert all({"summary", "description", "example"} <= {*text} <= allowed for text in texts.values())
 
 
 @pytest.mark.parametrize("command", grammar.COMMANDS)

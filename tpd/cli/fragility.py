@@ -27,11 +27,11 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     """Simulate all motions, print the medians, write tables and pictures, and return the exit status."""
     job, pendulum = case
     scene, motions, scales = job.scene, job.ground_motions, job.full["motion"]["scales"]
-    stripes = np.linspace(0.5, 8.0, 20) if scales is None else np.array(scales)
-    # The header compares the strongest motion with the acceleration that lifts the block. Stripes increase,
-    # so that this is a motion at the last stripe.
+    intensities = np.linspace(0.5, 8.0, 20) if scales is None else np.array(scales)
+    # The header compares the strongest motion with the acceleration that lifts the block. The intensities
+    # increase, so that this motion has the last one.
     measure = intensity_of(job.intensity, scene.block, float(scene.gravity), options.period)
-    factors = [stripes[-1] / measure.value(m) for m in motions]
+    factors = [intensities[-1] / measure.value(m) for m in motions]
     strongest = max(factor * float(m.pga) for factor, m in zip(factors, motions, strict=True))
     block = scene.block
     # `AtRest.under` would use the motion of the scene, which is not scaled.
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         curves = fragility(
             scene.block,
             motions,
-            scales=stripes,
+            scales=intensities,
             pendulum=pendulum,
             intensity=job.intensity,
             period=options.period,

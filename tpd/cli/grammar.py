@@ -166,9 +166,7 @@ def _add_case(command: Parser, *motions: Option) -> None:
     _add_number(mass, "--pendulum-mass", "KG", "mass of the bob, kg")
     _add_number(mass, "--mass-ratio", "MU", "mass ratio: bob divided by block")
     _add_number(length, "--pendulum-length", "M", "length of the pendulum, m")
-    _add_number(
-        length, "--length-ratio", "LAM", "length ratio: pendulum divided by half the height of the block"
-    )
+    _add_number(length, "--length-ratio", "LAM", "length ratio: pendulum divided by half the block height")
     _add_number(group, "--pendulum-damping", "ZETA", "damping ratio of the hinge (default 0.1)")
 
 

@@ -44,15 +44,15 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     pendulums = common.cases_of(pendulum)
     with Bar() as bar:
         bar("branches", 0, len(pendulums))
-        for label, pendulum in pendulums.items():
-            orbits[label] = branches(scene, name, low, high, pendulum=pendulum, samples=options.points)
+        for label, case_pendulum in pendulums.items():
+            orbits[label] = branches(scene, name, low, high, pendulum=case_pendulum, samples=options.points)
             bar("branches", len(orbits), len(pendulums))
         # Motions from rest take longer than branches, so that they can be turned off.
         if options.from_rest:
             values = frequencies(own, low, high, options.from_rest)
             settled = {
-                label: settled_response(scene, name, values, pendulum=pendulum, progress=bar)
-                for label, pendulum in pendulums.items()
+                label: settled_response(scene, name, values, pendulum=case_pendulum, progress=bar)
+                for label, case_pendulum in pendulums.items()
             }
     # The motions near the base frequency are drawn in a picture of their own.
     near = {label: response.between(*window(own)) for label, response in settled.items()}
