@@ -156,7 +156,7 @@ def test_a_picture_colours_what_moves_hatches_the_rest_and_names_its_axes():
         (mesh,) = [c for c in axes.collections if isinstance(c, QuadMesh)]
         shown = ~np.ma.getmaskarray(np.ma.masked_invalid(mesh.get_array())).reshape(m.status.shape)
         np.testing.assert_array_equal(shown, drawn)
-    with pytest.raises(ValueError, match="`quantity` must be one of amplitude, stroke, margin"):
+    with pytest.raises(ValueError, match="`quantity` must be one of amplitude, swing, margin"):
         tpd.plot(m, "status")
     labels = {text.get_text() for text in ax.get_legend().get_texts()}
     assert labels == {"rest, no attracting orbit found", "orbits found, none attracts"}

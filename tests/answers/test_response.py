@@ -77,7 +77,7 @@ def test_settled_from_rest_the_paper_s_block_rocks_as_known_at_its_frequency():
         "Response from rest over frequency: 2 values, 1.5 to 2.5 Hz",
         "  status      1 rocking, 1 rest",
         "  amplitude   0 to 0.08333 rad",
-        f"  stroke      {r.swing.min():.4g} to {r.swing.max():.4g} rad",
+        f"  swing       {r.swing.min():.4g} to {r.swing.max():.4g} rad",
     ]
     assert r._repr_html_() == f"<pre>{r}</pre>"
 

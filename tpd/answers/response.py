@@ -182,7 +182,7 @@ class Response(Printed, Tabular):
     def __str__(self) -> str:
         over = f"{len(self.frequency)} values, {span(self.frequency, UNITS.get(self.name, ''))}"
         head = f"Response from rest over {self.name}: {over}\n  status      {counted(self.status)}"
-        sizes = f"  amplitude   {span(self.amplitude, 'rad')}\n  stroke      {span(self.swing, 'rad')}"
+        sizes = f"  amplitude   {span(self.amplitude, 'rad')}\n  swing       {span(self.swing, 'rad')}"
         return f"{head}\n{sizes}"
 
 
