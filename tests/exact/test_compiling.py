@@ -99,7 +99,7 @@ def test_a_store_of_others_starts_no_process_and_an_old_one_is_told(monkeypatch,
     compiling.compile_beside(tmp_path, ("lonely",))
     assert not running
     monkeypatch.setattr(compiling, "checksum", lambda *_: 1)
-    with pytest.warns(UserWarning, match="belongs to another version and is compiled again"):
+    with pytest.warns(UserWarning, match="is of another version: it is made anew"):
         compiling.compile_beside(tmp_path, ("lonely",))
     assert running.pop("lonely")[0].wait() == 0
 

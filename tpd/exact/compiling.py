@@ -75,8 +75,7 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
         if made == version or module in _running or module in sys.modules:
             continue
         if made:
-            old = f"the compiled code in {store} belongs to another version and is compiled again"
-            warnings.warn(old, stacklevel=2)
+            warnings.warn(f"what is compiled in {store} is of another version: it is made anew", stacklevel=2)
         said = tempfile.TemporaryFile()  # noqa: SIM115
         atexit.register(said.close)
         process = subprocess.Popen(
