@@ -239,7 +239,7 @@ def _files_of(path: Path) -> tuple[list[Path], list[str]]:
     if not path.exists():
         # A misspelt name of a built-in record looks like a file that does not exist.
         hint = meant(path.name, (*BUILT_IN, *SETS), listing=False)
-        raise FileNotFoundError(f"no such file: {path}{hint}")
+        raise FileNotFoundError(f"the file does not exist: {path}{hint}")
     if not path.is_dir():
         return [path], []
     files, left = [], [f"{p.name} (a folder in a folder)" for p in sorted(path.iterdir()) if p.is_dir()]
