@@ -20,6 +20,7 @@ from tests.measures import FILES, MODULES, ROOT, docstrings, name_of, tree
 
 TOP = ROOT.parent
 PAGES = [TOP / "README.md", *sorted((TOP / "notebooks" / "guide").glob("*.md"))]
+PAGES += sorted((ROOT / "cli").rglob("*.toml"))
 TEXT_FOR_USERS = ("cli", "report", "plots")
 """Folders whose strings are printed, or drawn."""
 FIRST_WORDS = re.compile(r"(What|Of|The same|That|Those|There|Put|Said|Told|Asked|Met|It|One)\b")

@@ -1,4 +1,4 @@
-"""A small design and its report, made once for the tests of several commands."""
+"""Commands run in this process, and a design, for the tests of several commands."""
 
 import contextlib
 import csv
@@ -18,42 +18,47 @@ from tpd.report.json import as_json
 
 COLUMN = "--width 1 --height 6 --mass 9000 --friction 0 --restitution 0.9595"
 PENDULUM = tpd.Pendulum(mass=1.6224, length=0.12, damping_ratio=0.1)
-WITH = "--pendulum-mass 450 --pendulum-length 0.9"
+PENDULUM_OPTIONS = "--pendulum-mass 450 --pendulum-length 0.9"
 
 
 class Done(NamedTuple):
-    """A command that has ended."""
+    """Result of a command."""
 
     status: int
     out: str
     err: str
     files: dict[str, Path]
-    """Files of its directory by their names."""
+    """Files in the output folder by their names."""
 
     def rows(self, name: str) -> list[dict[str, str]]:
-        """Rows of a table."""
+        """Return the rows of a table."""
         return list(csv.DictReader(self.files[name].read_text().splitlines()))
 
     def json(self, name: str) -> dict:
-        """Content of a file in JSON."""
+        """Return the content of a JSON file."""
         return json.loads(self.files[name].read_text())
 
 
 def call(*words: str, out: Path | None = None) -> Done:
-    """Run a command in this process, its words in one text or several, with its directory if it has one."""
-    said, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(err):
+    """Run a command in this process.
+
+    Args:
+        words: words of the command line, in one text or several.
+        out: output folder, if the command has one.
+    """
+    stdout, stderr = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
         status = main([*" ".join(words).split(), *([] if out is None else ["--out", str(out)])])
-    found = {p.name: p for p in out.iterdir()} if out is not None and out.is_dir() else {}
-    return Done(status, said.getvalue(), err.getvalue(), found)
+    files = {p.name: p for p in out.iterdir()} if out is not None and out.is_dir() else {}
+    return Done(status, stdout.getvalue(), stderr.getvalue(), files)
 
 
 @pytest.fixture
 def run(tmp_path) -> Callable[..., Done]:
-    """Runs a command that writes into a directory of the test."""
+    """Return a function that runs a command with an output folder of the test."""
     return lambda *words: call(*words, out=tmp_path / "out")
 
 
 def design_json(job: dict, pendulum: dict | None = None) -> str:
-    """design.json of a job and a pendulum."""
+    """Return the text of design.json for a job and a pendulum."""
     return json.dumps(json.loads(as_json(harmonic(), Details(), job)) | {"pendulum": pendulum})

@@ -1,5 +1,5 @@
-"""What the commands share: the pendulum of the options, what is said of a job, how programs are kept, and the
-refusal of bad input: one sentence on stderr, exit status 2, and nothing is written."""
+"""Steps that the commands share: the pendulum of the options, the description of a job, stored programs, and
+the rejection of invalid input: one sentence on stderr, exit status 2, and no files."""
 
 import os
 import re
@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from tests.cli.conftest import PENDULUM, call
+from tests.cli.conftest import PENDULUM_OPTIONS, call
 from tests.formats.synthetic import knet, shaking
 from tpd import Pendulum, Record, paper_scene
 from tpd.cli import common, main, parser
@@ -21,22 +21,24 @@ MAP = "--x mu 0.01 0.2 --y lam 0.1 1.5"
 
 
 def pendulum(command: str) -> Pendulum | None:
-    """The pendulum of a command for the paper's block."""
-    return common.pendulum(parser().parse_args(command.split()), paper_scene().block)
+    """Return the pendulum of a command for the paper's block."""
+    return common.read_pendulum(parser().parse_args(command.split()), paper_scene().block)
 
 
 def test_a_pendulum_is_given_in_si_units_or_in_ratios():
-    with_it = pendulum("response --pendulum-mass 0.8112 --length-ratio 0.5")
-    assert with_it == Pendulum(mass=0.8112, length=0.1, damping_ratio=0.1)
+    mixed = pendulum("response --pendulum-mass 0.8112 --length-ratio 0.5")
+    assert mixed == Pendulum(mass=0.8112, length=0.1, damping_ratio=0.1)
     assert pendulum("response --mass-ratio 0.05 --pendulum-length 0.1").mass == pytest.approx(0.8112)
     assert pendulum("response") is None
-    # What a map varies need not be given.
+    # Quantities that a map varies can be left out.
     assert pendulum(f"map {MAP}").damping_ratio == 0.1
-    with pytest.raises(ValueError, match="half of the pendulum is missing: give --pendulum-length or"):
+    with pytest.raises(ValueError, match="the pendulum has no length: give --pendulum-length or --length-ra"):
         pendulum("response --pendulum-mass 1")
+    with pytest.raises(ValueError, match="the pendulum has no mass: give --pendulum-mass or --mass-ratio as"):
+        pendulum("response --pendulum-damping 0.2")
 
 
-def test_ground_motions_are_said_with_their_sizes_and_a_harmonic_by_its_scene():
+def test_ground_motions_are_described_with_their_sizes_and_a_harmonic_by_its_scene():
     records = {"records": ["el-centro", "loma-prieta"], "scales": [2, 3]}
     two = job_of({"motion": records})
     assert (
@@ -54,7 +56,7 @@ def test_ground_motions_are_said_with_their_sizes_and_a_harmonic_by_its_scene():
 
 
 def test_compiled_programs_can_be_stored():
-    """A program that calls back to Python is compiled anew in every run."""
+    """Check that no program calls back to Python: JAX would compile such a program in every run."""
     code = """
 from tpd.core import process
 process.use_64_bits()
@@ -70,14 +72,14 @@ assert "callback" not in text
 WORDS = {
     "OWN": "SIZE --amplitude 0.015 --frequency 2.5",
     "SIZE": "--width 0.1 --height 0.4 --mass 16",
-    "HUNG": "--mass-ratio 0.1 --length-ratio 0.5",
+    "BOB": "--mass-ratio 0.1 --length-ratio 0.5",
     "MAP": "X --y lam 0.1 1.5",
     "X": "--x mu 0.01 0.2",
     "PULSE": "--pulse one-sine --pulse-frequency 1.2375",
     "LONG": "x" * 300,
     "REST": "block.height = 0.4; block.mass = 16; motion.amplitude = 0.015; motion.frequency = 2.5",
 }
-"""Words in capitals of the table, and what they stand for."""
+"""Abbreviations in capitals of the table, with the words that they stand for."""
 CAPITALS = rf"\b({'|'.join(WORDS)})\b"
 TABLE = r"""
 optimise OWN --width -1 | [block] `width` must be positive and finite, but is -1
@@ -136,9 +138,9 @@ job ensemble.ramps = [-1.0] | [ensemble] `ramps` must be zero or positive, and f
 job block.width = 0.1; block.radius_of_gyration = 0.3; REST | [block] `radius_of_gyration` must be at most 0.2
 job limits.tilt = 1.5 | [limits] `tilt` must be at most 1, a block that stands on its corner
 job ensemble.restitution = 0.1 | [ensemble] `restitution` can scatter where it is a number
-response --pendulum-mass 1 | give --pendulum-length or --length-ratio as well
-response HUNG --pendulum-mass 1 | not allowed with argument
-response HUNG --pendulum-damping -1 | `damping_ratio` must be zero or positive
+response --pendulum-mass 1 | has no length: give --pendulum-length or --length-ratio as well
+response BOB --pendulum-mass 1 | not allowed with argument
+response BOB --pendulum-damping -1 | `damping_ratio` must be zero or positive
 response --pendulum-mass heavy | invalid float value: 'heavy'
 response --pendulum-mass 20 --length-ratio 0.5 | `--pendulum-mass` must be at most 16.224, the mass of the blo
 response --mass-ratio 0.1 --pendulum-length 0.5 | `--pendulum-length` must be at most 0.4, the height of the b
@@ -148,24 +150,24 @@ response --points 3 | `--points` must be between 8 and 100000, but is 3
 response --from-rest 1 | `--from-rest` must be a whole number, 2 or more, but is 1
 map X | the following arguments are required: --y
 map X --y lam a 1 | `--y` must be a name and two numbers, but is lam a 1
-map X --y lam 1 0.1 | `--y` must go up, but goes from 1 to 0.1
-map HUNG X --y omega 1 2 | `y` must be one of width, height
-map HUNG X --y pendulum-mass 1 2 | must not both move mu
+map X --y lam 1 0.1 | `--y` must have the lower number first, but goes from 1 to 0.1
+map BOB X --y omega 1 2 | `y` must be one of width, height
+map BOB X --y pendulum-mass 1 2 | must not both move mu
 map MAP --points 3000 | `--points` must be between 2 and 2000, but is 3000
 check absent | cannot read absent: No such file or directory
-check | give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length
-check absent HUNG | absent has a scene and a pendulum: give it alone, or the options without it
+check | a pendulum is missing: give DESIGN, or --pendulum-mass and --pendulum-length
+check absent BOB | absent contains a scene and a pendulum: give either DESIGN or options for these
 response --out LONG | cannot use xxx
-check HUNG --runs 0 | `--runs` must be a whole number, 1 or more, but is 0
-check HUNG --engine drake | argument --engine: invalid choice: 'drake'
-check HUNG --sliding 0.5 | --sliding is of --engine, which is not given
+check BOB --runs 0 | `--runs` must be a whole number, 1 or more, but is 0
+check BOB --engine drake | argument --engine: invalid choice: 'drake'
+check BOB --sliding 0.5 | --sliding has an effect only together with --engine
 map --x mu 0.1 50 --y lam 0.1 1.5 | `--x` must be at most 1, a bob as heavy as the block
 map X --y lam 0.1 3 | `--y` must be at most 2, a rod as long as the block
 shake SIZE --record el-centro --dt 0.5 | `motion.dt` goes with a file of a record
 fragility --records el-centro loma-prieta --event a | `motion.event` goes with a fi
-spectrum --record el-centro --sizes-to 5 | --sizes-to is of the sizes of a pulse
+spectrum --record el-centro --sizes-to 5 | --sizes-to has an effect on the spectrum of a pulse
 spectrum --pulse ricker --sizes-to nan | `--sizes-to` must be positive and finite
-spectrum --pulse ricker --pga 0.3 | --pga has no effect here: pulses of every freq
+spectrum --pulse ricker --pga 0.3 | --pga has no effect here: a spectrum has pulses of all freq
 job block.size.width = 1.0 | unknown key `size` in [block]
 job x = = 3 | is not valid TOML: Invalid value (at line 1, column 5)
 job [block]; width = 0,5 | (at line 2, column 10); write 0.5 with a decimal point, not 0,5
@@ -189,11 +191,11 @@ optimise --recrods a | unrecognized arguments: --recrods; did you mean `--record
 optimise --optimiser adamm | but is 'adamm'; did you mean `adam`?
 optimise --scatter frcition=0.1 | unknown key `frcition` in [scatter]; did you mean `fri
 export --as csv --pulse ricker --amplitude 1 | has keys of a pulse (`pulse`) and of a harm
-export --as csv HUNG --scale 5 | `motion.scales` goes with a pulse or records
-export --as csv HUNG --sliding 0.5 | --sliding is of a model of MuJoCo or OpenSees
-export --as csv HUNG --file . | --file must name a file, but . is a directory
+export --as csv BOB --scale 5 | `motion.scales` goes with a pulse or records
+export --as csv BOB --sliding 0.5 | --sliding has an effect on models for MuJoCo and OpenSees
+export --as csv BOB --file . | --file must name a file, but . is a directory
 """
-"""Commands, and what is said of each; `job` is `tpd optimise` of a file with these lines."""
+"""Commands with a part of the message; `job` stands for `tpd optimise` with a file of these lines."""
 UNITS = r"""
 optimise --width 100 --height 400 --mass 16.2 --amplitude 15 --frequency 2.5 | [block] `mass` must make betwee
 optimise OWN --mass 0.016 | are the lengths in m and the mass in kg?
@@ -201,17 +203,17 @@ optimise --amplitude 50 --frequency 1 | [motion] `amplitude` and `frequency` mus
 optimise --amplitudes 100 120 | [motion] `amplitude` and `frequency` must make at most 10 g, but 1.8 m
 optimise --band 2250 2750 | are they in m and Hz?
 optimise OWN | `cavity_width`, the width in m between the walls that the bob swings within, must be given, but
-response HUNG --pendulum-damping 5 | `--pendulum-damping` must be at most 2, twice crit
-response HUNG --amplitude 50 --frequency 1 | make 201 g: are they in m and Hz?
-map HUNG X --y amplitude 5 50 | must make at most 10 g
+response BOB --pendulum-damping 5 | `--pendulum-damping` must be at most 2, twice crit
+response BOB --amplitude 50 --frequency 1 | make 201 g: are they in m and Hz?
+map BOB X --y amplitude 5 50 | must make at most 10 g
 spectrum --width 450 --height 1800 --mass 900 --pulse one-sine | kg/m^3
-check HUNG OWN | `cavity_width`, the width in m between the walls that the bob swings within, must be given
+check BOB OWN | `cavity_width`, the width in m between the walls that the bob swings within, must be given
 job site.gravity = 1.0 | [site] `gravity` must be between 1.5 and 30 m/s^2 (the Earth's is 9.80665)
 job conditions.amplitudes = [100.0] | must make at most 10 g, but 1.5 m at 2.5 Hz make
-job limits.room = true; block.width = 0.1; REST | `cavity_width`, the width in m between the walls
+job limits.clearance = true; block.width = 0.1; REST | `cavity_width`, the width in m between the walls
 """
-"""Input in other units, or of a block without a cavity."""
-ROWS, ASKED = ([tuple(line.split(" | ")) for line in x.strip().splitlines()] for x in (TABLE, UNITS))
+"""Inputs in another unit, and blocks without a cavity."""
+ROWS, UNIT_ROWS = ([tuple(line.split(" | ")) for line in x.strip().splitlines()] for x in (TABLE, UNITS))
 ROWS += [
     (f"job block.mass = {'9' * 400}", "`block.mass` must be a number, but is 9999"),
     (f"job block.{'x' * 5000} = 1", "...` in [block]; allowed are width"),
@@ -223,17 +225,17 @@ ROWS += [
 
 @pytest.fixture(autouse=True)
 def no_search(monkeypatch, tmp_path):
-    """Bad input that is not refused fails at once, not after a whole search, in an empty folder."""
+    """Let input that is not rejected fail at once, and not after a search; work in an empty folder."""
 
     def run(*_: object) -> None:
-        raise AssertionError("the input is not refused: a search has begun")
+        raise AssertionError("the input was not rejected: a search has begun")
 
     monkeypatch.setattr("tpd.design.optimise.refine", run)
     monkeypatch.chdir(tmp_path)
 
 
-def refused(capsys, *command: str) -> str:
-    """The sentence that refuses a command."""
+def rejection(capsys, *command: str) -> str:
+    """Return the message that rejects a command."""
     try:
         status = main([*command])
     except SystemExit as stop:
@@ -247,80 +249,80 @@ def refused(capsys, *command: str) -> str:
 
 
 def check(capsys, folder, words: str, message: str) -> None:
-    """One row of the table."""
+    """Check one row of the table."""
     while re.search(CAPITALS, words):
-        words = re.sub(CAPITALS, lambda found: WORDS[found[0]], words)
+        words = re.sub(CAPITALS, lambda match: WORDS[match[0]], words)
     kind, _, content = words.partition(" ")
     if kind != "job":
-        assert message in refused(capsys, *shlex.split(words))
+        assert message in rejection(capsys, *shlex.split(words))
         assert list(folder.iterdir()) == []
         return
     (folder / "job.toml").write_text(content.replace("; ", "\n"))
-    # A bad block is refused by every command.
+    # Every command rejects an invalid block.
     for command in ("optimise", *(["response"] if content.startswith("block") else [])):
-        assert message in refused(capsys, command, "--scene", "job.toml", "--out", "out")
+        assert message in rejection(capsys, command, "--scene", "job.toml", "--out", "out")
     assert [path.name for path in folder.iterdir()] == ["job.toml"]
 
 
 @pytest.mark.parametrize(("words", "message"), ROWS, ids=[f"{i} {w[:50]}" for i, (w, _) in enumerate(ROWS)])
-def test_bad_input_is_refused_in_one_sentence(capsys, tmp_path, words, message):
+def test_invalid_input_is_rejected_in_one_sentence(capsys, tmp_path, words, message):
     check(capsys, tmp_path, words, message)
 
 
-@pytest.mark.mends("implausible units, and a block without a cavity, were taken by every command")
-@pytest.mark.parametrize(("words", "message"), ASKED)
-def test_input_in_another_unit_is_asked_back(capsys, tmp_path, words, message):
+@pytest.mark.mends("all commands accepted implausible units, and a block without a cavity")
+@pytest.mark.parametrize(("words", "message"), UNIT_ROWS)
+def test_input_in_another_unit_is_rejected(capsys, tmp_path, words, message):
     check(capsys, tmp_path, words, message)
 
 
-def test_a_file_that_is_no_text_is_refused(capsys, tmp_path):
+def test_a_file_that_is_not_text_is_rejected(capsys, tmp_path):
     (tmp_path / "job.toml").write_bytes(b"\xff\xfe[block]")
-    assert "is not a text file in UTF-8" in refused(capsys, "optimise", "--scene", "job.toml")
+    assert "is not a text file in UTF-8" in rejection(capsys, "optimise", "--scene", "job.toml")
 
 
-def test_a_file_that_is_no_design_is_refused(capsys, tmp_path):
-    """More in the tests of its reader."""
+def test_a_file_that_is_not_a_design_is_rejected(capsys, tmp_path):
+    """Check some files; the tests of the reader have more."""
     for content, message in (
         ("not json", "is not a design in JSON"),
         ("\xff", "is not a design in JSON"),
-        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 9, but is of 7"),
+        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 10, but is of 7"),
     ):
         (tmp_path / "design.json").write_text(content, encoding="latin-1")
         for command in (("check", "."), ("response", "design.json"), ("export", ".", "--as", "mjcf")):
-            assert message in refused(capsys, *command)
+            assert message in rejection(capsys, *command)
 
 
-def test_a_record_of_zeros_shakes_nothing(capsys, tmp_path):
+def test_a_record_of_zeros_is_rejected(capsys, tmp_path):
     (tmp_path / "a.txt").write_text("t a\n" + "".join(f"{0.01 * i:.2f} 0.0\n" for i in range(100)))
     command = f"shake {WORDS['SIZE']} --record a.txt --unit g --out out"
-    assert "must have an acceleration, but is zero" in refused(capsys, *command.split())
+    assert "must have an acceleration, but is zero" in rejection(capsys, *command.split())
     assert not (tmp_path / "out").exists()
 
 
-def test_existing_reports_and_unwritable_places_are_left_alone(capsys, tmp_path):
-    (tmp_path / "taken").mkdir()
-    kept = [tmp_path / "taken" / name for name in ("mine.txt", "table.csv")]
-    for path in kept:
+def test_existing_reports_and_unwritable_folders_are_not_changed(capsys, tmp_path):
+    (tmp_path / "used").mkdir()
+    paths = [tmp_path / "used" / name for name in ("mine.txt", "table.csv")]
+    for path in paths:
         path.write_text("keep me")
     for command in (("optimise",), ("response",), ("map", *WORDS["MAP"].replace("X", WORDS["X"]).split())):
-        assert "already holds files" in refused(capsys, *command, "--out", "taken")
-        assert "is a file" in refused(capsys, *command, "--out", "taken/mine.txt")
-        assert "cannot write to" in refused(capsys, *command, "--out", "/proc/nowhere/out")
-    # Nor does bad input remove anything.
-    refused(capsys, "optimise", "--width", "-1", "--overwrite", "--out", "taken")
-    assert [path.read_text() for path in kept] == ["keep me"] * 2
-    assert len([*kept[0].parent.iterdir()]) == 2
+        assert "already holds files" in rejection(capsys, *command, "--out", "used")
+        assert "is a file" in rejection(capsys, *command, "--out", "used/mine.txt")
+        assert "cannot write to" in rejection(capsys, *command, "--out", "/proc/nowhere/out")
+    # Invalid input removes no files.
+    rejection(capsys, "optimise", "--width", "-1", "--overwrite", "--out", "used")
+    assert [path.read_text() for path in paths] == ["keep me"] * 2
+    assert len([*paths[0].parent.iterdir()]) == 2
 
 
-@pytest.mark.mends("no command said what was read of a record, nor the notes of the reader")
+@pytest.mark.mends("no command described the records that it read, with the notes of the reader")
 @pytest.mark.parametrize("command", ["shake", "spectrum", "fragility", "export", "check"])
-def test_every_command_shows_what_was_read_of_a_record(run, tmp_path, command):
+def test_every_command_describes_the_records_that_it_reads(run, tmp_path, command):
     (tmp_path / "XXX001.EW").write_text(knet(1e5 * shaking(100) + 1e4, 0.01))
-    (tmp_path / "held.EW").write_text(knet(1e5 * shaking(100, 1) + 1e4, 0.01).replace("1999/", "1998/"))
+    (tmp_path / "validation.EW").write_text(knet(1e5 * shaking(100, 1) + 1e4, 0.01).replace("1999/", "1998/"))
     block = template("column").partition("[motion]")[0]
-    motion = 'records = ["XXX001.EW"]\nscales = [1]\nvalidation_share = ["held.EW"]\n'
+    motion = 'records = ["XXX001.EW"]\nscales = [1]\nvalidation_share = ["validation.EW"]\n'
     (tmp_path / "job.toml").write_text(f"{block}[motion]\n{motion}")
-    words = f"{command} --scene {tmp_path / 'job.toml'} {PENDULUM} "
+    words = f"{command} --scene {tmp_path / 'job.toml'} {PENDULUM_OPTIONS} "
     words += {
         "shake": "--free 0.1",
         "spectrum": "--points 2",
@@ -338,14 +340,14 @@ def test_every_command_shows_what_was_read_of_a_record(run, tmp_path, command):
     assert all(note in first for note in motion.notes)
     assert "; baseline removed: the mean, " in first
     if command == "check":
-        assert "validation, held.EW: record: held.EW, 100 samples" in done.out
+        assert "validation, validation.EW: record: validation.EW, 100 samples" in done.out
     if done.files:
-        read = done.json(f"{command}.json")["reading"]
-        assert read["records"] == [facts(motion)]
-        assert read["notes"] == []
+        reading = done.json(f"{command}.json")["reading"]
+        assert reading["records"] == [facts(motion)]
+        assert reading["notes"] == []
 
 
-def test_a_write_that_fails_leaves_no_empty_folder_of_its_own(tmp_path, monkeypatch):
+def test_a_command_that_cannot_write_removes_the_folder_that_it_made(tmp_path, monkeypatch):
     def full(options, _):
         options.out.mkdir(exist_ok=True)
         raise OSError(28, "No space left on device", str(options.out / "design.json"))
@@ -382,7 +384,7 @@ MISTAKES = (
 
 
 @pytest.mark.parametrize("command", MISTAKES, ids=" ".join)
-def test_a_mistake_is_refused_before_anything_heavy_is_imported(tmp_path, command):
+def test_a_mistake_is_rejected_before_large_packages_are_imported(tmp_path, command):
     (tmp_path / "misspelt.toml").write_text("[block]\nwidht = 1.0\n")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "report.html").write_text("a report")
@@ -394,18 +396,28 @@ def test_a_mistake_is_refused_before_anything_heavy_is_imported(tmp_path, comman
     call = [sys.executable, "-c", program, *command]
     done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.stdout == "2 []\n", done.stdout + done.stderr
-    # One sentence, and no line on what the command does.
+    # There is one sentence, and no message about the work of the command.
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert "searching" not in done.stderr
 
 
-@pytest.mark.mends("a job file was read only by --scene")
+@pytest.mark.mends("a job file could be given only with --scene")
 def test_a_job_file_is_named_with_or_without_its_option(tmp_path):
     job, other = tmp_path / "job.toml", tmp_path / "other.toml"
     job.write_text(
         "[block]\nwidth = 2.0\nheight = 10.0\nmass = 4e4\n[motion]\namplitude = 0.3\nfrequency = 0.5\n"
     )
     for words in ([str(job)], ["--scene", str(job)], [str(job), "--scene", f"{tmp_path}/./job.toml"]):
-        assert common.case(parser().parse_args(["optimise", *words])).job.block.height == 10.0
-    with pytest.raises(ValueError, match=rf"^give one job file: JOB is {job}, and --scene is {other}$"):
-        common.case(parser().parse_args(["optimise", str(job), "--scene", str(other)]))
+        assert common.read_case(parser().parse_args(["optimise", *words])).job.block.height == 10.0
+    with pytest.raises(
+        ValueError, match=rf"^JOB and --scene must name the same job file, but are {job} and {other}$"
+    ):
+        common.read_case(parser().parse_args(["optimise", str(job), "--scene", str(other)]))
+
+
+@pytest.mark.mends("a job file in place of DESIGN was reported to be no JSON")
+@pytest.mark.parametrize("command", ["check", "shake", "export --as csv"])
+def test_a_job_file_in_place_of_a_design_gets_a_hint(capsys, tmp_path, command):
+    (tmp_path / "job.toml").write_text(template("tower"))
+    message = "job.toml is a job file, but DESIGN is the folder of a report: write --scene job.toml"
+    assert message in rejection(capsys, *command.split(), "job.toml")

@@ -1,4 +1,4 @@
-"""`tpd export`: the files are those of the library, and no file is replaced unasked."""
+"""`tpd export`: the files agree with the library, and no file is replaced without --overwrite."""
 
 import csv
 import os
@@ -15,7 +15,7 @@ from tests.cli.conftest import PENDULUM, call, design_json
 
 @pytest.fixture
 def report(tmp_path, monkeypatch):
-    """Directory of a report."""
+    """Return the folder of a report."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "report").mkdir()
     text = design_json({"block": {"friction": 0.05}}, vars(PENDULUM))
@@ -24,6 +24,7 @@ def report(tmp_path, monkeypatch):
 
 
 def columns(path) -> dict[str, np.ndarray]:
+    """Return the columns of a table by name, NaN for empty cells."""
     rows = list(csv.DictReader(path.read_text().splitlines()))
     return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
 
@@ -36,15 +37,15 @@ def test_models_are_those_of_the_library(report, tmp_path):
         assert (tmp_path / name).read_text() == getattr(tpd.engines, kind)(scene, PENDULUM)
     ratios = "--mass-ratio 0.1 --length-ratio 0.6 --file own/model.tcl --sliding"
     assert call("export", "--as", "opensees", ratios, "0.7").status == 0
-    with_it = scene.pendulum(mass_ratio=0.1, length_ratio=0.6, damping_ratio=0.1)
-    assert (tmp_path / "own" / "model.tcl").read_text() == tpd.engines.opensees(scene, with_it, sliding=0.7)
+    pendulum = scene.pendulum(mass_ratio=0.1, length_ratio=0.6, damping_ratio=0.1)
+    assert (tmp_path / "own" / "model.tcl").read_text() == tpd.engines.opensees(scene, pendulum, sliding=0.7)
     assert "`sliding` must be positive" in call("export", "--as", "mjcf", ratios, "0", "--overwrite").err
 
 
-def test_histories_are_bare_and_hung(report, tmp_path):
+def test_histories_are_without_and_with_the_pendulum(report, tmp_path):
     assert call("export", report, "--as", "csv").status == 0
-    found = columns(tmp_path / "histories.csv")
-    assert list(found) == [
+    table = columns(tmp_path / "histories.csv")
+    assert list(table) == [
         "time_s",
         "base_m",
         "base_m_s2",
@@ -52,16 +53,16 @@ def test_histories_are_bare_and_hung(report, tmp_path):
         "with_tilt_rad",
         "with_swing_rad",
     ]
-    wave = 0.015 * np.sin(2.0 * np.pi * 2.5 * found["time_s"])
-    np.testing.assert_allclose(found["base_m"], wave, atol=1e-12)
-    assert np.abs(found["with_swing_rad"]).max() > 0.1
+    wave = 0.015 * np.sin(2.0 * np.pi * 2.5 * table["time_s"])
+    np.testing.assert_allclose(table["base_m"], wave, atol=1e-12)
+    assert np.abs(table["with_swing_rad"]).max() > 0.1
     pulse = "--pulse one-sine --pulse-frequency 2 --pga 0.5 --overwrite"
     assert call("export", report, "--as", "csv", pulse).status == 0
-    found = columns(tmp_path / "histories.csv")
-    assert list(found) == ["time_s", "base_m_s2", "without_tilt_rad", "with_tilt_rad", "with_swing_rad"]
-    assert found["base_m_s2"].max() == pytest.approx(0.5 * 9.80665, rel=1e-4)
+    table = columns(tmp_path / "histories.csv")
+    assert list(table) == ["time_s", "base_m_s2", "without_tilt_rad", "with_tilt_rad", "with_swing_rad"]
+    assert table["base_m_s2"].max() == pytest.approx(0.5 * 9.80665, rel=1e-4)
     done = call("export", report, "--as csv", pulse.replace("2 --pga 0.5", "1 --pga 3"))
-    assert "without_tilt_rad: the block overturns, and the cells after that are empty" in done.out
+    assert "without_tilt_rad: the block overturns; the cells after that time are empty" in done.out
 
 
 def test_a_file_that_exists_is_left_alone(report, tmp_path):
@@ -80,7 +81,7 @@ def test_model_without_motion_needs_none(tmp_path, monkeypatch):
     assert 'mass="9000.0"' in (tmp_path / "model.xml").read_text()
 
 
-@pytest.mark.mends("a model waited for JAX: five seconds in place of one")
+@pytest.mark.mends("the export of a model imported JAX and took five seconds in place of one")
 @pytest.mark.parametrize(
     "words", ["export --as opensees --width 1 --height 6 --mass 9000 --record el-centro", "record el-centro"]
 )

@@ -1,10 +1,11 @@
-"""The help: fast, with the texts of the schema, and with one example for each command, which runs."""
+"""Help of the commands: fast, with the texts of the schema, and with an example that runs."""
 
 import os
 import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import pytest
 import tpd
 from tests.cli.conftest import call
 from tests.report.conftest import details, harmonic
-from tpd.cli import grammar, main, optimise, parser
+from tpd.cli import grammar, main, optimise, options, parser
 from tpd.cli.new import template
 
 SMALL = {
@@ -24,13 +25,13 @@ SMALL = {
 }
 """Options that make an example quick."""
 STATUS = {"check": 3}
-"""Exit statuses that are not 0: any pendulum is checked."""
+"""Exit statuses other than 0: the example of `tpd check` has a pendulum that is not recommended."""
 WRITES = {"new": "mine.toml", "export": "model.xml", "optimise": "tower/report.html"}
-"""Files of the commands whose directory is none or another one."""
+"""Files of the commands that do not write to the folder tpd-COMMAND."""
 
 
-def shown(capsys, *words: str) -> str:
-    """Help of a command."""
+def help_of(capsys, *words: str) -> str:
+    """Return the help of a command."""
     with pytest.raises(SystemExit):
         main([*words, "--help"])
     return capsys.readouterr().out
@@ -54,41 +55,54 @@ for name in ("jax", "numpy", "optax", "matplotlib"):
 
 
 def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
-    text = " ".join(shown(capsys, "optimise").split())
-    for said in (
-        "whole width of the base, m (default 0.1)",
-        "fixed, or two bounds (default 0.01 0.2)",
-        "--no-walls do not ask for room between the walls",
-        "--exactly search for the motion itself alone with a point bob, as in the paper",
-        "seed of every random choice, the runs that verify and judge included (default 0)",
-        "0 a pendulum is offered",
+    text = " ".join(help_of(capsys, "optimise").split())
+    schema = options.keys()
+
+    def first_sentence(table: str, key: str) -> str:
+        sentence = schema[table][key]["description"].split(". ")[0].removesuffix(".")
+        return sentence[:1].lower() + sentence[1:]
+
+    for expected in (
+        f"{first_sentence('block', 'width')} (default 0.1)",
+        f"{first_sentence('space', 'mass_ratio')} --",
+        f"--exactly {first_sentence('conditions', 'exactly')}",
+        f"--seed N {first_sentence('search', 'seed')} (default 0)",
+        "--no-walls no walls around the bob: no limit on clearance",
+        "0 a pendulum is recommended",
         "130 interrupted",
     ):
-        assert said in text
+        assert expected in text
+
+
+def test_every_command_has_help_texts_and_no_text_is_unused():
+    texts = tomllib.loads(Path(grammar.__file__).with_name("commands.toml").read_text(encoding="utf-8"))
+    assert [*texts] == [*grammar.COMMANDS]
+    allowed = {"summary", "activity", "description", "exit_status", "example"}
+    assert all({"summary", "description", "example"} <= {*text} <= allowed for text in texts.values())
 
 
 @pytest.mark.parametrize("command", grammar.COMMANDS)
 def test_the_help_explains_the_exit_statuses_and_ends_with_an_example(command, capsys):
-    said = shown(capsys, command).rstrip().splitlines()
-    assert "xit status: 0 " in " ".join(" ".join(said).split())
-    assert said[-2] == "Example:"
-    assert said[-1].strip().startswith(f"tpd {command} ")
-    assert f"{command} " in shown(capsys)
+    lines = help_of(capsys, command).rstrip().splitlines()
+    assert "Exit status: 0 " in " ".join(" ".join(lines).split())
+    assert lines[-2] == "Example:"
+    assert lines[-1].strip().startswith(f"tpd {command} ")
+    assert f"{command} " in help_of(capsys)
 
 
 @pytest.mark.parametrize("command", grammar.COMMANDS)
 def test_an_example_runs(command, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    # A search takes long; its answer is made by hand.
+    # A search takes long: a prepared design replaces it.
     monkeypatch.setattr(optimise, "solve", lambda *_, **__: harmonic())
     monkeypatch.setattr("tpd.report.files.draw", lambda *_: b"<svg/>")
-    monkeypatch.setattr(optimise, "study", lambda *_, **__: replace(details(), histories=()))
-    # Nor are bifurcations searched for: they are in the tests of `tpd response`.
+    monkeypatch.setattr(optimise, "details", lambda *_, **__: replace(details(), histories=()))
+    # Bifurcations take long as well, and are in the tests of `tpd response`.
     monkeypatch.setattr("tpd.answers.response.bifurcations", lambda *_, **__: ())
     few = "[ensemble]\nsize = 16\nperiods = 20\n[search]\nscreening = 8\n"
     text = re.sub(r"\[search\]\nseed.*\n|\[search\] .*\nseed.*\n", "", template("tower"))
     (tmp_path / "tower.toml").write_text(text.replace("[search]", "") + few)
-    example = shown(capsys, command).rstrip().splitlines()[-1].strip()
+    example = help_of(capsys, command).rstrip().splitlines()[-1].strip()
     done = call(*shlex.split(example)[1:], SMALL.get(command, ""))
     assert done.status == STATUS.get(command, 0), done.err
     if command in WRITES:
@@ -105,7 +119,7 @@ def test_help_needs_no_docstrings():
     assert str(tpd.__doc__).splitlines()[0] in " ".join(done.stdout.split())
 
 
-@pytest.mark.mends("~ stood for a folder of that name")
+@pytest.mark.mends("~ was taken for a folder of that name")
 def test_paths_of_options_begin_at_home(monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     read = parser().parse_args(
@@ -131,9 +145,14 @@ def test_the_package_is_a_program_and_american_spelling_gets_a_hint():
 @pytest.mark.parametrize(("line", "word"), [("tpd opt", "optimise"), ("tpd shake --rec", "--record")])
 def test_a_shell_completes_the_words_of_a_command(line, word, tmp_path):
     pytest.importorskip("argcomplete")
-    # What the scripts of argcomplete set in a shell.
-    asked = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_IFS": " "}
-    env = os.environ | asked | {"_ARGCOMPLETE_STDOUT_FILENAME": str(tmp_path / "words")}
+    # The scripts of argcomplete set these variables in a shell.
+    variables = {
+        "_ARGCOMPLETE": "1",
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+        "_ARGCOMPLETE_IFS": " ",
+    }
+    env = os.environ | variables | {"_ARGCOMPLETE_STDOUT_FILENAME": str(tmp_path / "words")}
     done = subprocess.run([sys.executable, "-m", "tpd"], env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert word in (tmp_path / "words").read_text().split()
@@ -143,7 +162,7 @@ UNITS = re.compile(
     r"\b(m|kg|Hz|rad|g|s|number|ratios?|factors?|share|dimensionless|periods|relative|in its unit|channel|"
     r"columns|seed|steps)\b"
 )
-"""Units of the numbers of options, and words for those that have none."""
+"""Units of the numbers of options, and words for numbers without a unit."""
 
 
 @pytest.mark.mends("the help of some numbers stated no unit")
@@ -152,6 +171,6 @@ def test_the_help_states_the_unit_of_every_number(command):
     commands = parser()._subparsers._group_actions[0].choices  # type: ignore[union-attr]
     words = ["FILE", "DIR", "WORD", "KIND", "NAME", "DESIGN", "JOB", "ADDRESS", "UNIT"]
     for action in commands[command]._actions:
-        # Without an own name a value is one of few words.
+        # An option without a placeholder accepts one of a few words.
         if action.nargs != 0 and action.metavar is not None and action.metavar not in words:
             assert UNITS.search(action.help), action.option_strings

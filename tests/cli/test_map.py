@@ -1,4 +1,4 @@
-"""`tpd map`: the table is that of the library, and names are checked."""
+"""`tpd map`: the table agrees with the library, and names are checked."""
 
 import numpy as np
 
@@ -8,14 +8,14 @@ from tpd.answers.design_map import design_map
 AXES = "--x frequency 1 5 --y pendulum-length 0.05 0.2 --pendulum-mass 0.8 --points 4"
 
 
-def test_the_map_is_that_of_the_library(run):
+def test_the_map_agrees_with_the_library(run):
     done = run("map", AXES)
     assert done.status == 0
     assert all(line.startswith("tpd: ") for line in done.err.splitlines())
     assert done.files.keys() == {"map.csv", "map.json", "amplitude.png", "swing.png", "margin.png"}
     x, y = ("frequency", np.linspace(1, 5, 4)), ("pendulum_length", np.linspace(0.05, 0.2, 4))
-    with_it = tpd.Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
-    m = design_map(tpd.paper_scene(), x, y, pendulum=with_it)
+    pendulum = tpd.Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
+    m = design_map(tpd.paper_scene(), x, y, pendulum=pendulum)
     rows = done.rows("map.csv")
     assert [row["status"] for row in rows] == list(m.status.ravel())
     np.testing.assert_array_equal([float(row["amplitude_rad"]) for row in rows], m.amplitude.ravel())
@@ -24,9 +24,9 @@ def test_the_map_is_that_of_the_library(run):
     assert content["varied"] == {"x": ["frequency", 1.0, 5.0], "y": ["pendulum_length", 0.05, 0.2]}
     assert (content["pendulum"]["mass"], content["pendulum"]["damping_ratio"]) == (0.8, 0.1)
     assert all(f"{count} {status}" in done.out for status, count in m.counts.items())
-    assert "--from-rest says" in done.out
+    assert "Run the command with --from-rest to find out" in done.out
     assert "already holds files" in run("map", AXES).err
     again = run("map", AXES, "--overwrite", "--from-rest")
     assert again.status == 0
     assert again.json("map.json")["start"] == [0.0] * 4
-    assert "--from-rest says" not in again.out
+    assert "--from-rest" not in again.out

@@ -1,6 +1,7 @@
-"""`tpd optimise`: what it writes, prints and returns, for one small search and for answers made by hand."""
+"""`tpd optimise`: files, printed answer and exit status, for a small search and for prepared designs."""
 
 import json
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -33,67 +34,70 @@ DATA = {"report.txt", "report.html", "design.json", "scene.toml"}
 
 
 @pytest.fixture
-def answered(monkeypatch, tmp_path):
-    """Runs `optimise` with an answer made by hand in place of a search; returns also what was asked."""
+def run_with(monkeypatch, tmp_path):
+    """Return a function that runs `optimise` with a prepared design in place of a search.
+
+    The function returns the result of the command and the inputs of the search.
+    """
     monkeypatch.chdir(tmp_path)
 
     def run(design, *words: str):
-        asked = {}
+        inputs = {}
 
         def search(problem, progress):
-            asked.update(problem.inputs)
+            inputs.update(problem.inputs)
             return design
 
         monkeypatch.setattr(optimise, "solve", search)
         monkeypatch.setattr("tpd.report.files.draw", lambda *_: b"<svg/>")
         shown = replace(details(), histories=())
-        monkeypatch.setattr(optimise, "study", lambda *_, front, **__: replace(shown, front=front))
-        return call("optimise", *words, out=Path("out")), asked
+        monkeypatch.setattr(optimise, "details", lambda *_, front, **__: replace(shown, front=front))
+        return call("optimise", *words, out=Path("out")), inputs
 
     return run
 
 
-def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(answered, tmp_path):
+def test_a_run_writes_its_report_with_the_job_and_prints_its_first_screen(run_with, tmp_path):
     (tmp_path / "small.toml").write_text(BAND)
-    done, asked = answered(harmonic(), "--scene small.toml --seed 3")
-    assert (done.status, asked["seed"]) == (0, 3)
+    done, inputs = run_with(harmonic(), "--scene small.toml --seed 3")
+    assert (done.status, inputs["seed"]) == (0, 3)
     assert done.files.keys() >= DATA
     assert len(done.out.splitlines()) <= 30
-    scene, shown = done.out.split("\n\n", maxsplit=1)
+    header, answer = done.out.split("\n\n", maxsplit=1)
     losses = "with other losses than the paper's"
-    assert scene.splitlines()[0] == f"Scene: the paper's block (Collini et al. 2016) {losses}."
+    assert header.splitlines()[0] == f"Scene: the paper's block (Collini et al. 2016) {losses}."
     report = done.files["report.txt"].read_text(encoding="utf-8")
-    assert shown.split("\n  conditions ")[0] == report.split("\n\nblock  ")[0], "the verdict"
-    assert shown.splitlines()[-2:] == [
+    assert answer.split("\n  conditions ")[0] == report.split("\n\nblock  ")[0], "the verdict"
+    assert answer.splitlines()[-2:] == [
         "  report      out/report.html",
         "  repeat      tpd optimise --scene out/scene.toml --out out-again",
     ]
-    content, found = done.json("design.json"), tpd.read_design("out")
+    content, stored = done.json("design.json"), tpd.read_design("out")
     job = jobs.job_of(tomllib.loads(done.files["scene.toml"].read_text()))
-    assert found.job == job == jobs.job_of(content["job"])
+    assert stored.job == job == jobs.job_of(content["job"])
     assert job.seed == 3
-    assert vars(found.pendulum) == content["pendulum"]
-    assert found.status.name == content["status"]
+    assert vars(stored.pendulum) == content["pendulum"]
+    assert stored.status.name == content["status"]
 
 
-@pytest.mark.mends("every `--seed` verified and judged by the same runs")
+@pytest.mark.mends("all values of `--seed` used the same validation runs")
 @pytest.mark.parametrize("more", ["", "[ensemble]\nsize = 40\n", "[ensemble]\nseed = 0\n"])
-def test_a_seed_on_the_command_line_is_that_of_optimise(answered, tmp_path, more):
+def test_a_seed_on_the_command_line_is_that_of_optimise(run_with, tmp_path, more):
     (tmp_path / "small.toml").write_text(BAND + more)
-    asked = [answered(harmonic(), f"--scene small.toml --overwrite {x}")[1] for x in ("", "--seed 3")]
-    runs = [one["ensemble"] for one in asked]
-    assert [one["seed"] for one in asked] == [0, 3]
-    assert [one.seed for one in runs] == [0, 3]
-    # The library's own: the default, and runs of another number.
-    for given in (None, tpd.Ensemble(), tpd.Ensemble(size=runs[1].size)):
-        made = problem_of(SCENE, limits=[tpd.limits.Stroke()], seed=3, ensemble=given).ensemble
-        assert made == replace(runs[1], size=made.size)
+    inputs = [run_with(harmonic(), f"--scene small.toml --overwrite {x}")[1] for x in ("", "--seed 3")]
+    runs = [x["ensemble"] for x in inputs]
+    assert [x["seed"] for x in inputs] == [0, 3]
+    assert [ensemble.seed for ensemble in runs] == [0, 3]
+    # The library agrees, with the default ensemble and with another number of runs.
+    for own in (None, tpd.Ensemble(), tpd.Ensemble(size=runs[1].size)):
+        ensemble = problem_of(SCENE, limits=[tpd.limits.Stroke()], seed=3, ensemble=own).ensemble
+        assert ensemble == replace(runs[1], size=ensemble.size)
     np.testing.assert_array_equal(tpd.Ensemble().draws(), tpd.Ensemble(seed=0).draws())
     assert not np.array_equal(runs[1].draws(), runs[0].draws())
-    # A seed of the runs alone is theirs, and a job that is asked again with another seed has other runs.
+    # [ensemble] may have a seed of its own. --seed replaces both seeds.
     (tmp_path / "other.toml").write_text(BAND + "[search]\nseed = 2\n[ensemble]\nseed = 5\n")
-    assert answered(harmonic(), "--scene other.toml --overwrite")[1]["ensemble"].seed == 5
-    again = answered(harmonic(), "--scene out/scene.toml --overwrite --seed 8")[1]
+    assert run_with(harmonic(), "--scene other.toml --overwrite")[1]["ensemble"].seed == 5
+    again = run_with(harmonic(), "--scene out/scene.toml --overwrite --seed 8")[1]
     assert (again["seed"], again["ensemble"].seed) == (8, 8)
 
 
@@ -101,36 +105,36 @@ def test_a_seed_on_the_command_line_is_that_of_optimise(answered, tmp_path, more
     ("design", "status"),
     [(rejected(), 3), (replace(rejected(), status=DesignStatus.no_uplift), 0)],
 )
-def test_the_exit_status_is_that_of_the_answer(answered, design, status):
-    assert answered(design)[0].status == status
+def test_the_exit_status_depends_on_the_verdict(run_with, design, status):
+    assert run_with(design)[0].status == status
 
 
-def test_quiet_json_and_verbose(answered):
-    done, _ = answered(rejected(), "--quiet")
+def test_quiet_json_and_verbose(run_with):
+    done, _ = run_with(rejected(), "--quiet")
     verdict, path = done.out.splitlines()
     assert verdict.startswith("NOT RECOMMENDED: ")
     assert path == "out"
-    done, _ = answered(rejected(), "--json --overwrite")
+    done, _ = run_with(rejected(), "--json --overwrite")
     assert json.loads(done.out) == done.json("design.json")
-    done, _ = answered(rejected(), "--verbose --overwrite")
+    done, _ = run_with(rejected(), "--verbose --overwrite")
     assert done.out.endswith(done.files["report.txt"].read_text())
-    done, _ = answered(rejected())
+    done, _ = run_with(rejected())
     assert done.status == 2
     assert "already holds files" in done.err
 
 
-def test_a_front_is_made_for_a_design_that_is_offered(answered, monkeypatch):
+def test_a_front_is_computed_for_a_recommended_design(run_with, monkeypatch):
     points = (FrontPoint(5.0, "recommended", harmonic().pendulum, (0.3, 0.2, 0.4)),)
     monkeypatch.setattr(optimise, "front", lambda *_, **__: points)
-    done, _ = answered(harmonic(), "--pareto")
+    done, _ = run_with(harmonic(), "--pareto")
     assert "front.svg" in done.files
-    done, _ = answered(rejected(), "--pareto --overwrite")
+    done, _ = run_with(rejected(), "--pareto --overwrite")
     assert "Lighter pendulums" not in done.files["report.txt"].read_text()
 
 
 @pytest.fixture(scope="module")
 def on_records(tmp_path_factory):
-    """A small design on records by a job file."""
+    """Return the folder of a job file with records, and the result of `tpd optimise`."""
     folder = tmp_path_factory.mktemp("records")
     block = template("column").partition("[motion]")[0]
     motion = '[motion]\nrecords = ["mine", "loma-prieta"]\nscales = [2, 3]\n[search]\nstarts = 4\nsteps = 1\n'
@@ -157,18 +161,17 @@ def test_a_design_on_records_is_repeated_by_its_scene_alone(on_records, tmp_path
     assert stored.job.block == jobs.job_of(jobs.read(folder / "job.toml")).block
 
 
-def test_a_pendulum_is_judged_on_the_records_of_a_job(on_records):
+def test_a_pendulum_is_checked_with_the_records_of_a_job(on_records):
     words = "--mass-ratio 0.05 --length-ratio 0.4 --pendulum-damping 0.2"
     done = call("check --scene", str(on_records[0] / "job.toml"), words)
     assert done.status == 3
-    said = " ".join(done.out.split())
-    assert "tuned to (2 runs): mean tilt" in said
-    last = done.out.splitlines()[-1]
-    assert last.startswith(("NOT RECOMMENDED: ", "TOO FEW EARTHQUAKES"))
+    text = " ".join(done.out.split())
+    assert "tuned to (2 runs): mean tilt" in text
+    assert re.search("\n(NOT RECOMMENDED: |TOO FEW EARTHQUAKES)", done.out)
     assert "  motion  2 records, each at 2, 3 (PGA over g tan(alpha), 1 = " in done.out
 
 
-def test_a_design_is_shaken_by_another_record(on_records, tmp_path):
+def test_a_design_is_simulated_under_another_record(on_records, tmp_path):
     first = str(on_records[0] / "first")
     done = call("shake", first, out=tmp_path / "out")
     assert "the job has 2 records (quake.csv; loma-prieta), but one is needed: --record FILE" in done.err
@@ -179,8 +182,8 @@ def test_a_design_is_shaken_by_another_record(on_records, tmp_path):
     assert "`tpd response` is about harmonic motion, and the job has records" in done.err
 
 
-@pytest.mark.mends("the report said nothing of the files that were read")
-def test_the_report_says_what_was_read_of_every_record(on_records):
+@pytest.mark.mends("the report did not describe the files of records")
+def test_the_report_describes_every_record(on_records):
     first = on_records[1]
     quake, quakes = (tpd.Record.read(on_records[0] / "mine" / "quake.csv"), tpd.records.loma_prieta())
     content = first.json("design.json")["reading"]
@@ -196,7 +199,7 @@ def test_the_report_says_what_was_read_of_every_record(on_records):
         assert "1 state no orientation" in " ".join(report.split())
 
 
-def test_the_terminal_shows_many_records_in_one_line(answered, tmp_path):
+def test_the_terminal_shows_many_records_in_one_line(run_with, tmp_path):
     (tmp_path / "quakes").mkdir()
     for i in range(60):
         text = peer(0.3 * shaking(100, i), 0.01).replace("1/2/1999", f"1/2/{1940 + i}")
@@ -204,7 +207,7 @@ def test_the_terminal_shows_many_records_in_one_line(answered, tmp_path):
     (tmp_path / "quakes" / "a.AT2").write_text(text.replace("ACCELERATION", "VELOCITY"))
     block = template("column").partition("[motion]")[0]
     (tmp_path / "job.toml").write_text(block + '[motion]\nrecords = ["quakes"]\nscales = [1]\n')
-    done, _ = answered(harmonic(), "--scene job.toml")
+    done, _ = run_with(harmonic(), "--scene job.toml")
     assert done.status == 0
     lines = done.out.splitlines()
     assert len(lines) <= 30
@@ -212,8 +215,8 @@ def test_the_terminal_shows_many_records_in_one_line(answered, tmp_path):
     assert lines[1] == "left out: a.AT2 (velocity)"
 
 
-@pytest.mark.mends("what was read of the records that are held out was not said")
-def test_what_is_left_out_of_the_records_held_out_is_said(tmp_path):
+@pytest.mark.mends("the records for validation were not described")
+def test_validation_records_of_the_same_earthquake_are_reported(tmp_path):
     texts = {"a.AT2": "1/2/1999", "b.AT2": "01/02/99", "c.AT2": "1/2/1990"}
     for i, (name, day) in enumerate(texts.items()):
         (tmp_path / name).write_text(peer(0.3 * shaking(100, i), 0.01).replace("1/2/1999", day))

@@ -1,4 +1,4 @@
-"""Options and job file are the same thing: every option sets a key of the schema, and the jobs are equal."""
+"""Options and job files are equivalent: every option sets a key of the schema, and the jobs are equal."""
 
 import tomllib
 
@@ -6,7 +6,7 @@ import pytest
 
 import tpd
 from tpd.cli import common, grammar, parser
-from tpd.cli.options import Option, plain
+from tpd.cli.options import Option, number_or_text
 from tpd.design import job as jobs
 
 TABLE = """
@@ -26,7 +26,7 @@ block={width=1, height=5, mass=9e3, radius_of_gyration=1.5}; motion={amplitude=0
 --width 1 --height 5 --mass 9e3 --radius-of-gyration 1.5 --amplitude 0.3 --frequency 0.5
 block.base_friction=0.6
 --base-friction 0.6
-limits={stroke=0.4, room=false}
+limits={stroke=0.4, clearance=false}
 --stroke 0.4 --no-walls
 bob.shape='cylinder'; block.cavity_width=0.08
 --bob cylinder --cavity 0.08
@@ -64,8 +64,8 @@ SAME = list(zip(LINES[::2], LINES[1::2], strict=True))
 
 
 def job_of(options: str, command: str = "optimise") -> jobs.Job:
-    """The job of a command."""
-    return common.case(parser().parse_args([command, *options.split()])).job
+    """Return the job of a command."""
+    return common.read_case(parser().parse_args([command, *options.split()])).job
 
 
 @pytest.mark.parametrize(("file", "options"), SAME)
@@ -75,7 +75,7 @@ def test_a_file_and_the_options_are_the_same_job(tmp_path, monkeypatch, file, op
     (tmp_path / "job.toml").write_text(text)
     job = jobs.job_of(tomllib.loads(text))
     assert job_of(options) == job_of("--scene job.toml") == job != jobs.job_of({})
-    # Options do not leak from one call to the next.
+    # The options of one call have no effect on the next one.
     assert job_of("") == jobs.job_of({})
 
 
@@ -114,12 +114,10 @@ def test_losses_come_from_the_file_and_the_options(tmp_path, content, options, e
 def test_every_declared_option_is_compared_with_a_file():
     groups = [x for x in vars(grammar).values() if isinstance(x, tuple) and isinstance(x[0], Option)]
     assert len(groups) == 9
-    declared = {option.flag for group in groups for option in group if not option.one} | {
-        "--validation-share"
-    }
-    assert {*declared, "--scatter"} == {word for word in TABLE.split() if word[:2] == "--"}
+    flags = {option.flag for group in groups for option in group if not option.one} | {"--validation-share"}
+    assert {*flags, "--scatter"} == {word for word in TABLE.split() if word[:2] == "--"}
 
 
-def test_texts_become_numbers_where_they_are():
-    found = [repr(plain(text)) for text in ("3", "3.0", "1e3", "housner", "", "-1")]
-    assert found == ["3", "3.0", "1000.0", "'housner'", "''", "-1"]
+def test_texts_that_are_numbers_become_numbers():
+    values = [repr(number_or_text(text)) for text in ("3", "3.0", "1e3", "housner", "", "-1")]
+    assert values == ["3", "3.0", "1000.0", "'housner'", "''", "-1"]

@@ -1,11 +1,11 @@
-"""Files of a command: numbers before pictures, and a picture that cannot be drawn costs one sentence."""
+"""Files of a command: numbers before pictures, and one message for a picture that cannot be drawn."""
 
 from matplotlib.figure import Figure
 
 from tpd.cli import outputs
 
 
-def test_numbers_are_written_before_pictures_and_a_failure_costs_one_sentence(tmp_path, capsys):
+def test_numbers_are_written_before_pictures_and_a_failure_costs_one_message(tmp_path, capsys):
     def fails():
         assert (tmp_path / "a.csv").read_text() == "1\n"
         raise ValueError("no colours")

@@ -1,4 +1,4 @@
-"""`tpd record`: what a file of ground motion holds, before it is used."""
+"""`tpd record`: description of ground motion records before they are used."""
 
 import numpy as np
 import pytest
@@ -10,12 +10,12 @@ from tpd.records import el_centro
 from tpd.records.intensity import spectral_acceleration
 
 SINE = 3.0 * np.sin(2.0 * np.pi * np.arange(201) / 100)
-"""Two periods of 1 s."""
+"""Acceleration: two periods of 1 s, m/s^2."""
 
 
 @pytest.fixture
 def table(tmp_path):
-    """Write accelerations as a table of a unit, and return its name."""
+    """Return a function that writes the accelerations as a table in a unit and returns its name."""
 
     def write(unit: str, factor: float = 1.0, name: str = "quake.csv") -> str:
         lines = (f"{0.01 * i:.2f},{factor * a:.6f}" for i, a in enumerate(SINE))
@@ -25,65 +25,66 @@ def table(tmp_path):
     return write
 
 
-@pytest.mark.mends("no command showed a record before it was used")
+@pytest.mark.mends("no command described a record before it was used")
 def test_a_record_is_described_in_a_few_lines_without_a_picture(table, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     done = call("record", table("m/s2"))
     assert (done.status, done.err) == (0, "")
-    said = done.out.splitlines()
-    assert len(said) <= 15
-    assert said[0].startswith("record: quake.csv, 201 samples of 0.01 s, 2 s long, PGA 0.3059 g")
-    assert "0.3059 g = 3 m/s^2" in said[1]
-    # The velocity of a sine begins at zero: twice its amplitude, and the block of base moves on.
-    assert float(said[2].split()[3]) == pytest.approx(3.0 / np.pi, rel=1e-3)
-    assert float(said[3].split()[3]) == pytest.approx(3.0 / np.pi, rel=1e-3)
+    lines = done.out.splitlines()
+    assert len(lines) <= 15
+    assert lines[0].startswith("record: quake.csv, 201 samples of 0.01 s, 2 s long, PGA 0.3059 g")
+    assert "0.3059 g = 3 m/s^2" in lines[1]
+    # The velocity begins at zero, so that its peak is twice the amplitude. The base ends at a displacement.
+    assert float(lines[2].split()[3]) == pytest.approx(3.0 / np.pi, rel=1e-3)
+    assert float(lines[3].split()[3]) == pytest.approx(3.0 / np.pi, rel=1e-3)
     sizes = [spectral_acceleration(Record(SINE.round(6), 0.01), t) / 9.80665 for t in (0.2, 2.0)]
-    assert f"{sizes[0]:.4g} g at 0.2 s" in said[5]
-    assert f"{sizes[1]:.4g} g at 2 s" in said[5]
+    assert f"{sizes[0]:.4g} g at 0.2 s" in lines[5]
+    assert f"{sizes[1]:.4g} g at 2 s" in lines[5]
     assert "warning" not in done.out
     assert [p.name for p in tmp_path.iterdir()] == ["quake.csv"]
 
 
-@pytest.mark.mends("a wrong unit was not noticed")
+@pytest.mark.mends("a wrong unit did not lead to a warning")
 @pytest.mark.parametrize(("unit", "shown"), [("g", "3 g"), ("mm/s2", "0.0003059 g")])
 def test_an_implausible_size_is_a_warning(table, unit, shown):
     done = call("record", table(unit))
     assert done.status == 0
     assert done.out.splitlines()[-1] == (
-        "warning: the PGA is implausible (0.001 to 2 g is usual), check --unit and --scale: "
+        "warning: the PGA is implausible (usual are 0.001 to 2 g), check the unit (--unit): "
         f"quake.csv ({shown})"
     )
 
 
-def test_a_folder_has_a_line_for_each_record_and_names_what_is_left_out(tmp_path):
+def test_a_folder_has_a_line_for_each_record_and_lists_files_without_motion(tmp_path):
     done = call("record", str(DATA), "el-centro", out=tmp_path / "out")
-    said = done.out.splitlines()
-    assert said[1].startswith(
+    lines = done.out.splitlines()
+    assert lines[1].startswith(
         "left out: README.md (no motion); coalinga_1983_cut.V2, channel 1 (UP) (vertical"
     )
-    head = next(i for i, line in enumerate(said) if line.startswith("record "))
-    rows = [line for line in said[head + 1 :] if not line.startswith("written: ")]
+    head = next(i for i, line in enumerate(lines) if line.startswith("record "))
+    rows = [line for line in lines[head + 1 :] if not line.startswith("written: ")]
     assert len(rows) == 6
     assert "baseline removed" in next(
         row for row in rows if row.startswith("ridgecrest_2019_cut.RAW, channel 0")
     )
-    written = done.rows("records.csv")
-    assert [row["source"] for row in written] == [row.split("  ")[0] for row in rows]
-    assert float(written[-1]["pga_g"]) == pytest.approx(float(el_centro().pga) / 9.80665, rel=1e-12)
+    table = done.rows("records.csv")
+    assert [row["source"] for row in table] == [row.split("  ")[0] for row in rows]
+    assert float(table[-1]["pga_g"]) == pytest.approx(float(el_centro().pga) / 9.80665, rel=1e-12)
     assert {f"record_{i}.png" for i in range(1, 7)} < done.files.keys()
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
-        ("nothing.csv", "no such file"),
+        ("nothing.csv", "the file does not exist"),
+        ("elcentro", "; did you mean `el-centro`?"),
         ("el-centro --dt 0.5", "`motion.dt` goes with a file of a record"),
         (f"{DATA}/coalinga_1983_cut.V2 --channel 7", "the file has the channels 0: 90 DEG"),
         (f"{DATA}/README.md", "README.md"),
     ],
 )
-def test_bad_input_is_one_sentence(words, said, tmp_path):
+def test_invalid_input_gets_one_sentence(words, message, tmp_path):
     done = call("record", words, out=tmp_path / "out")
     assert (done.status, done.out, done.files) == (2, "", {})
-    assert said in done.err
+    assert message in done.err
     assert len(done.err.splitlines()) == 1

@@ -1,4 +1,4 @@
-"""`tpd response`: branches and motions from rest are those of the library."""
+"""`tpd response`: branches and motions from rest agree with the library."""
 
 import math
 import re
@@ -12,7 +12,7 @@ from tpd.answers.response import branches, frequencies
 RANGE = "--from 1.7 --to 3 --points 24 --from-rest 2 --pendulum-mass 0.8 --length-ratio 0.5"
 
 
-def test_the_response_is_that_of_the_library(run):
+def test_the_response_agrees_with_the_library(run):
     done = run("response", RANGE)
     assert done.status == 0
     assert all(line.startswith("tpd: ") for line in done.err.splitlines())
@@ -27,27 +27,27 @@ def test_the_response_is_that_of_the_library(run):
     assert [float(r["frequency_Hz"]) for r in settled] == frequencies(2.5, 1.7, 3.0, 2).tolist()
     for r in settled:
         assert math.isinf(float(r["with_amplitude_rad"])) == (r["with_status"] == "overturned")
-    with_it = tpd.Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
-    known = branches(tpd.paper_scene(), "frequency", 1.7, 3.0, pendulum=with_it, samples=24)
+    pendulum = tpd.Pendulum(mass=0.8, length=0.1, damping_ratio=0.1)
+    expected = branches(tpd.paper_scene(), "frequency", 1.7, 3.0, pendulum=pendulum, samples=24)
     content = done.json("response.json")
-    found = content["bifurcations"]["with the pendulum"]
-    assert [b["value"] for b in found] == [b.value for b in known.bifurcations] != []
+    bifurcations = content["bifurcations"]["with the pendulum"]
+    assert [b["value"] for b in bifurcations] == [b.value for b in expected.bifurcations] != []
     assert content["pendulum"]["length"] == pytest.approx(0.1)
     assert content["over"] == "frequency"
     rows = done.rows("branches.csv")
     first = [r for r in rows if r["case"] == "with the pendulum" and r["branch"] == "0"]
-    at, s = known.sweep.line(0), known.sweep
+    at, s = expected.sweep.line(0), expected.sweep
     np.testing.assert_array_equal([float(r["amplitude_rad"]) for r in first], s.amplitude[at])
     np.testing.assert_array_equal([float(r["frequency"]) for r in first], s.value[at[0]])
-    assert {r["case"] for r in rows} == {"bare block", "with the pendulum"}
+    assert {r["case"] for r in rows} == {"without a pendulum", "with the pendulum"}
     assert "already holds files" in run("response", RANGE).err
 
 
 def test_without_dimensions_the_acceleration_stays(run):
     done = run("response", "--from 2.6 --to 3 --points 8 --dimensionless --from-rest 0")
     assert done.status == 0
-    assert "bare block: 1 branches from 2.6 to 3\n" in done.out
-    assert "overturns, --from-rest N says" in done.out
-    known = branches(tpd.paper_scene().parameters(), "xi", 2.6, 3.0, samples=8).sweep
-    found = [float(r["amplitude_rad"]) for r in done.rows("branches.csv")]
-    np.testing.assert_array_equal(found, known.amplitude[:, 0])
+    assert "without a pendulum: 1 branches from 2.6 to 3\n" in done.out
+    assert "Run the command with --from-rest N to find out" in done.out
+    expected = branches(tpd.paper_scene().parameters(), "xi", 2.6, 3.0, samples=8).sweep
+    amplitudes = [float(r["amplitude_rad"]) for r in done.rows("branches.csv")]
+    np.testing.assert_array_equal(amplitudes, expected.amplitude[:, 0])

@@ -94,6 +94,6 @@ def test_the_command_checks_a_pendulum_in_the_engine(capsys):
     with_it = "--pendulum-mass 3.2 --pendulum-length 0.08 --engine mujoco --runs 1"
     assert main([*asked.split(), *with_it.split()]) == 3
     printed = capsys.readouterr().out
-    assert "the pendulum does not help" in printed
+    assert "the pendulum does not reduce the rocking" in printed
     assert "equations (4)" in printed
     assert "overturned with the pendulum" in printed

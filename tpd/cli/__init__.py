@@ -2,8 +2,8 @@
 """Command line: `tpd new`, `record`, `assess`, `optimise`, `check`, `response`, `map`, `shake`, `spectrum`,
 `fragility` and `export`.
 
-The grammar of all commands is in `grammar`. A command is a module with a function `run`, which is imported
-when the command is chosen: the help does not wait for JAX.
+`grammar` declares all commands. Each command is a module with a function `run`. The module is imported when
+the command is chosen, so that the help does not wait for JAX.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 import tpd
 
 ABOUT = "Tuned pendulum design: find the pendulum that keeps a rocking block from rocking."
-"""The package in a sentence. Docstrings are not there under `python -OO`."""
+"""Description of the package in one sentence. Its docstring is absent under `python -OO`."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -33,58 +33,64 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status.
 
-    Without `arguments` those of the process are taken: then the process is this command's, and Ctrl-C ends it
-    at once, also while something is imported or compiled.
+    Args:
+        arguments: words after `tpd`. None takes the arguments of the process, which then belongs to the
+            command: Ctrl-C ends it at once, also during an import or a compilation.
     """
     grammar = parser()
     if arguments is not None:
         return _run(grammar.parse_args(arguments))
-    # A shell asks for the words that may come next, by way of an optional package.
+    # A shell that completes words sets this variable; completion needs an optional package.
     if "_ARGCOMPLETE" in os.environ:
         import_module("argcomplete").autocomplete(grammar)
-    # The exception that Python raises instead waits until compiled code returns. The default action does not
-    # wait, and a shell has status 130 for it. Files are complete before they get their names.
+    # Python would raise KeyboardInterrupt only after compiled code returns. The default action of the signal
+    # ends the process at once, and the shell reports status 130. No file can be left incomplete, because
+    # files are renamed to their final names when they are complete.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    # Processes of a cluster that end with this one are no mistake that Python should warn of.
+    # The processes of a cluster may end together with this one. Python would warn of leaked resources.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
     from tpd.cli import interrupts
 
     with interrupts.lasting_output():
-        read = grammar.parse_args()
-        warnings.showwarning = interrupts.warned
-        return _run(read, read.does.format(**vars(read)))
+        options = grammar.parse_args()
+        warnings.showwarning = interrupts.show_warning
+        return _run(options, options.activity.format(**vars(options)))
 
 
-def _run(read: argparse.Namespace, does: str = "") -> int:
-    """Run the command that was read, and print what it does unless an input is bad; an error is one
-    sentence."""
-    out: Path | None = getattr(read, "out", None)
-    made = None if out is None or os.path.exists(out) else out
+def _run(options: argparse.Namespace, activity: str = "") -> int:
+    """Run a command and return its exit status. An error is printed as one sentence.
+
+    Args:
+        options: parsed options with the name of the command.
+        activity: description of the work, printed if the input is valid; see `interrupts.announced`.
+    """
+    out: Path | None = getattr(options, "out", None)
+    new_folder = None if out is None or os.path.exists(out) else out
     try:
-        # A command that ends at once does not wait for JAX.
-        if not read.does:
-            return import_module(f"tpd.cli.{read.command}").run(read)
+        # Commands without a description are quick and do not need JAX.
+        if not options.activity:
+            return import_module(f"tpd.cli.{options.command}").run(options)
         from tpd.cli import common, interrupts
 
         # All inputs are checked before JAX is imported, which takes seconds.
-        found = common.checked(read)
-        with interrupts.announced(does):
-            common.set_up(found.job)
-            return import_module(f"tpd.cli.{read.command}").run(read, found)
+        case = common.check_inputs(options)
+        with interrupts.announced(activity):
+            common.set_up_jax(case.job)
+            return import_module(f"tpd.cli.{options.command}").run(options, case)
     except Exception as error:
-        if made is not None:
-            # What could not be written leaves no empty folder.
+        if new_folder is not None:
+            # Remove the output folder if nothing was written; `rmdir` fails where it contains files.
             with contextlib.suppress(OSError, ValueError):
-                made.rmdir()
-        return _refused(error)
+                new_folder.rmdir()
+        return _report_error(error)
 
 
-def _refused(error: Exception) -> int:
-    """Say in one sentence why a command has ended, and return its exit status; a defect is raised."""
+def _report_error(error: Exception) -> int:
+    """Print an error as one sentence and return the exit status. An error of the program itself is raised."""
     from tpd.cli.interrupts import BAD_INPUT
 
     if isinstance(error, MemoryError):
-        print("tpd: the job does not fit into memory: ask for less at once", file=sys.stderr)
+        print("tpd: the memory is not sufficient for this job: compute fewer points at once", file=sys.stderr)
     elif isinstance(error, OSError) and error.strerror and error.filename:
         print(f"tpd: cannot use {error.filename}: {error.strerror}", file=sys.stderr)
     elif isinstance(error, (ValueError, OSError)):

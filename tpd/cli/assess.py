@@ -1,24 +1,27 @@
-"""`tpd assess`: the block alone, without any pendulum."""
+"""`tpd assess`: the block without a pendulum."""
 
 from __future__ import annotations
 
 import argparse
 
 from tpd.cli import common
-from tpd.cli.interrupts import SOUND
+from tpd.cli.interrupts import SOUND, print_answer
 from tpd.core.progress import Bar
 from tpd.design.assess import assessed, problem_alone
 from tpd.report.blocks import wrapped
 
 
-def run(options: argparse.Namespace, inputs: common.Case) -> int:
-    """Follow the block and print whether it rocks, slides or overturns; return the exit status."""
-    job = inputs.job
+def run(options: argparse.Namespace, case: common.Case) -> int:
+    """Simulate the block, print whether it rocks, slides or overturns, and return the exit status."""
+    job = case.job
     problem = problem_alone(job.scene, **job.settings)
-    common.say(job.scene, None, job.in_words, job.all_messages, problem.at_rest)
+    common.print_header(job.scene, None, job.in_words, job.all_messages, problem.at_rest)
     with Bar() as bar:
-        found = assessed(problem, bar)
-    # The lines on the resting block stand above.
-    said = str(found).removeprefix(f"{found.at_rest}\n").splitlines()
-    print("\n".join(["", *(line for sentence in said for line in wrapped(sentence))]))
+        assessment = assessed(problem, bar)
+    # `print(assessment)` would repeat the accelerations of uplift and sliding, which the header has.
+    sentences = [assessment.verdict]
+    if assessment.runs is not None:
+        measures = assessment.alternatives
+        sentences.append(f"Each of these measures prevents uplift without a pendulum: {measures}.")
+    print_answer("", *(line for text in sentences for line in wrapped(text)))
     return SOUND

@@ -1,4 +1,4 @@
-"""`tpd check`: a design, or any pendulum, by all models and by the validation of `tpd optimise`."""
+"""`tpd check`: validation of a design, or of any pendulum, as in `tpd optimise`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from tpd.answers.compare_models import MODELS, QUICK, check
 from tpd.cli import common
-from tpd.cli.interrupts import SOUND, UNSOUND
+from tpd.cli.interrupts import SOUND, UNSOUND, print_answer
 from tpd.core import checks
 from tpd.core.formatting import number
 from tpd.core.progress import Bar
@@ -21,106 +21,133 @@ from tpd.design.problem import Problem
 from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco
 from tpd.report import answer, files, words
+from tpd.report.blocks import wrapped
 from tpd.scene.scene import Pendulum
 from tpd.theory.no_uplift import AtRest
 
 
-def run(options: argparse.Namespace, inputs: common.Case) -> int:
-    """Solve the design by all models and print the results; return the exit status."""
-    job, pendulum = inputs
+def run(options: argparse.Namespace, case: common.Case) -> int:
+    """Check the pendulum by the models or by an engine, print the results and return the exit status."""
+    job, pendulum = case
     if pendulum is None and options.design is None:
-        raise ValueError("give DESIGN, or a pendulum by --pendulum-mass and --pendulum-length")
-    given = {name: x for name in ("runs", "sliding") if (x := getattr(options, name)) is not None}
-    if "runs" in given:
+        raise ValueError("a pendulum is missing: give DESIGN, or --pendulum-mass and --pendulum-length")
+    settings = {name: x for name in ("runs", "sliding") if (x := getattr(options, name)) is not None}
+    if "runs" in settings:
         checks.count("--runs", options.runs)
     if options.seed is not None:
         checks.seed("--seed", options.seed)
-    if options.engine is None:
-        if given:
-            raise ValueError(f"--{next(iter(given))} is of --engine, which is not given")
-        check_cavity(job.block, job.limits)
     if options.engine is not None:
-        common.say(job.scene, pendulum, job.in_words, job.all_messages, AtRest.under(job.scene))
-        return _by_engine(job, pendulum, options, given)
-    problem = _problem(job, options.seed)
-    common.say(job.scene, pendulum, job.in_words, job.all_messages, problem.at_rest)
+        common.print_header(job.scene, pendulum, job.in_words, job.all_messages, AtRest.under(job.scene))
+        return _check_by_engine(job, pendulum, options, settings)
+    if settings:
+        raise ValueError(f"--{next(iter(settings))} has an effect only together with --engine")
+    check_cavity(job.block, job.limits)
+    problem = _problem_of(job, options.seed)
+    common.print_header(job.scene, pendulum, job.in_words, job.all_messages, problem.at_rest)
     models = MODELS if options.full else QUICK
     with Bar() as bar:
-        said, is_sound = _validated(job, problem, pendulum, models, bar)
-    print("\n".join(["", *said]))
+        lines, is_sound = _check_by_models(job, problem, pendulum, models, bar)
+    print_answer("", *lines)
     return SOUND if is_sound else UNSOUND
 
 
-def _problem(job: Job, seed: int | None) -> Problem:
-    """Problem of a job, on runs of another seed if there is one. The motions that are held out stay those of
-    the job. A limit on the mass does not narrow the space: the pendulum may lie below it."""
-    some = [limit for limit in job.limits if not isinstance(limit, Mass)]
-    settings: dict[str, Any] = job.settings | {"limits": some}
-    found = replace(problem_of(job.scene, **settings), limits=job.limits)
+def _problem_of(job: Job, seed: int | None) -> Problem:
+    """Return the design problem of a job.
+
+    Args:
+        job: job of the command.
+        seed: seed of the validation runs, None for that of the job. The choice of motions for validation
+            always follows the seed of the job.
+    """
+    # A limit on the mass narrows the design space, and may leave it empty. The pendulum of this command may
+    # lie outside of the space, so that the limit is added after the space was made.
+    others = [limit for limit in job.limits if not isinstance(limit, Mass)]
+    settings: dict[str, Any] = job.settings | {"limits": others}
+    problem = replace(problem_of(job.scene, **settings), limits=job.limits)
     if seed is None:
-        return found
-    return replace(found, seed=seed, ensemble=replace(found.ensemble, seed=seed))
+        return problem
+    return replace(problem, seed=seed, ensemble=replace(problem.ensemble, seed=seed))
 
 
-def _validated(
+def _check_by_models(
     job: Job, problem: Problem, pendulum: Pendulum | None, models: tuple[str, ...], bar: Bar
 ) -> tuple[list[str], bool]:
-    """Lines on a pendulum, or on the block alone where a report has none: all models, and the validation that
-    `tpd optimise` requires of its designs."""
-    said = list[str]()
+    """Solve the motion by several models and validate the pendulum as `tpd optimise` does.
+
+    Returns:
+        Lines for the terminal, and whether the exit status is `SOUND`.
+    """
+    table: list[str] = []
+    # The table of models is about one harmonic motion; there is none for pulses and records.
     if isinstance(problem, HarmonicProblem):
         limit = stroke_limit(job.limits)
-        said = [check(job.scene, pendulum, swing_limit=limit, models=models, progress=bar).table(), ""]
-    # No pendulum is an answer only where none is needed, under all conditions of the job.
+        models_table = check(job.scene, pendulum, swing_limit=limit, models=models, progress=bar).table()
+        # The last line explains the columns; the others are rows, which are not wrapped.
+        *rows, explanation = models_table.splitlines()
+        table = [*rows, *wrapped(explanation), ""]
+    # A report without a pendulum is right only if the block needs none under all conditions of the job.
     if (status := problem.needs_none) is not None:
-        return [*said, needless(problem)], status.is_sound
+        return [*table, *wrapped(needless(problem))], status.is_sound
     if pendulum is None:
-        return [*said, "NOT RECOMMENDED: the report has no pendulum."], False
-    found = validate(problem, problem.ratios(pendulum), thorough=True, progress=bar)
-    said += _outside(found, problem.space)
-    runs = found.runs
+        return [*table, "NOT RECOMMENDED: the report has no pendulum."], False
+    # `thorough` simulates the validation runs also for a pendulum that exceeds a limit, which a search skips.
+    validation = validate(problem, problem.ratios(pendulum), thorough=True, progress=bar)
+    sentences = _ratios_outside(validation, problem.space)
+    runs = validation.runs
     if runs is not None:
-        said.append(
-            f"{runs.description}: {words.reduction(runs, found.measure)}. A limit is exceeded in "
-            f"{found.over_limit:.1%} of the runs in which the block stands "
-            f"(at most {problem.allowed:.1%} allowed)."
-        )
+        sentences += [
+            f"{runs.description}: {words.reduction(runs, validation.measure)}.",
+            f"The pendulum exceeds a limit in {100 * validation.over_limit:.1f} % of the runs in which the "
+            f"block does not overturn (allowed: at most {100 * problem.allowed:.1f} %).",
+        ]
         if runs.undecided:
-            said.append(f"{runs.undecided} runs have no answer and are left out.")
+            sentences.append(f"{runs.undecided} runs have no solution and are not counted.")
+        # Ground motions have groups: those of the search, and those that were kept for validation.
         if runs.cluster is not None:
-            said += [words.group(part) for part in runs.parts]
-    status = found.status if found.reasons else problem.evidence
-    return [*said, "", *answer.verdict_lines(status, found.refusals)], status.is_sound
+            sentences += [words.group(part) for part in runs.parts]
+    # Without a reason against the pendulum, the amount of evidence decides: there may be too few earthquakes.
+    status = validation.status if validation.reasons else problem.evidence
+    verdict = answer.verdict_lines(status, validation.refusals)
+    before, after = ([line for text in texts for line in wrapped(text)] for texts in (sentences, verdict))
+    return [*table, *before, "", *after], status.is_sound
 
 
-def _by_engine(job: Job, pendulum: Pendulum | None, options: argparse.Namespace, how: dict[str, Any]) -> int:
-    """Follow the design in an engine, and add the result to its report."""
+def _check_by_engine(
+    job: Job, pendulum: Pendulum | None, options: argparse.Namespace, settings: dict[str, Any]
+) -> int:
+    """Simulate the pendulum in a rigid-body engine, add the result to the report of the design, if any, and
+    return the exit status."""
+    # --sliding takes precedence over the friction of the base in the job.
     if (own := job.block.base_friction) is not None:
-        how.setdefault("sliding", own)
+        settings.setdefault("sliding", own)
     with Bar() as bar:
-        found = mujoco(job.scene, pendulum, seed=options.seed or 0, progress=bar, **how)
-    print(f"\n{found}\n")
-    # A design of one's own has no report that the result could be put into.
+        comparison = mujoco(job.scene, pendulum, seed=options.seed or 0, progress=bar, **settings)
+    print_answer("", str(comparison), "")
+    # A pendulum of the options has no report.
     if options.design is not None:
         directory = options.design if options.design.is_dir() else options.design.parent
-        for path in files.add_engine(directory, found):
+        for path in files.add_engine(directory, comparison):
             print(f"written: {path}")
     if pendulum is None:
-        print("The report has no pendulum: only the block alone was simulated.")
+        print("The report has no pendulum. The engine simulated only the block without a pendulum.")
         return UNSOUND
-    # The engine must show the benefit itself; that the equations show it was asked before.
-    sound = not found.warning and found.benefit > 0.0
-    if not sound and not found.warning:
-        print(f"By {found.engine} the pendulum does not help.")
-    return SOUND if sound else UNSOUND
+    # The engine must show a benefit of its own. The validation by the equations is a separate check.
+    is_sound = not comparison.warning and comparison.benefit > 0.0
+    if not is_sound and not comparison.warning:
+        print(f"According to {comparison.engine} the pendulum does not reduce the rocking.")
+    return SOUND if is_sound else UNSOUND
 
 
-def _outside(found: Validated, space: DesignSpace) -> list[str]:
-    """Lines on ratios that the space does not contain."""
-    said = []
-    for x, name, low, high in zip(found.design, ("mass", "length", "damping"), *space.ends, strict=True):
-        # A ratio of a pendulum in SI units may differ by rounding.
-        if not low * (1.0 - 1e-9) <= x <= high * (1.0 + 1e-9):
-            searched = number(low) if low == high else f"{number(low)} to {number(high)}"
-            said.append(f"`tpd optimise` would not find it: the {name} ratio is searched at {searched}.")
-    return said
+def _ratios_outside(validation: Validated, space: DesignSpace) -> list[str]:
+    """Return a sentence for each ratio of the pendulum that lies outside of the design space."""
+    sentences = []
+    names = "mass", "length", "damping"
+    for ratio, name, low, high in zip(validation.design, names, *space.ends, strict=True):
+        # The ratio is computed from SI units and may differ from a bound by rounding.
+        if not low * (1.0 - 1e-9) <= ratio <= high * (1.0 + 1e-9):
+            bounds = number(low) if low == high else f"{number(low)} to {number(high)}"
+            sentences.append(
+                f"The {name} ratio {number(ratio)} lies outside of the design space of the job ({bounds}), "
+                "so that `tpd optimise` cannot return this pendulum."
+            )
+    return sentences

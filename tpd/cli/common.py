@@ -1,4 +1,4 @@
-"""Shared by the commands: job, design and pendulum of the options, cluster, what is said and written."""
+"""Steps that the commands share: read and check the inputs, start a cluster, print the header."""
 
 from __future__ import annotations
 
@@ -9,198 +9,222 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from typing import Any, NamedTuple
 
-from tpd.cli.options import given, put
+from tpd.cli.options import set_keys, tables_of
 from tpd.core import checks, files, progress
 from tpd.design import job as jobs
 from tpd.design.criteria import check_cavity
 from tpd.design.stored_design import read_design
 from tpd.records.read import summary
+from tpd.report import words
 from tpd.scene.scene import Block, Pendulum, Scene, check_damping
 
-MOST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as long as the block")}
-"""Largest ratios of a pendulum, and what they stand for."""
+LARGEST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as long as the block is high")}
+"""Largest mass ratio and length ratio of a pendulum, with their meaning."""
 WITHOUT, WITH = "without a pendulum", "with the pendulum"
-"""Names of both cases."""
-_NEEDED = {
+"""Names of the two cases in printed results and in files."""
+_REQUIRED = {
     **dict.fromkeys(("assess", "optimise", "check"), "settings"),
     **dict.fromkeys(("shake", "spectrum"), "shaking"),
     "fragility": "ground_motions",
 }
-"""Properties of a job that commands need; the others need its scene."""
+"""Property of the job that a command needs; other commands need the scene."""
 _PENDULUM = "pendulum_mass", "mass_ratio", "pendulum_length", "length_ratio", "pendulum_damping"
 
 
 class Case(NamedTuple):
-    """Job, and the pendulum that is given beside it."""
+    """Inputs of a command."""
 
     job: jobs.Job
+    """Block, base motion and settings."""
     pendulum: Pendulum | None
+    """Pendulum of the design or of the options; None without a pendulum."""
 
 
 @contextlib.contextmanager
-def cluster(options: argparse.Namespace) -> Iterator[Any]:
-    """Cluster that the options ask for, if any; its processes end with the block.
+def open_cluster(options: argparse.Namespace) -> Iterator[Any]:
+    """Start the cluster of `--workers` or `--dask`, None without these options. Its processes end with the
+    `with` block.
 
     Raises:
-        ValueError: a number of workers below one, Dask is not installed, or the cluster failed.
+        ValueError: the number of workers is below one, Dask is not installed, or the cluster failed.
     """
     if options.workers is None and options.dask is None:
         yield None
         return
-    # Dask takes a second to import.
+    # The import of Dask takes a second.
     from tpd.cluster.cluster import Cluster, ClusterError
 
-    # Beside the results and not among them: a directory of results is empty before they are there.
+    # The chunks lie beside the output folder and not in it: that folder must be empty until the results are
+    # written, because a command does not overwrite a folder with files.
     out = options.out.resolve()
     folder = out.with_name(f"{out.name}.chunks")
     try:
-        with Cluster(folder, workers=options.workers, dask=options.dask) as opened:
-            # At the beginning: after Ctrl-C nothing is printed.
-            hint = "the same command goes on from them; not needed once it is done"
+        with Cluster(folder, workers=options.workers, dask=options.dask) as cluster:
+            # The hint is printed at the beginning, because nothing is printed after Ctrl-C.
+            hint = "the same command continues from there if it is interrupted; delete the folder afterwards"
             progress.say(f"chunks: {folder} ({hint})", sys.stdout)
-            yield opened
+            yield cluster
     except ClusterError as error:
         raise ValueError(str(error)) from None
 
 
-def checked(options: argparse.Namespace) -> Case:
-    """Read and check all inputs of a command, and claim its folder, before anything heavy is imported.
+def check_inputs(options: argparse.Namespace) -> Case:
+    """Read and check all inputs of a command and its output folder, before JAX is imported.
 
     Raises:
-        ValueError: a file that cannot be read or is not the design of a report of this version, options that
-            describe another block or pendulum beside a design, a value that is not allowed, a motion that the
-            command is not about, or a folder that holds results.
+        ValueError: a file cannot be read or is not the design of a report of this version, options describe
+            another block or pendulum beside a design, a value is not allowed, the command does not support
+            the kind of motion, or the output folder contains files.
     """
     _complete_motion(options)
-    found = case(options)
+    case = read_case(options)
     asker = "--engine" if getattr(options, "engine", None) else f"`tpd {options.command}`"
     if options.command in ("response", "map") or asker == "--engine":
         again = "--scene FILE" if options.design is None else f"--scene {options.design / 'scene.toml'}"
-        _ = found.job.settled_scene(asker, again)
-    # Properties of a job are checked when they are read.
-    _ = getattr(found.job, _NEEDED.get(options.command, "scene"))
+        _ = case.job.settled_scene(asker, again)
+    # A job checks a part of its inputs when the property that needs them is read for the first time.
+    _ = getattr(case.job, _REQUIRED.get(options.command, "scene"))
     if options.command == "optimise":
-        check_cavity(found.job.block, found.job.limits)
+        check_cavity(case.job.block, case.job.limits)
     if (out := getattr(options, "out", None)) is not None:
         files.claim(out, overwrite=options.overwrite)
-    return found
+    return case
 
 
 def _complete_motion(options: argparse.Namespace) -> None:
-    """Add the part of a motion that a job needs and a command does not."""
-    tables = given(options)
-    motion = tables.get("motion", {})
+    """Add keys of the motion that every job requires although the command does not use them."""
+    motion = tables_of(options).get("motion", {})
     if options.command == "spectrum" and "pulse" in motion:
-        if idle := {"pulse_frequency", "pga"} & set(motion):
-            flag = f"--{min(idle).replace('_', '-')}"
-            raise ValueError(f"{flag} has no effect here: pulses of every frequency and size are tried")
-        put(options, "motion", {"pulse_frequency": 1.0})
+        if unused := {"pulse_frequency", "pga"} & set(motion):
+            flag = f"--{min(unused).replace('_', '-')}"
+            raise ValueError(f"{flag} has no effect here: a spectrum has pulses of all frequencies and sizes")
+        # Any frequency will do: the spectrum replaces it.
+        set_keys(options, "motion", {"pulse_frequency": 1.0})
     elif options.command == "assess" and "records" in motion and not {"scales", "pga"} & set(motion):
-        # A block can be followed through records as they are.
-        put(options, "motion", {"scales": [1.0], "intensity": "scale"})
+        # Without a scale the block is assessed under the records as they are. A design needs scales.
+        set_keys(options, "motion", {"scales": [1.0], "intensity": "scale"})
     elif options.command == "export" and options.kind == "mjcf" and not (options.design or motion):
-        # The model has no motion, but a job has.
-        put(options, "motion", {"pulse": "one-sine", "pulse_frequency": 1.0})
+        # The model for MuJoCo contains no motion, so that any motion will do.
+        set_keys(options, "motion", {"pulse": "one-sine", "pulse_frequency": 1.0})
 
 
-def case(options: argparse.Namespace) -> Case:
-    """Job and pendulum of the design that the options name, or of a job file and the options.
+def read_case(options: argparse.Namespace) -> Case:
+    """Read the job and the pendulum from a design, or from a job file and the options.
 
     Raises:
-        ValueError: see `checked`.
+        ValueError: see `check_inputs`.
     """
-    stated, name = given(options), getattr(options, "design", None)
+    tables, name = tables_of(options), getattr(options, "design", None)
     if name is None:
-        # Two names of one file are the same job.
-        named = {x.resolve(): x for x in (getattr(options, "job", None), options.scene) if x is not None}
-        if len(named) > 1:
-            raise ValueError(f"give one job file: JOB is {options.job}, and --scene is {options.scene}")
-        job = jobs.job_of(jobs.merged({} if not named else jobs.read(*named.values()), stated))
-        return Case(job, pendulum(options, job.block) if hasattr(options, "pendulum_mass") else None)
-    others = {"amplitude", "frequency"} & set(stated.get("motion", {})) or set(stated) - {"motion"}
+        # JOB and --scene may name the same file.
+        paths = {x.resolve(): x for x in (getattr(options, "job", None), options.scene) if x is not None}
+        if len(paths) > 1:
+            pair = f"{options.job} and {options.scene}"
+            raise ValueError(f"JOB and --scene must name the same job file, but are {pair}")
+        job = jobs.job_of(jobs.merged({} if not paths else jobs.read(*paths.values()), tables))
+        return Case(job, read_pendulum(options, job.block) if hasattr(options, "pendulum_mass") else None)
+    if name.suffix == ".toml" and name.is_file():
+        raise ValueError(f"{name} is a job file, but DESIGN is the folder of a report: write --scene {name}")
+    # A design may be combined with another motion, but not with another block, harmonic or pendulum.
+    others = {"amplitude", "frequency"} & set(tables.get("motion", {})) or set(tables) - {"motion"}
     if others or any(getattr(options, x, None) is not None for x in ("scene", *_PENDULUM)):
-        raise ValueError(f"{name} has a scene and a pendulum: give it alone, or the options without it")
-    found = read_design(name)
-    return Case(jobs.job_of(jobs.merged(found.tables, stated)), found.pendulum)
+        raise ValueError(f"{name} contains a scene and a pendulum: give either DESIGN or options for these")
+    design = read_design(name)
+    return Case(jobs.job_of(jobs.merged(design.tables, tables)), design.pendulum)
 
 
-def set_up(job: jobs.Job) -> None:
-    """Set JAX up before any module imports it, and begin to compile what the job needs."""
+def set_up_jax(job: jobs.Job) -> None:
+    """Configure JAX before any module imports it, and start to compile what the job needs."""
     from tpd.core import process
     from tpd.exact import compiling
 
     if (folder := process.use_64_bits()) is not None:
+        # Compilation in the background saves time; without it the modules are compiled when they are used.
         with contextlib.suppress(OSError):
             compiling.compile_beside(folder, job.compiled)
 
 
-def say(
+def print_header(
     scene: Scene,
     pendulum: Pendulum | None = None,
     motion: str = "",
     notes: Iterable[str] = (),
-    alone: Any = None,
+    at_rest: Any = None,
 ) -> None:
-    """Print the block, its motion and losses, when the resting block lifts and slides (a
-    `tpd.theory.no_uplift.AtRest`) where that is given, and the pendulum if there is one. The user must notice
-    a wrong default before any work. Other words for the motion can be given."""
-    # Words of the report stand above its designs.
-    from tpd.report import words
+    """Print the inputs of a command, so that the user notices a wrong default before the work begins.
 
-    more = () if pendulum is None else (words.pendulum_line(scene, pendulum),)
-    rest = () if alone is None else (str(alone),)
-    progress.say("\n".join((*notes, *words.scene_lines(scene, motion), *rest, *more)), sys.stdout)
+    Args:
+        scene: block, losses and base motion.
+        pendulum: equivalent point mass, printed if there is one.
+        motion: description of the motion in place of that of the scene.
+        notes: lines on the records that were read, printed first.
+        at_rest: `tpd.theory.no_uplift.AtRest` with the accelerations of uplift and sliding; None if the
+            command varies the motion.
+    """
+    rest = () if at_rest is None else (str(at_rest),)
+    point = () if pendulum is None else (words.pendulum_line(scene, pendulum),)
+    progress.say("\n".join((*notes, *words.scene_lines(scene, motion), *rest, *point)), sys.stdout)
 
 
-def pendulum(options: argparse.Namespace, block: Block) -> Pendulum | None:
-    """Pendulum of the options, or None without one; what a map varies need not be given.
+def read_pendulum(options: argparse.Namespace, block: Block) -> Pendulum | None:
+    """Return the pendulum of the options, or None without one.
+
+    Args:
+        options: mass and length in SI units or as ratios. The options of `tpd map` may vary one of them.
+        block: block to which the ratios refer.
 
     Raises:
-        ValueError: a pendulum of which half is missing, a bob heavier than the block, a rod longer than it,
-            or a damping in per cent.
+        ValueError: mass or length is missing, the bob is heavier than the block, the rod is longer than the
+            block is high, or the damping ratio is not allowed.
     """
     mu, lam, damping = options.mass_ratio, options.length_ratio, options.pendulum_damping
     mass = options.pendulum_mass if mu is None else mu * block.mass
     length = options.pendulum_length if lam is None else lam * block.half_height
-    # A quantity that is varied takes its values from the axis; the one set here is only a placeholder.
+    # A map replaces a quantity that it varies, so that its value here does not matter.
     axes = (getattr(options, name, None) for name in "xy")
     varied = {axis[0].replace("-", "_") for axis in axes if axis}
     if mass is None and {"pendulum_mass", "mu"} & varied:
         mass = block.mass
     if length is None and {"pendulum_length", "lam"} & varied:
         length = block.half_height
-    # Any of the three options asks for a pendulum, so a lone damping ratio is a mistake and not a bare block.
-    named = damping is not None or {"pendulum_damping", "zeta"} & varied
-    if mass is None and length is None and not named:
+    # A damping ratio alone shows that a pendulum is meant: its mass and length were forgotten.
+    has_damping = damping is not None or {"pendulum_damping", "zeta"} & varied
+    if mass is None and length is None and not has_damping:
         return None
-    if mass is None or length is None:
-        missing = "--pendulum-mass or --mass-ratio" if mass is None else "--pendulum-length or --length-ratio"
-        raise ValueError(f"half of the pendulum is missing: give {missing} as well")
+    if mass is None:
+        raise ValueError("the pendulum has no mass: give --pendulum-mass or --mass-ratio as well")
+    if length is None:
+        raise ValueError("the pendulum has no length: give --pendulum-length or --length-ratio as well")
     bounds = {
         "--pendulum-mass": (options.pendulum_mass, block.mass, "the mass of the block in kg"),
-        "--mass-ratio": (mu, *MOST["mu"]),
+        "--mass-ratio": (mu, *LARGEST["mu"]),
         "--pendulum-length": (options.pendulum_length, block.height, "the height of the block in m"),
-        "--length-ratio": (lam, *MOST["lam"]),
+        "--length-ratio": (lam, *LARGEST["lam"]),
     }
-    for flag, (value, most, what) in bounds.items():
+    for flag, (value, largest, meaning) in bounds.items():
         if value is not None:
-            checks.at_most(flag, value, most, what)
+            checks.at_most(flag, value, largest, meaning)
     if damping is not None:
         check_damping("--pendulum-damping", damping)
     return Pendulum(mass=mass, length=length, damping_ratio=0.1 if damping is None else damping)
 
 
-def cases(pendulum: Pendulum | None) -> dict[str, Pendulum | None]:
-    """Pendulum by what a case is called: the bare block and, if one is given, the block with it."""
+def cases_of(pendulum: Pendulum | None) -> dict[str, Pendulum | None]:
+    """Return the pendulum of each case by the name of the case: without and, if there is one, with it."""
     return {WITHOUT: None} if pendulum is None else {WITHOUT: None, WITH: pendulum}
 
 
-def inputs(scene: Scene, pendulum: Pendulum | None, job: jobs.Job | None = None) -> dict[str, Any]:
-    """Inputs of a command, for its JSON; samples of records are left out. Of a job of ground motions the JSON
-    says what was read."""
-    stated = asdict(scene)
-    stated["motion"] = {name: x for name, x in stated["motion"].items() if getattr(x, "shape", ()) == ()}
-    bob = None if pendulum is None else asdict(pendulum)
-    # Nothing in these commands is random.
-    found = {"scene": stated, "pendulum": bob, "versions": files.versions(), "seed": None}
-    return found if job is None else found | {"reading": summary(job.motions, job.notes)}
+def json_inputs(scene: Scene, pendulum: Pendulum | None, job: jobs.Job | None = None) -> dict[str, Any]:
+    """Return the inputs of a command for its JSON file.
+
+    Args:
+        scene: block and base motion; samples of records are left out.
+        pendulum: None without a pendulum.
+        job: job of ground motions, for the facts about its records.
+    """
+    tables = asdict(scene)
+    tables["motion"] = {name: x for name, x in tables["motion"].items() if getattr(x, "shape", ()) == ()}
+    point = None if pendulum is None else asdict(pendulum)
+    # The seed is null because these commands use no random numbers.
+    content = {"scene": tables, "pendulum": point, "versions": files.versions(), "seed": None}
+    return content if job is None else content | {"reading": summary(job.motions, job.notes)}

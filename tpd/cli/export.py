@@ -17,55 +17,66 @@ from tpd.scene.scene import Pendulum, Scene
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the file, and print what was exported; return the exit status."""
-    job, pendulum = common.checked(options)
+    """Write the file, print its name and return the exit status."""
+    job, pendulum = common.check_inputs(options)
     if options.kind == "csv" and options.sliding is not None:
-        raise ValueError("--sliding is of a model of MuJoCo or OpenSees, but --as is csv")
+        raise ValueError("--sliding has an effect on models for MuJoCo and OpenSees, but --as is csv")
     file = Path(EXPORTED[options.kind]) if options.file is None else options.file
-    # Before the work: a history may take seconds.
+    # The file is checked before the work, because a history may take seconds.
     if file.is_dir() or not file.name:
         raise ValueError(f"--file must name a file, but {file} is a directory")
+    # Users edit an exported model, so that a file is never replaced without --overwrite.
     if file.exists() and not options.overwrite:
         raise ValueError(f"{file} exists already: choose another name with --file, or pass --overwrite")
     has_motion = options.kind != "mjcf"
     scene = job.single if has_motion else job.scene
-    common.say(scene, pendulum, "" if has_motion else "none: give it to the actuators", job.told)
+    motion = "" if has_motion else "none; the actuators of the model have to provide it"
+    common.print_header(scene, pendulum, motion, job.told)
     if pendulum is None and options.design is not None:
-        print("The report offers no pendulum: only the bare block is exported.")
+        print("The report has no pendulum. The file contains only the block without a pendulum.")
     if options.kind == "csv":
-        # A model does not wait for JAX.
-        common.set_up(job)
-        columns, fallen = _columns(scene, pendulum)
+        # JAX is set up here and not before, so that the export of a model does not wait for it.
+        common.set_up_jax(job)
+        columns, overturning = _columns(scene, pendulum)
         content = files.as_table(columns)
+        # A column that ends with NaN belongs to a motion that was not followed to its end.
         for name in (name for name, column in columns.items() if column[-1] != column[-1]):
-            why = "the block overturns" if name[: len("without")] in fallen else "the motion has no answer"
-            print(f"{name}: {why}, and the cells after that are empty")
+            case = name.partition("_")[0]
+            reason = "the block overturns" if case in overturning else "the motion has no solution"
+            print(f"{name}: {reason}; the cells after that time are empty")
     else:
+        # Without a coefficient the exported model has the default one.
         sliding = scene.block.base_friction if options.sliding is None else options.sliding
-        more = {} if sliding is None else {"sliding": sliding}
-        content = {"mjcf": mjcf, "opensees": opensees}[options.kind](scene, pendulum, **more)
+        friction = {} if sliding is None else {"sliding": sliding}
+        content = {"mjcf": mjcf, "opensees": opensees}[options.kind](scene, pendulum, **friction)
     print(f"written: {files.place(file, content)}")
     return SOUND
 
 
 def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], set[str]]:
-    """Motion over time, bare and with the pendulum, from rest by the exact solution, NaN once the block has
-    fallen; and which of "without" and "with" overturn."""
+    """Compute the motion from rest by the exact solution, without and with the pendulum.
+
+    Returns:
+        Columns of the table by name, NaN after the block has overturned, and the cases ("without", "with")
+        in which it overturns.
+    """
     from tpd.answers.motion_history import motion_history
     from tpd.design.as_built import time_histories
 
+    # Only a harmonic motion has an amplitude.
     if hasattr(scene.motion, "amplitude"):
-        found = time_histories(scene, pendulum)
-        # An exact displacement stands beside the acceleration; that of a record would be an integral.
-        times, rate = found[0].time, float(scene.motion.rate)
-        moved = float(scene.motion.amplitude) * np.sin(rate * times)
-        base = {"base_m": moved, "base_m_s2": -(rate**2) * moved}
-        angles = [(h.tilt, h.bob if h.with_pendulum else None, h.overturned) for h in found]
+        cases = time_histories(scene, pendulum)
+        # A harmonic has an exact displacement. That of a record would have to be integrated, and drifts.
+        times, rate = cases[0].time, float(scene.motion.rate)
+        displacement = float(scene.motion.amplitude) * np.sin(rate * times)
+        base = {"base_m": displacement, "base_m_s2": -(rate**2) * displacement}
+        angles = [(h.tilt, h.bob if h.with_pendulum else None, h.overturned) for h in cases]
     else:
-        histories = [motion_history(scene, h) for h in common.cases(pendulum).values()]
+        histories = [motion_history(scene, h) for h in common.cases_of(pendulum).values()]
         times, base = histories[0].times, {"base_m_s2": histories[0].base}
         angles = [(h.tilt, h.swing, h.overturned) for h in histories]
     columns: dict[str, Any] = {"time_s": times, **base, "without_tilt_rad": angles[0][0]}
     if pendulum is not None:
         columns |= {"with_tilt_rad": angles[1][0], "with_swing_rad": angles[1][1]}
-    return columns, {name for name, (*_, falls) in zip(("without", "with"), angles, strict=False) if falls}
+    outcomes = zip(("without", "with"), angles, strict=False)
+    return columns, {case for case, (*_, has_overturned) in outcomes if has_overturned}

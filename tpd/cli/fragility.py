@@ -1,4 +1,4 @@
-"""`tpd fragility`: share of the ground motions of each intensity that overturn a block."""
+"""`tpd fragility`: share of ground motions that overturn a block, as a function of their intensity."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from tpd.answers.fragility import Fragility, fragility
 from tpd.answers.runs import CASE_KEYS
 from tpd.cli import common, outputs
-from tpd.cli.interrupts import SOUND
+from tpd.cli.interrupts import SOUND, print_answer
 from tpd.core import files
 from tpd.core.progress import Bar
 from tpd.design.job import Job
@@ -23,57 +23,66 @@ from tpd.scene.scene import Pendulum
 from tpd.theory.no_uplift import AtRest
 
 
-def run(options: argparse.Namespace, inputs: common.Case) -> int:
-    """Follow all motions, write tables and pictures, and print the medians; return the exit status."""
-    job, pendulum = inputs
-    asked, scene, motions = job.full["motion"], job.scene, job.ground_motions
-    stripes = np.linspace(0.5, 8.0, 20) if asked["scales"] is None else np.array(asked["scales"])
+def run(options: argparse.Namespace, case: common.Case) -> int:
+    """Simulate all motions, print the medians, write tables and pictures, and return the exit status."""
+    job, pendulum = case
+    scene, motions, scales = job.scene, job.ground_motions, job.full["motion"]["scales"]
+    intensities = np.linspace(0.5, 8.0, 20) if scales is None else np.array(scales)
+    # The header compares the strongest motion with the acceleration that lifts the block. The intensities
+    # increase, so that this motion has the last one.
     measure = intensity_of(job.intensity, scene.block, float(scene.gravity), options.period)
-    factors = [stripes[-1] / measure.value(m) for m in motions]
+    factors = [intensities[-1] / measure.value(m) for m in motions]
     strongest = max(factor * float(m.pga) for factor, m in zip(factors, motions, strict=True))
     block = scene.block
-    alone = AtRest.of(block.slenderness, block.friction, strongest / scene.gravity, block.base_friction)
-    common.say(scene, pendulum, in_words(motions), job.told, alone)
-    with Bar() as bar, common.cluster(options) as cluster:
-        found = fragility(
+    # `AtRest.under` would use the motion of the scene, which is not scaled.
+    at_rest = AtRest.of(block.slenderness, block.friction, strongest / scene.gravity, block.base_friction)
+    common.print_header(scene, pendulum, in_words(motions), job.told, at_rest)
+    with Bar() as bar, common.open_cluster(options) as cluster:
+        curves = fragility(
             scene.block,
             motions,
-            scales=stripes,
+            scales=intensities,
             pendulum=pendulum,
             intensity=job.intensity,
             period=options.period,
             gravity=float(scene.gravity),
             cluster=cluster,
-            progress=lambda done, total: bar("following motions", done, total),
+            progress=lambda done, total: bar("ground motions", done, total),
         )
-    print(found)
+    print_answer("", str(curves))
+    # There is one picture for each damage state. It is drawn when `outputs.write` calls the function.
     pictures = {
-        f"fragility_{name}.png": partial(outputs.plot, found, name) for name in found.without_pendulum
+        f"fragility_{name}.png": partial(outputs.plot, curves, name) for name in curves.without_pendulum
     }
-    outputs.write(options.out, _tables(job, pendulum, found), pictures)
+    outputs.write(options.out, _tables(job, pendulum, curves), pictures)
     return SOUND
 
 
-def _tables(job: Job, pendulum: Pendulum | None, found: Fragility) -> Iterator[tuple[str, str]]:
-    yield "fragility.csv", files.as_table(found.columns())
+def _tables(job: Job, pendulum: Pendulum | None, curves: Fragility) -> Iterator[tuple[str, str]]:
+    """Yield the names and contents of the files of numbers."""
+    yield "fragility.csv", files.as_table(curves.columns())
+    # The keys of the JSON file are part of the interface; `None` marks results that this run does not have.
     content = {
-        **common.inputs(job.scene, pendulum, job),
-        "intensity": found.intensity,
-        "unit": found.unit,
-        "motions": list(found.motions),
-        "earthquakes": found.earthquakes,
-        "p_values": found.p_values and {name: p.tolist() for name, p in found.p_values.items()},
-        "fits": {name: _fits(found, name) for name in found.without_pendulum},
-        "first_crossings": {k: list(v) for k, v in found.first_crossings.items()},
-        "changed_by_nonlinear_equations": None if found.changed is None else list(found.changed),
-        "undecided_by_nonlinear_equations": None if found.unanswered is None else list(found.unanswered),
+        **common.json_inputs(job.scene, pendulum, job),
+        "intensity": curves.intensity,
+        "unit": curves.unit,
+        "motions": list(curves.motions),
+        "earthquakes": curves.earthquakes,
+        "p_values": curves.p_values and {name: p.tolist() for name, p in curves.p_values.items()},
+        "fits": {name: _fits(curves, name) for name in curves.without_pendulum},
+        "first_crossings": {k: list(v) for k, v in curves.first_crossings.items()},
+        "changed_by_nonlinear_equations": None if curves.changed is None else list(curves.changed),
+        "undecided_by_nonlinear_equations": None if curves.unanswered is None else list(curves.unanswered),
     }
     yield "fragility.json", files.as_json(content)
 
 
-def _fits(found: Fragility, name: str) -> dict[str, Any]:
-    """Median with its interval, and dispersion, of the curves of one state, and what motions without an
-    answer leave open."""
+def _fits(curves: Fragility, name: str) -> dict[str, Any]:
+    """Return the fitted curves of one state: median with its interval, and dispersion.
+
+    The medians are also given for both extreme outcomes of the motions that have no solution.
+    """
+    # A median of zero or infinity has no interval: all motions, or none, cause the state.
     return {
         case: {
             "median": c.fit.median,
@@ -83,5 +92,5 @@ def _fits(found: Fragility, name: str) -> dict[str, Any]:
             "undecided": int(c.undecided.sum()),
             "medians_whatever_the_undecided_do": list(c.medians),
         }
-        for case, c in zip(CASE_KEYS, (case[name] for case in found.cases), strict=False)
+        for case, c in zip(CASE_KEYS, (case[name] for case in curves.cases), strict=False)
     }

@@ -1,64 +1,72 @@
-"""Grammar of the command line: every command with its options, and how each is explained.
+"""Grammar of the command line: all commands and their options.
 
-Nothing here imports JAX, so that the help does not wait for it.
+Nothing here imports JAX, so that the help appears at once.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+import tomllib
+from collections.abc import Iterable
+from importlib import resources
+from typing import Any
 
 from tpd.cli.options import Option, Parser, SetWidths, keys
 from tpd.core.files import path_of
 
 KINDS = ("tower", "chimney", "column", "statue", "paper")
-"""Scenes that there is a template of, see `tpd new`."""
+"""Names of the job files that `tpd new` can write, one template each."""
 EXPORTED = {"mjcf": "model.xml", "opensees": "model.tcl", "csv": "histories.csv"}
-"""Kinds of files that `tpd export` writes, and their names."""
+"""Formats that `tpd export` writes, with the default name of the file."""
 
-_SLIDING = "coefficient of friction on the floor, dimensionless (default 0.6)"
-_AXIS = "a name, its lower and its upper end, in m, kg and Hz; ratios are dimensionless"
+_SLIDING = "coefficient of friction between block and floor, dimensionless (default 0.6)"
+_AXIS = "name of the quantity, lowest and highest value, in m, kg or Hz; ratios are dimensionless"
+_DONE = "Exit status: 0 success; 2 invalid input, the message says what is allowed; 130 interrupted."
+"""Explanation of the exit status of most commands."""
 
 
-def _options(table: str, **metavars: str | tuple[str, ...]) -> tuple[Option, ...]:
-    """Options with the names of the keys that they set, by these names."""
+def _key_options(table: str, **metavars: str | tuple[str, ...]) -> tuple[Option, ...]:
+    """Return one option for each key of a table. The option is named like the key."""
     return tuple(Option(f"--{key.replace('_', '-')}", table, key, x) for key, x in metavars.items())
 
 
 BLOCK = (
-    *_options("block", width="M", height="M", mass="KG", friction="K", restitution="E"),
-    *_options("block", radius_of_gyration="M", base_friction="MU"),
+    *_key_options("block", width="M", height="M", mass="KG", friction="K", restitution="E"),
+    *_key_options("block", radius_of_gyration="M", base_friction="MU"),
     Option("--cavity", "block", "cavity_width", "M"),
 )
-HARMONIC = _options("motion", amplitude="M", frequency="HZ")
-PULSE = _options("motion", pulse="KIND", pulse_frequency="HZ", cycles="N", phase="RAD", pga="G")
-READING = _options("motion", channel="N", dt="S", unit="UNIT", baseline="WORD", columns="NAME=N", skip="N")
-_FACTOR: dict[str, Any] = {"one": True, "also": {"intensity": "scale"}, "help": "factor on a pulse or record"}
+HARMONIC = _key_options("motion", amplitude="M", frequency="HZ")
+PULSE = _key_options("motion", pulse="KIND", pulse_frequency="HZ", cycles="N", phase="RAD", pga="G")
+READING = _key_options(
+    "motion", channel="N", dt="S", unit="UNIT", baseline="WORD", columns="NAME=N", skip="N"
+)
+_FACTOR: dict[str, Any] = {"one": True, "also": {"intensity": "scale"}}
+# Commands that simulate one motion have `--record` and a factor `--scale`. Commands that need several have
+# `--records` and `--scales`; there `--scale` multiplies the samples of a file.
 RECORD = (
-    Option("--record", "motion", "records", "FILE", one=True, help="record of an accelerograph"),
+    Option("--record", "motion", "records", "FILE", one=True, help="file, or name such as el-centro"),
     *READING,
-    Option("--scale", "motion", "scales", "X", **_FACTOR),
+    Option("--scale", "motion", "scales", "X", help="factor on the acceleration of the motion", **_FACTOR),
 )
 RECORDS = (
-    *_options("motion", records="FILE", scales="X", intensity="WORD", event="NAME"),
+    *_key_options("motion", records="FILE", scales="X", intensity="WORD", event="NAME"),
     *READING,
-    *_options("motion", scale="X"),
+    *_key_options("motion", scale="X"),
 )
 VALIDATION_SHARE = Option("--validation-share", "motion", "validation_share", "X")
 NO_WALLS = Option(
-    "--no-walls", "limits", "clearance", value=False, help="do not ask for room between the walls"
+    "--no-walls", "limits", "clearance", value=False, help="no walls around the bob: no limit on clearance"
 )
 DESIGN = (
-    *_options("space", mass_ratio=("LO", "HI"), length_ratio=("LO", "HI")),
+    *_key_options("space", mass_ratio=("LO", "HI"), length_ratio=("LO", "HI")),
     Option("--pendulum-mass", "space", "mass", ("LO", "HI")),
     Option("--pendulum-length", "space", "length", ("LO", "HI")),
-    Option("--damping", "space", "damping_ratio", "ZETA"),
+    Option("--damping", "space", "damping_ratio", ("LO", "HI")),
     Option("--stroke", "limits", "stroke", "RAD"),
     Option("--bob", "bob", "shape", "WORD"),
     NO_WALLS,
 )
-_REST = "count rest wherever it holds, though rocking attracts from other starts"
+_REST = "if the block can stay at rest, assume that it does (default: assume the largest stable motion)"
 CONDITIONS = (
     Option("--exactly", "conditions", "exactly"),
     Option("--band", "conditions", "band", ("LO", "HI")),
@@ -67,27 +75,13 @@ CONDITIONS = (
     Option("--from-rest", "starts", "kind", value="rest", help=_REST),
 )
 SEARCH = (
-    *_options("search", optimiser="WORD", searches="N", starts="N", steps="N"),
+    *_key_options("search", optimiser="WORD", searches="N", starts="N", steps="N"),
     Option("--at-least", "requirements", "at_least", "X"),
     Option("--reduce", "requirements", "measure", "WORD"),
     Option("--allowed", "requirements", "wall_contacts", "X"),
     Option("--seed", "search", "seed", "N"),
-    Option("--pareto", "search", "pareto", help="also find three lighter ones, each verified"),
+    Option("--pareto", "search", "pareto", help="also search for three lighter pendulums and validate them"),
 )
-
-
-class Command(NamedTuple):
-    """One command: the module of its name in this folder has a function `run`."""
-
-    add: Callable[[Parser], None]
-    """Adds its options."""
-    help: str
-    does: str
-    """Words for its work, said before anything is imported; empty where it ends at once."""
-    description: str
-    example: str
-    more: str = "Exit status: 0 done; 2 bad input, and one sentence says what is allowed; 130 interrupted."
-    """Text after the options."""
 
 
 def parser(about: str, version: str) -> Parser:
@@ -95,300 +89,237 @@ def parser(about: str, version: str) -> Parser:
 
     Args:
         about: the package in a sentence.
-        version: of the package.
+        version: version of the package.
     """
     top = Parser(prog="tpd", description=about)
     top.add_argument("--version", action="version", version=f"tpd {version}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, c in COMMANDS.items():
-        epilog = f"{c.more}\nExample: {c.example}"
-        command = commands.add_parser(name, help=c.help, description=c.description, epilog=epilog)
-        command.set_defaults(does=c.does)
-        c.add(command)
+    # The texts are in a file of their own, so that they can be read and revised as text.
+    texts = tomllib.loads(resources.files("tpd.cli").joinpath("commands.toml").read_text(encoding="utf-8"))
+    for name, add_options in COMMANDS.items():
+        text = texts[name]
+        # The formatter of the help puts what follows "Example: " on a line of its own.
+        end = f"{text.get('exit_status', _DONE)}\nExample: {text['example']}"
+        command = commands.add_parser(name, help=text["summary"], description=text["description"], epilog=end)
+        command.set_defaults(activity=text.get("activity", ""))
+        add_options(command)
     return top
 
 
-def _number(to: Any, flag: str, metavar: str, text: str, kind: type = float, **more: Any) -> None:
+def _add_number(to: Any, flag: str, metavar: str, text: str, kind: type = float, **more: Any) -> None:
+    """Add an option with one number, which is no key of the job file."""
     to.add_argument(flag, type=kind, metavar=metavar, help=text, **more)
 
 
-def _switch(to: Any, flag: str, text: str) -> None:
+def _add_switch(to: Any, flag: str, text: str) -> None:
+    """Add an option without a value, which is no key of the job file."""
     to.add_argument(flag, action="store_true", help=text)
 
 
-def _group(
+def _add_group(
     command: Parser, title: str, options: Iterable[Option], text: str | None = None
 ) -> argparse._ArgumentGroup:
-    """Add options as a group."""
+    """Add options as a group with a title and an explanation."""
     group = command.add_argument_group(title, text)
     for option in options:
         option.add(group)
     return group
 
 
-def _scene(command: Parser, *motions: Option) -> None:
-    """Add the options that describe a block and its motion."""
-    command.add_argument("--scene", type=path_of, metavar="FILE", help="job file in TOML; options change it")
-    own = (
-        "without any: the paper's; a block of your own needs width, height and mass, and a motion of its own"
+def _add_scene(command: Parser, *motions: Option) -> None:
+    """Add the options that describe a block and its base motion."""
+    text = "job file in TOML; the options below replace its values"
+    command.add_argument("--scene", type=path_of, metavar="FILE", help=text)
+    block = (
+        "Default: the block of Collini et al. (2016). For another block give --width, --height, --mass and "
+        "the base motion."
     )
-    _group(command, "block", BLOCK, own)
-    _group(command, "motion", motions, "a harmonic, a pulse or records, in place of that of FILE or DESIGN")
+    _add_group(command, "block", BLOCK, block)
+    command.add_argument_group("base motion", "One of these kinds. It replaces the motion of the job file.")
+    kinds = {"harmonic": HARMONIC, "pulse": PULSE, "files of records": READING}
+    records = [option for option in motions if not any(option in kind for kind in kinds.values())]
+    # Each command has some of the kinds of motion. The options for reading files come last.
+    for title, kind in {"harmonic": HARMONIC, "pulse": PULSE, "records": records, **kinds}.items():
+        if options := [option for option in motions if option in kind]:
+            _add_group(command, title, options)
 
 
-def _case(command: Parser, *motions: Option) -> None:
-    """Add the options that name a design, or describe a block, its motion and a pendulum."""
-    text = "report directory, or its design.json: its job and its pendulum, in place of --scene"
+def _add_job(command: Parser, *motions: Option) -> None:
+    """Add the options that name a job file, or describe a block and its base motion."""
+    text = "job file in TOML, the same as --scene FILE; `tpd new` writes one"
+    command.add_argument("job", type=path_of, nargs="?", metavar="JOB", help=text)
+    _add_scene(command, *motions)
+
+
+def _add_case(command: Parser, *motions: Option) -> None:
+    """Add the options that name a design, or describe a block, its base motion and a pendulum."""
+    text = (
+        "folder with a report of `tpd optimise`, or its design.json: block, base motion and pendulum are "
+        "taken from there. A job file is given with --scene"
+    )
     command.add_argument("design", type=path_of, nargs="?", metavar="DESIGN", help=text)
-    _scene(command, *motions)
-    group = command.add_argument_group("pendulum")
+    _add_scene(command, *motions)
+    rod = "An equivalent point mass on a rod. Give one value for the mass and one for the length."
+    group = command.add_argument_group("pendulum", rod)
+    # argparse itself rejects a mass together with a mass ratio.
     mass, length = group.add_mutually_exclusive_group(), group.add_mutually_exclusive_group()
-    _number(mass, "--pendulum-mass", "KG", "mass of the bob, kg")
-    _number(mass, "--mass-ratio", "MU", "ratio of the masses of bob and block")
-    _number(length, "--pendulum-length", "M", "length of the pendulum, m")
-    _number(length, "--length-ratio", "LAM", "ratio of the length to the half height of the block")
-    _number(group, "--pendulum-damping", "ZETA", "damping ratio of the hinge (default 0.1)")
+    _add_number(mass, "--pendulum-mass", "KG", "mass of the bob, kg")
+    _add_number(mass, "--mass-ratio", "MU", "mass ratio: bob divided by block")
+    _add_number(length, "--pendulum-length", "M", "length of the pendulum, m")
+    _add_number(length, "--length-ratio", "LAM", "length ratio: pendulum divided by half the block height")
+    _add_number(group, "--pendulum-damping", "ZETA", "damping ratio of the hinge (default 0.1)")
 
 
-def _out(command: Parser, default: str) -> None:
-    """Add the options of the output directory."""
-    command.add_argument("--out", type=path_of, default=default, metavar="DIR", help=f"default {default}")
-    _switch(command, "--overwrite", "replace the results in an existing DIR")
+def _add_out(command: Parser, default: str | None, text: str = "folder for the results") -> None:
+    """Add the options of the folder that the command writes to."""
+    shown = text if default is None else f"{text} (default {default})"
+    command.add_argument("--out", type=path_of, default=default, metavar="DIR", help=shown)
+    _add_switch(command, "--overwrite", "replace earlier results in DIR")
 
 
-def _cluster(command: Parser) -> None:
-    """Add the options of the processes and machines that compute."""
+def _add_cluster(command: Parser) -> None:
+    """Add the options for several processes or machines."""
     group = command.add_argument_group(
-        "many processes or machines",
-        "with one of these the work is done in chunks, which are stored in DIR.chunks as they finish: the "
-        "same command goes on where it was interrupted. Needs `tpd[dask]`",
+        "several processes or machines (install tpd[dask])",
+        "With one of these options the work is divided into chunks. Finished chunks are stored in "
+        "DIR.chunks, so that the same command continues after an interruption.",
     )
     either = group.add_mutually_exclusive_group()
-    _number(either, "--workers", "N", "number of processes on this machine", int)
+    _add_number(either, "--workers", "N", "number of processes on this machine", int)
     either.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster, tcp://host:port")
+
+
+# Each of the following functions adds the options of one command. Options that set keys of the job file are
+# declared above; the others belong to the command alone.
 
 
 def _new(command: Parser) -> None:
     command.add_argument("kind", choices=KINDS, metavar="KIND", help=f"one of {', '.join(KINDS)}")
-    command.add_argument("--out", type=path_of, metavar="FILE", help="default KIND.toml; it must not exist")
+    text = "job file to write; it must not exist yet (default KIND.toml)"
+    command.add_argument("--out", type=path_of, metavar="FILE", help=text)
 
 
 def _record(command: Parser) -> None:
-    text = (
-        "files and folders of records, or names of those that are built in: el-centro, loma-prieta, fema-p695"
-    )
+    text = "files or folders with records, or names of built-in records: el-centro, loma-prieta, fema-p695"
     command.add_argument("records", nargs="+", metavar="FILE", help=text)
-    _group(command, "reading", READING)
-    command.add_argument("--out", type=path_of, metavar="DIR", help="directory of pictures and of a table")
-    _switch(command, "--overwrite", "replace the results in an existing DIR")
+    _add_group(command, "files of records", READING)
+    _add_out(command, None, "folder for a table and pictures (default: write no files)")
 
 
 def _assess(command: Parser) -> None:
-    command.add_argument("job", type=path_of, nargs="?", metavar="JOB", help="job file, as --scene FILE")
-    _scene(command, *HARMONIC, *PULSE, RECORD[0], *RECORDS)
-    _group(command, "conditions", CONDITIONS)
+    _add_job(command, *HARMONIC, *PULSE, RECORD[0], *RECORDS)
+    _add_group(command, "conditions", CONDITIONS)
 
 
 def _optimise(command: Parser) -> None:
-    command.add_argument("job", type=path_of, nargs="?", metavar="JOB", help="job file, as --scene FILE")
-    _scene(command, *HARMONIC, *PULSE, *RECORDS, VALIDATION_SHARE)
-    _group(command, "design space and limits", DESIGN)
-    many = _group(command, "conditions", CONDITIONS)
-    text = f"uncertain quantities by their relative half widths: {', '.join(keys()['scatter'])}"
+    _add_job(command, *HARMONIC, *PULSE, *RECORDS, VALIDATION_SHARE)
+    _add_group(command, "design space and limits", DESIGN)
+    conditions = _add_group(command, "conditions", CONDITIONS)
+    # One option sets many keys of the table [scatter], so that it is no `Option`.
+    text = f"uncertain quantities with their relative half widths. Names: {', '.join(keys()['scatter'])}"
     how: dict[str, Any] = {"nargs": "+", "action": SetWidths, "default": argparse.SUPPRESS}
-    many.add_argument("--scatter", metavar="NAME=WIDTH", help=text, **how)
-    _group(command, "search", SEARCH)
-    said = command.add_mutually_exclusive_group()
-    _switch(said, "--quiet", "print the verdict and the path of the report")
-    _switch(said, "--json", "print design.json alone, for a pipe")
-    _switch(said, "--verbose", "print the whole report")
-    _out(command, "tpd-design")
+    conditions.add_argument("--scatter", metavar="NAME=WIDTH", help=text, **how)
+    _add_group(command, "search and requirements", SEARCH)
+    output = command.add_mutually_exclusive_group()
+    _add_switch(output, "--quiet", "print only the verdict and the folder of the report")
+    _add_switch(output, "--json", "print only the content of design.json")
+    _add_switch(output, "--verbose", "print the whole report")
+    _add_out(command, "tpd-design", "folder for the report")
 
 
 def _check(command: Parser) -> None:
-    _case(command, *HARMONIC, *PULSE, *RECORDS)
+    _add_case(command, *HARMONIC, *PULSE, *RECORDS)
+    # The other limits come from the job: a check uses those with which the pendulum was designed.
     NO_WALLS.add(command)
-    _switch(command, "--full", "solve the smoothed models as well, which take long to compile")
-    _number(command, "--seed", "N", "seed of the runs (default: the job's, of an engine 0)", int)
-    engine = command.add_argument_group("an independent engine (extra: tpd[engines])")
+    _add_switch(command, "--full", "also solve the smoothed models, which take a minute to compile")
+    _add_number(command, "--seed", "N", "seed of the runs (default: seed of the job; with --engine 0)", int)
+    engine = command.add_argument_group("rigid-body engine (install tpd[engines])")
     text = (
-        "follow paired runs in a rigid-body engine with contact and sliding in place of the models, and put "
-        "the result into the report"
+        "simulate runs with and without the pendulum in a rigid-body engine with contact and sliding, in "
+        "place of the models of this package. With DESIGN the result is added to its report"
     )
     engine.add_argument("--engine", choices=("mujoco",), help=text)
-    _number(engine, "--runs", "N", "number of runs in the engine (default 64)", int)
-    _number(engine, "--sliding", "MU", _SLIDING)
+    _add_number(engine, "--runs", "N", "number of runs in the engine (default 64)", int)
+    _add_number(engine, "--sliding", "MU", _SLIDING)
 
 
 def _response(command: Parser) -> None:
-    _case(command, *HARMONIC)
-    _number(command, "--from", "HZ", "lowest frequency, Hz (default 0.4 of the scene's)", dest="low")
-    _number(command, "--to", "HZ", "highest frequency, Hz (default twice the scene's)", dest="high")
-    _number(command, "--points", "N", "number of points of each branch (default 400)", int, default=400)
-    _switch(command, "--dimensionless", "against xi at constant f; --from and --to are xi, dimensionless")
-    text = "number of frequencies at which the motion from rest is followed (default 40), 0 for none"
-    _number(command, "--from-rest", "N", text, int, default=40)
-    _out(command, "tpd-response")
+    _add_case(command, *HARMONIC)
+    text = "frequency, Hz (default {} times that of the base motion)"
+    _add_number(command, "--from", "HZ", f"lowest {text.format(0.4)}", dest="low")
+    _add_number(command, "--to", "HZ", f"highest {text.format(2)}", dest="high")
+    _add_number(command, "--points", "N", "number of points on each branch (default 400)", int, default=400)
+    text = (
+        "vary the frequency ratio xi at constant base acceleration f; --from and --to are values of xi, "
+        "dimensionless"
+    )
+    _add_switch(command, "--dimensionless", text)
+    text = "number of frequencies at which motions from rest are simulated, 0 for none (default 40)"
+    _add_number(command, "--from-rest", "N", text, int, default=40)
+    _add_out(command, "tpd-response")
 
 
 def _map(command: Parser) -> None:
-    _case(command, *HARMONIC)
+    _add_case(command, *HARMONIC)
     for axis in ("x", "y"):
-        named: dict[str, Any] = {"metavar": ("NAME", "LO", "HI"), "help": f"the {axis} axis: {_AXIS}"}
+        named: dict[str, Any] = {"metavar": ("NAME", "LO", "HI"), "help": f"{axis} axis: {_AXIS}"}
         command.add_argument(f"--{axis}", nargs=3, required=True, **named)
-    _number(command, "--points", "N", "number of points along each axis (default 200)", int, default=200)
-    _switch(command, "--from-rest", "follow every design from rest: forty times slower")
-    _cluster(command)
-    _out(command, "tpd-map")
+    _add_number(command, "--points", "N", "number of points along each axis (default 200)", int, default=200)
+    _add_switch(command, "--from-rest", "simulate each design from rest; this takes about 40 times longer")
+    _add_cluster(command)
+    _add_out(command, "tpd-map")
 
 
 def _shake(command: Parser) -> None:
-    _case(command, *PULSE, *RECORD)
-    _number(command, "--free", "S", "free motion after it, s (default 20)", default=20.0)
-    _out(command, "tpd-shake")
+    _add_case(command, *PULSE, *RECORD)
+    _add_number(
+        command, "--free", "S", "free motion after the base has stopped, s (default 20)", default=20.0
+    )
+    _add_out(command, "tpd-shake")
 
 
 def _spectrum(command: Parser) -> None:
-    _case(command, *PULSE, *RECORD)
-    _number(command, "--points", "N", "number of points along each axis (default 120)", int, default=120)
-    _number(
-        command,
-        "--to",
-        "X",
-        "largest ratio omega_p/p (default 10); of a record 2 pi/p, s (default 12)",
+    _add_case(command, *PULSE, *RECORD)
+    _add_number(command, "--points", "N", "number of points along each axis (default 120)", int, default=120)
+    text = (
+        "end of the horizontal axis: for a pulse the frequency ratio omega_p/p (default 10), for a record "
+        "the period 2 pi/p of the block, s (default 12)"
     )
-    _number(command, "--sizes-to", "X", "largest ratio a_p/(g tan alpha) of a pulse (default 10)")
-    _cluster(command)
-    _out(command, "tpd-spectrum")
+    _add_number(command, "--to", "X", text)
+    text = "end of the vertical axis, for a pulse only: acceleration ratio a_p/(g tan alpha) (default 10)"
+    _add_number(command, "--sizes-to", "X", text)
+    _add_cluster(command)
+    _add_out(command, "tpd-spectrum")
 
 
 def _fragility(command: Parser) -> None:
-    _case(command, *RECORDS, *PULSE)
-    _number(command, "--period", "S", "period of the spectral acceleration of --intensity sa, s")
-    _cluster(command)
-    _out(command, "tpd-fragility")
+    _add_case(command, *RECORDS, *PULSE)
+    _add_number(command, "--period", "S", "period of the spectral acceleration for --intensity sa, s")
+    _add_cluster(command)
+    _add_out(command, "tpd-fragility")
 
 
 def _export(command: Parser) -> None:
-    _case(command, *HARMONIC, *PULSE, *RECORD)
-    kinds: dict[str, Any] = {"choices": tuple(EXPORTED), "help": "mjcf: MuJoCo; csv: the histories"}
-    command.add_argument("--as", dest="kind", required=True, **kinds)
-    _number(command, "--sliding", "MU", _SLIDING)
-    text = f"to write to (default {', '.join(EXPORTED.values())})"
+    _add_case(command, *HARMONIC, *PULSE, *RECORD)
+    text = "mjcf: model for MuJoCo; opensees: model for OpenSees; csv: time histories as a table"
+    command.add_argument("--as", dest="kind", required=True, choices=tuple(EXPORTED), help=text)
+    _add_number(command, "--sliding", "MU", _SLIDING)
+    text = f"file to write (default {', '.join(EXPORTED.values())})"
     command.add_argument("--file", type=path_of, metavar="FILE", help=text)
-    _switch(command, "--overwrite", "replace FILE if it exists")
+    _add_switch(command, "--overwrite", "replace FILE if it exists")
 
 
 COMMANDS = {
-    "new": Command(
-        _new,
-        "write a commented job file to begin with",
-        "",
-        "Write a job file in TOML with a realistic scene of the kind asked for: every key that matters, "
-        "with its unit and the reason for it. Change the numbers, then run `tpd optimise FILE`.",
-        "tpd new tower --out mine.toml",
-        "Exit status: 0 written, 2 bad input or an existing file.",
-    ),
-    "record": Command(
-        _record,
-        "preview a ground motion: its peaks, duration and spectrum",
-        "",
-        "Read records and print what was read and what was left out, PGA in g and m/s^2, PGV, PGD, the time "
-        "from 5 to 95 % of the energy and the spectral acceleration at 5 % damping; of several records a "
-        "line each. A PGA that is implausible gets a warning: look for a wrong unit. With --out also "
-        "pictures of the histories and the response spectrum.",
-        "tpd record el-centro",
-    ),
-    "assess": Command(
-        _assess,
-        "say whether a block lifts, slides or overturns without any pendulum",
-        "following the block",
-        "Compare the excitation with the acceleration that lifts the block and the friction of its base, and "
-        "follow the block without a pendulum in the runs by which `tpd optimise` validates its designs: "
-        "the share in which it overturns, and what helps instead of a pendulum.",
-        "tpd assess tower.toml",
-    ),
-    "optimise": Command(
-        _optimise,
-        "find the pendulum for a block",
-        "searching for the pendulum of least rocking, for {out}",
-        "Find the pendulum of least rocking under a harmonic (one condition or many), pulses or records. "
-        "Without options: the block of Collini et al. (2016), from rest. A job file (--scene) can set all "
-        "that the options set, and more: `tpd new tower` writes one to begin with, and every report has "
-        "one, scene.toml, that repeats it.",
-        "tpd optimise --scene tower.toml --out tower",
-        "Exit status: 0 a pendulum is offered, or the bare block needs none; 2 bad input, and one sentence "
-        "says what is allowed; 3 no pendulum to rely on, and the first line of the report says why; 130 "
-        "interrupted.",
-    ),
-    "check": Command(
-        _check,
-        "say whether a design, or a pendulum of your own, can be hung",
-        "solving the design",
-        "Solve a design from the closed forms to the nonlinear equations, and ask of it what `tpd optimise` "
-        "asks of its designs: the same conditions, starts, limits and runs.",
-        "tpd check --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2",
-        "Exit status: 0 it helps and it fits; 2 bad input; 3 one of these fails, and the last line says "
-        "which; 130 interrupted.",
-    ),
-    "response": Command(
-        _response,
-        "amplitude and stroke against frequency",
-        "following the motions over frequency, for {out}",
-        "Branches of symmetric period-one orbits against frequency, stable and unstable, and where they are "
-        "lost: of the bare block and, if one is given, with a pendulum. The amplitude of the base stays as "
-        "it is, or with --dimensionless its acceleration f. Beside them, what a start from rest settles "
-        "into, every 0.4 % within 5 % of the scene's frequency. Without options: the block of Collini et "
-        "al. (2016).",
-        "tpd response --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2",
-    ),
-    "map": Command(
-        _map,
-        "amplitude, stroke, status and uplift over any two parameters",
-        "solving the designs of a map, for {out}",
-        "Solve every design on a grid of two names: dimensionless parameters (nu, mu, lam, zeta, k, f, xi, "
-        "e, rho) or, in SI units, width, height, mass, friction, restitution, amplitude, frequency, "
-        "pendulum-mass, pendulum-length and pendulum-damping. Shown is the largest attracting symmetric "
-        "period-one orbit, or rest; with --from-rest what is settled into from rest.",
-        "tpd map --scene tower.toml --x mu 0.01 0.1 --y lam 0.1 0.9",
-    ),
-    "shake": Command(
-        _shake,
-        "a block under one pulse or record",
-        "shaking the block, for {out}",
-        "Follow a block from rest through one pulse or record, bare and, if one is given, with a pendulum: "
-        "largest angles, whether and when it overturns, impacts, and the friction that the base needs. The "
-        "nonlinear equations count, and the linear ones, exact between the samples, stand beside them; "
-        "histories, impacts and friction are of the linear equations.",
-        "tpd shake --scene tower.toml --record el-centro --pga 0.3",
-        "Exit status: 0 done, 2 bad input, 3 the block overturns in the last of the cases, or its motion "
-        "has no answer, 130 interrupted.",
-    ),
-    "spectrum": Command(
-        _spectrum,
-        "overturning and rocking spectra",
-        "following blocks, for {out}",
-        "With --pulse: what a pulse of every frequency and size does to the block, over omega_p/p and "
-        "a_p/(g tan alpha). With --record: the largest tilt of blocks of the same slenderness and every "
-        "size, over 2 pi/p. Bare and, if one is given, with a pendulum.",
-        "tpd spectrum --scene tower.toml --pulse ricker",
-    ),
-    "fragility": Command(
-        _fragility,
-        "fragility curves over records",
-        "following the block, for {out}",
-        "Scale every record to every stripe of an intensity (--scales; default 20 from 0.5 to 8) and follow "
-        "the block through all of them, bare and, if one is given, with a pendulum on the same motions.",
-        "tpd fragility --scene tower.toml --records el-centro loma-prieta --scales 1 2 4",
-    ),
-    "export": Command(
-        _export,
-        "write a design as a model of MuJoCo or OpenSees, or its motion as a table",
-        "",
-        "Write the block and the pendulum of a report, or of the options, as a model for another program, "
-        "or their motion from rest as CSV, bare and with the pendulum, under the harmonic of the report or "
-        "the options, or the pulse or record that is given. A model in MJCF has no motion.",
-        "tpd export --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2 --as mjcf",
-    ),
+    "new": _new,
+    "record": _record,
+    "assess": _assess,
+    "optimise": _optimise,
+    "check": _check,
+    "response": _response,
+    "map": _map,
+    "shake": _shake,
+    "spectrum": _spectrum,
+    "fragility": _fragility,
+    "export": _export,
 }
-"""All commands, in the order of the help."""
+"""Functions that add the options of each command. The help texts of the commands are in `commands.toml`."""

@@ -1,4 +1,4 @@
-"""`tpd new`: write a commented job file to begin with."""
+"""`tpd new`: write a job file with comments to start from."""
 
 from __future__ import annotations
 
@@ -13,23 +13,25 @@ from tpd.core import files
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the template and print how to go on; return the exit status."""
+    """Write the template, print the next step and return the exit status."""
     out = Path(f"{options.kind}.toml") if options.out is None else options.out
-    # The file tells how to run it: by the name that it has, not by that of the template.
+    # A comment in the template shows the command that runs it, with the name of the template. The file gets
+    # the command with its own name.
     again = f"tpd optimise --scene {shlex.quote(str(out))} --out {shlex.quote(out.stem)}"
     old = f"tpd optimise --scene {options.kind}.toml --out {options.kind}"
     try:
         files.make_folder(out.parent)
-        # Mode x fails where the file exists: no other program can write it between a check and the writing.
+        # Mode x fails if the file exists, also if another program creates it at the same moment.
         with out.open("x", encoding="utf-8", errors="replace") as file:
             file.write(files.readable(template(options.kind).replace(old, again)))
     except FileExistsError:
-        raise ValueError(f"{out} exists and is left as it is: name another file with --out") from None
+        raise ValueError(f"{out} exists and was not changed: choose another file with --out") from None
     except OSError as error:
+        # A full disk leaves a part of the file, which would look like a job.
         with contextlib.suppress(OSError):
             out.unlink()
         raise ValueError(f"cannot write {out}: {error.strerror or error}") from None
-    print(f"written: {out}\nnext: change its numbers, then {again}")
+    print(f"written: {out}\nnext: change the numbers in this file, then run\n  {again}")
     return SOUND
 
 

@@ -1,4 +1,4 @@
-"""`tpd optimise`: find the pendulum for a block, verify it and write the report."""
+"""`tpd optimise`: find the pendulum for a block, validate it and write the report."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 from functools import partial
 
 from tpd.cli import common
-from tpd.cli.interrupts import SOUND, UNSOUND
+from tpd.cli.interrupts import SOUND, UNSOUND, print_answer
 from tpd.core import files
 from tpd.core.progress import Bar, say
 from tpd.design.as_built import Details, details
@@ -15,41 +15,47 @@ from tpd.design.optimise import front, problem_of, solve
 from tpd.report import answer
 from tpd.report.files import write
 
-_LEAST = 12
-"""Lines of the answer, however many there are on the records."""
+_FEWEST_LINES = 12
+"""Smallest number of lines for the answer, even if there are many lines on the records."""
 
 
-def run(options: argparse.Namespace, inputs: common.Case) -> int:
-    """Search, verify, write the report and print the answer; return the exit status."""
-    job, told = inputs.job, inputs.job.all_messages
+def run(options: argparse.Namespace, case: common.Case) -> int:
+    """Search, validate, write the report, print the answer and return the exit status."""
+    job, messages = case.job, case.job.all_messages
     problem = problem_of(job.scene, **job.settings)
-    # The date of the report comes after the search; a bad setting of it must not.
+    # The report needs the date. An invalid `SOURCE_DATE_EPOCH` must be rejected before the search, and not
+    # minutes later.
     files.today()
-    # Lines on the records shorten the answer, so that both fit on a terminal.
     if not (options.quiet or options.json):
-        common.say(job.scene, None, job.in_words, told, problem.at_rest)
+        common.print_header(job.scene, None, job.in_words, messages, problem.at_rest)
     with Bar() as bar:
         design, points = solve(problem, bar), ()
+        # Lighter pendulums make sense only beside a pendulum that is recommended.
         if (
             job.full["search"]["pareto"]
             and design.pendulum is not None
             and design.status.name == "recommended"
         ):
             points = front(design, progress=bar)
+        # Details are results that only the report needs, such as responses and tolerances.
         shown = details(design, front=points, progress=bar)
-    lines = max(_LEAST, answer.MOST - len(told))
-    how = {"then": partial(_say, options, design, shown, lines), "warn": lambda why: say(f"tpd: {why}")}
+    # The lines on the records and the answer together should fit on a terminal.
+    lines = max(_FEWEST_LINES, answer.MOST - len(messages))
+    # The answer is printed as soon as the numbers are written. The pictures are drawn after that.
+    show = partial(_show, options, design, shown, lines)
+    how = {"then": show, "warn": lambda message: say(f"tpd: {message}")}
     write(options.out, design, shown, job.tables, job.toml, (*job.notes, *job.validation_notes), **how)
     return SOUND if design.status.is_sound else UNSOUND
 
 
-def _say(options: argparse.Namespace, design: Design, shown: Details, lines: int) -> None:
-    """Print the answer as the options ask for it, in so many lines at most."""
+def _show(options: argparse.Namespace, design: Design, shown: Details, lines: int) -> None:
+    """Print the answer in the form that the options choose: by default at most `lines` lines."""
     if options.json:
-        print((options.out / "design.json").read_text(encoding="utf-8"), end="")
+        text = (options.out / "design.json").read_text(encoding="utf-8").removesuffix("\n")
     elif options.verbose:
-        print("\n" + (options.out / "report.txt").read_text(encoding="utf-8"), end="")
+        text = "\n" + (options.out / "report.txt").read_text(encoding="utf-8").removesuffix("\n")
     elif options.quiet:
-        print(f"{answer.verdict(design, shown).text}\n{options.out}")
+        text = f"{answer.verdict(design, shown).text}\n{options.out}"
     else:
-        print("\n" + answer.answer(design, shown, options.out, lines))
+        text = "\n" + answer.answer(design, shown, options.out, lines)
+    print_answer(text)

@@ -1,6 +1,7 @@
-"""Options of the command line that set keys of the job file. Each is declared once, by its table and key.
+"""Options of the command line that set keys of the job file.
 
-Type, default and help text are those of the key in `job.schema.json`: nothing here imports JAX.
+An option is declared once, by its table and key. Its type, default and help text come from `job.schema.json`,
+so that the help appears without the import of NumPy and of the modules that define the keys.
 """
 
 from __future__ import annotations
@@ -15,62 +16,64 @@ from typing import Any, NoReturn
 
 
 class _Help(argparse.HelpFormatter):
-    """Help whose examples stand on lines of their own."""
+    """Formatter of the help that puts an example on a line of its own."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
-        said, _, example = text.partition("\nExample: ")
+        # argparse would join the example with the paragraph before it and wrap both.
+        paragraph, _, example = text.partition("\nExample: ")
         more = f"\n\nExample:\n  {example}" if example else ""
-        return super()._fill_text(said, width, indent) + more
+        return super()._fill_text(paragraph, width, indent) + more
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that says in one sentence what is wrong, and takes no abbreviated options."""
+    """Parser that reports an error in one sentence and accepts no abbreviated options."""
 
     def __init__(self, **settings: Any) -> None:
-        # An abbreviation that is unique today need not be so in the next version.
+        # An abbreviation that is unique today may be ambiguous in the next version.
         super().__init__(**{"allow_abbrev": False, "formatter_class": _Help, **settings})
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Refuse unknown options here, where those that may be meant are known."""
-        found, others = super().parse_known_args(args, namespace)
-        if others:
-            flag = next((word for word in others if word.startswith("--")), "")
-            self.error(
-                f"unrecognized arguments: {' '.join(others)}{_meant(flag, self._option_string_actions)}"
-            )
-        return found, others
+        """Parse the arguments and reject unknown options, with a suggestion for a misspelt one."""
+        # argparse rejects them in the parser of all commands, which does not have the options of this one.
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            flag = next((word for word in unknown if word.startswith("--")), "")
+            hint = _suggestion(flag, self._option_string_actions)
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+        return options, unknown
 
     def error(self, message: str) -> NoReturn:
-        """Print the sentence and leave with the exit status of bad input."""
-        # argparse prints its whole usage first; the one sentence that matters would scroll away.
-        if chosen := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
-            message += _meant(chosen[1], re.findall(r"[\w-]+", chosen[2]))
+        """Print the error in one sentence and exit with the status of invalid input."""
+        # argparse would print the whole usage first, and the sentence that matters would scroll away.
+        if choice := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
+            message += _suggestion(choice[1], re.findall(r"[\w-]+", choice[2]))
         from tpd.core.formatting import decimal_comma
 
         message += decimal_comma(message)
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
-def _meant(word: str, known: Any) -> str:
+def _suggestion(word: str, allowed: Any) -> str:
+    """Return the end of a message that suggests the word that was probably meant; empty if none is close."""
     from tpd.core.formatting import meant
 
-    return meant(word, known, listing=False)
+    return meant(word, allowed, listing=False)
 
 
 @lru_cache(maxsize=1)
 def keys() -> dict[str, dict[str, dict[str, Any]]]:
-    """JSON schemas of all keys of a job file by table and name."""
+    """Return the JSON schemas of all keys of a job file by table and name."""
     written = resources.files("tpd.design").joinpath("job.schema.json").read_text(encoding="utf-8")
     return {name: table["properties"] for name, table in json.loads(written)["properties"].items()}
 
 
 def _parts(key: dict[str, Any]) -> list[dict[str, Any]]:
-    """Alternatives of a key."""
+    """Return the alternative schemas of the value of a key, one for each allowed type."""
     return key.get("anyOf", [key])
 
 
 def _count(part: dict[str, Any]) -> int:
-    """Number of values; 0 stands for any number of them."""
+    """Return the number of values that a schema allows: 1 unless it is an array, 0 for any number."""
     if part.get("type") != "array":
         return 1
     return len(part.get("prefixItems", ()))
@@ -78,30 +81,36 @@ def _count(part: dict[str, Any]) -> int:
 
 @dataclass(frozen=True)
 class Option:
-    """An option that sets `key` in `table`. Without a `metavar` it takes no value, and sets `value`."""
+    """Option that sets a key of the job file."""
 
     flag: str
+    """Name with its two hyphens."""
     table: str
+    """Table of the job file that contains the key."""
     key: str
     metavar: str | tuple[str, ...] | None = None
+    """Placeholder of the value in the help; None for an option without a value."""
     value: Any = True
+    """Value of the key if the option takes none on the command line."""
     also: dict[str, Any] = field(default_factory=dict)
-    """Further keys of the table, and what the option sets them to."""
+    """Further keys of the same table that the option sets, with their values."""
     help: str | None = None
-    """In place of the text of the schema."""
+    """Help text; None for the description in the schema."""
     one: bool = False
-    """Whether it takes one value of a key that is a list."""
+    """Whether the option takes a single value although the key is a list."""
 
     def add(self, parser: argparse._ActionsContainer) -> None:
-        """Add the option to a parser."""
+        """Add the option to a parser or a group."""
         key = keys()[self.table][self.key]
-        # The default is read from the schema, so that a help text cannot drift from the code.
+        # The default is read from the schema, so that the help text always agrees with the code.
         default = key.get("default") if self.metavar is not None else None
         text = _clause(key["description"])
         if default is not None:
             values = default if isinstance(default, list) else [default]
             text += f" (default {' '.join(v if isinstance(v, str) else f'{v:g}' for v in values)})"
         counts = {_count(part) for part in _parts(key)}
+        # nargs of argparse: 0 for a switch, None for one value, a number for a vector of fixed length, and
+        # "+" where one value and several are both allowed, such as a number or two bounds.
         count = 0 if self.metavar is None else None
         if self.metavar is not None and counts != {1} and not self.one:
             count = max(counts) if min(counts) > 1 else "+"
@@ -114,65 +123,69 @@ class Option:
             help=(self.help or text).replace("%", "%%"),
         )
 
-    def sets(self, values: Any) -> dict[str, Any]:
-        """Keys of the table, and their values, of what is written after the option."""
+    def values_of(self, values: Any) -> dict[str, Any]:
+        """Return the keys that the option sets with their values.
+
+        Args:
+            values: text after the option, or a list of texts.
+        """
         parts = _parts(keys()[self.table][self.key])
-        texts = any(part.get("items") == {"type": "string"} for part in parts)
+        is_text = any(part.get("items") == {"type": "string"} for part in parts)
         if self.metavar is None:
             value = self.value
         elif parts == [{**parts[0], "type": "string"}]:
+            # The key is a text: a name that looks like a number remains a text.
             value = values
         elif isinstance(values, str):
-            value = [values if texts else plain(values)] if self.one else plain(values)
+            value = [values if is_text else number_or_text(values)] if self.one else number_or_text(values)
         else:
-            # A list of names has no numbers, but a lone number may stand in its place.
-            read = [plain(text) for text in values]
-            is_one = len(read) == 1 and any(_count(part) == 1 for part in parts)
-            is_one = is_one and not (texts and isinstance(read[0], str))
-            value = read[0] if is_one else list(values) if texts else read
+            # The entries of a list of names are texts even if they look like numbers. A key that is a number
+            # or a list of names, such as `validation_share`, is a number if a number stands alone.
+            items = [number_or_text(text) for text in values]
+            is_scalar = len(items) == 1 and any(_count(part) == 1 for part in parts)
+            is_scalar = is_scalar and not (is_text and isinstance(items[0], str))
+            value = items[0] if is_scalar else list(values) if is_text else items
         return {**self.also, self.key: value}
 
 
 class _Set(argparse.Action):
-    """Put what an option sets into the tables that the namespace has as `tables`."""
+    """Action of argparse that stores the keys of an `Option` in `tables` of the namespace."""
 
     def __init__(self, *, option: Option, **settings: Any) -> None:
-        # Suppressed, so that an option that is not given leaves no trace and the file's value stands.
+        # An option that is absent must leave no default behind, so that the value in the job file is used.
         super().__init__(**{**settings, "dest": argparse.SUPPRESS, "default": argparse.SUPPRESS})
         self.option = option
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
-        put(namespace, self.option.table, self.option.sets(values))
+        set_keys(namespace, self.option.table, self.option.values_of(values))
 
 
 class SetWidths(argparse.Action):
-    """Put pairs NAME=WIDTH into the table [scatter]."""
+    """Action of argparse that stores pairs NAME=WIDTH in the table [scatter]."""
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
-        """Read the pairs."""
+        """Read the pairs and store them."""
         pairs = [pair.partition("=") for pair in values]
-        for (name, _, width), written in zip(pairs, values, strict=True):
+        for (name, _, width), text in zip(pairs, values, strict=True):
             if not name or not width:
-                parser.error(
-                    f"`{option_string}` must be NAME=WIDTH, such as friction=0.2, but is {written!r}"
-                )
-        put(namespace, "scatter", {name: plain(width) for name, _, width in pairs})
+                parser.error(f"`{option_string}` must be NAME=WIDTH, such as friction=0.2, but is {text!r}")
+        set_keys(namespace, "scatter", {name: number_or_text(width) for name, _, width in pairs})
 
 
-def put(namespace: argparse.Namespace, table: str, values: dict[str, Any]) -> None:
-    """Put values into the tables of a namespace."""
+def set_keys(namespace: argparse.Namespace, table: str, values: dict[str, Any]) -> None:
+    """Store keys of a table, with their values, in `tables` of a namespace."""
     if getattr(namespace, "tables", None) is None:
         namespace.tables = {}
     namespace.tables.setdefault(table, {}).update(values)
 
 
-def given(namespace: argparse.Namespace) -> dict[str, dict[str, Any]]:
-    """Tables that the options set."""
+def tables_of(namespace: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """Return the tables of the job file, with the keys that the options set."""
     return getattr(namespace, "tables", None) or {}
 
 
-def plain(text: str) -> int | float | str:
-    """A number where the text is one, else the text: the schema says which is allowed."""
+def number_or_text(text: str) -> int | float | str:
+    """Return the number that a text represents, otherwise the text; `job_of` checks which one is allowed."""
     for kind in (int, float):
         try:
             return kind(text)
@@ -182,6 +195,7 @@ def plain(text: str) -> int | float | str:
 
 
 def _clause(text: str) -> str:
-    """First sentence of a description, without a capital and its full stop."""
+    """Return the first sentence of a description without its capital letter and full stop."""
     first = re.split(r"(?<=[a-z0-9)])\. ", text)[0].removesuffix(".")
+    # A first word of capitals, such as PGA, is an abbreviation.
     return first if first[1:2].isupper() else first[:1].lower() + first[1:]

@@ -1,4 +1,4 @@
-"""Files of a command: tables of numbers first, then pictures."""
+"""Output files of a command: first the tables of numbers, then the pictures."""
 
 from __future__ import annotations
 
@@ -11,35 +11,43 @@ import numpy as np
 
 from tpd.core import files, progress
 
+PERIODIC_ONLY = (
+    "These motions are periodic. Run the command with {} to find out whether the block\n"
+    "  settles to one of them from rest, or overturns."
+)
+"""Note on results without motions from rest; the placeholder is an option."""
+
 
 def plot(result: Any, what: str | None = None) -> Any:
-    """Draw a result with `tpd.plot`; only the call imports Matplotlib."""
+    """Draw a result with `tpd.plot`. Matplotlib is imported when the function is called, and not before."""
     from tpd.plots.results import plot
 
     return plot(result, what)
 
 
 def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, Callable[[], Any]]) -> None:
-    """Write files into the directory of a command and print their names. The numbers are written before the
-    first picture is drawn; a picture that cannot be drawn costs one sentence.
+    """Write the files of a command and print their names.
+
+    The numbers are written before the first picture is drawn. A message on stderr names a picture that cannot
+    be drawn; the others are drawn nevertheless.
 
     Args:
-        out: the directory.
+        out: output folder.
         tables: names and contents of the files of numbers.
-        pictures: functions that draw and return axes, or the content of a file, by the names of the files.
+        pictures: drawing functions by the names of the files. Each returns axes, or the content of the file.
     """
-    # All tables are made before the first one is written: an interruption leaves all of them or none.
+    # All tables are computed before the first one is written, so that an interruption leaves all or none.
     for name, table in list(tables):
         progress.say(f"written: {files.place(out / name, table)}", sys.stdout)
     for name, draw in pictures.items():
         try:
-            # Numbers do not wait for Matplotlib, which refuses some settings when it is imported.
+            # Matplotlib is imported here, because its import may fail: it rejects some settings of users.
             from tpd.plots.style import own_style, png
 
             with own_style():
-                found = draw()
-                content = found if isinstance(found, bytes) else png(np.ravel(found)[0].figure)
-        # Matplotlib raises errors of every kind.
+                drawing = draw()
+                content = drawing if isinstance(drawing, bytes) else png(np.ravel(drawing)[0].figure)
+        # Matplotlib raises many kinds of errors, for example for a missing font or a missing LaTeX.
         except Exception as error:
             progress.say(f"tpd: {files.missing_picture(name, error)}")
         else:

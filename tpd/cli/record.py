@@ -1,4 +1,4 @@
-"""`tpd record`: a preview of ground motions, so that a wrong unit is seen before they are used."""
+"""`tpd record`: description of ground motion records, which shows a wrong unit before they are used."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from tpd.cli import outputs
 from tpd.cli.interrupts import SOUND
-from tpd.cli.options import given, put
+from tpd.cli.options import set_keys, tables_of
 from tpd.core import files
 from tpd.core.formatting import aligned, number
 from tpd.design.job import job_of
@@ -21,9 +21,9 @@ from tpd.records.read import facts
 from tpd.scene.record import Record
 
 _USUAL = (0.001, 2.0)
-"""Peaks that are not questioned, g: the strongest records have about 3 g, and felt ones at least 0.001 g."""
+"""Plausible range of the PGA, g. People feel about 0.001 g, and the strongest records have about 3 g."""
 _PERIODS = (0.2, 0.5, 1.0, 2.0)
-"""Periods of the spectral accelerations in the text, s."""
+"""Periods (s) for which the spectral acceleration is printed."""
 _TABLE = {
     "step_s": "step s",
     "duration_s": "length s",
@@ -32,19 +32,22 @@ _TABLE = {
     "pgd_m": "PGD m",
     "significant_s": "5-95 % s",
 }
-"""Numbers of the table of several records, and their headings."""
+"""Columns of the table of several records: keys of the facts about a record, and headings."""
 
 
 def run(options: argparse.Namespace) -> int:
-    """Read the records, print a line on each, or more on a single one, and draw them; return the exit
-    status."""
-    put(options, "motion", {"records": options.records})
-    job, rows, out = job_of(given(options)), [], options.out
+    """Read the records, print a table, or several lines for a single record, draw the records if `--out` is
+    given, and return the exit status."""
+    # A job reads the records, so that they are read as in all other commands.
+    set_keys(options, "motion", {"records": options.records})
+    job, rows, out = job_of(tables_of(options)), [], options.out
     for record in job.motions:
+        # Velocity and displacement are exact integrals of the record. They show a wrong baseline first.
         v, d = (float(np.max(np.abs(x))) for x in base_motion(record)[1:])
         first, last = significant_times(record)
         sizes = {"pgv_m_s": v, "pgd_m": d, "significant_s": last - first, "significant_from_s": first}
         rows.append(facts(record) | sizes)
+    # The folder is checked after the records were read, and before anything is printed.
     if out is not None:
         files.claim(out, overwrite=options.overwrite)
     names = [row["source"] or row["name"] for row in rows]
@@ -53,18 +56,19 @@ def run(options: argparse.Namespace) -> int:
     else:
         notes = ["; ".join(note.partition(":")[0] for note in row["notes"]) for row in rows]
         cells = ([number(float(row[key])) for key in _TABLE] for row in rows)
-        whole = [[name, *x, note] for name, x, note in zip(names, cells, notes, strict=True)]
-        lines = aligned([["record", *_TABLE.values(), "notes"], *whole])
+        # Notes are shortened to the text before the colon. The table in CSV has the whole notes.
+        table = [[name, *x, note] for name, x, note in zip(names, cells, notes, strict=True)]
+        lines = aligned([["record", *_TABLE.values(), "notes"], *table])
     print("\n".join([*job.told, *lines]))
     low, high = _USUAL
-    odd = [
-        f"{n} ({number(r['pga_g'])} g)"
-        for n, r in zip(names, rows, strict=True)
-        if not low <= r["pga_g"] <= high
+    implausible = [
+        f"{name} ({number(row['pga_g'])} g)"
+        for name, row in zip(names, rows, strict=True)
+        if not low <= row["pga_g"] <= high
     ]
-    if odd:
-        usual = f"{low:g} to {high:g} g is usual"
-        print(f"warning: the PGA is implausible ({usual}), check --unit and --scale: {'; '.join(odd)}")
+    if implausible:
+        usual = f"usual are {low:g} to {high:g} g"
+        print(f"warning: the PGA is implausible ({usual}), check the unit (--unit): {'; '.join(implausible)}")
     if out is not None:
         table = files.as_csv(rows[0], (row.values() for row in rows))
         pictures = {f"record_{i + 1}.png": partial(outputs.plot, r) for i, r in enumerate(job.motions)}
@@ -73,12 +77,12 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _lines(record: Record, row: dict[str, Any]) -> Iterator[str]:
-    """Lines on a single record."""
-    long, first = row["significant_s"], row["significant_from_s"]
+    """Yield the lines about a single record."""
+    duration, first = row["significant_s"], row["significant_from_s"]
     yield f"  peak acceleration (PGA)  {number(row['pga_g'])} g = {number(float(record.pga))} m/s^2"
     yield f"  peak velocity (PGV)      {number(row['pgv_m_s'])} m/s"
     yield f"  peak displacement (PGD)  {number(row['pgd_m'])} m"
-    ends = f"{number(first)} to {number(first + long)} s"
-    yield f"  significant duration     {number(long)} s (5 to 95 % of the energy, {ends})"
-    sizes = ((spectral_acceleration(record, t) / STANDARD_GRAVITY, t) for t in _PERIODS)
-    yield "  spectral acceleration    " + ", ".join(f"{number(x)} g at {t:g} s" for x, t in sizes)
+    ends = f"{number(first)} to {number(first + duration)} s"
+    yield f"  significant duration     {number(duration)} s (5 to 95 % of the energy, from {ends})"
+    values = ((spectral_acceleration(record, t) / STANDARD_GRAVITY, t) for t in _PERIODS)
+    yield "  spectral acceleration    " + ", ".join(f"{number(x)} g at {t:g} s" for x, t in values)

@@ -1,4 +1,4 @@
-"""`tpd response`: amplitude and stroke of the settled motion over frequency."""
+"""`tpd response`: tilt and swing of the steady motion over the frequency of the base motion."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tpd.answers.response import (
 )
 from tpd.cli import common, outputs
 from tpd.cli.common import WITHOUT
-from tpd.cli.interrupts import SOUND
+from tpd.cli.interrupts import SOUND, print_answer
 from tpd.core import checks, files
 from tpd.core.progress import Bar
 from tpd.report.files import response_csv
@@ -30,72 +30,80 @@ from tpd.scene.scene import Scene
 from tpd.theory.no_uplift import AtRest
 
 
-def run(options: argparse.Namespace, inputs: common.Case) -> int:
-    """Follow the branches, write them and print where they are lost; return the exit status."""
-    scene, pendulum = inputs.job.scene, inputs.pendulum
+def run(options: argparse.Namespace, case: common.Case) -> int:
+    """Compute the branches and the motions from rest, print a summary, write the results and return the exit
+    status."""
+    scene, pendulum = case.job.scene, case.pendulum
     name, low, high = _range(options, scene)
     if options.from_rest != 0:
         checks.count("--from-rest", options.from_rest, least=2)
-    common.say(scene, pendulum, alone=AtRest.under(scene))
-    own, cases, settled = _own(scene, name), {}, {}
-    hangings = common.cases(pendulum)
+    common.print_header(scene, pendulum, at_rest=AtRest.under(scene))
+    own = _own_value(scene, name)
+    orbits: dict[str, Branches] = {}
+    settled: dict[str, Response] = {}
+    pendulums = common.cases_of(pendulum)
     with Bar() as bar:
-        bar("following branches", 0, len(hangings))
-        for label, pendulum in hangings.items():
-            cases[label] = branches(scene, name, low, high, pendulum=pendulum, samples=options.points)
-            bar("following branches", len(cases), len(hangings))
+        bar("branches", 0, len(pendulums))
+        for label, case_pendulum in pendulums.items():
+            orbits[label] = branches(scene, name, low, high, pendulum=case_pendulum, samples=options.points)
+            bar("branches", len(orbits), len(pendulums))
+        # Motions from rest take longer than branches, so that they can be turned off.
         if options.from_rest:
             values = frequencies(own, low, high, options.from_rest)
             settled = {
-                label: settled_response(scene, name, values, pendulum=pendulum, progress=bar)
-                for label, pendulum in hangings.items()
+                label: settled_response(scene, name, values, pendulum=case_pendulum, progress=bar)
+                for label, case_pendulum in pendulums.items()
             }
-    near = {label: r.between(*window(own)) for label, r in settled.items()}
-    print("\n".join(f"{label}: {case}" for label, case in cases.items()))
-    # A single motion from rest says little: near ones are counted, and over the range that a report has.
+    # The motions near the base frequency are drawn in a picture of their own.
+    near = {label: response.between(*window(own)) for label, response in settled.items()}
+    lines = [f"{label}: {case_orbits}" for label, case_orbits in orbits.items()]
+    # A tiny change of the frequency decides whether a single run overturns. Therefore shares of many runs are
+    # printed: near the frequency of the base motion, and over the range that a report shows.
     for ends in (window(own), own * np.array(BAND)) if settled else ():
         first, last = np.clip(ends, low, high)
         if first < last:
-            print(overturned_between(tuple(settled.values()), first, last))
+            lines.append(overturned_between(tuple(settled.values()), first, last))
     if not settled:
-        print("motions that repeat; whether the block reaches one, or overturns, --from-rest N says")
+        lines.append(outputs.PERIODIC_ONLY.format("--from-rest N"))
+    print_answer("", *lines)
     content = {
-        **common.inputs(scene, pendulum),
-        "bifurcations": {label: [asdict(b) for b in case.bifurcations] for label, case in cases.items()},
+        **common.json_inputs(scene, pendulum),
+        "bifurcations": {label: [asdict(b) for b in x.bifurcations] for label, x in orbits.items()},
         "over": name,
     }
     sizes = "status", "amplitude_rad", "swing_rad", "phase_rad", "multiplier"
-    rows = (row for label, case in cases.items() for row in _rows(label, case))
+    rows = (row for label, case_orbits in orbits.items() for row in _rows(label, case_orbits))
     tables = [
         ("response.json", files.as_json(content)),
         ("branches.csv", files.as_csv(("case", "branch", name, *sizes), rows)),
     ]
 
     def draw(responses: dict[str, Response] | None = None) -> Any:
+        # The import of Matplotlib waits until the numbers are written.
         from tpd.plots.response import plot_branches, plot_response
 
-        return plot_branches(cases) if responses is None else plot_response(tuple(responses.values()), own)
+        return plot_branches(orbits) if responses is None else plot_response(tuple(responses.values()), own)
 
     pictures: dict[str, Callable[[], Any]] = {"branches.png": draw}
     if settled:
         tables.append(("response.csv", response_csv(tuple(settled.values()))))
         pictures["response.png"] = partial(draw, settled)
-        # Over the whole range the marks next to the own frequency hide each other.
+        # In the picture of the whole range the marks near the base frequency hide each other.
         if len(near[WITHOUT].frequency):
             pictures["response_near.png"] = partial(draw, near)
     outputs.write(options.out, tables, pictures)
     return SOUND
 
 
-def _own(scene: Scene, name: str) -> float:
-    """Value of the scene's own frequency, Hz, or of its xi."""
+def _own_value(scene: Scene, name: str) -> float:
+    """Return the frequency (Hz) of the base motion, or its frequency ratio if `name` is "xi"."""
     return float(scene.parameters().xi) if name == "xi" else float(scene.motion.frequency)
 
 
 def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float]:
-    """Name of the varied quantity, and its bounds."""
+    """Return the name of the varied quantity, "frequency" or "xi", with its lowest and highest value."""
     name = "xi" if options.dimensionless else "frequency"
-    own = _own(scene, name)
+    own = _own_value(scene, name)
     low = 0.4 * own if options.low is None else options.low
     high = 2.0 * own if options.high is None else options.high
     checks.positive("--from", low)
@@ -106,13 +114,16 @@ def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float
     return name, low, high
 
 
-def _rows(label: str, case: Branches) -> Iterator[tuple]:
-    s = case.sweep
+def _rows(label: str, orbits: Branches) -> Iterator[tuple]:
+    """Yield the rows of branches.csv: one for each orbit, and one for each value with a stable rest."""
+    s = orbits.sweep
+    # An orbit is stable if its largest Floquet multiplier is below 1 in modulus.
     largest = np.abs(s.multipliers).max(axis=-1)
     for branch in range(s.branches):
         for i, j in zip(*s.line(branch), strict=True):
             sizes = (s.amplitude[i, j], s.swing[i, j], s.phase[i, j], largest[i, j])
             yield (label, branch, s.value[i], s.status[i, j], *sizes)
-    for value, margin, swing in zip(s.value, case.margin, case.rest_swing, strict=True):
+    for value, margin, swing in zip(s.value, orbits.margin, orbits.rest_swing, strict=True):
+        # With a positive uplift margin a block at rest stays at rest.
         if margin > 0.0:
             yield (label, "rest", value, "rest", 0.0, swing, "", "")

@@ -11,18 +11,16 @@ import numpy as np
 
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum, overturning_spectrum, rocking_spectrum
 from tpd.cli import common, outputs
-from tpd.cli.interrupts import SOUND
+from tpd.cli.interrupts import SOUND, print_answer
 from tpd.core import checks, files
 from tpd.core.progress import Bar
 from tpd.scene.ground_motion import Pulse
 from tpd.scene.scene import Pendulum, Scene
 
-_CASES = ("for the bare block", "with the pendulum")
 
-
-def run(options: argparse.Namespace, inputs: common.Case) -> int:
-    """Follow all blocks, write table and picture; return the exit status."""
-    job, pendulum = inputs
+def run(options: argparse.Namespace, case: common.Case) -> int:
+    """Compute the spectrum, print a summary, write a table and a picture, and return the exit status."""
+    job, pendulum = case
     checks.count("--points", options.points, least=2)
     for flag, value in (("--to", options.to), ("--sizes-to", options.sizes_to)):
         if value is not None:
@@ -30,25 +28,28 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     scene = job.under(job.shaking)
     is_pulse = isinstance(scene.motion, Pulse)
     if not is_pulse and options.sizes_to is not None:
-        raise ValueError("--sizes-to is of the sizes of a pulse, and the job has a record")
-    common.say(scene, pendulum, notes=job.told)
-    with Bar() as bar, common.cluster(options) as cluster:
-        how = {"gravity": float(scene.gravity), "cluster": cluster}
-        make = _overturning if is_pulse else _rocking
-        found, content = make(options, scene, pendulum, how | {"progress": partial(bar, "following blocks")})
+        raise ValueError("--sizes-to has an effect on the spectrum of a pulse, but the job has a record")
+    # The motion of the job gives only the kind of the pulse.
+    motion = f"{scene.motion.kind} pulses of all frequencies and accelerations" if is_pulse else ""
+    common.print_header(scene, pendulum, motion, job.told)
+    with Bar() as bar, common.open_cluster(options) as cluster:
+        how = {"gravity": float(scene.gravity), "cluster": cluster, "progress": partial(bar, "blocks")}
+        # A pulse can be varied in frequency and size, a record cannot: its spectrum varies the block instead.
+        compute = _overturning if is_pulse else _rocking
+        spectrum, content = compute(options, scene, pendulum, how)
     tables = {
-        "spectrum.csv": files.as_table(found.columns()),
-        "spectrum.json": files.as_json(common.inputs(scene, pendulum, job) | content),
+        "spectrum.csv": files.as_table(spectrum.columns()),
+        "spectrum.json": files.as_json(common.json_inputs(scene, pendulum, job) | content),
     }
-    outputs.write(options.out, tables.items(), {"spectrum.png": partial(outputs.plot, found)})
+    outputs.write(options.out, tables.items(), {"spectrum.png": partial(outputs.plot, spectrum)})
     return SOUND
 
 
 def _overturning(
     options: argparse.Namespace, scene: Scene, pendulum: Pendulum | None, how: dict[str, Any]
 ) -> tuple[OverturningSpectrum, dict[str, Any]]:
-    """Spectrum of a pulse, and its numbers for JSON."""
-    found = overturning_spectrum(
+    """Compute and print the spectrum of a pulse; return the spectrum and its numbers for the JSON file."""
+    spectrum = overturning_spectrum(
         scene.block,
         scene.motion,
         pendulum,
@@ -56,39 +57,50 @@ def _overturning(
         acceleration_ratios=np.linspace(0.5, options.sizes_to or 10.0, options.points),
         **how,
     )
-    shares, lost = found.safe().tolist(), found.undecided().tolist()
-    survived = (_share(x, n, found.without_pendulum.size) for x, n in zip(shares, lost, strict=True))
-    print(f"share of the pulses that the block survives: {', '.join(survived)}")
-    _say_undecided("pulses", lost, found.without_pendulum.size)
-    return found, {"survived": shares, "undecided": lost}
+    shares, undecided = spectrum.safe().tolist(), spectrum.undecided().tolist()
+    total = spectrum.without_pendulum.size
+    stands = (_share(share, n, total) for share, n in zip(shares, undecided, strict=True))
+    cases = (f"{share} {name}" for share, name in zip(stands, (common.WITHOUT, common.WITH), strict=False))
+    line = f"pulses under which the block does not overturn: {', '.join(cases)}"
+    print_answer("", line, *_undecided_line("pulses", undecided, total))
+    return spectrum, {"survived": shares, "undecided": undecided}
 
 
-def _share(safe: float, lost: int, total: int) -> str:
-    """Share of all pulses that the block survives: a range, if some have no answer."""
-    if not lost:
-        return f"{safe:.1%}"
-    # Of no answer at all there is no share either.
-    low = 0.0 if lost == total else safe * (1.0 - lost / total)
-    return f"{low:.1%} to {low + lost / total:.1%}"
+def _share(safe: float, undecided: int, total: int) -> str:
+    """Return the share of all pulses under which the block does not overturn, as text.
+
+    Args:
+        safe: share of the pulses with a solution.
+        undecided: number of pulses without a solution. Each may overturn the block or not, so that the share
+            is a range.
+        total: number of pulses.
+    """
+    if not undecided:
+        return f"{100 * safe:.1f} %"
+    # `safe` is NaN if no pulse has a solution.
+    low = 0.0 if undecided == total else safe * (1.0 - undecided / total)
+    return f"{100 * low:.1f} to {100 * (low + undecided / total):.1f} %"
 
 
-def _say_undecided(what: str, counts: Iterable[int], total: int) -> None:
-    """Say how many runs, bare and with the pendulum, have no answer."""
-    cases = [f"{n} of {total} {case}" for n, case in zip(counts, _CASES, strict=False) if n]
-    if cases:
-        print(f"{what} without an answer: {', '.join(cases)}")
+def _undecided_line(noun: str, counts: Iterable[int], total: int) -> list[str]:
+    """Return a line with the number of runs without a solution in each case; empty if there are none."""
+    names = common.WITHOUT, common.WITH
+    cases = [f"{n} of {total} {name}" for n, name in zip(counts, names, strict=False) if n]
+    return [f"{noun} without a solution: {', '.join(cases)}"] if cases else []
 
 
 def _rocking(
     options: argparse.Namespace, scene: Scene, pendulum: Pendulum | None, how: dict[str, Any]
 ) -> tuple[RockingSpectrum, dict[str, Any]]:
-    """Spectrum of a record, and its numbers for JSON."""
+    """Compute the spectrum of a record; return the spectrum and its numbers for the JSON file."""
     block = scene.block
     if pendulum is not None:
+        # Blocks of all sizes have a pendulum of the same ratios.
         how = how | {"mass_ratio": pendulum.mass / block.mass, "damping_ratio": pendulum.damping_ratio}
         how["length_ratio"] = pendulum.length / block.half_height
     periods = np.linspace(0.5, options.to or 12.0, options.points)
-    found = rocking_spectrum(block, scene.motion, periods=periods, **how)
-    lost = found.undecided().tolist()
-    _say_undecided("blocks", lost, found.periods.size)
-    return found, {"undecided": lost}
+    spectrum = rocking_spectrum(block, scene.motion, periods=periods, **how)
+    undecided = spectrum.undecided().tolist()
+    if lines := _undecided_line("blocks", undecided, spectrum.periods.size):
+        print_answer("", *lines)
+    return spectrum, {"undecided": undecided}

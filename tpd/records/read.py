@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tpd.core.files import path_of, readable
-from tpd.core.formatting import number
+from tpd.core.formatting import meant, number
 from tpd.formats.channel import BOREHOLE, RAW, STANDARD_GRAVITY, UNKNOWN, VERTICAL
 from tpd.formats.text import NoAcceleration
 from tpd.records.sets import el_centro, fema_p695, loma_prieta
@@ -236,6 +236,10 @@ def _unknown(found: Sequence[Any]) -> list[str]:
 
 def _files_of(path: Path) -> tuple[list[Path], list[str]]:
     """Files of a path that are to be read, and those of a folder that hold no acceleration, in words."""
+    if not path.exists():
+        # A misspelt name of a built-in record looks like a file that does not exist.
+        hint = meant(path.name, (*BUILT_IN, *SETS), listing=False)
+        raise FileNotFoundError(f"the file does not exist: {path}{hint}")
     if not path.is_dir():
         return [path], []
     files, left = [], [f"{p.name} (a folder in a folder)" for p in sorted(path.iterdir()) if p.is_dir()]

@@ -278,7 +278,7 @@ class Conditions:
         each = np.repeat(each, samples)
         factors = {"amplitude": np.tile(each, len(listed))}
         stripes = ", ".join(f"{x:g}" for x in stated)
-        phrase = f"{len(listed)} ground motions, each at {intensity} {stripes}"
+        phrase = f"{len(listed)} ground motions, each at {stripes} ({MEASURES[intensity]})"
         if scatter:
             drawn = Conditions.scatter(len(factors["amplitude"]), seed, **scatter)
             amplitude = factors["amplitude"] * drawn.column("amplitude")
