@@ -275,9 +275,9 @@ def test_every_point_is_the_problem_with_a_lighter_bob(name, request, rejected, 
     assert events == [("front", 0, 1)]
     assert [lighter.most, last.most] == pytest.approx([0.06 * mass, 0.2 * mass])
     assert (last.status, last.pendulum) == (design.status.name, design.pendulum)
-    assert last.saved[0] == design.benefit.mean
+    assert last.benefit[0] == design.benefit.mean
     assert (lighter.status, lighter.pendulum) == ("not_recommended", None)
-    assert np.isnan(lighter.saved[0])
+    assert np.isnan(lighter.benefit[0])
     (given,) = asked
     space = given.pop("space")
     assert space == dataclasses.replace(design.space, mass_ratio=(0.01, 0.06))

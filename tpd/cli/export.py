@@ -29,7 +29,7 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError(f"{file} exists already: choose another name with --file, or pass --overwrite")
     has_motion = options.kind != "mjcf"
     scene = job.single if has_motion else job.scene
-    common.say(scene, pendulum, "" if has_motion else "none: give it to the actuators", job.told)
+    common.say(scene, pendulum, "" if has_motion else "none: give it to the actuators", job.messages)
     if pendulum is None and options.design is not None:
         print("The report offers no pendulum: only the bare block is exported.")
     if options.kind == "csv":

@@ -33,7 +33,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     strongest = max(factor * float(m.pga) for factor, m in zip(factors, motions, strict=True))
     block = scene.block
     alone = AtRest.of(block.slenderness, block.friction, strongest / scene.gravity, block.base_friction)
-    common.say(scene, pendulum, in_words(motions), job.told, alone)
+    common.say(scene, pendulum, in_words(motions), job.messages, alone)
     with Bar() as bar, common.cluster(options) as cluster:
         found = fragility(
             scene.block,

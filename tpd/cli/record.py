@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
         cells = ([number(float(row[key])) for key in _TABLE] for row in rows)
         whole = [[name, *x, note] for name, x, note in zip(names, cells, notes, strict=True)]
         lines = aligned([["record", *_TABLE.values(), "notes"], *whole])
-    print("\n".join([*job.told, *lines]))
+    print("\n".join([*job.messages, *lines]))
     low, high = _USUAL
     odd = [
         f"{n} ({number(r['pga_g'])} g)"

@@ -38,7 +38,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     """Follow the block, write histories and pictures, and print what happened; return the exit status."""
     job, pendulum = inputs
     scene = job.under(job.shaking)
-    common.say(scene, pendulum, notes=job.told, alone=AtRest.under(scene))
+    common.say(scene, pendulum, notes=job.messages, alone=AtRest.under(scene))
     cases = common.cases(pendulum)
     free = options.free
     # The first of a pair decides: the linear equations are meant for small angles.

@@ -31,7 +31,7 @@ def run(options: argparse.Namespace, inputs: common.Case) -> int:
     is_pulse = isinstance(scene.motion, Pulse)
     if not is_pulse and options.sizes_to is not None:
         raise ValueError("--sizes-to is of the sizes of a pulse, and the job has a record")
-    common.say(scene, pendulum, notes=job.told)
+    common.say(scene, pendulum, notes=job.messages)
     with Bar() as bar, common.cluster(options) as cluster:
         how = {"gravity": float(scene.gravity), "cluster": cluster}
         make = _overturning if is_pulse else _rocking

@@ -54,8 +54,8 @@ __all__ = [
 """Names that `tpd.limits` exports."""
 
 ROCKING, NEAR, REST, UNSTABLE, NONE = range(5)
-"""Kinds of motion of a design under a condition: a stable orbit, an orbit near a fold, rest, an unstable orbit,
-no orbit. A smaller number takes precedence."""
+"""Kinds of motion of a design under a condition: a stable orbit, an orbit near a fold, rest, an unstable
+orbit, no orbit. A smaller number takes precedence."""
 HEAVIEST_RATIO = 1.0
 """Largest mass ratio m/M. A bob inside the block is not heavier than the block."""
 LONGEST_RATIO = 2.0
@@ -902,9 +902,9 @@ def check_cavity(block: Block, limits: tuple[Limit, ...]) -> None:
     if limit_of(limits, Clearance) is None or block.cavity_width is not None:
         return
     raise ValueError(
-        "`cavity_width` must be given, but is missing. It is the distance in m between the walls on both sides "
-        "of the bob: a pendulum needs a cavity in the block. State the width (--cavity, or `cavity_width` in "
-        "[block] or of `Block`), or ignore the walls (--no-walls, `clearance = false` in [limits], or limits "
+        "`cavity_width` must be given, but is missing. It is the distance in m between the walls on both "
+        "sides of the bob: a pendulum needs a cavity in the block. State the width (--cavity, or "
+        "`cavity_width` in [block] or of `Block`), or ignore the walls (--no-walls, `clearance = false` in [limits], or limits "
         "without `Clearance`)"
     )
 

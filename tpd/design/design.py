@@ -245,6 +245,6 @@ class FrontPoint(NamedTuple):
     """Name of the status of the design."""
     pendulum: Pendulum | None
     """Pendulum of the design; None if none is offered."""
-    saved: tuple[float, float, float]
+    benefit: tuple[float, float, float]
     """Share by which the mean tilt falls in validation runs, with the lower and the upper end of the 95 %
     interval; NaN without a pendulum."""

@@ -159,8 +159,8 @@ class HarmonicProblem(Problem):
         starts = Starts.any() if starts is None else starts
         if starts.kind is StartKind.sampled:
             raise ValueError(
-                "`starts` of a design must be Starts.any() or Starts.rest(), but is a sampled set: `ensemble` "
-                "defines the initial states of the runs"
+                "`starts` of a design must be Starts.any() or Starts.rest(), but is a sampled set: "
+                "`ensemble` defines the initial states of the runs"
             )
         return HarmonicProblem(
             scene=scene,
@@ -400,6 +400,6 @@ def _model_of(model: Any, smooth: bool) -> Any:
     if isinstance(model, Piecewise) or (isinstance(model, Smoothed) and model.terms is Terms.linear):
         return model
     raise ValueError(
-        "`model` must be Smoothed() with linear terms, or Piecewise(), because only their symmetric orbits can "
-        f"be followed, but is {checks.shown(model)}"
+        "`model` must be Smoothed() with linear terms, or Piecewise(), because only their symmetric orbits "
+        f"can be followed, but is {checks.shown(model)}"
     )

@@ -291,8 +291,8 @@ class SmoothedOrbits:
         self.orbits, self.model, self.designs = orbits, model, e.design
         self.turns, self.slopes = np.zeros((*e.kind.shape, 4)), np.zeros((*e.kind.shape, 4, 3))
         self.follows = np.zeros(e.kind.shape, bool)
-        self.lost = np.zeros(len(e.design), int)
-        """Orbits that each descent has lost so far."""
+        self.stopped = np.zeros(len(e.design), int)
+        """Number of orbits so far that each descent could not follow."""
         self._take(e, np.arange(len(e.design)), e.kind == ROCKING)
         # A step at the same design yields the derivatives that predict the orbit of the next design.
         self._step(e.design)
@@ -342,13 +342,13 @@ class SmoothedOrbits:
             e.multiplier[rows], e.reserve[rows] = step.multiplier, step.reserve
             # One step is sufficient if the design has moved little, since the error is quadratic in the
             # residual.
-            lost = ~step.solved | (step.residual > _ASTRAY) | (step.turn[:, 0] <= 0.0)
-            self.follows[rows] = ~lost
-            todo[rows] = ~lost & (step.residual > _NEAR)
+            is_lost = ~step.solved | (step.residual > _ASTRAY) | (step.turn[:, 0] <= 0.0)
+            self.follows[rows] = ~is_lost
+            todo[rows] = ~is_lost & (step.residual > _NEAR)
         # The exact solution decides for orbits that did not converge or no longer attract.
         rests = (e.margin > 0.0) & o.rest_counts
         self.follows &= ~todo & ~rests & (e.multiplier < 1.0)
-        self.lost += (before & ~self.follows & ~rests).sum(axis=1)
+        self.stopped += (before & ~self.follows & ~rests).sum(axis=1)
         self.turns[~self.follows], self.slopes[~self.follows] = 0.0, 0.0
         return o.with_merits(e)
 

@@ -101,8 +101,8 @@ class ReasonKind(enum.Enum):
         "without it; a decrease by one tenth is allowed"
     )
     too_little_benefit = (
-        "the {falls}; required is a significant reduction of at least {reference:.1%}, with an interval that "
-        "begins above {certain:.1%}"
+        "the {falls}, but a significant reduction of at least {reference:.1%} is required, with an interval "
+        "that begins above {certain:.1%}"
     )
     undecided = "{value:.0f} of {total} runs have no result, and the verdict depends on them"
 

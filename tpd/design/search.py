@@ -127,7 +127,7 @@ class Search:
     mismatch: np.ndarray = field(default_factory=partial(np.zeros, (0, 2)))
     """Largest relative differences of merits (mostly tilts) and of slopes between the model of the descent
     and the exact solution at its end, (searches, 2). Zero if the descent used exact orbits."""
-    lost: np.ndarray = field(default_factory=_no_values)
+    stopped: np.ndarray = field(default_factory=_no_values)
     """Number of orbits that the model could not follow along each descent, (searches,). The exact solution
     replaced them."""
     evaluations: int = 0
@@ -146,7 +146,7 @@ class Search:
         return self.ends[self.order[sound[self.order]]]
 
     @property
-    def told(self) -> str:
+    def message(self) -> str:
         """Sentence on the descents and the finish; empty if there was no search."""
         if not self.statuses:
             return ""
@@ -237,7 +237,7 @@ def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | No
         order=np.lexsort((merit, values)),
         statuses=statuses,
         mismatch=mismatch,
-        lost=np.zeros(len(x), int) if walk is None else walk.lost,
+        stopped=np.zeros(len(x), int) if walk is None else walk.stopped,
         evaluations=len(designs) + settings.steps * len(x) + spent,
         descended=descended,
         finished=float(merit.min()),
