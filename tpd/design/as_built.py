@@ -210,7 +210,8 @@ class Build:
     """Base accelerations over gravity that lift the resting block under the harmonic, with a settled pendulum
     and without one; None under ground motions."""
     lifts_slow_fast: tuple[float, float]
-    """The same acceleration with the pendulum, in the limits of a very slow and a very fast excitation."""
+    """Base accelerations over gravity that lift the resting block with the pendulum, for a very slow and for
+    a very fast excitation."""
     pull: PullTest
     """Pull-and-release test of the block without a pendulum."""
     parts: Parts | None = None
@@ -229,7 +230,7 @@ class Build:
 
 @dataclass(frozen=True, kw_only=True)
 class TimeHistory:
-    """One motion from rest under the excitation of the scene; arrays of shape (times,)."""
+    """Motion from rest under the excitation of the scene; arrays of shape (times,)."""
 
     with_pendulum: bool
     time: np.ndarray
@@ -276,8 +277,10 @@ def details(
 
     Example:
         >>> import tpd
-        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0)
-        >>> design = tpd.optimise(tpd.Scene(block, tpd.Harmonic(amplitude=0.003, frequency=2.0)))
+        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4)
+        >>> pulse = tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0)
+        >>> conditions = tpd.Conditions.records([pulse], [0.5])
+        >>> design = tpd.optimise(block, conditions=conditions, validation_share=0)
         >>> tpd.details(design).build is None
         True
     """

@@ -101,12 +101,12 @@ class Assessment(Printed):
         share = self.overturned
         if self.runs is None or share is None:
             return needless(self.problem)
-        known, tilt = int(np.sum(~self.runs.is_unanswered)), self.runs.severity
+        runs, tilt = int(np.sum(~self.runs.is_unanswered)), self.runs.severity
         if share.value > 0.0:
             interval = f"95 % interval {100 * share.low:.0f} to {100 * share.high:.0f} %"
-            return f"OVERTURNS in {share.value:.1%} of {known} runs without a pendulum ({interval})."
+            return f"OVERTURNS in {share.value:.1%} of {runs} runs without a pendulum ({interval})."
         most = f"at most {100 * float(np.nanmax(tilt)):.0f} % of the tilt at which it topples"
-        return f"ROCKS, AND DOES NOT OVERTURN in any of {known} runs without a pendulum: its tilt is {most}."
+        return f"ROCKS, AND DOES NOT OVERTURN in any of {runs} runs without a pendulum: its tilt is {most}."
 
     def __str__(self) -> str:
         lines = [str(self.at_rest), self.verdict]
@@ -151,7 +151,7 @@ def assess(
         >>> statue = tpd.Block(width=0.5, height=1.5, mass=900.0)
         >>> assessment = tpd.assess(tpd.Scene(statue, tpd.Harmonic(amplitude=0.003, frequency=2.0)))
         >>> round(assessment.at_rest.margin, 1)
-        6.6
+        5.7
     """
     problem = problem_alone(scene, conditions=conditions, **settings)
     with shown(progress) as report:

@@ -71,7 +71,7 @@ _LEAST_TILT = 0.02
 pendulum would reject every design."""
 
 Bounds = checks.Real | tuple[float, float]
-"""One number, which fixes the value, or a lower and an upper bound of the search."""
+"""Bounds of a search: one number, which fixes the value, or a lower and an upper bound."""
 TWINS = {"mass": "mass_ratio", "length": "length_ratio"}
 """Fields of a design space in SI units, with the ratio that states the same quantity."""
 USUAL_BOUNDS = {"mass_ratio": (0.01, 0.2), "length_ratio": (0.1, 1.5)}
@@ -166,7 +166,7 @@ class DesignSpace:
             ValueError: the space is in SI units, so that its ratios depend on the block.
         """
         if self.mass_ratio is None or self.length_ratio is None:
-            raise ValueError("the ratios of a space in kg or m depend on the block: use `space.of(block)`")
+            raise ValueError("a space in kg or m has no ratios without a block: use `space.of(block)`")
         return np.array([np.broadcast_to(getattr(self, n), 2) for n in (*TWINS.values(), "damping_ratio")]).T
 
     @property
@@ -904,8 +904,8 @@ def check_cavity(block: Block, limits: tuple[Limit, ...]) -> None:
     raise ValueError(
         "`cavity_width` must be given, but is missing. It is the distance in m between the walls on both "
         "sides of the bob: a pendulum needs a cavity in the block. State the width (--cavity, or "
-        "`cavity_width` in [block] or of `Block`), or ignore the walls (--no-walls, `clearance = false` in [limits], or limits "
-        "without `Clearance`)"
+        "`cavity_width` in [block] or of `Block`), or ignore the walls (--no-walls, `clearance = false` in "
+        "[limits], or limits without `Clearance`)"
     )
 
 

@@ -36,7 +36,7 @@ class Design(Printed):
 
     Example:
         >>> import tpd
-        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0)
+        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4)
         >>> design = tpd.optimise(tpd.Scene(block, tpd.Harmonic(amplitude=0.003, frequency=2.0)))
         >>> design.status.name, design.pendulum
         ('no_uplift', None)

@@ -278,13 +278,13 @@ class Job(ABC):
         """Limits, in the order of a report."""
         # The setting of the paper is a single motion and a bob without size: clearance and comparison with
         # other conditions do not apply.
-        left_out = (Clearance, Worsening) if self.full["conditions"]["exactly"] else ()
+        skipped = (Clearance, Worsening) if self.full["conditions"]["exactly"] else ()
         limits: list[Limit] = []
         bob = self.bob
         with naming("limits"):
             for kind in KINDS:
                 value, missing = self.full["limits"][kind.name], lacks(self.full, "limits", kind.name)
-                if value is None or value is False or kind in left_out or missing:
+                if value is None or value is False or kind in skipped or missing:
                     continue
                 # A value of true stands for the default number of the limit.
                 arguments: list[Any] = [bob] if kind is Clearance else [] if value is True else [value]

@@ -366,13 +366,15 @@ def as_typed(tables: Mapping[str, Any]) -> Tables:
     out: Tables = {}
     for table, values in tables.items():
         if table not in TABLES:
-            raise ValueError(f"unknown table [{_cut(table)}]{meant(table, TABLES)}")
+            raise ValueError(f"the table [{_cut(table)}] does not exist{meant(table, TABLES)}")
         if not isinstance(values, Mapping):
             raise ValueError(f"`{table}` must be a table, but is {shown(values)}")
         out[table] = {}
         for key, value in values.items():
             if key not in TABLES[table]:
-                raise ValueError(f"unknown key `{_cut(key)}` in [{table}]{meant(key, TABLES[table])}")
+                raise ValueError(
+                    f"the key `{_cut(key)}` does not exist in [{table}]{meant(key, TABLES[table])}"
+                )
             type_ = TABLES[table][key].type
             # Convert one key at a time, so that the message contains the key and the allowed values.
             try:

@@ -97,7 +97,7 @@ def optimise(
 
     Example:
         >>> import tpd
-        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0)
+        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4)
         >>> design = tpd.optimise(tpd.Scene(block, tpd.Harmonic(amplitude=0.003, frequency=2.0)))
         >>> print(design)
         NOT NEEDED: under all conditions the block without a pendulum stays at rest. After a strong enough
@@ -140,7 +140,7 @@ def problem_of(
         return GroundMotionProblem.of(scene, conditions, space, **inputs)
     if isinstance(scene, Block) or isinstance(inputs.get("method"), GroundSearch):
         raise ValueError(
-            "a block without a motion, and a `GroundSearch`, require ground motions: pass "
+            "a block without a motion, or a `GroundSearch`, needs ground motions: pass "
             "`conditions=Conditions.records(...)`"
         )
     return HarmonicProblem.of(scene, space, conditions=conditions, **inputs)
@@ -220,7 +220,7 @@ def front(
 
     Example:
         >>> import tpd
-        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0)
+        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4)
         >>> design = tpd.optimise(tpd.Scene(block, tpd.Harmonic(amplitude=0.003, frequency=2.0)))
         >>> [point.status for point in tpd.front(design, [0.05])]
         ['no_uplift', 'no_uplift']
@@ -304,10 +304,10 @@ def optimise_all(
 
     Example:
         >>> import tpd
-        >>> blocks = [tpd.Block(width=w, height=1.5, mass=900.0) for w in (0.5, 0.6)]
+        >>> blocks = [tpd.Block(width=w, height=1.5, mass=900.0, cavity_width=0.4) for w in (0.5, 0.6)]
         >>> motion = tpd.Harmonic(amplitude=0.003, frequency=2.0)
         >>> print(tpd.optimise_all([tpd.Scene(block, motion) for block in blocks]))
-        Designs for 2 blocks: no_uplift 2
+        Designs for 2 blocks: 2 no uplift
     """
     checks.require_x64()
     check_where(None, cluster)

@@ -342,9 +342,9 @@ class SmoothedOrbits:
             e.multiplier[rows], e.reserve[rows] = step.multiplier, step.reserve
             # One step is sufficient if the design has moved little, since the error is quadratic in the
             # residual.
-            is_lost = ~step.solved | (step.residual > _ASTRAY) | (step.turn[:, 0] <= 0.0)
-            self.follows[rows] = ~is_lost
-            todo[rows] = ~is_lost & (step.residual > _NEAR)
+            has_failed = ~step.solved | (step.residual > _ASTRAY) | (step.turn[:, 0] <= 0.0)
+            self.follows[rows] = ~has_failed
+            todo[rows] = ~has_failed & (step.residual > _NEAR)
         # The exact solution decides for orbits that did not converge or no longer attract.
         rests = (e.margin > 0.0) & o.rest_counts
         self.follows &= ~todo & ~rests & (e.multiplier < 1.0)

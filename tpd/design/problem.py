@@ -57,7 +57,7 @@ class Variation(NamedTuple):
     scene: Scene | None = None
     """Scene with another block or gravity; None for the scene of the problem."""
     more: Conditions | None = None
-    """One further condition, in addition to all others."""
+    """Further condition, in addition to all others."""
 
 
 STATED = Variation()

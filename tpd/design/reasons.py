@@ -109,7 +109,7 @@ class ReasonKind(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Reason:
-    """One reason against a pendulum, as data. `str` returns the sentence."""
+    """Reason against a pendulum, as data. `str` returns the sentence."""
 
     kind: ReasonKind
     condition: str = ""

@@ -30,7 +30,7 @@ class Validated:
     design: np.ndarray
     """(mu, lam, zeta)."""
     pendulum: Pendulum
-    """The same design in SI units."""
+    """Pendulum of the design, in SI units."""
     exact: Any
     """`ExactMotions` under harmonic excitation, else None."""
     decided: PairedRuns | None
