@@ -412,8 +412,8 @@ def check_proportions(width: Any, height: Any, mass: Any) -> None:
         wide, high, heavy, of = (float(x[beyond][0]) for x in (width, height, mass, density))
         raise ValueError(
             f"`mass` must give a density between {DENSITIES[0]:g} and {DENSITIES[1]:g} kg/m^3 (for a block "
-            f"as deep as it is wide), but {heavy:g} kg in {wide:g} m x {high:g} m give {of:.3g} kg/m^3: are the "
-            "lengths in m and the mass in kg?"
+            f"as deep as it is wide), but {heavy:g} kg in {wide:g} m x {high:g} m give {of:.3g} kg/m^3: are "
+            "the lengths in m and the mass in kg?"
         )
 
 

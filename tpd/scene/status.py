@@ -76,8 +76,8 @@ class Status(eqx.Enumeration):
     rocked = "The block rocks during the motion and does not overturn."
     inexact = (
         "From the same initial state, the model with smoothed signs settles into another motion than the "
-        "exact model, or its amplitude differs by more than 5 %. Amplitude and gradient are those of the smoothed "
-        "motion. Change the model to `Piecewise()`, or with nonlinear terms to `Nonlinear()`."
+        "exact model, or its amplitude differs by more than 5 %. Amplitude and gradient are those of the "
+        "smoothed motion. Change the model to `Piecewise()`, or with nonlinear terms to `Nonlinear()`."
     )
     not_known = (
         "There is no symmetric orbit, and the block lifts from rest. Whether there is a periodic motion of "
