@@ -16,7 +16,7 @@ import scipy.io
 
 from tests.formats.reader import DATA, read
 from tpd import Record
-from tpd.formats.channel import checked
+from tpd.formats.channel import check_channel
 from tpd.formats.read import read_waveforms
 from tpd.formats.text import NoAcceleration, UnreadableRecord
 
@@ -101,8 +101,8 @@ def test_a_waveform_in_a_unit(monkeypatch):
     np.testing.assert_allclose(channel.acceleration, [0.0, 0.5])
     assert (channel.dt, channel.component, channel.name) == (0.01, "HNE", "XX.MADE..HNE")
     # Nothing says whether a waveform is corrected.
-    assert checked(channel, None).acceleration.tolist() == [-0.25, 0.25]
-    assert checked(channel, "none").acceleration.tolist() == [0.0, 0.5]
+    assert check_channel(channel, None).acceleration.tolist() == [-0.25, 0.25]
+    assert check_channel(channel, "none").acceleration.tolist() == [0.0, 0.5]
 
 
 def test_waveforms_that_are_refused(monkeypatch):
