@@ -91,15 +91,15 @@ optimise --pendulum-mass 20 | [space] `mass` must be between 0 and 16.224 kg in 
 optimise --pendulum-length 0.1 0.5 | [space] `length` must be between 0.0002 and 0.4 m in this block, but is
 optimise --pendulum-length long | `space.length` must be a number or a pair of numbers, but is 'long'
 optimise --pendulum-mass 1 --pendulum-length 0.1 | [space] a search needs two bounds for mass, length or
-optimise --pendulum-mass 1 --pareto | `search.pareto` goes with two bounds for the mass, `space.mass` or
+optimise --pendulum-mass 1 --pareto | `search.pareto` requires two bounds for the mass, `space.mass` or
 optimise --pendulum-mass 0 | [space] `mass` must be positive and finite, but is 0
 optimise --damping 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
 optimise --damping -1 | [space] `damping_ratio` must be between 0 and 2, but is -1
 optimise --bob cube | [bob] `shape` must be one of ball, cylinder, but is 'cube'
 optimise --cavity 0.2 | [block] `cavity_width` must be less than the outside width, 0.1 m (walls of no
 optimise --cavity 0.1 | [block] `cavity_width` must be less than the outside width, 0.1 m (walls of no thick
-optimise --exactly --band 2 3 | `conditions.exactly` goes with one motion: no band, no amplitudes and no scatt
-optimise --starts 8 | `search.starts` goes with a pulse or records, which this job does not have
+optimise --exactly --band 2 3 | `conditions.exactly` requires a single motion (no band, no amplitudes and no sc
+optimise --starts 8 | `search.starts` requires a pulse or records, which this job does not have
 optimise --measure median | `risk.measure` must be one of cvar, expected, worst, but is 'median'
 optimise --amplitudes inf | [conditions] `amplitudes` must be positive and finite, but is inf
 optimise --scatter friction | `--scatter` must be NAME=WIDTH, such as friction=0.2, but is 'friction'
@@ -114,7 +114,7 @@ optimise --stroke 1.6 | [limits] `stroke` must be at most 1.5708, a right angle 
 optimise --friction 0.6 | [block] `friction` must be at most 0.25, width/height (a moment over M g b
 optimise --amplitude 0 | [motion] `amplitude` must be above 0 in a search, but is 0: nothing shakes the
 optimise --mass-ratio 0.1 1.5 | [space] `mass_ratio` must be an interval low < high within 0 to 1
-optimise --exactly --measure cvar | `risk.measure` goes with several conditions, [conditions] or [scatter], wh
+optimise --exactly --measure cvar | `risk.measure` requires several conditions, [conditions] or [scatter], wh
 optimise --friction 0 --scatter friction=0.1 | [scatter] `friction` cannot scatter by a share of it
 optimise --scatter restitution=0.1 | [scatter] `restitution` can scatter where it is a number below
 job block.widht = 1.0 | unknown key `widht` in [block]; did you mean `width`?
@@ -129,7 +129,7 @@ job ensemble.any_phase = 1 | `ensemble.any_phase` must be true or false, but is 
 job conditions.band = [2, 3]; conditions.frequencies = 1 | [conditions] `frequencies` must be a whole number,
 job conditions.band = [2, 3]; conditions.frequencies = 2000000 | a job must have at most 100000 conditions, bu
 job conditions.amplitudes = [] | [conditions] `amplitudes` must hold at least one number, but is empty
-job risk.share = 0.2 | `risk.share` goes with `risk.measure` cvar, which this job does not have
+job risk.share = 0.2 | `risk.share` requires `risk.measure` cvar, which this job does not have
 job risk.measure = 'cvar'; risk.share = 0 | [risk] `share` must be between 1e-09 and 1, but is 0
 job bob.density = 10 | [bob] `density` must be between 100 and 25000 kg/m^3, but is 10
 job ensemble.ramps = [-1.0] | [ensemble] `ramps` must be zero or positive, and finite, but is -1
@@ -161,8 +161,8 @@ check HUNG --engine drake | argument --engine: invalid choice: 'drake'
 check HUNG --sliding 0.5 | --sliding is of --engine, which is not given
 map --x mu 0.1 50 --y lam 0.1 1.5 | `--x` must be at most 1, a bob as heavy as the block
 map X --y lam 0.1 3 | `--y` must be at most 2, a rod as long as the block
-shake SIZE --record el-centro --dt 0.5 | `motion.dt` goes with a file of a record
-fragility --records el-centro loma-prieta --event a | `motion.event` goes with a fi
+shake SIZE --record el-centro --dt 0.5 | `motion.dt` requires a file of a record
+fragility --records el-centro loma-prieta --event a | `motion.event` requires a fi
 spectrum --record el-centro --sizes-to 5 | --sizes-to is of the sizes of a pulse
 spectrum --pulse ricker --sizes-to nan | `--sizes-to` must be positive and finite
 spectrum --pulse ricker --pga 0.3 | --pga has no effect here: pulses of every freq
@@ -189,7 +189,7 @@ optimise --recrods a | unrecognized arguments: --recrods; did you mean `--record
 optimise --optimiser adamm | but is 'adamm'; did you mean `adam`?
 optimise --scatter frcition=0.1 | unknown key `frcition` in [scatter]; did you mean `fri
 export --as csv --pulse ricker --amplitude 1 | has keys of a pulse (`pulse`) and of a harm
-export --as csv HUNG --scale 5 | `motion.scales` goes with a pulse or records
+export --as csv HUNG --scale 5 | `motion.scales` requires a pulse or records
 export --as csv HUNG --sliding 0.5 | --sliding is of a model of MuJoCo or OpenSees
 export --as csv HUNG --file . | --file must name a file, but . is a directory
 """
@@ -206,7 +206,7 @@ response HUNG --amplitude 50 --frequency 1 | make 201 g: are they in m and Hz?
 map HUNG X --y amplitude 5 50 | must make at most 10 g
 spectrum --width 450 --height 1800 --mass 900 --pulse one-sine | kg/m^3
 check HUNG OWN | `cavity_width`, the width in m between the walls that the bob swings within, must be given
-job site.gravity = 1.0 | [site] `gravity` must be between 1.5 and 30 m/s^2 (the Earth's is 9.80665)
+job site.gravity = 1.0 | [site] `gravity` must be between 1.5 and 30 m/s^2 (on Earth it is 9.80665)
 job conditions.amplitudes = [100.0] | must make at most 10 g, but 1.5 m at 2.5 Hz make
 job limits.room = true; block.width = 0.1; REST | `cavity_width`, the width in m between the walls
 """
@@ -303,7 +303,7 @@ def test_existing_reports_and_unwritable_places_are_left_alone(capsys, tmp_path)
     for path in kept:
         path.write_text("keep me")
     for command in (("optimise",), ("response",), ("map", *WORDS["MAP"].replace("X", WORDS["X"]).split())):
-        assert "already holds files" in refused(capsys, *command, "--out", "taken")
+        assert "already contains files" in refused(capsys, *command, "--out", "taken")
         assert "is a file" in refused(capsys, *command, "--out", "taken/mine.txt")
         assert "cannot write to" in refused(capsys, *command, "--out", "/proc/nowhere/out")
     # Nor does bad input remove anything.

@@ -97,7 +97,7 @@ def test_the_scatter_of_a_job_is_that_of_the_blocks_that_judge(asked, tmp_path):
 def test_what_has_no_effect_on_records_is_named(asked, tmp_path):
     (tmp_path / "mine.toml").write_text(new.template("tower"))
     for options, sentence in (
-        (f"{RECORDS} --searches 3", "`search.searches` goes with a harmonic motion"),
+        (f"{RECORDS} --searches 3", "`search.searches` requires a harmonic motion"),
         ("--records el-centro", "a design on records needs `motion.scales` (--scales)"),
     ):
         done = call("optimise --scene mine.toml", options)

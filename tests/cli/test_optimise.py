@@ -116,7 +116,7 @@ def test_quiet_json_and_verbose(answered):
     assert done.out.endswith(done.files["report.txt"].read_text())
     done, _ = answered(rejected())
     assert done.status == 2
-    assert "already holds files" in done.err
+    assert "already contains files" in done.err
 
 
 def test_a_front_is_made_for_a_design_that_is_offered(answered, monkeypatch):

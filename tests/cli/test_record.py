@@ -76,8 +76,8 @@ def test_a_folder_has_a_line_for_each_record_and_names_what_is_left_out(tmp_path
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("nothing.csv", "no such file"),
-        ("el-centro --dt 0.5", "`motion.dt` goes with a file of a record"),
+        ("nothing.csv", "the file does not exist"),
+        ("el-centro --dt 0.5", "`motion.dt` requires a file of a record"),
         (f"{DATA}/coalinga_1983_cut.V2 --channel 7", "the file has the channels 0: 90 DEG"),
         (f"{DATA}/README.md", "README.md"),
     ],

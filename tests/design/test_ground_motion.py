@@ -163,16 +163,16 @@ def test_the_strongest_motions_are_those_of_the_largest_angle_in_which_the_block
     [
         (
             {"requirements": tpd.limits.Requirements(wall_contacts=0.2), "ensemble": tpd.Ensemble(size=4)},
-            "`ensemble.size` is for",
+            "`ensemble.size` is allowed only with",
         ),
-        ({"ensemble": tpd.Ensemble(periods=4)}, "`ensemble.periods` is for harmonics"),
+        ({"ensemble": tpd.Ensemble(periods=4)}, "`ensemble.periods` is allowed only with harmonics"),
         (
             {"limits": (tpd.limits.Reserve(),)},
-            "`limits` of ground motions must be of Stroke, .*Clearance, but has",
+            "`limits` under ground motions must be objects of Stroke, .*Clearance, but has",
         ),
         ({"validation_share": 1.5}, "`validation_share` must be between 0 and 0.9"),
         ({"block": dataclasses.replace(BLOCK, cavity_width=None)}, "`cavity_width`"),
-        ({"limits": (tpd.limits.Mass(0.01),)}, "the limit `mass` must be above the least point mass"),
+        ({"limits": (tpd.limits.Mass(0.01),)}, "the limit `mass` must be above the smallest point mass"),
     ],
 )
 def test_what_has_no_effect_or_makes_no_sense_is_rejected(given, message):

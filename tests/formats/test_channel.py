@@ -73,7 +73,7 @@ def test_baselines_are_removed_on_request():
 def test_what_is_no_ground_motion_is_refused_and_a_drift_is_noted():
     wave = np.sin(np.arange(100.0))
     for wrong, said in (
-        (Channel(np.zeros(1), 0.01), "2 samples or more, but 1 were found"),
+        (Channel(np.zeros(1), 0.01), "at least 2 samples, but has 1"),
         (Channel(wave, 20.0, "N"), "step must be 1e-05 s to 1 s, but is 20 s"),
         (Channel(200.0 * wave, 0.01), "peak must be at most 100 m/s^2, but is 199.998"),
         (Channel(wave * np.nan, 0.01), "peak must be at most 100 m/s^2, but is nan"),

@@ -10,7 +10,8 @@ from tests.formats.synthetic import cosmos, csmip_v1, csmip_v2, esm, geonet, kne
 from tpd import Record
 from tpd.design.ground_motion import Role, grouped
 from tpd.formats.channel import UNKNOWN
-from tpd.records import el_centro, reading
+from tpd.records import el_centro
+from tpd.records import read as reading
 from tpd.records.read import described, facts, read_motions, same_earthquakes, summary
 from tpd.scene.ground_motion import events_of
 
@@ -83,7 +84,7 @@ def test_records_of_a_folder_that_name_no_earthquake_are_of_one(tmp_path):
     files = [f"{folder}/{name}.asc" for name in "ab"]
     assert [m.event for m in read_motions(files, events=["A", "B"])[0]] == ["A", "B"]
     assert [m.event for m in read_motions(files, events=["A"])[0]] == ["A", "A"]
-    assert "2 name no earthquake" in " ".join(read_motions(files)[1])
+    assert "2 of 2 records state no earthquake" in " ".join(read_motions(files)[1])
     with pytest.raises(ValueError, match=re.escape("`event` must have one name, or one for each of the 2")):
         read_motions(files, events=["A", "B", "C"])
 
@@ -95,7 +96,7 @@ def test_records_without_a_direction_are_said_and_none_is_an_error(tmp_path):
     (record,), said = read_motions([str(path)])
     assert UNKNOWN in record.notes
     assert said == []
-    assert "of 2 records 1 state no orientation" in " ".join(read_motions([str(path), "el-centro"])[1])
+    assert "1 of 2 records state no orientation" in " ".join(read_motions([str(path), "el-centro"])[1])
     folder = put(tmp_path / "up", up=NS.replace("HNE", "HNZ"))
     with pytest.raises(ValueError, match=r"no horizontal record in .*; `channel` takes one that is"):
         read_motions([folder])
@@ -145,7 +146,7 @@ def test_one_earthquake_in_several_spellings_is_never_on_both_sides(tmp_path):
     tuned, held = grouped(found[:1], {"others": found[1:]}, 0)
     assert len(held.motions) == 3
     assert not set(tuned.events) & set(held.events)
-    with pytest.raises(ValueError, match="motions of other earthquakes"):
+    with pytest.raises(ValueError, match="motions of earthquakes that the search does not use"):
         grouped(found[:1], {"others": found[1:2]}, 0)
 
 
@@ -309,5 +310,5 @@ def test_records_made_in_python_are_compared_as_well():
     assert len(set(events_of(found))) == 3
     (said,) = same_earthquakes(found)
     one = "2023-02-07 Nowhere = Elsewhere, 2/6/2023 = Nowhere 2023-02-06"
-    assert said == f"note: taken for one earthquake by dates, names or samples: {one}"
+    assert said == f"note: these count as one earthquake by their dates, names or samples: {one}"
     assert same_earthquakes(found[1:4]) == []

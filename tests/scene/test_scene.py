@@ -58,12 +58,12 @@ def harmonic(amplitude, frequency):
 
 
 UNITS = {
-    "lengths in mm": (*block(100.0, 400.0, 16.224), "make 4.06e-06 kg/m"),
+    "lengths in mm": (*block(100.0, 400.0, 16.224), "give 4.06e-06 kg/m"),
     "mass in t": (*block(1.3, 10.0, 16.28), "are the lengths in m and the mass"),
     "mass in g": (*block(1.3, 10.0, 16280e3), "between 10 and 500000 kg/m"),
     "height in mm": (*block(0.5, 2500.0, 1e6), "at least 0.01 of `height`"),
     "a batch": (*block(np.array([0.1, 100.0]), np.array([0.4, 400.0]), 16.0), "16 kg in 100 m x 400 m"),
-    "amplitude in mm": (*harmonic(50.0, 1.0), "at most 10 g, but 50 m at 1 Hz make 201 g: are they in"),
+    "amplitude in mm": (*harmonic(50.0, 1.0), "at most 10 g, but 50 m at 1 Hz give 201 g: are they in"),
     "frequency in mHz": (*harmonic(0.081, 850.0), "are they in m and Hz?"),
     "damping in %": (Pendulum, {**PENDULUM, "damping_ratio": 5.0}, "a ratio: 5 % is 0.05"),
 }

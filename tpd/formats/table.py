@@ -299,15 +299,15 @@ def _statement(part: str) -> tuple[str, Any] | None:
 def _column(cell: str, *, first: bool) -> _Column:
     """Return the meaning of a name, or raise `_Unknown`. T is a time only in the first column."""
     # AccZ and acc-NS consist of two words, but N-S is one word.
-    row = _TWO_WORDS.sub(" ", _BRACKET.sub(" ", cell).strip(" :\"'"))
-    words = [w for x in re.findall(r"[^\s_]+", row) for w in ([x] if is_component(x) else x.split("-"))]
+    title = _TWO_WORDS.sub(" ", _BRACKET.sub(" ", cell).strip(" :\"'"))
+    words = [w for x in re.findall(r"[^\s_]+", title) for w in ([x] if is_component(x) else x.split("-"))]
     quantities, units, names = set(), [], []
     pieces = [*words, *_BRACKET.findall(cell)]
     if not pieces:
         raise _Unknown("an empty name")
     # A title with more words, or with numbers, may describe a filter instead.
     spectral = any(re.fullmatch(_NAMES["spectrum"], word.lower()) for word in pieces)
-    if spectral and len(words) < 2 + (len(pieces) > len(words)) and not re.search(r"\d", row):
+    if spectral and len(words) < 2 + (len(pieces) > len(words)) and not re.search(r"\d", title):
         message = f"{shown(cell)} belongs to a response spectrum and not to a ground motion"
         raise NoAcceleration(message, "response spectrum")
     for i, word in enumerate(pieces):
