@@ -86,7 +86,7 @@ def test_code_in_a_folder_of_others_is_not_executed_and_that_is_said_once(folder
         user = os.getuid()
         monkeypatch.setattr(os, "getuid", lambda: user + 1)
         reason = f"{folder} belongs to another user;"
-    with pytest.warns(UserWarning, match=f"every run compiles anew: {reason}") as said:
+    with pytest.warns(UserWarning, match=f"every run compiles it: {reason}") as said:
         assert [hits(), hits()] == [0, 0]
     assert len(said) == 1
 

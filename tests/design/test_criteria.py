@@ -246,7 +246,9 @@ def test_masses_in_kg_and_lengths_in_m_are_ratios_of_a_block():
     ):
         with pytest.raises(ValueError, match=f"^{message}$"):
             tpd.DesignSpace(**bad).of(block)
-    with pytest.raises(ValueError, match=r"in kg or m has no ratios without a block: use `space.of\(block\)`"):
+    with pytest.raises(
+        ValueError, match=r"in kg or m has no ratios without a block: use `space.of\(block\)`"
+    ):
         _ = space.bounds
 
 

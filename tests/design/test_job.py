@@ -338,7 +338,9 @@ def test_columns_of_a_table_are_named_and_the_message_names_options_of_the_comma
     rows = "".join(f"{10 * i},{x:.4f},{2 * x:.4f}\n" for i, x in enumerate(shaking(100)))
     (tmp_path / "a.csv").write_text(f"Zeit in ms,Nord x 10,Ost x 10\n{rows}")
     motion = {"records": [str(tmp_path / "a.csv")], "scales": [1.0]}
-    with pytest.raises(ValueError, match=r"; try these options to read the file: --skip 1 --columns ") as error:
+    with pytest.raises(
+        ValueError, match=r"; try these options to read the file: --skip 1 --columns "
+    ) as error:
         _ = jobs.job_of({"motion": motion}).motions
     assert "skip=" not in str(error.value)
     how = {"columns": ["time (ms)=1", "N=2", "E=3"], "skip": 1, "unit": "cm/s2", "scale": 10.0}

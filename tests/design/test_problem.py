@@ -55,7 +55,9 @@ def test_a_limit_on_the_mass_narrows_the_space():
 
 
 def test_walls_need_a_cavity_that_is_stated():
-    with pytest.raises(ValueError, match=r"`cavity_width`.*must be given, but is missing.*`Block`.*`Clearance`"):
+    with pytest.raises(
+        ValueError, match=r"`cavity_width`.*must be given, but is missing.*`Block`.*`Clearance`"
+    ):
         check_cavity(SOLID, (tpd.limits.Clearance(),))
     check_cavity(SOLID, tpd.limits.POINT_BOB)
     check_cavity(SCENE.block, (tpd.limits.Clearance(),))
@@ -133,7 +135,10 @@ class Own(limits.Limit):
 @pytest.mark.parametrize(
     ("asked", "sentence"),
     [
-        ({"limits": (limits.Stroke(), Own())}, "a job file cannot describe the limit `own`, which exists only in"),
+        (
+            {"limits": (limits.Stroke(), Own())},
+            "a job file cannot describe the limit `own`, which exists only in",
+        ),
         (
             {"conditions": tpd.Conditions({"amplitude": np.array([1.0, 1.2])}, ("mine",))},
             "a job file cannot describe the conditions of this problem. It allows bands, amplitudes and scatter, but",

@@ -49,7 +49,7 @@ def test_several_channels_are_listed_and_what_the_header_says_is_not_overruled()
 def test_no_file_a_directory_and_a_file_without_content(tmp_path):
     with pytest.raises(FileNotFoundError, match="the file does not exist"):
         Record.read(tmp_path / "none.AT2")
-    with pytest.raises(UnreadableRecord, match="a directory is no file"):
+    with pytest.raises(UnreadableRecord, match="the path is a directory"):
         Record.read(tmp_path)
     for text in ("", " \n\n"):
         with pytest.raises(UnreadableRecord, match=r"^a.txt: the file is empty"):

@@ -446,7 +446,7 @@ def test_options_read_a_table_whose_header_is_in_other_words(tmp_path):
     for wrong, message in {
         "skip": (-1, "`skip` must be a number of lines"),
         "scale": (0.0, "`scale` must be a finite number"),
-        "columns": ({"N": 0}, "`columns` must give names their numbers"),
+        "columns": ({"N": 0}, "`columns` must map names to column numbers"),
     }.items():
         with pytest.raises(ValueError, match=message[1] if isinstance(message, tuple) else message):
             found(tmp_path, text, **{wrong: message[0]})

@@ -63,7 +63,7 @@ def test_of_a_folder_all_that_is_horizontal_is_read(tmp_path):
     # A channel that is chosen is taken, vertical or not.
     both, said = read_motions([folder], channel=0)
     assert len(both) == 2
-    assert any("up.asc is a vertical component, but shakes the block sideways" in word for word in said)
+    assert any("up.asc is a vertical component, but is used as a horizontal motion" in word for word in said)
 
 
 @pytest.mark.mends("the channels of one file counted as earthquakes of their own")
@@ -98,7 +98,7 @@ def test_records_without_a_direction_are_said_and_none_is_an_error(tmp_path):
     assert said == []
     assert "1 of 2 records state no orientation" in " ".join(read_motions([str(path), "el-centro"])[1])
     folder = put(tmp_path / "up", up=NS.replace("HNE", "HNZ"))
-    with pytest.raises(ValueError, match=r"no horizontal record in .*; `channel` takes one that is"):
+    with pytest.raises(ValueError, match=r"no horizontal record in .*; `channel` selects a vertical one"):
         read_motions([folder])
 
 
@@ -297,7 +297,7 @@ def test_what_was_read_is_described(tmp_path):
     ]
     assert described(many) == [
         "records: 5 of 3 earthquakes, 3 samples of 0.01 to 0.02 s, 0.02 to 0.04 s long, PGA 0.102 g; "
-        "noted: drift 5"
+        "notes: drift 5"
     ]
     assert described([]) == []
 

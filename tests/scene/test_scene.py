@@ -82,7 +82,7 @@ def test_quantities_in_another_unit_are_asked_back(make, given, said):
 @pytest.mark.mends("a gravity in g, in cm/s^2 or in ft/s^2 was taken")
 @pytest.mark.parametrize("gravity", [1.0, 981.0, 9806.65, 32.17])
 def test_a_gravity_in_another_unit_is_asked_back(gravity):
-    with pytest.raises(ValueError, match=r"between 1\.5 and 30 m/s\^2 \(the Earth's is 9\.80665\), but is"):
+    with pytest.raises(ValueError, match=r"between 1\.5 and 30 m/s\^2 \(on Earth it is 9\.80665\), but is"):
         Scene(Block(**BLOCK), Harmonic(**MOTION), gravity=gravity)
 
 
@@ -96,12 +96,13 @@ def test_light_and_heavy_blocks_on_the_moon_and_on_a_shaking_table_are_taken():
 
 @pytest.mark.mends("a block without a stated cavity had one as wide as itself, and walls needed no thickness")
 def test_a_block_has_the_cavity_that_is_stated_and_no_other():
-    assert Block(**BLOCK).clearance == np.inf
-    assert Block(**BLOCK, cavity_width=0.07).clearance == 0.07
+    assert Block(**BLOCK).clear_width == np.inf
+    assert Block(**BLOCK, cavity_width=0.07).clear_width == 0.07
     assert paper_scene().block.cavity_width == 0.08
     for wide in (1.0, 1.001):
         with pytest.raises(
-            ValueError, match=r"`cavity_width` must be less than the outside width, 0\.\d+ m \(w"
+            ValueError,
+            match=r"`cavity_width` must be less than the width of the block, 0\.\d+ m, because the w",
         ):
             Block(**BLOCK, cavity_width=wide * BLOCK["width"])
 
