@@ -39,18 +39,15 @@ def test_a_pendulum_is_given_in_si_units_or_in_ratios():
 def test_ground_motions_are_said_with_their_sizes_and_a_harmonic_by_its_scene():
     records = {"records": ["el-centro", "loma-prieta"], "scales": [2, 3]}
     two = job_of({"motion": records})
-    assert (
-        two.in_words == "2 records, each at 2, 3 (PGA over g tan(alpha), 1 = the "
-        "acceleration that lifts the block)"
-    )
-    assert [line.partition(",")[0] for line in two.told] == ["record: el-centro", "record: loma-prieta"]
+    assert two.in_words == "2 records, each at 2, 3 (PGA over g tan(alpha); at 1 the block lifts)"
+    assert [line.partition(",")[0] for line in two.messages] == ["record: el-centro", "record: loma-prieta"]
     one = job_of({"motion": records | {"records": ["el-centro"]}})
     assert (
         one.in_words
-        == "El Centro/NS, 3.127 m/s^2 at most, 31.18 s, each at 2, 3 (PGA over g tan(alpha), 1 = the "
-        "acceleration that lifts the block)"
+        == "El Centro/NS, 3.127 m/s^2 at most, 31.18 s, each at 2, 3 (PGA over g tan(alpha); at 1 the "
+        "block lifts)"
     )
-    assert (job_of({}).in_words, job_of({}).told) == ("", ())
+    assert (job_of({}).in_words, job_of({}).messages) == ("", ())
 
 
 def test_compiled_programs_can_be_stored():
@@ -86,7 +83,7 @@ optimise OWN --width 0.3 | [block] `width` must be at most 0.5 of `height` (the 
 optimise --amplitude -0.1 | [motion] `amplitude` must be zero or positive, and finite, but is -0.1
 optimise --restitution 1.5 | [block] `restitution` must be between 0 and 1, but is 1.5
 optimise --mass-ratio 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
-optimise --mass-ratio 0.1 0.2 --pendulum-mass 2 | [space] `mass` and `mass_ratio` state the same: give one of
+optimise --mass-ratio 0.1 0.2 --pendulum-mass 2 | [space] `mass` and `mass_ratio` state the same quantity: g
 optimise --pendulum-mass 20 | [space] `mass` must be between 0 and 16.224 kg in this block, but is 20
 optimise --pendulum-length 0.1 0.5 | [space] `length` must be between 0.0002 and 0.4 m in this block, but is
 optimise --pendulum-length long | `space.length` must be a number or a pair of numbers, but is 'long'
@@ -96,46 +93,46 @@ optimise --pendulum-mass 0 | [space] `mass` must be positive and finite, but is 
 optimise --damping 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
 optimise --damping -1 | [space] `damping_ratio` must be between 0 and 2, but is -1
 optimise --bob cube | [bob] `shape` must be one of ball, cylinder, but is 'cube'
-optimise --cavity 0.2 | [block] `cavity_width` must be less than the outside width, 0.1 m (walls of no
-optimise --cavity 0.1 | [block] `cavity_width` must be less than the outside width, 0.1 m (walls of no thick
+optimise --cavity 0.2 | [block] `cavity_width` must be less than the width of the block, 0.1 m,
+optimise --cavity 0.1 | [block] `cavity_width` must be less than the width of the block, 0.1 m, because
 optimise --exactly --band 2 3 | `conditions.exactly` requires a single motion (no band, no amplitudes and no sc
 optimise --starts 8 | `search.starts` requires a pulse or records, which this job does not have
 optimise --measure median | `risk.measure` must be one of cvar, expected, worst, but is 'median'
 optimise --amplitudes inf | [conditions] `amplitudes` must be positive and finite, but is inf
 optimise --scatter friction | `--scatter` must be NAME=WIDTH, such as friction=0.2, but is 'friction'
 optimise --scatter friction=0.6 | [scatter] `friction` must be between 0 and 0.5, but is 0.6
-optimise --scatter colour=0.1 | unknown key `colour` in [scatter]; allowed are amplitude, frequency
-optimise --width 0.2 | a block of your own must be whole, with a motion of its own, but `height` and `mass` in
-optimise SIZE --amplitude 0.02 | but `frequency` in [motion] is missing beside `width`, `height` and
+optimise --scatter colour=0.1 | the key `colour` does not exist in [scatter]; allowed are amplitude, frequency
+optimise --width 0.2 | a block of your own must be complete and have a motion of its own. The job has `width`, b
+optimise SIZE --amplitude 0.02 | The job has `width`, `height` and `mass`, but `frequency` in [motion]
 optimise --scene absent.toml | cannot read absent.toml: No such file or directory
 optimise --scene . | cannot read .: Is a directory
-optimise --scene /dev/null | /dev/null is empty: `tpd new` writes a job file to begin with
+optimise --scene /dev/null | /dev/null is empty: create a job file with `tpd new`
 optimise --stroke 1.6 | [limits] `stroke` must be at most 1.5708, a right angle in rad, but is 1.6
-optimise --friction 0.6 | [block] `friction` must be at most 0.25, width/height (a moment over M g b
-optimise --amplitude 0 | [motion] `amplitude` must be above 0 in a search, but is 0: nothing shakes the
+optimise --friction 0.6 | [block] `friction` must be at most 0.25, width/height (it is a moment over
+optimise --amplitude 0 | [motion] `amplitude` must be above 0 in a search, but is 0: the base does not
 optimise --mass-ratio 0.1 1.5 | [space] `mass_ratio` must be an interval low < high within 0 to 1
 optimise --exactly --measure cvar | `risk.measure` requires several conditions, [conditions] or [scatter], wh
-optimise --friction 0 --scatter friction=0.1 | [scatter] `friction` cannot scatter by a share of it
-optimise --scatter restitution=0.1 | [scatter] `restitution` can scatter where it is a number below
-job block.widht = 1.0 | unknown key `widht` in [block]; did you mean `width`?
-job blok.width = 1.0 | unknown table [blok]; did you mean `block`?
+optimise --friction 0 --scatter friction=0.1 | [scatter] `friction` cannot vary by a share of its
+optimise --scatter restitution=0.1 | [scatter] `restitution` can vary only if it is a number bel
+job block.widht = 1.0 | the key `widht` does not exist in [block]; did you mean `width`?
+job blok.width = 1.0 | the table [blok] does not exist; did you mean `block`?
 job block.width = 2020-01-01 | `block.width` must be a number, but is datetime.date
 job block.restitution = true | `block.restitution` must be a number or a text, but is True
 job project.name = 3 | `project.name` must be a text in one line of at most 100 characters, but is 3
 job site.gravity = 0 | [site] `gravity` must be positive and finite, but is 0
 job space.mass_ratio = [0.1, true] | `space.mass_ratio` must be a number or a pair of numbers, but is [0.1, T
-job search.budget = 8 | unknown key `budget` in [search]; allowed are model, optimiser
+job search.budget = 8 | the key `budget` does not exist in [search]; allowed are model, optimiser
 job ensemble.any_phase = 1 | `ensemble.any_phase` must be true or false, but is 1
 job conditions.band = [2, 3]; conditions.frequencies = 1 | [conditions] `frequencies` must be a whole number,
 job conditions.band = [2, 3]; conditions.frequencies = 2000000 | a job must have at most 100000 conditions, bu
-job conditions.amplitudes = [] | [conditions] `amplitudes` must hold at least one number, but is empty
+job conditions.amplitudes = [] | [conditions] `amplitudes` must contain at least one number, but is empty
 job risk.share = 0.2 | `risk.share` requires `risk.measure` cvar, which this job does not have
 job risk.measure = 'cvar'; risk.share = 0 | [risk] `share` must be between 1e-09 and 1, but is 0
 job bob.density = 10 | [bob] `density` must be between 100 and 25000 kg/m^3, but is 10
 job ensemble.ramps = [-1.0] | [ensemble] `ramps` must be zero or positive, and finite, but is -1
 job block.width = 0.1; block.radius_of_gyration = 0.3; REST | [block] `radius_of_gyration` must be at most 0.2
 job limits.tilt = 1.5 | [limits] `tilt` must be at most 1, a block that stands on its corner
-job ensemble.restitution = 0.1 | [ensemble] `restitution` can scatter where it is a number
+job ensemble.restitution = 0.1 | [ensemble] `restitution` can vary only if it is a number
 response --pendulum-mass 1 | give --pendulum-length or --length-ratio as well
 response HUNG --pendulum-mass 1 | not allowed with argument
 response HUNG --pendulum-damping -1 | `damping_ratio` must be zero or positive
@@ -166,7 +163,7 @@ fragility --records el-centro loma-prieta --event a | `motion.event` requires a 
 spectrum --record el-centro --sizes-to 5 | --sizes-to is of the sizes of a pulse
 spectrum --pulse ricker --sizes-to nan | `--sizes-to` must be positive and finite
 spectrum --pulse ricker --pga 0.3 | --pga has no effect here: pulses of every freq
-job block.size.width = 1.0 | unknown key `size` in [block]
+job block.size.width = 1.0 | the key `size` does not exist in [block]
 job x = = 3 | is not valid TOML: Invalid value (at line 1, column 5)
 job [block]; width = 0,5 | (at line 2, column 10); write 0.5 with a decimal point, not 0,5
 job [space]; mass_ratio = [0,01, 0.2] | ; write 0.01 with a decimal point, not 0,01
@@ -177,17 +174,17 @@ shake --free 1,5 | invalid float value: '1,5'; write 1.5 with a decimal point, n
 shake --free x | invalid float value: 'x' (see
 job [block]; [block] | is not valid TOML: Cannot declare
 job [[block]]; width = 1 | `block` must be a table, but is [{'width': 1}]
-shake | a harmonic has no end: give --record FILE or --pulse KIND
+shake | a ground motion is needed, but the motion is a harmonic
 shake SIZE --record nothing.csv | nothing.csv
 shake SIZE PULSE --pga 0 | [motion] `pga` must be positive
-fragility | a harmonic has no end: give --record FILE or --pulse KIND
+fragility | a ground motion is needed, but the motion is a harmonic
 new | required: KIND
 new tower --out /proc/nowhere/tower.toml | cannot write /proc/nowhere/tower.toml
 new towr | did you mean `tower`?
 optmise | did you mean `optimise`?
 optimise --recrods a | unrecognized arguments: --recrods; did you mean `--records`?
 optimise --optimiser adamm | but is 'adamm'; did you mean `adam`?
-optimise --scatter frcition=0.1 | unknown key `frcition` in [scatter]; did you mean `fri
+optimise --scatter frcition=0.1 | the key `frcition` does not exist in [scatter]; did you
 export --as csv --pulse ricker --amplitude 1 | has keys of a pulse (`pulse`) and of a harm
 export --as csv HUNG --scale 5 | `motion.scales` requires a pulse or records
 export --as csv HUNG --sliding 0.5 | --sliding is of a model of MuJoCo or OpenSees
@@ -195,26 +192,26 @@ export --as csv HUNG --file . | --file must name a file, but . is a directory
 """
 """Commands, and what is said of each; `job` is `tpd optimise` of a file with these lines."""
 UNITS = r"""
-optimise --width 100 --height 400 --mass 16.2 --amplitude 15 --frequency 2.5 | [block] `mass` must make betwee
+optimise --width 100 --height 400 --mass 16.2 --amplitude 15 --frequency 2.5 | [block] `mass` must give a dens
 optimise OWN --mass 0.016 | are the lengths in m and the mass in kg?
-optimise --amplitude 50 --frequency 1 | [motion] `amplitude` and `frequency` must make at most 10 g, but 50 m
-optimise --amplitudes 100 120 | [motion] `amplitude` and `frequency` must make at most 10 g, but 1.8 m
+optimise --amplitude 50 --frequency 1 | [motion] `amplitude` and `frequency` must give an acceleration of
+optimise --amplitudes 100 120 | [motion] `amplitude` and `frequency` must give an acceleration of
 optimise --band 2250 2750 | are they in m and Hz?
-optimise OWN | `cavity_width`, the width in m between the walls that the bob swings within, must be given, but
+optimise OWN | `cavity_width` must be given, but is missing. It is the distance in m between the walls
 response HUNG --pendulum-damping 5 | `--pendulum-damping` must be at most 2, twice crit
-response HUNG --amplitude 50 --frequency 1 | make 201 g: are they in m and Hz?
-map HUNG X --y amplitude 5 50 | must make at most 10 g
+response HUNG --amplitude 50 --frequency 1 | give 201 g: are they in m and Hz?
+map HUNG X --y amplitude 5 50 | must give an acceleration of at most 10 g
 spectrum --width 450 --height 1800 --mass 900 --pulse one-sine | kg/m^3
-check HUNG OWN | `cavity_width`, the width in m between the walls that the bob swings within, must be given
+check HUNG OWN | `cavity_width` must be given, but is missing. It is the distance in m between the
 job site.gravity = 1.0 | [site] `gravity` must be between 1.5 and 30 m/s^2 (on Earth it is 9.80665)
-job conditions.amplitudes = [100.0] | must make at most 10 g, but 1.5 m at 2.5 Hz make
-job limits.room = true; block.width = 0.1; REST | `cavity_width`, the width in m between the walls
+job conditions.amplitudes = [100.0] | must give an acceleration of at most 10 g, but 1.5 m at 2.5 Hz give
+job limits.clearance = true; block.width = 0.1; REST | `cavity_width` must be given, but is missing
 """
 """Input in other units, or of a block without a cavity."""
 ROWS, ASKED = ([tuple(line.split(" | ")) for line in x.strip().splitlines()] for x in (TABLE, UNITS))
 ROWS += [
     (f"job block.mass = {'9' * 400}", "`block.mass` must be a number, but is 9999"),
-    (f"job block.{'x' * 5000} = 1", "...` in [block]; allowed are width"),
+    (f"job block.{'x' * 5000} = 1", "...` does not exist in [block]; allowed are width"),
     (f"job x = {'[' * 100_000}", "nests too deeply"),
     ("job project.name = 'a\tb'", "`project.name` must be a text in one line"),
     ("", "the following arguments are required: COMMAND"),
@@ -283,7 +280,7 @@ def test_a_file_that_is_no_design_is_refused(capsys, tmp_path):
     for content, message in (
         ("not json", "is not a design in JSON"),
         ("\xff", "is not a design in JSON"),
-        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 9, but is of 7"),
+        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 10, but is of 7"),
     ):
         (tmp_path / "design.json").write_text(content, encoding="latin-1")
         for command in (("check", "."), ("response", "design.json"), ("export", ".", "--as", "mjcf")):
@@ -293,7 +290,7 @@ def test_a_file_that_is_no_design_is_refused(capsys, tmp_path):
 def test_a_record_of_zeros_shakes_nothing(capsys, tmp_path):
     (tmp_path / "a.txt").write_text("t a\n" + "".join(f"{0.01 * i:.2f} 0.0\n" for i in range(100)))
     command = f"shake {WORDS['SIZE']} --record a.txt --unit g --out out"
-    assert "must have an acceleration, but is zero" in refused(capsys, *command.split())
+    assert "the acceleration of the motion must not be zero" in refused(capsys, *command.split())
     assert not (tmp_path / "out").exists()
 
 

@@ -56,11 +56,11 @@ for name in ("jax", "numpy", "optax", "matplotlib"):
 def test_the_help_has_the_texts_and_defaults_of_the_schema(capsys):
     text = " ".join(shown(capsys, "optimise").split())
     for said in (
-        "whole width of the base, m (default 0.1)",
-        "fixed, or two bounds (default 0.01 0.2)",
+        "width of the base, m (default 0.1)",
+        "fixed number, or two bounds (default 0.01 0.2)",
         "--no-walls do not ask for room between the walls",
-        "--exactly search for the motion itself alone with a point bob, as in the paper",
-        "seed of every random choice, the runs that verify and judge included (default 0)",
+        "--exactly search only for the stated motion, with a point bob, as in the paper",
+        "seed of all random choices, including those of the validation runs (default 0)",
         "0 a pendulum is offered",
         "130 interrupted",
     ):

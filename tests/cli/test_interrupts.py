@@ -93,7 +93,7 @@ def test_a_warning_is_a_sentence_and_a_user_needs_no_home():
     done = subprocess.run([sys.executable, "-c", HOMELESS], capture_output=True, text=True)
     assert done.returncode == 2
     lines = [line[:35] for line in done.stderr.splitlines() if "solving" not in line]
-    assert lines == ["tpd: compiled code is not kept, so ", "tpd: give DESIGN, or a pendulum by "]
+    assert lines == ["tpd: compiled code is not stored, s", "tpd: give DESIGN, or a pendulum by "]
 
 
 TABLE = """

@@ -98,7 +98,7 @@ def test_what_has_no_effect_on_records_is_named(asked, tmp_path):
     (tmp_path / "mine.toml").write_text(new.template("tower"))
     for options, sentence in (
         (f"{RECORDS} --searches 3", "`search.searches` requires a harmonic motion"),
-        ("--records el-centro", "a design on records needs `motion.scales` (--scales)"),
+        ("--records el-centro", "a design for records needs `motion.scales` (--scales)"),
     ):
         done = call("optimise --scene mine.toml", options)
         assert (done.status, len(done.err.splitlines()), asked) == (2, 1, {})

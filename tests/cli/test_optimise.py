@@ -165,18 +165,18 @@ def test_a_pendulum_is_judged_on_the_records_of_a_job(on_records):
     assert "tuned to (2 runs): mean tilt" in said
     last = done.out.splitlines()[-1]
     assert last.startswith(("NOT RECOMMENDED: ", "TOO FEW EARTHQUAKES"))
-    assert "  motion  2 records, each at 2, 3 (PGA over g tan(alpha), 1 = " in done.out
+    assert "  motion  2 records, each at 2, 3 (PGA over g tan(alpha); at 1 " in done.out
 
 
 def test_a_design_is_shaken_by_another_record(on_records, tmp_path):
     first = str(on_records[0] / "first")
     done = call("shake", first, out=tmp_path / "out")
-    assert "the job has 2 records (quake.csv; loma-prieta), but one is needed: --record FILE" in done.err
+    assert "the job has 2 records (quake.csv; loma-prieta), but exactly one is needed: choose it" in done.err
     done = call("shake", first, "--record el-centro --scale 0.5 --free 1", out=tmp_path / "out")
     assert done.status == 0
     assert done.json("shake.json")["scene"]["block"]["height"] == 6.0
     done = call("response", first, out=tmp_path / "out")
-    assert "`tpd response` is about harmonic motion, and the job has records" in done.err
+    assert "`tpd response` needs a harmonic motion, but the job has records" in done.err
 
 
 @pytest.mark.mends("the report said nothing of the files that were read")
@@ -220,5 +220,5 @@ def test_what_is_left_out_of_the_records_held_out_is_said(tmp_path):
     names = [str(tmp_path / name) for name in texts]
     job = jobs.job_of({"motion": {"records": names[:1], "validation_share": names[1:], "scales": [1.0]}})
     assert job.validation_notes == (
-        "validation, b.AT2: left out, since the design is tuned to their earthquakes: b.AT2",
+        "validation, b.AT2: left out, because the search uses the same earthquakes: b.AT2",
     )

@@ -36,9 +36,9 @@ def test_an_earthquake_is_on_one_side_only():
     assert len(grouped(RECORDS, 0.0, 0)) == 1
     others = grouped(RECORDS[:4], {"others": RECORDS[2:8]}, 0)
     assert [m.name for m in others[1].motions] == [m.name for m in RECORDS[4:8]]
-    with pytest.raises(ValueError, match="it takes all"):
+    with pytest.raises(ValueError, match="it uses all"):
         grouped(RECORDS[:2], 0.5, 0)
-    with pytest.raises(ValueError, match="other earthquakes"):
+    with pytest.raises(ValueError, match="earthquakes that the search does not use"):
         grouped(RECORDS[:2], {"same": RECORDS[:2]}, 0)
 
 

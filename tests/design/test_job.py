@@ -269,12 +269,12 @@ def test_one_motion_at_one_size_is_needed_for_a_history_and_sizes_for_a_search()
     assert job.shaking.pga == pytest.approx(3.0 * 9.80665 * job.block.slenderness)
     unsized = jobs.job_of({"motion": alone})
     assert unsized.shaking.name == el_centro().name
-    with pytest.raises(ValueError, match=r"a design on records needs `motion.scales` \(--scales\)"):
+    with pytest.raises(ValueError, match=r"a design for records needs `motion.scales` \(--scales\)"):
         _ = unsized.conditions
-    with pytest.raises(ValueError, match="the job has 2 sizes of its motion: give one by --scale X"):
+    with pytest.raises(ValueError, match="the job has 2 scales of its motion, but exactly one is needed"):
         _ = jobs.job_of({"motion": alone | {"scales": [1.0, 2.0]}}).shaking
     with pytest.raises(
-        ValueError, match=r"the job has 2 records \(el-centro; loma-prieta\), but one is needed"
+        ValueError, match=r"the job has 2 records \(el-centro; loma-prieta\), but exactly one is needed"
     ):
         _ = jobs.job_of({"motion": RECORDS}).shaking
 
@@ -360,7 +360,7 @@ def test_the_options_that_read_a_table_work_as_they_are_written(tmp_path):
     path.write_text(f"time (s),acc (cm/s2 x 1.2345678)\n{rows}")
     job = tmp_path / "job.toml"
     job.write_text(f'[motion]\nrecords = ["{path}"]\n')
-    with pytest.raises(ValueError, match="options that read the file") as caught:
+    with pytest.raises(ValueError, match="try these options to read the file") as caught:
         _ = jobs.Job.read(job).motions
     said = str(caught.value).partition("try these options to read the file: ")[2]
     assert shlex.split(said) == [

@@ -450,7 +450,7 @@ def test_options_read_a_table_whose_header_is_in_other_words(tmp_path):
     }.items():
         with pytest.raises(ValueError, match=message[1] if isinstance(message, tuple) else message):
             found(tmp_path, text, **{wrong: message[0]})
-    with pytest.raises(UnreadableRecord, match=r"`columns` and `skip` are for tables.* PEER"):
+    with pytest.raises(UnreadableRecord, match=r"`columns` and `skip` are allowed only for tables.* PEER"):
         read(tmp_path, peer(shaking(100), 0.01), skip=1)
 
 

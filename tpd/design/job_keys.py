@@ -141,7 +141,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "scales": Key(
             tuple[float, ...],
             None,
-            "values of the intensity to which every motion is scaled, such as 1.5 2 3",
+            "values of the intensity, in its unit, to which every motion is scaled, such as 1.5 2 3",
         ),
         "intensity": Key(
             str,
