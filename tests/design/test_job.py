@@ -271,7 +271,7 @@ def test_one_motion_at_one_size_is_needed_for_a_history_and_sizes_for_a_search()
     assert unsized.shaking.name == el_centro().name
     with pytest.raises(ValueError, match=r"a design for records needs `motion.scales` \(--scales\)"):
         _ = unsized.conditions
-    with pytest.raises(ValueError, match="the job has 2 scales of its motion, but exactly one is needed"):
+    with pytest.raises(ValueError, match="the job has 2 scales, but exactly one is needed"):
         _ = jobs.job_of({"motion": alone | {"scales": [1.0, 2.0]}}).shaking
     with pytest.raises(
         ValueError, match=r"the job has 2 records \(el-centro; loma-prieta\), but exactly one is needed"
@@ -338,9 +338,7 @@ def test_columns_of_a_table_are_named_and_the_message_names_options_of_the_comma
     rows = "".join(f"{10 * i},{x:.4f},{2 * x:.4f}\n" for i, x in enumerate(shaking(100)))
     (tmp_path / "a.csv").write_text(f"Zeit in ms,Nord x 10,Ost x 10\n{rows}")
     motion = {"records": [str(tmp_path / "a.csv")], "scales": [1.0]}
-    with pytest.raises(
-        ValueError, match=r"; try these options to read the file: --skip 1 --columns "
-    ) as error:
+    with pytest.raises(ValueError, match=r"; try these options: --skip 1 --columns ") as error:
         _ = jobs.job_of({"motion": motion}).motions
     assert "skip=" not in str(error.value)
     how = {"columns": ["time (ms)=1", "N=2", "E=3"], "skip": 1, "unit": "cm/s2", "scale": 10.0}
@@ -360,9 +358,9 @@ def test_the_options_that_read_a_table_work_as_they_are_written(tmp_path):
     path.write_text(f"time (s),acc (cm/s2 x 1.2345678)\n{rows}")
     job = tmp_path / "job.toml"
     job.write_text(f'[motion]\nrecords = ["{path}"]\n')
-    with pytest.raises(ValueError, match="try these options to read the file") as caught:
+    with pytest.raises(ValueError, match="try these options") as caught:
         _ = jobs.Job.read(job).motions
-    said = str(caught.value).partition("try these options to read the file: ")[2]
+    said = str(caught.value).partition("try these options: ")[2]
     assert shlex.split(said) == [
         *("--skip", "1", "--columns", "time (s)=1", "acc=2", "--scale", "1.2345678", "--unit", "cm/s2")
     ]

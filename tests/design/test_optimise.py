@@ -254,8 +254,8 @@ def test_a_block_that_slides_before_it_lifts_gets_no_pendulum():
         (designs.BLOCK, {"starts": tpd.Starts.rest()}, "`starts` is for harmonics"),
         (designs.BLOCK, {"objective": tpd.limits.SteadyTilt()}, "`objective` is for harmonics"),
         (SCENE, {"conditions": None, "validation_share": 0.5}, "`validation_share` is for ground motions"),
-        (designs.BLOCK, {"conditions": None}, "needs ground motions"),
-        (SCENE, {"conditions": None, "method": tpd.GroundSearch()}, "needs ground motions"),
+        (designs.BLOCK, {"conditions": None}, "needs `conditions=Conditions.records"),
+        (SCENE, {"conditions": None, "method": tpd.GroundSearch()}, "needs `conditions=Conditions.records"),
     ],
 )
 def test_a_problem_of_neither_kind_is_rejected(scene, settings, message):

@@ -99,12 +99,12 @@ def test_what_is_read_is_what_was_written(design, damaged, tmp_path):
         ({"pendulum": [1.0]}, "`pendulum` must be a table, but is [1.0]"),
         (
             {"job": {"limits": {"strokes": 1.0}}},
-            "the key `strokes` does not exist in [limits]; did you mean `stroke`?",
+            "there is no key `strokes` in [limits]; did you mean `stroke`?",
         ),
         ({"job": {"limits": {"stroke": 3.0}}}, "[limits] `stroke` must be at most 1.5708"),
         (
             {"job": {"block": {"widht": 1.0}}},
-            "the key `widht` does not exist in [block]; did you mean `width`?",
+            "there is no key `widht` in [block]; did you mean `width`?",
         ),
         ({"job": {"motion": 1.0}}, "`motion` must be a table, but is 1.0"),
         ({"job": {"site": {"gravity": 0.0}}}, "[site] `gravity` must be positive and finite, but is 0"),

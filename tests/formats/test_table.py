@@ -344,7 +344,7 @@ NOT_UNDERSTOOD = {
     "an unknown word": ("time (s),strain (g)", "has 'strain'"),
     "an unknown unit": ("time (s),acc (counts)", r"has '\(counts\)'"),
     "relative acceleration": ("time (s),relative acc (g)", "has 'relative'"),
-    "two times": ("time (s),time (ms)", "must contain one time and at least one acceleration"),
+    "two times": ("time (s),time (ms)", "must have one time and accelerations"),
     "no names": ("", "names the columns"),
     "a remark": ("made up\nt (s),a (g)", "line 1 has 'made', .*: skip=1$"),
     "a factor of a power": ("time (s),acc (g x 10^3)", "scale='FACTOR', unit='g'$"),

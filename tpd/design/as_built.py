@@ -464,6 +464,7 @@ def loss_models(scene: Scene) -> dict[str, Block]:
     p = Scene(block, paper_scene().motion, scene.gravity).parameters()
     e = float(block.velocity_ratio)
     k = float(block.friction)
+    # A block without losses at impacts gets Housner's, and one without friction the equivalent friction.
     impacts = HOUSNER if e == 1.0 else block.restitution
     friction = k or float(equivalent_friction(p, _USUAL * float(p.nu))) if e < 1.0 else k
     return {
@@ -490,6 +491,7 @@ def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:
     stands = [h for h in histories if is_one_of(h.status, *STANDING)]
     if not stands:
         return None
+    # The largest loads of all motions. They need not occur in the same motion.
     each = np.array([(*h.loads(pendulum), h.needed_friction) for h in stands])
     tension, hinge, rate, friction = map(float, each.max(axis=0))
     return Loads(tension, hinge, rate, friction, len(stands))
@@ -513,6 +515,7 @@ def pull_test(scene: Scene) -> PullTest:
     """
     block, g = scene.block, float(scene.gravity)
     nu, k = float(block.slenderness), float(block.friction)
+    # If friction holds the block at this tilt, the test gives no impacts.
     tilt, rate, impacts = _PULLED * nu, float(scene.rate), 0
     taus = np.zeros(1)
     if tilt < nu - k:

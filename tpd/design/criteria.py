@@ -155,6 +155,7 @@ class DesignSpace:
                 # Check each bound separately, so that the message contains the bound that is out of range.
                 for x in np.ravel(value).tolist():
                     checks.within(name, x, low * size, high * size, f" {unit} in this block")
+                # Clip the ratio, because the division may exceed a bound by rounding.
                 out |= {name: None, TWINS[name]: np.clip(np.array(value) / size, low, high).tolist()}
         return replace(self, **out)
 
@@ -249,6 +250,7 @@ class Risk:
 
     def cap(self, n: int) -> float:
         """Return the largest weight that one of n conditions can have."""
+        # A share below one condition selects the worst condition.
         return min(1.0, 1.0 / max(self.share * n, 1.0))
 
     def of(self, values: np.ndarray) -> np.ndarray:
@@ -622,6 +624,7 @@ class Mass(Limit):
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
         """Return the mass of the body over the limit, with the nominal mass under all conditions."""
+        # The tolerance of the mass is not part of the limit.
         body = replace(g, mass_factor=np.ones_like(g.mass_factor)).body(e.design)
         yield Size(self.name, body.mass / self.kg, body.mass_slope / self.kg)
 
@@ -845,9 +848,7 @@ def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
             raise ValueError(f"`limits` must contain objects of `tpd.limits`, but has {checks.shown(limit)}")
         # The fields of the dataclass distinguish two searches, and the name appears in reports.
         if "__dataclass_fields__" not in vars(type(limit)) or not hasattr(limit, "name"):
-            raise ValueError(
-                f"`limits` must contain dataclasses with a `name`, but has {type(limit).__name__}"
-            )
+            raise ValueError(f"`limits` must be dataclasses with a `name`, but has {type(limit).__name__}")
     kinds = [type(limit) for limit in listed]
     for kind in kinds:
         # With two limits of one kind a report could not say which one is active.
@@ -882,6 +883,7 @@ def _relative(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
     """
     if e.relative is not None:
         return e.relative, np.zeros((*e.relative.shape, 3))
+    # The tilt is stored over nu, so multiply by nu to get an angle.
     nu = g.slenderness[None, :]
     return e.swing + e.tilt * nu, e.swing_slope + e.tilt_slope * nu[..., None]
 
@@ -931,6 +933,7 @@ def first_apart(
     The distance is in shares of the bounds. The first `fixed` designs are always included.
     """
     chosen = [int(i) for i in order[:fixed]]
+    # For every design the distance from the closest chosen design, updated with each new choice.
     nearest = np.min([np.full(len(units), np.inf), *(_distances(units, i) for i in chosen)], axis=0)
     for i in map(int, order[fixed:]):
         if len(chosen) < most and nearest[i] > apart:

@@ -93,7 +93,10 @@ class Design(Printed):
         def rank(v: Validated) -> tuple[bool, float]:
             return v.runs is None, sum((reason.shortfall for reason in v.reasons), 0.0)
 
+        # Validation ends with the first design that passes, which is therefore the last one.
         offered = self.validated[-1:] if self.status in OFFERED else ()
+        # Designs that were rejected without runs come last, because their shortfalls cover only some
+        # requirements.
         return min(offered or self.validated, key=rank, default=None)
 
     @property
@@ -175,6 +178,7 @@ class Design(Printed):
             return 0.0
         # The exact solution has the settled angles of one orbit per condition.
         if self.best.exact is not None:
+            # Without an attracting orbit the swing is not finite, and is left out.
             swings = np.concatenate([self.best.exact.swing, self.best.exact.orbits.swing[0]])
             return float(np.max(swings, where=np.isfinite(swings), initial=0.0))
         return float(np.quantile(self.turned, 1.0 - self.problem.allowed)) if self.turned.size else 0.0
@@ -205,6 +209,7 @@ class Design(Printed):
         """Mean severity with the offered pendulum (NaN if none is offered), and without a pendulum."""
         if self.runs is None:
             return math.nan, math.nan if self.trials is None else self.trials.without_pendulum
+        # The severities are those of the validation runs, which are nonlinear.
         mean = self.runs.change("mean severity")
         return math.nan if self.pendulum is None else mean.with_pendulum, mean.without_pendulum
 
@@ -225,11 +230,8 @@ class Design(Printed):
                 f"  pendulum    equivalent point mass {size}, damping ratio {pendulum.damping_ratio:.3g}"
             )
         if runs is not None:
-            overturned = runs.change("overturned")
-            shares = (
-                f"{overturned.with_pendulum:.1%} with the pendulum, "
-                f"{overturned.without_pendulum:.1%} without it"
-            )
+            share = runs.change("overturned")
+            shares = f"{share.with_pendulum:.1%} with the pendulum, {share.without_pendulum:.1%} without it"
             lines.append(f"  benefit     {runs.benefit_in_words}; {runs.description}")
             lines.append(f"  overturned  {shares}")
         lines += [f"  reason      {refusal}" for refusal in self.refusals[:_MOST_REASONS]]

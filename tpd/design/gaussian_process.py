@@ -65,6 +65,7 @@ class GaussianProcess:
         """Return the trend and its standard deviation at points (m, d)."""
         size = float(np.exp(2.0 * self.numbers[-2]))
         k = size * _covariance(np.asarray(x), self.seen.at, np.exp(self.numbers[:-2]))
+        # The variance of the trend is the prior variance minus the part that the observations explain.
         solved = np.linalg.solve(self.factor, k.T)
         variance = np.maximum(size * (1.0 + _CONSTANT) - np.sum(solved**2, axis=0), 0.0)
         return self.middle + self.spread * (k @ self.weights), self.spread * np.sqrt(variance)
@@ -87,6 +88,7 @@ def fit(
         before: process of fewer observations, whose hyperparameters are the starting point.
         steps: number of steps of the search.
     """
+    # Values are normalised by their mean and their spread; a constant sample has the spread 1.
     d = seen.at.shape[1]
     middle, spread = float(np.mean(seen.value)), float(np.std(seen.value)) or 1.0
     low, high = np.log([*[_LENGTHS] * d, _AMPLITUDE, _NOISE]).T
@@ -151,6 +153,7 @@ def probability_below_zero(limits: Sequence[GaussianProcess], x: np.ndarray) -> 
 def improvement(process: GaussianProcess, x: np.ndarray, best: float) -> np.ndarray:
     """Return the expected improvement of the trend at points (m, d) over the value `best`."""
     mean, deviation = process.at(x)
+    # Closed form of the expectation of max(best - trend, 0) for a normal distribution.
     gain, s = best - mean, np.maximum(deviation, 1e-12)
     z = gain / s
     return gain * ndtr(z) + s * np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi)

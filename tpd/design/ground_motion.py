@@ -155,9 +155,7 @@ class GroundMotionProblem(Problem):
         # Reject settings without effect, because a user would rely on them.
         for name, usual in vars(_USUAL["ensemble"]).items():
             if name not in SCATTERED and getattr(checked["ensemble"], name) != usual:
-                raise ValueError(
-                    f"`ensemble.{name}` is allowed only with harmonics, but the conditions are ground motions"
-                )
+                raise ValueError(f"`ensemble.{name}` needs harmonics, but the conditions are ground motions")
         scene = Scene(scene.block, inside.motions[0], float(scene.gravity))
         return GroundMotionProblem(scene=scene, conditions=inside, groups=groups, **checked)
 
@@ -221,6 +219,7 @@ class GroundMotionProblem(Problem):
     @property
     def at_rest(self) -> AtRest:
         """See `Problem.at_rest`."""
+        # The excitation of a condition is the peak of its motion times its factor.
         q, rows = self._rows(_MASSLESS, self.scene, self.conditions)
         return AtRest.of(q.nu, q.k, rows[:, F], self.scene.block.base_friction)
 
@@ -267,10 +266,12 @@ class GroundMotionProblem(Problem):
             scatter.pop("restitution", None)
         conditions = self._every_motion(scatter, seed)
         conditions = conditions if more is None else conditions * more
+        # Both cases use the same seed and conditions, so that the runs are paired.
         cases = []
         for name, pendulum in (("with the pendulum", design), ("without", None)):
             after = partial(progress, f"validation runs {name}")
             cases.append(self._followed(pendulum, scene, conditions, equations, seed, after))
+        # Every motion of a group has one run per scale.
         sizes = [len(g.motions) * len(scales) for g in self.groups]
         is_validation = np.array([g.role is Role.validation for g in self.groups])
         group = np.repeat(np.arange(len(self.groups)), sizes)
@@ -287,6 +288,7 @@ class GroundMotionProblem(Problem):
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """See `Problem.strongest_motions`."""
         runs = self._followed(design, self.scene, self.conditions, Terms.linear.value)
+        # Overturning runs come last and are then left out, because their loads do not matter.
         order = np.argsort(-np.where(runs.stands, np.nan_to_num(runs.rod_angle), -1.0))
         strongest = [i for i in order if runs.stands[i]][:MOST_MOTIONS]
         motions, which = self.conditions.motions, np.asarray(self.conditions.which)
@@ -327,6 +329,8 @@ class GroundMotionProblem(Problem):
         # The factor on the amplitude is in units of the intensity, and is applied to each motion below.
         factors = {**conditions.factors, "amplitude": np.ones(len(which))}
         q = under_all(first.ground_parameters(), design[None], replace(conditions, factors=factors))
+        # The parameters were computed for the first motion: scale f by the peaks, and the pieces by their
+        # durations.
         f = np.array([float(x.pga) for x in motions]) / float(motions[0].pga)
         h = np.array([float(x.piece) for x in motions]) * float(first.rate)
         # With a higher frequency the pieces of a motion are shorter.
@@ -341,8 +345,7 @@ def _name_of(motion: GroundMotion) -> str:
         if isinstance(motion, Record) and motion.name == record.name and motion.pga == record.pga:
             return name
     raise ValueError(
-        "a job file cannot describe motions that exist only in Python: it names files, folders and sets of "
-        "records"
+        "a job file cannot describe motions of Python: it names files, folders and sets of records"
     )
 
 
@@ -359,9 +362,7 @@ def check_ground_limits(limits: tuple[Limit, ...]) -> None:
     for limit in limits:
         if not limit.of_motion:
             names = ", ".join(kind.__name__ for kind in KINDS if kind.of_motion)
-            raise ValueError(
-                f"`limits` under ground motions must be objects of {names}, but has {checks.shown(limit)}"
-            )
+            raise ValueError(f"`limits` under ground motions must be {names}, but has {checks.shown(limit)}")
 
 
 def grouped(
@@ -402,9 +403,8 @@ def grouped(
     numbers = np.unique(names, return_inverse=True)[1]
     is_outside = np.array([name in out for name in names])
     tuned = Group("tuned to", Role.tuned, inside, numbers[~is_outside])
-    if not outside:
-        return (tuned,)
-    return tuned, Group("validation", Role.validation, outside, numbers[is_outside])
+    validation = Group("validation", Role.validation, outside, numbers[is_outside])
+    return (tuned, validation) if outside else (tuned,)
 
 
 def _others(
@@ -434,7 +434,5 @@ def _others(
     numbers = np.unique(events_of(every), return_inverse=True)[1]
     ends = np.cumsum([len(motions), *(len(group) for group in others.values())])
     parts = np.split(numbers, ends[:-1])
-    validation = (
-        Group(n, Role.validation, m, x) for (n, m), x in zip(others.items(), parts[1:], strict=True)
-    )
-    return (Group("tuned to", Role.tuned, tuple(motions), parts[0]), *validation)
+    rest = (Group(n, Role.validation, m, x) for (n, m), x in zip(others.items(), parts[1:], strict=True))
+    return (Group("tuned to", Role.tuned, tuple(motions), parts[0]), *rest)

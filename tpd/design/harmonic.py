@@ -193,6 +193,7 @@ class HarmonicProblem(Problem):
         if self.objective != SteadyTilt():
             raise ValueError("a job file cannot describe an objective, which exists only in Python")
         conditions = Conditions.around(self.scene) if job.conditions is None else job.conditions
+        # The tables were recovered from phrases: check that they give the same conditions.
         rows = conditions.factor_rows(), self.conditions.factor_rows()
         if job.scene != self.scene or not np.array_equal(*rows):
             raise ValueError(
@@ -302,6 +303,7 @@ class HarmonicProblem(Problem):
 
     def trial_runs(self, design: np.ndarray | None, seed: int) -> Runs:
         """See `Problem.trial_runs`."""
+        # The reference without a pendulum is computed once, so that it may have more runs.
         size = min(TRIAL_RUNS, self.ensemble.size) * (_WITHOUT if design is None else 1)
         # If there are more conditions than runs, every trial uses other conditions.
         order = np.random.default_rng([seed, 13]).permutation(len(self.conditions))
@@ -354,6 +356,7 @@ class HarmonicProblem(Problem):
         e = orbits.evaluate(row[None])
         q = under_all(orbits.p, row[None], self.conditions)
         settled = follow(Terms.linear, row_of(q), HarmonicForcing())
+        # Runs from rest by the exact solution, for comparison with the orbits in closed form.
         outcome, lift = code_of(settled.status), uplift(q)
         sizes = {x: np.asarray(getattr(settled, x)) for x in ("amplitude", "swing", "peak", "peak_swing")}
         # A run ends when the block comes to rest, but the bob may still swing. Its settled swing has a closed

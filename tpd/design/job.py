@@ -131,6 +131,7 @@ class Job(ABC):
         """Block of the job. The block of the paper also has the losses and the cavity that it has in
         Python."""
         values = {name: x for name, x in self.full["block"].items() if x is not None}
+        # The default block is that of the paper. A user's own block has the defaults of `Block`.
         if all(values[x] == getattr(PAPER.block, x) for x in SHAPE):
             values = vars(PAPER.block) | values
         with naming("block"):
@@ -217,8 +218,7 @@ class Job(ABC):
             )
         if len(scales) > 1:
             raise ValueError(
-                f"the job has {len(scales)} scales of its motion, but exactly one is needed: choose it with "
-                "--scale X"
+                f"the job has {len(scales)} scales, but exactly one is needed: choose it with --scale X"
             )
         motion = next(iter(motions))
         if motion.pga == 0.0 or scales[0] == 0.0:
@@ -263,9 +263,8 @@ class Job(ABC):
         """Risk measure."""
         keys = self.full["risk"]
         with naming("risk"):
-            if keys["measure"] == "cvar":
-                return Risk.cvar(keys["share"])
-            return getattr(Risk, keys["measure"])()
+            name = keys["measure"]
+            return Risk.cvar(keys["share"]) if name == "cvar" else getattr(Risk, name)()
 
     @cached_property
     def bob(self) -> Bob:
@@ -284,6 +283,7 @@ class Job(ABC):
         with naming("limits"):
             for kind in KINDS:
                 value, missing = self.full["limits"][kind.name], lacks(self.full, "limits", kind.name)
+                # Skip limits that are switched off, and those that have no effect with this motion.
                 if value is None or value is False or kind in skipped or missing:
                     continue
                 # A value of true stands for the default number of the limit.
@@ -320,6 +320,7 @@ class Job(ABC):
         groups, messages = dict[str, list[GroundMotion]](), list[str]()
         if not isinstance(share, tuple):
             return share or 0.0, messages
+        # The names of the groups in the report are the last parts of the paths.
         names = [Path(word).name or word for word in share]
         for word, name in zip(share, names, strict=True):
             # If two folders have the same name, their whole paths are the names of the groups.
@@ -338,13 +339,14 @@ class Job(ABC):
     def _records(self, names: Sequence[str], events: Sequence[str] | None) -> Any:
         """Read records with the reading options of the job; messages use the keys of the job file."""
         how = {name: x for name in READING if (x := self.full["motion"][name]) is not None}
+        # Columns are texts NAME=NUMBER in a job file, and a mapping in Python.
         if "columns" in how:
             how["columns"] = _columns_of(how["columns"])
         try:
             return read_motions(names, events=events, **how)
         except UnreadableRecord as error:
             flags = (f"--{name} {_words(value)}" for name, value in error.options.items())
-            more = "; try these options to read the file: " + " ".join(flags) if error.options else ""
+            more = "; try these options: " + " ".join(flags) if error.options else ""
             raise ValueError(_in_words_of_jobs(error.args[0]) + more) from None
         except ValueError as error:
             raise ValueError(_in_words_of_jobs(str(error))) from None
@@ -427,10 +429,7 @@ class HarmonicJob(Job):
     @property
     def ground_motions(self) -> tuple[GroundMotion, ...]:
         """See `Job.ground_motions`."""
-        raise ValueError(
-            "a ground motion is needed, but the motion is a harmonic, which has no end: give --record FILE "
-            "or --pulse KIND, or a job with one of them"
-        )
+        raise ValueError("the motion must be a pulse or a record: give --record FILE or --pulse KIND")
 
     @property
     def single(self) -> Scene:
@@ -545,6 +544,7 @@ class PulseJob(RecordsJob):
             )
         shape = {name: keys[name] for name in ("cycles", "phase")}
         shape |= {"kind": keys["pulse"], "frequency": keys["pulse_frequency"]}
+        # The keys of a job file have other names than the fields of `Pulse`.
         with naming("motion", kind="pulse", frequency="pulse_frequency", pga_g="pga"):
             pulse = Pulse(acceleration=STANDARD_GRAVITY, **shape)
             # Without a stated acceleration the pulse has 1 g.
@@ -599,6 +599,7 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> Tables:
     if "seed" in over.get("search", {}):
         # A new seed of the search applies to all random choices, also to those of the runs.
         out.get("ensemble", {}).pop("seed", None)
+    # Options that belong to one kind of motion switch the job to this kind.
     chosen = list(kinds_in(as_typed(over).get("motion", {})))
     if len(chosen) == 1:
         out["motion"]["kind"] = chosen[0]
@@ -652,10 +653,8 @@ def job_of(tables: Mapping[str, Any]) -> Job:
     numbers = {name: getattr(job.method, name) for name in keys_of(job.search)}
     stored = {"block": ("friction", "restitution", "cavity_width"), "search": tuple(numbers)}
     stored["space"] = tuple(TWINS.values())
-    values_of = {"block": vars(job.block), "search": numbers, "space": vars(job.space)}
-    return replace(
-        job, full={t: v | {k: values_of[t][k] for k in stored.get(t, ())} for t, v in full.items()}
-    )
+    own = {"block": vars(job.block), "search": numbers, "space": vars(job.space)}
+    return replace(job, full={t: v | {k: own[t][k] for k in stored.get(t, ())} for t, v in full.items()})
 
 
 def _check_whole_block(tables: Mapping[str, Any], beside: Sequence[str]) -> None:
@@ -665,6 +664,7 @@ def _check_whole_block(tables: Mapping[str, Any], beside: Sequence[str]) -> None
     the scene of the paper and are allowed.
     """
     block, motion = tables.get("block", {}), tables.get("motion", {})
+    # The job describes a block of its own if one of these keys is present.
     own = [key for key in (*SHAPE, "radius_of_gyration") if key in block]
     missing = {
         "block": [k for k in SHAPE if k not in block],
@@ -705,6 +705,7 @@ def _columns_of(pairs: Sequence[str]) -> dict[str, int] | str:
     Raises:
         ValueError: a text is of another form, or a name occurs twice.
     """
+    # The word "rows" in place of columns means that the samples continue row by row.
     if list(pairs) == [ROWS]:
         return ROWS
     columns: dict[str, int] = {}

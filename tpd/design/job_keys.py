@@ -67,6 +67,7 @@ class Key(NamedTuple):
 def keys_of(kind: type, *names: str) -> dict[str, Key]:
     """Return the keys for the fields of a dataclass, or for some of them, as far as a file can state them."""
     hints, keys = get_type_hints(kind), {}
+    # Fields that a file cannot state, such as objects of Python, have no key.
     for f in fields(kind):
         plain = _plain(hints[f.name])
         if plain is not None and f.name in (names or hints):
@@ -89,6 +90,7 @@ def _plain(hint: Any) -> Any:
 def _limit(kind: type[Limit]) -> Key:
     """Return the key of a limit: a number, or true if the limit has none."""
     preset, own = limit_of(DEFAULT_LIMITS, kind), [f.name for f in fields(kind)]
+    # A limit with a single number has this number as its value. Any other limit is only switched on or off.
     is_number = len(own) == 1 and get_type_hints(kind)[own[0]] in (float, Any)
     default = None if preset is None else getattr(preset, own[0]) if is_number else True
     return Key(float | bool if is_number else bool, default, (kind, None))
@@ -134,9 +136,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "cycles": _pulse["cycles"],
         "phase": _pulse["phase"],
         "records": Key(
-            tuple[str, ...],
-            None,
-            f"files and folders of records (in a job file, relative to the file), or {_names}",
+            tuple[str, ...], None, f"files and folders of records, relative to a job file, or {_names}"
         ),
         "scales": Key(
             tuple[float, ...],
@@ -161,9 +161,7 @@ TABLES: dict[str, dict[str, Key]] = {
             "names of the earthquakes, if the files do not state them: one name for all records, or one for "
             "each record (default: each folder is one earthquake)",
         ),
-        "channel": Key(
-            _Whole, None, "number of the channel in files with several, from 0 (default: all horizontal ones)"
-        ),
+        "channel": Key(_Whole, None, "number of the channel, from 0 (default: all horizontal ones)"),
         "dt": Key(float, None, "sampling interval of files that do not contain times, s"),
         "columns": Key(
             tuple[str, ...],
@@ -187,9 +185,7 @@ TABLES: dict[str, dict[str, Key]] = {
     "conditions": {
         "exactly": Key(bool, False, "search only for the stated motion, with a point bob, as in the paper"),
         "band": Key(
-            tuple[float, float],
-            None,
-            "lower and upper end of a band of frequencies, Hz (default: a band around the frequency)",
+            tuple[float, float], None, "ends of a band of frequencies, Hz (default: around the frequency)"
         ),
         "frequencies": Key(
             _Whole,
@@ -328,6 +324,7 @@ def is_around(full: Tables) -> bool:
 def size_of(full: Tables) -> int:
     """Return the number of conditions."""
     conditions = full["conditions"]
+    # The neighbourhood has the same number of conditions around any scene.
     if is_around(full):
         return len(Conditions.around(PAPER))
     frequencies = 1 if conditions["band"] is None else conditions["frequencies"]
@@ -366,15 +363,13 @@ def as_typed(tables: Mapping[str, Any]) -> Tables:
     out: Tables = {}
     for table, values in tables.items():
         if table not in TABLES:
-            raise ValueError(f"the table [{_cut(table)}] does not exist{meant(table, TABLES)}")
+            raise ValueError(f"there is no table [{_cut(table)}]{meant(table, TABLES)}")
         if not isinstance(values, Mapping):
             raise ValueError(f"`{table}` must be a table, but is {shown(values)}")
         out[table] = {}
         for key, value in values.items():
             if key not in TABLES[table]:
-                raise ValueError(
-                    f"the key `{_cut(key)}` does not exist in [{table}]{meant(key, TABLES[table])}"
-                )
+                raise ValueError(f"there is no key `{_cut(key)}` in [{table}]{meant(key, TABLES[table])}")
             type_ = TABLES[table][key].type
             # Convert one key at a time, so that the message contains the key and the allowed values.
             try:
@@ -400,6 +395,7 @@ def allowed(schema: Mapping[str, Any]) -> str:
     if "enum" in schema:
         return f"one of {', '.join(schema['enum'])}"
     if schema["type"] == "array":
+        # A tuple of fixed length has one schema per element, and a list has one schema for all elements.
         pair = "prefixItems" in schema
         return "a pair of numbers" if pair else f"a list, each {allowed(schema['items'])}"
     nouns = {"number": "a number", "boolean": "true or false", "string": "a text"}
@@ -410,6 +406,7 @@ def allowed(schema: Mapping[str, Any]) -> str:
 
 def kinds_in(motion: Mapping[str, Any]) -> dict[str, list[str]]:
     """Return the kinds of motion to which the keys of [motion] belong, with these keys."""
+    # A stated kind decides, whatever the other keys are.
     if "kind" in motion:
         return {motion["kind"]: ["kind"]}
     keys: dict[str, list[str]] = {}
@@ -428,6 +425,7 @@ def complete(tables: Mapping[str, Any]) -> Tables:
     if len(kinds) > 1:
         listed = " and ".join(f"of {MOTIONS[kind]} (`{keys[0]}`)" for kind, keys in kinds.items())
         raise ValueError(f"[motion] has keys {listed}, but a job has only one kind of motion")
+    # The paper and most jobs have a harmonic, so this is the kind if no key decides.
     kind = next(iter(kinds), "harmonic")
     full: Tables = {}
     for table, keys in TABLES.items():
@@ -464,6 +462,7 @@ def json_schema() -> str:
         for name, key in keys.items():
             text = {"description": key.says if isinstance(key.says, str) else _doc(*key.says)}
             default = {} if key.default is None else {"default": msgspec.to_builtins(key.default)}
+            # A key with a default that depends on other keys has no default in the schema.
             properties[name] = text | default | msgspec.json.schema(key.type)
         tables[table] = {"type": "object", "additionalProperties": False, "properties": properties}
     content = {
@@ -481,6 +480,7 @@ def _doc(owner: type, name: str | None) -> str:
     if name is None:
         # The example of a class is for users of Python, and not for the help of a job file.
         return " ".join(str(owner.__doc__).partition("Example:")[0].split())
+    # Python does not store the docstrings of fields, so read them from the source, also of the base classes.
     for kind in owner.__mro__:
         body = [] if kind is object else ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0].body  # type: ignore[attr-defined]
         for field, text in pairwise(body):

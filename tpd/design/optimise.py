@@ -139,10 +139,7 @@ def problem_of(
     if conditions is not None and ground:
         return GroundMotionProblem.of(scene, conditions, space, **inputs)
     if isinstance(scene, Block) or isinstance(inputs.get("method"), GroundSearch):
-        raise ValueError(
-            "a block without a motion, or a `GroundSearch`, needs ground motions: pass "
-            "`conditions=Conditions.records(...)`"
-        )
+        raise ValueError("a block alone, or a `GroundSearch`, needs `conditions=Conditions.records(...)`")
     return HarmonicProblem.of(scene, space, conditions=conditions, **inputs)
 
 

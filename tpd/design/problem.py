@@ -119,9 +119,7 @@ class Problem(ABC):
         for name in ("space", "risk", "limits", "method", "ensemble", "requirements", "seed"):
             # Models and optimisers have no equality of their own: compare what they print.
             if repr(getattr(job, name)) != repr(getattr(self, name)):
-                raise ValueError(
-                    f"a job file cannot describe the `{name}` of this problem, {getattr(self, name)}"
-                )
+                raise ValueError(f"a job file cannot describe the `{name}`, {getattr(self, name)}")
         return job
 
     @property
@@ -140,8 +138,10 @@ class Problem(ABC):
                 raise ValueError(
                     f"a job file cannot describe the limit `{limit.name}`, which exists only in Python"
                 )
+            # A limit has one number, or none: then true switches it on.
             limits[limit.name] = next((x for x in vars(limit).values() if isinstance(x, (int, float))), True)
             bob |= vars(limit.bob) if isinstance(limit, Clearance) else {}
+        # The aspect has no effect for a ball, and a job rejects keys without effect.
         if bob.get("shape") == "ball":
             bob.pop("aspect")
         search = {name: value for name, value in vars(self.method).items() if name in TABLES["search"]}
@@ -174,6 +174,7 @@ class Problem(ABC):
     def scatter(self) -> dict[str, float]:
         """Relative half widths of the quantities that vary in the validation runs, by name."""
         widths = self.ensemble.widths(self.scene.block.restitution)
+        # A factor on a friction of zero would have no effect.
         absent = () if self.scene.block.friction else ("friction",)
         return {name: width for name, width in widths.items() if width > 0.0 and name not in absent}
 
@@ -336,6 +337,7 @@ class Problem(ABC):
         The share counts the runs in which the block stands; it is 0 if there are none.
         """
         sizes = {name: x > 1.0 for name, x in self.sizes_in_runs(design, runs).items() if name not in STILL}
+        # Sizes such as the thickness do not depend on the motion: they are checked without runs.
         if not sizes or not runs.stands.any():
             return 0.0, ""
         worst = max(sizes, key=lambda name: float(np.mean(sizes[name])))
@@ -359,18 +361,15 @@ def complete(scene: Scene, defaults: Mapping[str, Any], inputs: Mapping[str, Any
         ValueError: an input is of another class than its default, or does not fit the scene.
         RuntimeError: JAX is in 32-bit mode.
     """
+    # 32-bit numbers would give wrong results without an error, so check this first.
     checks.require_x64()
     if unknown := inputs.keys() - defaults.keys():
         raise TypeError(f"a problem has no input `{min(unknown)}`: its inputs are {', '.join(defaults)}")
-    checked = {
-        name: default if inputs.get(name) is None else inputs[name] for name, default in defaults.items()
-    }
+    checked = {n: default if inputs.get(n) is None else inputs[n] for n, default in defaults.items()}
     for name in defaults.keys() - {"limits", "seed"}:
         checks.instance(name, checked[name], type(defaults[name]))
-    checked |= {
-        "seed": checks.seed("seed", checked["seed"]),
-        "limits": check_limits(checked["limits"]),
-    }
+    seed, limits = checks.seed("seed", checked["seed"]), check_limits(checked["limits"])
+    checked |= {"seed": seed, "limits": limits}
     check_cavity(scene.block, checked["limits"])
     if checked["ensemble"].restitution:
         check_restitution(scene)

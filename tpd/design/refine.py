@@ -104,6 +104,7 @@ class Refinement:
     """Smallest probability of keeping all limits for a design that counts as feasible."""
 
     def __post_init__(self) -> None:
+        # The runs without a pendulum are the reference of every trial.
         runs = self.problem.trial_runs(None, self.problem.run_seed(1, 0))
         self.without, self.rests = self.problem.value_of(runs), float(runs.share_at_rest.value)
         self._tail: dict[str, np.ndarray] = {}
@@ -124,6 +125,7 @@ class Refinement:
         """Fit the processes to all trials that have a result."""
         values = np.array([self.problem.value_of(r) for r in self.runs])
         finite = np.flatnonzero(np.isfinite(values))
+        # A process with fewer values than hyperparameters would be meaningless.
         if len(finite) < 4:
             return
         at = self.problem.space.scaled(np.array(self.designs))
@@ -199,6 +201,7 @@ class Refinement:
         space, rng = self.problem.space, np.random.default_rng([self.problem.seed, 12, turn])
         if self.process is None:
             return space.unscaled(rng.random((count, len(space.names))))
+        # Proposals near the best four designs refine them; the others explore the space.
         best = space.scaled(np.array(self.designs))[self.order()[:4]]
         x = proposals(rng, best)
         keeps = self.keeps(x)
@@ -228,6 +231,7 @@ class Refinement:
         here = space.scaled(design[None])
         x = np.clip(proposals(np.random.default_rng([self.problem.seed, 14]), here), 0.0, 1.0)
         trend, deviation = (float(v[0]) for v in self.process.at(here))
+        # Two standard deviations: the trials cannot distinguish such designs.
         good = (self.process.at(x)[0] <= trend + 2.0 * deviation) & (self.keeps(x) >= self.likely)
         designs = space.unscaled(x[good])
         equivalent = np.concatenate([design[None], designs[self.possible(designs)]])

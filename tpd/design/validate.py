@@ -132,10 +132,10 @@ def _exact_harm(problem: Problem, exact: Any) -> list[Reason]:
     """
     if exact is None:
         return []
-    overturned = exact.status == "overturned"
-    without = problem.without_pendulum.status == "overturned"
+    overturned, without = exact.status == "overturned", problem.without_pendulum.status == "overturned"
     worse, better = int(np.sum(overturned & ~without)), int(np.sum(without & ~overturned))
     total = len(overturned)
+    # With a single condition no test is possible: every additional overturning counts.
     if not worse > better or (total > 1 and chance_of(worse, better) >= SIGNIFICANT):
         return []
     kind = ReasonKind.overturns_more
@@ -187,6 +187,7 @@ def _reasons(
         # The loss of one tenth of the runs that end at rest is tolerated, because single runs are chaotic.
         at_rest, without = rests
         add_reason(ReasonKind.rests_less, at_rest, without, total=total, low=float((1.0 - FEWER) * without))
+    # The first part is the worst one. The reason mentions how many others there are.
     if runs.worse_parts:
         first = runs.worse_parts[0]
         where = {"condition": first.label, "total": len(runs.worse_parts)}

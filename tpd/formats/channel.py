@@ -145,11 +145,7 @@ def note_direction(channel: Channel, named: bool | None = None) -> Channel:
     """
     vertical = orientation(channel.component)
     vertical = named if vertical is None else vertical
-    return (
-        channel.with_notes(UNKNOWN)
-        if vertical is None
-        else channel.with_notes(*([VERTICAL] if vertical else []))
-    )
+    return channel.with_notes(*([UNKNOWN] if vertical is None else [VERTICAL] if vertical else []))
 
 
 def scale_channel(channel: Channel, scale: float) -> Channel:

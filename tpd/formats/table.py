@@ -363,14 +363,10 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
     accelerations = {i: column for i, column in columns.items() if column.quantity == "acceleration"}
     if not accelerations or len(times) > 1:
         content = ", ".join(column.quantity for column in columns.values())
-        raise NoAcceleration(
-            f"the table must contain one time and at least one acceleration, but contains {content}", content
-        )
+        raise NoAcceleration(f"the table must have one time and accelerations, but has {content}", content)
     lone = [cell for cell in header.cells if re.fullmatch(r"(?i)[vxyz]", cell)]
     if lone and how.columns is None and not all(column.component for column in accelerations.values()):
-        raise UnreadableRecord(
-            f"{shown(lone[0])} next to an acceleration may be a velocity: state the columns with `columns`"
-        )
+        raise UnreadableRecord(f"{shown(lone[0])} next to an acceleration may be a velocity: give `columns`")
     others = [cell for i, cell in enumerate(header.cells) if i in {*columns} - {*accelerations, *times}]
     notes = (f"left out of the table: {', '.join(others)}",) if others else ()
     channels = []

@@ -42,9 +42,7 @@ class UnreadableRecord(ValueError):
 
     def __str__(self) -> str:
         options = ", ".join(f"{name}={value!r}" for name, value in self.options.items())
-        return (
-            f"{self.args[0]}; try these options to read the file: {options}" if options else str(self.args[0])
-        )
+        return f"{self.args[0]}; try these options: {options}" if options else str(self.args[0])
 
 
 class NoAcceleration(UnreadableRecord):
@@ -182,9 +180,8 @@ def step_of(times: Sequence[tuple[int, str]], scale: float, stated: float | None
             usual = float(f"{np.median(np.diff(t)):.12g}")
             k = int(np.argmax(np.abs(np.diff(t) - usual)))
             step_text = f"{t[k + 1] - t[k]:.9g} s, and the usual step is {usual:.9g} s"
-            raise UnreadableRecord(
-                f"the times must have equal steps, but the step after line {times[k][0]} is {step_text}"
-            )
+            where = f"the step after line {times[k][0]}"
+            raise UnreadableRecord(f"the times must have equal steps, but {where} is {step_text}")
         # With coarse times a missing time would not be noticed, and several rates in Hz may be possible.
         if 2.1 * float(np.max(margin)) > high or (stated is None and high - low > low * high):
             raise UnreadableRecord(
@@ -250,9 +247,7 @@ class Cursor:
         """Read n lines of comments."""
         for _ in range(n):
             if not self.next("the end of the comments").lstrip().startswith("|"):
-                raise UnreadableRecord(
-                    f"line {self.at} must be a comment with '|', because the file states {n} comment lines"
-                )
+                raise UnreadableRecord(f"line {self.at} must be one of {n} comments with '|'")
 
     def skip(self, n: int, what: str) -> list[str]:
         """Read the next n lines."""

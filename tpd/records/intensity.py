@@ -49,9 +49,7 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
     """
     checks.one_of("intensity", name, INTENSITIES)
     if name.startswith("sa") != (period is not None):
-        raise ValueError(
-            f'`period` must be given with `intensity="sa"` and only then, but is {period} with {name!r}'
-        )
+        raise ValueError(f'`period` must be given only with `intensity="sa"`, but is {period} with {name!r}')
     unit = checks.positive("gravity", gravity) * checks.plain("block", block.slenderness, single=True)
     if period is not None:
         own = checks.positive("period", period, 1e-3, 1e3, " s")

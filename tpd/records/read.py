@@ -239,9 +239,7 @@ def _unknown(records: Sequence[Any]) -> list[str]:
     messages = []
     flat = sum(UNKNOWN in getattr(record, "notes", ()) for record in records)
     if flat and len(records) > 1:
-        messages.append(
-            f"note: {flat} of {len(records)} records state no orientation and count as horizontal"
-        )
+        messages.append(f"note: {flat} of {len(records)} records state no orientation: used as horizontal")
     alone = sum(not getattr(record, "event", "") for record in records)
     if alone and len(records) > 1:
         messages.append(

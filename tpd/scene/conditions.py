@@ -323,10 +323,7 @@ class Conditions:
         """
         size, seed = checks.count("size", size), checks.seed("seed", seed)
         if unknown := [name for name in half_widths or ("nothing",) if name not in FACTORS]:
-            raise ValueError(
-                f"the names of the half widths must be among {', '.join(FACTORS)}, but they contain "
-                f"{', '.join(unknown)}"
-            )
+            raise ValueError(f"half widths must be of {', '.join(FACTORS)}, but are of {', '.join(unknown)}")
         half_widths = check_half_widths(half_widths)
         # Draw a column for every name, so that the samples of one quantity do not depend on which others
         # vary.

@@ -227,10 +227,8 @@ class Pulse(GroundMotion):
             # The number of periods determines the shapes of arrays, so that it must be a plain whole number.
             whole = checks.is_concrete(self.cycles) and self.cycles == round(self.cycles)
             if not (whole and 1.0 <= self.cycles <= _LONGEST_TRAIN):
-                raise ValueError(
-                    f"`cycles` of a train must be a whole number from 1 to {_LONGEST_TRAIN}, but is "
-                    f"{self.cycles}"
-                )
+                allowed = f"a whole number from 1 to {_LONGEST_TRAIN}"
+                raise ValueError(f"`cycles` of a train must be {allowed}, but is {self.cycles}")
         elif checks.is_concrete(self.cycles) and not 1.0 <= self.cycles <= _MOST_CYCLES:
             raise ValueError(f"`cycles` must be between 1 and 8, but is {self.cycles:g}")
 

@@ -110,10 +110,7 @@ class Setup:
             values = {n: checks.plain(n, v, single=True) for n, v in subject.quantities(pendulum).items()}
             return Setup(values, True, pendulum is not None)
         if pendulum is not None:
-            raise ValueError(
-                "`pendulum` is allowed only with a scene, because dimensionless parameters contain "
-                "the pendulum"
-            )
+            raise ValueError("`pendulum` is allowed only with a scene: parameters contain their own")
         # rho and e are left out if they are None, and then follow the other parameters.
         numbers = {n: getattr(subject, n) for n in NAMES if getattr(subject, n) is not None}
         values = {n: checks.plain(n, value, single=True) for n, value in numbers.items()}
