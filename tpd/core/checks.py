@@ -158,6 +158,7 @@ def instance(name: str, value: Any, of: type | tuple[type, ...], hint: str = "")
     """
     if isinstance(value, of):
         return value
+    # Abstract base classes are named without their prefix in the message.
     classes = of if isinstance(of, tuple) else (of,)
     names = " or ".join(c.__name__.removeprefix("Abstract") for c in classes)
     if inspect.isclass(value) and issubclass(value, classes):
@@ -198,6 +199,7 @@ def array(name: str, value: object, shape: tuple[int, ...], of: str) -> Any:
         ValueError: the value is anything else.
     """
     _check_meaning(name, value)
+    # The values of traced arrays are not known: only the shape can be checked.
     traced = _holds_traced(value)
     try:
         numbers: Any = _jax_numpy().asarray(value, dtype=float) if traced else np.asarray(value)
@@ -288,6 +290,7 @@ def count(name: str, value: Any, least: int = 1, most: int = _MOST) -> int:
         value = int(np.reshape(value, ()))
         if least <= value <= most:
             return value
+    # The upper bound is mentioned only if the value exceeds it, because it is unusual.
     too_many = type(value) is int and value > most
     allowed = f"a whole number, {least} to {most}" if too_many else f"a whole number, {least} or more"
     return _check(name, value, allowed, lambda x: False)

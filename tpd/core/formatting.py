@@ -80,6 +80,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def counted(names: np.ndarray) -> str:
     """Return the numbers of equal names in an array, most frequent first: "20 rocking, 3 no orbit"."""
+    # Names of statuses have underscores, and their words have none.
     each = ((str(name).replace("_", " "), count) for name, count in Counter(names.ravel().tolist()).items())
     return ", ".join(f"{count} {name}" for name, count in sorted(each, key=lambda pair: -pair[1]))
 
@@ -110,6 +111,7 @@ def decimal_comma(text: str) -> str:
 def meant(word: object, allowed: Iterable[str], *, listing: bool = True) -> str:
     """Return the end of a message about an unknown word: a similar word, or all allowed words."""
     words = list(allowed)
+    # A similar word is more helpful than the list of all words.
     close = get_close_matches(word, words, 1) if isinstance(word, str) else []
     if close:
         return f"; did you mean `{close[0]}`?"

@@ -125,7 +125,7 @@ class Refinement:
         """Fit the processes to all trials that have a result."""
         values = np.array([self.problem.value_of(r) for r in self.runs])
         finite = np.flatnonzero(np.isfinite(values))
-        # A process with fewer values than hyperparameters would be meaningless.
+        # With very few values a trend would be meaningless.
         if len(finite) < 4:
             return
         at = self.problem.space.scaled(np.array(self.designs))

@@ -127,6 +127,7 @@ def _read_description(cursor: Cursor) -> tuple[int, float, _Description]:
     rate_or_step = float(match[2] or match[4])
     if rate_or_step <= 0.0:
         raise UnreadableRecord(f"line {cursor.at} must state a rate or a step above zero")
+    # Digitised films have a fixed format of columns, which the line does not state.
     shape = fortran(line, cursor.at) if match[2] else (8, 9, 6)
     step = 1.0 / rate_or_step if match[2] else rate_or_step
     return int(match[1]), step, _Description(match[3] or match[5], cursor.at, *shape)

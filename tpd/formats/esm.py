@@ -69,6 +69,7 @@ def read_esm(cursor: Cursor, unit: str | None) -> list[Channel]:
         agree_on_peak_time(values, dt, time, "TIME_PGA_S")
     component, event = _text(head, "STREAM"), _text(head, *_EVENT)
     name = f"{_text(head, 'NETWORK')}.{_text(head, 'STATION_CODE')}/{component}"
+    # A record with its baseline removed counts as corrected.
     factor, baseline = FACTORS[choose_unit(stated, unit)], _text(head, "BASELINE_CORRECTION").upper()
     removed = "REMOVED" in baseline and "NOT" not in baseline
     notes = () if removed else (UNCORRECTED if baseline else UNSTATED,)

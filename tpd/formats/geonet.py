@@ -75,6 +75,7 @@ def _block(cursor: Cursor, unit: str | None) -> Channel:
     # Times are relative to the first recorded sample, before which zeros may be inserted.
     agree_on_peak_time(values, dt, time, text.where(14), start=-float(reals[_PADDING]))
     if not corrected:
+        # Uncorrected files also state the unit of the samples, as a number and a unit.
         raw = text.match(11, rf"in units of\s+({NUMBER})\s+(\S+)\s+at", "the unit of the samples")
         agree(float(raw[1]) * FACTORS[unit_of(raw[2], text.start + 11)], FACTORS[own], "the unit in m/s^2")
     notes = () if corrected else (UNCORRECTED,)

@@ -91,6 +91,7 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     cursor.require_end()
     counts = np.array(numbers)
     agree_on_count(round(length * rate), len(counts), "the header (frequency and duration)")
+    # Samples are integers: the scale factor converts them to the unit of acceleration.
     values = counts * (float(scale[1]) / float(scale[3]))
     stated = unit_of(scale[2], _KEYS.index("Scale Factor") + 1)
     # The stated peak is that of the samples without their mean.
@@ -159,6 +160,7 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
         raise UnreadableRecord(f"the sampling frequency must be positive, but is {rate.value:g} Hz")
     dt = 1.0 / rate.value
     agree_on_count(round(length.value * rate.value), len(values), "the header (frequency and duration)")
+    # Times have two decimals, so that they may differ from the step by rounding.
     wrong = np.flatnonzero(np.abs(np.diff(values[:, 0]) - dt) > 0.011)
     if wrong.size:
         raise UnreadableRecord(f"line {first + int(wrong[0]) + 1} must be {dt:g} s after the line before")

@@ -34,6 +34,7 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
         UnreadableRecord: the file is damaged, contradicts itself, or contains no acceleration.
     """
     head: list[str] = []
+    # The header ends with the line that states the number of samples and the step.
     while not head or "NPTS" not in head[-1].upper():
         if len(head) == _HEAD:
             raise UnreadableRecord(f"the first {_HEAD} lines must state NPTS and DT, but do not")

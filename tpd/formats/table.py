@@ -147,6 +147,7 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
             cell is not a number, or the times have unequal steps.
     """
     split = splitter(cursor.lines[how.skip :])
+    # Columns are numbered from 1 for users.
     used = [i - 1 for i in how.columns.values()] if isinstance(how.columns, Mapping) else []
     lines = [(i, line.strip()) for i, line in enumerate(cursor.lines, 1) if i > how.skip and line.strip()]
     # A line of numbers above a line of names, such as the numbers of the columns, belongs to the header.
@@ -227,6 +228,7 @@ def _understand(header: _Header, line: str, width: int) -> None:
     text = re.sub(r"[\s,;]+$", "", _MARK.sub("", line, count=1))
     if _RULE.fullmatch(text):
         return
+    # A line may contain several statements, separated by commas or words.
     parts = [part.strip() for part in re.split(r"[,;\t]|\b(?:at|with)\b", text) if part.strip()]
     statements = [_statement(part) for part in parts]
     if names := [part for part, statement in zip(parts, statements, strict=True) if statement is None]:
@@ -246,6 +248,7 @@ def _cells(text: str, width: int, header: _Header) -> list[str]:
     neither."""
     for cells in _split_names(text):
         merged = [f"{x} ({y.strip('()[] ')})" for x, y in zip(header.cells, cells, strict=False)]
+        # A line of units below the names of the columns is merged with them.
         named = merged or cells
         fits = len(cells) == width and not _unknown_word(named)
         if fits and (not merged or all(_column(x, first=True).unit for x in merged)):
@@ -306,6 +309,7 @@ def _column(cell: str, *, first: bool) -> _Column:
     if not pieces:
         raise _Unknown("an empty name")
     # A title with more words, or with numbers, may describe a filter instead.
+    # A period or a frequency in place of a time shows a response spectrum.
     spectral = any(re.fullmatch(_NAMES["spectrum"], word.lower()) for word in pieces)
     if spectral and len(words) < 2 + (len(pieces) > len(words)) and not re.search(r"\d", title):
         message = f"{shown(cell)} belongs to a response spectrum and not to a ground motion"
@@ -335,6 +339,7 @@ def _column(cell: str, *, first: bool) -> _Column:
 
 def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Channel]:
     """Return the accelerations of a table whose header is understood."""
+    # A header may state the step several times, in different forms.
     for first, second in pairwise(header.stated["step"]):
         agree(first, second, "the step in s", 1e-6 * first)
     total = sum(len(row) for _, row in rows)
@@ -345,7 +350,9 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
         columns = _chosen_columns(header, how.columns)
     elif header.cells and how.columns is None:
         columns = {i: _column(cell, first=i == 0) for i, cell in enumerate(header.cells)}
+    # Without names of columns all numbers are samples, row by row.
     in_rows = how.columns == ROWS or (how.columns is None and not header.cells)
+    # Rows may have more columns than are used only if the user names the columns.
     width = max(columns) + 1
     for line, cells in () if in_rows else rows:
         if len(cells) < width or (how.columns is None and len(cells) > width):
@@ -412,6 +419,7 @@ def _remedy(
     named, names = next(ways, ("", [""] * width))
     # A line above the names may state that all columns are vertical.
     is_up = any(orientation(re.sub(r"\bup\b", "", x)) for _, x in head if x != named or width == 1)
+    # Collect the names that are understood, and place holders in capitals for the others.
     columns, meanings, options = dict[str, int](), list[_Column](), dict[str, Any]()
     for k, cell in enumerate(names):
         name = _BRACKET.sub(" ", cell).strip() if _unknown_word([cell], k) else cell

@@ -58,6 +58,7 @@ def read_motions(
     Raises:
         ValueError: there is no horizontal record, or a file is not a record.
     """
+    # One name applies to all records. Otherwise every entry of `names` needs its own.
     if events is not None and len(events) not in (1, len(names)):
         raise ValueError(
             f"`event` must have one name, or one for each of the {len(names)} of `records`, but has "
@@ -78,6 +79,8 @@ def read_motions(
             path = path_of(name)
             files, others = _files_of(path)
             omitted += others
+            # Without stated earthquakes a folder is one earthquake, and its name is the name of the
+            # earthquake.
             event = readable(path.resolve().name) if path.is_dir() else ""
             event = event if events is None else events[i if len(events) > 1 else 0]
             for file in files:
@@ -107,9 +110,11 @@ def read_motions(
                     named = record.event or event or (str(file) if len(records) > 1 else "")
                     assumed = path.is_dir() and events is None and not record.event
                     read.append((replace(record, event=named), name if assumed else ""))
+    # Agencies deliver one channel in several files. Only the best of them counts.
     reasons = _repeated([record for record, _ in read])
     omitted += [f"{record.source} ({why})" for (record, _), why in zip(read, reasons, strict=True) if why]
     unique = [one for one, why in zip(read, reasons, strict=True) if not why]
+    # The user may not know that a folder counts as one earthquake.
     for name, count in Counter(folder for _, folder in unique if folder).items():
         if count > 1:
             messages.append(
@@ -159,6 +164,7 @@ def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[st
     is_one_station = place[0] == its[0] != ""
     if BOREHOLE in marks and is_one_station:
         return f"{BOREHOLE}, beside {other.source}"
+    # A corrected record replaces an uncorrected one of the same channel.
     is_raw = bool(marks & {*RAW}) and not {*RAW} & {*other.notes}
     is_one_channel = place[1] == its[1] and (is_one_station or place[2] == its[2])
     return f"uncorrected, beside the corrected {other.source}" if is_raw and is_one_channel else ""
@@ -216,6 +222,7 @@ def described(motions: Sequence[Any]) -> list[str]:
         for key, digits in {"samples": 9, "step_s": 3, "duration_s": 3, "pga_g": 3}.items():
             values = [float(f[key]) for f in read]
             ranges.append(" to ".join(dict.fromkeys(number(x, digits) for x in (min(values), max(values)))))
+        # Notes contain numbers after a colon: count only their kinds.
         kinds = Counter(note.partition(":")[0] for f in read for note in f["notes"])
         notes = "; ".join(f"{kind} {count}" for kind, count in kinds.items())
         return [
@@ -256,6 +263,7 @@ def _files_of(path: Path) -> tuple[list[Path], list[str]]:
         return [path], []
     files, omitted = [], [f"{p.name} (a folder in a folder)" for p in sorted(path.iterdir()) if p.is_dir()]
     for file in sorted(p for p in path.iterdir() if p.is_file()):
+        # Files may be compressed, so look at the extension before .gz.
         ending = file.name.lower().removesuffix(".gz").rpartition(".")[2]
         if ending in _OTHER_MOTIONS:
             omitted.append(f"{file.name} ({_OTHER_MOTIONS[ending]})")

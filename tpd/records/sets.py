@@ -40,6 +40,7 @@ def el_centro() -> Record:
         >>> len(record.acceleration), round(float(record.pga), 3)
         (1560, 3.127)
     """
+    # The table contains no name, so add it here.
     record = Record.read(_DATA / "elcentro_1940_ns.csv.gz")
     return replace(record, name="El Centro/NS", event="Imperial Valley 1940", source="el-centro")
 

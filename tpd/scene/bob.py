@@ -132,6 +132,7 @@ class Bob:
 
         The derivatives are with respect to mass and length of the point.
         """
+        # A body has the same pull m l as the point, for any distance of its centre.
         pull, share = np.asarray(mass * length, dtype=float), self.rod_share(1.0, gravity)
         own, at = self.inertia_share(1.0, float(self.radius(1.0))), 1.5 * length + 0.0 * pull
 
@@ -142,12 +143,14 @@ class Bob:
             slope = at * (1.0 + turn) - length * turn - inertia * turn / (1.5 * lever)
             return lever, turn, inertia, value, slope
 
+        # Arguments without a solution become NaN, without warnings of NumPy.
         with np.errstate(all="ignore"):
             # The distance is a root of a convex function, and Newton's method approaches the root from above.
             for _ in range(_TURNS):
                 *_, value, slope = terms(at)
                 at = np.where((slope > 0.0) & (at > 0.0), at - value / slope, np.nan)
             lever, turn, inertia, _, slope = terms(at)
+            # Derivatives by the implicit function theorem at the root.
             by_size = inertia / (1.5 * slope)
             by_pull = (1.0 + turn * by_size / lever) / lever
             of_body = by_pull * length, by_pull * mass - pull * turn / (lever * slope)

@@ -88,6 +88,7 @@ class Conditions:
         checks.instance("motions", self.motions, tuple)
         if self.which is not None:
             checks.array("which", self.which, (-1,), "a vector of indices of motions")
+        # All factors and the indices of the motions have one entry per condition.
         lengths = sorted({len(values) for values in (*self.factors.values(), *self._chosen)})
         if len(lengths) > 1:
             raise ValueError(f"`factors` must be of one length, but have lengths {lengths}")
@@ -102,6 +103,7 @@ class Conditions:
     def __mul__(self, other: Conditions) -> Conditions:
         if not isinstance(other, Conditions):
             return NotImplemented
+        # The first set varies slowly, so that its values are repeated. Those of the second set are tiled.
         n, m = len(self), len(other)
         if self.motions and other.motions:
             raise ValueError("only one of two sets of conditions can have ground motions, but both have some")
@@ -137,6 +139,7 @@ class Conditions:
         # The worst condition is probably at a corner, where several factors are extreme at once.
         rows = np.array([v for v in self.factors.values() if np.ptp(v) > 0.0]).T
         unit = (rows - rows.min(axis=0)) / np.ptp(rows, axis=0)
+        # The corners of the unit cube of the factors that vary.
         d = unit.shape[1]
         corners = np.stack(np.meshgrid(*[[0.0, 1.0]] * d, indexing="ij"), axis=-1).reshape(-1, d)
         nearest = {int(np.argmin(np.abs(unit - corner).sum(axis=1))) for corner in corners[: most // 2]}
@@ -163,6 +166,7 @@ class Conditions:
         An example is "2.5 Hz and 1.1 times the amplitude". With three or more varied factors it is "2.45 Hz,
         1.1 x amplitude, friction x 0.93".
         """
+        # With many factors a sentence would be too long.
         if len(self._differing) > 2:
             return self._sample(i)
         parts = []
@@ -213,6 +217,7 @@ class Conditions:
         frequency = checks.within("frequency", frequency, 1e-3, 0.5)
         amplitude = checks.within("amplitude", amplitude, 0.0, 1.0)
         count = checks.count("count", count, least=2)
+        # Frequencies are stored as factors on the frequency of the scene.
         factors, own = 1.0 + frequency * np.linspace(-1.0, 1.0, count), scene.motion.frequency
         low, high = own * (1.0 - frequency), own * (1.0 + frequency)
         phrase = f"{count} frequencies from {low:.3g} to {high:.3g} Hz"
@@ -359,6 +364,7 @@ def under(p: Parameters, design: Any, factors: Any) -> Parameters:
     at most 1, because an impact adds no energy.
     """
     amplitude, frequency, friction, slenderness, mass, length, damping, restitution = factors
+    # e follows the other parameters if it is None, and then has no factor of its own.
     ratio = None if p.e is None else p.e * restitution
     return Parameters(
         nu=p.nu * slenderness,

@@ -99,6 +99,7 @@ class Ensemble:
             checks.set_checked(self, checks.seed, "seed")
         check_reach(self)
         checks.flag("any_phase", self.any_phase)
+        # A restitution of None keeps its meaning: the default depends on the block.
         for name, width in check_half_widths(self.half_widths).items():
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, width)

@@ -117,6 +117,7 @@ def are_copies(first: GroundMotion, second: GroundMotion) -> bool:
     b: Any = getattr(second, "acceleration", 0.0)
     if np.ndim(a) != 1 or np.ndim(b) != 1:
         return False
+    # Copies have the same time step.
     if abs(float(first.piece) - float(second.piece)) > 1e-6 * float(first.piece):
         return False
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
@@ -303,6 +304,7 @@ class Pulse(GroundMotion):
         if kind.peaks_at_one:
             return self.acceleration
         np_ = self._namespace
+        # The peak of this pulse depends on cycles and phase, so sample the shape.
         x = np_.linspace(-1.0, 1.0, 20001) * math.pi * self.periods
         return self.acceleration * np_.max(np_.abs(kind.shape(x, self.cycles, self.phase, np_)))
 
@@ -322,6 +324,7 @@ class Pulse(GroundMotion):
         # orthogonal to cubics and has almost no effect on a block.
         share = 0.5 + 0.5 * np.polynomial.legendre.leggauss(4)[0]
         x = ((np.arange(n)[:, None] + share) / n - 0.5) * 2.0 * math.pi * self.periods
+        # Divide by the peak of the shape, because the coefficients are relative to `pga`.
         unit = replace(self, acceleration=1.0).pga
         values = PULSES[self.kind].shape(x, self.cycles, self.phase, self._namespace) / unit
         return values @ np.linalg.inv(np.vander(share, increasing=True)).T

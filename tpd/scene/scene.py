@@ -108,6 +108,7 @@ class Block:
         check_proportions(self.width, self.height, self.mass)
         self._check_losses()
         if self.radius_of_gyration is not None:
+            # A block that is not a uniform rectangle states its radius of gyration.
             checks.positive("radius_of_gyration", self.radius_of_gyration, every=True)
             # The radius is largest if all of the mass is in the corners.
             most = 0.5 * (self.width**2 + self.height**2) ** 0.5
@@ -130,6 +131,7 @@ class Block:
 
     def _check_losses(self) -> None:
         """Check restitution and friction."""
+        # The only text that is allowed is "housner": any other text is a misspelling.
         if self.restitution is None or isinstance(self.restitution, str):
             if self.restitution != HOUSNER:
                 raise ValueError(
@@ -153,6 +155,7 @@ class Block:
         if self.cavity_width is None:
             return
         checks.positive("cavity_width", self.cavity_width, every=True)
+        # Traced values cannot be compared, and pass.
         if all(map(checks.is_concrete, (self.cavity_width, self.width))) and np.any(
             np.asarray(self.cavity_width) >= self.width
         ):
@@ -184,6 +187,7 @@ class Block:
     @property
     def velocity_ratio(self) -> Real:
         """Velocity ratio e of the block without a pendulum, as a number; 1 means no loss."""
+        # Without a pendulum Housner's ratio has no mass ratio.
         if isinstance(self.restitution, str):
             return housner(self.slenderness, self.inertia_ratio)
         return self.restitution
@@ -300,6 +304,7 @@ class Scene:
     def peak(self) -> Real:
         """Largest acceleration of the base over gravity, f."""
         motion = self.motion
+        # A harmonic states its displacement, but a ground motion its acceleration.
         largest = motion.amplitude * motion.rate**2 if isinstance(motion, Harmonic) else motion.pga
         return largest / self.gravity
 
@@ -353,6 +358,7 @@ class Scene:
         # not be zero. Any usual value serves.
         if pendulum is None:
             pendulum = Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3)
+        # Keys without a value are left out, so that rho and e follow the other quantities.
         own = {} if block.radius_of_gyration is None else {"radius_of_gyration": block.radius_of_gyration}
         excitation = (
             {"amplitude": motion.amplitude, "frequency": motion.frequency}
@@ -397,6 +403,7 @@ def check_proportions(width: Any, height: Any, mass: Any) -> None:
     if not all(map(checks.is_concrete, (width, height, mass))):
         return
     width, height, mass = np.broadcast_arrays(width, height, mass)
+    # Arrays are allowed: the message shows the first element that is out of range.
     narrow = width < LEAST_SLENDERNESS * height
     if np.any(narrow):
         wide, high = width[narrow][0], height[narrow][0]
@@ -432,6 +439,7 @@ def check_excitation(amplitude: Any, frequency: Any) -> None:
     # A frequency whose square overflows gives an infinite acceleration, which is rejected below.
     with np.errstate(over="ignore"):
         shares = amplitude * (2.0 * np.pi * frequency) ** 2 / STANDARD_GRAVITY
+    # The message shows the strongest of several excitations.
     i = np.unravel_index(np.argmax(shares), shares.shape)
     if shares[i] > LARGEST_SHAKING:
         raise ValueError(
@@ -459,6 +467,7 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
     nu = q["width"] / q["height"]
     rate = _rate(q["gravity"], rho, half_height)
     omega = 2.0 * math.pi * q["frequency"]
+    # A ground motion has a peak acceleration, and a harmonic has an amplitude of the displacement.
     peak = q["peak"] if "peak" in q else q["amplitude"] * omega * omega
     # In (25) of the paper lam is l/b. Its Table 1 lists l/(2b), which is half of it.
     return {
