@@ -128,7 +128,7 @@ def test_runs_without_an_answer_leave_a_design_undecided():
     found = solve(NoisyProblem.of(unanswered=0.6))
     assert found.status is DesignStatus.undecided
     assert found.pendulum is None
-    assert all("runs have no answer" in said for said in found.refusals)
+    assert all("runs have no result" in said for said in found.refusals)
     assert np.all(found.trials.undecided > 10)
 
 
@@ -251,9 +251,13 @@ def test_a_block_that_slides_before_it_lifts_gets_no_pendulum():
 @pytest.mark.parametrize(
     ("scene", "settings", "message"),
     [
-        (designs.BLOCK, {"starts": tpd.Starts.rest()}, "`starts` is for harmonics"),
-        (designs.BLOCK, {"objective": tpd.limits.SteadyTilt()}, "`objective` is for harmonics"),
-        (SCENE, {"conditions": None, "validation_share": 0.5}, "`validation_share` is for ground motions"),
+        (designs.BLOCK, {"starts": tpd.Starts.rest()}, "`starts` is allowed only with harmonics"),
+        (designs.BLOCK, {"objective": tpd.limits.SteadyTilt()}, "`objective` is allowed only with harmonics"),
+        (
+            SCENE,
+            {"conditions": None, "validation_share": 0.5},
+            "`validation_share` is allowed only with ground motions",
+        ),
         (designs.BLOCK, {"conditions": None}, "needs `conditions=Conditions.records"),
         (SCENE, {"conditions": None, "method": tpd.GroundSearch()}, "needs `conditions=Conditions.records"),
     ],

@@ -103,7 +103,7 @@ def test_values_that_are_not_divided_by_a_size_of_reference_are_rejected():
         def values(self, e, g):
             return tpd.limits.Size("force", 1e3 * (1.0 + e.tilt), 1e3 * e.tilt_slope)
 
-    with pytest.raises(ValueError, match="objective tilt and swing must be divided by"):
+    with pytest.raises(ValueError, match="objective tilt and swing must be between 0 and 1"):
         search_designs(orbits(objective=Newtons(0.0)), tpd.Descent(screening=16), 0)
 
 

@@ -209,12 +209,10 @@ class GroundMotionProblem(Problem):
     def evidence(self) -> DesignStatus:
         """See `Problem.evidence`."""
         events = ([g.events for g in self.groups if g.role is role] for role in Role)
-        tuned, validation = (len(np.unique(np.concatenate([*of_role, []]))) for of_role in events)
-        if not validation:
+        tuned, others = (len(np.unique(np.concatenate([*of_role, []]))) for of_role in events)
+        if not others:
             return DesignStatus.tuned_only
-        return (
-            DesignStatus.recommended if min(tuned, validation) >= LEAST_EARTHQUAKES else DesignStatus.too_few
-        )
+        return DesignStatus.recommended if min(tuned, others) >= LEAST_EARTHQUAKES else DesignStatus.too_few
 
     @property
     def at_rest(self) -> AtRest:

@@ -200,8 +200,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "kind": Key(
             Literal["any", "rest"],
             "any",
-            "initial states: any counts the largest motion that attracts; rest counts rest wherever the "
-            "block can stay at rest",
+            "initial states: any (the largest motion that attracts), or rest (wherever rest is possible)",
         )
     },
     "risk": {
@@ -313,12 +312,8 @@ def widths_of(full: Tables) -> dict[str, float]:
 def is_around(full: Tables) -> bool:
     """Whether the conditions are the neighbourhood of the motion, which is the default."""
     conditions = full["conditions"]
-    return not (
-        conditions["exactly"]
-        or conditions["band"] is not None
-        or conditions["amplitudes"] != (1.0,)
-        or widths_of(full)
-    )
+    is_many = conditions["band"] is not None or conditions["amplitudes"] != (1.0,) or widths_of(full)
+    return not (conditions["exactly"] or is_many)
 
 
 def size_of(full: Tables) -> int:
