@@ -95,14 +95,14 @@ optimise --damping -1 | [space] `damping_ratio` must be between 0 and 2, but is 
 optimise --bob cube | [bob] `shape` must be one of ball, cylinder, but is 'cube'
 optimise --cavity 0.2 | [block] `cavity_width` must be less than the width of the block, 0.1 m,
 optimise --cavity 0.1 | [block] `cavity_width` must be less than the width of the block, 0.1 m, because
-optimise --exactly --band 2 3 | `conditions.exactly` requires a single motion (no band, no amplitudes and no sc
+optimise --exactly --band 2 3 | `conditions.exactly` requires a single motion (no band, no amplitudes and no s
 optimise --starts 8 | `search.starts` requires a pulse or records, which this job does not have
 optimise --measure median | `risk.measure` must be one of cvar, expected, worst, but is 'median'
 optimise --amplitudes inf | [conditions] `amplitudes` must be positive and finite, but is inf
 optimise --scatter friction | `--scatter` must be NAME=WIDTH, such as friction=0.2, but is 'friction'
 optimise --scatter friction=0.6 | [scatter] `friction` must be between 0 and 0.5, but is 0.6
 optimise --scatter colour=0.1 | there is no key `colour` in [scatter]; allowed are amplitude, frequency
-optimise --width 0.2 | a block of your own must be complete and have a motion of its own. The job has `width`, b
+optimise --width 0.2 | a block of your own must be complete and have a motion of its own. The job has `width`,
 optimise SIZE --amplitude 0.02 | The job has `width`, `height` and `mass`, but `frequency` in [motion]
 optimise --scene absent.toml | cannot read absent.toml: No such file or directory
 optimise --scene . | cannot read .: Is a directory

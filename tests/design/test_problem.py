@@ -141,7 +141,7 @@ class Own(limits.Limit):
         ),
         (
             {"conditions": tpd.Conditions({"amplitude": np.array([1.0, 1.2])}, ("mine",))},
-            "a job file cannot describe the conditions of this problem. It allows bands, amplitudes and scatter",
+            "a job file cannot describe the conditions of this problem. It allows bands, amplitudes",
         ),
     ],
 )

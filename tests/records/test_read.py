@@ -238,7 +238,7 @@ def test_one_channel_counts_once(tmp_path):
         folder = agency(tmp_path / kept.partition(".")[0], **texts)
         found, said = read_motions([folder])
         assert [m.source for m in found] == [kept]
-        assert f"(uncorrected, beside the corrected {kept})" in said[0]
+        assert f"(uncorrected; {kept} is corrected)" in said[0]
     # Of another station, direction or earthquake both count.
     raw = corrected.replace("BASELINE REMOVED", "BASELINE NOT REMOVED")
     others = {
@@ -268,7 +268,9 @@ def test_the_borehole_does_not_count_beside_the_surface(tmp_path):
         texts[f"XXX001_{name}"] = text
     found, said = read_motions([agency(tmp_path / "both", **texts)])
     assert [m.source for m in found] == ["XXX001.EW2", "XXX001.NS2"]
-    assert "XXX001.NS1 (instrument in a borehole, not at the surface, beside XXX001.EW2)" in said[0]
+    assert (
+        "XXX001.NS1 (instrument in a borehole, not at the surface; XXX001.EW2 is at the surface)" in said[0]
+    )
     alone, _ = read_motions([agency(tmp_path / "deep", XXX001_NS1=texts["XXX001_NS1"])])
     assert alone[0].notes[-1].startswith("baseline removed: the mean")
 

@@ -67,8 +67,8 @@ THICKNESS = "thickness"
 DEPTH = "depth"
 """Name of the size: depth of the lower end of the bob below the hinge over the height of the block."""
 _LEAST_TILT = 0.02
-"""Tilt as a share of nu that a pendulum may always leave. Without it, a block that hardly rocks without a
-pendulum would reject every design."""
+"""Tilt as a share of nu that a pendulum may always leave. Without this value, a block that rests or almost
+rests without a pendulum would reject every design."""
 
 Bounds = checks.Real | tuple[float, float]
 """Bounds of a search: one number, which fixes the value, or a lower and an upper bound."""

@@ -104,7 +104,7 @@ class Job(ABC):
     """Class of the settings of the search."""
     only: ClassVar[str]
     """Argument of `tpd.optimise` that other kinds of jobs do not have."""
-    beside: ClassVar[tuple[str, ...]] = ()
+    required_keys: ClassVar[tuple[str, ...]] = ()
     """Keys of [motion] that are required together with a user's own block."""
 
     @staticmethod
@@ -413,7 +413,7 @@ class Job(ABC):
 class HarmonicJob(Job):
     """Job with a harmonic motion."""
 
-    compiled, search, only, beside = compiling.HARMONIC, Descent, "starts", tuple(keys_of(Harmonic))
+    compiled, search, only, required_keys = compiling.HARMONIC, Descent, "starts", tuple(keys_of(Harmonic))
 
     def check_motion(self) -> None:
         """See `Job.check_motion`."""
@@ -424,7 +424,7 @@ class HarmonicJob(Job):
     @cached_property
     def _read(self) -> tuple[Sequence[Harmonic], Sequence[str]]:
         with naming("motion"):
-            return (Harmonic(**{name: self.full["motion"][name] for name in self.beside}),), ()
+            return (Harmonic(**{name: self.full["motion"][name] for name in self.required_keys}),), ()
 
     @property
     def ground_motions(self) -> tuple[GroundMotion, ...]:
@@ -634,7 +634,7 @@ def job_of(tables: Mapping[str, Any]) -> Job:
             if missing:
                 raise ValueError(f"`{table}.{key}` requires {missing}, which this job does not have")
     job = _JOBS[full["motion"]["kind"]](full=full)
-    _check_whole_block(tables, job.beside)
+    _check_whole_block(tables, job.required_keys)
     with naming("search"):
         checks.count("seed", job.seed, least=0)
     # Check the block first, because a wrong block causes many other errors.
@@ -657,7 +657,7 @@ def job_of(tables: Mapping[str, Any]) -> Job:
     return replace(job, full={t: v | {k: own[t][k] for k in stored.get(t, ())} for t, v in full.items()})
 
 
-def _check_whole_block(tables: Mapping[str, Any], beside: Sequence[str]) -> None:
+def _check_whole_block(tables: Mapping[str, Any], required_keys: Sequence[str]) -> None:
     """Raise `ValueError` if a user's own block or its motion is incomplete.
 
     The values of the paper must not complete such a block. Losses alone, or a motion alone, are variations of
@@ -668,7 +668,7 @@ def _check_whole_block(tables: Mapping[str, Any], beside: Sequence[str]) -> None
     own = [key for key in (*SHAPE, "radius_of_gyration") if key in block]
     missing = {
         "block": [k for k in SHAPE if k not in block],
-        "motion": [k for k in beside if k not in motion],
+        "motion": [k for k in required_keys if k not in motion],
     }
     if not own or not any(missing.values()):
         return

@@ -262,8 +262,8 @@ def _check_size(orbits: Orbits, e: Evaluation) -> None:
     value = e.merit[e.kind <= NEAR]
     if len(value) and not np.any((value >= 0.0) & (value <= 1.0)):
         raise ValueError(
-            f"`values` of the objective {orbits.objective.name} must be between 0 and 1 for most designs, but "
-            f"are between {value.min():.3g} and {value.max():.3g}: divide them by a reference value"
+            f"`values` of the objective {orbits.objective.name} must be between 0 and 1 for most designs, "
+            f"but are between {value.min():.3g} and {value.max():.3g}: divide them by a reference value"
         )
 
 

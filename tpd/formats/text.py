@@ -137,10 +137,8 @@ def splitter(lines: Sequence[str]) -> Callable[[str], list[str]]:
 
 
 def no_thousands(text: str, split: Callable[[str], list[str]]) -> None:
-    """Raise `UnreadableRecord` if the marks in the numbers of a text may separate thousands.
-
-    This is the case if it holds for all commas within numbers, or for all points beside such commas.
-    """
+    """Raise `UnreadableRecord` if the commas in the numbers of a text, or the points in other numbers, may
+    separate thousands."""
     words = _MARKED.findall(text)
     commas = [word for word in words if "," in word and len(split(word)) == 1]
     for marked in (commas, [word for word in words if commas and "," not in word]):

@@ -163,11 +163,11 @@ def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[st
         return ""
     is_one_station = place[0] == its[0] != ""
     if BOREHOLE in marks and is_one_station:
-        return f"{BOREHOLE}, beside {other.source}"
+        return f"{BOREHOLE}; {other.source} is at the surface"
     # A corrected record replaces an uncorrected one of the same channel.
     is_raw = bool(marks & {*RAW}) and not {*RAW} & {*other.notes}
     is_one_channel = place[1] == its[1] and (is_one_station or place[2] == its[2])
-    return f"uncorrected, beside the corrected {other.source}" if is_raw and is_one_channel else ""
+    return f"uncorrected; {other.source} is corrected" if is_raw and is_one_channel else ""
 
 
 def same_earthquakes(motions: Sequence[GroundMotion]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Law of impacts: the rates of block and bob after the block strikes its base.
+"""Law of impacts: the rates of block and bob after an impact of the block on its base.
 
 All models take the law from this module: the exact engine and its orbits, the smoothed and the nonlinear
 models, in JAX and in compiled code (`tpd.exact.plant.shared`). To change the law, edit `velocity_ratio`, and
