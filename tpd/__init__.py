@@ -1,7 +1,7 @@
 """Tuned pendulum design: find a pendulum that reduces the rocking of a block.
 
-The public names are listed in `__init__.pyi` and imported on first use, so that `tpd --help` does not wait for
-JAX.
+The public names are listed in `__init__.pyi` and imported on first use, so that `tpd --help` does not wait
+for JAX.
 
 The table lists the equations of the paper (Collini et al. 2016) and the functions that compute them.
 Misprinted equations are corrected, see `tpd.theory.paper`. `tests/test_equation_table.py` compares each

@@ -275,6 +275,11 @@ class Requirements:
 
     Raises:
         ValueError: a share is out of range, or the measure is unknown.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Requirements(at_least=0.2, wall_contacts=0.02).allowed
+        0.02
     """
 
     at_least: checks.Real = 0.1
@@ -448,7 +453,15 @@ class Evaluation(NamedTuple):
 
 class Size(NamedTuple):
     """Quantity over its limit, or over its reference value, under every condition. A limit is kept if the
-    value is at most 1."""
+    value is at most 1.
+
+    Example:
+        >>> import numpy as np
+        >>> import tpd
+        >>> size = tpd.limits.Size("rod", np.array([[0.8]]), np.zeros((1, 1, 3)))
+        >>> bool(size.value.max() <= 1.0)
+        True
+    """
 
     name: str
     """Name in reports."""
@@ -463,6 +476,19 @@ class Limit(ABC):
     """Inequality constraint on a design under every condition; base class of all limits.
 
     A subclass is a frozen dataclass with a class attribute `name` and a method `sizes`.
+
+    Example:
+        >>> import dataclasses, typing, tpd
+        >>> @dataclasses.dataclass(frozen=True)
+        ... class LongestRod(tpd.limits.Limit):
+        ...     length: float
+        ...     name: typing.ClassVar[str] = "rod"
+        ...     def sizes(self, e, g):
+        ...         value = g.rod(e.design) / self.length
+        ...         slope = value[..., None] * [0.0, 1.0, 0.0] / e.design[:, None, 1:2]
+        ...         yield tpd.limits.Size(self.name, value, slope)
+        >>> LongestRod(0.5).name
+        'rod'
     """
 
     name: ClassVar[str]
@@ -499,6 +525,16 @@ class Objective(ABC):
     its own values: minus the uplift margin where the block rests, and more than 1 where no motion attracts.
     The quantity must therefore be divided by a reference value, so that it is between 0 and 1 for every
     acceptable motion. Limits, penalties and tolerances are scaled for such values as well.
+
+    Example:
+        >>> import dataclasses, typing, tpd
+        >>> @dataclasses.dataclass(frozen=True)
+        ... class Swing(tpd.limits.Objective):
+        ...     name: typing.ClassVar[str] = "swing"
+        ...     def values(self, e, g):
+        ...         return tpd.limits.Size(self.name, e.swing / 1.5, e.swing_slope / 1.5)
+        >>> Swing().name
+        'swing'
     """
 
     name: ClassVar[str]
