@@ -478,11 +478,12 @@ class Limit(ABC):
     A subclass is a frozen dataclass with a class attribute `name` and a method `sizes`.
 
     Example:
-        >>> import dataclasses, typing, tpd
+        >>> import dataclasses, tpd
+        >>> from typing import ClassVar
         >>> @dataclasses.dataclass(frozen=True)
         ... class LongestRod(tpd.limits.Limit):
         ...     length: float
-        ...     name: typing.ClassVar[str] = "rod"
+        ...     name: ClassVar[str] = "rod"
         ...     def sizes(self, e, g):
         ...         value = g.rod(e.design) / self.length
         ...         slope = value[..., None] * [0.0, 1.0, 0.0] / e.design[:, None, 1:2]
@@ -527,10 +528,11 @@ class Objective(ABC):
     acceptable motion. Limits, penalties and tolerances are scaled for such values as well.
 
     Example:
-        >>> import dataclasses, typing, tpd
+        >>> import dataclasses, tpd
+        >>> from typing import ClassVar
         >>> @dataclasses.dataclass(frozen=True)
         ... class Swing(tpd.limits.Objective):
-        ...     name: typing.ClassVar[str] = "swing"
+        ...     name: ClassVar[str] = "swing"
         ...     def values(self, e, g):
         ...         return tpd.limits.Size(self.name, e.swing / 1.5, e.swing_slope / 1.5)
         >>> Swing().name

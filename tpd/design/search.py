@@ -2,7 +2,7 @@
 
 Three quarters of the screened designs are spread over the space. One quarter are the designs with the largest
 uplift margin, a closed form, out of thousands. Where a block rests its tilt is flat, so that a descent would
-hardly find such designs.
+rarely find such designs.
 
 Descent and finish minimise a capped weighted worst of n functions (the maximum, the mean, or the mean of the
 worst share) under inequality constraints and bounds. The descent smooths this measure,
