@@ -48,7 +48,7 @@ class Bob:
     """
 
     shape: str = "ball"
-    """Ball or cylinder."""
+    """Shape of the bob: ball or cylinder."""
     density: checks.Real = STEEL
     """Density of the bob, kg/m^3."""
     aspect: checks.Real = 2.0

@@ -88,12 +88,13 @@ class Block:
     friction: Real = 0.0
     """k: dry friction moment of the rocking contact over M g b, dimensionless."""
     radius_of_gyration: Real | None = None
-    """Radius of gyration about the centroid, m. Default: that of a uniform rectangle. Gradients then include
+    """Radius of gyration about the centroid, m (default: that of a uniform rectangle). Gradients then include
     its dependence on `width` and `height`."""
     restitution: Real | str = HOUSNER
-    """e: ratio of the angular velocities after and before an impact of the base, in (0, 1]; 1 means no loss.
-    Default "housner": e follows from the shape of the block and from the mass ratio of bob and block, also in
-    gradients. A number applies with any pendulum."""
+    """e: ratio of the angular velocities after and before an impact of the base, a number in (0, 1], where 1
+    means no loss, or "housner" (the default), which follows from block and bob. "housner" depends on the
+    shape of the block and on the mass ratio of bob and block, also in gradients. A number applies with any
+    pendulum."""
     cavity_width: Real | None = None
     """Width (m) of the space inside the block in which the bob swings. Default: not stated; a search with a
     limit on the clearance then requires it."""
