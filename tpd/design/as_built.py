@@ -418,12 +418,12 @@ def sensitivity_of(design: Design, progress: Progress = unreported) -> tuple[Sen
     names = [name for name in _VARIED if not absent.get(name, False)]
     # The reference is the same runs with stated values. They are fewer than the validation runs, so that
     # their benefit differs.
-    reference = _compared(design).benefit
+    reference = _compare(design).benefit
     out = [Sensitivity("", 0.0, reference, reference)]
     for done, name in enumerate(names):
         progress("sensitivity", done, len(names))
         width = _VARIED[name]
-        low, high = (_compared(design, *_varied(scene, name, sign * width)) for sign in (-1.0, 1.0))
+        low, high = (_compare(design, *_vary(scene, name, sign * width)) for sign in (-1.0, 1.0))
         out.append(Sensitivity(name, width, low.benefit, high.benefit))
     progress("sensitivity", len(names), len(names))
     return tuple(out)
@@ -439,12 +439,12 @@ def losses_of(design: Design, progress: Progress = unreported) -> tuple[LossCase
     out, models = [], loss_models(design.scene)
     for done, (name, block) in enumerate(models.items()):
         progress("other energy losses", done, len(models))
-        runs = _compared(design, replace(design.scene, block=block))
+        runs = _compare(design, replace(design.scene, block=block))
         out.append(LossCase(name, float(block.friction), float(block.velocity_ratio), runs))
     return tuple(out)
 
 
-def _compared(design: Design, scene: Scene | None = None, more: Conditions | None = None) -> PairedRuns:
+def _compare(design: Design, scene: Scene | None = None, more: Conditions | None = None) -> PairedRuns:
     """Return paired runs of the linear equations in a changed scene or under a further condition."""
     problem, pendulum = design.problem, design.pendulum
     assert pendulum is not None
@@ -474,7 +474,7 @@ def loss_models(scene: Scene) -> dict[str, Block]:
     }
 
 
-def _varied(scene: Scene, name: str, share: float) -> tuple[Scene | None, Conditions | None]:
+def _vary(scene: Scene, name: str, share: float) -> tuple[Scene | None, Conditions | None]:
     """Return the scene or the further condition in which a quantity differs by a share."""
     if name != "restitution":
         return None, Conditions({name: np.array([1.0 + share])})

@@ -235,12 +235,12 @@ class GroundMotionProblem(Problem):
         )
         factors = {name: self.conditions.column(name) * x for name, x in samples.factors.items()}
         some = replace(self.conditions, factors={**self.conditions.factors, **factors})
-        return self._followed(design, self.scene, some, Terms.linear.value)
+        return self._simulate(design, self.scene, some, Terms.linear.value)
 
     def runs_alone(self, seed: int, progress: Any = None) -> Runs:
         """See `Problem.runs_alone`."""
         every, equations = self._every_motion(self.scatter, seed), Terms.nonlinear.value
-        return self._followed(None, self.scene, every, equations, seed, progress)
+        return self._simulate(None, self.scene, every, equations, seed, progress)
 
     def _every_motion(self, scatter: Mapping[str, float], seed: int) -> Conditions:
         """Return every motion of every group at every scale, with blocks that vary."""
@@ -268,7 +268,7 @@ class GroundMotionProblem(Problem):
         cases = []
         for name, pendulum in (("with the pendulum", design), ("without", None)):
             after = partial(progress, f"validation runs {name}")
-            cases.append(self._followed(pendulum, scene, conditions, equations, seed, after))
+            cases.append(self._simulate(pendulum, scene, conditions, equations, seed, after))
         # Every motion of a group has one run per scale.
         sizes = [len(g.motions) * len(scales) for g in self.groups]
         is_validation = np.array([g.role is Role.validation for g in self.groups])
@@ -285,7 +285,7 @@ class GroundMotionProblem(Problem):
 
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """See `Problem.strongest_motions`."""
-        runs = self._followed(design, self.scene, self.conditions, Terms.linear.value)
+        runs = self._simulate(design, self.scene, self.conditions, Terms.linear.value)
         # Overturning runs come last and are then left out, because their loads do not matter.
         order = np.argsort(-np.where(runs.stands, np.nan_to_num(runs.rod_angle), -1.0))
         strongest = [i for i in order if runs.stands[i]][:MOST_MOTIONS]
@@ -293,7 +293,7 @@ class GroundMotionProblem(Problem):
         factors = motion_factors(self.scene, self.conditions)
         return [motions[int(which[i])].scaled(float(factors[i])) for i in strongest]
 
-    def _followed(
+    def _simulate(
         self,
         design: np.ndarray | None,
         scene: Scene,

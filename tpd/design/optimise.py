@@ -324,17 +324,17 @@ def optimise_all(
         if cluster is None:
             parts = []
             for i in range(n):
-                parts.append(_designed(np.array([i]), *shared))
+                parts.append(_rows_of(np.array([i]), *shared))
                 report(i + 1, n)
             columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         else:
             # A search takes seconds. Each is a chunk of its own, so that a failure loses only one search.
-            columns = cluster.map("designs", _designed, np.arange(n), shared, chunk=1, progress=report)
+            columns = cluster.map("designs", _rows_of, np.arange(n), shared, chunk=1, progress=report)
     status = np.array(_STATUSES)[columns.pop("status")]
     return Designs(status=status, **columns)
 
 
-def _designed(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, Any]) -> dict[str, np.ndarray]:
+def _rows_of(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, Any]) -> dict[str, np.ndarray]:
     """Return the designs of some of the scenes as columns, with the status as an index into `_STATUSES`."""
     rows = []
     for i in map(int, which):

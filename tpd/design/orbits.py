@@ -122,7 +122,7 @@ class Orbits:
         # time.
         size, parts = max(1, _PAIRS // n), []
         for i in range(0, m, size):
-            parts.append(_evaluated(self.p, designs[i : i + size], self.conditions, self.rest_counts))
+            parts.append(_evaluate(self.p, designs[i : i + size], self.conditions, self.rest_counts))
             progress(min(i + size, m) * n, m * n)
         joined = (np.concatenate(x) for x in zip(*(part[: len(OF_PAIRS)] for part in parts), strict=True))
         return self.with_merits(Evaluation(*joined, design=designs))
@@ -195,7 +195,7 @@ _STEP = 1e-100
 """Imaginary step for complex-step differentiation."""
 
 
-def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_counts: bool) -> Evaluation:
+def _evaluate(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_counts: bool) -> Evaluation:
     """Evaluate designs (m, 3) under all conditions."""
     m, n = len(designs), len(conditions)
     q = under_all(p, designs, conditions)

@@ -160,7 +160,7 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
         why = f"no line has numbers in the columns {how.columns}" if used else why
         clock = (f"line {i} has a time of day, {shown(x)}" for i, x in lines if _CLOCK.match(x))
         raise UnreadableRecord(f"the file has no known format and no row of numbers: {next(clock, why)}")
-    header, rows = _counted(_rows(cursor, lines[first][0], split), used)
+    header, rows = _read_count(_rows(cursor, lines[first][0], split), used)
     for i, line in head:
         try:
             _understand(header, line, len(rows[0][1]))
@@ -201,7 +201,7 @@ def _rows(cursor: Cursor, first: int, split: Callable[[str], list[str]]) -> list
     return [(i, cells or [""]) for i, cells in lines if cells or len(lines[0][1]) == 1]
 
 
-def _counted(rows: list[_Row], used: Sequence[int]) -> tuple[_Header, list[_Row]]:
+def _read_count(rows: list[_Row], used: Sequence[int]) -> tuple[_Header, list[_Row]]:
     """Return a header with the statements of a first row of numbers, and the rows of samples."""
     (line, cells), rest = rows[0], rows[1:]
     if used or len(rest) < 2:
