@@ -245,7 +245,7 @@ class Cursor:
         """Read n lines of comments."""
         for _ in range(n):
             if not self.next("the end of the comments").lstrip().startswith("|"):
-                raise UnreadableRecord(f"line {self.at} must be one of {n} comments with '|'")
+                raise UnreadableRecord(f"line {self.at} must be a comment with '|', since {n} are stated")
 
     def skip(self, n: int, what: str) -> list[str]:
         """Read the next n lines."""
