@@ -1,5 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
-"""`python -m tpd`: the command line."""
+"""Command line: `python -m tpd` is the same as the command `tpd`."""
 
 import sys
 

@@ -1,3 +1,3 @@
-"""Limits and objectives of a design, for users of the package; `tpd.design.criteria` defines them."""
+"""Limits and objectives of a design; `tpd.design.criteria` defines them."""
 
 from tpd.design.criteria import *  # noqa: F403

@@ -48,7 +48,7 @@ def test_a_restitution_scatters_without_a_change_of_the_other_draws():
     np.testing.assert_array_equal(without.p.e, 0.9)
     assert 0.855 <= scattered.p.e.min() < 0.87 < scattered.p.e[0] == 0.9 < 0.93 < scattered.p.e.max() <= 0.945
     with pytest.raises(
-        ValueError, match="`restitution` can scatter where it is a number below 1, but it is 1"
+        ValueError, match="`restitution` can vary only if it is a number below 1, but it is 1"
     ):
         outcomes(tpd.paper_scene(), ensemble=tpd.Ensemble(size=4, restitution=0.1))
 
@@ -104,7 +104,7 @@ def test_conditions_are_dealt_out_evenly():
 
 
 def test_bad_subjects_are_refused():
-    with pytest.raises(ValueError, match="`pendulum` goes with a scene"):
+    with pytest.raises(ValueError, match="`pendulum` is allowed only with a scene"):
         outcomes(WITH, tpd.Pendulum(mass=3.2448, length=0.203, damping_ratio=0.1))
     with pytest.raises(ValueError, match="`f` must be a single number, but is"):
         outcomes(dataclasses.replace(WITH, f=jnp.array([0.1, 0.2])))

@@ -151,7 +151,7 @@ def test_separated_outcomes_are_drawn_as_far_as_they_are_known(found):
     [
         ({"scales": [2.0, 1.0]}, "`scales` must be a vector of 1 or more increasing numbers"),
         ({"intensity": "pgx"}, "`intensity` must be"),
-        ({"intensity": "sa"}, "`period` belongs to"),
+        ({"intensity": "sa"}, "`period` must be given only with"),
         ({"states": {"bad": -1.0}}, "`states` must name"),
     ],
 )

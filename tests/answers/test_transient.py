@@ -400,7 +400,7 @@ def test_bad_input_is_one_sentence():
     harmonic = tpd.Scene(COLUMN, tpd.Harmonic(amplitude=0.01, frequency=2.0))
     with pytest.raises(ValueError, match="harmonics are for"):
         tpd.transient(harmonic)
-    with pytest.raises(ValueError, match="other motions are for"):
+    with pytest.raises(ValueError, match="for other motions"):
         column(sine(1.0)).parameters()
     with pytest.raises(ValueError, match="`scan` must"):
         tpd.critical_scale(column(sine(1.0)), scan=0.0)

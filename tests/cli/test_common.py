@@ -41,18 +41,15 @@ def test_a_pendulum_is_given_in_si_units_or_in_ratios():
 def test_ground_motions_are_described_with_their_sizes_and_a_harmonic_by_its_scene():
     records = {"records": ["el-centro", "loma-prieta"], "scales": [2, 3]}
     two = job_of({"motion": records})
-    assert (
-        two.in_words == "2 records, each at 2, 3 (PGA over g tan(alpha), 1 = the "
-        "acceleration that lifts the block)"
-    )
-    assert [line.partition(",")[0] for line in two.told] == ["record: el-centro", "record: loma-prieta"]
+    assert two.in_words == "2 records, each at 2, 3 (PGA over g tan(alpha); at 1 the block lifts)"
+    assert [line.partition(",")[0] for line in two.messages] == ["record: el-centro", "record: loma-prieta"]
     one = job_of({"motion": records | {"records": ["el-centro"]}})
     assert (
         one.in_words
-        == "El Centro/NS, 3.127 m/s^2 at most, 31.18 s, each at 2, 3 (PGA over g tan(alpha), 1 = the "
-        "acceleration that lifts the block)"
+        == "El Centro/NS, 3.127 m/s^2 at most, 31.18 s, each at 2, 3 (PGA over g tan(alpha); at 1 the "
+        "block lifts)"
     )
-    assert (job_of({}).in_words, job_of({}).told) == ("", ())
+    assert (job_of({}).in_words, job_of({}).messages) == ("", ())
 
 
 def test_compiled_programs_can_be_stored():
@@ -101,12 +98,12 @@ optimise --bob cube | [bob] `shape` must be one of ball, cylinder, but is 'cube'
 optimise --cavity 0.2 | [block] `cavity_width` must be less than the outside width, 0.1 m (walls of no
 optimise --cavity 0.1 | [block] `cavity_width` must be less than the outside width, 0.1 m (walls of no thick
 optimise --exactly --band 2 3 | `conditions.exactly` goes with one motion: no band, no amplitudes and no scatt
-optimise --starts 8 | `search.starts` goes with a pulse or records, which this job does not have
+optimise --starts 8 | `search.starts` requires a pulse or records, which this job does not have
 optimise --measure median | `risk.measure` must be one of cvar, expected, worst, but is 'median'
 optimise --amplitudes inf | [conditions] `amplitudes` must be positive and finite, but is inf
 optimise --scatter friction | `--scatter` must be NAME=WIDTH, such as friction=0.2, but is 'friction'
 optimise --scatter friction=0.6 | [scatter] `friction` must be between 0 and 0.5, but is 0.6
-optimise --scatter colour=0.1 | unknown key `colour` in [scatter]; allowed are amplitude, frequency
+optimise --scatter colour=0.1 | there is no key `colour` in [scatter]; allowed are amplitude, frequency
 optimise --width 0.2 | a block of your own must be whole, with a motion of its own, but `height` and `mass` in
 optimise SIZE --amplitude 0.02 | but `frequency` in [motion] is missing beside `width`, `height` and
 optimise --scene absent.toml | cannot read absent.toml: No such file or directory
@@ -118,15 +115,15 @@ optimise --amplitude 0 | [motion] `amplitude` must be above 0 in a search, but i
 optimise --mass-ratio 0.1 1.5 | [space] `mass_ratio` must be an interval low < high within 0 to 1
 optimise --exactly --measure cvar | `risk.measure` goes with several conditions, [conditions] or [scatter], wh
 optimise --friction 0 --scatter friction=0.1 | [scatter] `friction` cannot scatter by a share of it
-optimise --scatter restitution=0.1 | [scatter] `restitution` can scatter where it is a number below
-job block.widht = 1.0 | unknown key `widht` in [block]; did you mean `width`?
+optimise --scatter restitution=0.1 | [scatter] `restitution` can vary only if it is a number below
+job block.widht = 1.0 | there is no key `widht` in [block]; did you mean `width`?
 job blok.width = 1.0 | unknown table [blok]; did you mean `block`?
 job block.width = 2020-01-01 | `block.width` must be a number, but is datetime.date
 job block.restitution = true | `block.restitution` must be a number or a text, but is True
 job project.name = 3 | `project.name` must be a text in one line of at most 100 characters, but is 3
 job site.gravity = 0 | [site] `gravity` must be positive and finite, but is 0
 job space.mass_ratio = [0.1, true] | `space.mass_ratio` must be a number or a pair of numbers, but is [0.1, T
-job search.budget = 8 | unknown key `budget` in [search]; allowed are model, optimiser
+job search.budget = 8 | there is no key `budget` in [search]; allowed are model, optimiser
 job ensemble.any_phase = 1 | `ensemble.any_phase` must be true or false, but is 1
 job conditions.band = [2, 3]; conditions.frequencies = 1 | [conditions] `frequencies` must be a whole number,
 job conditions.band = [2, 3]; conditions.frequencies = 2000000 | a job must have at most 100000 conditions, bu
@@ -137,7 +134,7 @@ job bob.density = 10 | [bob] `density` must be between 100 and 25000 kg/m^3, but
 job ensemble.ramps = [-1.0] | [ensemble] `ramps` must be zero or positive, and finite, but is -1
 job block.width = 0.1; block.radius_of_gyration = 0.3; REST | [block] `radius_of_gyration` must be at most 0.2
 job limits.tilt = 1.5 | [limits] `tilt` must be at most 1, a block that stands on its corner
-job ensemble.restitution = 0.1 | [ensemble] `restitution` can scatter where it is a number
+job ensemble.restitution = 0.1 | [ensemble] `restitution` can vary only if it is a number
 response --pendulum-mass 1 | has no length: give --pendulum-length or --length-ratio as well
 response BOB --pendulum-mass 1 | not allowed with argument
 response BOB --pendulum-damping -1 | `damping_ratio` must be zero or positive
@@ -163,12 +160,12 @@ check BOB --engine drake | argument --engine: invalid choice: 'drake'
 check BOB --sliding 0.5 | --sliding has an effect only together with --engine
 map --x mu 0.1 50 --y lam 0.1 1.5 | `--x` must be at most 1, a bob as heavy as the block
 map X --y lam 0.1 3 | `--y` must be at most 2, a rod as long as the block
-shake SIZE --record el-centro --dt 0.5 | `motion.dt` goes with a file of a record
-fragility --records el-centro loma-prieta --event a | `motion.event` goes with a fi
+shake SIZE --record el-centro --dt 0.5 | `motion.dt` requires a file of a record
+fragility --records el-centro loma-prieta --event a | `motion.event` requires a fi
 spectrum --record el-centro --sizes-to 5 | --sizes-to has an effect on the spectrum of a pulse
 spectrum --pulse ricker --sizes-to nan | `--sizes-to` must be positive and finite
 spectrum --pulse ricker --pga 0.3 | --pga has no effect here: a spectrum has pulses of all freq
-job block.size.width = 1.0 | unknown key `size` in [block]
+job block.size.width = 1.0 | there is no key `size` in [block]
 job x = = 3 | is not valid TOML: Invalid value (at line 1, column 5)
 job [block]; width = 0,5 | (at line 2, column 10); write 0.5 with a decimal point, not 0,5
 job [space]; mass_ratio = [0,01, 0.2] | ; write 0.01 with a decimal point, not 0,01
@@ -189,9 +186,9 @@ new towr | did you mean `tower`?
 optmise | did you mean `optimise`?
 optimise --recrods a | unrecognized arguments: --recrods; did you mean `--records`?
 optimise --optimiser adamm | but is 'adamm'; did you mean `adam`?
-optimise --scatter frcition=0.1 | unknown key `frcition` in [scatter]; did you mean `fri
+optimise --scatter frcition=0.1 | there is no key `frcition` in [scatter]; did you mean `fri
 export --as csv --pulse ricker --amplitude 1 | has keys of a pulse (`pulse`) and of a harm
-export --as csv BOB --scale 5 | `motion.scales` goes with a pulse or records
+export --as csv BOB --scale 5 | `motion.scales` requires a pulse or records
 export --as csv BOB --sliding 0.5 | --sliding has an effect on models for MuJoCo and OpenSees
 export --as csv BOB --file . | --file must name a file, but . is a directory
 """
@@ -199,18 +196,18 @@ export --as csv BOB --file . | --file must name a file, but . is a directory
 UNITS = r"""
 optimise --width 100 --height 400 --mass 16.2 --amplitude 15 --frequency 2.5 | [block] `mass` must make betwee
 optimise OWN --mass 0.016 | are the lengths in m and the mass in kg?
-optimise --amplitude 50 --frequency 1 | [motion] `amplitude` and `frequency` must make at most 10 g, but 50 m
-optimise --amplitudes 100 120 | [motion] `amplitude` and `frequency` must make at most 10 g, but 1.8 m
+optimise --amplitude 50 --frequency 1 | [motion] `amplitude` and `frequency` must give an acceleration of at most 10 g, but 50 m
+optimise --amplitudes 100 120 | [motion] `amplitude` and `frequency` must give an acceleration of at most 10 g, but 1.8 m
 optimise --band 2250 2750 | are they in m and Hz?
-optimise OWN | `cavity_width`, the width in m between the walls that the bob swings within, must be given, but
+optimise OWN | `cavity_width` must be given, but is missing. It is the distance in m between the walls
 response BOB --pendulum-damping 5 | `--pendulum-damping` must be at most 2, twice crit
-response BOB --amplitude 50 --frequency 1 | make 201 g: are they in m and Hz?
-map BOB X --y amplitude 5 50 | must make at most 10 g
+response BOB --amplitude 50 --frequency 1 | give 201 g: are they in m and Hz?
+map BOB X --y amplitude 5 50 | must give an acceleration of at most 10 g
 spectrum --width 450 --height 1800 --mass 900 --pulse one-sine | kg/m^3
-check BOB OWN | `cavity_width`, the width in m between the walls that the bob swings within, must be given
-job site.gravity = 1.0 | [site] `gravity` must be between 1.5 and 30 m/s^2 (the Earth's is 9.80665)
-job conditions.amplitudes = [100.0] | must make at most 10 g, but 1.5 m at 2.5 Hz make
-job limits.clearance = true; block.width = 0.1; REST | `cavity_width`, the width in m between the walls
+check BOB OWN | `cavity_width` must be given, but is missing. It is the distance in m between the
+job site.gravity = 1.0 | [site] `gravity` must be between 1.5 and 30 m/s^2 (on Earth it is 9.80665)
+job conditions.amplitudes = [100.0] | must give an acceleration of at most 10 g, but 1.5 m at 2.5 Hz give
+job limits.clearance = true; block.width = 0.1; REST | `cavity_width` must be given, but is missing
 """
 """Inputs in another unit, and blocks without a cavity."""
 ROWS, UNIT_ROWS = ([tuple(line.split(" | ")) for line in x.strip().splitlines()] for x in (TABLE, UNITS))
@@ -295,7 +292,7 @@ def test_a_file_that_is_not_a_design_is_rejected(capsys, tmp_path):
 def test_a_record_of_zeros_is_rejected(capsys, tmp_path):
     (tmp_path / "a.txt").write_text("t a\n" + "".join(f"{0.01 * i:.2f} 0.0\n" for i in range(100)))
     command = f"shake {WORDS['SIZE']} --record a.txt --unit g --out out"
-    assert "must have an acceleration, but is zero" in rejection(capsys, *command.split())
+    assert "the acceleration of the motion must not be zero" in rejection(capsys, *command.split())
     assert not (tmp_path / "out").exists()
 
 
@@ -305,7 +302,7 @@ def test_existing_reports_and_unwritable_folders_are_not_changed(capsys, tmp_pat
     for path in paths:
         path.write_text("keep me")
     for command in (("optimise",), ("response",), ("map", *WORDS["MAP"].replace("X", WORDS["X"]).split())):
-        assert "already holds files" in rejection(capsys, *command, "--out", "used")
+        assert "already contains files" in rejection(capsys, *command, "--out", "used")
         assert "is a file" in rejection(capsys, *command, "--out", "used/mine.txt")
         assert "cannot write to" in rejection(capsys, *command, "--out", "/proc/nowhere/out")
     # Invalid input removes no files.

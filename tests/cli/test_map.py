@@ -25,7 +25,7 @@ def test_the_map_agrees_with_the_library(run):
     assert (content["pendulum"]["mass"], content["pendulum"]["damping_ratio"]) == (0.8, 0.1)
     assert all(f"{count} {status}" in done.out for status, count in m.counts.items())
     assert "Run the command with --from-rest to find out" in done.out
-    assert "already holds files" in run("map", AXES).err
+    assert "already contains files" in run("map", AXES).err
     again = run("map", AXES, "--overwrite", "--from-rest")
     assert again.status == 0
     assert again.json("map.json")["start"] == [0.0] * 4

@@ -99,7 +99,7 @@ def test_the_scatter_of_a_job_applies_to_the_validation_runs(inputs, tmp_path):
 def test_keys_without_effect_on_records_are_reported(inputs, tmp_path):
     (tmp_path / "mine.toml").write_text(new.template("tower"))
     for options, message in (
-        (f"{RECORDS} --searches 3", "`search.searches` goes with a harmonic motion"),
+        (f"{RECORDS} --searches 3", "`search.searches` requires a harmonic motion"),
         ("--records el-centro", "needs `motion.scales` (--scales)"),
     ):
         done = call("optimise --scene mine.toml", options)

@@ -40,7 +40,7 @@ def test_the_response_agrees_with_the_library(run):
     np.testing.assert_array_equal([float(r["amplitude_rad"]) for r in first], s.amplitude[at])
     np.testing.assert_array_equal([float(r["frequency"]) for r in first], s.value[at[0]])
     assert {r["case"] for r in rows} == {"without a pendulum", "with the pendulum"}
-    assert "already holds files" in run("response", RANGE).err
+    assert "already contains files" in run("response", RANGE).err
 
 
 def test_without_dimensions_the_acceleration_stays(run):

@@ -35,7 +35,7 @@ def test_a_directory_with_files_is_not_overwritten_unless_asked(tmp_path):
     files.place(out / f"{files._PART}x", "left by a run that was killed")
     files.claim(out, overwrite=False)
     files.place(out / "design.json", "{}")
-    with pytest.raises(ValueError, match=r"already holds files: choose another directory with --out"):
+    with pytest.raises(ValueError, match=r"already contains files: choose another directory with --out"):
         files.claim(out, overwrite=False)
     files.claim(out, overwrite=True)
     with pytest.raises(ValueError, match=r"design.json is a file, not a directory"):

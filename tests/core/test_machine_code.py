@@ -24,7 +24,7 @@ def cubed(x):
 def folder(tmp_path, monkeypatch):
     """A cache of one's own."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(core.files, "_SAID", set())
+    monkeypatch.setattr(core.files, "_WARNINGS", set())
     return tmp_path
 
 
@@ -81,12 +81,12 @@ def test_code_in_a_folder_of_others_is_not_executed_and_that_is_said_once(folder
     (place,) = {path.parent for path in folder.rglob("*.nbc")}
     if way == "mode":
         place.chmod(0o777)
-        reason = f"others may write to {place};"
+        reason = f"other users can write to {place};"
     else:
         user = os.getuid()
         monkeypatch.setattr(os, "getuid", lambda: user + 1)
         reason = f"{folder} belongs to another user;"
-    with pytest.warns(UserWarning, match=f"every run compiles anew: {reason}") as said:
+    with pytest.warns(UserWarning, match=f"every run compiles it: {reason}") as said:
         assert [hits(), hits()] == [0, 0]
     assert len(said) == 1
 
@@ -113,7 +113,7 @@ def test_what_cannot_be_stored_is_compiled_all_the_same(folder, monkeypatch, own
 @pytest.mark.mends("without a home Numba made a folder with the name ~ where the command was given")
 def test_without_a_home_nothing_is_stored_in_the_working_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(core.files, "_SAID", set())
+    monkeypatch.setattr(core.files, "_WARNINGS", set())
     monkeypatch.setattr(os.path, "expanduser", lambda path: path)
     with pytest.warns(UserWarning, match="there is no home"):
         assert hits() == 0

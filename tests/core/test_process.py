@@ -73,8 +73,8 @@ def test_a_folder_of_others_is_not_used_and_one_sentence_says_so(tmp_path, name,
     status, out, said = run(CACHED, **{name: str(shared)})
     assert (status, out) == (0, "[11.0, 20.0, 7.0, -6.0] 0")
     sentence = (
-        f"compiled code is not kept, so that every run compiles anew: others may write to {shared}; "
-        f"`chmod go-w {shared}`, or name other folders by NUMBA_CACHE_DIR and JAX_COMPILATION_CACHE_DIR"
+        f"compiled code is not stored, so that every run compiles it: other users can write to {shared}; "
+        f"run `chmod go-w {shared}`, or set other folders with NUMBA_CACHE_DIR and JAX_COMPILATION_CACHE_DIR"
     )
     assert said == ([] if kept else [sentence])
     if kept:

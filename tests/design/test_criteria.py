@@ -246,7 +246,9 @@ def test_masses_in_kg_and_lengths_in_m_are_ratios_of_a_block():
     ):
         with pytest.raises(ValueError, match=f"^{message}$"):
             tpd.DesignSpace(**bad).of(block)
-    with pytest.raises(ValueError, match=r"in kg or m has ratios only with a block: use `space.of\(block\)`"):
+    with pytest.raises(
+        ValueError, match=r"in kg or m has no ratios without a block: use `space.of\(block\)`"
+    ):
         _ = space.bounds
 
 
@@ -271,7 +273,7 @@ def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all(
     [
         (lambda: tpd.Risk.cvar(1.1), "`share` must be between"),
         (lambda: tpd.limits.Tilt(-1.0), "`tilt` must be positive"),
-        (lambda: check_limits((Nameless(),)), "`limits` must hold dataclasses with a `name`, but"),
+        (lambda: check_limits((Nameless(),)), "`limits` must be dataclasses with a `name`, but"),
         (lambda: tpd.limits.Offset(float("nan")), "`offset` must be positive"),
         (lambda: check_limits((tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))), "but has two of Tilt"),
         (lambda: tpd.DesignSpace(mass_ratio=(0.2, 0.1)), "`mass_ratio` must be an interval low < high"),

@@ -36,9 +36,9 @@ def test_an_earthquake_is_on_one_side_only():
     assert len(grouped(RECORDS, 0.0, 0)) == 1
     others = grouped(RECORDS[:4], {"others": RECORDS[2:8]}, 0)
     assert [m.name for m in others[1].motions] == [m.name for m in RECORDS[4:8]]
-    with pytest.raises(ValueError, match="it takes all"):
+    with pytest.raises(ValueError, match="it uses all"):
         grouped(RECORDS[:2], 0.5, 0)
-    with pytest.raises(ValueError, match="other earthquakes"):
+    with pytest.raises(ValueError, match="earthquakes that the search does not use"):
         grouped(RECORDS[:2], {"same": RECORDS[:2]}, 0)
 
 
@@ -163,16 +163,16 @@ def test_the_strongest_motions_are_those_of_the_largest_angle_in_which_the_block
     [
         (
             {"requirements": tpd.limits.Requirements(wall_contacts=0.2), "ensemble": tpd.Ensemble(size=4)},
-            "`ensemble.size` is for",
+            "`ensemble.size` needs harmonics",
         ),
-        ({"ensemble": tpd.Ensemble(periods=4)}, "`ensemble.periods` is for harmonics"),
+        ({"ensemble": tpd.Ensemble(periods=4)}, "`ensemble.periods` needs harmonics"),
         (
             {"limits": (tpd.limits.Reserve(),)},
-            "`limits` of ground motions must be of Stroke, .*Clearance, but has",
+            "`limits` under ground motions must be Stroke, .*Clearance, but has",
         ),
         ({"validation_share": 1.5}, "`validation_share` must be between 0 and 0.9"),
         ({"block": dataclasses.replace(BLOCK, cavity_width=None)}, "`cavity_width`"),
-        ({"limits": (tpd.limits.Mass(0.01),)}, "the limit `mass` must be above the least point mass"),
+        ({"limits": (tpd.limits.Mass(0.01),)}, "the limit `mass` must be above the smallest point mass"),
     ],
 )
 def test_what_has_no_effect_or_makes_no_sense_is_rejected(given, message):

@@ -61,7 +61,7 @@ def test_impacts_are_smoothed_unless_they_lose_nearly_all():
             {"scene": tpd.Scene(SCENE.block, tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0))},
             "a harmonic",
         ),
-        ({"ensemble": tpd.Ensemble(restitution=0.1)}, "`restitution` can scatter where it is a number"),
+        ({"ensemble": tpd.Ensemble(restitution=0.1)}, "`restitution` can vary only if it is a number"),
         ({"limits": (tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))}, "but has two of Tilt"),
     ],
 )

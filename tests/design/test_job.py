@@ -160,7 +160,7 @@ def test_what_an_option_makes_pointless_in_a_file_is_dropped(given, over, droppe
     assert key not in merged[table]
     jobs.job_of(merged)
     # What is pointless in the file itself stays an error.
-    with pytest.raises(ValueError, match=r"^`risk.share` goes with `risk.measure` cvar, which this job does"):
+    with pytest.raises(ValueError, match=r"^`risk.share` requires `risk.measure` cvar, which this job does"):
         jobs.job_of(jobs.merged({"risk": {"share": 0.2}}, {"search": {"seed": 1}}))
 
 
@@ -245,14 +245,14 @@ def test_an_option_that_chooses_records_drops_what_a_file_says_of_a_harmonic():
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({"motion": {"scales": [2]}}, "`motion.scales` goes with a pulse or records, which this job"),
+        ({"motion": {"scales": [2]}}, "`motion.scales` requires a pulse or records, which this job"),
         (
             {"motion": {**RECORDS, "amplitude": 0.1}},
             "keys of records (`records`) and of a harmonic motion (`am",
         ),
-        ({"motion": {**RECORDS, "kind": "harmonic"}}, "`motion.records` goes with records, which this job"),
-        ({"motion": RECORDS, "limits": {"reserve": 0.1}}, "`limits.reserve` goes with a harmonic motion"),
-        ({"motion": {"pulse": "ricker", "pulse_frequency": 1, "cycles": 3}}, "`motion.cycles` goes with the"),
+        ({"motion": {**RECORDS, "kind": "harmonic"}}, "`motion.records` requires records, which this job"),
+        ({"motion": RECORDS, "limits": {"reserve": 0.1}}, "`limits.reserve` requires a harmonic motion"),
+        ({"motion": {"pulse": "ricker", "pulse_frequency": 1, "cycles": 3}}, "`motion.cycles` requires the"),
         ({"motion": {"pulse": "rickr", "pulse_frequency": 1}}, "but is 'rickr'; did you mean `ricker`?"),
         ({"motion": {"pulse": "ricker"}}, "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_fr"),
         ({"motion": {"kind": "record"}}, "but is 'record'; did you mean `records`?"),
@@ -269,12 +269,12 @@ def test_one_motion_at_one_size_is_needed_for_a_history_and_sizes_for_a_search()
     assert job.shaking.pga == pytest.approx(3.0 * 9.80665 * job.block.slenderness)
     unsized = jobs.job_of({"motion": alone})
     assert unsized.shaking.name == el_centro().name
-    with pytest.raises(ValueError, match=r"a design on records needs `motion.scales` \(--scales\)"):
+    with pytest.raises(ValueError, match=r"a design for records needs `motion.scales` \(--scales\)"):
         _ = unsized.conditions
-    with pytest.raises(ValueError, match="the job has 2 sizes of its motion: give one by --scale X"):
+    with pytest.raises(ValueError, match="the job has 2 scales, but exactly one is needed"):
         _ = jobs.job_of({"motion": alone | {"scales": [1.0, 2.0]}}).shaking
     with pytest.raises(
-        ValueError, match=r"the job has 2 records \(el-centro; loma-prieta\), but one is needed"
+        ValueError, match=r"the job has 2 records \(el-centro; loma-prieta\), but exactly one is needed"
     ):
         _ = jobs.job_of({"motion": RECORDS}).shaking
 
@@ -338,7 +338,7 @@ def test_columns_of_a_table_are_named_and_the_message_names_options_of_the_comma
     rows = "".join(f"{10 * i},{x:.4f},{2 * x:.4f}\n" for i, x in enumerate(shaking(100)))
     (tmp_path / "a.csv").write_text(f"Zeit in ms,Nord x 10,Ost x 10\n{rows}")
     motion = {"records": [str(tmp_path / "a.csv")], "scales": [1.0]}
-    with pytest.raises(ValueError, match=r"; options that read the file: --skip 1 --columns ") as error:
+    with pytest.raises(ValueError, match=r"; try these options: --skip 1 --columns ") as error:
         _ = jobs.job_of({"motion": motion}).motions
     assert "skip=" not in str(error.value)
     how = {"columns": ["time (ms)=1", "N=2", "E=3"], "skip": 1, "unit": "cm/s2", "scale": 10.0}
@@ -358,9 +358,9 @@ def test_the_options_that_read_a_table_work_as_they_are_written(tmp_path):
     path.write_text(f"time (s),acc (cm/s2 x 1.2345678)\n{rows}")
     job = tmp_path / "job.toml"
     job.write_text(f'[motion]\nrecords = ["{path}"]\n')
-    with pytest.raises(ValueError, match="options that read the file") as caught:
+    with pytest.raises(ValueError, match="try these options") as caught:
         _ = jobs.Job.read(job).motions
-    said = str(caught.value).partition("options that read the file: ")[2]
+    said = str(caught.value).partition("try these options: ")[2]
     assert shlex.split(said) == [
         *("--skip", "1", "--columns", "time (s)=1", "acc=2", "--scale", "1.2345678", "--unit", "cm/s2")
     ]

@@ -128,7 +128,7 @@ def test_runs_without_an_answer_leave_a_design_undecided():
     found = solve(NoisyProblem.of(unanswered=0.6))
     assert found.status is DesignStatus.undecided
     assert found.pendulum is None
-    assert all("runs have no answer" in said for said in found.refusals)
+    assert all("runs have no result" in said for said in found.refusals)
     assert np.all(found.trials.undecided > 10)
 
 
@@ -189,7 +189,10 @@ def test_a_rejected_design_says_why(rejected):
     assert rejected.status is DesignStatus.not_recommended
     assert (rejected.pendulum, rejected.benefit) == (None, None)
     assert {r.kind for v in rejected.validated for r in v.reasons} == {ReasonKind.too_little_benefit}
-    assert "a significant reduction of 97.0% with an interval from at least 48.5%" in rejected.refusals[0]
+    assert (
+        "a significant reduction of at least 97.0% is required, with an interval that begins above 48.5%"
+        in rejected.refusals[0]
+    )
     seeds = [v.decided.with_pendulum.seed for v in rejected.validated]
     assert len(set(seeds)) == len(seeds) > 1
 
@@ -248,11 +251,15 @@ def test_a_block_that_slides_before_it_lifts_gets_no_pendulum():
 @pytest.mark.parametrize(
     ("scene", "settings", "message"),
     [
-        (designs.BLOCK, {"starts": tpd.Starts.rest()}, "`starts` is for harmonics"),
-        (designs.BLOCK, {"objective": tpd.limits.SteadyTilt()}, "`objective` is for harmonics"),
-        (SCENE, {"conditions": None, "validation_share": 0.5}, "`validation_share` is for ground motions"),
-        (designs.BLOCK, {"conditions": None}, "go with ground motions"),
-        (SCENE, {"conditions": None, "method": tpd.GroundSearch()}, "go with ground motions"),
+        (designs.BLOCK, {"starts": tpd.Starts.rest()}, "`starts` is allowed only with harmonics"),
+        (designs.BLOCK, {"objective": tpd.limits.SteadyTilt()}, "`objective` is allowed only with harmonics"),
+        (
+            SCENE,
+            {"conditions": None, "validation_share": 0.5},
+            "`validation_share` is allowed only with ground motions",
+        ),
+        (designs.BLOCK, {"conditions": None}, "needs `conditions=Conditions.records"),
+        (SCENE, {"conditions": None, "method": tpd.GroundSearch()}, "needs `conditions=Conditions.records"),
     ],
 )
 def test_a_problem_of_neither_kind_is_rejected(scene, settings, message):
@@ -275,16 +282,16 @@ def test_every_point_is_the_problem_with_a_lighter_bob(name, request, rejected, 
     assert events == [("front", 0, 1)]
     assert [lighter.most, last.most] == pytest.approx([0.06 * mass, 0.2 * mass])
     assert (last.status, last.pendulum) == (design.status.name, design.pendulum)
-    assert last.saved[0] == design.benefit.mean
+    assert last.benefit[0] == design.benefit.mean
     assert (lighter.status, lighter.pendulum) == ("not_recommended", None)
-    assert np.isnan(lighter.saved[0])
+    assert np.isnan(lighter.benefit[0])
     (given,) = asked
     space = given.pop("space")
     assert space == dataclasses.replace(design.space, mass_ratio=(0.01, 0.06))
     assert given.keys() == design.again().keys() - {"space"}
     assert all(given[key] is design.problem.inputs[key] for key in ("scene", "conditions", "limits"))
     for most in ((0.06, 0.03), (0.3,), (0.01,)):
-        with pytest.raises(ValueError, match=r"`most` must be increasing masses between 0\.01 and 0\.2"):
+        with pytest.raises(ValueError, match=r"`most` must be increasing mass ratios between 0\.01 and 0\.2"):
             tpd.front(design, most)
 
 

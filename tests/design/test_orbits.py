@@ -185,14 +185,14 @@ def test_steps_follow_the_exact_orbits_as_designs_move(walk, objective):
     np.testing.assert_allclose(e.swing[rocks], exact.swing[rocks], rtol=2e-3)
     steep = np.abs(exact.tilt_slope[rocks]).max(axis=-1, keepdims=True)
     assert np.max(np.abs(e.tilt_slope[rocks] - exact.tilt_slope[rocks]) / steep) < 0.02
-    assert walk.lost.sum() == 0
+    assert walk.stopped.sum() == 0
 
 
 def test_what_is_not_followed_is_the_exact_answer(walk, objective):
     """A jump over half of the space loses orbits; the exact solution answers there and goes on."""
     far = np.array([[0.19, 1.9, 0.1], [0.02, 0.15, 0.1], [0.05, 1.2, 0.1]])
     e, exact = walk.evaluate(far), objective.evaluate(far)
-    assert walk.lost.sum() > 0
+    assert walk.stopped.sum() > 0
     np.testing.assert_array_equal(e.kind, exact.kind)
     again = walk.evaluate(far)
     rocks = exact.kind == ROCKING

@@ -48,14 +48,16 @@ def test_a_limit_on_the_mass_narrows_the_space():
     assert within_mass(space, SCENE.block, ()) is space
     fixed = tpd.DesignSpace(mass_ratio=0.05)
     assert within_mass(fixed, SCENE.block, (tpd.limits.Mass(1.0),)) is fixed
-    with pytest.raises(ValueError, match=r"the limit `mass` must be above the least .* but is 0\.1 kg"):
+    with pytest.raises(ValueError, match=r"the limit `mass` must be above the smallest .* but is 0\.1 kg"):
         within_mass(space, SCENE.block, (tpd.limits.Mass(0.1),))
-    with pytest.raises(ValueError, match=r"the limit `mass` must be above the least .* but is 0\.8 kg"):
+    with pytest.raises(ValueError, match=r"the limit `mass` must be above the smallest .* but is 0\.8 kg"):
         within_mass(fixed, SCENE.block, (tpd.limits.Mass(0.8),))
 
 
 def test_walls_need_a_cavity_that_is_stated():
-    with pytest.raises(ValueError, match=r"`cavity_width`.*must be given, but is not.*`Block`.*`Clearance`"):
+    with pytest.raises(
+        ValueError, match=r"`cavity_width`.*must be given, but is missing.*`Block`.*`Clearance`"
+    ):
         check_cavity(SOLID, (tpd.limits.Clearance(),))
     check_cavity(SOLID, tpd.limits.POINT_BOB)
     check_cavity(SCENE.block, (tpd.limits.Clearance(),))
@@ -65,14 +67,14 @@ def test_what_does_not_move_the_block_or_cannot_scatter_is_rejected():
     still = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.0, frequency=2.5))
     with pytest.raises(ValueError, match="`amplitude` must be above 0 in a search, but is 0"):
         check_moves(still, tpd.Conditions())
-    with pytest.raises(ValueError, match=r"must make at most 10 g, but 1\.5 m at 2\.5 Hz make 37\.7 g"):
+    with pytest.raises(ValueError, match=r"must give .* of at most 10 g, but 1\.5 m at 2\.5 Hz give 37\.7 g"):
         check_moves(SCENE, tpd.Conditions.amplitudes(1.0, 100.0))
     smooth = dataclasses.replace(SCENE, block=dataclasses.replace(SCENE.block, friction=0.0))
-    with pytest.raises(ValueError, match="`friction` cannot scatter by a share of itself: it is 0"):
+    with pytest.raises(ValueError, match="`friction` cannot vary by a share of itself, because it is 0"):
         check_scatter(smooth, ["friction"])
-    with pytest.raises(ValueError, match="`damping` cannot scatter"):
+    with pytest.raises(ValueError, match="`damping` cannot vary"):
         check_scatter(SCENE, ["damping"], tpd.DesignSpace(damping_ratio=0.0))
-    with pytest.raises(ValueError, match="`restitution` can scatter where it is a number"):
+    with pytest.raises(ValueError, match="`restitution` can vary only if it is a number"):
         check_scatter(SCENE, ["restitution"])
 
 
@@ -133,10 +135,13 @@ class Own(limits.Limit):
 @pytest.mark.parametrize(
     ("asked", "sentence"),
     [
-        ({"limits": (limits.Stroke(), Own())}, "a job file cannot say the limit `own`, which exists only in"),
+        (
+            {"limits": (limits.Stroke(), Own())},
+            "a job file cannot describe the limit `own`, which exists only in",
+        ),
         (
             {"conditions": tpd.Conditions({"amplitude": np.array([1.0, 1.2])}, ("mine",))},
-            "a job file cannot say the conditions of this design: it has bands, amplitudes and scatter, and",
+            "a job file cannot describe the conditions of this problem. It allows bands, amplitudes",
         ),
     ],
 )
@@ -149,5 +154,5 @@ def test_motions_that_exist_only_in_python_are_refused():
     record = tpd.Record(np.sin(np.arange(100) / 5.0), 0.01)
     conditions = tpd.Conditions.records([record], (2.0,))
     asked = GroundMotionProblem.of(ASKED, conditions, validation_share=0.0)
-    with pytest.raises(ValueError, match="a job file cannot say motions that exist only in Python"):
+    with pytest.raises(ValueError, match="a job file cannot describe motions of Python"):
         _ = asked.job

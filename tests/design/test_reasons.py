@@ -14,7 +14,7 @@ SENTENCES = {
     ReasonKind.touches_wall: (
         {"value": 0.03, "reference": 0.01, "limit": "clearance"},
         "the pendulum exceeds the limit on clearance (bob to the wall) in 3.0% of the runs in which the "
-        "block stands, and 1.0% are allowed",
+        "block stands; at most 1.0% are allowed",
     ),
     ReasonKind.breaks_limit: (
         {"limit": "offset", "value": 1.0364},
@@ -27,13 +27,13 @@ SENTENCES = {
     ),
     ReasonKind.rests_less: (
         {"value": 3.0, "reference": 19.0, "total": 64},
-        "the block ends at rest in 3 of 64 runs with the pendulum, and in 19 without it; the loss of one "
-        "tenth is allowed",
+        "the block ends at rest in 3 of 64 runs with the pendulum, and in 19 without it; a decrease by "
+        "one tenth is allowed",
     ),
     ReasonKind.too_little_benefit: (
         {"value": 0.034, "low": -0.01, "reference": 0.1},
-        "the mean tilt falls by 3.4% (95 % interval from -1.0%), and a significant reduction of 10.0% with "
-        "an interval from at least 5.0% is required",
+        "the mean tilt falls by 3.4% (95 % interval from -1.0%), but a significant reduction of at least "
+        "10.0% is required, with an interval that begins above 5.0%",
     ),
     ReasonKind.slides: (
         {"value": 0.517, "reference": 0.4},
@@ -42,7 +42,7 @@ SENTENCES = {
     ),
     ReasonKind.undecided: (
         {"value": 3.0, "total": 64},
-        "3 of 64 runs have no answer, and the verdict depends on them",
+        "3 of 64 runs have no result, and the verdict depends on them",
     ),
 }
 
@@ -57,7 +57,7 @@ def test_a_sentence_has_no_number_that_is_none():
     """Of one earthquake there is no interval."""
     few = {"kind": ReasonKind.too_little_benefit, "reference": 0.1}
     assert "inf" not in str(Reason(value=0.73, low=-math.inf, **few))
-    assert "the share of runs that overturn falls by 8.0% (95 % interval from -4.0%), and" in str(
+    assert "the share of runs that overturn falls by 8.0% (95 % interval from -4.0%), but" in str(
         Reason(value=0.08, low=-0.04, measure="overturning", **few)
     )
     unknown = "share of runs that overturn is unknown (no run overturns without the pendulum)"

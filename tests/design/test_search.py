@@ -42,10 +42,11 @@ def test_ends_are_ordered_by_risk_and_a_broken_limit_is_infinite(search):
 def test_the_history_tells_what_the_finish_adds(search):
     objective, found = search
     assert found.finished < found.descended
-    assert found.told.startswith(f"The descents reach {found.descended:.4g}, and the finish lowers this by ")
+    start = f"The descents reach a risk of {found.descended:.4g}, and the finish lowers it by "
+    assert found.message.startswith(start)
     alone = search_designs(objective, tpd.Descent(searches=20, screening=48, steps=8, finish=0), 0)
     assert alone.finished == alone.descended
-    assert alone.told.endswith("the finish finds nothing better.")
+    assert alone.message.endswith("the finish does not improve it.")
 
 
 def test_designs_on_the_paths_lie_apart_from_each_other_and_from_the_ends(search):

@@ -97,9 +97,15 @@ def test_what_is_read_is_what_was_written(design, damaged, tmp_path):
         ({"status": True}, "`status` must be a text, but is True"),
         ({"pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1}}, "`length` must be positive"),
         ({"pendulum": [1.0]}, "`pendulum` must be a table, but is [1.0]"),
-        ({"job": {"limits": {"strokes": 1.0}}}, "unknown key `strokes` in [limits]; did you mean `stroke`?"),
+        (
+            {"job": {"limits": {"strokes": 1.0}}},
+            "there is no key `strokes` in [limits]; did you mean `stroke`?",
+        ),
         ({"job": {"limits": {"stroke": 3.0}}}, "[limits] `stroke` must be at most 1.5708"),
-        ({"job": {"block": {"widht": 1.0}}}, "unknown key `widht` in [block]; did you mean `width`?"),
+        (
+            {"job": {"block": {"widht": 1.0}}},
+            "there is no key `widht` in [block]; did you mean `width`?",
+        ),
         ({"job": {"motion": 1.0}}, "`motion` must be a table, but is 1.0"),
         ({"job": {"site": {"gravity": 0.0}}}, "[site] `gravity` must be positive and finite, but is 0"),
     ],

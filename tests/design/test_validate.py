@@ -168,7 +168,7 @@ def test_a_verdict_that_depends_on_runs_without_an_answer_is_undecided():
     """Forty pairs show a benefit; ten more have no answer, and the block might overturn in all of them."""
     v = validated(paired([0.1] * 40 + [np.nan] * 10, [0.3] * 50))
     assert v.status is DesignStatus.undecided
-    assert v.refusals == ("10 of 50 runs have no answer, and the verdict depends on them",)
+    assert v.refusals == ("10 of 50 runs have no result, and the verdict depends on them",)
     # One such run changes no verdict, whichever way it ends, and neither do ten beside a refusal.
     assert kinds(validated(paired([0.1] * 49 + [np.nan], [0.3] * 50))) == []
     assert kinds(validated(paired([0.5] * 190 + [np.nan] * 10, [0.3] * 200))) == [

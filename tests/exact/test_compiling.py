@@ -82,14 +82,14 @@ def test_a_store_of_others_starts_no_process_and_an_old_one_is_told(monkeypatch,
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "store"))
     monkeypatch.setattr(compiling, "_running", running := {})
-    monkeypatch.setattr(files, "_SAID", set())
+    monkeypatch.setattr(files, "_WARNINGS", set())
     (tmp_path / "store").mkdir()
     (tmp_path / "store").chmod(0o777)
     for words in (1, 0):
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             compiling.compile_beside(tmp_path, ("lonely",))
-        assert [f"others may write to {tmp_path / 'store'};" in str(w.message) for w in said] == [
+        assert [f"other users can write to {tmp_path / 'store'};" in str(w.message) for w in said] == [
             True
         ] * words
     assert not running

@@ -30,15 +30,19 @@ def test_units():
     factors = [1.0] * 4 + [0.01] * 2 + [0.001, G, 0.01 * G, 0.001 * G, 0.0254]
     for unit, factor in zip(units, factors, strict=True):
         assert FACTORS[plain(unit)] == pytest.approx(factor, rel=1e-15)
-        assert channel.chosen(None, unit) == channel.chosen(plain(unit), unit) == channel.unit_of(unit, 1)
+        assert (
+            channel.choose_unit(None, unit)
+            == channel.choose_unit(plain(unit), unit)
+            == channel.unit_of(unit, 1)
+        )
 
 
 def test_a_unit_is_known_and_none_overrules_another():
     for ask, said in (
         (lambda: channel.unit_of("furlong", 7), "line 7 must state a unit of acceleration"),
-        (lambda: channel.given("furlong"), "`unit` must be one of g, .* but is 'furlong'"),
-        (lambda: channel.chosen(None, None), "states no unit of acceleration: give `unit`"),
-        (lambda: channel.chosen("cm/s2", "g"), "states the unit cm/s2, but `unit` is 'g'"),
+        (lambda: channel.check_unit("furlong"), "`unit` must be one of g, .* but is 'furlong'"),
+        (lambda: channel.choose_unit(None, None), "states no unit of acceleration: give `unit`"),
+        (lambda: channel.choose_unit("cm/s2", "g"), "states the unit cm/s2, but `unit` is 'g'"),
     ):
         with pytest.raises(ValueError, match=said):
             ask()
@@ -69,15 +73,15 @@ def test_baselines_are_removed_on_request():
 def test_what_is_no_ground_motion_is_refused_and_a_drift_is_noted():
     wave = np.sin(np.arange(100.0))
     for wrong, said in (
-        (Channel(np.zeros(1), 0.01), "2 samples or more, but 1 were found"),
+        (Channel(np.zeros(1), 0.01), "at least 2 samples, but has 1"),
         (Channel(wave, 20.0, "N"), "step must be 1e-05 s to 1 s, but is 20 s"),
         (Channel(200.0 * wave, 0.01), "peak must be at most 100 m/s^2, but is 199.998"),
         (Channel(wave * np.nan, 0.01), "peak must be at most 100 m/s^2, but is nan"),
     ):
         with pytest.raises(UnreadableRecord, match=re.escape(said)):
-            channel.checked(wrong)
-    assert channel.checked(Channel(np.zeros(3), 0.01)).notes == ("all samples are zero",)
-    offset, drift = channel.checked(Channel(wave + 0.1, 0.01)).notes
+            channel.check_channel(wrong)
+    assert channel.check_channel(Channel(np.zeros(3), 0.01)).notes == ("all samples are zero",)
+    offset, drift = channel.check_channel(Channel(wave + 0.1, 0.01)).notes
     assert offset.startswith("offset: the mean, 0.1")
     assert drift.startswith("drift: the velocity at the end is 0.1")
 

@@ -26,5 +26,5 @@ def test_a_block_of_velocities_is_checked_and_left_out(tmp_path):
     path.write_text(block + other)
     assert len(Record.read_all(path)) == 1
     path.write_text(other)
-    with pytest.raises(UnreadableRecord, match="an acceleration, but has velocity only"):
+    with pytest.raises(UnreadableRecord, match="an acceleration, but has only velocity"):
         Record.read_all(path)

@@ -16,7 +16,7 @@ import scipy.io
 
 from tests.formats.reader import DATA, read
 from tpd import Record
-from tpd.formats.channel import checked
+from tpd.formats.channel import check_channel
 from tpd.formats.read import read_waveforms
 from tpd.formats.text import NoAcceleration, UnreadableRecord
 
@@ -47,9 +47,9 @@ def test_several_channels_are_listed_and_what_the_header_says_is_not_overruled()
 
 
 def test_no_file_a_directory_and_a_file_without_content(tmp_path):
-    with pytest.raises(FileNotFoundError, match="no such file"):
+    with pytest.raises(FileNotFoundError, match="the file does not exist"):
         Record.read(tmp_path / "none.AT2")
-    with pytest.raises(UnreadableRecord, match="a directory is no file"):
+    with pytest.raises(UnreadableRecord, match="the path is a directory"):
         Record.read(tmp_path)
     for text in ("", " \n\n"):
         with pytest.raises(UnreadableRecord, match=r"^a.txt: the file is empty"):
@@ -101,8 +101,8 @@ def test_a_waveform_in_a_unit(monkeypatch):
     np.testing.assert_allclose(channel.acceleration, [0.0, 0.5])
     assert (channel.dt, channel.component, channel.name) == (0.01, "HNE", "XX.MADE..HNE")
     # Nothing says whether a waveform is corrected.
-    assert checked(channel, None).acceleration.tolist() == [-0.25, 0.25]
-    assert checked(channel, "none").acceleration.tolist() == [0.0, 0.5]
+    assert check_channel(channel, None).acceleration.tolist() == [-0.25, 0.25]
+    assert check_channel(channel, "none").acceleration.tolist() == [0.0, 0.5]
 
 
 def test_waveforms_that_are_refused(monkeypatch):

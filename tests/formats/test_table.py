@@ -45,7 +45,7 @@ def test_a_column_needs_its_step_and_its_unit(tmp_path):
 
 
 REFUSED = r"""
-unequal steps | t,a (g)\n0,0\n0.02,1\n0.07,1\n0.09,0\n | steps, but that after line 3 is 0.05 s
+unequal steps | t,a (g)\n0,0\n0.02,1\n0.07,1\n0.09,0\n | steps, but the step after line 3 is 0.05 s
 time backwards | t,a (g)\n0,0\n-0.02,1\n | equal steps
 coarse times | t,a (g)\n0.000,0\n0.003,1\n0.007,1\n0.010,1\n | too few digits to show equal steps
 minutes | t (min),a (g)\n0,0\n20,1\n | line 1 has '.min.', which is not understood
@@ -55,7 +55,7 @@ three columns | t,a (g),acc (g)\n0,0,1\n0.02,1,1\n | channels 0: column 2 .*choo
 the first row damaged | t,a (g)\nNaN,0\n0.02,1\n0.04,1\n | line 2 has 'NaN', which is not understood
 the first sample damaged | # a [g], dt=0.01\nabc\n0.1\n0.2\n | line 2 has 'abc', which is not understood
 a row too short | t,a (g)\n0,0\n0.02\n0.04,1\n | line 3 must have 2 numbers, but has '0.02'
-nan | t,a (g)\n0,0\n0.02,nan\n | line 3 must hold numbers, but has 'nan'
+nan | t,a (g)\n0,0\n0.02,nan\n | line 3 must contain numbers, but has 'nan'
 absurd peak | t,a (g)\n0,0\n0.02,100\n | peak must be at most 100 m/s
 cut | t,a (g)\n0,0\n0.02,0.1 | must end with a line break
 no numbers | t,a (g)\nabc\n | no row of numbers
@@ -245,7 +245,7 @@ def found(folder, text, **how):
     ]
 
 
-UNKNOWN = "orientation not stated: taken for a horizontal component"
+UNKNOWN = "orientation not stated: used as a horizontal component"
 UP = "vertical component"
 UNDERSTOOD = {
     "components without times": (
@@ -336,15 +336,15 @@ NOT_UNDERSTOOD = {
     ),
     "a power of ten": ("time (s),acc (10^-3 g)", r"has '\(10\^-3 g\)', .* scale=0.001"),
     "a factor without brackets": ("t acc cm/s2 x 10", "has 'x 10'|has '10'|has 'acc"),
-    "a spectrum": ("period (s),Sa (g)", "'period .s.' is of a response spectrum"),
-    "a spectrum of displacements": ("T (s),SD (m)", "'SD .m.' is of a response spectrum"),
+    "a spectrum": ("period (s),Sa (g)", "'period .s.' belongs to a response spectrum"),
+    "a spectrum of displacements": ("T (s),SD (m)", "'SD .m.' belongs to a response spectrum"),
     "a filter": ("time (s),acc [m/s2] (HP/LP)", r"has '\(HP/LP\)'"),
     "two units": ("time (s),acc (g) (m/s2)", "has .*not understood"),
     "a velocity in g": ("time (s),vel (g)", "has .*not understood"),
     "an unknown word": ("time (s),strain (g)", "has 'strain'"),
     "an unknown unit": ("time (s),acc (counts)", r"has '\(counts\)'"),
     "relative acceleration": ("time (s),relative acc (g)", "has 'relative'"),
-    "two times": ("time (s),time (ms)", "must hold one time and some accelerations"),
+    "two times": ("time (s),time (ms)", "must have one time and accelerations"),
     "no names": ("", "names the columns"),
     "a remark": ("made up\nt (s),a (g)", "line 1 has 'made', .*: skip=1$"),
     "a factor of a power": ("time (s),acc (g x 10^3)", "scale='FACTOR', unit='g'$"),
@@ -372,8 +372,8 @@ NOT_UNDERSTOOD = {
     ),
     "a stated unit": ("UNIT : GAL\nt (s),made up", "'acceleration': 2}, unit='gal'$"),
     "minutes": ("time (min),a (g)", r"has '\(min\)', .*columns={'a .g.': 2}, dt='STEP'$"),
-    "an amplitude of Fourier": ("f (Hz),A (g)", "'f .Hz.' is of a response spectrum"),
-    "a spectrum with its damping": ("T (s),SA(5%) (g)", "'SA.5%. .g.' is of a response spectrum"),
+    "an amplitude of Fourier": ("f (Hz),A (g)", "'f .Hz.' belongs to a response spectrum"),
+    "a spectrum with its damping": ("T (s),SA(5%) (g)", "'SA.5%. .g.' belongs to a response spectrum"),
     "a title of a spectrum": (
         "Response spectrum\nT (s),a (g)",
         "a motion is needed, but line 1 is 'Response spectrum'",
@@ -409,7 +409,7 @@ CONTRADICTED = {
         {"dt": 0.02},
         "a step of 0.005 s, but `dt` is 0.02 s",
     ),
-    "times": ("t (s),a (g)", {"dt": 0.02}, "a step of 0.02 s is stated, but that of the times is 0.01 s"),
+    "times": ("t (s),a (g)", {"dt": 0.02}, "the stated step is 0.02 s, but the step of the times is 0.01 s"),
     "unit": ("t (s),a (gal)", {"unit": "g"}, "states the unit gal, but `unit` is 'g'"),
     "component": (
         "t (s),E (g)",
@@ -441,16 +441,16 @@ def test_options_read_a_table_whose_header_is_in_other_words(tmp_path):
     assert [row[:2] for row in found(tmp_path, text, **(how | {"columns": {"E": 3}, "dt": 0.02}))] == [
         (0.02, 2.0)
     ]
-    with pytest.raises(ValueError, match=r"`columns` must name times.* has 'Uhr'"):
+    with pytest.raises(ValueError, match=r"`columns` must contain names of times.* has 'Uhr'"):
         found(tmp_path, text, skip=2, columns={"Uhr": 1, "N": 2})
     for wrong, message in {
         "skip": (-1, "`skip` must be a number of lines"),
         "scale": (0.0, "`scale` must be a finite number"),
-        "columns": ({"N": 0}, "`columns` must give names their numbers"),
+        "columns": ({"N": 0}, "`columns` must map names to column numbers"),
     }.items():
         with pytest.raises(ValueError, match=message[1] if isinstance(message, tuple) else message):
             found(tmp_path, text, **{wrong: message[0]})
-    with pytest.raises(UnreadableRecord, match=r"`columns` and `skip` are for tables.* PEER"):
+    with pytest.raises(UnreadableRecord, match=r"`columns` and `skip` are allowed only for tables.* PEER"):
         read(tmp_path, peer(shaking(100), 0.01), skip=1)
 
 
@@ -515,7 +515,7 @@ def test_separators_of_thousands_are_refused(text, tmp_path):
 @pytest.mark.mends("a column of the user that is understood only in the first place stopped the program")
 def test_times_have_their_place(tmp_path):
     text = in_table(columns=1)
-    with pytest.raises(ValueError, match="`columns` must name times"):
+    with pytest.raises(ValueError, match="`columns` must contain names of times"):
         found(tmp_path, text, columns={"a (g)": 1, "T (s)": 2})
 
 
@@ -523,7 +523,7 @@ def test_times_have_their_place(tmp_path):
 def test_a_lone_letter_beside_an_acceleration_is_refused(tmp_path):
     for header in ("t,a,v,d", "t (s),a (g),x", "Time,Acc,V"):
         text = in_table(header, columns=header.count(","))
-        with pytest.raises(UnreadableRecord, match="beside an acceleration may be a velocity"):
+        with pytest.raises(UnreadableRecord, match="next to an acceleration may be a velocity"):
             found(tmp_path, text, unit="g")
         columns = {"t": 1, "a": 2}
         assert len(found(tmp_path, text, unit="g", columns=columns)) == 1

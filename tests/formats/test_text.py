@@ -18,7 +18,7 @@ def test_numbers_as_printed():
     assert [d.unit for d in found.values()] == pytest.approx([0.01, 0.001, 1.0, 100.0])
     assert text.number(" 1.5d1 ", 1) == 15.0
     for wrong in ("nan", "inf", "1_000", "0x1F", "", "1.2.3", "1e999"):
-        with pytest.raises(UnreadableRecord, match=r"line 3 must hold numbers, but has "):
+        with pytest.raises(UnreadableRecord, match=r"line 3 must contain numbers, but has "):
             text.number(wrong, 3)
 
 
@@ -34,7 +34,7 @@ def test_columns_of_a_width_are_full():
     lines = ["   1.0   2.0", "   3.0"]
     np.testing.assert_array_equal(Cursor(lines, True).fixed(3, 2, 6, "samples"), [1.0, 2.0, 3.0])
     for wrong in (["   1.0  2.0", "   3.0"], ["   1.0   2.0", "   3.0   4.0"], lines[:1]):
-        with pytest.raises(UnreadableRecord, match=r"line . must hold .|ends after line 1"):
+        with pytest.raises(UnreadableRecord, match=r"line . must contain .|ends after line 1"):
             Cursor(wrong, True).fixed(3, 2, 6, "samples")
 
 

@@ -10,7 +10,8 @@ from tests.formats.synthetic import cosmos, csmip_v1, csmip_v2, esm, geonet, kne
 from tpd import Record
 from tpd.design.ground_motion import Role, grouped
 from tpd.formats.channel import UNKNOWN
-from tpd.records import el_centro, read
+from tpd.records import el_centro
+from tpd.records import read as reading
 from tpd.records.read import described, facts, read_motions, same_earthquakes, summary
 from tpd.scene.ground_motion import events_of
 
@@ -62,7 +63,7 @@ def test_of_a_folder_all_that_is_horizontal_is_read(tmp_path):
     # A channel that is chosen is taken, vertical or not.
     both, said = read_motions([folder], channel=0)
     assert len(both) == 2
-    assert any("up.asc is a vertical component, but shakes the block sideways" in word for word in said)
+    assert any("up.asc is a vertical component, but is used as a horizontal motion" in word for word in said)
 
 
 @pytest.mark.mends("the channels of one file counted as earthquakes of their own")
@@ -83,7 +84,7 @@ def test_records_of_a_folder_that_name_no_earthquake_are_of_one(tmp_path):
     files = [f"{folder}/{name}.asc" for name in "ab"]
     assert [m.event for m in read_motions(files, events=["A", "B"])[0]] == ["A", "B"]
     assert [m.event for m in read_motions(files, events=["A"])[0]] == ["A", "A"]
-    assert "2 name no earthquake" in " ".join(read_motions(files)[1])
+    assert "2 of 2 records state no earthquake" in " ".join(read_motions(files)[1])
     with pytest.raises(ValueError, match=re.escape("`event` must have one name, or one for each of the 2")):
         read_motions(files, events=["A", "B", "C"])
 
@@ -95,9 +96,9 @@ def test_records_without_a_direction_are_said_and_none_is_an_error(tmp_path):
     (record,), said = read_motions([str(path)])
     assert UNKNOWN in record.notes
     assert said == []
-    assert "of 2 records 1 state no orientation" in " ".join(read_motions([str(path), "el-centro"])[1])
+    assert "1 of 2 records state no orientation" in " ".join(read_motions([str(path), "el-centro"])[1])
     folder = put(tmp_path / "up", up=NS.replace("HNE", "HNZ"))
-    with pytest.raises(ValueError, match=r"no horizontal record in .*; `channel` takes one that is"):
+    with pytest.raises(ValueError, match=r"no horizontal record in .*; `channel` selects a vertical one"):
         read_motions([folder])
 
 
@@ -145,7 +146,7 @@ def test_one_earthquake_in_several_spellings_is_never_on_both_sides(tmp_path):
     tuned, held = grouped(found[:1], {"others": found[1:]}, 0)
     assert len(held.motions) == 3
     assert not set(tuned.events) & set(held.events)
-    with pytest.raises(ValueError, match="motions of other earthquakes"):
+    with pytest.raises(ValueError, match="motions of earthquakes that the search does not use"):
         grouped(found[:1], {"others": found[1:2]}, 0)
 
 
@@ -237,7 +238,7 @@ def test_one_channel_counts_once(tmp_path):
         folder = agency(tmp_path / kept.partition(".")[0], **texts)
         found, said = read_motions([folder])
         assert [m.source for m in found] == [kept]
-        assert f"(uncorrected, beside the corrected {kept})" in said[0]
+        assert f"(uncorrected; {kept} is corrected)" in said[0]
     # Of another station, direction or earthquake both count.
     raw = corrected.replace("BASELINE REMOVED", "BASELINE NOT REMOVED")
     others = {
@@ -267,7 +268,9 @@ def test_the_borehole_does_not_count_beside_the_surface(tmp_path):
         texts[f"XXX001_{name}"] = text
     found, said = read_motions([agency(tmp_path / "both", **texts)])
     assert [m.source for m in found] == ["XXX001.EW2", "XXX001.NS2"]
-    assert "XXX001.NS1 (instrument in a borehole, not at the surface, beside XXX001.EW2)" in said[0]
+    assert (
+        "XXX001.NS1 (instrument in a borehole, not at the surface; XXX001.EW2 is at the surface)" in said[0]
+    )
     alone, _ = read_motions([agency(tmp_path / "deep", XXX001_NS1=texts["XXX001_NS1"])])
     assert alone[0].notes[-1].startswith("baseline removed: the mean")
 
@@ -296,7 +299,7 @@ def test_what_was_read_is_described(tmp_path):
     ]
     assert described(many) == [
         "records: 5 of 3 earthquakes, 3 samples of 0.01 to 0.02 s, 0.02 to 0.04 s long, PGA 0.102 g; "
-        "noted: drift 5"
+        "notes: drift 5"
     ]
     assert described([]) == []
 
@@ -309,5 +312,5 @@ def test_records_made_in_python_are_compared_as_well():
     assert len(set(events_of(found))) == 3
     (said,) = same_earthquakes(found)
     one = "2023-02-07 Nowhere = Elsewhere, 2/6/2023 = Nowhere 2023-02-06"
-    assert said == f"note: taken for one earthquake by dates, names or samples: {one}"
+    assert said == f"note: these count as one earthquake by their dates, names or samples: {one}"
     assert same_earthquakes(found[1:4]) == []

@@ -168,7 +168,7 @@ def test_the_best_design_misses_its_requirements_by_the_least():
     early = replace(far, decided=None, quoted=None, reasons=(LITTLE,))
     for order in ((far, near, early), (early, near, far)):
         design = replace(harmonic(), status=DesignStatus.not_recommended, validated=order)
-        assert "in 2.0% of the runs in which the block stands, and 1.0% are" in flat(
+        assert "in 2.0% of the runs in which the block stands; at most 1.0% are" in flat(
             answer(design, Details())
         )
         assert "nearest 0.811 kg on 0.1 m" in flat(answer(design, Details()))

@@ -49,7 +49,7 @@ def test_a_report_is_written_with_the_job_where_one_says_what_was_asked(tmp_path
     monkeypatch.setattr(Problem, "job", property(lambda _: job_of({})))
     design, details = rejected(), Details()
     assert "scene.toml" in {path.name for path in tpd.write_report(design, tmp_path / "a", details=details)}
-    with pytest.raises(ValueError, match="already holds files"):
+    with pytest.raises(ValueError, match="already contains files"):
         tpd.write_report(design, tmp_path / "a", details=details)
     monkeypatch.setattr(Problem, "job", property(unsaid))
     with pytest.warns(UserWarning, match=r"the report goes without scene\.toml: a limit of one's own"):

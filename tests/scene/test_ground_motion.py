@@ -74,7 +74,7 @@ def test_scales_and_derivatives():
         ({"kind": "two-sine"}, "`kind` must be one of one-sine"),
         ({"acceleration": -1.0}, "`acceleration` must be zero or positive"),
         ({"frequency": 0.0}, "`frequency` must be positive"),
-        ({"kind": "mavroeidis-papageorgiou", "cycles": 9.0}, "`cycles` must lie within 1 and 8, but is 9"),
+        ({"kind": "mavroeidis-papageorgiou", "cycles": 9.0}, "`cycles` must be between 1 and 8, but is 9"),
         ({"kind": "sine-train", "cycles": 2.5}, "a whole number from 1 to 1000, but is 2.5"),
         ({"phase": np.inf}, "`phase` must be"),
     ],

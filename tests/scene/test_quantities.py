@@ -156,9 +156,9 @@ def test_values_out_of_range_are_refused_by_name(name, value, match):
 @pytest.mark.parametrize(
     ("name", "values", "match"),
     [
-        ("amplitude", (0.0, 50.0), "must make at most 10 g, but 50 m at 2.5 Hz make"),
-        ("frequency", (750.0, 950.0), "0.015 m at 750 Hz make"),
-        ("mass", (0.016, 0.02), "kg/m.3 of a block as deep as it is wide"),
+        ("amplitude", (0.0, 50.0), "must give an acceleration of at most 10 g, but 50 m at 2.5 Hz give"),
+        ("frequency", (750.0, 950.0), "0.015 m at 750 Hz give"),
+        ("mass", (0.016, 0.02), "kg/m.3 .for a block as deep as it is wide"),
         ("pendulum_damping", (5.0, 40.0), "`pendulum_damping` must be at most 2, twice critical damping"),
         ("zeta", (0.05, 40.0), "`zeta` must be at most 2, twice critical damping .a ratio: 5 % is 0.05"),
     ],
@@ -171,7 +171,7 @@ def test_a_range_in_another_unit_is_asked_back(name, values, match):
 
 
 def test_a_pendulum_beside_parameters_is_refused():
-    with pytest.raises(ValueError, match="`pendulum` goes with a scene"):
+    with pytest.raises(ValueError, match="`pendulum` is allowed only with a scene"):
         Setup.of(WITHOUT, PENDULUM)
     with pytest.raises(ValueError, match=r"`name` must be one of nu, mu.*but is 'frequency'"):
         Axis.of(WITHOUT, "frequency")

@@ -52,8 +52,8 @@ def test_equal_records():
 
 
 WRONG = {
-    "one sample": (lambda: Record([1.0], 0.1), "an array of two accelerations or more"),
-    "a table": (lambda: Record([[1.0, 2.0]], 0.1), "an array of two accelerations or more"),
+    "one sample": (lambda: Record([1.0], 0.1), "an array of at least two accelerations"),
+    "a table": (lambda: Record([[1.0, 2.0]], 0.1), "an array of at least two accelerations"),
     "nan": (lambda: Record([1.0, float("nan")], 0.1), "all finite"),
     "words": (lambda: Record(["a", "b"], 0.1), "all finite"),
     "negative step": (lambda: Record(TRIANGLE, -0.1), "`dt` must be between 1e-06 and 1000 s"),

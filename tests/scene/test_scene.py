@@ -58,12 +58,12 @@ def harmonic(amplitude, frequency):
 
 
 UNITS = {
-    "lengths in mm": (*block(100.0, 400.0, 16.224), "make 4.06e-06 kg/m"),
+    "lengths in mm": (*block(100.0, 400.0, 16.224), "give 4.06e-06 kg/m"),
     "mass in t": (*block(1.3, 10.0, 16.28), "are the lengths in m and the mass"),
     "mass in g": (*block(1.3, 10.0, 16280e3), "between 10 and 500000 kg/m"),
     "height in mm": (*block(0.5, 2500.0, 1e6), "at least 0.01 of `height`"),
     "a batch": (*block(np.array([0.1, 100.0]), np.array([0.4, 400.0]), 16.0), "16 kg in 100 m x 400 m"),
-    "amplitude in mm": (*harmonic(50.0, 1.0), "at most 10 g, but 50 m at 1 Hz make 201 g: are they in"),
+    "amplitude in mm": (*harmonic(50.0, 1.0), "at most 10 g, but 50 m at 1 Hz give 201 g: are they in"),
     "frequency in mHz": (*harmonic(0.081, 850.0), "are they in m and Hz?"),
     "damping in %": (Pendulum, {**PENDULUM, "damping_ratio": 5.0}, "a ratio: 5 % is 0.05"),
 }
@@ -82,7 +82,7 @@ def test_quantities_in_another_unit_are_asked_back(make, given, said):
 @pytest.mark.mends("a gravity in g, in cm/s^2 or in ft/s^2 was taken")
 @pytest.mark.parametrize("gravity", [1.0, 981.0, 9806.65, 32.17])
 def test_a_gravity_in_another_unit_is_asked_back(gravity):
-    with pytest.raises(ValueError, match=r"between 1\.5 and 30 m/s\^2 \(the Earth's is 9\.80665\), but is"):
+    with pytest.raises(ValueError, match=r"between 1\.5 and 30 m/s\^2 \(on Earth it is 9\.80665\), but is"):
         Scene(Block(**BLOCK), Harmonic(**MOTION), gravity=gravity)
 
 
@@ -101,7 +101,8 @@ def test_a_block_has_the_cavity_that_is_stated_and_no_other():
     assert paper_scene().block.cavity_width == 0.08
     for wide in (1.0, 1.001):
         with pytest.raises(
-            ValueError, match=r"`cavity_width` must be less than the outside width, 0\.\d+ m \(w"
+            ValueError,
+            match=r"`cavity_width` must be less than the width of the block, 0\.\d+ m, because the w",
         ):
             Block(**BLOCK, cavity_width=wide * BLOCK["width"])
 

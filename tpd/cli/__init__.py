@@ -19,7 +19,7 @@ from pathlib import Path
 
 import tpd
 
-ABOUT = "Tuned pendulum design: find the pendulum that keeps a rocking block from rocking."
+ABOUT = "Tuned pendulum design: find a pendulum that reduces the rocking of a block."
 """Description of the package in one sentence. Its docstring is absent under `python -OO`."""
 
 

@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
     has_motion = options.kind != "mjcf"
     scene = job.single if has_motion else job.scene
     motion = "" if has_motion else "none; the actuators of the model have to provide it"
-    common.print_header(scene, pendulum, motion, job.told)
+    common.print_header(scene, pendulum, motion, job.messages)
     if pendulum is None and options.design is not None:
         print("The report has no pendulum. The file contains only the block without a pendulum.")
     if options.kind == "csv":

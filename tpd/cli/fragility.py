@@ -36,7 +36,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     block = scene.block
     # `AtRest.under` would use the motion of the scene, which is not scaled.
     at_rest = AtRest.of(block.slenderness, block.friction, strongest / scene.gravity, block.base_friction)
-    common.print_header(scene, pendulum, in_words(motions), job.told, at_rest)
+    common.print_header(scene, pendulum, in_words(motions), job.messages, at_rest)
     with Bar() as bar, common.open_cluster(options) as cluster:
         curves = fragility(
             scene.block,

@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
         # Notes are shortened to the text before the colon. The table in CSV has the whole notes.
         table = [[name, *x, note] for name, x, note in zip(names, cells, notes, strict=True)]
         lines = aligned([["record", *_TABLE.values(), "notes"], *table])
-    print("\n".join([*job.told, *lines]))
+    print("\n".join([*job.messages, *lines]))
     low, high = _USUAL
     implausible = [
         f"{name} ({number(row['pga_g'])} g)"

@@ -38,7 +38,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     """Simulate the block, print the results, write histories and pictures, and return the exit status."""
     job, pendulum = case
     scene = job.under(job.shaking)
-    common.print_header(scene, pendulum, notes=job.told, at_rest=AtRest.under(scene))
+    common.print_header(scene, pendulum, notes=job.messages, at_rest=AtRest.under(scene))
     cases = common.cases_of(pendulum)
     free = options.free
     # The nonlinear motion of each pair decides, because the linear equations are meant for small angles.

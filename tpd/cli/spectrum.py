@@ -31,7 +31,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         raise ValueError("--sizes-to has an effect on the spectrum of a pulse, but the job has a record")
     # The motion of the job gives only the kind of the pulse.
     motion = f"{scene.motion.kind} pulses of all frequencies and accelerations" if is_pulse else ""
-    common.print_header(scene, pendulum, motion, job.told)
+    common.print_header(scene, pendulum, motion, job.messages)
     with Bar() as bar, common.open_cluster(options) as cluster:
         how = {"gravity": float(scene.gravity), "cluster": cluster, "progress": partial(bar, "blocks")}
         # A pulse can be varied in frequency and size, a record cannot: its spectrum varies the block instead.

@@ -1,1 +1,1 @@
-"""Foundations: scene in SI units, dimensionless parameters, conditions, equations (4) and (25), statuses."""
+"""Foundations of all folders: checks of input, files, formatting, progress, batches and compiled code."""

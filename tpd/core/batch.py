@@ -1,4 +1,4 @@
-"""Large batches: in chunks that fit the processor's cache, on all cores, in bounded memory."""
+"""Large batches: computed in chunks that fit the cache of the processor, on all cores, in bounded memory."""
 
 from __future__ import annotations
 
@@ -19,19 +19,22 @@ from tpd.core import checks
 from tpd.core.progress import unreported
 
 CHUNK = 256
-"""Designs computed at once where all take the same work. Some hundred arrays of this length are alive at a
-time, about one megabyte: more designs at once are no faster, since they leave the cache."""
+"""Number of designs that are computed at once if all of them need the same work. Some hundred arrays of this
+length are alive at a time, about one megabyte. More designs at once are not faster, because the arrays leave
+the cache."""
 UNEVEN = 4
-"""Designs computed at once where each takes as many steps as it needs and waits for the slowest of them."""
+"""Number of designs that are computed at once if their numbers of steps differ, since all wait for the
+slowest."""
 OPTIONS = (("xla_backend_optimization_level", 1), ("xla_cpu_use_fusion_emitters", False))
-"""Options of the compiler for processors: it takes half of its time with them, for code that is as fast."""
+"""Options of the compiler for processors. They halve the compilation time, and the code is as fast."""
 PIECE = 1, 16
-"""Elements of one piece of work in `shared`, at least and at most."""
+"""Smallest and largest number of elements of one piece of work in `shared`."""
 _LOOPS = ("while", "ffi_call")
-"""Primitives that take as long as an element needs; a custom call of compiled code is a loop as well."""
+"""Primitives whose duration depends on the element. A custom call of compiled code counts as a loop as
+well."""
 
 _CHUNKS: dict[Callable[[Any], Any], int] = {}
-"""Default chunk sizes of functions that have been called without one."""
+"""Default chunk sizes of functions that were called without one."""
 
 
 def in_chunks(
@@ -42,25 +45,32 @@ def in_chunks(
     workers: checks.Whole | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Any:
-    """`function` of every element of `batch`: `jit(vmap(function))`, but in chunks and on all cores.
+    """Return `function` of every element of `batch`, like `jit(vmap(function))`, but in chunks and on all
+    cores.
 
     Args:
-        function: of one element (a pytree of arrays without the leading axis), pure as for `jit`.
-            Compiled once per function object and chunk size; keep the object to keep the code.
-        batch: a pytree of arrays that share their leading axis, of any length above zero; single
-            numbers belong to every element.
-        chunk: elements per chunk; default 256, but 4 for a function with a loop within a loop, each of
-            them as long as the element needs, such as `steady_state`: there all wait for the slowest element.
-            Memory beyond inputs and results is proportional to `chunk * workers`, not to the length of the
-            batch.
-        workers: threads; default the number of cores.
-        progress: called with (elements done, of how many) after each chunk.
+        function: function of one element (a pytree of arrays without the leading axis), pure as for `jit`. It
+            is compiled once per function object and chunk size. Keep the object to keep the compiled code.
+        batch: pytree of arrays with a common leading axis, of any length above zero. Single numbers belong to
+            every element.
+        chunk: elements per chunk. The default is 256. For a function with nested loops whose lengths depend
+            on the element, such as `steady_state`, it is 4, because all elements of a chunk wait for the
+            slowest. Memory beyond inputs and results is proportional to `chunk * workers`, and independent of
+            the length of the batch.
+        workers: number of threads; default the number of cores.
+        progress: function of (elements done, total), called after each chunk.
 
     Returns:
-        The same pytree as `vmap(function)` would give, with NumPy arrays for leaves.
+        The same pytree as from `vmap(function)`, with NumPy arrays as leaves.
 
     Raises:
-        ValueError: an empty batch, leaves of different lengths, or a chunk or workers below one.
+        ValueError: the batch is empty, its leaves have different lengths, or chunk or workers are below one.
+
+    Example:
+        >>> import numpy as np
+        >>> import tpd
+        >>> tpd.in_chunks(lambda x: x**2, np.array([1.0, 2.0, 3.0]))
+        array([1., 4., 9.])
     """
     checks.function("function", function, optional=False)
     checks.function("progress", progress)
@@ -71,6 +81,7 @@ def in_chunks(
     def run(begin: int, end: int) -> int:
         out = compiled(part_of(begin))
         results, structure = jax.tree.flatten(out)
+        # The first chunk that ends determines the shapes and types of the results.
         with lock:
             if not wholes:
                 wholes.extend(np.empty((length, *x.shape[1:]), x.dtype) for x in results)
@@ -87,18 +98,19 @@ def in_chunks(
 
 
 def prepare(function: Callable[[Any], Any], batch: Any, *, chunk: int | None = None) -> Thread:
-    """Begin to compile `function` as `in_chunks` will call it, in a thread: the first call waits for it."""
+    """Start to compile `function` in a thread, as `in_chunks` will call it. The first call waits for the
+    compilation."""
     chunk = _chunk(function, batch) if chunk is None else chunk
     compiled, part = _compiled(function), _parts(batch, chunk)[0](0)
-    # Called, not compiled ahead: only a call leaves the program where the next one finds it.
+    # Call the function, because only a call leaves the program where the next call finds it.
     return aside(lambda: compiled(part))
 
 
 def elements(batch: Any) -> tuple[Callable[[Any], Any], int]:
-    """The elements of a batch at an index or a slice, and how many there are.
+    """Return a function that selects elements of a batch by an index or a slice, and the number of elements.
 
     Raises:
-        ValueError: an empty batch, or leaves of different lengths.
+        ValueError: the batch is empty, or its leaves have different lengths.
     """
     leaves, structure = jax.tree.flatten(batch)
     arrays = [_array(x) for x in leaves]
@@ -111,7 +123,8 @@ def elements(batch: Any) -> tuple[Callable[[Any], Any], int]:
 
 
 def _array(leaf: Any) -> np.ndarray:
-    """An array of a batch as JAX takes it. Floats have 64 bits; whole numbers stay what they are."""
+    """Return an array of a batch in the form that JAX uses. Floats have 64 bits, and integers keep their
+    type."""
     array, plain = np.asarray(leaf), checks.plain("batch", leaf)
     if array.dtype.kind in "mMOSU":
         raise ValueError(f"`batch` must be arrays of numbers, but has {checks.shown(array)}")
@@ -119,7 +132,10 @@ def _array(leaf: Any) -> np.ndarray:
 
 
 def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
-    """The chunk from some element on, filled up with the last one, and how many elements there are."""
+    """Return a function that selects the chunk from an element on, and the number of elements.
+
+    The last chunk is filled with copies of the last element.
+    """
     elements_at, length = elements(batch)
 
     def part_of(begin: int) -> Any:
@@ -130,7 +146,7 @@ def _parts(batch: Any, chunk: int) -> tuple[Callable[[int], Any], int]:
 
 
 def _chunk(function: Callable[[Any], Any], batch: Any) -> int:
-    """The default chunk for a function of the elements of a batch."""
+    """Return the default chunk size for a function of the elements of a batch."""
     if function not in _CHUNKS:
         part_of, _ = _parts(batch, 1)
         element = jax.tree.map(lambda x: x[0], part_of(0))
@@ -141,7 +157,7 @@ def _chunk(function: Callable[[Any], Any], batch: Any) -> int:
 
 
 def _loops(jaxpr: Any) -> int:
-    """How deep loops of unknown length are nested in a traced function."""
+    """Return how deep loops of unknown length are nested in a traced function."""
     deepest = 0
     for equation in jaxpr.eqns:
         within = [_loops(inner) for inner in jaxprs_in_params(equation.params)]
@@ -159,16 +175,17 @@ def _options() -> tuple[tuple[str, Any], ...]:
     try:
         jax.jit(lambda: 0.0, compiler_options=dict(OPTIONS))()
     except jax.errors.JaxRuntimeError:
-        # Another version of the compiler does not know them.
+        # Another version of the compiler may not have these options.
         return ()
     return OPTIONS if jax.default_backend() == "cpu" else ()
 
 
 def aside(work: Callable[[], object]) -> Thread:
-    """Start `work` in a thread of its own, to compile something while the other core is busy.
+    """Start `work` in a thread of its own, for example to compile something while the other core is busy.
 
-    An error in it is dropped: the same work fails again, visibly, when its result is needed. The thread is no
-    daemon, so the interpreter waits for it: one that is stopped while XLA compiles aborts the process.
+    An error in the thread is dropped: the same work raises it again when its result is needed. The thread is
+    not a daemon, so that the interpreter waits for it. To stop a thread while XLA compiles would abort the
+    process.
     """
     begin = _x64_initializer()
 
@@ -183,14 +200,17 @@ def aside(work: Callable[[], object]) -> Thread:
 
 
 def _x64_initializer() -> Callable[[], None]:
-    """Initialiser that gives a worker thread this thread's x64 setting: `jax.enable_x64` as a context manager
-    holds in its own thread only, and 32 bits would give wrong numbers without an error."""
-    wide = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
+    """Return an initialiser that applies the x64 setting of this thread in a worker thread.
+
+    `jax.enable_x64` as a context manager applies only in its own thread, and 32 bits would give wrong numbers
+    without an error.
+    """
+    is_x64 = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
 
     def begin() -> None:
-        if bool(jax.config.jax_enable_x64) != wide:  # type: ignore[attr-defined]
-            # Entered and never left: the setting ends with the thread.
-            jax.enable_x64(wide).__enter__()
+        if bool(jax.config.jax_enable_x64) != is_x64:  # type: ignore[attr-defined]
+            # The context is never exited: the setting ends with the thread.
+            jax.enable_x64(is_x64).__enter__()
 
     return begin
 
@@ -203,25 +223,25 @@ def shared(
     *,
     piece: tuple[int, int] = PIECE,
 ) -> None:
-    """Do all pieces of work on so many threads, by default on all cores; `piece` bounds their size.
+    """Distribute all pieces of work over threads, by default over all cores; `piece` bounds their size.
 
     Raises:
-        ValueError: workers below one.
+        ValueError: the number of workers is below one.
     """
     cores = (os.cpu_count() or 1) if workers is None else checks.count("workers", workers)
     report = progress or unreported
-    # Small pieces, because some motions take a hundred times as long as others. Each writes rows of its
-    # own, so that the order in which they end is no matter.
+    # The pieces are small, because some motions take a hundred times as long as others. Each piece writes its
+    # own rows, so that the order does not matter.
     size = max(piece[0], min(piece[1], -(-n // (4 * cores))))
     firsts, done = range(0, n, size), 0
     threads = max(1, min(cores, len(firsts)))
-    crew = ThreadPoolExecutor(threads, initializer=_x64_initializer())
-    # A lone worker needs no thread of its own: memory that new threads free stays with them.
-    each = crew.map if threads > 1 else map
+    pool = ThreadPoolExecutor(threads, initializer=_x64_initializer())
+    # A single worker runs in this thread, because memory that new threads free is not reused by others.
+    each = pool.map if threads > 1 else map
     try:
         for count in each(run, firsts, (min(first + size, n) for first in firsts)):
             done += count
             report(done, n)
     finally:
-        # After an error or Ctrl-C no further piece is begun.
-        crew.shutdown(cancel_futures=True)
+        # After an error or Ctrl-C no further piece is started.
+        pool.shutdown(cancel_futures=True)

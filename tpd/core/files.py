@@ -1,4 +1,5 @@
-"""Output files: a directory is not overwritten unless asked, and a file is complete or absent."""
+"""Output files: an existing directory is not overwritten without permission, and a file is complete or
+absent."""
 
 from __future__ import annotations
 
@@ -28,57 +29,62 @@ except ImportError:  # Windows
     fcntl = None
 
 _PART = ".tpd-part-"
-"""Begin of the names of files that are being written; what a killed run leaves of them counts as nothing."""
-_SAID: set[str] = set()
-"""Why compiled code is not kept, as far as it was said."""
+"""Prefix of the names of files that are being written. Files that a killed run leaves with this prefix are
+ignored."""
+_WARNINGS: set[str] = set()
+"""Reasons why compiled code is not stored, of which the user was warned already."""
 PACKAGES = ("jax", "jaxlib", "diffrax", "optax", "equinox", "numpy", "numba")
+"""Packages whose versions are stored with results."""
 
 
 def claim(directory: Path, *, overwrite: bool) -> None:
-    """Check, before any work, that results can be written.
+    """Check before any work that results can be written.
 
     Raises:
-        ValueError: the directory exists and may not be overwritten, or cannot be written.
+        ValueError: the directory exists and may not be overwritten, or it cannot be written.
     """
     if os.path.lexists(directory) and not directory.is_dir():
         raise ValueError(f"cannot write the report: {directory} is a file, not a directory")
-    strangers = (p for p in directory.glob("*") if not p.name.startswith(_PART))
-    if not overwrite and any(strangers):
+    files = (p for p in directory.glob("*") if not p.name.startswith(_PART))
+    if not overwrite and any(files):
         raise ValueError(
-            f"{directory} already holds files: choose another directory with --out, or pass --overwrite"
+            f"{directory} already contains files: choose another directory with --out, or pass --overwrite"
         )
     try:
         make_folder(directory.parent)
         with tempfile.TemporaryFile(dir=directory if directory.exists() else directory.parent) as file:
-            # A full disk still has room for a name.
+            # Write a byte, because a full disk may still accept the name of a file.
             file.write(b" ")
     except OSError as error:
         raise ValueError(f"cannot write to {directory}: {error.strerror or error}") from None
 
 
 def path_of(name: str | os.PathLike[str]) -> Path:
-    """Return the path that a name of a file or folder stands for; ~ at its beginning is the user's home.
+    """Return the path of a file or folder from its name. A leading ~ is the home directory of the user.
 
     Raises:
-        ValueError: neither a text nor a path.
+        ValueError: the argument is neither a string nor a path.
     """
     if not isinstance(name, (str, os.PathLike)):
         raise ValueError(f"`path` must name a file, but is {name!r}")
-    # The letters of a text file are encoded as the file system of this process expects them.
+    # Encode the characters as the file system of this process expects them.
     return Path(os.fsdecode(os.path.expanduser(name).encode("utf-8", "surrogateescape")))
 
 
 def readable(text: str) -> str:
-    """Return text with the letters of file names. Where the locale does not know a letter, Python has its
-    bytes in place of it, which no file can hold."""
+    """Return a text with the characters of file names.
+
+    If the locale does not have a character, Python represents its bytes by surrogates, which cannot be
+    written to a file.
+    """
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "surrogateescape")
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, and those that it lies in, unless it exists.
+    """Create a folder and its parents, unless it exists.
 
     Raises:
-        OSError: it cannot be made, or something else has its name.
+        OSError: the folder cannot be created, or something else has its name.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -87,20 +93,21 @@ def make_folder(folder: Path) -> None:
 
 
 def place(path: Path, content: str | bytes) -> Path:
-    """Write a file, and its directory, so that it appears complete or not at all; return `path`.
+    """Write a file, and create its directory, so that the file appears completely or not at all; return
+    `path`.
 
     Raises:
-        OSError: it cannot be written; the error names `path`.
+        OSError: the file cannot be written; the error contains `path`.
     """
     data = readable(content).encode(errors="replace") if isinstance(content, str) else content
     try:
         make_folder(path.parent)
-        # A rename within one directory is atomic: a run that is ended leaves no half-written file.
+        # A rename within one directory is atomic, so that an interrupted run leaves no incomplete file.
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PART)
         try:
             with open(handle, "wb") as file:
                 file.write(data)
-            # Temporary files are readable by their owner only.
+            # Temporary files are readable only by their owner, so change the mode.
             Path(name).chmod(0o644)
             Path(name).replace(path)
         except BaseException:
@@ -108,42 +115,43 @@ def place(path: Path, content: str | bytes) -> Path:
                 Path(name).unlink()
             raise
     except OSError as error:
-        # The system names the temporary file, or none.
+        # The error of the system contains the name of the temporary file, or no name.
         raise OSError(error.errno, error.strerror or str(error), str(path)) from None
     return path
 
 
 def missing_picture(name: str, error: Exception) -> str:
-    """Return a sentence on a picture that cannot be drawn."""
+    """Return a sentence about a plot that cannot be drawn."""
     return f"{name} is not drawn: {next(iter(str(error).splitlines()), type(error).__name__)}"
 
 
 def sealed(data: bytes, of: str = "") -> bytes:
-    """Return data behind the checksum (SHA-256) of them and of what they belong to; see `unsealed`."""
+    """Return data after a checksum (SHA-256) of the data and of the text `of`; see `unsealed`."""
     return hashlib.sha256(of.encode() + data).digest() + data
 
 
 def unsealed(content: bytes, of: str = "") -> bytes | None:
-    """Return the data of `sealed`; None where these are not the bytes that were written for `of`."""
+    """Return the data of `sealed`; None if the bytes differ from those that were written for `of`."""
     data = content[32:]
     return data if sealed(data, of) == content else None
 
 
 def say_damaged(what: str, where: Path, then: str) -> None:
-    """Warn that stored files are not as they were written, and say what is done about it."""
+    """Warn that stored files are damaged, and how they are replaced."""
     warnings.warn(f"{what} in {where} were damaged, and are {then} again", stacklevel=2)
 
 
 def check_own(folder: Path) -> None:
-    """Check that only the user of this process can write to a folder of compiled code, which is executed as
-    it is found there. The folder is made if it does not exist.
+    """Check that only the user of this process can write to a folder of compiled code.
+
+    Code in this folder is executed without a check. The folder is created if it does not exist.
 
     Raises:
         OSError: the folder cannot be written to, or other users can write to it.
     """
-    other = "name other folders by NUMBA_CACHE_DIR and JAX_COMPILATION_CACHE_DIR"
+    other = "set other folders with NUMBA_CACHE_DIR and JAX_COMPILATION_CACHE_DIR"
     if not folder.is_absolute():
-        raise OSError(f"there is no home for {folder}; {other}")
+        raise OSError(f"there is no home directory for {folder}; {other}")
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -152,25 +160,26 @@ def check_own(folder: Path) -> None:
         raise OSError(f"{folder} cannot be written to ({error.strerror}); {other}") from None
     if not hasattr(os, "getuid"):  # Windows
         return
-    # Whoever could replace the folder by way of its parents would be the owner of the new one.
+    # Check only the folder itself: a user who replaces it through its parents would be the owner of the new
+    # folder.
     if about.st_uid != os.getuid():
         raise OSError(f"{folder} belongs to another user; {other}")
-    # A group with the number of its owner has no other members.
+    # A group with the same number as the owner has no other members.
     others = stat.S_IWOTH | (stat.S_IWGRP if about.st_gid != about.st_uid else 0)
     if about.st_mode & others:
-        raise OSError(f"others may write to {folder}; `chmod go-w {folder}`, or {other}")
+        raise OSError(f"other users can write to {folder}; run `chmod go-w {folder}`, or {other}")
 
 
 def say_unkept(why: Exception) -> None:
-    """Warn, once for each reason, that compiled code is not kept, with the reason and what to do about it."""
-    if str(why) not in _SAID:
-        _SAID.add(str(why))
-        warnings.warn(f"compiled code is not kept, so that every run compiles anew: {why}", stacklevel=3)
+    """Warn once for each reason that compiled code is not stored, with the reason and a remedy."""
+    if str(why) not in _WARNINGS:
+        _WARNINGS.add(str(why))
+        warnings.warn(f"compiled code is not stored, so that every run compiles it: {why}", stacklevel=3)
 
 
 @contextlib.contextmanager
-def held(path: Path) -> Iterator[None]:
-    """Hold the lock of a file, made if it does not exist, where the system has such locks.
+def file_lock(path: Path) -> Iterator[None]:
+    """Hold the lock of a file, if the system supports it. The file is created if it does not exist.
 
     Raises:
         OSError: the file cannot be opened for writing.
@@ -183,13 +192,13 @@ def held(path: Path) -> Iterator[None]:
 
 
 def as_json(content: Any) -> str:
-    """Format as JSON with sorted keys; infinities and NaN become words: "infinite", "-infinite" and
+    """Format as JSON with sorted keys. Infinities and NaN become the words "infinite", "-infinite" and
     "nan"."""
     return json.dumps(_finite(content), indent=1, sort_keys=True, allow_nan=False) + "\n"
 
 
 def as_csv(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
-    """Format a table with a header as CSV, numbers with all digits."""
+    """Format a table with a header as CSV, with all digits of the numbers."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
@@ -198,34 +207,36 @@ def as_csv(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
 
 
 def as_table(columns: Mapping[str, Any]) -> str:
-    """Format arrays of one length, by their names, as CSV; cells are empty in place of NaN."""
-    # An empty cell is read as missing by every program; a word such as "nan" is not.
+    """Format arrays of one length, by their names, as CSV. NaN becomes an empty cell."""
+    # Every program reads an empty cell as a missing value, but not a word such as "nan".
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     return as_csv(columns, (["" if x != x else x for x in row] for row in rows))
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python, of this package and of the packages that results depend on, by name."""
-    # Its own number: the metadata of an installation can be of an earlier one. No module imports the package.
+    """Return the versions of Python, of this package and of the packages that results depend on, by name."""
+    # Use the version in the module, because the metadata of an installation can be older. The package is not
+    # imported here, which would be circular.
     own = {"python": platform.python_version(), "tpd": sys.modules["tpd"].__version__}
     return own | {name: _version(name) for name in PACKAGES}
 
 
 @lru_cache
 def _version(name: str) -> str:
-    """Version of an installed package; reading one takes 4 ms."""
-    # This import takes as long as that of all other modules for `tpd --help`.
+    """Return the version of an installed package. Reading it takes 4 ms."""
+    # This import takes as long as all other modules of `tpd --help` together.
     from importlib.metadata import version
 
     return version(name)
 
 
 def today() -> str:
-    """Return the date in UTC, as in 2026-11-23: of `SOURCE_DATE_EPOCH` (seconds) if it is set, else of the
-    clock.
+    """Return the date in UTC, such as 2026-11-23.
+
+    The date is that of `SOURCE_DATE_EPOCH` (seconds) if this variable is set, else that of the clock.
 
     Raises:
-        ValueError: a `SOURCE_DATE_EPOCH` that is no number of seconds.
+        ValueError: `SOURCE_DATE_EPOCH` is not a number of seconds.
     """
     written = os.environ.get("SOURCE_DATE_EPOCH")
     try:
@@ -238,7 +249,7 @@ def today() -> str:
 
 
 def _finite(value: Any) -> Any:
-    """Replace infinities and NaN, for which JSON has no number, by words, and names of files by text."""
+    """Replace infinities and NaN, which JSON does not have, by words, and make names of files readable."""
     if isinstance(value, dict):
         return {k: _finite(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -246,6 +257,7 @@ def _finite(value: Any) -> Any:
     if isinstance(value, str):
         return readable(value)
     if isinstance(value, float) and not math.isfinite(value):
-        # The lower end of an unknown interval must not read as the upper one.
+        # Both signs of infinity are kept: the lower end of an unknown interval must not look like the upper
+        # end.
         return {math.inf: "infinite", -math.inf: "-infinite"}.get(value, "nan")
     return value

@@ -1,4 +1,4 @@
-"""Numbers as text for reports and figures; what results show of themselves: text and tables."""
+"""Text of numbers for reports and figures, and base classes of results that print themselves."""
 
 from __future__ import annotations
 
@@ -17,22 +17,24 @@ if TYPE_CHECKING:
 
 
 def number(x: float, digits: int = 4) -> str:
-    """Format a number to `digits` significant digits: without an exponent from 1e-4 to 1e7, NaN as a dash."""
+    """Format a number with `digits` significant digits, without an exponent from 1e-4 to 1e7. NaN is a
+    dash."""
     if math.isnan(x):
         return "–"
     if math.isinf(x):
         return "infinite"
     if x == 0.0 or not 1e-4 <= abs(x) < 1e7:
         return f"{x:.{digits}g}"
+    # Digits after the decimal point, so that the number has the requested significant digits in all.
     places = max(0, digits - 1 - math.floor(math.log10(abs(x))))
     text = f"{round(x, digits - 1 - math.floor(math.log10(abs(x)))):.{places}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
 class Printed:
-    """Base of results that print themselves: a subclass defines `__str__`, a few lines with units.
+    """Base class of results that print themselves. A subclass defines `__str__`, a few lines with units.
 
-    Arrays make the generated repr of a dataclass unreadable, so that notebooks and prompts show the same
+    The generated repr of a dataclass with arrays is unreadable. Notebooks and prompts therefore show the same
     lines as `print`. Such dataclasses are declared with `repr=False`.
     """
 
@@ -44,17 +46,17 @@ class Printed:
 
 
 class Tabular:
-    """Base of results that are tables: a subclass defines `columns`."""
+    """Base class of results that are tables. A subclass defines `columns`."""
 
     def columns(self) -> dict[str, Any]:
-        """Columns of the table by their names, each of shape (n,)."""
+        """Return the columns of the table by their names, each of shape (n,)."""
         raise NotImplementedError
 
     def to_dataframe(self) -> pd.DataFrame:
-        """The columns as a data frame of pandas.
+        """Return the columns as a data frame of pandas.
 
         Raises:
-            ImportError: without pandas.
+            ImportError: pandas is not installed.
         """
         try:
             import pandas as pd
@@ -66,7 +68,8 @@ class Tabular:
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Format the rows of a table as lines: the first column to the left, the others to the right."""
+    """Format the rows of a table as lines: the first column is aligned to the left, the others to the
+    right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
     for first, *others in rows:
@@ -76,18 +79,20 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def counted(names: np.ndarray) -> str:
-    """Numbers of equal names in an array, the most frequent first: "20 rocking, 3 no orbit"."""
+    """Return the numbers of equal names in an array, most frequent first: "20 rocking, 3 no orbit"."""
+    # Names of statuses have underscores, and their words have none.
     each = ((str(name).replace("_", " "), count) for name, count in Counter(names.ravel().tolist()).items())
     return ", ".join(f"{count} {name}" for name, count in sorted(each, key=lambda pair: -pair[1]))
 
 
 def counted_periods(n: int) -> str:
-    """Length of a motion in forcing periods: "1 period", "3 periods"."""
+    """Return the length of a motion in forcing periods: "1 period", "3 periods"."""
     return f"{n} period{'s' * (n != 1)}"
 
 
 def span(values: np.ndarray, unit: str = "") -> str:
-    """Range of the finite numbers in an array, such as "0.01 to 0.2 rad"; a dash where there are none."""
+    """Return the range of the finite numbers in an array, such as "0.01 to 0.2 rad"; a dash if there are
+    none."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return "–"
@@ -95,17 +100,19 @@ def span(values: np.ndarray, unit: str = "") -> str:
 
 
 def decimal_comma(text: str) -> str:
-    """Return the end of a message about a text with a decimal comma; empty where the text has none."""
-    found = re.search(r"(?<![\w.,-])-?\d+,\d+(?!\w|,\d)", text)
+    """Return the end of a message about a text with a decimal comma; empty if the text has none."""
+    # A single comma between digits: two commas would be a list of numbers.
+    match = re.search(r"(?<![\w.,-])-?\d+,\d+(?!\w|,\d)", text)
     return (
-        "" if found is None else f"; write {found[0].replace(',', '.')} with a decimal point, not {found[0]}"
+        "" if match is None else f"; write {match[0].replace(',', '.')} with a decimal point, not {match[0]}"
     )
 
 
 def meant(word: object, allowed: Iterable[str], *, listing: bool = True) -> str:
-    """Return the end of a message about an unknown word: the one that is close, or those that are allowed."""
-    known = list(allowed)
-    close = get_close_matches(word, known, 1) if isinstance(word, str) else []
+    """Return the end of a message about an unknown word: a similar word, or all allowed words."""
+    words = list(allowed)
+    # A similar word is more helpful than the list of all words.
+    close = get_close_matches(word, words, 1) if isinstance(word, str) else []
     if close:
         return f"; did you mean `{close[0]}`?"
-    return f"; allowed are {', '.join(known)}" if listing else ""
+    return f"; allowed are {', '.join(words)}" if listing else ""

@@ -1,6 +1,6 @@
-"""Numba's machine code: translated once for an entrance, and loaded only from a cache that is the user's.
+"""Machine code of Numba: translated once per entry function, and loaded only from a cache of the user.
 
-Numba takes 0.3 s to load: no module imports this one before it is needed.
+Numba takes 0.3 s to load, so that no module imports this one before it is needed.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from tpd.core import files
 
 
 class PartLibrary(codegen.JITCodeLibrary):
-    """Code of a part, which waits for the function that calls it.
+    """Code of a part: a function that is compiled together with its caller.
 
     Numba links, optimises and translates each function together with all functions that it calls. In a chain
-    of calls it would do so again for each caller. A part is only kept: the entrance at the end of the chain
-    does everything once, with the same result to the last bit.
+    of calls it would repeat this for each caller. A part is only stored. The entry function at the end of the
+    chain does everything once, with the same result to the last bit.
     """
 
     def finalize(self) -> None:
-        """Do nothing of what Numba does here."""
+        """Skip the linking, optimisation and translation that Numba does here."""
         self._finalize_dynamic_globals()
         self._finalized = True
 
 
 @compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
 class PartLowering(typed_passes.NativeLowering):
-    """Make the code of a part, and no function that Python could call."""
+    """Compiler pass that creates the code of a part, without a function that Python could call."""
 
     _name = "part_lowering"
 
@@ -42,21 +42,23 @@ class PartLowering(typed_passes.NativeLowering):
         state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
         super().run_pass(state)
-        # Numba finds the code of a function by the object that Python would call: here without an address.
-        known, name = state.cr.fndesc, state.func_id.func_name
-        part = _dynfunc.make_function(known.lookup_module(), name, "", 0, state.cr.env, (state.library,))
+        # Numba finds the code of a function by the object that Python would call. Create such an object
+        # without an address.
+        descriptor, name = state.cr.fndesc, state.func_id.func_name
+        part = _dynfunc.make_function(descriptor.lookup_module(), name, "", 0, state.cr.env, (state.library,))
         state.cr = state.cr._replace(cfunc=part)
-        # A caller needs the parts that this part calls as well, each once.
-        needed = dict.fromkeys([state.library, *state.library._linking_libraries])
-        state.targetctx.insert_user_function(part, known, list(needed))
+        # A caller also needs the parts that this part calls, each of them once.
+        libraries = dict.fromkeys([state.library, *state.library._linking_libraries])
+        state.targetctx.insert_user_function(part, descriptor, list(libraries))
         return True
 
 
 class PartCompiler(compiler.CompilerBase):
-    """Compiler of functions that only compiled code calls."""
+    """Compiler of functions that are called only by compiled code."""
 
     def define_pipelines(self) -> list[Any]:
-        """Return Numba's usual passes with `PartLowering`, without those for closures and whole arrays."""
+        """Return the usual passes of Numba with `PartLowering`, without those for closures and whole
+        arrays."""
         passes = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
         own = {typed_passes.NativeLowering: PartLowering}
         unused = untyped_passes.InlineClosureLikes, typed_passes.NopythonRewrites
@@ -66,33 +68,34 @@ class PartCompiler(compiler.CompilerBase):
 
 
 def stored(function: Callable[..., Any], compiler: Any, signature: Any, **options: Any) -> Any:
-    """Compile a function for one kind of arguments, by `njit` or `cfunc` of Numba, or load its machine code
-    from Numba's cache, if only the user can write there.
+    """Compile a function for one signature by `njit` or `cfunc` of Numba, or load its machine code from the
+    cache.
 
-    Of several processes that ask for the same function at once, one compiles it. Machine code that cannot be
-    loaded, as after a loss of power, is removed and compiled again.
+    The cache of Numba is used only if no other user can write to it. If several processes request the same
+    function at once, one of them compiles it. Machine code that cannot be loaded, for example after a power
+    failure, is removed and compiled again.
     """
     plain = inspect.unwrap(function)
     try:
         make = compiler(signature, cache=True, error_model="numpy", **options)
         if not (config.CACHE_DIR or Path(os.path.expanduser("~")).is_absolute()):  # type: ignore[attr-defined]
-            # Numba would make a folder with the name ~ where the command is given.
-            raise RuntimeError("there is no home; name a folder by NUMBA_CACHE_DIR")
+            # Numba would create a folder with the name ~ in the working directory.
+            raise RuntimeError("there is no home directory; set a folder with NUMBA_CACHE_DIR")
         cache = caching.FunctionCache(plain)
         folder = Path(cache.cache_path)
         for place in filter(None, (config.CACHE_DIR, folder)):  # type: ignore[attr-defined]
             files.check_own(Path(place).absolute())
-        with files.held(folder / f"{plain.__module__}.{plain.__name__}.lock"):
+        with files.file_lock(folder / f"{plain.__module__}.{plain.__name__}.lock"):
             try:
                 return make(plain)
             except OSError:
                 raise
             except Exception:
-                # Pickle, of which a cache consists, raises whatever a damaged file leads to.
+                # The cache consists of pickle files, and a damaged pickle file can raise any exception.
                 cache.flush()
-                made = make(plain)
+                compiled = make(plain)
                 files.say_damaged("files of machine code", folder, "compiled")
-                return made
+                return compiled
     except (RuntimeError, OSError) as error:
         files.say_unkept(error)
         return compiler(signature, error_model="numpy", **options)(plain)

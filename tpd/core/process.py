@@ -1,6 +1,6 @@
 """Settings of a process that belongs to this package: a command, or a worker of a cluster.
 
-The library changes no setting of anybody else's process.
+The library never changes settings of a user's own process.
 """
 
 from __future__ import annotations
@@ -17,33 +17,34 @@ from tpd.core import files
 
 
 def use_64_bits() -> Path | None:
-    """Set JAX up; call this before JAX computes anything.
+    """Configure JAX for 64 bits and for a cache of compiled programs. Call this before JAX computes anything.
 
-    Compiled programs are kept for later runs, in the user's cache or where `JAX_COMPILATION_CACHE_DIR` says.
+    The cache is in the user's cache folder, or in the folder that `JAX_COMPILATION_CACHE_DIR` names.
 
     Returns:
-        The folder in which they are kept; None where there is none that is the user's alone.
+        The folder of the cache; None if there is no folder that only the user can write to.
     """
     if "equinox" not in sys.modules:
-        # diffrax looks for times out of order. With this setting such a time is NaN; otherwise the program
-        # calls back to Python to raise an exception, and JAX keeps no program that calls back.
+        # diffrax checks that times are in order. With this setting a time out of order becomes NaN. Otherwise
+        # the program would call Python to raise an exception, and JAX does not cache programs that call
+        # Python.
         os.environ.setdefault("EQX_ON_ERROR", "nan")
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    given = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
-    # Never a folder that is shared: compiled programs are executed as they are found. A user without a home
-    # has none: what begins with ~ stands for no folder.
+    folder = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
+    # The folder must not be shared, because compiled programs are executed without a check. A user without a
+    # home directory has no cache: a path that still begins with ~ is not absolute.
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    cache = Path(caches, "tpd", "compiled") if given is None else Path(given).absolute()
+    cache = Path(caches, "tpd", "compiled") if folder is None else Path(folder).absolute()
     try:
         files.check_own(cache)
     except OSError as error:
         files.say_unkept(error)
-        # JAX would say of each program that it cannot be stored.
+        # Without this setting JAX would warn about every program that it cannot store.
         jax.config.update("jax_compilation_cache_dir", None)
         return None
-    if given is None:
+    if folder is None:
         jax.config.update("jax_compilation_cache_dir", str(cache))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
     _remove_damaged(cache)
@@ -51,8 +52,11 @@ def use_64_bits() -> Path | None:
 
 
 def _remove_damaged(cache: Path) -> None:
-    """Remove compiled programs that JAX cannot read: it would warn of them at every start, and never replace
-    them. Programs that were in order at an earlier start are not read again."""
+    """Remove compiled programs that JAX cannot read.
+
+    JAX would warn about them at every start and never replace them. Programs that were checked at an earlier
+    start are not read again.
+    """
     checked, damaged = cache / "checked", False
     since = checked.stat().st_mtime if checked.exists() else -math.inf
     with contextlib.suppress(OSError):
@@ -67,7 +71,7 @@ def _remove_damaged(cache: Path) -> None:
 
 
 def _is_whole(content: bytes) -> bool:
-    """Return whether a file of JAX's cache, which is compressed by zstd or zlib, can be decompressed."""
+    """Return whether a file of the cache of JAX, compressed by zstd or zlib, can be decompressed."""
     try:
         if content.startswith(b"\x28\xb5\x2f\xfd"):
             import_module("compression.zstd" if sys.version_info >= (3, 14) else "zstandard").decompress(

@@ -1,6 +1,6 @@
-"""Reports of progress to whoever waits for a long piece of work, and a bar that shows them.
+"""Progress of long computations: functions that report it, and a bar that shows it.
 
-Nothing here imports JAX at once: a command says what it does before.
+This module does not import JAX, so that a command can print a message before JAX is imported.
 """
 
 from __future__ import annotations
@@ -15,44 +15,48 @@ from shutil import get_terminal_size
 from typing import Any
 
 Progress = Callable[[str, int, int], None]
-"""Called after every unit of work with the stage's name, the units done and the units in all."""
+"""Function that is called after every unit of work with the name of the stage, the units done, and their
+total."""
 Count = Callable[[int, int], None]
-"""Called with the units done and the units in all, where there is one stage."""
+"""Function that is called with the units done and their total, for work with a single stage."""
 
 
 def unreported(*_: object) -> None:
-    """Report progress to nobody."""
+    """Do nothing: the progress is not reported."""
 
 
 COMPILING = "compiling (a minute or more the first time)"
-"""Stage before the first report, and note on a stage of which nothing is done: a program is compiled before
-it runs."""
+"""Name of the stage before the first report, and note on a stage without progress. Programs are compiled
+before they run."""
 EVERY = 4.5
-"""Seconds between two lines where stderr is no terminal."""
+"""Seconds between two lines if stderr is not a terminal."""
 TICK = 0.2
-"""Seconds between two looks at the clock."""
+"""Seconds between two updates of the clock."""
 _CLEAR = "\r\x1b[K"
-"""Removes a bar from the last line of a terminal."""
+"""Text that removes a bar from the last line of a terminal."""
 _last = [time.monotonic()]
-"""When this process last said something."""
+"""Time at which this process last printed a message."""
 
 
 def say(text: str, out: Any = None, end: str = "\n") -> None:
     """Print a line, by default on stderr."""
     _last[0], out = time.monotonic(), sys.stderr if out is None else out
-    # A terminal may show a bar in the last line; a closed pipe must not end the work.
+    # A terminal may show a bar in its last line. A closed pipe must not stop the work.
     with contextlib.suppress(OSError, ValueError):
         print((_CLEAR if out.isatty() else "") + text, file=out, flush=True, end=end)
 
 
 def is_silent(seconds: float) -> bool:
-    """Whether nothing has been said for so long."""
+    """Whether no message was printed for this number of seconds."""
     return time.monotonic() - _last[0] >= seconds
 
 
 class Bar:
-    """Progress on stderr from `with Bar() as bar: ...`: on a terminal one bar for each stage, with the
-    elapsed time; else a plain line every 5 s."""
+    """Progress on stderr, used as `with Bar() as bar: ...`.
+
+    On a terminal it shows one bar for each stage, with the elapsed time. Otherwise it prints a line every 5
+    s.
+    """
 
     def __init__(self, out: Any = None, every: float = EVERY) -> None:
         self._out, self._every = sys.stderr if out is None else out, every
@@ -73,9 +77,9 @@ class Bar:
         self._close()
 
     def __call__(self, stage: str, done: int, total: int) -> None:
-        """Show how much of a stage is done."""
+        """Show the progress of a stage."""
         with self._lock:
-            # A stage that begins again, as for a second model, gets a bar of its own.
+            # A stage may begin again, for example for a second model. It then gets a new bar.
             again = stage != self._stage or done == 1
             self._stage, self._done, self._total = stage, done, total
             if again:
@@ -86,7 +90,7 @@ class Bar:
                 self._bar.update(done - self._bar.n)
 
     def _tick(self) -> None:
-        """Move the clock while the work does not report: a compilation may take half a minute."""
+        """Update the clock while the work reports nothing, because a compilation may take half a minute."""
         while not self._end.wait(TICK):
             with self._lock:
                 if self._bar is not None:
@@ -98,17 +102,19 @@ class Bar:
                     say(f"tpd: {self._name()}{count}, {elapsed}", self._out)
 
     def _name(self) -> str:
+        """Name of the stage, with a note if a program is still being compiled."""
         is_begun = self._done > 0 or self._stage == COMPILING
         return self._stage if is_begun else f"{self._stage}, {COMPILING}"
 
     def _open(self) -> None:
+        """Open a bar on a terminal."""
         if not self._out.isatty():
             return
         from tqdm import tqdm
 
-        # Without a number of units there is only a clock to show.
+        # Without a total only the elapsed time can be shown.
         shape = None if self._total else "{desc}, {elapsed}"
-        # Some terminals tell no size, and in one without lines nothing would be shown.
+        # Some terminals do not report their size. With zero lines nothing would be shown.
         columns, lines = get_terminal_size()
         how = {"file": self._out, "bar_format": shape, "ncols": columns, "nrows": lines}
         self._bar = tqdm(total=self._total or None, desc=self._name(), leave=False, **how)
@@ -121,10 +127,10 @@ class Bar:
 
 @contextlib.contextmanager
 def shown(progress: Progress | bool | None) -> Iterator[Progress]:
-    """Give the function that an argument `progress` stands for: True is a `Bar`, False or None `unreported`.
+    """Return the function for an argument `progress`: True is a `Bar`, False or None is `unreported`.
 
     Raises:
-        ValueError: neither a truth value nor a function.
+        ValueError: the argument is neither a boolean nor a function.
     """
     if progress is True:
         with Bar() as bar:
@@ -141,7 +147,7 @@ def shown(progress: Progress | bool | None) -> Iterator[Progress]:
 
 @contextlib.contextmanager
 def shown_count(progress: Count | bool | None, stage: str) -> Iterator[Count]:
-    """As `shown`, for work of one stage, which reports the units done and the units in all."""
+    """Return the function for an argument `progress`, as `shown`, for work with a single stage."""
     if isinstance(progress, bool):
         with shown(progress) as bar:
             yield partial(bar, stage)

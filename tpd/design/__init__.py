@@ -1,1 +1,1 @@
-"""Search for the pendulum and verification of the answer."""
+"""Design problem: search for a pendulum, validation of the result, and the job file."""

@@ -1,5 +1,8 @@
-"""The pendulum as it is built, and what the report shows beside a design: loads, readings on site, how the
-benefit depends on what is not known exactly, motions from rest and responses."""
+"""The pendulum as built, and further results that a report shows with a design.
+
+The results are loads, quantities to measure on site, the dependence of the benefit on uncertain quantities,
+motions from rest, and responses over frequency.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ from tpd.theory.equations import Terms
 from tpd.theory.free_rocking import equivalent_friction, turning_tilts
 
 _BAND = frequencies(1.0, *BAND, 41)
-"""Frequencies of a response, in shares of the scene's own."""
+"""Frequencies of a response, as factors on the frequency of the scene."""
 _VARIED = {
     "restitution": 0.5,
     "friction": 0.5,
@@ -41,25 +44,31 @@ _VARIED = {
     "length": 0.05,
     "damping": 0.4,
 }
-"""Shares by which a quantity is varied; of a restitution it is the loss, 1 - e."""
+"""Shares by which each quantity is varied. For the restitution it is the share of the loss, 1 - e."""
 _USUAL = 1.0 / 3.0
-"""Tilt over nu at which friction and impacts are made to lose the same energy."""
+"""Tilt over nu at which an equivalent friction and impacts lose the same energy."""
 _SEED = 3
-"""Number of the seed of the comparisons, after those of trials and validation."""
+"""Number of the seed of the comparisons; trials and validation have smaller numbers."""
 YIELD = 235e6
 """Yield stress of structural steel S235, Pa (EN 10025-2, up to 16 mm thick)."""
 SAFETY = 3.0
-"""Yield stress over the largest stress, for fatigue, impacts of the block and stronger motions."""
+"""Yield stress over the largest stress, as a margin for fatigue, impacts of the block and stronger
+motions."""
 ARM, _PLACE, STOPPING = 0.25, 3.0, 0.1
-"""Arm of the linear damper over the rod; least distance between axis and wall over half of its stroke, which
-leaves a damper as long as its stroke; way of a stop over the free way of the bob."""
+"""Three ratios: the arm of the linear damper over the length of the rod; the smallest distance between axis
+and wall over half the stroke of the damper, so that a damper as long as its stroke fits in; and the stopping
+distance of a stop over the free distance of the bob."""
 _PULLED, _HALF, _MOST = 0.1, 0.5, 400
-"""Tilt of a pull test over that of toppling, the share of it that is waited for, and most impacts counted."""
+"""Tilt of a pull test over the toppling tilt, share of this tilt at which counting ends, and largest number
+of impacts."""
 
 
 class Loads(NamedTuple):
-    """Largest values over the motions in which the block stands, by the linear equations, without impacts.
-    They need not occur at once. Of a swing from the largest angle, if the block stands in no motion."""
+    """Largest loads over the motions in which the block stands, by the linear equations and without impacts.
+
+    The values need not occur at the same time. If the block stands in no motion, they are the values of a
+    free swing from the largest angle.
+    """
 
     tension: float
     """Force along the rod, N."""
@@ -68,125 +77,145 @@ class Loads(NamedTuple):
     rate: float
     """Angular rate between rod and block, rad/s."""
     friction: float
-    """Horizontal over vertical force at the base: with a smaller coefficient of friction the base slides. NaN
-    if the block stands in no motion."""
+    """Horizontal over vertical force at the base. The base slides if the coefficient of friction is smaller.
+    NaN if the block stands in no motion."""
     motions: int
-    """Motions in which the block stands, of those that were followed over time."""
+    """Number of motions in which the block stands, out of those that were simulated."""
 
 
 class Parts(NamedTuple):
-    """First sizes of the parts, SI units: steel with the yield stress `YIELD`, of which the largest stress is
-    the share 1/`SAFETY`. Formulas of the strength of materials, such as those of Roark."""
+    """First sizes of the parts, in SI units.
+
+    The parts are of steel with the yield stress `YIELD`, and the largest stress is 1/`SAFETY` of it. The
+    formulas are those of the strength of materials, as in Roark.
+    """
 
     rod_diameter: float
-    """Round bar under the largest tension N and the largest moment M of the damper, rounded up to whole mm:
-    4 N/(pi d^2) + 32 M/(pi d^3) = stress."""
+    """Diameter of a round bar under the largest tension N and the largest moment M of the damper, m, rounded
+    up to whole mm: 4 N/(pi d^2) + 32 M/(pi d^3) = stress."""
     rod_mass: float
     """Mass of this rod, kg."""
     pin_diameter: float
-    """Pin of the hinge in double shear under the largest force V of the hinge and the linear damper, rounded
-    up to whole mm: 2 V/(pi d^2) = stress/sqrt(3), the shear by the criterion of von Mises."""
+    """Diameter of the pin of the hinge in double shear under the largest force V of the hinge and of the
+    linear damper, m, rounded up to whole mm: 2 V/(pi d^2) = stress/sqrt(3), the shear strength by von
+    Mises."""
     arm: float
-    """Distance from the hinge, along the rod, of a horizontal linear damper between rod and wall."""
+    """Distance along the rod from the hinge to a horizontal linear damper between rod and wall, m."""
     coefficient: float
-    """Its force over its speed, N s/m: c/arm^2 has at small angles the moment c times the rate."""
+    """Force of this damper over its speed, N s/m: at small angles c/arm^2 produces the moment c times the
+    rate."""
     force: float
-    """Its largest force, moment/arm."""
+    """Largest force of this damper, moment/arm, N."""
     stroke: float
-    """Difference between its largest and its least length, 2 arm times the largest angle."""
+    """Difference between the largest and the smallest length of this damper, 2 arm times the largest angle,
+    m."""
     speed: float
-    """Its largest speed, arm times the largest rate."""
+    """Largest speed of this damper, arm times the largest rate, m/s."""
     stop: float
-    """Distance of a stop from the axis of the block, which the bob reaches in no more than the allowed share
-    of the runs; that of the wall if it is less or no run is known, and NaN if no wall is known either."""
+    """Distance of a stop from the axis of the block, m. The bob reaches it in at most the allowed share of
+    the runs. It is the distance of the wall if that is smaller or there are no runs, and NaN without a known
+    wall."""
     stop_way: float
-    """Way in which the stop brings the bob to rest before the wall; NaN if the bob has no free way."""
+    """Distance in which the stop brings the bob to rest before the wall, m; NaN if the bob has no free
+    distance."""
     stop_force: float
-    """Largest force of a stop that is a linear spring: m l^2 rate^2/way, from the energy of the bob."""
+    """Largest force of a stop that is a linear spring, N: m l^2 rate^2/distance, from the energy of the
+    bob."""
 
 
 class PullTest(NamedTuple):
-    """The bare block is pulled at its top, released, and left alone: its losses follow from its turns."""
+    """Test without a pendulum: the block is pulled at its top and released, and its losses follow from its
+    turning points."""
 
     tilt: float
-    """rad; a tenth of that of toppling."""
+    """Tilt from which the block is released, rad: one tenth of the toppling tilt."""
     sway: float
-    """Way of the top, m."""
+    """Displacement of the top, m."""
     force: float
     """Horizontal force at the top that lifts the resting block, N."""
     impacts: int
-    """Impacts until the tilt at a turn is at most half of the first; 0 if that takes too many, or friction
-    holds the block."""
+    """Number of impacts until the tilt at a turning point is at most half of the first tilt. It is 0 if that
+    takes too many impacts, or if friction holds the block."""
     seconds: float
-    """Time until then."""
+    """Time until then, s."""
 
 
 class Sensitivity(NamedTuple):
-    """Benefit where a quantity differs from what was stated, by paired runs of the linear equations."""
+    """Benefit if one quantity differs from its stated value, by paired runs of the linear equations."""
 
     name: str
-    """Name in `tpd.scene.conditions.FACTORS`; empty for the stated quantities."""
+    """Name in `tpd.scene.conditions.FACTORS`; empty for the stated values."""
     width: float
-    """Share by which the quantity is varied to either side."""
+    """Share by which the quantity is decreased and increased."""
     low: Interval
-    """Fall of the mean tilt with the quantity less by its width."""
+    """Reduction of the mean tilt if the quantity is smaller by this share."""
     high: Interval
+    """Reduction of the mean tilt if the quantity is larger by this share."""
 
 
 class LossCase(NamedTuple):
-    """The pendulum where the block loses its energy in another way, by the linear equations."""
+    """Paired runs in which the block loses its energy in another way, by the linear equations."""
 
     name: str
     """"friction", "impacts" or "friction and impacts"."""
     friction: float
+    """Friction k."""
     velocity_ratio: float
-    """e without a pendulum."""
+    """Velocity ratio e at an impact, without a pendulum."""
     runs: PairedRuns
+    """Runs with and without the pendulum."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Build:
-    """A pendulum as it is built; SI units."""
+    """Pendulum as built, in SI units."""
 
     bob: Bob
+    """Shape and density of the bob."""
     mass: float
-    """Mass of the body, kg: a part of it swings as the point of the equations, the rest loads the top; NaN
-    where no body does that."""
+    """Mass of the body, kg. A part of it swings like the point of the equations, and the rest only adds
+    weight at the top. NaN if no body swings like the point."""
     dead: float
-    """Mass of body and rod that loads the top and does not swing, kg."""
+    """Mass of body and rod that only adds weight at the top, kg."""
     bob_width: float
+    """Width of the bob, m."""
     bob_height: float
+    """Height of the bob, m."""
     rod: float
-    """From the hinge to the centre of the bob, that then swings as often as the point of the equations;
-    NaN where no rod does that."""
+    """Distance from the hinge to the centre of the bob, m, for which the body has the frequency of the point
+    pendulum; NaN if there is no such rod."""
     rod_share: float
-    """Mass of a steel rod for ten times the bob's weight, over that of the bob."""
+    """Mass of a steel rod that carries ten times the weight of the bob, over the mass of the bob."""
     depth: float
-    """From the hinge to the lower end of the bob that hangs."""
+    """Distance from the hinge to the lower end of the hanging bob, m."""
     wall: float
-    """From the axis of the block to the wall; NaN where no cavity is known."""
+    """Distance from the axis of the block to the wall, m; NaN if the cavity is not known."""
     reach: float
-    """How far the body comes from the axis in all but the allowed share of the runs of `Design.turned`; NaN
-    where none is known."""
+    """Largest distance of the body from the axis, m, in all runs of `Design.turned` except the allowed share;
+    NaN if there are no runs."""
     angle: float
-    """Angle between rod and block in all but this share, rad; without these runs that of `Design.swing`."""
+    """Largest angle between rod and block, rad, in all these runs except the allowed share; without runs the
+    angle `Design.swing`."""
     frequency: float
-    """Own frequency without the damper in the block that stands, Hz."""
+    """Natural frequency without the damper, Hz, with the block at rest."""
     damping: float
-    """Moment of the hinge per angular rate, N m s/rad."""
+    """Moment of the hinge damper per angular rate, N m s/rad."""
     rebound: float
-    """Angle that the pendulum reaches on the other side after a release, over that of the release."""
+    """Angle that the pendulum reaches on the other side after it is released, over the angle of release."""
     weight: float
-    """Weight of the bob on the top of the block, N."""
+    """Weight of bob and rod that acts on the top of the block, N."""
     loads: Loads
+    """Largest loads on rod, hinge and base."""
     lifts: tuple[float, float] | None
-    """Acceleration of the base over gravity at which the resting block lifts under the harmonic, with the
-    pendulum that has settled and without; None on ground motions."""
+    """Base accelerations over gravity that lift the resting block under the harmonic, with a settled pendulum
+    and without one; None under ground motions."""
     lifts_slow_fast: tuple[float, float]
-    """This with the pendulum under shakings that are very slow and very fast for it."""
+    """Base accelerations over gravity that lift the resting block with the pendulum, for a very slow and for
+    a very fast excitation."""
     pull: PullTest
+    """Pull-and-release test of the block without a pendulum."""
     parts: Parts | None = None
-    """None where no body acts as the point of the equations."""
+    """Sizes of the parts; None if no body swings like the point of the equations."""
 
     @property
     def damper_moment(self) -> float:
@@ -201,47 +230,59 @@ class Build:
 
 @dataclass(frozen=True, kw_only=True)
 class TimeHistory:
-    """One motion from rest under the scene's own shaking, shapes (times,)."""
+    """Motion from rest under the excitation of the scene; arrays of shape (times,)."""
 
     with_pendulum: bool
     time: np.ndarray
-    """s"""
+    """Time, s."""
     tilt: np.ndarray
-    """phi, rad; NaN after an overturning, and where the model has no answer."""
+    """Tilt phi, rad; NaN after the block overturns, and where the model has no result."""
     bob: np.ndarray
-    """psi, rad."""
+    """Bob angle psi, rad."""
     overturned: bool
     """Whether the block overturns."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Details:
-    """Everything that a report shows beside the design; None or empty where a part does not apply."""
+    """All further results that a report shows with a design. A part that does not apply is None or empty."""
 
     build: Build | None = None
-    """None where no pendulum is offered."""
+    """Pendulum as built; None if no pendulum is offered."""
     sensitivity: tuple[Sensitivity, ...] = ()
+    """Benefit if one quantity differs from its stated value."""
     losses: tuple[LossCase, ...] = ()
+    """Benefit if the block loses its energy in another way."""
     histories: tuple[TimeHistory, ...] = ()
-    """First 24 periods from rest, with harmonic excitation."""
+    """First 24 periods from rest, under harmonic excitation."""
     responses: tuple[Response, ...] = ()
-    """Over frequency from rest, without a pendulum and with the one that is offered; only where the
-    conditions differ in the motion of the base alone."""
+    """Settled response over frequency after a start from rest, without a pendulum and with the one that is
+    offered. It is computed only if the conditions differ in the motion of the base alone."""
     front: tuple[FrontPoint, ...] = ()
+    """Results with lighter bobs."""
 
 
 def details(
     design: Design, *, front: tuple[FrontPoint, ...] = (), progress: Progress = unreported
 ) -> Details:
-    """Compute everything that a report shows beside the design, once.
+    """Compute all further results that a report shows with a design.
 
     Args:
-        design: the answer of `optimise`.
-        front: the answer of `tpd.front`, to be shown as well.
-        progress: called with (stage, units done, of how many).
+        design: result of `optimise`.
+        front: result of `tpd.front`, if the report shows it.
+        progress: function of (stage, units done, total).
 
     Raises:
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4)
+        >>> pulse = tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0)
+        >>> conditions = tpd.Conditions.records([pulse], [0.5])
+        >>> design = tpd.optimise(block, conditions=conditions, validation_share=0)
+        >>> tpd.details(design).build is None
+        True
     """
     out = Details(
         build=build_of(design),
@@ -253,6 +294,7 @@ def details(
     if not isinstance(scene.motion, Harmonic):
         return out
     responses: tuple[Response, ...] = ()
+    # A response is that of the nominal block, so it is shown only if no condition changes the block.
     if set(design.conditions.factors) <= {"amplitude", "frequency"}:
         values = scene.motion.frequency * _BAND
         cases = (None,) if pendulum is None else (None, pendulum)
@@ -264,21 +306,21 @@ def details(
 
 
 def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory, ...]:
-    """Return histories from rest by the exact solution: without and, if there is one, with the pendulum."""
+    """Return motions from rest by the exact solution, without a pendulum and, if there is one, with it."""
     cases, out = (None,) if pendulum is None else (None, pendulum), []
     for case in cases:
         p = as_arrays(scene.parameters(case))
         tau = sampled(p)
         motion = simulate(p, np.zeros(4), tau, model=Piecewise())
         tilt, bob = np.asarray(motion.ys).T[:2]
-        found = {"time": np.asarray(tau) / scene.rate, "tilt": tilt, "bob": bob}
-        falls = bool(motion.status == Status.overturned)
-        out.append(TimeHistory(with_pendulum=case is not None, overturned=falls, **found))
+        columns = {"time": np.asarray(tau) / scene.rate, "tilt": tilt, "bob": bob}
+        overturned = bool(motion.status == Status.overturned)
+        out.append(TimeHistory(with_pendulum=case is not None, overturned=overturned, **columns))
     return tuple(out)
 
 
 def build_of(design: Design) -> Build | None:
-    """Return the pendulum of a design as it is built; None where none is offered."""
+    """Return the pendulum of a design as built; None if no pendulum is offered."""
     pendulum, scene = design.pendulum, design.scene
     if pendulum is None:
         return None
@@ -288,14 +330,15 @@ def build_of(design: Design) -> Build | None:
     body, rod = bob.built(mass, length, g)
     half, rod_share = float(bob.half_height(body)), bob.rod_share(rod, g)
     problem = design.problem
-    # No angle is interpolated between two runs.
+    # Use a quantile that is the value of a run, without interpolation.
     largest = partial(np.quantile, q=1.0 - problem.allowed, method="higher")
     angle = float(largest(design.turned)) if design.turned.size else min(design.swing, 0.5 * math.pi)
     motions = problem.strongest_motions(problem.ratios(pendulum))
     loads = loads_of([Scene(block, m, g) for m in motions], pendulum) or free_swing(pendulum, angle, g)
-    # Rod and hinge carry the whole body: the part that does not swing is taken to pull as the rest does.
+    # Rod and hinge carry the whole body. The part that does not swing is assumed to pull like the rest.
     up = body * (1.0 + rod_share) / mass if math.isfinite(body) else 1.0
-    # Both limits of |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`.
+    # The condition of uplift is |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`. For a very slow excitation
+    # |B| is 1 + 2 mu, for a very fast one it is 1.
     capacity = (1.0 + mu) * float(block.slenderness) + float(block.friction)
     build = Build(
         bob=bob,
@@ -322,26 +365,29 @@ def build_of(design: Design) -> Build | None:
 
 
 def parts_of(build: Build, inertia: float) -> Parts:
-    """Return the sizes of the parts from the largest loads; formulas: see `Parts`.
+    """Return the sizes of the parts from the largest loads. The formulas are in `Parts`.
 
     Args:
-        build: the pendulum as it is built.
-        inertia: moment of inertia of the pendulum about its hinge, kg m^2: that of the point.
+        build: the pendulum as built.
+        inertia: moment of inertia of the point pendulum about its hinge, kg m^2.
     """
     loads, stress, arm = build.loads, YIELD / SAFETY, ARM * build.rod
     moment, half = build.damper_moment, build.wall / _PLACE
+    # A damper that is too long for the cavity gets a shorter arm.
     if arm * build.angle > half:
         arm = half / build.angle
-    # The three roots add up to zero and one is positive: its real part is the largest.
+    # The equation for the rod is a cubic without a quadratic term, so that its roots sum to zero. One root is
+    # positive, and it has the largest real part.
     rod = max(np.roots([math.pi * stress, 0.0, -4.0 * loads.tension, -32.0 * moment]).real)
-    # The hinge withstands the force of a linear damper, which a damper at the hinge has not.
+    # The linear damper pulls on the rod, so that its force adds to the load of the hinge. A damper at the
+    # hinge would not.
     pin = math.sqrt(2.0 * math.sqrt(3.0) * (loads.hinge + moment / arm) / (math.pi * stress))
     rod, pin = (1e-3 * math.ceil(1e3 * float(d)) for d in (rod, pin))
     stop = float(np.fmin(build.reach, build.wall))
     free = stop - 0.5 * build.bob_width
-    # The stop must not let the bob through to the wall.
-    way = float(np.fmin(STOPPING * free, build.wall - stop))
-    way = way if way > 0.0 else math.nan
+    # The stop must bring the bob to rest before the wall.
+    distance = float(np.fmin(STOPPING * free, build.wall - stop))
+    distance = distance if distance > 0.0 else math.nan
     return Parts(
         rod_diameter=rod,
         rod_mass=STEEL * 0.25 * math.pi * rod**2 * build.rod,
@@ -352,14 +398,16 @@ def parts_of(build: Build, inertia: float) -> Parts:
         stroke=2.0 * arm * build.angle,
         speed=arm * loads.rate,
         stop=stop,
-        stop_way=way,
-        stop_force=inertia * loads.rate**2 / way,
+        stop_way=distance,
+        stop_force=inertia * loads.rate**2 / distance,
     )
 
 
 def sensitivity_of(design: Design, progress: Progress = unreported) -> tuple[Sensitivity, ...]:
-    """Return how the benefit depends on what is not known exactly, one quantity after the other, on the same
-    runs of the linear equations; empty where no pendulum is offered."""
+    """Return how the benefit depends on uncertain quantities; empty if no pendulum is offered.
+
+    One quantity is varied at a time, with the same runs of the linear equations.
+    """
     if design.pendulum is None:
         return ()
     scene = design.scene
@@ -368,33 +416,36 @@ def sensitivity_of(design: Design, progress: Progress = unreported) -> tuple[Sen
         "friction": not scene.block.friction,
     }
     names = [name for name in _VARIED if not absent.get(name, False)]
-    # The same runs with nothing varied: fewer than those that validate, they give another number.
-    same = _compared(design).benefit
-    out = [Sensitivity("", 0.0, same, same)]
+    # The reference is the same runs with stated values. They are fewer than the validation runs, so that
+    # their benefit differs.
+    reference = _compare(design).benefit
+    out = [Sensitivity("", 0.0, reference, reference)]
     for done, name in enumerate(names):
         progress("sensitivity", done, len(names))
         width = _VARIED[name]
-        low, high = (_compared(design, *_varied(scene, name, sign * width)) for sign in (-1.0, 1.0))
+        low, high = (_compare(design, *_vary(scene, name, sign * width)) for sign in (-1.0, 1.0))
         out.append(Sensitivity(name, width, low.benefit, high.benefit))
     progress("sensitivity", len(names), len(names))
     return tuple(out)
 
 
 def losses_of(design: Design, progress: Progress = unreported) -> tuple[LossCase, ...]:
-    """Return the pendulum where the block loses energy by friction alone, by impacts alone, and by both;
-    empty where none is offered."""
+    """Return paired runs of a block that loses energy by friction only, by impacts only, and by both.
+
+    The result is empty if no pendulum is offered.
+    """
     if design.pendulum is None:
         return ()
     out, models = [], loss_models(design.scene)
     for done, (name, block) in enumerate(models.items()):
         progress("other energy losses", done, len(models))
-        runs = _compared(design, replace(design.scene, block=block))
+        runs = _compare(design, replace(design.scene, block=block))
         out.append(LossCase(name, float(block.friction), float(block.velocity_ratio), runs))
     return tuple(out)
 
 
-def _compared(design: Design, scene: Scene | None = None, more: Conditions | None = None) -> PairedRuns:
-    """Paired runs of the linear equations in a changed scene or under a further condition."""
+def _compare(design: Design, scene: Scene | None = None, more: Conditions | None = None) -> PairedRuns:
+    """Return paired runs of the linear equations in a changed scene or under a further condition."""
     problem, pendulum = design.problem, design.pendulum
     assert pendulum is not None
     varied = Variation(Terms.linear.value, scene, more)
@@ -402,13 +453,18 @@ def _compared(design: Design, scene: Scene | None = None, more: Conditions | Non
 
 
 def loss_models(scene: Scene) -> dict[str, Block]:
-    """Return the block with the losses of friction, of impacts and of both: its own where it has them, else a
-    friction that loses as much as the impacts, or Housner's impacts."""
+    """Return the block with the losses of friction, of impacts, and of both.
+
+    The block keeps its own losses where it has them. Otherwise the friction is one that loses as much energy
+    as the impacts, and the impacts are Housner's.
+    """
     block = scene.block
-    # The losses are those of the block alone, whatever moves its base: any harmonic serves.
+    # The losses are those of the block without a pendulum and do not depend on the excitation, so any
+    # harmonic serves.
     p = Scene(block, paper_scene().motion, scene.gravity).parameters()
     e = float(block.velocity_ratio)
     k = float(block.friction)
+    # A block without losses at impacts gets Housner's, and one without friction the equivalent friction.
     impacts = HOUSNER if e == 1.0 else block.restitution
     friction = k or float(equivalent_friction(p, _USUAL * float(p.nu))) if e < 1.0 else k
     return {
@@ -418,23 +474,24 @@ def loss_models(scene: Scene) -> dict[str, Block]:
     }
 
 
-def _varied(scene: Scene, name: str, share: float) -> tuple[Scene | None, Conditions | None]:
-    """Scene or further condition in which a quantity differs by a share."""
+def _vary(scene: Scene, name: str, share: float) -> tuple[Scene | None, Conditions | None]:
+    """Return the scene or the further condition in which a quantity differs by a share."""
     if name != "restitution":
         return None, Conditions({name: np.array([1.0 + share])})
-    # A factor on e would exceed 1; and an e that follows the block's shape is moved as well.
+    # A factor on e could exceed 1, and e may follow from the shape of the block. Vary the loss 1 - e of the
+    # block instead, and fix the resulting e.
     e = 1.0 - (1.0 - float(scene.block.velocity_ratio)) * (1.0 + share)
     return replace(scene, block=replace(scene.block, restitution=max(e, 0.0))), None
 
 
 def loads_of(scenes: Sequence[Scene], pendulum: Pendulum) -> Loads | None:
-    """Return the largest loads over the motions of scenes in which the block stands; None where it
-    stands in none."""
-    found = [motion_history(scene, pendulum) for scene in scenes]
-    # A block that falls takes its pendulum along.
-    stands = [h for h in found if is_one_of(h.status, *STANDING)]
+    """Return the largest loads over the motions in which the block stands; None if it stands in no motion."""
+    histories = [motion_history(scene, pendulum) for scene in scenes]
+    # A block that overturns takes its pendulum with it, so that its loads do not matter.
+    stands = [h for h in histories if is_one_of(h.status, *STANDING)]
     if not stands:
         return None
+    # The largest loads of all motions. They need not occur in the same motion.
     each = np.array([(*h.loads(pendulum), h.needed_friction) for h in stands])
     tension, hinge, rate, friction = map(float, each.max(axis=0))
     return Loads(tension, hinge, rate, friction, len(stands))
@@ -444,27 +501,33 @@ def free_swing(pendulum: Pendulum, angle: float, gravity: float) -> Loads:
     """Return the loads of an undamped swing from rest at an angle (rad), in a block that does not move.
 
     By the conservation of energy the rate at the lowest point is sqrt(2 g (1 - cos angle)/l), and the tension
-    m g (3 - 2 cos angle)."""
+    is m g (3 - 2 cos angle).
+    """
     fall = gravity * (1.0 - math.cos(angle))
     tension = float(pendulum.mass) * (gravity + 2.0 * fall)
     return Loads(tension, tension, math.sqrt(2.0 * fall / float(pendulum.length)), math.nan, 0)
 
 
 def pull_test(scene: Scene) -> PullTest:
-    """Return the pull-and-release test of the bare block: what to expect if it loses as much energy as
-    was stated."""
+    """Return the expected results of a pull-and-release test of the block without a pendulum.
+
+    If the test gives other results, the losses of the block differ from the stated ones.
+    """
     block, g = scene.block, float(scene.gravity)
     nu, k = float(block.slenderness), float(block.friction)
+    # If friction holds the block at this tilt, the test gives no impacts.
     tilt, rate, impacts = _PULLED * nu, float(scene.rate), 0
     taus = np.zeros(1)
     if tilt < nu - k:
         turns, taus = turning_tilts(nu, k, float(block.velocity_ratio), tilt, _MOST)
-        reached = np.flatnonzero(turns <= _HALF * tilt)
-        impacts = int(reached[0]) if reached.size else 0
+        # Count the impacts until the first turning point at which at most half of the tilt is left.
+        below_half = np.flatnonzero(turns <= _HALF * tilt)
+        impacts = int(below_half[0]) if below_half.size else 0
     return PullTest(
         tilt=tilt,
         sway=tilt * float(block.height),
-        # The force acts at twice the height of the weight.
+        # The force acts at twice the height of the weight, so that half the ratio (nu + k) of the weight
+        # lifts the block.
         force=0.5 * (nu + k) * float(block.mass) * g,
         impacts=impacts,
         seconds=float(taus[impacts]) / rate if impacts else math.nan,

@@ -1,4 +1,4 @@
-"""The block alone: whether an excitation lifts, slides or overturns it, and what helps without a pendulum."""
+"""Assessment of the block without a pendulum: whether an excitation makes it slide, rock or overturn."""
 
 from __future__ import annotations
 
@@ -27,19 +27,20 @@ _ISOLATION = np.geomspace(0.5, 8.0, 15)
 
 
 class Alternatives(NamedTuple):
-    """Estimates of what keeps the block on its base without a pendulum, by statics and for a rigid block."""
+    """Estimates of what keeps the block on its base without a pendulum, from statics of a rigid block."""
 
     tie: float
-    """Horizontal force (N) that a tie at the top has to hold: it replaces the moment that the weight lacks,
-    M g (f - nu - k)/2 for a height of 2 b, by (5) with the largest acceleration f."""
+    """Horizontal force (N) of a tie at the top of the block. The tie supplies the moment that the weight
+    lacks: M g (f - nu - k)/2 for a block of height 2 b, from (5) with the largest acceleration f."""
     width: float
-    """Width of the base (m) with which the excitation does not lift the block, (f - k) times the height."""
+    """Width of the base (m) with which the excitation does not lift the block: (f - k) times the height."""
     friction: float
-    """Coefficient of friction with which the wider base does not slide, f."""
+    """Coefficient of friction with which the wider base does not slide: f."""
     isolation: float
-    """Least period (s) of a base isolation that passes on less acceleration than lifts the block. Under a
-    harmonic of the period T it is T sqrt(1 + f/(nu + k)), undamped. Under ground motions the response
-    spectrum with 5 % damping stays below from this period on. NaN if 8 s is not enough."""
+    """Smallest period (s) of a base isolation that transmits less acceleration than lifts the block. Under a
+    harmonic of period T it is T sqrt(1 + f/(nu + k)), undamped. Under ground motions it is the period from
+    which on the response spectrum with 5 % damping stays below the uplift acceleration. NaN if 8 s is not
+    enough."""
 
     def __str__(self) -> str:
         force = f"{number(self.tie / 1e3, 2)} kN" if self.tie >= 1e3 else f"{number(self.tie, 2)} N"
@@ -61,11 +62,12 @@ def alternatives(problem: Problem) -> Alternatives:
         lowest = float(problem.scene.motion.frequency * np.min(problem.conditions.column("frequency")))
         isolation = math.sqrt(1.0 + alone.peak / alone.uplift) / lowest
     else:
-        # In units of each motion's own peak, so that the scale of a condition does not matter.
+        # Each motion is divided by its own peak, so that the scale of a condition does not matter.
         strongest = alone.peak * float(problem.scene.gravity)
         passed = [
             max(spectral_acceleration(m, t) / float(m.pga) for m in motions) * strongest for t in _ISOLATION
         ]
+        # A spectrum may fall and rise again: the period must lie behind the last one above the threshold.
         above = np.flatnonzero(np.array(passed) > alone.uplift * float(problem.scene.gravity))
         first = above[-1] + 1 if len(above) else 0
         isolation = float(_ISOLATION[first]) if first < len(_ISOLATION) else math.nan
@@ -75,20 +77,21 @@ def alternatives(problem: Problem) -> Alternatives:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Assessment(Printed):
-    """The block alone under an excitation."""
+    """Behaviour of the block without a pendulum under an excitation. `print` shows the verdict."""
 
     problem: Problem
+    """Block, excitation and conditions."""
     runs: Runs | None
     """Runs of the nonlinear equations without a pendulum; None if the excitation does not lift the block."""
 
     @property
     def at_rest(self) -> AtRest:
-        """When the resting block lifts, and whether it slides."""
+        """Accelerations at which the resting block lifts and slides, compared with the excitation."""
         return self.problem.at_rest
 
     @property
     def overturned(self) -> Share | None:
-        """Share of the runs in which the block overturns; None without runs."""
+        """Share of the runs in which the block overturns; None if there are no runs."""
         return None if self.runs is None else self.runs.share_overturned
 
     @property
@@ -98,17 +101,17 @@ class Assessment(Printed):
 
     @property
     def verdict(self) -> str:
-        """Whether the block stays at rest, slides, rocks or overturns, in a sentence."""
+        """Sentence on whether the block stays at rest, slides, rocks or overturns."""
         share = self.overturned
         if self.runs is None or share is None:
             return needless(self.problem)
-        known, tilt = int(np.sum(~self.runs.is_unanswered)), self.runs.severity
-        if known == 1 and share.value > 0.0:
+        count, tilt = int(np.sum(~self.runs.is_unanswered)), self.runs.severity
+        if count == 1 and share.value > 0.0:
             return "OVERTURNS in the only run without a pendulum."
         if share.value > 0.0:
             interval = f"95 % interval {100 * share.low:.0f} to {100 * share.high:.0f} %"
-            return f"OVERTURNS in {100 * share.value:.1f} % of {known} runs without a pendulum ({interval})."
-        runs = "the only run" if known == 1 else f"any of {known} runs"
+            return f"OVERTURNS in {100 * share.value:.1f} % of {count} runs without a pendulum ({interval})."
+        runs = "the only run" if count == 1 else f"any of {count} runs"
         most = f"at most {100 * float(np.nanmax(tilt)):.0f} % of the tilt at which it topples"
         return f"ROCKS, AND DOES NOT OVERTURN in {runs} without a pendulum: its tilt is {most}."
 
@@ -120,14 +123,15 @@ class Assessment(Printed):
 
 
 def needless(problem: Problem) -> str:
-    """Return the sentence on a block that the excitation does not make rock, with its margin."""
+    """Return the sentence about a block that does not rock under the excitation, with its margin."""
     status, alone = problem.needs_none, problem.at_rest
     if status is DesignStatus.slides:
         at, uplift = number(alone.base_friction or 0.0, 2), number(alone.uplift, 2)
         return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
-    needed, push = DesignStatus.no_uplift.value.split(". ", 1)
+    # The margin belongs between the two sentences of the status.
+    verdict, after_push = DesignStatus.no_uplift.value.split(". ", 1)
     times = number(alone.margin, 2)
-    return f"{needed}, and an excitation that is {times} times as strong would lift it. {push}"
+    return f"{verdict}, and an excitation that is {times} times as strong would lift it. {after_push}"
 
 
 def assess(
@@ -137,23 +141,24 @@ def assess(
     progress: Progress | bool | None = None,
     **settings: Any,
 ) -> Assessment:
-    """Follow the block without a pendulum under one or many conditions.
+    """Simulate the block without a pendulum under one or many conditions.
 
     Args:
-        scene: block and base motion; under ground motions a block alone is enough.
-        conditions: default `Conditions.around(scene)`; ground motions by `Conditions.records`.
-        progress: True for a bar on stderr, or called with (stage, done, of how many).
-        settings: further arguments of `tpd.optimise`, such as ensemble and seed. Limits have no effect.
+        scene: block and base motion. Under ground motions a block alone is sufficient.
+        conditions: default `Conditions.around(scene)`; for ground motions `Conditions.records`.
+        progress: True for a progress bar on stderr, or a function of (stage, done, total).
+        settings: further arguments of `tpd.optimise`, such as `ensemble` and `seed`. Limits have no effect.
 
     Raises:
-        ValueError: bad input.
+        ValueError: an input is out of range, or does not fit the excitation.
         RuntimeError: JAX is in 32-bit mode.
 
-    Examples:
+    Example:
+        >>> import tpd
         >>> statue = tpd.Block(width=0.5, height=1.5, mass=900.0)
-        >>> found = tpd.assess(tpd.Scene(statue, tpd.Harmonic(amplitude=0.003, frequency=2.0)))
-        >>> round(found.at_rest.margin, 1)
-        6.6
+        >>> assessment = tpd.assess(tpd.Scene(statue, tpd.Harmonic(amplitude=0.003, frequency=2.0)))
+        >>> round(assessment.at_rest.margin, 1)
+        5.7
     """
     problem = problem_alone(scene, conditions=conditions, **settings)
     with shown(progress) as report:
@@ -161,20 +166,21 @@ def assess(
 
 
 def problem_alone(scene: Scene | Block, *, conditions: Conditions | None, **settings: Any) -> Problem:
-    """Return the problem of a block without a pendulum; see `assess`."""
-    # No bob needs any room, and no motion has to be held out for a validation.
-    given: dict[str, Any] = settings | {"limits": (), "conditions": conditions}
+    """Return the problem of a block without a pendulum; see `assess` for the arguments."""
+    # Without a bob there is no clearance to check, and without a design no motion has to be kept for
+    # validation.
+    inputs: dict[str, Any] = settings | {"limits": (), "conditions": conditions}
     if (
         conditions is not None
         and conditions.motions
-        and not isinstance(given.get("validation_share"), Mapping)
+        and not isinstance(inputs.get("validation_share"), Mapping)
     ):
-        given["validation_share"] = 0.0
-    return problem_of(scene, **given)
+        inputs["validation_share"] = 0.0
+    return problem_of(scene, **inputs)
 
 
 def assessed(problem: Problem, progress: Progress = unreported) -> Assessment:
-    """Follow the block of a problem without a pendulum."""
+    """Simulate the block of a problem without a pendulum."""
     if problem.needs_none is not None:
         return Assessment(problem=problem, runs=None)
     seed, after = problem.run_seed(_STAGE), partial(progress, "runs without a pendulum")
@@ -182,4 +188,4 @@ def assessed(problem: Problem, progress: Progress = unreported) -> Assessment:
 
 
 _STAGE = 21
-"""Number of the runs of an assessment, see `Problem.run_seed`."""
+"""Number that distinguishes the seeds of an assessment from those of other stages, see `Problem.run_seed`."""

@@ -1,9 +1,12 @@
-"""Criteria of a design: bounds of the search, the risk measure over the conditions, limits, and its worth.
+"""Criteria of a design: design space, risk measure, requirements, limits and objectives.
 
-A limit is a size that must not exceed one under every condition. A search takes any list of limits: it reads
-their sizes and the derivatives of these with respect to (mu, lam, zeta). A user's own limit is a frozen
-dataclass that is a subclass of `Limit`: with `name`, `sizes` and, if it needs more than the tilt, the bob's
-angle and the design, `of_motion = False`. A user's own objective is a subclass of `Objective`.
+A limit is stated by a size, a quantity over its largest allowed value, which must not exceed 1 under any
+condition. The search accepts any list of limits, because it uses only their sizes and the derivatives of the
+sizes with respect to (mu, lam, zeta).
+
+A limit of your own is a frozen dataclass that is a subclass of `Limit`, with a `name` and a method `sizes`.
+If it uses more than the tilt, the bob angle and the design, it also has `of_motion = False`. An objective of
+your own is a subclass of `Objective`.
 """
 
 from __future__ import annotations
@@ -48,28 +51,31 @@ __all__ = [
     "Tilt",
     "Worsening",
 ]
-"""Names that `tpd.limits` is for."""
+"""Names that `tpd.limits` exports."""
 
 ROCKING, NEAR, REST, UNSTABLE, NONE = range(5)
-"""Motions of a design under a condition, the best first."""
+"""Kinds of motion of a design under a condition: a stable orbit, an orbit near a fold, rest, an unstable
+orbit, no orbit. A smaller number takes precedence."""
 HEAVIEST_RATIO = 1.0
-"""Largest mass ratio m/M: no bob within a block is heavier than the block."""
+"""Largest mass ratio m/M. A bob inside the block is not heavier than the block."""
 LONGEST_RATIO = 2.0
-"""Largest length ratio l/b: a pendulum longer than the whole block would swing through the floor."""
+"""Largest length ratio l/b. A pendulum longer than the whole block would swing through the floor."""
 MEASURES = "overturning", "tilt"
 """Measures that a pendulum can be required to reduce: the share of runs that overturn, or the mean tilt."""
 THICKNESS = "thickness"
-"""Name of the bob's half height over the largest share of its rod."""
+"""Name of the size: half the height of the bob over the largest share of its rod."""
 DEPTH = "depth"
-"""Name of the depth of the bob's lower end below the hinge over the block's height."""
+"""Name of the size: depth of the lower end of the bob below the hinge over the height of the block."""
 _LEAST_TILT = 0.02
-"""Tilt, in shares of nu, that a pendulum may leave where the bare block hardly rocks or rests."""
+"""Tilt as a share of nu that a pendulum may always leave. Without this value, a block that rests or almost
+rests without a pendulum would reject every design."""
 
 Bounds = checks.Real | tuple[float, float]
-"""One number, which is fixed, or a lower and an upper bound, between which the search looks."""
+"""Bounds of a search: one number, which fixes the value, or a lower and an upper bound."""
 TWINS = {"mass": "mass_ratio", "length": "length_ratio"}
-"""Fields of a design space in SI units, and the ratios that state the same."""
+"""Fields of a design space in SI units, with the ratio that states the same quantity."""
 USUAL_BOUNDS = {"mass_ratio": (0.01, 0.2), "length_ratio": (0.1, 1.5)}
+"""Default bounds of the ratios."""
 _RANGES = {
     "mass_ratio": (0.0, HEAVIEST_RATIO),
     "length_ratio": (1e-3, LONGEST_RATIO),
@@ -82,101 +88,113 @@ _RANGES = {
 
 @dataclass(frozen=True, kw_only=True)
 class DesignSpace:
-    """Bounds of the search: each is one number, which is fixed, or a pair, between which the search looks.
+    """Bounds of the search. Each field is one number, which fixes the value, or a pair of bounds.
 
-    Mass and length are those of the equivalent point pendulum, the point mass and its distance from the
-    hinge. The body as built is heavier on a shorter rod: `tpd.limits.Mass`, in a job `[limits] mass`, limits
-    the mass of the body.
+    Mass and length are those of the equivalent point pendulum: a point mass, and its distance from the hinge.
+    The body as built is heavier and hangs on a shorter rod. To limit the mass of the body, use
+    `tpd.limits.Mass`, or in a job file the key `mass` of [limits].
+
+    The fields are the ratios `mass_ratio` (m/M), `length_ratio` (l/b) and `damping_ratio` (zeta), without
+    unit, and in place of the first two `mass` in kg and `length` in m.
 
     Raises:
-        ValueError: a bound out of range, reversed or empty, a ratio beside its value in SI units, or three
-            fixed values.
+        ValueError: a bound is out of range, bounds are reversed or equal, a ratio is given together with its
+            value in SI units, or all three values are fixed.
+
+    Example:
+        >>> import tpd
+        >>> space = tpd.DesignSpace(mass_ratio=(0.02, 0.1), damping_ratio=(0.05, 0.5))
+        >>> space.names, space.length_ratio
+        (('mu', 'lam', 'zeta'), (0.1, 1.5))
     """
 
     mass_ratio: Bounds | None = None
-    """Ratio m/M of the bob's point mass to the block's mass: one number, which is fixed, or two bounds
+    """Ratio m/M of the point mass of the bob to the mass of the block: one fixed number, or two bounds
     (default 0.01 0.2)."""
     length_ratio: Bounds | None = None
-    """Ratio l/b of the pendulum's length to half the block's height: one number, which is fixed, or two
+    """Ratio l/b of the length of the pendulum to half the height of the block: one fixed number, or two
     bounds (default 0.1 1.5)."""
     damping_ratio: Bounds = 0.1
-    """Damping ratio zeta of the hinge: one number, which is fixed, or two bounds."""
+    """Damping ratio zeta of the hinge: one fixed number, or two bounds."""
     mass: Bounds | None = None
-    """Mass of the bob as the equivalent point in kg, in place of the ratio: one number, which is fixed, or
-    two bounds ([limits] mass limits the heavier body as built)."""
+    """Mass of the equivalent point in kg, in place of the mass ratio: one fixed number, or two bounds (the
+    heavier body as built is limited by `mass` in [limits])."""
     length: Bounds | None = None
-    """Length of the equivalent point pendulum in m, in place of the ratio: one number, which is fixed, or
-    two bounds (the rod of the body as built is shorter)."""
+    """Length of the equivalent point pendulum in m, in place of the length ratio: one fixed number, or two
+    bounds (the rod of the body as built is shorter)."""
 
     def __post_init__(self) -> None:
         for name, ratio in TWINS.items():
-            stated, given = getattr(self, name), getattr(self, ratio)
-            if stated is not None and given is not None:
-                raise ValueError(f"`{name}` and `{ratio}` state the same: give one of them")
-            if stated is None and given is None:
+            in_si, as_ratio = getattr(self, name), getattr(self, ratio)
+            if in_si is not None and as_ratio is not None:
+                raise ValueError(f"`{name}` and `{ratio}` state the same quantity: give only one of them")
+            if in_si is None and as_ratio is None:
                 object.__setattr__(self, ratio, USUAL_BOUNDS[ratio])
-        given = [x for x in _RANGES if x == "damping_ratio" or getattr(self, x) is not None]
-        for name in given:
-            # A bob without mass is no pendulum; a hinge without a damper is one.
+        names = [x for x in _RANGES if x == "damping_ratio" or getattr(self, x) is not None]
+        for name in names:
+            # A pendulum needs a mass and a length, but not a damper: only the damping ratio may be zero.
             number = checks.within if name == "damping_ratio" else checks.positive
             check = number if np.asarray(getattr(self, name), object).size == 1 else checks.interval
             checks.set_checked(self, check, name, *_RANGES[name])
-        if not any(isinstance(getattr(self, name), tuple) for name in given):
+        if not any(isinstance(getattr(self, name), tuple) for name in names):
             raise ValueError(
                 "a search needs two bounds for mass, length or damping ratio, but each has one fixed value: "
-                "`tpd check` validates a pendulum without a search"
+                "use `tpd check` to validate a pendulum without a search"
             )
 
     def of(self, block: Block) -> DesignSpace:
         """Return the space of a block, with ratios in place of values in SI units.
 
         Raises:
-            ValueError: a bob heavier than the block, or a length out of range.
+            ValueError: the bob is heavier than the block, or the length is out of range.
         """
         out: dict[str, Any] = {}
         for name, unit, size in (("mass", "kg", block.mass), ("length", "m", block.half_height)):
             value, (low, high) = getattr(self, name), _RANGES[TWINS[name]]
             if value is not None:
-                # Either bound by itself, so that the message has the one that is out of range.
+                # Check each bound separately, so that the message contains the bound that is out of range.
                 for x in np.ravel(value).tolist():
                     checks.within(name, x, low * size, high * size, f" {unit} in this block")
+                # Clip the ratio, because the division may exceed a bound by rounding.
                 out |= {name: None, TWINS[name]: np.clip(np.array(value) / size, low, high).tolist()}
         return replace(self, **out)
 
     @property
     def ends(self) -> np.ndarray:
-        """Lower and upper ends of (mu, lam, zeta), shape (2, 3); equal where a value is fixed.
+        """Lower and upper ends of (mu, lam, zeta), shape (2, 3); equal for a fixed value.
 
         Raises:
-            ValueError: a space in SI units, whose ratios are those of a block.
+            ValueError: the space is in SI units, so that its ratios depend on the block.
         """
         if self.mass_ratio is None or self.length_ratio is None:
-            raise ValueError("a space in kg or m has ratios only with a block: use `space.of(block)`")
+            raise ValueError("a space in kg or m has no ratios without a block: use `space.of(block)`")
         return np.array([np.broadcast_to(getattr(self, n), 2) for n in (*TWINS.values(), "damping_ratio")]).T
 
     @property
     def searched(self) -> np.ndarray:
-        """Columns of (mu, lam, zeta) that are searched."""
+        """Columns of (mu, lam, zeta) that the search varies."""
         return np.flatnonzero(np.ptp(self.ends, axis=0))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Symbols of the searched parameters."""
+        """Symbols of the parameters that the search varies."""
         return tuple(("mu", "lam", "zeta")[i] for i in self.searched)
 
     @property
     def bounds(self) -> np.ndarray:
-        """Lower and upper bounds of the searched parameters, shape (2, len(names))."""
+        """Lower and upper bounds of the parameters that the search varies, shape (2, len(names))."""
         return self.ends[:, self.searched]
 
     def scaled(self, designs: np.ndarray) -> np.ndarray:
-        """Searched values of designs (..., 3) as shares of the bounds, shape (..., len(names))."""
-        # Searches work in shares: a kilogramme and a metre have no common length of step.
+        """Return the varied parameters of designs (..., 3) as shares of the bounds, shape (...,
+        len(names))."""
+        # Searches work in shares of the bounds, because mass and length have no common unit for a step.
         low, high = self.bounds
         return (np.take(designs, self.searched, axis=-1) - low) / (high - low)
 
     def unscaled(self, unit: np.ndarray) -> np.ndarray:
-        """(mu, lam, zeta) of shares of the bounds, shape (..., len(names)) to (..., 3)."""
+        """Return designs (mu, lam, zeta), shape (..., 3), from shares of the bounds, shape (...,
+        len(names))."""
         low, high = self.bounds
         out = np.tile(self.ends[0], (*np.shape(unit)[:-1], 1))
         out[..., self.searched] = low + np.asarray(unit) * (high - low)
@@ -185,10 +203,26 @@ class DesignSpace:
 
 @dataclass(frozen=True, kw_only=True)
 class Risk:
-    """Risk measure: one number made of the tilts under all conditions, the mean of the worst `share`."""
+    """Risk measure: the mean tilt over the worst `share` of the conditions.
+
+    Use `Risk.worst()`, `Risk.expected()` or `Risk.cvar(share)`. The field `share` is between 0 (only the
+    worst condition) and 1 (all conditions); `name` is the name in reports.
+
+    Raises:
+        ValueError: the share is not between 0 and 1.
+
+    Example:
+        >>> import numpy as np
+        >>> import tpd
+        >>> tilts = np.array([0.1, 0.2, 0.6])
+        >>> [round(float(risk.of(tilts)), 4) for risk in (tpd.Risk.worst(), tpd.Risk.expected())]
+        [0.6, 0.3]
+    """
 
     share: checks.Real
+    """Share of the conditions that count, the worst ones."""
     name: str
+    """Name in reports."""
 
     def __post_init__(self) -> None:
         checks.set_checked(self, checks.within, "share", 0.0, 1.0)
@@ -196,60 +230,72 @@ class Risk:
 
     @staticmethod
     def worst() -> Risk:
-        """Largest tilt of all conditions."""
+        """Return the measure that is the largest tilt over all conditions."""
         return Risk(share=0.0, name="worst")
 
     @staticmethod
     def expected() -> Risk:
-        """Mean tilt over all conditions."""
+        """Return the measure that is the mean tilt over all conditions."""
         return Risk(share=1.0, name="expected")
 
     @staticmethod
     def cvar(share: checks.Real = 0.1) -> Risk:
-        """Conditional value at risk: the mean tilt of the worst `share` of the conditions.
+        """Return the conditional value at risk: the mean tilt over the worst `share` of the conditions.
 
         Raises:
-            ValueError: a share that is not above 0 and at most 1.
+            ValueError: the share is not above 0 and at most 1.
         """
         share = checks.within("share", share, 1e-9, 1.0)
         return Risk(share=share, name=f"mean of the worst {share:.3g}")
 
     def cap(self, n: int) -> float:
-        """Largest weight of one of n conditions."""
+        """Return the largest weight that one of n conditions can have."""
+        # A share below one condition selects the worst condition.
         return min(1.0, 1.0 / max(self.share * n, 1.0))
 
     def of(self, values: np.ndarray) -> np.ndarray:
-        """Measure over the last axis: the largest weighted mean with no weight above the cap."""
+        """Return the measure over the last axis: the largest weighted mean with no weight above the cap."""
         n = values.shape[-1]
-        # Weights of the worst conditions are as large as the cap allows: this is the mean of the worst share.
+        # Sort the conditions, worst first, and give each the cap as its weight until the weights sum to one.
+        # The result is the mean over the worst share.
         cap = self.cap(n)
         ordered = -np.sort(-values, axis=-1)
         weights = np.clip(1.0 - cap * np.arange(n), 0.0, cap)
-        # A condition without weight may be infinite: 0 times infinity must not enter the sum.
-        # Of one design the sum is a scalar of NumPy, which is no array.
+        # A value of a condition without weight may be infinite: replace it by zero, because 0 times infinity
+        # is NaN. `asarray` is needed because the sum over a single design is a NumPy scalar.
         return np.asarray(np.sum(np.where(weights > 0.0, ordered, 0.0) * weights, axis=-1))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Requirements:
-    """Least benefit and largest harm, over paired runs of the nonlinear equations.
+    """Smallest benefit and largest harm of a recommended pendulum, over paired runs of the nonlinear
+    equations.
+
+    All fields are shares between 0 and 1, except `measure`.
 
     Raises:
-        ValueError: a share out of range.
+        ValueError: a share is out of range, or the measure is unknown.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Requirements(at_least=0.2, wall_contacts=0.02).allowed
+        0.02
     """
 
     at_least: checks.Real = 0.1
-    """Least share by which the measure must fall over all runs, significantly at 95 %."""
+    """Smallest relative reduction of the measure over all runs; the reduction must also be significant at 95
+    %."""
     measure: str | None = None
     """Measure that must fall: "overturning", the share of runs that overturn, or "tilt", the mean tilt, in
-    which an overturning counts as 1. Default: overturning if the block overturns in 1 % or more of the
+    which a run that overturns counts as 1. Default: overturning if the block overturns in at least 1 % of the
     validation runs without the pendulum, else tilt."""
     worse: checks.Real = 0.05
-    """Largest share by which the mean tilt under one condition, or after one kind of start, may be above that
-    without the pendulum."""
+    """Largest relative increase of the mean tilt under any one condition, or for any one kind of initial
+    state."""
     wall_contacts: checks.Real | None = None
-    """Largest share of the runs that stand in which the bob may strike a wall, on the way or settled; default
-    0.01. On ground motions the share that may break a limit of any kind; default 0.1."""
+    """Largest share of the standing runs in which the bob may touch a wall, during the transient or settled
+    (default 0.01). Under ground motions: largest share of the standing runs that may exceed any limit
+    (default 0.1)."""
 
     def __post_init__(self) -> None:
         shares = "at_least worse" if self.wall_contacts is None else "at_least worse wall_contacts"
@@ -259,40 +305,42 @@ class Requirements:
 
     @property
     def allowed(self) -> float:
-        """`wall_contacts` under harmonics."""
+        """Largest share of the standing runs that may touch a wall under harmonic excitation."""
         return 0.01 if self.wall_contacts is None else self.wall_contacts
 
     @property
     def broken(self) -> float:
-        """`wall_contacts` on ground motions: share that may break a limit."""
+        """Largest share of the standing runs that may exceed a limit under ground motions."""
         return 0.1 if self.wall_contacts is None else self.wall_contacts
 
 
 @dataclass(frozen=True, kw_only=True)
 class Geometry:
-    """Lengths and ratios of the block under n conditions, for limits that are stated in SI units."""
+    """Lengths and masses of the block under n conditions, for limits in SI units."""
 
     half_height: float
-    """b, m."""
+    """Half the height of the block, b, m."""
     block_mass: float
-    """M, kg."""
+    """Mass of the block, M, kg."""
     wall: np.ndarray
-    """Half the width between the walls, m, shape (n,)."""
+    """Half the distance between the walls, m, shape (n,)."""
     slenderness: np.ndarray
-    """nu, shape (n,)."""
+    """Slenderness nu of the block, shape (n,)."""
     mass_factor: np.ndarray
-    """Factor on the bob's mass, shape (n,)."""
+    """Factor on the mass of the bob, shape (n,)."""
     length_factor: np.ndarray
-    """Factor on the pendulum's length, shape (n,)."""
+    """Factor on the length of the pendulum, shape (n,)."""
     tilt_without_pendulum: np.ndarray | float = np.nan
-    """Tilt over nu of the bare block in the model of the search, shape (n,); NaN where it is not known."""
+    """Settled tilt over nu without a pendulum in the model of the search, shape (n,); NaN if it is not
+    known."""
     bob: Bob = field(default_factory=Bob)
+    """Shape and density of the bob."""
     gravity: float = STANDARD_GRAVITY
-    """m/s^2"""
+    """Acceleration of gravity, m/s^2."""
 
     @staticmethod
     def of(scene: Scene, conditions: Conditions, limits: tuple[Limit, ...] = ()) -> Geometry:
-        """Geometry of a scene's block under all conditions, with the bob of the limits."""
+        """Return the geometry of the block of a scene under all conditions, with the bob of the limits."""
         block, slenderness = scene.block, conditions.column("slenderness")
         return Geometry(
             half_height=block.half_height,
@@ -306,18 +354,21 @@ class Geometry:
         )
 
     def rod(self, designs: np.ndarray) -> np.ndarray:
-        """Length of the rod, m, (m, n), of designs (m, 3)."""
+        """Return the length of the point pendulum, m, (m, n), for designs (m, 3)."""
         return self.half_height * designs[:, 1, None] * self.length_factor
 
     def mass(self, designs: np.ndarray) -> np.ndarray:
-        """Mass of the bob, kg, (m, n)."""
+        """Return the mass of the point pendulum, kg, (m, n), for designs (m, 3)."""
         return self.block_mass * designs[:, 0, None] * self.mass_factor
 
     def body(self, designs: np.ndarray) -> Body:
-        """The bob of designs (m, 3) as it is built: it swings as the point of `mass` at `rod` does."""
+        """Return the bob as built for designs (m, 3). It swings like the point `mass` at the distance
+        `rod`."""
         mass, length = self.block_mass * designs[:, 0, None], self.half_height * designs[:, 1, None]
         body, rod, of_body, of_rod = self.bob.built_and_slopes(mass, length, self.gravity)
         exists, out = np.isfinite(body), []
+        # If no body of this shape swings like the point, the values and derivatives of the point itself are
+        # used.
         for value, slopes, point, of_point, factor in (
             (body, of_body, mass, (1.0, 0.0), self.mass_factor),
             (rod, of_rod, length, (0.0, 1.0), self.length_factor),
@@ -329,54 +380,62 @@ class Geometry:
 
 
 class Body(NamedTuple):
-    """The bob of m designs under n conditions as it is built; where no body swings as the point does, the
-    point."""
+    """Bob as built, for m designs under n conditions. If no body swings like the point pendulum, the point
+    itself."""
 
     exists: np.ndarray
-    """(m, 1)"""
+    """Whether a body swings like the point pendulum, (m, 1)."""
     mass: np.ndarray
-    """kg, (m, n)"""
+    """Mass of the body, kg, (m, n)."""
     mass_slope: np.ndarray
-    """Derivatives with respect to (mu, lam, zeta), (m, n, 3)."""
+    """Derivatives of the mass with respect to (mu, lam, zeta), (m, n, 3)."""
     rod: np.ndarray
-    """From the hinge to the bob's centre, m, (m, n)."""
+    """Distance from the hinge to the centre of the bob, m, (m, n)."""
     rod_slope: np.ndarray
+    """Derivatives of this distance with respect to (mu, lam, zeta), (m, n, 3)."""
 
 
 class Evaluation(NamedTuple):
-    """Designs under conditions: arrays (m, n), derivatives (m, n, 3) with respect to (mu, lam, zeta)."""
+    """Results of m designs under n conditions: arrays (m, n), with derivatives (m, n, 3) with respect to (mu,
+    lam, zeta)."""
 
     merit: np.ndarray
-    """Value of the objective where the block rocks, by default the tilt over nu; minus the uplift margin
-    where it rests; above 1 where no motion attracts. Lower is better, and a resting design is better than any
-    rocking one. All have derivatives but orbits near a fold."""
+    """Quantity that the search minimises. Where the block rocks it is the value of the objective, by default
+    the tilt over nu. Where the block rests it is minus the uplift margin, so that a resting design is better
+    than any rocking one. Where no motion attracts it is above 1. All merits have derivatives except those of
+    orbits near a fold."""
     merit_slope: np.ndarray
+    """Derivatives of the merit."""
     tilt: np.ndarray
-    """Largest |phi| over nu; 0 at rest. Where no motion attracts, that of the largest orbit, or infinite."""
+    """Largest |phi| over nu; 0 at rest. Where no motion attracts: that of the largest orbit, or infinite."""
     tilt_slope: np.ndarray
+    """Derivatives of the tilt."""
     swing: np.ndarray
     """Largest |psi| of the same motion, rad."""
     swing_slope: np.ndarray
+    """Derivatives of the swing."""
     margin: np.ndarray
-    """Uplift margin."""
+    """Uplift margin: positive if the settled block stays at rest."""
     multiplier: np.ndarray
     """Largest modulus of the Floquet multipliers; 0 at rest."""
     reserve: np.ndarray
-    """Distance of the orbit from where it stops attracting: the least of fold, symmetry and torus in
-    `Margins`; 1 at rest."""
+    """Distance of the orbit from the bifurcation at which it stops attracting: the smallest of fold, symmetry
+    and torus in `Margins`; 1 at rest."""
     reserve_slope: np.ndarray
+    """Derivatives of the reserve."""
     kind: np.ndarray
-    """Index into `tpd.design.orbits.KINDS`."""
+    """Kind of motion, an index into `tpd.design.orbits.KINDS`."""
     turn: np.ndarray
-    """phi, psi, phase of the forcing and psi' at the upper turn of the orbit that counts, (m, n, 4)."""
+    """phi, psi, phase of the forcing and psi' at the upper turning point of the orbit that counts, (m, n,
+    4)."""
     design: np.ndarray
-    """(m, 3)"""
+    """Designs (mu, lam, zeta), (m, 3)."""
     relative: np.ndarray | None = None
-    """Largest |psi - phi|, rad, where it is known by itself."""
+    """Largest |psi - phi|, rad, if it was computed; else None."""
 
     @staticmethod
     def blank(m: int, n: int) -> Evaluation:
-        """Evaluation of m designs under n conditions with ones in place of sizes."""
+        """Return an evaluation of m designs under n conditions that has ones in place of all sizes."""
         one, slope = np.ones((m, n)), np.zeros((m, n, 3))
         kind, turn = np.zeros((m, n), int), np.full((m, n, 4), np.nan)
         sizes = one, slope, one, slope, one, slope
@@ -384,89 +443,144 @@ class Evaluation(NamedTuple):
 
     @property
     def attracts(self) -> np.ndarray:
-        """Whether there is a motion to settle into, as far as the objective can tell."""
+        """Whether there is an attracting motion among rest and the symmetric orbits."""
         return self.kind <= REST
 
     def at(self, rows: np.ndarray | list[int]) -> Evaluation:
-        """Evaluation of some of the designs."""
+        """Return the evaluation of some of the designs."""
         return Evaluation(*(None if x is None else x[rows] for x in self))  # type: ignore[arg-type]
 
 
 class Size(NamedTuple):
-    """A quantity over its limit, or over its size of reference, under every condition: at most 1 where the
-    limit is kept."""
+    """Quantity over its limit, or over its reference value, under every condition. A limit is kept if the
+    value is at most 1.
+
+    Example:
+        >>> import numpy as np
+        >>> import tpd
+        >>> size = tpd.limits.Size("rod", np.array([[0.8]]), np.zeros((1, 1, 3)))
+        >>> bool(size.value.max() <= 1.0)
+        True
+    """
 
     name: str
+    """Name in reports."""
     value: np.ndarray
-    """(m, n)"""
+    """Quantity over its limit, (m, n)."""
     slope: np.ndarray
     """Derivatives with respect to (mu, lam, zeta), (m, n, 3)."""
 
 
 @dataclass(frozen=True)
 class Limit(ABC):
-    """A requirement on a design under every condition."""
+    """Inequality constraint on a design under every condition; base class of all limits.
+
+    A subclass is a frozen dataclass with a class attribute `name` and a method `sizes`.
+
+    Example:
+        >>> import dataclasses, tpd
+        >>> from typing import ClassVar
+        >>> @dataclasses.dataclass(frozen=True)
+        ... class LongestRod(tpd.limits.Limit):
+        ...     length: float
+        ...     name: ClassVar[str] = "rod"
+        ...     def sizes(self, e, g):
+        ...         value = g.rod(e.design) / self.length
+        ...         slope = value[..., None] * [0.0, 1.0, 0.0] / e.design[:, None, 1:2]
+        ...         yield tpd.limits.Size(self.name, value, slope)
+        >>> LongestRod(0.5).name
+        'rod'
+    """
 
     name: ClassVar[str]
-    """Key in a job file, and in reports."""
+    """Key in a job file and in reports."""
     label: ClassVar[str] = ""
-    """Words of a report for `name`; where empty, the name itself."""
+    """Words for the limit in a report; if empty, the name itself."""
     unit: ClassVar[str] = ""
     """Unit of the number in a report."""
     of_motion: ClassVar[bool] = True
-    """Whether the limit follows from tilt, bob angle and design alone, so that any model can be asked."""
+    """Whether the limit depends only on tilt, bob angle and design, so that the results of any model can be
+    checked."""
 
     @abstractmethod
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """Limited quantities of m designs under n conditions, over their limits."""
+        """Return the limited quantities of m designs under n conditions, over their limits."""
 
     def set_number(self, field: str, check: Callable[[str, object], Any] = checks.positive) -> float:
-        """Put what a check returns in the place of a field, and return it; messages have the limit's name."""
+        """Replace the value of a field by the result of a check, and return it. Messages use the name of the
+        limit."""
         object.__setattr__(self, field, check(self.name, getattr(self, field)))
         return getattr(self, field)
 
     def set_angle(self) -> None:
-        """Check that `angle` is positive and at most a right angle, where the bob is level with its hinge."""
+        """Check that `angle` is positive and at most pi/2. At pi/2 the bob is level with its hinge."""
         checks.at_most(self.name, self.set_number("angle"), 0.5 * np.pi, "a right angle in rad")
 
 
 @dataclass(frozen=True)
 class Objective(ABC):
-    """A quantity of a settled motion that a search makes small, under every condition.
+    """Quantity of a settled motion that a search minimises, under every condition; base class of all
+    objectives.
 
-    Its values apply where a motion attracts and the block rocks. Elsewhere the search uses values of its own:
-    minus the uplift margin where the block rests, and more than 1 where no motion attracts. The quantity
-    must therefore be divided by a size of reference, so that its values are positive and below 1, except for
-    motions that are as bad as none. Limits, penalties and tolerances are made for such values as well.
+    The values of the objective apply where a motion attracts and the block rocks. Elsewhere the search uses
+    its own values: minus the uplift margin where the block rests, and more than 1 where no motion attracts.
+    The quantity must therefore be divided by a reference value, so that it is between 0 and 1 for every
+    acceptable motion. Limits, penalties and tolerances are scaled for such values as well.
+
+    Example:
+        >>> import dataclasses, tpd
+        >>> from typing import ClassVar
+        >>> @dataclasses.dataclass(frozen=True)
+        ... class Swing(tpd.limits.Objective):
+        ...     name: ClassVar[str] = "swing"
+        ...     def values(self, e, g):
+        ...         return tpd.limits.Size(self.name, e.swing / 1.5, e.swing_slope / 1.5)
+        >>> Swing().name
+        'swing'
     """
 
     name: ClassVar[str]
     """Words for the quantity in reports."""
     of_motion: ClassVar[bool] = True
-    """Whether the values follow from tilt, bob angle and design alone, so that a run of any model has one."""
+    """Whether the values depend only on tilt, bob angle and design, so that a run of any model has a
+    value."""
 
     @abstractmethod
     def values(self, e: Evaluation, g: Geometry) -> Size:
-        """Quantity of m designs under n conditions over its size of reference, with its derivatives."""
+        """Return the quantity of m designs under n conditions over its reference value, with its
+        derivatives."""
 
 
 @dataclass(frozen=True)
 class SteadyTilt(Objective):
-    """Largest settled tilt over the slenderness: 1 is the tilt at which the block stands on its corner."""
+    """Largest settled tilt over the slenderness. At 1 the block stands on its corner and topples.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.SteadyTilt().name
+        'tilt'
+    """
 
     name: ClassVar[str] = "tilt"
 
     def values(self, e: Evaluation, g: Geometry) -> Size:
-        """The tilt over nu."""
+        """Return the tilt over nu."""
         return Size(self.name, e.tilt, e.tilt_slope)
 
 
 @dataclass(frozen=True)
 class Stroke(Limit):
-    """Largest settled |psi|, rad, at most pi/2. The linear equations lose their meaning beyond about 0.5
-    rad."""
+    """Largest settled bob angle |psi| from the vertical, rad, at most pi/2. Beyond about 0.5 rad the linear
+    equations are inaccurate.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Stroke(0.4).angle
+        0.4
+    """
 
     angle: checks.Real = 0.5
+    """Largest bob angle, rad."""
     name: ClassVar[str] = "stroke"
     unit: ClassVar[str] = "rad"
 
@@ -474,16 +588,23 @@ class Stroke(Limit):
         self.set_angle()
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """The stroke over the limit."""
+        """Return the bob angle over the limit."""
         yield Size(self.name, e.swing / self.angle, e.swing_slope / self.angle)
 
 
 @dataclass(frozen=True)
 class RelativeStroke(Limit):
-    """Largest settled |psi - phi|, rad, at most pi/2. The sum of both largest angles is limited, which is
-    never less."""
+    """Largest settled angle |psi - phi| between bob and block, rad, at most pi/2. The search limits the sum
+    of the largest bob angle and the largest tilt, which is an upper bound.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.RelativeStroke(0.4).angle
+        0.4
+    """
 
     angle: checks.Real
+    """Largest angle between bob and block, rad."""
     name: ClassVar[str] = "relative_stroke"
     label: ClassVar[str] = "relative stroke"
     unit: ClassVar[str] = "rad"
@@ -492,16 +613,23 @@ class RelativeStroke(Limit):
         self.set_angle()
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """The sum of both angles over the limit."""
+        """Return the sum of both angles over the limit."""
         angle, slope = _relative(e, g)
         yield Size(self.name, angle / self.angle, slope / self.angle)
 
 
 @dataclass(frozen=True)
 class Tilt(Limit):
-    """Largest settled |phi|, as a share of nu, at most 1: at nu the block stands on its corner."""
+    """Largest settled tilt |phi|, as a share of nu, at most 1. At nu the block stands on its corner.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Tilt(0.5).share
+        0.5
+    """
 
     share: checks.Real
+    """Largest tilt over nu."""
     name: ClassVar[str] = "tilt"
     unit: ClassVar[str] = "of nu"
 
@@ -509,15 +637,22 @@ class Tilt(Limit):
         checks.at_most(self.name, self.set_number("share"), 1.0, "a block that stands on its corner")
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """The tilt over the limit."""
+        """Return the tilt over the limit."""
         yield Size(self.name, e.tilt / self.share, e.tilt_slope / self.share)
 
 
 @dataclass(frozen=True)
 class Mass(Limit):
-    """Largest mass of the bob as it is built, kg; where no body swings as the point does, of the point."""
+    """Largest mass of the bob as built, kg. If no body swings like the point pendulum, the mass of the point.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Mass(500.0).kg
+        500.0
+    """
 
     kg: checks.Real
+    """Largest mass, kg."""
     name: ClassVar[str] = "mass"
     label: ClassVar[str] = "mass (bob as built)"
     unit: ClassVar[str] = "kg"
@@ -526,16 +661,24 @@ class Mass(Limit):
         self.set_number("kg")
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """The mass of the body over the limit, nominal under all conditions."""
+        """Return the mass of the body over the limit, with the nominal mass under all conditions."""
+        # The tolerance of the mass is not part of the limit.
         body = replace(g, mass_factor=np.ones_like(g.mass_factor)).body(e.design)
         yield Size(self.name, body.mass / self.kg, body.mass_slope / self.kg)
 
 
 @dataclass(frozen=True)
 class Offset(Limit):
-    """Largest distance of the settled bob's centre, as it is built, from the block's axis, m."""
+    """Largest distance of the centre of the settled bob, as built, from the axis of the block, m.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Offset(0.3).distance
+        0.3
+    """
 
     distance: checks.Real
+    """Largest distance, m."""
     name: ClassVar[str] = "offset"
     label: ClassVar[str] = "offset (bob from the axis)"
     unit: ClassVar[str] = "m"
@@ -544,10 +687,11 @@ class Offset(Limit):
         self.set_number("distance")
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """The offset l sin(angle) over the limit."""
+        """Return the distance l sin(angle) from the axis over the limit."""
         angle, angle_slope = _relative(e, g)
         rod, rod_slope = g.body(e.design)[-2:]
-        # Beyond a right angle the bob comes back towards the axis, but it has been a rod's length away.
+        # Beyond a right angle the bob comes back towards the axis, but on the way it was a rod's length from
+        # the axis.
         inside = angle < 0.5 * np.pi
         sine = np.sin(np.minimum(angle, 0.5 * np.pi))
         across = np.where(inside, rod * np.cos(np.where(inside, angle, 0.0)), 0.0)
@@ -557,11 +701,18 @@ class Offset(Limit):
 
 @dataclass(frozen=True)
 class Clearance(Limit):
-    """Clearance of the bob as built. In the steady state the bob does not touch the walls of the cavity,
-    half its height is at most 0.6 of the rod's length, and its lower end is not below the block. In
-    validation runs the bob does not touch the walls during the transient either."""
+    """Clearance of the bob as built. In the steady state the bob does not touch the walls of the cavity, half
+    its height is at most 0.6 of the length of the rod, and its lower end is not below the block. In
+    validation runs the bob does not touch the walls during the transient either.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Clearance(tpd.limits.Bob(shape="cylinder")).bob.shape
+        'cylinder'
+    """
 
     bob: Bob = field(default_factory=Bob)
+    """Shape, density and proportions of the bob."""
     name: ClassVar[str] = "clearance"
     label: ClassVar[str] = "clearance (bob to the wall)"
 
@@ -569,19 +720,24 @@ class Clearance(Limit):
         checks.instance("bob", self.bob, Bob)
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """The bob's reach over half the width between the walls, its half height over the largest one that
-        the rod allows, and the depth of its lower end below the hinge over the block's height."""
+        """Return three sizes of the bob: distance from the axis, thickness and depth, each over its limit.
+
+        The first is the largest distance of the bob from the axis over half the distance between the walls.
+        The second is half the height of the bob over the largest value that the rod allows. The third is the
+        depth of the lower end below the hinge over the height of the block.
+        """
         exists, mass, mass_slope, rod, longer = replace(g, bob=self.bob).body(e.design)
         radius, (angle, angle_slope) = np.asarray(self.bob.radius(mass)), _relative(e, g)
         reach, by_radius, by_rod, by_angle = self.bob.reach_and_slopes(radius, rod, angle)
-        # The radius of a bob without mass has no derivative; a search never starts there.
+        # The radius of a bob without mass has no derivative. The denominator avoids a division by zero; a
+        # search never starts at such a design.
         growing = (radius / np.maximum(3.0 * mass, 1e-9 * g.block_mass))[..., None] * mass_slope
         by_all = (by_angle, angle_slope), (by_radius, growing), (by_rod, longer)
         slope = sum(by[..., None] * of for by, of in by_all)
         yield Size(self.name, reach / g.wall, slope / g.wall[:, None])
         high, most = self.bob.slimness * radius, THICKEST * rod
         bulk = (self.bob.slimness * growing - (high / rod)[..., None] * longer) / most[..., None]
-        # Where no body swings as the point does, the bob is too thick in any case.
+        # If no body swings like the point pendulum, `~exists` adds 1, so that the bob counts as too thick.
         yield Size(THICKNESS, high / most + ~exists, bulk)
         tall = 2.0 * g.half_height
         yield Size(DEPTH, (rod + high) / tall, (longer + self.bob.slimness * growing) / tall)
@@ -589,35 +745,51 @@ class Clearance(Limit):
 
 @dataclass(frozen=True)
 class Worsening(Limit):
-    """Largest share by which the settled tilt under any condition may exceed that of the bare block. Where
-    the bare block rests, overturns or is not known to settle, there is nothing to exceed."""
+    """Largest relative increase of the settled tilt under any condition, compared with the block without a
+    pendulum. The limit has no effect under conditions in which that block rests, overturns or has no known
+    settled motion.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Worsening(0.1).share
+        0.1
+    """
 
     share: checks.Real = 0.05
+    """Largest relative increase of the tilt."""
     name: ClassVar[str] = "worsening"
-    label: ClassVar[str] = "worsening (against the bare tilt)"
-    unit: ClassVar[str] = "of the bare tilt"
+    label: ClassVar[str] = "worsening (compared with no pendulum)"
+    unit: ClassVar[str] = "of the tilt without pendulum"
     of_motion: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         self.set_number("share", checks.not_negative)
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """The tilt over the bare block's and the share."""
+        """Return the tilt over the largest tilt that the limit allows."""
         without = np.broadcast_to(g.tilt_without_pendulum, e.tilt.shape[1:])
-        # Relative to next to nothing every tilt would be a worsening.
+        # Compared with a tilt close to zero every tilt would be a large increase, hence the lower bound.
         most = (1.0 + self.share) * np.maximum(np.where(np.isfinite(without), without, np.inf), _LEAST_TILT)
         with np.errstate(invalid="ignore"):
-            # An infinite tilt over an infinite one is no worsening.
+            # Where the reference is unknown the quotient of two infinite values is NaN: the limit is kept
+            # there.
             value = np.where(np.isfinite(most), e.tilt / most, 0.0)
         yield Size(self.name, value, e.tilt_slope / most[:, None])
 
 
 @dataclass(frozen=True)
 class Multiplier(Limit):
-    """Largest modulus of the Floquet multipliers, below 1. It has no derivative: a search stops at it rather
-    than moving along it. `Reserve` has one."""
+    """Largest modulus of the Floquet multipliers, below 1. This limit has no derivative, so that a search
+    stops at it and does not move along it. `Reserve` has a derivative.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Multiplier(0.9).largest
+        0.9
+    """
 
     largest: checks.Real
+    """Largest modulus."""
     name: ClassVar[str] = "multiplier"
     of_motion: ClassVar[bool] = False
 
@@ -625,16 +797,23 @@ class Multiplier(Limit):
         self.set_number("largest", lambda name, value: checks.within(name, value, 1e-6, 1.0))
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """The modulus over the limit."""
+        """Return the modulus over the limit."""
         yield Size(self.name, e.multiplier / self.largest, np.zeros_like(e.tilt_slope))
 
 
 @dataclass(frozen=True)
 class Reserve(Limit):
-    """Least distance of a symmetric orbit from where it stops attracting (fold, loss of symmetry, torus).
-    Without it a search over orbits ends on the edge of what is stable."""
+    """Smallest distance of a symmetric orbit from the bifurcation at which it stops attracting (fold, loss of
+    symmetry or torus). Without this limit a search over orbits ends at the boundary of stability.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Reserve(0.1).least
+        0.1
+    """
 
     least: checks.Real = 0.05
+    """Smallest distance."""
     name: ClassVar[str] = "reserve"
     of_motion: ClassVar[bool] = False
 
@@ -642,9 +821,9 @@ class Reserve(Limit):
         self.set_number("least")
 
     def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """A size that is at most one where the reserve is at least `least`."""
-        # Sizes are bounded from above, a reserve from below: 2 - x/least is at most 1 where x is at least
-        # `least`.
+        """Return a size that is at most 1 if the reserve is at least `least`."""
+        # A size has an upper bound, but a reserve has a lower bound: 2 - x/least is at most 1 if x is at
+        # least `least`.
         yield Size(self.name, 2.0 - e.reserve / self.least, -e.reserve_slope / self.least)
 
 
@@ -664,54 +843,56 @@ LABELS = {kind.name: kind.label or kind.name for kind in KINDS} | {
     THICKNESS: "thickness (bob off the hinge)",
     DEPTH: "depth (bob within the block's height)",
 }
-"""Words of a report, by the names of limited sizes."""
+"""Words of a report, by the names of the limited sizes."""
 
 STILL = THICKNESS, DEPTH, Mass.name
-"""Names of the limited sizes that no motion changes."""
+"""Names of the limited sizes that do not depend on the motion."""
 POINT_BOB: tuple[Limit, ...] = (Stroke(), Reserve())
 """Limits on a bob without size, as in the paper."""
 DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Clearance(), Worsening(), Reserve())
+"""Default limits under harmonic excitation."""
 
 
 def limit_of(limits: tuple[Limit, ...], kind: type[Limit]) -> Limit | None:
-    """The limit of a kind, or None."""
+    """Return the limit of a kind, or None."""
     return next((limit for limit in limits if isinstance(limit, kind)), None)
 
 
 def bob_of(limits: tuple[Limit, ...]) -> Bob:
-    """The bob as a body: that of the room, or by default a ball of steel."""
+    """Return the bob as a body: that of the limit `Clearance`, or by default a ball of steel."""
     clearance = limit_of(limits, Clearance)
     return clearance.bob if isinstance(clearance, Clearance) else Bob()
 
 
 def stroke_limit(limits: tuple[Limit, ...]) -> float:
-    """Largest settled |psi| allowed, rad; infinite without such a limit."""
+    """Return the largest settled |psi| that is allowed, rad; infinite without such a limit."""
     limit = limit_of(limits, Stroke)
     return limit.angle if isinstance(limit, Stroke) else np.inf
 
 
 def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
-    """The limits as a tuple in the order of a report.
+    """Return the limits as a tuple in the order of a report.
 
     Raises:
-        ValueError: something that is not a limit, or two limits of one kind.
+        ValueError: an element is not a limit, or two limits are of the same kind.
     """
-    # Two limits of one kind would leave open which of them a report means.
-    given = isinstance(limits, Iterable) and not isinstance(limits, (str, bytes, Mapping))
-    if not given or checks.is_concrete(limits):
+    # A string and a table are iterable as well, but are never a list of limits.
+    is_list = isinstance(limits, Iterable) and not isinstance(limits, (str, bytes, Mapping))
+    if not is_list or checks.is_concrete(limits):
         raise ValueError(f"`limits` must be a list of objects of `tpd.limits`, but is {checks.shown(limits)}")
     listed = tuple(limits)
     for limit in listed:
         if not isinstance(limit, Limit):
-            raise ValueError(f"`limits` must hold objects of `tpd.limits`, but has {checks.shown(limit)}")
-        # Its numbers are what tells two searches apart, and its name what a report has.
+            raise ValueError(f"`limits` must contain objects of `tpd.limits`, but has {checks.shown(limit)}")
+        # The fields of the dataclass distinguish two searches, and the name appears in reports.
         if "__dataclass_fields__" not in vars(type(limit)) or not hasattr(limit, "name"):
-            raise ValueError(f"`limits` must hold dataclasses with a `name`, but has {type(limit).__name__}")
+            raise ValueError(f"`limits` must be dataclasses with a `name`, but has {type(limit).__name__}")
     kinds = [type(limit) for limit in listed]
     for kind in kinds:
+        # With two limits of one kind a report could not say which one is active.
         if kinds.count(kind) > 1:
-            raise ValueError(f"`limits` must hold one limit of a kind, but has two of {kind.__name__}")
-    # Limits of the user's own come last.
+            raise ValueError(f"`limits` must have one limit of each kind, but has two of {kind.__name__}")
+    # Limits that a user has defined come last.
     return tuple(sorted(listed, key=lambda x: KINDS.index(type(x)) if type(x) in KINDS else len(KINDS)))
 
 
@@ -719,11 +900,12 @@ def check_objective(objective: object) -> Objective:
     """Return the objective.
 
     Raises:
-        ValueError: anything but an object of a dataclass with a `name` that is a subclass of `Objective`.
+        ValueError: the objective is not an object of a dataclass with a `name` that is a subclass of
+            `Objective`.
     """
-    # Its numbers are what tells two searches apart, and its name what a report has.
-    whole = "__dataclass_fields__" in vars(type(objective)) and hasattr(objective, "name")
-    if isinstance(objective, Objective) and whole:
+    # The fields of the dataclass distinguish two searches, and the name appears in reports.
+    is_complete = "__dataclass_fields__" in vars(type(objective)) and hasattr(objective, "name")
+    if isinstance(objective, Objective) and is_complete:
         return objective
     raise ValueError(
         "`objective` must be an object of a dataclass with a `name` that is a subclass of "
@@ -732,47 +914,51 @@ def check_objective(objective: object) -> Objective:
 
 
 def _relative(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
-    """Largest angle between bob and block, rad, and its derivatives: where it is not known by itself the sum
-    of the largest bob angle and the largest tilt. Both need not occur at once, so that the sum is safe."""
+    """Return the largest angle between bob and block, rad, and its derivatives.
+
+    If it was not computed, the result is the sum of the largest bob angle and the largest tilt. They need not
+    occur at the same time, so that the sum is an upper bound.
+    """
     if e.relative is not None:
         return e.relative, np.zeros((*e.relative.shape, 3))
+    # The tilt is stored over nu, so multiply by nu to get an angle.
     nu = g.slenderness[None, :]
     return e.swing + e.tilt * nu, e.swing_slope + e.tilt_slope * nu[..., None]
 
 
 def check_moves(scene: Scene, conditions: Conditions) -> None:
-    """Raise `ValueError` where nothing moves the block, or more than any base."""
+    """Raise `ValueError` if the excitation is zero, or stronger than any base can move."""
     if not scene.motion.amplitude > 0.0:
         raise ValueError(
-            f"`amplitude` must be above 0 in a search, but is {scene.motion.amplitude:g}: nothing shakes the "
-            "block"
+            f"`amplitude` must be above 0 in a search, but is {scene.motion.amplitude:g}: the base does not "
+            "move"
         )
     motion, factor = scene.motion, conditions.column
     check_excitation(motion.amplitude * factor("amplitude"), motion.frequency * factor("frequency"))
 
 
 def check_cavity(block: Block, limits: tuple[Limit, ...]) -> None:
-    """Raise `ValueError` where limits need room inside a block whose cavity is not stated."""
+    """Raise `ValueError` if a limit depends on the width of the cavity and the block does not state it."""
     if limit_of(limits, Clearance) is None or block.cavity_width is not None:
         return
     raise ValueError(
-        "`cavity_width`, the width in m between the walls that the bob swings within, must be given, but is "
-        "not, and no pendulum hangs inside a solid block: state it (--cavity, or `cavity_width` in [block] "
-        "or of `Block`), or leave out the walls (--no-walls, `clearance = false` in [limits], or limits "
-        "without `Clearance`)"
+        "`cavity_width` must be given, but is missing. It is the distance in m between the walls on both "
+        "sides of the bob: a pendulum needs a cavity in the block. State the width (--cavity, or "
+        "`cavity_width` in [block] or of `Block`), or ignore the walls (--no-walls, `clearance = false` in "
+        "[limits], or limits without `Clearance`)"
     )
 
 
 def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None = None) -> None:
-    """Raise `ValueError` for a name out of `FACTORS` of a quantity that is zero or absent: a factor on it
-    would change nothing."""
+    """Raise `ValueError` if a factor of `FACTORS` applies to a quantity that is zero or absent, and has no
+    effect."""
     zero = {
         "friction": scene.block.friction == 0.0,
         "damping": space is not None and space.damping_ratio == 0.0,
     }
     for name in names:
         if zero.get(name, False):
-            raise ValueError(f"`{name}` cannot scatter by a share of itself: it is 0")
+            raise ValueError(f"`{name}` cannot vary by a share of itself, because it is 0")
         if name == "restitution":
             check_restitution(scene)
 
@@ -780,17 +966,20 @@ def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None 
 def first_apart(
     units: np.ndarray, order: np.ndarray, most: int, apart: float = 0.02, fixed: int = 0
 ) -> list[int]:
-    """The first of an ordered list of designs that are no neighbours: at least `apart` from each other, in
-    shares of the bounds. The first `fixed` are taken in any case."""
-    taken = [int(i) for i in order[:fixed]]
-    nearest = np.min([np.full(len(units), np.inf), *(_distances(units, i) for i in taken)], axis=0)
+    """Return the first designs of an ordered list that have a distance of at least `apart` from each other.
+
+    The distance is in shares of the bounds. The first `fixed` designs are always included.
+    """
+    chosen = [int(i) for i in order[:fixed]]
+    # For every design the distance from the closest chosen design, updated with each new choice.
+    nearest = np.min([np.full(len(units), np.inf), *(_distances(units, i) for i in chosen)], axis=0)
     for i in map(int, order[fixed:]):
-        if len(taken) < most and nearest[i] > apart:
-            taken.append(i)
+        if len(chosen) < most and nearest[i] > apart:
+            chosen.append(i)
             nearest = np.minimum(nearest, _distances(units, i))
-    return taken
+    return chosen
 
 
 def _distances(units: np.ndarray, i: int) -> np.ndarray:
-    """Distances of all designs from design i."""
+    """Return the distances of all designs from design i."""
     return np.linalg.norm(units - units[i], axis=1)

@@ -1,4 +1,4 @@
-"""The answer of `optimise`: what was found, how it was validated, and why a pendulum is not recommended."""
+"""Result of `optimise`: the design, its validation, and the reasons why a pendulum is not recommended."""
 
 from __future__ import annotations
 
@@ -22,33 +22,48 @@ from tpd.scene.conditions import Conditions
 from tpd.scene.scene import Pendulum, Scene
 
 _MOST_REASONS = 6
-"""Most reasons that `print` shows."""
+"""Largest number of reasons that `print` shows."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Design(Printed):
-    """The answer of `optimise`, with its problem: lengths in m, masses in kg, angles in rad."""
+    """Result of `tpd.optimise`, with the problem that it answers. Lengths are in m, masses in kg, angles in
+    rad.
+
+    `status` is the verdict, and `pendulum` is the pendulum, or None if none is offered. `benefit` is the
+    share by which the mean tilt falls. `refusals` are sentences with the reasons against the best design that
+    was validated. `print(design)` shows all of these.
+
+    Example:
+        >>> import tpd
+        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4)
+        >>> design = tpd.optimise(tpd.Scene(block, tpd.Harmonic(amplitude=0.003, frequency=2.0)))
+        >>> design.status.name, design.pendulum
+        ('no_uplift', None)
+    """
 
     problem: Problem
+    """Block, excitation, design space, limits and all other inputs."""
     status: DesignStatus
+    """Verdict on the design."""
     validated: tuple[Validated, ...] = ()
-    """Designs that were validated, in order; the last one is recommended if no reason is against it."""
+    """Designs that were validated, in order. The last one is recommended if there is no reason against it."""
     trials: Trials | None = None
-    """Designs that were evaluated by trial runs; None where no pendulum is needed."""
+    """Designs that were evaluated by trial runs; None if no pendulum is needed."""
     search: Search | None = None
     """History of the descents; None under ground motions."""
     equivalent: np.ndarray | None = None
-    """Least and largest (mu, lam, zeta), shape (2, 3), of designs that perform equally well, as far as the
-    trial runs can tell; None where that is not known."""
+    """Smallest and largest (mu, lam, zeta), shape (2, 3), of the designs that perform equally well within the
+    accuracy of the trial runs; None if this is not known."""
 
     @property
     def scene(self) -> Scene:
-        """Block and motion; under ground motions the first of them."""
+        """Block and excitation. Under several ground motions: the block with the first motion."""
         return self.problem.scene
 
     @property
     def space(self) -> DesignSpace:
-        """Bounds of the search."""
+        """Bounds of the design space."""
         return self.problem.space
 
     @property
@@ -58,64 +73,77 @@ class Design(Printed):
 
     @property
     def seed(self) -> int:
-        """Seed of every random choice."""
+        """Seed of all random choices."""
         return self.problem.seed
 
     @property
     def pendulum(self) -> Pendulum | None:
-        """The pendulum that is offered; None where none is."""
+        """Pendulum that the design offers; None if it offers none."""
         return self.validated[-1].pendulum if self.status in OFFERED else None
 
     @cached_property
     def best(self) -> Validated | None:
-        """The design that is offered or, where none is, the validated one that misses its requirements by
-        the least sum; None without any."""
+        """Best validated design, or None if no design was validated.
 
-        # The largest benefit alone is often that of a bob which touches the walls in every run.
+        This is the design that is offered. If none is offered, it is the design whose shortfalls have the
+        smallest sum.
+        """
+
+        # The largest benefit alone would often select a bob that touches the walls in every run.
         def rank(v: Validated) -> tuple[bool, float]:
             return v.runs is None, sum((reason.shortfall for reason in v.reasons), 0.0)
 
+        # Validation ends with the first design that passes, which is therefore the last one.
         offered = self.validated[-1:] if self.status in OFFERED else ()
+        # Designs that were rejected without runs come last, because their shortfalls cover only some
+        # requirements.
         return min(offered or self.validated, key=rank, default=None)
 
     @property
     def runs(self) -> PairedRuns | None:
-        """Validation runs of the best design that the report quotes; None without any."""
+        """Validation runs of the best design that the report quotes; None if there are none."""
         return None if self.best is None else self.best.runs
 
     @property
     def benefit(self) -> Interval | None:
-        """Share by which the mean tilt falls with the pendulum that is offered, in validation runs; None
-        where none is offered, or no motion was held out."""
+        """Share by which the mean tilt falls with the recommended pendulum in validation runs.
+
+        None if no pendulum is recommended, or if no motion was kept for the validation.
+        """
         if self.runs is None or self.status is not DesignStatus.recommended:
             return None
         return self.runs.benefit
 
     @property
     def overturning_reduction(self) -> Interval | None:
-        """Share by which the share of runs that overturn falls; as `benefit`, which is that of the mean
-        tilt."""
+        """Share by which the number of runs that overturn falls; None in the same cases as `benefit`."""
         return None if self.runs is None or self.benefit is None else self.runs.overturning_reduction
 
     @property
     def nearest(self) -> np.ndarray | None:
-        """(mu, lam, zeta) of the design that is offered or came nearest; None without any."""
+        """(mu, lam, zeta) of the best validated design or, without one, of the trial that exceeds its limits
+        least.
+
+        None if no design was evaluated.
+        """
         if self.best is not None:
             return self.best.design
         return None if self.trials is None else self.trials.designs[self._least_excess]
 
     @property
     def _least_excess(self) -> int:
+        """Index of the trial whose largest limited quantity exceeds its limit least."""
         assert self.trials is not None
         return int(np.argmin(np.max(self.trials.sizes, axis=1, initial=0.0)))
 
     @property
     def refusals(self) -> tuple[str, ...]:
-        """Sentences against the design that came nearest, the dangers first; empty where one is offered."""
+        """Sentences against the best design, dangers first; empty if a pendulum is offered."""
         if self.best is not None:
             return self.best.refusals
         if self.status is not DesignStatus.none_feasible or self.trials is None:
             return ()
+        # No trial keeps the limits: the reasons are the limits that the nearest trial exceeds.
         sizes = self.trials.sizes[self._least_excess]
         return tuple(
             str(Reason(kind=ReasonKind.breaks_limit, limit=name, value=float(size)))
@@ -125,88 +153,100 @@ class Design(Printed):
 
     @property
     def is_harmful(self) -> bool:
-        """Whether the block overturns more often, or the bob touches a wall, with the design that came
-        nearest."""
+        """Whether, with the best design, the block overturns more often or the bob touches a wall."""
         return self.best is not None and self.best.is_harmful
 
     @property
     def turned(self) -> np.ndarray:
-        """Largest angles between rod and block, rad, of the best design in the validation runs in which the
-        block stands; empty without any."""
+        """Largest angle (rad) between rod and block in each validation run of the best design in which the
+        block stands.
+
+        Empty if there are no runs.
+        """
         if self.runs is None:
             return np.zeros(0)
         return self.runs.with_pendulum.rod_angle[self.runs.with_pendulum.stands]
 
     @property
     def swing(self) -> float:
-        """Angle of the bob that its drawing shows, rad: the settled one from rest under harmonic excitation,
-        else that which the allowed share of the runs exceeds; 0 without a pendulum."""
+        """Bob angle (rad) that the drawing of the design shows; 0 without a pendulum.
+
+        Under harmonic excitation this is the largest settled angle after a start from rest. Under ground
+        motions this is the angle that is exceeded only in the allowed share of the runs.
+        """
         if self.pendulum is None or self.best is None:
             return 0.0
+        # The exact solution has the settled angles of one orbit per condition.
         if self.best.exact is not None:
+            # Without an attracting orbit the swing is not finite, and is left out.
             swings = np.concatenate([self.best.exact.swing, self.best.exact.orbits.swing[0]])
             return float(np.max(swings, where=np.isfinite(swings), initial=0.0))
         return float(np.quantile(self.turned, 1.0 - self.problem.allowed)) if self.turned.size else 0.0
 
     @cached_property
     def usage(self) -> dict[str, float]:
-        """Limited quantities of the best design over their limits, by name: those that need no run, and the
-        quantile of the validation runs that the allowed share exceeds."""
+        """Limited quantities of the best design over their limits, by name.
+
+        For a quantity that depends on the motion, this is the quantile of the validation runs that only the
+        allowed share exceeds.
+        """
         if self.best is None:
             return {}
         problem, design = self.problem, self.best.design
-        found = {name: float(x[0]) for name, x in problem.fixed_sizes(design[None]).items()}
+        usage = {name: float(x[0]) for name, x in problem.fixed_sizes(design[None]).items()}
         if self.runs is not None:
             for name, x in problem.sizes_in_runs(design, self.runs.with_pendulum).items():
                 if name in STILL:
-                    # The scatter of the body as it was made is no use of the limit by the motion.
+                    # Mass and size of the body vary between the runs, but this scatter is not a motion
+                    # towards the limit.
                     continue
                 level = float(np.quantile(x, 1.0 - problem.allowed, method="higher")) if x.size else 0.0
-                found[name] = max(found.get(name, 0.0), level)
-        return found
+                usage[name] = max(usage.get(name, 0.0), level)
+        return usage
 
     @property
     def risks(self) -> tuple[float, float]:
-        """Mean severity with the pendulum that is offered, NaN where none is, and without a pendulum."""
+        """Mean severity with the offered pendulum (NaN if none is offered), and without a pendulum."""
         if self.runs is None:
             return math.nan, math.nan if self.trials is None else self.trials.without_pendulum
+        # The severities are those of the validation runs, which are nonlinear.
         mean = self.runs.change("mean severity")
         return math.nan if self.pendulum is None else mean.with_pendulum, mean.without_pendulum
 
     @property
     def stroke_limit(self) -> float:
-        """Largest settled |psi| allowed, rad."""
+        """Largest settled bob angle (rad) that the limits allow."""
         return stroke_limit(self.problem.limits)
 
     def again(self, **changed: Any) -> dict[str, Any]:
-        """Return the arguments of `tpd.optimise` that pose the problem again, with some of them changed."""
+        """Return the arguments of `tpd.optimise` that state the same problem, with some of them changed."""
         return self.problem.inputs | changed
 
     def __str__(self) -> str:
-        lines, with_it, runs = [self.status.value], self.pendulum, self.runs
-        if with_it is not None:
-            size = f"{with_it.mass:.4g} kg on a rod of {with_it.length:.4g} m"
+        lines, pendulum, runs = [self.status.value], self.pendulum, self.runs
+        if pendulum is not None:
+            size = f"{pendulum.mass:.4g} kg on a rod of {pendulum.length:.4g} m"
             lines.append(
-                f"  pendulum    equivalent point mass {size}, damping ratio {with_it.damping_ratio:.3g}"
+                f"  pendulum    equivalent point mass {size}, damping ratio {pendulum.damping_ratio:.3g}"
             )
         if runs is not None:
-            fell = runs.change("overturned")
-            shares = f"{fell.with_pendulum:.1%} with the pendulum, {fell.without_pendulum:.1%} without it"
+            share = runs.change("overturned")
+            shares = f"{share.with_pendulum:.1%} with the pendulum, {share.without_pendulum:.1%} without it"
             lines.append(f"  benefit     {runs.benefit_in_words}; {runs.description}")
             lines.append(f"  overturned  {shares}")
-        lines += [f"  reason      {said}" for said in self.refusals[:_MOST_REASONS]]
+        lines += [f"  reason      {refusal}" for refusal in self.refusals[:_MOST_REASONS]]
         return "\n".join(lines)
 
 
 class FrontPoint(NamedTuple):
-    """Answer with a bob of at most a certain mass."""
+    """Result of a search with an upper bound on the mass of the bob."""
 
     most: float
-    """kg"""
+    """Largest mass of the bob, kg."""
     status: str
-    """Name of the status."""
+    """Name of the status of the design."""
     pendulum: Pendulum | None
-    """None where none is offered."""
-    saved: tuple[float, float, float]
-    """Share by which the mean tilt falls, and its interval of 95 %, in validation runs; NaN
-    without a pendulum."""
+    """Pendulum of the design; None if none is offered."""
+    benefit: tuple[float, float, float]
+    """Share by which the mean tilt falls in validation runs, with the lower and the upper end of the 95 %
+    interval; NaN without a pendulum."""

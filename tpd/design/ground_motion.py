@@ -1,7 +1,9 @@
-"""Design problem under ground motions: pulses and records, some of which are held out for the validation.
+"""Design problem under ground motions: pulses and records, some of which are kept for the validation.
 
-Two records of one earthquake are alike. Hence an earthquake is on one side only, and runs of one earthquake
-are no independent observations: they are the clusters of `tpd.answers.statistics`."""
+Two records of one earthquake are similar. All records of an earthquake are therefore used either in the
+search or in the validation. Runs of one earthquake are not independent observations: they are the clusters of
+`tpd.answers.statistics`.
+"""
 
 from __future__ import annotations
 
@@ -53,18 +55,19 @@ _USUAL = {
     "requirements": Requirements(),
     "seed": 0,
 }
-"""Inputs by default."""
+"""Default inputs."""
 LEAST_EARTHQUAKES = 5
-"""Earthquakes that a design must be tuned to, and as many that it must be validated on: of fewer the spread
-between earthquakes is hardly known."""
+"""Smallest number of earthquakes in the search, and in the validation. With fewer, the variation between
+earthquakes cannot be estimated."""
 _MASSLESS = np.array([0.0, 1.0, 0.3])
-"""A bob without mass, which the block does not feel."""
+"""Design with a bob without mass, which does not act on the block."""
 _EVENTS = 20_000
-"""Events of a trial run beyond one for each piece: a bob that swings for long needs no more."""
+"""Largest number of events of a trial run, in addition to one for each piece of the motion. This is
+sufficient also for a bob that swings for a long time."""
 
 
 class Role(enum.Enum):
-    """Part of a group in the search."""
+    """Use of a group of motions: by the search, or by the validation."""
 
     tuned = "tuned to"
     validation = "validation"
@@ -75,11 +78,14 @@ class Group:
     """Ground motions that are counted together."""
 
     name: str
+    """Name in reports."""
     role: Role
+    """Whether the search or the validation uses the group."""
     motions: tuple[GroundMotion, ...]
+    """Ground motions of the group."""
     events: np.ndarray = field(default=None)  # type: ignore[assignment]
-    """Number of the earthquake of every motion, shape (motions,), the same in all groups of a design; by
-    default of this group alone."""
+    """Number of the earthquake of every motion, shape (motions,). The numbers are common to all groups of a
+    design. Default: numbers within this group."""
 
     def __post_init__(self) -> None:
         if self.events is None:
@@ -88,14 +94,15 @@ class Group:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class GroundMotionProblem(Problem):
-    """A design problem under ground motions."""
+    """Design problem under ground motions."""
 
     groups: tuple[Group, ...]  # type: ignore[misc]
-    """Motions that the design is tuned to, and those that are held out."""
-    # The held-out earthquakes are few: only one design can be validated on them.
+    """Motions that the design is tuned to, followed by the motions that are kept for the validation."""
+    # The validation has few earthquakes, so that only one design can be validated with them.
     attempts: ClassVar[int] = 1
     has_validation_runs: ClassVar[bool] = False
-    # Other earthquakes take more room than those that a design is tuned to, which lies on its limits there.
+    # The design reaches its limits under the motions that it is tuned to. Other earthquakes may cause a
+    # larger swing, so the trials leave a part of every limit unused.
     spare: ClassVar[float] = 0.05
 
     @staticmethod
@@ -105,77 +112,78 @@ class GroundMotionProblem(Problem):
         space: DesignSpace | None = None,
         *,
         validation_share: float | Mapping[str, Sequence[GroundMotion]] | None = None,
-        **given: Any,
+        **inputs: Any,
     ) -> GroundMotionProblem:
-        """Return the problem of a block; None stands for the default everywhere.
+        """Return the problem of a block under ground motions. None stands for the default.
 
         Args:
-            subject: the block, or a scene with its gravity, whose motion is not used.
-            conditions: from `Conditions.records`.
+            subject: the block, or a scene for its gravity. The motion of the scene is not used.
+            conditions: result of `Conditions.records`.
             space: bounds of the search; default `DesignSpace(damping_ratio=(0.05, 1))`.
-            validation_share: share of the motions, whole earthquakes by a seeded choice, that validate the
-                design and that the search does not use; or groups of other motions by name; default 0.5.
-            given: further arguments of `tpd.optimise`. By default the risk is `Risk.expected()`, of the
-                severities of all trial runs, and the limits are the stroke and the clearance between the
-                walls, at all times. In `requirements`, `wall_contacts` is the share of the runs in which the
-                block stands that may exceed a limit, and `at_least` the least share by which the measure over
-                all validation motions must fall. The half widths in `ensemble` are those of block and
-                installation in the validation runs.
+            validation_share: share of the motions that is kept for the validation, by a seeded choice of
+                whole earthquakes; or groups of other motions by name; default 0.5.
+            inputs: further arguments of `tpd.optimise`. Some have another meaning or default. The default
+                risk is `Risk.expected()` over the severities of all trial runs. The default limits are the
+                stroke and the clearance to the walls, at all times. In `requirements`, `wall_contacts` is the
+                share of the standing runs that may exceed any limit, and `at_least` is the smallest reduction
+                of the measure over all validation motions. The half widths in `ensemble` are those of block
+                and installation in the validation runs.
 
         Raises:
-            ValueError: bad input.
+            ValueError: an input is out of range, or does not fit the excitation.
             RuntimeError: JAX is in 32-bit mode.
         """
         checks.instance("scene", subject, (Scene, Block))
         scene = Scene(subject, conditions.motions[0]) if isinstance(subject, Block) else subject
-        found = complete(scene, _USUAL, given | {"space": space})
-        check_ground_limits(found["limits"])
+        checked = complete(scene, _USUAL, inputs | {"space": space})
+        check_ground_limits(checked["limits"])
         groups = grouped(
             conditions.motions,
             VALIDATION_SHARE if validation_share is None else validation_share,
-            found["seed"],
+            checked["seed"],
         )
-        # By identity: two records may be equal, and belong to both sides.
-        kept = [i for i, m in enumerate(conditions.motions) if any(m is own for own in groups[0].motions)]
+        # Compare by identity, because two equal records may belong to the search and to the validation.
+        tuned = [i for i, m in enumerate(conditions.motions) if any(m is own for own in groups[0].motions)]
         which = np.asarray(conditions.which)
-        rows = np.isin(which, kept)
+        rows = np.isin(which, tuned)
         inside = replace(
             conditions,
             factors={name: factor[rows] for name, factor in conditions.factors.items()},
-            motions=tuple(conditions.motions[i] for i in kept),
-            which=np.searchsorted(kept, which[rows]),
+            motions=tuple(conditions.motions[i] for i in tuned),
+            which=np.searchsorted(tuned, which[rows]),
         )
-        # A setting without effect would let somebody believe in it.
+        # Reject settings without effect, because a user would rely on them.
         for name, usual in vars(_USUAL["ensemble"]).items():
-            if name not in SCATTERED and getattr(found["ensemble"], name) != usual:
-                raise ValueError(f"`ensemble.{name}` is for harmonics, but the conditions are ground motions")
+            if name not in SCATTERED and getattr(checked["ensemble"], name) != usual:
+                raise ValueError(f"`ensemble.{name}` needs harmonics, but the conditions are ground motions")
         scene = Scene(scene.block, inside.motions[0], float(scene.gravity))
-        return GroundMotionProblem(scene=scene, conditions=inside, groups=groups, **found)
+        return GroundMotionProblem(scene=scene, conditions=inside, groups=groups, **checked)
 
     @property
     def inputs(self) -> dict[str, Any]:
-        """See `Problem.inputs`."""
-        held = {g.name: g.motions for g in self.groups if g.role is Role.validation}
-        given = super().inputs
-        del given["groups"]
-        return given | {"validation_share": held or 0.0}
+        """Inputs as in `Problem.inputs`, with the validation motions in place of the groups."""
+        validation = {g.name: g.motions for g in self.groups if g.role is Role.validation}
+        inputs = super().inputs
+        del inputs["groups"]
+        return inputs | {"validation_share": validation or 0.0}
 
     @property
     def tables(self) -> dict[str, dict[str, Any]]:
-        """See `Problem.tables`: each motion must be a built-in record, or the only one a pulse."""
-        held = [_name_of(m) for g in self.groups for m in g.motions if g.role is Role.validation]
+        """Tables as in `Problem.tables`. Each motion must be a built-in record, or the only motion a
+        pulse."""
+        validation = [_name_of(m) for g in self.groups for m in g.motions if g.role is Role.validation]
         motions, of = self.conditions.motions, self.conditions
-        # A job states PGA in g.
+        # A job file states PGA in g.
         unit = STANDARD_GRAVITY if of.intensity == "pga" else 1.0
         scales = [float(f"{x / unit:.12g}") for x in of.scales]
         motion: dict[str, Any] = {"scales": scales, "intensity": of.intensity.removesuffix("_g")}
-        if len(motions) == 1 and isinstance(pulse := motions[0], Pulse) and not held:
+        if len(motions) == 1 and isinstance(pulse := motions[0], Pulse) and not validation:
             motion |= {"pulse": pulse.kind, "pulse_frequency": pulse.frequency}
             motion["pga"] = float(pulse.pga) / STANDARD_GRAVITY
             if "-" in pulse.kind[6:]:
                 motion |= {name: getattr(pulse, name) for name in ("cycles", "phase")}
         else:
-            motion |= {"records": [_name_of(m) for m in motions], "validation_share": held or 0.0}
+            motion |= {"records": [_name_of(m) for m in motions], "validation_share": validation or 0.0}
         return super().tables | {
             "motion": motion,
             "requirements": vars(self.requirements),
@@ -184,7 +192,7 @@ class GroundMotionProblem(Problem):
 
     @property
     def rounds(self) -> tuple[int, int]:
-        """See `Problem.rounds`: one design after the other."""
+        """See `Problem.rounds`: every round has one design."""
         return self.method.steps, 1
 
     @property
@@ -194,47 +202,48 @@ class GroundMotionProblem(Problem):
 
     @property
     def scatter(self) -> dict[str, float]:
-        """See `Problem.scatter`: only block and installation scatter."""
+        """See `Problem.scatter`: only properties of the block and of the installation vary."""
         return {name: width for name, width in super().scatter.items() if name in SCATTERED}
 
     @property
     def evidence(self) -> DesignStatus:
         """See `Problem.evidence`."""
         events = ([g.events for g in self.groups if g.role is role] for role in Role)
-        tuned, held = (len(np.unique(np.concatenate([*found, []]))) for found in events)
-        if not held:
+        tuned, others = (len(np.unique(np.concatenate([*of_role, []]))) for of_role in events)
+        if not others:
             return DesignStatus.tuned_only
-        return DesignStatus.recommended if min(tuned, held) >= LEAST_EARTHQUAKES else DesignStatus.too_few
+        return DesignStatus.recommended if min(tuned, others) >= LEAST_EARTHQUAKES else DesignStatus.too_few
 
     @property
     def at_rest(self) -> AtRest:
         """See `Problem.at_rest`."""
+        # The excitation of a condition is the peak of its motion times its factor.
         q, rows = self._rows(_MASSLESS, self.scene, self.conditions)
         return AtRest.of(q.nu, q.k, rows[:, F], self.scene.block.base_friction)
 
     def candidates(self, progress: Progress) -> tuple[np.ndarray, None]:
-        """See `Problem.candidates`: designs spread over the space."""
+        """See `Problem.candidates`: the candidates are spread over the design space."""
         rng = np.random.default_rng([self.seed, 7])
         return self.space.unscaled(latin_hypercube(rng, self.method.starts, len(self.space.names))), None
 
     def trial_runs(self, design: np.ndarray | None, seed: int) -> Runs:
-        """See `Problem.trial_runs`: every motion at every scale, with blocks that scatter as those of the
-        validation runs do."""
-        # Without scatter the trials would see less swing than the validation.
-        drawn = (
+        """See `Problem.trial_runs`. The runs are every motion at every scale, with blocks that vary as in the
+        validation."""
+        # Without this variation the trials would show a smaller swing than the validation.
+        samples = (
             Conditions.scatter(len(self.conditions), seed, **self.scatter) if self.scatter else Conditions()
         )
-        factors = {name: self.conditions.column(name) * x for name, x in drawn.factors.items()}
+        factors = {name: self.conditions.column(name) * x for name, x in samples.factors.items()}
         some = replace(self.conditions, factors={**self.conditions.factors, **factors})
-        return self._followed(design, self.scene, some, Terms.linear.value)
+        return self._simulate(design, self.scene, some, Terms.linear.value)
 
     def runs_alone(self, seed: int, progress: Any = None) -> Runs:
         """See `Problem.runs_alone`."""
         every, equations = self._every_motion(self.scatter, seed), Terms.nonlinear.value
-        return self._followed(None, self.scene, every, equations, seed, progress)
+        return self._simulate(None, self.scene, every, equations, seed, progress)
 
     def _every_motion(self, scatter: Mapping[str, float], seed: int) -> Conditions:
-        """Every motion of every group at every scale, with blocks that scatter."""
+        """Return every motion of every group at every scale, with blocks that vary."""
         motions = [m for g in self.groups for m in g.motions]
         scales, intensity = sorted(set(self.conditions.scales)), self.conditions.intensity
         return Conditions.records(motions, scales, intensity=intensity, scatter=scatter, seed=seed)
@@ -242,22 +251,27 @@ class GroundMotionProblem(Problem):
     def paired_runs(
         self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
     ) -> PairedRuns:
-        """See `Problem.paired_runs`: every motion of every group at every scale, with the same scattered
-        blocks in both cases. The benefit counts the motions that are held out, if there are any."""
+        """See `Problem.paired_runs`.
+
+        The runs are every motion of every group at every scale, with the same varied blocks in both cases.
+        The benefit counts only the motions that are kept for the validation, if there are any.
+        """
         equations, scene, more = varied.equations, varied.scene or self.scene, varied.more
         scales = sorted(set(self.conditions.scales))
         scatter = self.scatter
         if scene is not self.scene:
-            # A restitution that is changed does not scatter as well.
+            # If the scene has another restitution, the restitution must not vary in addition.
             scatter.pop("restitution", None)
         conditions = self._every_motion(scatter, seed)
         conditions = conditions if more is None else conditions * more
+        # Both cases use the same seed and conditions, so that the runs are paired.
         cases = []
         for name, pendulum in (("with the pendulum", design), ("without", None)):
             after = partial(progress, f"validation runs {name}")
-            cases.append(self._followed(pendulum, scene, conditions, equations, seed, after))
+            cases.append(self._simulate(pendulum, scene, conditions, equations, seed, after))
+        # Every motion of a group has one run per scale.
         sizes = [len(g.motions) * len(scales) for g in self.groups]
-        held = np.array([g.role is Role.validation for g in self.groups])
+        is_validation = np.array([g.role is Role.validation for g in self.groups])
         group = np.repeat(np.arange(len(self.groups)), sizes)
         return PairedRuns(
             with_pendulum=cases[0],
@@ -265,20 +279,21 @@ class GroundMotionProblem(Problem):
             group=group,
             labels=tuple(g.name for g in self.groups),
             cluster=np.repeat(np.concatenate([g.events for g in self.groups]), len(scales)),
-            counted=held[group] if held.any() else None,
+            counted=is_validation[group] if is_validation.any() else None,
             worse=self.requirements.worse,
         )
 
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """See `Problem.strongest_motions`."""
-        runs = self._followed(design, self.scene, self.conditions, Terms.linear.value)
+        runs = self._simulate(design, self.scene, self.conditions, Terms.linear.value)
+        # Overturning runs come last and are then left out, because their loads do not matter.
         order = np.argsort(-np.where(runs.stands, np.nan_to_num(runs.rod_angle), -1.0))
-        known = [i for i in order if runs.stands[i]][:MOST_MOTIONS]
+        strongest = [i for i in order if runs.stands[i]][:MOST_MOTIONS]
         motions, which = self.conditions.motions, np.asarray(self.conditions.which)
         factors = motion_factors(self.scene, self.conditions)
-        return [motions[int(which[i])].scaled(float(factors[i])) for i in known]
+        return [motions[int(which[i])].scaled(float(factors[i])) for i in strongest]
 
-    def _followed(
+    def _simulate(
         self,
         design: np.ndarray | None,
         scene: Scene,
@@ -287,9 +302,11 @@ class GroundMotionProblem(Problem):
         seed: int = 0,
         progress: Any = None,
     ) -> Runs:
-        """Follow a design from rest through the motions of all conditions, and freely afterwards."""
+        """Simulate a design from rest through the motions of all conditions, and the free motion
+        afterwards."""
         most = MAX_EVENTS if equations == Terms.nonlinear.value else _EVENTS
-        # A bob without mass does not act on the block, and shares its scattered properties.
+        # Without a pendulum use a bob without mass. It does not act on the block, whose properties vary as in
+        # the runs with the pendulum.
         row = _MASSLESS if design is None else design
         _, rows = self._rows(row, scene, conditions)
         condition = np.asarray(conditions.which)
@@ -302,67 +319,73 @@ class GroundMotionProblem(Problem):
     def _rows(
         self, design: np.ndarray, scene: Scene, conditions: Conditions
     ) -> tuple[Parameters, np.ndarray]:
-        """Parameters of a design under all conditions, and as rows (n, 9) of the compiled code."""
+        """Return the parameters of a design under all conditions, as `Parameters` and as rows (n, 9) of
+        compiled code."""
         which, motions = np.asarray(conditions.which), conditions.motions
         factor = motion_factors(scene, conditions)
         first = Scene(scene.block, motions[0], scene.gravity)
-        # The factor on the amplitude is in units of the intensity, and is applied motion by motion.
+        # The factor on the amplitude is in units of the intensity, and is applied to each motion below.
         factors = {**conditions.factors, "amplitude": np.ones(len(which))}
         q = under_all(first.ground_parameters(), design[None], replace(conditions, factors=factors))
+        # The parameters were computed for the first motion: scale f by the peaks, and the pieces by their
+        # durations.
         f = np.array([float(x.pga) for x in motions]) / float(motions[0].pga)
         h = np.array([float(x.piece) for x in motions]) * float(first.rate)
-        # A quicker motion passes its pieces sooner.
+        # With a higher frequency the pieces of a motion are shorter.
         pieces = h[which] / conditions.column("frequency")
         return q, row_of(unchecked(q, f=q.f * f[which] * factor), piece=pieces)
 
 
 def _name_of(motion: GroundMotion) -> str:
-    """Name of a built-in record."""
+    """Return the name of a built-in record, or raise `ValueError` for any other motion."""
     for name, make in BUILT_IN.items():
-        known = make()
-        if isinstance(motion, Record) and motion.name == known.name and motion.pga == known.pga:
+        record = make()
+        if isinstance(motion, Record) and motion.name == record.name and motion.pga == record.pga:
             return name
     raise ValueError(
-        "a job file cannot say motions that exist only in Python: it names files, folders and sets of records"
+        "a job file cannot describe motions of Python: it names files, folders and sets of records"
     )
 
 
 def motion_factors(scene: Scene, conditions: Conditions) -> np.ndarray:
-    """Return the factor on its ground motion of every condition, (n,)."""
+    """Return the factor of every condition on its ground motion, (n,)."""
     measure = intensity_of(conditions.intensity, scene.block, float(scene.gravity), None)
-    # A scale counts an intensity, which is proportional to the motion.
+    # A scale is a value of the intensity, which is proportional to the motion.
     one = np.array([measure.value(m) for m in conditions.motions])
     return conditions.column("amplitude") / one[np.asarray(conditions.which)]
 
 
 def check_ground_limits(limits: tuple[Limit, ...]) -> None:
-    """Raise `ValueError` for a limit of settled motions."""
+    """Raise `ValueError` if a limit applies only to settled motions."""
     for limit in limits:
         if not limit.of_motion:
             names = ", ".join(kind.__name__ for kind in KINDS if kind.of_motion)
-            raise ValueError(f"`limits` of ground motions must be of {names}, but has {checks.shown(limit)}")
+            raise ValueError(f"`limits` under ground motions must be {names}, but has {checks.shown(limit)}")
 
 
 def grouped(
     motions: Sequence[GroundMotion], validation_share: float | Mapping[str, Sequence[GroundMotion]], seed: int
 ) -> tuple[Group, ...]:
-    """The group that a design is tuned to, first, and those that are held out.
+    """Return the group that a design is tuned to, followed by the groups for the validation.
 
     Args:
-        motions: of the conditions.
-        validation_share: the share of the motions, whole earthquakes by a seeded choice, that the search does
-            not use; or groups of other motions by name, without those of an earthquake that the search uses.
-        seed: of the choice.
+        motions: motions of the conditions.
+        validation_share: share of the motions that is kept for the validation, by a seeded choice of whole
+            earthquakes; or groups of other motions by name. A motion of an earthquake that the search uses is
+            left out of these groups.
+        seed: seed of the choice.
 
     Raises:
-        ValueError: a share outside 0 to 0.9, a group without motions, or no motion left on one side.
+        ValueError: the share is outside 0 to 0.9, a group has no motions, or no motion remains for the
+            search.
     """
     if isinstance(validation_share, Mapping):
         return _others(motions, validation_share)
     share = checks.within("validation_share", validation_share, 0.0, 0.9)
     names = events_of(motions)
     events = np.random.default_rng([seed, 9]).permutation(np.unique(names))
-    # Whole earthquakes, one after the other, until there are enough; one of several remains.
+    # Move whole earthquakes to the validation, one after the other, until the share is reached. At least one
+    # of several earthquakes remains for the search.
     out: set[str] = set()
     for event in events[: max(1, len(events) - 1)]:
         if sum(name in out for name in names) >= share * len(names):
@@ -372,40 +395,42 @@ def grouped(
     outside = tuple(m for m, name in zip(motions, names, strict=True) if name in out)
     if not inside:
         raise ValueError(
-            f"`validation_share` must leave an earthquake for the search, but it takes all {len(events)}: "
-            "give more records, name their earthquakes, or give 0, which leaves all of them to the search"
+            f"`validation_share` must leave an earthquake for the search, but it uses all {len(events)}: "
+            "give more records, name their earthquakes, or give 0 to use all of them in the search"
         )
     numbers = np.unique(names, return_inverse=True)[1]
-    held = np.array([name in out for name in names])
-    tuned = Group("tuned to", Role.tuned, inside, numbers[~held])
-    return (tuned, Group("validation", Role.validation, outside, numbers[held])) if outside else (tuned,)
+    is_outside = np.array([name in out for name in names])
+    tuned = Group("tuned to", Role.tuned, inside, numbers[~is_outside])
+    validation = Group("validation", Role.validation, outside, numbers[is_outside])
+    return (tuned, validation) if outside else (tuned,)
 
 
 def _others(
     motions: Sequence[GroundMotion], validation_share: Mapping[str, Sequence[GroundMotion]]
 ) -> tuple[Group, ...]:
-    # An earthquake that the search has seen is no test.
+    # An earthquake that the search uses does not test the design, so its motions are left out of the groups.
     others = {}
     for name, listed in validation_share.items():
         for i, motion in enumerate(listed):
             checks.instance(f"validation_share[{name!r}][{i}]", motion, GroundMotion)
-        # A motion without a name of its earthquake may be any: it stays.
+        # A motion without the name of its earthquake is never left out.
         events = events_of([*motions, *listed])
-        left = tuple(
+        remaining = tuple(
             m
             for m, event in zip(listed, events[len(motions) :], strict=True)
             if event not in events[: len(motions)]
         )
-        if not left:
+        if not remaining:
             raise ValueError(
-                "`validation_share` must hold motions of other earthquakes than the design is tuned to, but "
+                "`validation_share` must contain motions of earthquakes that the search does not use, but "
                 f"{name!r} has none"
             )
-        others[name] = left
-    # Over all groups together: an earthquake, or copies of one motion, in two of them are still one.
-    every = [*motions, *(m for left in others.values() for m in left)]
+        others[name] = remaining
+    # Number the earthquakes over all groups together: an earthquake, or copies of one motion, in two groups
+    # must have the same number.
+    every = [*motions, *(m for group in others.values() for m in group)]
     numbers = np.unique(events_of(every), return_inverse=True)[1]
-    ends = np.cumsum([len(motions), *(len(left) for left in others.values())])
+    ends = np.cumsum([len(motions), *(len(group) for group in others.values())])
     parts = np.split(numbers, ends[:-1])
-    held = (Group(n, Role.validation, m, x) for (n, m), x in zip(others.items(), parts[1:], strict=True))
-    return (Group("tuned to", Role.tuned, tuple(motions), parts[0]), *held)
+    rest = (Group(n, Role.validation, m, x) for (n, m), x in zip(others.items(), parts[1:], strict=True))
+    return (Group("tuned to", Role.tuned, tuple(motions), parts[0]), *rest)

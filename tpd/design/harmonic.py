@@ -1,4 +1,4 @@
-"""Design problem under harmonic excitation: the settled orbits under all conditions guide the search."""
+"""Design problem under harmonic excitation: the search uses the settled orbits under all conditions."""
 
 from __future__ import annotations
 
@@ -47,24 +47,24 @@ from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest, uplift
 
 TRIAL_RUNS, TRIAL_PERIODS = 128, 50
-"""Runs of a trial, and their most forcing periods."""
+"""Number of runs of a trial, and largest number of forcing periods of each run."""
 _ROUNDS = 6, 8
-"""Rounds of further trials, and how many designs each has."""
+"""Number of rounds of further trials, and number of designs per round."""
 _WITHOUT = 8
-"""How many times as many runs estimate the mean tilt without a pendulum, which every design is compared
-with."""
+"""Factor on the number of runs without a pendulum, since every design is compared with their mean tilt."""
 _COMPARED = 256
-"""Paired runs by the linear equations that compare changed scenes."""
+"""Number of paired runs of the linear equations for comparisons with changed scenes."""
 _RTOL = 1e-6
-"""Relative tolerance of the steps of validation runs: their means are those of 1e-8, for 30 % less time."""
+"""Relative tolerance of the steps of validation runs. Their means are those of 1e-8, in 30 % less time."""
 _SEARCHED = 64
-"""Most conditions under which the descents work; all of them count in the trials."""
+"""Largest number of conditions of the descents. The trials use all conditions."""
 _PATHS, _SPREAD, _DRAWN = 16, 48, 1024
-"""Candidates from the paths of the descents, from the whole space, and designs drawn to find the latter."""
+"""Number of candidates from the paths of the descents, number of candidates from the whole space, and number
+of designs that are drawn to select the latter."""
 _CYCLES = 40
-"""Periods of a harmonic from rest in which the loads are largest."""
+"""Number of periods of a harmonic from rest in which the largest loads are sought."""
 _SAME = 1e-6
-"""Relative difference of tilts up to which a motion is the orbit."""
+"""Relative difference of tilts below which a simulated motion is identified with an orbit."""
 _USUAL = {
     "space": DesignSpace(),
     "risk": Risk.worst(),
@@ -74,45 +74,49 @@ _USUAL = {
     "requirements": Requirements(),
     "seed": 0,
 }
-"""Inputs by default."""
+"""Default inputs."""
 _SMOOTH = 0.2
-"""Least velocity ratio of impacts under which descents smooth them."""
+"""Smallest velocity ratio of impacts for which descents use smoothed impacts."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExactMotions:
-    """A design under all n conditions by the linear equations: its settled orbits in closed form, and its
-    motions from rest by the exact solution. Arrays of shape (n,), angles in rad."""
+    """Motions of a design under all n conditions by the linear equations.
+
+    They are the settled orbits in closed form, and the motions from rest by the exact solution. Arrays have
+    the shape (n,), angles are in rad.
+    """
 
     value: float
     """Risk of the merits of the orbits, see `Evaluation`."""
     orbits: Evaluation
-    """Settled orbits, leading axis 1."""
+    """Settled orbits, with a leading axis of length 1."""
     margin: np.ndarray
     """Uplift margin."""
     status: np.ndarray
-    """Names of the outcomes from rest."""
+    """Names of the outcomes after a start from rest."""
     amplitude: np.ndarray
-    """Settled |phi| from rest; infinite where the block overturns."""
+    """Settled |phi| after a start from rest; infinite if the block overturns."""
     swing: np.ndarray
-    """Settled |psi|."""
+    """Settled |psi| after a start from rest."""
     peak: np.ndarray
-    """Largest |phi| from the beginning on."""
+    """Largest |phi| during the whole run from rest."""
     peak_swing: np.ndarray
-    """Largest |psi| from the beginning on."""
+    """Largest |psi| during the whole run from rest."""
     multiplier: np.ndarray
-    """Largest modulus of the Floquet multipliers where the motion is the orbit; NaN elsewhere."""
+    """Largest modulus of the Floquet multipliers if the settled motion is the orbit; else NaN."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class HarmonicProblem(Problem):
-    """A design problem under harmonic excitation."""
+    """Design problem under harmonic excitation."""
 
     starts: Starts
+    """Initial states of the search."""
     model: Any
-    """Model whose gradients the descents take."""
+    """Model that gives the gradients of the descents."""
     objective: Objective
-    """Quantity that the descents make small; the trials and the validation compare tilts."""
+    """Quantity that the descents minimise. Trials and validation compare tilts."""
     attempts: ClassVar[int] = 3
     has_validation_runs: ClassVar[bool] = True
 
@@ -124,13 +128,12 @@ class HarmonicProblem(Problem):
         conditions: Conditions | None = None,
         starts: Starts | None = None,
         objective: Objective | None = None,
-        **given: Any,
+        **inputs: Any,
     ) -> HarmonicProblem:
-        """Return the problem of a scene with arguments of `tpd.optimise`; None stands for the default
-        everywhere.
+        """Return the problem of a scene from the arguments of `tpd.optimise`. None stands for the default.
 
         Raises:
-            ValueError: bad input.
+            ValueError: an input is out of range, or does not fit the excitation.
             RuntimeError: JAX is in 32-bit mode.
         """
         checks.instance("scene", scene, Scene)
@@ -138,25 +141,26 @@ class HarmonicProblem(Problem):
         checks.optional("starts", starts, Starts)
         if not isinstance(scene.motion, Harmonic):
             raise ValueError(
-                "the motion of `scene` must be a harmonic: give pulses and records by "
+                "the motion of `scene` must be a harmonic: pass pulses and records as "
                 "`conditions=tpd.Conditions.records(...)`"
             )
-        found = complete(scene, _USUAL, given | {"space": space})
-        searched: DesignSpace = found["space"]
+        checked = complete(scene, _USUAL, inputs | {"space": space})
+        searched: DesignSpace = checked["space"]
         conditions = Conditions.around(scene) if conditions is None else conditions
         check_moves(scene, conditions)
         check_scatter(scene, {name for name, v in conditions.factors.items() if np.ptp(v) > 0.0}, searched)
-        # Housner's restitution is least with the heaviest bob.
+        # Housner's coefficient of restitution is smallest for the heaviest bob, so check that end of the
+        # space.
         heaviest = under_all(as_arrays(scene.parameters()), searched.ends[1:], conditions)
-        # Where impacts lose much, the bias of smoothed ones comes near the tolerance of the ends.
+        # If impacts lose much energy, the error of smoothed impacts approaches the tolerance of the search.
         smooth = bool(np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH))
-        model = _model_of(found["method"].model, smooth)
+        model = _model_of(checked["method"].model, smooth)
         model.check(heaviest)
         starts = Starts.any() if starts is None else starts
         if starts.kind is StartKind.sampled:
             raise ValueError(
-                "`starts` of a design must be Starts.any() or Starts.rest(), but is a sampled set: its runs "
-                "begin where `ensemble` says"
+                "`starts` of a design must be Starts.any() or Starts.rest(), but is a sampled set: "
+                "`ensemble` defines the initial states of the runs"
             )
         return HarmonicProblem(
             scene=scene,
@@ -164,7 +168,7 @@ class HarmonicProblem(Problem):
             starts=starts,
             objective=SteadyTilt() if objective is None else check_objective(objective),
             model=model,
-            **found | {"ensemble": found["ensemble"].seeded(found["seed"])},
+            **checked | {"ensemble": checked["ensemble"].seeded(checked["seed"])},
         )
 
     @property
@@ -179,7 +183,7 @@ class HarmonicProblem(Problem):
 
     @property
     def inputs(self) -> dict[str, Any]:
-        """See `Problem.inputs`: the model follows from the method."""
+        """Inputs as in `Problem.inputs`, without the model, which follows from the method."""
         return {name: x for name, x in super().inputs.items() if name != "model"}
 
     @property
@@ -187,42 +191,43 @@ class HarmonicProblem(Problem):
         """See `Problem.job`."""
         job = super().job
         if self.objective != SteadyTilt():
-            raise ValueError("a job file cannot state an objective, which exists only in Python")
+            raise ValueError("a job file cannot describe an objective, which exists only in Python")
         conditions = Conditions.around(self.scene) if job.conditions is None else job.conditions
+        # The tables were recovered from phrases: check that they give the same conditions.
         rows = conditions.factor_rows(), self.conditions.factor_rows()
         if job.scene != self.scene or not np.array_equal(*rows):
             raise ValueError(
-                "a job file cannot say the conditions of this design: it has bands, amplitudes and scatter, "
-                f"and these are {', '.join(self.conditions.description) or 'of Python'}"
+                "a job file cannot describe the conditions of this problem. It allows bands, amplitudes and "
+                f"scatter, but the conditions are {', '.join(self.conditions.description) or 'of Python'}"
             )
         return job
 
     @property
     def tables(self) -> dict[str, dict[str, Any]]:
-        """See `Problem.tables`; those of the conditions are from their factors and the phrases that describe
-        them."""
-        asked = super().tables | {
+        """Tables as in `Problem.tables`. The conditions are recovered from their factors and from the phrases
+        that describe them."""
+        tables = super().tables | {
             "motion": vars(self.scene.motion),
             "requirements": vars(self.requirements),
             # Runs without a seed of their own use the seed of the search.
             "ensemble": vars(self.ensemble) | ({"seed": None} if self.ensemble.seed == self.seed else {}),
             "starts": {"kind": "rest" if self.rest_counts else "any"},
         }
-        found, phrases = self.conditions, " * ".join(self.conditions.description)
-        if np.array_equal(found.factor_rows(), Conditions.around(self.scene).factor_rows()):
-            return asked
-        if len(found) == 1 and not found.factors:
-            return asked | {"conditions": {"exactly": True}}
+        conditions, phrases = self.conditions, " * ".join(self.conditions.description)
+        if np.array_equal(conditions.factor_rows(), Conditions.around(self.scene).factor_rows()):
+            return tables
+        if len(conditions) == 1 and not conditions.factors:
+            return tables | {"conditions": {"exactly": True}}
         table: dict[str, Any] = {}
-        if said := re.search(r"(\d+) frequencies from (\S+) to (\S+) Hz", phrases):
-            table |= {"band": [float(said[2]), float(said[3])], "frequencies": int(said[1])}
-        if said := re.search(r"amplitudes ([^a-z]+) times", phrases):
-            table["amplitudes"] = [float(x) for x in said[1].split(",")]
+        if match := re.search(r"(\d+) frequencies from (\S+) to (\S+) Hz", phrases):
+            table |= {"band": [float(match[2]), float(match[3])], "frequencies": int(match[1])}
+        if match := re.search(r"amplitudes ([^a-z]+) times", phrases):
+            table["amplitudes"] = [float(x) for x in match[1].split(",")]
         scatter = {}
-        if said := re.search(r"(\d+) samples of", phrases):
-            table["samples"] = int(said[1])
+        if match := re.search(r"(\d+) samples of", phrases):
+            table["samples"] = int(match[1])
             scatter = {name: 0.01 * float(x) for name, x in re.findall(r"(\w+) within (\d+)%", phrases)}
-        return asked | {"conditions": table, "scatter": scatter}
+        return tables | {"conditions": table, "scatter": scatter}
 
     @property
     def allowed(self) -> float:
@@ -234,20 +239,21 @@ class HarmonicProblem(Problem):
         """Symmetric orbits of designs under all conditions."""
         common = as_arrays(self.scene.parameters()), self.conditions, self.space, self.risk, self.limits
         orbits = Orbits(*common, self.geometry, self.rest_counts, self.objective)
-        # Limits that compare with the block without a pendulum know its tilts.
+        # Limits that compare with the block without a pendulum need its tilts.
         return orbits.compared_without_pendulum()
 
     @property
     def _none(self) -> np.ndarray:
-        """A bob without mass, which the block does not feel."""
+        """Design with a bob without mass, which does not act on the block."""
         p = self.orbits.p
         return np.array([0.0, float(p.lam), float(p.zeta)])
 
     def lifts(self, pendulum: Pendulum) -> tuple[float, float]:
         """See `Problem.lifts`."""
-        both = self.scene.parameters(pendulum), self.scene.parameters()
-        with_it, without = (float(p.f / (1.0 - uplift(p).margin)) for p in both)
-        return with_it, without
+        cases = self.scene.parameters(pendulum), self.scene.parameters()
+        # The margin is 1 - f/f_uplift, which gives the acceleration that lifts the block.
+        with_pendulum, without_pendulum = (float(p.f / (1.0 - uplift(p).margin)) for p in cases)
+        return with_pendulum, without_pendulum
 
     @property
     def at_rest(self) -> AtRest:
@@ -256,59 +262,64 @@ class HarmonicProblem(Problem):
         return AtRest.of(q.nu, q.k, q.f, self.scene.block.base_friction)
 
     def candidates(self, progress: Progress) -> tuple[np.ndarray, Search]:
-        """See `Problem.candidates`: ends of the descents that the exact solution confirms, designs on their
+        """See `Problem.candidates`. The candidates are the confirmed ends of the descents, designs on their
         paths, and designs spread over the space."""
         few = replace(self, conditions=self.conditions.subset(_SEARCHED, self.seed)).orbits
         if isinstance(self.model, Smoothed):
             prepare_step(few, self.model)
-        # Trial runs need the compiled engine; it loads while the descents run.
+        # Trial runs need the compiled kernels: load them in a thread while the descents run.
         aside(load_compiled)
-        found = search(few, replace(self.method, model=self.model), self.seed, progress)
+        result = search(few, replace(self.method, model=self.model), self.seed, progress)
         if len(few.conditions) < len(self.conditions):
             part = f" under {len(few.conditions)} of the {len(self.conditions)} conditions"
-            found = replace(found, description=found.description + part)
+            result = replace(result, description=result.description + part)
         rng = np.random.default_rng([self.seed, 9])
         drawn = self.space.unscaled(latin_hypercube(rng, _DRAWN, len(self.space.names)))
         sizes = self.fixed_sizes(drawn)
-        # Designs that exceed a limit without any run come last: some remain, to show what the limit costs.
+        # Designs that exceed a limit even at rest come last. Some of them remain, because they show the
+        # effect of the limit.
         over = np.max([np.zeros(len(drawn)), *sizes.values()], axis=0) > 1.0
         spread = drawn[np.argsort(over, kind="stable")[:_SPREAD]]
-        return np.concatenate([found.confirmed, found.passed[:_PATHS], spread]), found
+        return np.concatenate([result.confirmed, result.passed[:_PATHS], spread]), result
 
     def fixed_sizes(self, designs: np.ndarray) -> dict[str, np.ndarray]:
         """See `Problem.fixed_sizes`."""
         out, e = super().fixed_sizes(designs), self.orbits.evaluate(designs)
         for limit in self.limits:
             for size in limit.sizes(e, self.orbits.geometry):
-                # Without a motion that attracts there is none to limit: the runs show what happens.
+                # Without an attracting orbit there is no settled motion to limit: the trial runs show what
+                # happens.
                 value = np.where(e.attracts | (not limit.of_motion), size.value, 0.0).max(axis=1)
                 value = np.nan_to_num(value, nan=np.inf, posinf=np.inf)
-                known = out.get(size.name)
-                out[size.name] = value if known is None else np.maximum(known, value)
+                at_rest = out.get(size.name)
+                out[size.name] = value if at_rest is None else np.maximum(at_rest, value)
         return out
 
     def value_of(self, runs: Runs) -> float:
-        """See `Problem.value_of`: the mean, which the benefit compares; the risk measure is for the
-        descents."""
-        known = runs.severity[~runs.is_unanswered]
-        return float(known.mean()) if len(known) else np.nan
+        """Return the mean severity, which is what the benefit compares. Only the descents use the risk
+        measure."""
+        severity = runs.severity[~runs.is_unanswered]
+        return float(severity.mean()) if len(severity) else np.nan
 
     def trial_runs(self, design: np.ndarray | None, seed: int) -> Runs:
         """See `Problem.trial_runs`."""
+        # The reference without a pendulum is computed once, so that it may have more runs.
         size = min(TRIAL_RUNS, self.ensemble.size) * (_WITHOUT if design is None else 1)
-        # If there are more conditions than runs, every trial has others.
+        # If there are more conditions than runs, every trial uses other conditions.
         order = np.random.default_rng([seed, 13]).permutation(len(self.conditions))
         some = Conditions({name: x[order] for name, x in self.conditions.factors.items()})
-        with_it = None if design is None else self.pendulum(design)
-        return outcomes(self.scene, with_it, ensemble=self._short(size, seed), conditions=some)
+        pendulum = None if design is None else self.pendulum(design)
+        return outcomes(self.scene, pendulum, ensemble=self._short(size, seed), conditions=some)
 
     def _short(self, size: int, seed: int) -> Ensemble:
-        """Few runs of few periods, for comparisons by the linear equations."""
+        """Return an ensemble of few runs over few periods, for comparisons by the linear equations."""
         periods = min(TRIAL_PERIODS, self.ensemble.periods)
         return replace(self.ensemble, size=size, periods=periods, seed=seed)
 
     def runs_alone(self, seed: int, progress: Any = None) -> Runs:
         """See `Problem.runs_alone`."""
+        # One half of the validation runs decides and the other half is reported, so each call simulates one
+        # half.
         half = replace(self.ensemble, size=max(1, self.ensemble.size // 2), seed=seed)
         how: dict[str, Any] = {"equations": Terms.nonlinear.value, "rtol": _RTOL, "progress": progress}
         return outcomes(self.scene, ensemble=half, conditions=self.conditions, **how)
@@ -323,10 +334,10 @@ class HarmonicProblem(Problem):
         else:
             runs = replace(self.ensemble, size=max(1, self.ensemble.size // 2), seed=seed)
         if scene is not None:
-            # A restitution that is changed does not scatter as well.
+            # If the scene has another restitution, the restitution must not vary in addition.
             runs = replace(runs, restitution=0.0)
         conditions = self.conditions if more is None else self.conditions * more
-        found = paired_runs(
+        pairs = paired_runs(
             self.scene if scene is None else scene,
             self.pendulum(design),
             ensemble=runs,
@@ -335,20 +346,23 @@ class HarmonicProblem(Problem):
             rtol=_RTOL,
             progress=partial(progress, "paired runs"),
         )
-        return replace(found, worse=self.requirements.worse)
+        return replace(pairs, worse=self.requirements.worse)
 
     def exact(self, design: np.ndarray | None) -> ExactMotions:
-        """Return the exact motions of a design, or without a pendulum, under all conditions."""
+        """Return the exact motions of a design under all conditions; None for the design means no
+        pendulum."""
         orbits = self.orbits
         row = self._none if design is None else design
         e = orbits.evaluate(row[None])
         q = under_all(orbits.p, row[None], self.conditions)
         settled = follow(Terms.linear, row_of(q), HarmonicForcing())
+        # Runs from rest by the exact solution, for comparison with the orbits in closed form.
         outcome, lift = code_of(settled.status), uplift(q)
         sizes = {x: np.asarray(getattr(settled, x)) for x in ("amplitude", "swing", "peak", "peak_swing")}
-        # The run ends when the block rests, and the bob may still swing: its settled swing has a closed form.
+        # A run ends when the block comes to rest, but the bob may still swing. Its settled swing has a closed
+        # form.
         sizes["swing"] = np.where(outcome == code_of(Status.rest), lift.swing, sizes["swing"])
-        # A run comes near an orbit, which is known to round-off.
+        # A run only approaches an orbit, but the orbit itself is known to rounding: use its values.
         amplitude = e.tilt[0] * np.asarray(q.nu)
         is_orbit = (np.abs(sizes["amplitude"] - amplitude) <= _SAME * amplitude) & (amplitude > 0.0)
         for name, exact in (("amplitude", amplitude), ("swing", e.swing[0])):
@@ -364,7 +378,7 @@ class HarmonicProblem(Problem):
         )
 
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
-        """See `Problem.strongest_motions`: trains of sines that begin at rest."""
+        """See `Problem.strongest_motions`. The motions are trains of sines that start from rest."""
         motion, c = self.scene.motion, self.conditions
         pulses = [
             Pulse.sine_train(
@@ -374,20 +388,21 @@ class HarmonicProblem(Problem):
             )
             for a, w in zip(c.column("amplitude"), c.column("frequency"), strict=True)
         ]
-        # Rod and damper are loaded most near the pendulum's own frequency, not by the strongest excitation.
+        # Rod and damper are loaded most near the natural frequency of the pendulum, and not by the strongest
+        # excitation.
         swing = self.orbits.evaluate(design[None]).swing[0]
         order = np.argsort(-np.nan_to_num(swing, posinf=-1.0, nan=-1.0), kind="stable")
         return [pulses[i] for i in order[:MOST_MOTIONS]]
 
 
 def _model_of(model: Any, smooth: bool) -> Any:
-    """Model of a descent; raise `ValueError` unless its symmetric orbits are known."""
+    """Return the model of a descent; raise `ValueError` if its symmetric orbits cannot be computed."""
     named = {"smoothed": SMOOTHED, "piecewise": Piecewise(), None: SMOOTHED if smooth else Piecewise()}
     if model is None or isinstance(model, str):
         return named[model]
     if isinstance(model, Piecewise) or (isinstance(model, Smoothed) and model.terms is Terms.linear):
         return model
     raise ValueError(
-        "`model` must be Smoothed() with linear terms, or Piecewise(), whose symmetric orbits are known, but "
-        f"is {checks.shown(model)}"
+        "`model` must be Smoothed() with linear terms, or Piecewise(), because only their symmetric orbits "
+        f"can be followed, but is {checks.shown(model)}"
     )

@@ -1,4 +1,4 @@
-"""The job file: the arguments of `tpd.optimise` as tables of TOML, read and written."""
+"""Job file: the arguments of `tpd.optimise` as tables in TOML, to be read and written."""
 
 from __future__ import annotations
 
@@ -59,47 +59,60 @@ from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, Pulse, event
 from tpd.scene.scene import Block, Harmonic, Scene
 
 _FEW = 9
-"""Most records that a message names."""
+"""Largest number of records that a message lists."""
 _MOST_CONDITIONS = 100_000
-"""Beyond it the arrays of a search do not fit into the memory of a usual computer."""
+"""Largest number of conditions. With more, the arrays of a search do not fit in the memory of a usual
+computer."""
 
 
 @contextmanager
 def naming(table: str, **keys: str) -> Iterator[None]:
-    """Name the table in messages about its values; `keys` are names of a dataclass that the table has under
-    another name."""
+    """Add the name of a table to the messages about its values.
+
+    `keys` maps names in a dataclass to the keys of the table, if they differ.
+    """
     try:
         yield
     except ValueError as error:
         if str(error).startswith("["):
-            # Another table was read in between, which the message names.
+            # The message already contains the name of another table, which was read in between.
             raise
-        said = re.sub(r"`(\w+)`", lambda found: f"`{keys.get(found[1], found[1])}`", str(error))
-        raise ValueError(f"[{table}] {said}") from None
+        message = re.sub(r"`(\w+)`", lambda match: f"`{keys.get(match[1], match[1])}`", str(error))
+        raise ValueError(f"[{table}] {message}") from None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Job(ABC):
-    """Arguments of `tpd.optimise` by the tables of a job file. Each kind of motion has a class of its own.
-    Records are read when they are first asked for."""
+    """Arguments of `tpd.optimise` from the tables of a job file. Each kind of motion has a subclass.
+
+    Records are read on first use. The field `full` contains all keys of all tables with their values.
+
+    Example:
+        >>> import tempfile, pathlib, tpd
+        >>> path = pathlib.Path(tempfile.mkdtemp()) / "job.toml"
+        >>> _ = path.write_text("limits = {stroke = 0.4, clearance = false}")
+        >>> job = tpd.Job.read(path)
+        >>> job.kind, [limit.name for limit in job.limits]
+        ('harmonic', ['stroke', 'worsening', 'reserve'])
+    """
 
     full: Tables
-    """All keys of all tables; None for what is left out and has no default."""
+    """All keys of all tables; None for a key that is left out and has no default."""
     compiled: ClassVar[tuple[str, ...]]
-    """Modules with the compiled code that the motions need."""
+    """Modules with the compiled code that the motions use."""
     search: ClassVar[type[Descent | GroundSearch]]
     """Class of the settings of the search."""
     only: ClassVar[str]
-    """Argument of `tpd.optimise` that jobs of the other kinds do not have."""
-    beside: ClassVar[tuple[str, ...]] = ()
-    """Keys of [motion] that must be given beside a block of one's own."""
+    """Argument of `tpd.optimise` that other kinds of jobs do not have."""
+    required_keys: ClassVar[tuple[str, ...]] = ()
+    """Keys of [motion] that are required together with a user's own block."""
 
     @staticmethod
     def read(path: str | Path) -> Job:
-        """Job of a file in TOML.
+        """Read a job from a file in TOML.
 
         Raises:
-            ValueError: a file that cannot be read, or a job that is not allowed.
+            ValueError: the file cannot be read, or the job is not allowed.
         """
         return job_of(read(path_of(path)))
 
@@ -110,37 +123,40 @@ class Job(ABC):
 
     @property
     def seed(self) -> int:
-        """Seed of the search."""
+        """Seed of all random choices."""
         return self.full["search"]["seed"]
 
     @cached_property
     def block(self) -> Block:
-        """The block; the paper's has the losses and the cavity that it has in Python."""
-        given = {name: x for name, x in self.full["block"].items() if x is not None}
-        if all(given[x] == getattr(PAPER.block, x) for x in SHAPE):
-            given = vars(PAPER.block) | given
+        """Block of the job. The block of the paper also has the losses and the cavity that it has in
+        Python."""
+        values = {name: x for name, x in self.full["block"].items() if x is not None}
+        # The default block is that of the paper. A user's own block has the defaults of `Block`.
+        if all(values[x] == getattr(PAPER.block, x) for x in SHAPE):
+            values = vars(PAPER.block) | values
         with naming("block"):
-            return Block(**given)
+            return Block(**values)
 
     def under(self, motion: Harmonic | GroundMotion) -> Scene:
-        """The block on its site under another motion."""
+        """Return the block at its site under another motion."""
         block = self.block
         with naming("site"):
             return Scene(block, motion, self.full["site"]["gravity"])
 
     @cached_property
     def scene(self) -> Scene:
-        """Block, motion and gravity; the motion is the first of the records."""
+        """Block, motion and gravity. With several records the motion is the first of them."""
         return self.under(self.motions[0])
 
     @abstractmethod
     def check_motion(self) -> None:
-        """Raise `ValueError` for a motion that is not allowed, as far as that is known without its files."""
+        """Raise `ValueError` if the motion is not allowed, as far as this can be checked without reading its
+        files."""
 
     @cached_property
     @abstractmethod
     def _read(self) -> tuple[Sequence[Any], Sequence[str]]:
-        """The motions, and notes on them."""
+        """Motions, and notes on them."""
 
     @property
     def motions(self) -> tuple[Any, ...]:
@@ -149,12 +165,12 @@ class Job(ABC):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on what was left out of the records, or assumed of them."""
+        """Sentences on what was left out of the records, or assumed about them."""
         return tuple(self._read[1])
 
     @property
-    def told(self) -> tuple[str, ...]:
-        """Lines for a terminal on the records that were read, and the notes."""
+    def messages(self) -> tuple[str, ...]:
+        """Lines for a terminal: the records that were read, and the notes on them."""
         return (*described(self.motions), *self.notes)
 
     @property
@@ -162,72 +178,78 @@ class Job(ABC):
         """The pulse or the records.
 
         Raises:
-            ValueError: a harmonic.
+            ValueError: the motion is a harmonic.
         """
         return self.motions
 
     @abstractmethod
     def settled_scene(self, asker: str, again: str) -> Scene:
-        """Return the scene, for answers about motions that settle.
+        """Return the scene for results about motions that settle.
 
         Args:
-            asker: what needs such a motion.
-            again: option of the command line that gives block and pendulum without their motion.
+            asker: name of the command or option that requires a motion that settles.
+            again: option of the command line that passes block and pendulum without their motion.
 
         Raises:
-            ValueError: a pulse or records.
+            ValueError: the motion is a pulse or a record.
         """
 
     @property
     def intensity(self) -> str:
-        """Name in `tpd.records.intensity` of what the scales count."""
-        asked: str = self.full["motion"]["intensity"]
-        return OF_JOBS.get(asked, asked)
+        """Name in `tpd.records.intensity` of the measure that the scales refer to."""
+        name: str = self.full["motion"]["intensity"]
+        return OF_JOBS.get(name, name)
 
     @property
     def shaking(self) -> GroundMotion:
-        """The only pulse or record, at its only size.
+        """The only pulse or record, at its only scale.
 
         Raises:
-            ValueError: a harmonic, several records, or several sizes.
+            ValueError: the motion is a harmonic, or there are several records or several scales.
         """
-        asked = self.full["motion"]
-        motions, scales = self.ground_motions, asked["scales"] or (1.0,)
+        keys = self.full["motion"]
+        motions, scales = self.ground_motions, keys["scales"] or (1.0,)
         if len(motions) > 1:
-            named = "; ".join(getattr(m, "source", "") or getattr(m, "name", "") for m in motions[:_FEW])
+            names = "; ".join(getattr(m, "source", "") or getattr(m, "name", "") for m in motions[:_FEW])
             more = "; and more" if len(motions) > _FEW else ""
             raise ValueError(
-                f"the job has {len(motions)} records ({named}{more}), but one is needed: --record FILE, "
-                "--channel N"
+                f"the job has {len(motions)} records ({names}{more}), but exactly one is needed: choose it "
+                "with --record FILE and --channel N"
             )
         if len(scales) > 1:
-            raise ValueError(f"the job has {len(scales)} sizes of its motion: give one by --scale X")
+            raise ValueError(
+                f"the job has {len(scales)} scales, but exactly one is needed: choose it with --scale X"
+            )
         motion = next(iter(motions))
         if motion.pga == 0.0 or scales[0] == 0.0:
-            raise ValueError("the motion must have an acceleration, but is zero at all times")
+            raise ValueError("the acceleration of the motion must not be zero at all times")
+        # A scale is a value of the intensity, so divide by the intensity of the motion as it is.
         size = 1.0
-        if asked["scales"] is not None and asked["intensity"] != "scale":
+        if keys["scales"] is not None and keys["intensity"] != "scale":
             size = intensity_of(self.intensity, self.block, self.full["site"]["gravity"], None).value(motion)
         return motion.scaled(scales[0] / size)
 
     @property
     def single(self) -> Scene:
-        """The scene under its only motion, at its only size.
+        """Scene under its only motion, at its only scale.
 
         Raises:
-            ValueError: several records, or several sizes.
+            ValueError: there are several records or several scales.
         """
         return self.under(self.shaking)
 
     @cached_property
     @abstractmethod
     def conditions(self) -> Conditions | None:
-        """Each frequency with each amplitude and each sample, or each motion at each size; None for the
-        neighbourhood of a harmonic."""
+        """Each frequency with each amplitude and each sample, or each motion at each scale.
+
+        None stands for the neighbourhood of a harmonic, which is the default.
+        """
 
     @property
     def in_words(self) -> str:
-        """Words for the ground motions with their sizes; empty for a harmonic, which its scene describes."""
+        """Description of the ground motions with their scales; empty for a harmonic, which its scene
+        describes."""
         return ""
 
     @cached_property
@@ -239,111 +261,117 @@ class Job(ABC):
     @cached_property
     def risk(self) -> Risk:
         """Risk measure."""
-        asked = self.full["risk"]
+        keys = self.full["risk"]
         with naming("risk"):
-            return (
-                Risk.cvar(asked["share"]) if asked["measure"] == "cvar" else getattr(Risk, asked["measure"])()
-            )
+            name = keys["measure"]
+            return Risk.cvar(keys["share"]) if name == "cvar" else getattr(Risk, name)()
 
     @cached_property
     def bob(self) -> Bob:
-        """The bob as a body."""
+        """Bob as a body."""
         with naming("bob"):
             return Bob(**self.full["bob"])
 
     @cached_property
     def limits(self) -> tuple[Limit, ...]:
         """Limits, in the order of a report."""
-        # The paper's setting, a single motion, has a bob without size and no other condition to compare with.
-        left_out = (Clearance, Worsening) if self.full["conditions"]["exactly"] else ()
-        found: list[Limit] = []
+        # The setting of the paper is a single motion and a bob without size: clearance and comparison with
+        # other conditions do not apply.
+        skipped = (Clearance, Worsening) if self.full["conditions"]["exactly"] else ()
+        limits: list[Limit] = []
         bob = self.bob
         with naming("limits"):
             for kind in KINDS:
-                value, needed = self.full["limits"][kind.name], lacks(self.full, "limits", kind.name)
-                if value is None or value is False or kind in left_out or needed:
+                value, missing = self.full["limits"][kind.name], lacks(self.full, "limits", kind.name)
+                # Skip limits that are switched off, and those that have no effect with this motion.
+                if value is None or value is False or kind in skipped or missing:
                     continue
-                given: list[Any] = [bob] if kind is Clearance else [] if value is True else [value]
+                # A value of true stands for the default number of the limit.
+                arguments: list[Any] = [bob] if kind is Clearance else [] if value is True else [value]
                 try:
-                    found.append(kind(*given))
+                    limits.append(kind(*arguments))
                 except TypeError:
+                    # This limit has no default number.
                     raise ValueError(f"`{kind.name}` must be a number or false, but is true") from None
-        return tuple(found)
+        return tuple(limits)
 
     @cached_property
     def requirements(self) -> Requirements:
-        """Requirements on the benefit."""
+        """Requirements on benefit and harm."""
         with naming("requirements"):
             return Requirements(**self.full["requirements"])
 
     @cached_property
     def method(self) -> Descent | GroundSearch:
         """Settings of the search."""
-        asked = self.full["search"]
+        keys = self.full["search"]
         with naming("search"):
-            return self.search(**{x: asked[x] for x in keys_of(self.search) if asked[x] is not None})
+            return self.search(**{x: keys[x] for x in keys_of(self.search) if keys[x] is not None})
 
     @cached_property
     @abstractmethod
     def ensemble(self) -> Ensemble:
-        """Runs of the verification."""
+        """Runs of the validation."""
 
     @cached_property
-    def _held(self) -> tuple[float | dict[str, list[GroundMotion]], list[str]]:
-        asked, found, said = (
-            self.full["motion"]["validation_share"],
-            dict[str, list[GroundMotion]](),
-            list[str](),
-        )
-        if not isinstance(asked, tuple):
-            return asked or 0.0, said
-        names = [Path(word).name or word for word in asked]
-        for word, name in zip(asked, names, strict=True):
-            # Two folders of one name have their whole paths.
+    def _validation(self) -> tuple[float | dict[str, list[GroundMotion]], list[str]]:
+        """Validation share or validation groups, and notes on the records of the groups."""
+        share = self.full["motion"]["validation_share"]
+        groups, messages = dict[str, list[GroundMotion]](), list[str]()
+        if not isinstance(share, tuple):
+            return share or 0.0, messages
+        # The names of the groups in the report are the last parts of the paths.
+        names = [Path(word).name or word for word in share]
+        for word, name in zip(share, names, strict=True):
+            # If two folders have the same name, their whole paths are the names of the groups.
             group = word if names.count(name) > 1 else name
-            found[group], notes = self._records([word], None)
-            # Over both sides together: the comparison of the groups leaves these records out without a word.
-            events = events_of([*self.motions, *found[group]])
+            groups[group], notes = self._records([word], None)
+            # The problem leaves out records of earthquakes that the search uses, without a message. Number
+            # the earthquakes of both sides together to report these records here.
+            events = events_of([*self.motions, *groups[group]])
             used, own = events[: len(self.motions)], events[len(self.motions) :]
-            if tuned := [m for m, event in zip(found[group], own, strict=True) if event in used]:
-                listed = ", ".join(getattr(m, "source", "") or getattr(m, "name", "") for m in tuned)
-                notes = [*notes, f"left out, since the design is tuned to their earthquakes: {listed}"]
-            said += [f"validation, {group}: {line}" for line in notes]
-        return found, said
+            if tuned := [m for m, event in zip(groups[group], own, strict=True) if event in used]:
+                records = ", ".join(getattr(m, "source", "") or getattr(m, "name", "") for m in tuned)
+                notes = [*notes, f"left out, because the search uses the same earthquakes: {records}"]
+            messages += [f"validation, {group}: {line}" for line in notes]
+        return groups, messages
 
     def _records(self, names: Sequence[str], events: Sequence[str] | None) -> Any:
+        """Read records with the reading options of the job; messages use the keys of the job file."""
         how = {name: x for name in READING if (x := self.full["motion"][name]) is not None}
+        # Columns are texts NAME=NUMBER in a job file, and a mapping in Python.
         if "columns" in how:
             how["columns"] = _columns_of(how["columns"])
         try:
             return read_motions(names, events=events, **how)
         except UnreadableRecord as error:
             flags = (f"--{name} {_words(value)}" for name, value in error.options.items())
-            more = "; options that read the file: " + " ".join(flags) if error.options else ""
+            more = "; try these options: " + " ".join(flags) if error.options else ""
             raise ValueError(_in_words_of_jobs(error.args[0]) + more) from None
         except ValueError as error:
             raise ValueError(_in_words_of_jobs(str(error))) from None
 
     @property
     def validation_share(self) -> float | dict[str, list[GroundMotion]]:
-        """Share of the records, or groups of others by name; 0 for none."""
-        return self._held[0]
+        """Share of the records that is kept for the validation, or groups of other records by name; 0 for
+        none."""
+        return self._validation[0]
 
     @property
     def validation_notes(self) -> tuple[str, ...]:
-        """Sentences on what was left out of the records that are held out, or assumed of them."""
-        return tuple(self._held[1])
+        """Sentences on what was left out of the validation records, or assumed about them."""
+        return tuple(self._validation[1])
 
     @property
     def all_messages(self) -> tuple[str, ...]:
-        """As `told`, with the records that are held out."""
+        """Messages as in `messages`, followed by those on the validation records."""
         groups = self.validation_share if isinstance(self.validation_share, dict) else {}
-        held = [f"validation, {name}: {line}" for name, group in groups.items() for line in described(group)]
-        return (*self.told, *held, *self.validation_notes)
+        lines = [f"validation, {name}: {line}" for name, group in groups.items() for line in described(group)]
+        return (*self.messages, *lines, *self.validation_notes)
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Arguments of `tpd.optimise` beside the scene."""
+        """Arguments of `tpd.optimise` except the scene."""
         names = (
             "space",
             "conditions",
@@ -362,7 +390,7 @@ class Job(ABC):
         """All tables as plain values, without the keys that have no effect."""
         out: Tables = {}
         for table, values in self.full.items():
-            # TOML has no null: what is not set is left out.
+            # TOML has no null, so a key without a value is left out.
             effective = {
                 key: list(value) if isinstance(value, tuple) else value
                 for key, value in values.items()
@@ -374,18 +402,18 @@ class Job(ABC):
 
     @property
     def toml(self) -> str:
-        """The job as a file that is read back as the same job."""
+        """Text of a job file that is read back as the same job."""
         lines = ["# Repeat this run: tpd optimise --scene <this file> --out <new directory>"]
         for table, values in self.tables.items():
-            # Lists, texts and numbers of TOML are written as those of JSON are.
+            # TOML writes lists, strings and numbers like JSON.
             lines += ["", f"[{table}]", *(f"{key} = {json.dumps(value)}" for key, value in values.items())]
         return "\n".join(lines) + "\n"
 
 
 class HarmonicJob(Job):
-    """A job of harmonic motion."""
+    """Job with a harmonic motion."""
 
-    compiled, search, only, beside = compiling.HARMONIC, Descent, "starts", tuple(keys_of(Harmonic))
+    compiled, search, only, required_keys = compiling.HARMONIC, Descent, "starts", tuple(keys_of(Harmonic))
 
     def check_motion(self) -> None:
         """See `Job.check_motion`."""
@@ -396,12 +424,12 @@ class HarmonicJob(Job):
     @cached_property
     def _read(self) -> tuple[Sequence[Harmonic], Sequence[str]]:
         with naming("motion"):
-            return (Harmonic(**{name: self.full["motion"][name] for name in self.beside}),), ()
+            return (Harmonic(**{name: self.full["motion"][name] for name in self.required_keys}),), ()
 
     @property
     def ground_motions(self) -> tuple[GroundMotion, ...]:
         """See `Job.ground_motions`."""
-        raise ValueError("a harmonic has no end: give --record FILE or --pulse KIND, or a job of these")
+        raise ValueError("the motion must be a pulse or a record: give --record FILE or --pulse KIND")
 
     @property
     def single(self) -> Scene:
@@ -415,7 +443,7 @@ class HarmonicJob(Job):
     @cached_property
     def conditions(self) -> Conditions | None:
         """See `Job.conditions`."""
-        asked, out = self.full["conditions"], Conditions()
+        keys, out = self.full["conditions"], Conditions()
         if is_around(self.full):
             return None
         if size_of(self.full) > _MOST_CONDITIONS:
@@ -423,20 +451,20 @@ class HarmonicJob(Job):
                 f"a job must have at most {_MOST_CONDITIONS} conditions, but has {size_of(self.full)}"
             )
         with naming("conditions", factors="amplitudes", count="frequencies"):
-            if asked["band"] is not None:
-                low, high = asked["band"]
-                out = out * Conditions.band(self.scene, low, high, asked["frequencies"])
-            # A factor of one is the scene itself: multiplying by it would only lengthen the description.
-            if asked["amplitudes"] != (1.0,):
-                out = out * Conditions.amplitudes(*asked["amplitudes"])
+            if keys["band"] is not None:
+                low, high = keys["band"]
+                out = out * Conditions.band(self.scene, low, high, keys["frequencies"])
+            # A single factor of one is the scene itself, and would only lengthen the description.
+            if keys["amplitudes"] != (1.0,):
+                out = out * Conditions.amplitudes(*keys["amplitudes"])
         with naming("scatter", size="samples"):
             if widths := widths_of(self.full):
-                out = out * Conditions.scatter(asked["samples"], self.seed, **widths)
+                out = out * Conditions.scatter(keys["samples"], self.seed, **widths)
         return out
 
     @cached_property
     def starts(self) -> Starts:
-        """Initial states."""
+        """Initial states of the search."""
         return Starts.rest() if self.full["starts"]["kind"] == "rest" else Starts.any()
 
     @cached_property
@@ -447,44 +475,44 @@ class HarmonicJob(Job):
 
 
 class RecordsJob(Job):
-    """A job of records."""
+    """Job with records."""
 
     compiled, search, only = compiling.GROUND, GroundSearch, "validation_share"
 
     def check_motion(self) -> None:
         """See `Job.check_motion`."""
         if not self.full["motion"]["records"]:
-            raise ValueError("records need `motion.records` (--records FILE), which this job does not have")
+            raise ValueError("a job with records needs `motion.records` (--records FILE), but it is missing")
 
     def settled_scene(self, asker: str, again: str) -> Scene:
         """See `Job.settled_scene`."""
         raise ValueError(
-            f"{asker} is about harmonic motion, and the job has {MOTIONS[self.kind]}: give {again} with "
+            f"{asker} needs a harmonic motion, but the job has {MOTIONS[self.kind]}: give {again} with "
             "--amplitude and --frequency"
         )
 
     @cached_property
     def _read(self) -> tuple[Sequence[GroundMotion], Sequence[str]]:
-        asked = self.full["motion"]
-        found, notes = self._records(asked["records"], asked["event"])
-        if asked["pga"] is not None:
+        keys = self.full["motion"]
+        records, notes = self._records(keys["records"], keys["event"])
+        if keys["pga"] is not None:
             with naming("motion", pga_g="pga"):
-                found = [motion.scaled_to(pga_g=asked["pga"]) for motion in found]
-        return found, notes
+                records = [motion.scaled_to(pga_g=keys["pga"]) for motion in records]
+        return records, notes
 
     @cached_property
     def conditions(self) -> Conditions:
         """See `Job.conditions`."""
-        motion = self.full["motion"]
-        scales, intensity = motion["scales"], self.intensity
-        if scales is None and motion["pga"] is not None:
+        keys = self.full["motion"]
+        scales, intensity = keys["scales"], self.intensity
+        if scales is None and keys["pga"] is not None:
             # All records have this size already.
             scales, intensity = (1.0,), "scale"
         if scales is None:
             raise ValueError(
-                "a design on records needs `motion.scales` (--scales), the sizes that every record is "
-                "scaled to, or one `motion.pga` (--pga) in g; `tpd fragility` and `tpd shake` follow a "
-                "design through records as they are"
+                "a design for records needs `motion.scales` (--scales), the intensities that every record is "
+                "scaled to, or one `motion.pga` (--pga) in g; `tpd fragility` and `tpd shake` use unscaled "
+                "records"
             )
         with naming("motion"):
             return Conditions.records(self.motions, scales, intensity=intensity)
@@ -502,13 +530,13 @@ class RecordsJob(Job):
     def ensemble(self) -> Ensemble:
         """See `Job.ensemble`."""
         widths = widths_of(self.full)
-        given: dict[str, Any] = {name: self.full["ensemble"][name] for name in SCATTERED} | widths
+        settings: dict[str, Any] = {name: self.full["ensemble"][name] for name in SCATTERED} | widths
         with naming("scatter" if widths else "ensemble"):
-            return Ensemble(**given)
+            return Ensemble(**settings)
 
 
 class PulseJob(RecordsJob):
-    """A job of a pulse in place of records."""
+    """Job with a pulse in place of records."""
 
     def check_motion(self) -> None:
         """See `Job.check_motion`."""
@@ -516,26 +544,27 @@ class PulseJob(RecordsJob):
 
     @cached_property
     def _read(self) -> tuple[Sequence[GroundMotion], Sequence[str]]:
-        asked = self.full["motion"]
-        if asked["pulse"] is None or asked["pulse_frequency"] is None:
+        keys = self.full["motion"]
+        if keys["pulse"] is None or keys["pulse_frequency"] is None:
             raise ValueError(
                 "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_frequency` "
                 "(--pulse-frequency HZ)"
             )
-        shape = {name: asked[name] for name in ("cycles", "phase")}
-        shape |= {"kind": asked["pulse"], "frequency": asked["pulse_frequency"]}
+        shape = {name: keys[name] for name in ("cycles", "phase")}
+        shape |= {"kind": keys["pulse"], "frequency": keys["pulse_frequency"]}
+        # The keys of a job file have other names than the fields of `Pulse`.
         with naming("motion", kind="pulse", frequency="pulse_frequency", pga_g="pga"):
             pulse = Pulse(acceleration=STANDARD_GRAVITY, **shape)
-            # Of 1 g where its size is not given.
-            return (pulse.scaled_to(pga_g=1.0 if asked["pga"] is None else asked["pga"]),), ()
+            # Without a stated acceleration the pulse has 1 g.
+            return (pulse.scaled_to(pga_g=1.0 if keys["pga"] is None else keys["pga"]),), ()
 
 
 _JOBS: dict[str, type[Job]] = {"harmonic": HarmonicJob, "pulse": PulseJob, "records": RecordsJob}
-"""Classes of jobs by the kind of motion."""
+"""Classes of jobs, by the kind of motion."""
 
 
 def read(path: Path) -> dict[str, Any]:
-    """Return the tables of a job file, not yet checked; paths of records are relative to the file.
+    """Read the tables of a job file without checking them. Paths of records become relative to the file.
 
     Raises:
         ValueError: the file cannot be read, or is not TOML.
@@ -543,48 +572,51 @@ def read(path: Path) -> dict[str, Any]:
     text = ""
     try:
         text = path.read_text(encoding="utf-8-sig")
-        found = tomllib.loads(text)
+        tables = tomllib.loads(text)
     except OSError as error:
         raise ValueError(f"cannot read {path}: {error.strerror or error}") from None
     except UnicodeDecodeError:
         raise ValueError(f"{path} is not a text file in UTF-8") from None
     except tomllib.TOMLDecodeError as error:
+        # A decimal comma is the most common mistake in a number: look for one in the line of the error.
         line = re.search(r"line (\d+)", str(error))
         comma = decimal_comma(text.splitlines()[int(line[1]) - 1]) if line else ""
         raise ValueError(f"{path} is not valid TOML: {error}{comma}") from None
     except RecursionError:
         raise ValueError(f"{path} is not a job file: it nests too deeply") from None
-    if not found:
-        raise ValueError(f"{path} is empty: `tpd new` writes a job file to begin with")
-    return {table: placed(table, values, path.parent) for table, values in found.items()}
+    if not tables:
+        raise ValueError(f"{path} is empty: create a job file with `tpd new`")
+    return {table: placed(table, values, path.parent) for table, values in tables.items()}
 
 
-def merged(given: Mapping[str, Any], over: Mapping[str, Any]) -> Tables:
-    """Return the tables `given` with the values of `over` in place of theirs.
+def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> Tables:
+    """Return the tables `base` with the values of `over` in place of their own.
 
-    A key that has no effect any more, because `over` chooses otherwise, is left out: a file with a share for
-    the measure cvar can be run with another measure, and a file about a harmonic with records.
+    A key that has no effect any more because of `over` is left out. A file with a share for the measure cvar
+    can then be run with another measure, and a file with a harmonic can be run with records.
 
     Raises:
-        ValueError: an unknown table or key, or a value of the wrong type.
+        ValueError: a table or key is unknown, or a value has the wrong type.
     """
-    out = {table: dict(values) for table, values in as_typed(given).items()}
+    out = {table: dict(values) for table, values in as_typed(base).items()}
     for table, values in over.items():
-        # A ratio replaces its value in SI units, and the other way round.
+        # A ratio replaces the value in SI units of the same quantity, and vice versa.
         replaced = {pair[1 - i] for pair in TWINS.items() for i in (0, 1) if pair[i] in values}
-        kept = {k: x for k, x in out.get(table, {}).items() if table != "space" or k not in replaced}
-        out[table] = kept | dict(values)
+        others = {k: x for k, x in out.get(table, {}).items() if table != "space" or k not in replaced}
+        out[table] = others | dict(values)
     if "seed" in over.get("search", {}):
-        # It is of every random choice, also of the runs.
+        # A new seed of the search applies to all random choices, also to those of the runs.
         out.get("ensemble", {}).pop("seed", None)
+    # Options that belong to one kind of motion switch the job to this kind.
     chosen = list(kinds_in(as_typed(over).get("motion", {})))
     if len(chosen) == 1:
         out["motion"]["kind"] = chosen[0]
-    # What a key needs may be in the file, among the options, or the default: it is asked before and after.
-    is_switched = bool(chosen) and set(kinds_in(given.get("motion", {})) or ["harmonic"]) != set(chosen)
+    # A key may depend on another key of the file, on an option, or on a default. Compare before and after:
+    # only a key that had an effect before and has none after is left out.
+    is_switched = bool(chosen) and set(kinds_in(base.get("motion", {})) or ["harmonic"]) != set(chosen)
     after = complete(out)
-    before = after if is_switched else complete(given)
-    for table, values in given.items():
+    before = after if is_switched else complete(base)
+    for table, values in base.items():
         for key in values:
             is_idle = key not in over.get(table, {}) and lacks(after, table, key)
             if is_idle and (is_switched or not lacks(before, table, key)):
@@ -592,28 +624,28 @@ def merged(given: Mapping[str, Any], over: Mapping[str, Any]) -> Tables:
     return out
 
 
-def job_of(given: Mapping[str, Any]) -> Job:
-    """Return the job of the tables of a job file; what is left out has its default.
+def job_of(tables: Mapping[str, Any]) -> Job:
+    """Return the job from the tables of a job file. Keys that are left out have their defaults.
 
     Raises:
-        ValueError: an unknown table or key, a bad value, a key that has no effect, or a block of which a
-            part is missing.
+        ValueError: a table or key is unknown, a value is not allowed, a key has no effect, or the block is
+            incomplete.
     """
-    full = complete(given)
+    full = complete(tables)
     for table, values in full.items():
         for key, value in values.items():
-            # A silent key would let somebody believe in a limit or a seed that does nothing. A file may list
-            # defaults, and limits that it turns off.
+            # A key without an effect is an error, because a user would rely on the limit or the seed. A file
+            # may still contain defaults, and limits that are switched off.
             is_usual = value == default_of(full["motion"]["kind"], table, key) or key == "kind"
             is_off = table == "limits" and value is False
-            needed = "" if is_usual or is_off else lacks(full, table, key)
-            if needed:
-                raise ValueError(f"`{table}.{key}` goes with {needed}, which this job does not have")
+            missing = "" if is_usual or is_off else lacks(full, table, key)
+            if missing:
+                raise ValueError(f"`{table}.{key}` requires {missing}, which this job does not have")
     job = _JOBS[full["motion"]["kind"]](full=full)
-    _refuse_mixture(given, job.beside)
+    _check_whole_block(tables, job.required_keys)
     with naming("search"):
         checks.count("seed", job.seed, least=0)
-    # The block comes first: what is wrong with it is the reason for much else.
+    # Check the block first, because a wrong block causes many other errors.
     site, ensemble = job.under(PAPER.motion), job.ensemble
     job.check_motion()
     with naming("scatter"):
@@ -624,60 +656,64 @@ def job_of(given: Mapping[str, Any]) -> Job:
     with naming("space"):
         job.space.of(site.block)
     _ = job.risk, job.limits, job.requirements
-    # Defaults depend on other keys: written out, a job keeps its meaning in a later version.
+    # Some defaults depend on other keys. Their values are stored, so that the job keeps its meaning in a
+    # later version with other defaults.
     numbers = {name: getattr(job.method, name) for name in keys_of(job.search)}
-    filled = {"block": ("friction", "restitution", "cavity_width"), "search": tuple(numbers)}
-    filled["space"] = tuple(TWINS.values())
-    found = {"block": vars(job.block), "search": numbers, "space": vars(job.space)}
-    return replace(job, full={t: v | {k: found[t][k] for k in filled.get(t, ())} for t, v in full.items()})
+    stored = {"block": ("friction", "restitution", "cavity_width"), "search": tuple(numbers)}
+    stored["space"] = tuple(TWINS.values())
+    own = {"block": vars(job.block), "search": numbers, "space": vars(job.space)}
+    return replace(job, full={t: v | {k: own[t][k] for k in stored.get(t, ())} for t, v in full.items()})
 
 
-def _refuse_mixture(given: Mapping[str, Any], beside: Sequence[str]) -> None:
-    """Refuse a block or its motion that is partly given and partly the paper's.
+def _check_whole_block(tables: Mapping[str, Any], required_keys: Sequence[str]) -> None:
+    """Raise `ValueError` if a user's own block or its motion is incomplete.
 
-    Losses alone, or a motion alone, are variations of the paper's scene and are allowed.
+    The values of the paper must not complete such a block. Losses alone, or a motion alone, are variations of
+    the scene of the paper and are allowed.
     """
-    block, motion = given.get("block", {}), given.get("motion", {})
+    block, motion = tables.get("block", {}), tables.get("motion", {})
+    # The job describes a block of its own if one of these keys is present.
     own = [key for key in (*SHAPE, "radius_of_gyration") if key in block]
     missing = {
         "block": [k for k in SHAPE if k not in block],
-        "motion": [k for k in beside if k not in motion],
+        "motion": [k for k in required_keys if k not in motion],
     }
     if not own or not any(missing.values()):
         return
     lacking = " and ".join(f"{_listed(keys)} in [{table}]" for table, keys in missing.items() if keys)
     are = "is" if sum(map(len, missing.values())) == 1 else "are"
     raise ValueError(
-        f"a block of your own must be whole, with a motion of its own, but {lacking} {are} missing beside "
-        f"{_listed(own)}; without any of these the block is the paper's"
+        f"a block of your own must be complete and have a motion of its own. The job has {_listed(own)}, but "
+        f"{lacking} {are} missing; without any of these keys the block is that of the paper"
     )
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Names in a row: `a`, `b` and `c`."""
+    """Return names as a list in words: `a`, `b` and `c`."""
     quoted = [f"`{name}`" for name in names]
     return " and ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
 
 
-def _in_words_of_jobs(said: str) -> str:
-    """A message on options of `tpd.Record.read`, with the keys and options that set them."""
-    said = re.sub(r", such as (\w+)=", r", such as \1 = ", said)
-    return re.sub(rf"`({'|'.join(READING)})`", r"`motion.\1` (--\1)", said)
+def _in_words_of_jobs(message: str) -> str:
+    """Return a message about options of `tpd.Record.read` with the keys and command-line options of a job."""
+    message = re.sub(r", such as (\w+)=", r", such as \1 = ", message)
+    return re.sub(rf"`({'|'.join(READING)})`", r"`motion.\1` (--\1)", message)
 
 
 def _words(value: Any) -> str:
-    """The value of an option as it is written on the command line."""
+    """Return the value of an option in the notation of the command line."""
     if isinstance(value, Mapping):
         return " ".join(shlex.quote(f"{name}={at}") for name, at in value.items())
     return shlex.quote(value if isinstance(value, str) else f"{value:.12g}")
 
 
 def _columns_of(pairs: Sequence[str]) -> dict[str, int] | str:
-    """The columns of a table that are written as NAME=NUMBER; or "rows".
+    """Return the columns of a table from texts NAME=NUMBER; or "rows".
 
     Raises:
-        ValueError: something else.
+        ValueError: a text is of another form, or a name occurs twice.
     """
+    # The word "rows" in place of columns means that the samples continue row by row.
     if list(pairs) == [ROWS]:
         return ROWS
     columns: dict[str, int] = {}
@@ -685,8 +721,8 @@ def _columns_of(pairs: Sequence[str]) -> dict[str, int] | str:
         name, _, at = pair.rpartition("=")
         if not name or not re.fullmatch(r"\d{1,6}", at) or name in columns:
             raise ValueError(
-                f"`motion.columns` (--columns) must be {ROWS}, or names with numbers of columns, such as "
-                f"time=1 N=2, but has {pair!r}"
+                f"`motion.columns` (--columns) must be {ROWS}, or names with column numbers, such as "
+                f"time=1 N=2, but it has {pair!r}"
             )
         columns[name] = int(at)
     return columns

@@ -1,8 +1,8 @@
-"""Keys of the job file: their types, defaults and descriptions, and what each of them goes with.
+"""Keys of the job file: their types, defaults and descriptions, and their dependence on other keys.
 
-Types, defaults and ranges are those of the dataclasses that the tables become; what no dataclass holds is
-declared here. `python -m tpd.design.job_keys` writes `job.schema.json`, from which the command line takes its
-options and their help, and editors what may stand in a file.
+Types, defaults and ranges come from the dataclasses that are made from the tables. Keys without a dataclass
+are declared here. `python -m tpd.design.job_keys` writes `job.schema.json`. The command line takes its
+options and their help from this file, and editors can check a job file with it.
 """
 
 from __future__ import annotations
@@ -41,64 +41,70 @@ from tpd.scene.ground_motion import PULSES, Pulse
 from tpd.scene.scene import Block, Harmonic, Scene, paper_scene
 
 Tables = dict[str, dict[str, Any]]
-"""Values of a job by table and key."""
+"""Values of a job, by table and key."""
 SCHEMA = Path(__file__).with_name("job.schema.json")
+"""File with the JSON schema of a job file."""
 PAPER = paper_scene()
+"""Scene of the paper, whose block and motion are the defaults."""
 SHAPE = "width", "height", "mass"
-"""Keys of [block] that a block of one's own needs."""
+"""Keys of [block] that are required for a user's own block."""
 _Whole = Annotated[int, Meta(le=2**31 - 1)]
-"""A count or a seed: beyond it random generators and arrays fail."""
+"""Count or seed. Random generators and arrays fail for larger numbers."""
 
 
 class Key(NamedTuple):
-    """A key of a table."""
+    """Key of a table."""
 
     type: Any
+    """Type of the value."""
     default: Any
-    """None where the key is left out, or where its default depends on other keys."""
+    """Default value; None if the key has no default, or if its default depends on other keys."""
     says: str | tuple[type, str | None]
-    """Description, or the class and the field whose docstring is it; without a field the class's own."""
+    """Description as a text, or as a class and the name of a field whose docstring is the description.
+    Without a field it is the docstring of the class."""
 
 
 def keys_of(kind: type, *names: str) -> dict[str, Key]:
-    """Keys of the fields of a dataclass, or of some of them, that a file can say."""
-    hints, found = get_type_hints(kind), {}
+    """Return the keys for the fields of a dataclass, or for some of them, as far as a file can state them."""
+    hints, keys = get_type_hints(kind), {}
+    # Fields that a file cannot state, such as objects of Python, have no key.
     for f in fields(kind):
         plain = _plain(hints[f.name])
         if plain is not None and f.name in (names or hints):
             default = f.default if f.default_factory is MISSING else f.default_factory()
-            found[f.name] = Key(plain, None if default is MISSING else default, (kind, f.name))
-    return found
+            keys[f.name] = Key(plain, None if default is MISSING else default, (kind, f.name))
+    return keys
 
 
 def _plain(hint: Any) -> Any:
-    """The part of a type that a file can hold; None where there is none."""
+    """Return the part of a type that a file can contain; None if there is none."""
     if get_origin(hint) in (Union, types.UnionType):
         parts = [part for part in map(_plain, get_args(hint)) if part is not None]
         return Union[tuple(parts)] if parts else None  # noqa: UP007
     if get_origin(hint) is tuple:
         return hint
-    # Numbers that may be traced are of any type for Python.
+    # Numbers that JAX may trace are annotated with `Any`.
     return {float: float, Any: float, int: _Whole, str: str, bool: bool}.get(hint)
 
 
 def _limit(kind: type[Limit]) -> Key:
-    """Key of a limit: its number, or whether it is asked for."""
+    """Return the key of a limit: a number, or true if the limit has none."""
     preset, own = limit_of(DEFAULT_LIMITS, kind), [f.name for f in fields(kind)]
+    # A limit with a single number has this number as its value. Any other limit is only switched on or off.
     is_number = len(own) == 1 and get_type_hints(kind)[own[0]] in (float, Any)
     default = None if preset is None else getattr(preset, own[0]) if is_number else True
     return Key(float | bool if is_number else bool, default, (kind, None))
 
 
 def _of_searches() -> dict[str, Key]:
-    """Keys of both searches; where they have different defaults these depend on the search."""
-    found: dict[str, Key] = {}
+    """Return the keys of both searches. A key whose default depends on the search has no default here."""
+    keys: dict[str, Key] = {}
     for kind in (Descent, GroundSearch):
         for name, key in keys_of(kind).items():
-            other = found.setdefault(name, key)
+            other = keys.setdefault(name, key)
             if other.default != key.default:
-                found[name] = other._replace(default=None)
-    return found
+                keys[name] = other._replace(default=None)
+    return keys
 
 
 _names = ", ".join((*BUILT_IN, *SETS))
@@ -119,67 +125,67 @@ TABLES: dict[str, dict[str, Key]] = {
         "kind": Key(
             Literal["harmonic", "pulse", "records"],
             None,
-            "kind of motion (default: that whose keys are given, else harmonic)",
+            "kind of motion (default: the kind to which the given keys belong, else harmonic)",
         ),
         **{
             name: key._replace(default=getattr(PAPER.motion, name)) for name, key in keys_of(Harmonic).items()
         },
         "pulse": _pulse["kind"],
         "pulse_frequency": _pulse["frequency"],
-        "pga": Key(float, None, "largest acceleration of a pulse, or of each record, g"),
+        "pga": Key(float, None, "peak acceleration of a pulse, or of each record, in g"),
         "cycles": _pulse["cycles"],
         "phase": _pulse["phase"],
         "records": Key(
-            tuple[str, ...], None, f"files and folders of records, in a job file relative to it, or {_names}"
+            tuple[str, ...], None, f"files and folders of records, relative to a job file, or {_names}"
         ),
         "scales": Key(
             tuple[float, ...],
             None,
-            "values of the intensity, in its unit, that every motion is scaled to, such as 1.5 2 3",
+            "values of the intensity, in its unit, to which every motion is scaled, such as 1.5 2 3",
         ),
         "intensity": Key(
             str,
             None,
-            "what the scales count: pga_star, which is PGA over g tan(alpha), pgv_star, pga in g, pgv in m/s "
-            "or scale, a factor (default pga_star, of a pulse scale)",
+            "intensity measure of the scales: pga_star (PGA over g tan(alpha)), pgv_star, pga in g, pgv in "
+            "m/s, or scale, a factor (default pga_star; for a pulse scale)",
         ),
         "validation_share": Key(
             float | tuple[str, ...],
             None,
-            "share of the records, whole earthquakes, that the design is judged on and not tuned to, or "
-            f"files, folders and sets of others (default {VALIDATION_SHARE:g})",
+            "share of the records, in whole earthquakes, that is kept for the validation, or files, folders "
+            f"and sets of other records for it (default {VALIDATION_SHARE:g})",
         ),
         "event": Key(
             tuple[str, ...],
             None,
-            "earthquakes of records whose files name none: one name, or one for each of the records "
-            "(default: a folder is one earthquake)",
+            "names of the earthquakes, if the files do not state them: one name for all records, or one for "
+            "each record (default: each folder is one earthquake)",
         ),
-        "channel": Key(_Whole, None, "channel of files with several, from 0 (default: all horizontal ones)"),
-        "dt": Key(float, None, "sampling interval of files without times, s"),
+        "channel": Key(_Whole, None, "number of the channel, from 0 (default: all horizontal ones)"),
+        "dt": Key(float, None, "sampling interval of files that do not contain times, s"),
         "columns": Key(
             tuple[str, ...],
             None,
-            "columns of a table by their names, from 1, such as time=1 N=2 'E (gal)'=3; or rows: samples row "
-            "by row",
+            "names and numbers (from 1) of the columns of a table, such as time=1 N=2 'E (gal)'=3; or rows, "
+            "if the samples continue row by row",
         ),
-        "skip": Key(_Whole, None, "number of lines at the top of a table that are not read"),
-        "scale": Key(float, None, "factor on all samples of a file whose numbers have to be multiplied"),
-        "unit": Key(str, None, "unit of files that do not say: g, m/s2, cm/s2"),
+        "skip": Key(_Whole, None, "number of lines at the top of a table that are skipped"),
+        "scale": Key(float, None, "factor by which all samples of a file are multiplied"),
+        "unit": Key(str, None, "unit of files that do not state one: g, m/s2, cm/s2"),
         "baseline": Key(
             str,
             None,
-            "mean, linear or none: remove an offset, a drift, or nothing (default: the mean of uncorrected "
-            "records)",
+            "baseline correction: mean removes an offset, linear a drift, none nothing (default: mean for "
+            "uncorrected records)",
         ),
     },
     "bob": keys_of(Bob),
     "site": keys_of(Scene, "gravity"),
     "space": keys_of(DesignSpace),
     "conditions": {
-        "exactly": Key(bool, False, "search for the motion itself alone with a point bob, as in the paper"),
+        "exactly": Key(bool, False, "search only for the stated motion, with a point bob, as in the paper"),
         "band": Key(
-            tuple[float, float], None, "lower and upper end of a band of frequencies, Hz (default: around it)"
+            tuple[float, float], None, "ends of a band of frequencies, Hz (default: around the frequency)"
         ),
         "frequencies": Key(
             _Whole,
@@ -187,27 +193,27 @@ TABLES: dict[str, dict[str, Key]] = {
             "number of frequencies in the band",
         ),
         "amplitudes": Key(tuple[float, ...], (1.0,), "factors on the amplitude of the base motion"),
-        "samples": Key(_Whole, 64, "number of samples of what [scatter] holds"),
+        "samples": Key(_Whole, 64, "number of samples of the quantities in [scatter]"),
     },
     "scatter": {name: Key(float, None, (Ensemble, name)) for name in FACTORS},
     "starts": {
         "kind": Key(
             Literal["any", "rest"],
             "any",
-            "any: the largest motion that attracts; rest: rest wherever it holds",
+            "initial states: any (the largest motion that attracts), or rest (wherever rest is possible)",
         )
     },
     "risk": {
         "measure": Key(
             Literal["worst", "expected", "cvar"],
             "worst",
-            "worst, expected or cvar, the mean of the worst share of the conditions (under pulses and "
-            "records the default is expected)",
+            "risk measure: worst, expected, or cvar, the mean over the worst share of the conditions (with "
+            "pulses and records the default is expected)",
         ),
         "share": Key(
             float,
             inspect.signature(Risk.cvar).parameters["share"].default,
-            "share of the conditions in the measure cvar",
+            "share of the conditions that the measure cvar uses",
         ),
     },
     "limits": {kind.name: _limit(kind) for kind in KINDS},
@@ -219,18 +225,18 @@ TABLES: dict[str, dict[str, Key]] = {
         "model": Key(
             Literal["smoothed", "piecewise"],
             None,
-            "model whose gradients the descents take (default smoothed: signs and impacts smoothed, "
-            "orbits followed by diffrax; piecewise: the exact ones)",
+            "model that gives the gradients: smoothed (default; smoothed signs and impacts, orbits followed "
+            "by diffrax) or piecewise (exact orbits)",
         ),
         **_of_searches(),
-        "seed": Key(_Whole, 0, "seed of every random choice, the runs that verify and judge included"),
-        "pareto": Key(bool, False, "also find three lighter pendulums, each verified"),
+        "seed": Key(_Whole, 0, "seed of all random choices, including those of the validation runs"),
+        "pareto": Key(bool, False, "also find three lighter pendulums, each with its own validation"),
     },
     "ensemble": keys_of(Ensemble),
 }
-"""All keys by table and name."""
+"""All keys, by table and name."""
 READING = ("channel", "dt", "unit", "baseline", "columns", "skip", "scale")
-"""Keys of [motion] that say how files of records are read."""
+"""Keys of [motion] that control how files of records are read."""
 _SHAKEN = ("pulse", "records")
 _USUAL = {("space", "damping_ratio"): DEFAULT_SPACE.damping_ratio, ("risk", "measure"): "expected"}
 _DEFAULTS: dict[str, dict[tuple[str, str], Any]] = {
@@ -239,7 +245,7 @@ _DEFAULTS: dict[str, dict[tuple[str, str], Any]] = {
     "records": _USUAL
     | {("motion", "intensity"): "pga_star", ("motion", "validation_share"): VALIDATION_SHARE},
 }
-"""Defaults that depend on the kind of motion, in place of those of `TABLES`."""
+"""Defaults that depend on the kind of motion and replace those of `TABLES`."""
 _KINDS: dict[tuple[str, str], tuple[str, ...]] = {
     **{("motion", name): ("harmonic",) for name in ("amplitude", "frequency")},
     **{("motion", name): ("pulse",) for name in ("pulse", "pulse_frequency", "cycles", "phase")},
@@ -260,8 +266,10 @@ _KINDS: dict[tuple[str, str], tuple[str, ...]] = {
         if name not in SCATTERED
     },
 }
-"""Kinds of motion under which a key has an effect; others have it under all."""
+"""Kinds of motion under which a key has an effect. Keys that are not listed have an effect under all
+kinds."""
 MOTIONS = {"harmonic": "a harmonic motion", "pulse": "a pulse", "records": "records"}
+"""Kinds of motion in words."""
 _CYCLIC = [name for name, kind in PULSES.items() if kind.periods is None]
 _FILE = ("a file of a record", lambda full: full["motion"]["records"] is None or _names_files(full))
 _SEVERAL = ("several conditions, [conditions] or [scatter]", lambda full: size_of(full) > 1)
@@ -276,7 +284,7 @@ _ONLY_WITH: dict[tuple[str, str], tuple[str, Callable[[Tables], bool]]] = {
         lambda full: full["motion"]["pulse"] == "mavroeidis-papageorgiou",
     ),
     ("conditions", "exactly"): (
-        "one motion: no band, no amplitudes and no scatter",
+        "a single motion (no band, no amplitudes and no scatter)",
         lambda full: size_of(full) == 1,
     ),
     ("bob", "aspect"): ("`bob.shape` cylinder", lambda full: full["bob"]["shape"] == "cylinder"),
@@ -292,71 +300,73 @@ _ONLY_WITH: dict[tuple[str, str], tuple[str, Callable[[Tables], bool]]] = {
     ("risk", "measure"): _SEVERAL,
     ("risk", "share"): ("`risk.measure` cvar", lambda full: full["risk"]["measure"] == "cvar"),
 }
-"""Keys that have an effect only together with another one: this one in words, and whether a job has it."""
+"""Keys that have an effect only together with another key: words for the other key, and a function that tests
+whether a job has it."""
 
 
 def widths_of(full: Tables) -> dict[str, float]:
-    """Relative half widths of what is uncertain."""
+    """Return the relative half widths of the uncertain quantities."""
     return {name: width for name, width in full["scatter"].items() if width is not None}
 
 
 def is_around(full: Tables) -> bool:
     """Whether the conditions are the neighbourhood of the motion, which is the default."""
-    asked = full["conditions"]
-    return not (
-        asked["exactly"] or asked["band"] is not None or asked["amplitudes"] != (1.0,) or widths_of(full)
-    )
+    conditions = full["conditions"]
+    is_many = conditions["band"] is not None or conditions["amplitudes"] != (1.0,) or widths_of(full)
+    return not (conditions["exactly"] or is_many)
 
 
 def size_of(full: Tables) -> int:
-    """Number of conditions."""
-    asked = full["conditions"]
+    """Return the number of conditions."""
+    conditions = full["conditions"]
+    # The neighbourhood has the same number of conditions around any scene.
     if is_around(full):
         return len(Conditions.around(PAPER))
-    frequencies = 1 if asked["band"] is None else asked["frequencies"]
-    return frequencies * len(asked["amplitudes"]) * (asked["samples"] if widths_of(full) else 1)
+    frequencies = 1 if conditions["band"] is None else conditions["frequencies"]
+    return frequencies * len(conditions["amplitudes"]) * (conditions["samples"] if widths_of(full) else 1)
 
 
 def _names_files(full: Tables) -> bool:
-    """Whether some record is of a file: those that are built in state all that there is to say."""
-    held = full["motion"]["validation_share"]
-    names = *full["motion"]["records"], *(held if isinstance(held, tuple) else ())
+    """Whether at least one record comes from a file. Built-in records need no reading options."""
+    validation = full["motion"]["validation_share"]
+    names = *full["motion"]["records"], *(validation if isinstance(validation, tuple) else ())
     return not {*names} <= {*BUILT_IN, *SETS}
 
 
 def placed(table: str, values: Any, folder: Path) -> Any:
-    """Values of a table, those of records with absolute paths."""
+    """Return the values of a table, with absolute paths of records."""
     if table != "motion" or not isinstance(values, Mapping):
         return values
 
     def place(value: Any) -> Any:
-        listed = isinstance(value, (list, tuple)) and all(isinstance(name, str) for name in value)
-        known = {*BUILT_IN, *SETS}
-        if not listed:
+        # Values of a wrong type are left as they are: their check comes later.
+        is_list = isinstance(value, (list, tuple)) and all(isinstance(name, str) for name in value)
+        built_in = {*BUILT_IN, *SETS}
+        if not is_list:
             return value
-        return [x if x in known else readable(str(folder.resolve() / path_of(x))) for x in value]
+        return [x if x in built_in else readable(str(folder.resolve() / path_of(x))) for x in value]
 
     return {key: place(x) if key in ("records", "validation_share") else x for key, x in values.items()}
 
 
-def as_typed(given: Mapping[str, Any]) -> Tables:
-    """The tables, each value of its type.
+def as_typed(tables: Mapping[str, Any]) -> Tables:
+    """Return the tables with every value converted to the type of its key.
 
     Raises:
-        ValueError: an unknown table or key, or a value of the wrong type.
+        ValueError: a table or key is unknown, or a value has the wrong type.
     """
     out: Tables = {}
-    for table, values in given.items():
+    for table, values in tables.items():
         if table not in TABLES:
-            raise ValueError(f"unknown table [{_cut(table)}]{meant(table, TABLES)}")
+            raise ValueError(f"there is no table [{_cut(table)}]{meant(table, TABLES)}")
         if not isinstance(values, Mapping):
             raise ValueError(f"`{table}` must be a table, but is {shown(values)}")
         out[table] = {}
         for key, value in values.items():
             if key not in TABLES[table]:
-                raise ValueError(f"unknown key `{_cut(key)}` in [{table}]{meant(key, TABLES[table])}")
+                raise ValueError(f"there is no key `{_cut(key)}` in [{table}]{meant(key, TABLES[table])}")
             type_ = TABLES[table][key].type
-            # Key by key: the sentence can then name the key and what is allowed.
+            # Convert one key at a time, so that the message contains the key and the allowed values.
             try:
                 out[table][key] = msgspec.convert(value, type_, strict=True)
             except msgspec.ValidationError:
@@ -369,17 +379,18 @@ def as_typed(given: Mapping[str, Any]) -> Tables:
 
 
 def _cut(name: str) -> str:
-    """A name as it stands in a message."""
+    """Return a name in the form in which a message shows it."""
     return shown(name).strip("'")
 
 
 def allowed(schema: Mapping[str, Any]) -> str:
-    """Values of a JSON schema of a key in words."""
+    """Return words for the values that the JSON schema of a key allows."""
     if "anyOf" in schema:
         return " or ".join(map(allowed, schema["anyOf"]))
     if "enum" in schema:
         return f"one of {', '.join(schema['enum'])}"
     if schema["type"] == "array":
+        # A tuple of fixed length has one schema per element, and a list has one schema for all elements.
         pair = "prefixItems" in schema
         return "a pair of numbers" if pair else f"a list, each {allowed(schema['items'])}"
     nouns = {"number": "a number", "boolean": "true or false", "string": "a text"}
@@ -389,31 +400,34 @@ def allowed(schema: Mapping[str, Any]) -> str:
 
 
 def kinds_in(motion: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Kinds of motion that keys of [motion] are of, and these keys."""
+    """Return the kinds of motion to which the keys of [motion] belong, with these keys."""
+    # A stated kind decides, whatever the other keys are.
     if "kind" in motion:
         return {motion["kind"]: ["kind"]}
-    found: dict[str, list[str]] = {}
+    keys: dict[str, list[str]] = {}
     for key in motion:
         kinds = _KINDS["motion", key]
+        # A key that several kinds of motion have does not decide between them.
         if len(kinds) == 1:
-            found.setdefault(kinds[0], []).append(key)
-    return found
+            keys.setdefault(kinds[0], []).append(key)
+    return keys
 
 
-def complete(given: Mapping[str, Any]) -> Tables:
-    """The typed tables with all keys; what is left out has its default."""
-    typed = as_typed(given)
+def complete(tables: Mapping[str, Any]) -> Tables:
+    """Return the tables with typed values and all keys. Keys that are left out have their defaults."""
+    typed = as_typed(tables)
     kinds = kinds_in(typed.get("motion", {}))
     if len(kinds) > 1:
-        named = " and ".join(f"of {MOTIONS[kind]} (`{keys[0]}`)" for kind, keys in kinds.items())
-        raise ValueError(f"[motion] has keys {named}, but a motion is of one kind")
+        listed = " and ".join(f"of {MOTIONS[kind]} (`{keys[0]}`)" for kind, keys in kinds.items())
+        raise ValueError(f"[motion] has keys {listed}, but a job has only one kind of motion")
+    # The paper and most jobs have a harmonic, so this is the kind if no key decides.
     kind = next(iter(kinds), "harmonic")
     full: Tables = {}
     for table, keys in TABLES.items():
-        usual = {name: default_of(kind, table, name) for name in keys}
-        full[table] = usual | typed.get(table, {})
+        defaults = {name: default_of(kind, table, name) for name in keys}
+        full[table] = defaults | typed.get(table, {})
     full["motion"]["kind"] = kind
-    # Of words of the command line the paths are relative to where it runs.
+    # Paths from the command line are relative to the working directory. Those of a file are absolute already.
     full["motion"] |= {
         key: tuple(x) if isinstance(x, list) else x
         for key, x in placed("motion", full["motion"], Path()).items()
@@ -422,12 +436,12 @@ def complete(given: Mapping[str, Any]) -> Tables:
 
 
 def default_of(kind: str, table: str, name: str) -> Any:
-    """Default of a key under a kind of motion."""
+    """Return the default of a key under a kind of motion."""
     return _DEFAULTS[kind].get((table, name), TABLES[table][name].default)
 
 
 def lacks(full: Tables, table: str, key: str) -> str:
-    """Words for what a key needs and the job does not have; empty where the key has an effect."""
+    """Return words for what a key requires and the job does not have; empty if the key has an effect."""
     kinds = _KINDS.get((table, key), tuple(MOTIONS))
     if full["motion"]["kind"] not in kinds:
         return " or ".join(MOTIONS[kind] for kind in kinds)
@@ -436,14 +450,15 @@ def lacks(full: Tables, table: str, key: str) -> str:
 
 
 def json_schema() -> str:
-    """The schema of a job file as JSON Schema, for the command line and for editors."""
+    """Return the JSON schema of a job file, for the command line and for editors."""
     tables = {}
     for table, keys in TABLES.items():
         properties = {}
         for name, key in keys.items():
-            says = {"description": key.says if isinstance(key.says, str) else _doc(*key.says)}
-            usual = {} if key.default is None else {"default": msgspec.to_builtins(key.default)}
-            properties[name] = says | usual | msgspec.json.schema(key.type)
+            text = {"description": key.says if isinstance(key.says, str) else _doc(*key.says)}
+            default = {} if key.default is None else {"default": msgspec.to_builtins(key.default)}
+            # A key with a default that depends on other keys has no default in the schema.
+            properties[name] = text | default | msgspec.json.schema(key.type)
         tables[table] = {"type": "object", "additionalProperties": False, "properties": properties}
     content = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -456,9 +471,11 @@ def json_schema() -> str:
 
 
 def _doc(owner: type, name: str | None) -> str:
-    """Docstring of a class, or of one of its fields, in one line."""
+    """Return the docstring of a class without its example, or that of one of its fields, in one line."""
     if name is None:
-        return " ".join(str(owner.__doc__).split())
+        # The example of a class is for users of Python, and not for the help of a job file.
+        return " ".join(str(owner.__doc__).partition("Example:")[0].split())
+    # Python does not store the docstrings of fields, so read them from the source, also of the base classes.
     for kind in owner.__mro__:
         body = [] if kind is object else ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0].body  # type: ignore[attr-defined]
         for field, text in pairwise(body):

@@ -1,8 +1,8 @@
-"""The main job: find the pendulum for a scene, in three stages.
+"""The main function: find a pendulum for a scene, in three stages.
 
-*Search* yields candidates: under harmonic excitation from descents on the smoothed orbits, under ground
-motions from a sample of the space. *Refine* evaluates them and others by trial runs. *Validate* decides by
-paired runs that nothing else has used.
+*Search* yields candidates: under harmonic excitation by descents on smoothed orbits, under ground motions by
+a sample of the design space. *Refine* evaluates the candidates and further designs by trial runs. *Validate*
+decides by paired runs that no other stage has used.
 
 `front` solves a problem again with lighter bobs, and `optimise_all` finds pendulums for many blocks.
 """
@@ -36,9 +36,10 @@ from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Scene
 
 _SURER = 0.6
-"""Factor on what is uncertain about the limits of the next design, after one has been rejected."""
+"""Factor on the accepted probability that the next design breaks a limit, after a design was rejected."""
 _PROMISING = 0.3
-"""Share of the required benefit that the trend of a further design must promise."""
+"""Share of the required benefit that the trend must predict for a further design, else the validation
+ends."""
 
 
 def optimise(
@@ -57,52 +58,60 @@ def optimise(
     seed: checks.Whole = 0,
     progress: Progress | bool | None = None,
 ) -> Design:
-    """Find the pendulum of least rocking under one or many conditions, and validate it.
+    """Find the pendulum that reduces rocking most under one or many conditions, and validate it.
 
-    By default the conditions are a neighbourhood of the scene's own excitation: ±5 % in frequency and +10 %
-    in amplitude. Under ground motions, `conditions=Conditions.records(...)`, see
+    By default the conditions are a neighbourhood of the excitation of the scene: ±5 % in frequency and +10 %
+    in amplitude. For ground motions pass `conditions=Conditions.records(...)`, see
     `tpd.design.ground_motion.GroundMotionProblem`.
 
-    The search smooths signs and impacts, diffrax integrates the equations (25), and optax descends on the
-    gradients of the steady amplitudes; the exact gradients finish the best ends. Trial runs of the linear
-    equations then compare these designs and others, and a Gaussian process proposes further ones. The best
-    is validated by paired runs of the nonlinear equations: they must show the benefit that `requirements`
-    states, and no harm. At most three designs are validated, each by runs of its own.
+    The search smooths signs and impacts. Diffrax integrates the equations (25), optax descends on the
+    gradients of the steady amplitudes, and exact gradients refine the best results. Trial runs of the linear
+    equations then compare these designs with others, and a Gaussian process proposes further designs. The
+    best design is validated by paired runs of the nonlinear equations. The runs must show the benefit that
+    `requirements` states, and no harm. At most three designs are validated, each by runs of its own.
 
     Args:
-        scene: block and base motion, SI; under ground motions a block alone is enough.
+        scene: block and base motion in SI units. Under ground motions a block alone is sufficient.
         space: bounds and fixed values of the pendulum, as ratios or in kg and m; default `DesignSpace()`.
-        conditions: default `Conditions.around(scene)`.
-        starts: default `Starts.any()`, the largest motion that attracts; with `Starts.rest()` rest counts
-            wherever it holds.
-        risk: default `Risk.worst()`.
-        limits: objects of `tpd.limits`; default `limits.DEFAULT_LIMITS`; `limits.POINT_BOB` has no walls.
-        objective: what the descents make small under harmonic excitation; default the settled tilt,
+        conditions: excitations for which the design must work; default `Conditions.around(scene)`.
+        starts: initial states of the search. The default `Starts.any()` counts the largest motion that
+            attracts. With `Starts.rest()` rest counts wherever the block can stay at rest.
+        risk: measure over the conditions; default `Risk.worst()`.
+        limits: objects of `tpd.limits`; default `limits.DEFAULT_LIMITS`. `limits.POINT_BOB` has no walls.
+        objective: quantity that the descents reduce under harmonic excitation; default the settled tilt,
             `limits.SteadyTilt()`.
-        method: `Descent(...)`; under ground motions `GroundSearch(...)`.
-        ensemble: validation runs, dealt out among the conditions; default `Ensemble(size=2048)`.
-        requirements: least benefit and largest harm of a pendulum that is recommended; default
-            `Requirements()`.
-        validation_share: ground motions that the search does not use, a share or groups by name; default 0.5.
-        seed: of every random choice, also of the runs of an ensemble without a seed of its own.
-        progress: True for a bar on stderr, or called with (stage, done, of how many).
+        method: settings of the search, `Descent(...)` or under ground motions `GroundSearch(...)`.
+        ensemble: validation runs, which are distributed over the conditions; default `Ensemble(size=2048)`.
+        requirements: smallest benefit and largest harm of a recommended pendulum; default `Requirements()`.
+        validation_share: ground motions that the search does not use, as a share or as groups by name;
+            default 0.5.
+        seed: seed of all random choices, also of the runs of an ensemble without a seed of its own.
+        progress: True for a progress bar on stderr, or a function of (stage, done, total).
 
     Returns:
-        The design, with its status, its trials and its validation runs.
+        The design with its status, its trials and its validation runs.
 
     Raises:
-        ValueError: bad input.
+        ValueError: an input is out of range, or does not fit the excitation.
         RuntimeError: JAX is in 32-bit mode.
+
+    Example:
+        >>> import tpd
+        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4)
+        >>> design = tpd.optimise(tpd.Scene(block, tpd.Harmonic(amplitude=0.003, frequency=2.0)))
+        >>> print(design)
+        NOT NEEDED: under all conditions the block without a pendulum stays at rest. After a strong enough
+            push it may still rock or overturn.
     """
-    given: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
-    given |= {
+    inputs: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
+    inputs |= {
         "requirements": requirements,
         "seed": seed,
         "validation_share": validation_share,
         "objective": objective,
         "starts": starts,
     }
-    problem = problem_of(scene, space, conditions=conditions, **given)
+    problem = problem_of(scene, space, conditions=conditions, **inputs)
     with shown(progress) as report:
         return solve(problem, report)
 
@@ -112,28 +121,30 @@ def problem_of(
     space: DesignSpace | None = None,
     *,
     conditions: Conditions | None = None,
-    **given: Any,
+    **inputs: Any,
 ) -> Problem:
-    """Return the problem that arguments of `optimise` pose.
+    """Return the problem that the arguments of `optimise` state.
 
     Raises:
-        ValueError: bad input.
+        ValueError: an input is out of range, or does not fit the excitation.
     """
     checks.optional("conditions", conditions, Conditions)
     ground = conditions is not None and bool(conditions.motions)
     here, there = ("ground motions", "harmonics") if ground else ("harmonics", "ground motions")
+    # Each kind of excitation has arguments of its own. A value for the other kind is an error, and None is
+    # dropped, because the other class does not have the argument.
     for name in ("starts", "objective") if ground else ("validation_share",):
-        if given.pop(name, None) is not None:
-            raise ValueError(f"`{name}` is for {there}, but the conditions are {here}")
+        if inputs.pop(name, None) is not None:
+            raise ValueError(f"`{name}` is allowed only with {there}, but the conditions are {here}")
     if conditions is not None and ground:
-        return GroundMotionProblem.of(scene, conditions, space, **given)
-    if isinstance(scene, Block) or isinstance(given.get("method"), GroundSearch):
-        raise ValueError("a block alone, and a `GroundSearch`, go with ground motions: `Conditions.records`")
-    return HarmonicProblem.of(scene, space, conditions=conditions, **given)
+        return GroundMotionProblem.of(scene, conditions, space, **inputs)
+    if isinstance(scene, Block) or isinstance(inputs.get("method"), GroundSearch):
+        raise ValueError("a block alone, or a `GroundSearch`, needs `conditions=Conditions.records(...)`")
+    return HarmonicProblem.of(scene, space, conditions=conditions, **inputs)
 
 
 def solve(problem: Problem, progress: Progress = unreported) -> Design:
-    """Search, refine and validate; see `optimise`."""
+    """Search, refine and validate a design for a problem; see `optimise`."""
     if (status := problem.needs_none) is not None:
         return Design(problem=problem, status=status)
     candidates, search = problem.candidates(progress)
@@ -141,22 +152,25 @@ def solve(problem: Problem, progress: Progress = unreported) -> Design:
     status, validated = DesignStatus.none_feasible, list[Validated]()
     for attempt in range(problem.attempts):
         trials = refinement.trials()
+        # A design next to a rejected one would most likely be rejected as well.
         pool = apart(problem, trials.designs[trials.feasible], [v.design for v in validated])
         if not len(pool):
             break
         if validated and refinement.process is not None:
             trend = float(refinement.process.at(problem.space.scaled(pool[:1]))[0][0])
+            # Stop when even the trend of the best remaining design promises too little.
             if trend > (1.0 - _PROMISING * problem.requirements.at_least) * refinement.without:
                 break
-        found = validate(problem, pool[0], attempt, progress=progress)
-        validated.append(found)
-        if not found.reasons:
+        result = validate(problem, pool[0], attempt, progress=progress)
+        validated.append(result)
+        if not result.reasons:
             status = problem.evidence
             break
-        status = found.status
-        if found.decided is not None:
-            # These runs say more about the design than its trial, and something about its neighbours.
-            refinement.add(found.design, found.decided.with_pendulum)
+        status = result.status
+        if result.decided is not None:
+            # The validation runs are more accurate than the trial of this design, and also inform the trend
+            # about similar designs. The next design must keep its limits with a higher probability.
+            refinement.add(result.design, result.decided.with_pendulum)
             refinement.likely = 1.0 - _SURER * (1.0 - refinement.likely)
             refinement.fit()
     best = validated[-1].design if validated and not validated[-1].reasons else None
@@ -171,11 +185,12 @@ def solve(problem: Problem, progress: Progress = unreported) -> Design:
 
 
 _LEAST, _LIGHTER = 1.0 / 16.0, 3
-"""Share of the largest mass at which a front begins, and how many lighter bobs it has by default."""
+"""Smallest mass of a front as a share of the largest one, and default number of lighter bobs."""
 
 
 class Front(tuple[FrontPoint, ...]):
-    """Answers with lighter bobs, the lightest first; the design itself comes last."""
+    """Designs with bobs of increasing largest mass, as a tuple of `FrontPoint`. The original design comes
+    last."""
 
     __slots__ = ()
 
@@ -187,67 +202,77 @@ def front(
     method: Any = None,
     progress: Progress | None = None,
 ) -> Front:
-    """Solve the problem of a design again with lighter bobs, each validated as the design itself.
+    """Solve the problem of a design again with lighter bobs. Each result is validated like the design itself.
 
     Args:
-        design: an answer of `tpd.optimise`.
-        most: largest masses over the block's, increasing; by default three in equal ratios from a sixteenth
-            of the space's largest on. The design itself comes last.
-        method: of each search; default that of the design.
-        progress: called with ("front", bobs done, of how many).
+        design: a result of `tpd.optimise`.
+        most: largest masses of the bob over the mass of the block, increasing. By default three masses in
+            equal ratios, from one sixteenth of the largest mass of the design space. The design itself comes
+            last.
+        method: settings of each search; default those of the design.
+        progress: function of ("front", bobs done, total).
 
     Raises:
-        ValueError: masses that do not increase or are not within the design space, or a fixed mass.
+        ValueError: the masses do not increase or lie outside the design space, or the mass is fixed.
+
+    Example:
+        >>> import tpd
+        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4)
+        >>> design = tpd.optimise(tpd.Scene(block, tpd.Harmonic(amplitude=0.003, frequency=2.0)))
+        >>> [point.status for point in tpd.front(design, [0.05])]
+        ['no_uplift', 'no_uplift']
     """
     checks.instance("design", design, Design)
     block = design.scene.block
     low, high = design.space.ends[:, 0].tolist()
     if low == high:
-        raise ValueError("`design` has a bob of fixed mass, so that no lighter ones can be compared with it")
+        raise ValueError("`design` has a bob of fixed mass, so that lighter bobs cannot be compared with it")
+    # The first mass of the sequence is the lower end itself, and the last one is the design: both are left
+    # out.
     shares = np.geomspace(max(low, high * _LEAST), high, _LIGHTER + 2)[1:-1] if most is None else most
     shares = checks.array("most", shares, (-1,), "a vector of increasing masses")
     if np.any(np.diff(shares) <= 0.0) or not np.all((shares > low) & (shares < high)):
         raise ValueError(
-            f"`most` must be increasing masses between {low:g} and {high:g} of the block's, but is "
-            f"{shares.tolist()}"
+            f"`most` must be increasing mass ratios between {low:g} and {high:g}, but is {shares.tolist()}"
         )
     points = []
     for i, share in enumerate(shares):
         if progress is not None:
             progress("front", i, len(shares))
         space = replace(design.space, mass_ratio=(low, float(share)))
-        answer = optimise(**design.again(space=space, **({} if method is None else {"method": method})))
-        points.append(_point(float(share * block.mass), answer))
+        lighter = optimise(**design.again(space=space, **({} if method is None else {"method": method})))
+        points.append(_point(float(share * block.mass), lighter))
     return Front((*points, _point(float(high * block.mass), design)))
 
 
-def _point(most: float, answer: Design) -> FrontPoint:
-    saved = answer.benefit or Interval(np.nan, np.nan, np.nan)
-    return FrontPoint(most, answer.status.name, answer.pendulum, (saved.mean, saved.low, saved.high))
+def _point(most: float, design: Design) -> FrontPoint:
+    benefit = design.benefit or Interval(np.nan, np.nan, np.nan)
+    return FrontPoint(most, design.status.name, design.pendulum, (benefit.mean, benefit.low, benefit.high))
 
 
 _STATUSES = tuple(DesignStatus.__members__)
-"""Names of statuses; their places stand for them in files."""
+"""Names of the statuses. In the arrays of a cluster a status is its index here."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Designs(Printed, Tabular):
-    """Answers for n blocks, arrays of shape (n,); NaN where no pendulum is offered."""
+    """Designs for n blocks, as arrays of shape (n,). Values are NaN where no pendulum is offered."""
 
     status: np.ndarray
     """Names of `DesignStatus`."""
     mass: np.ndarray
-    """kg"""
+    """Mass of the bob, kg."""
     length: np.ndarray
-    """m"""
+    """Length of the pendulum, m."""
     damping_ratio: np.ndarray
+    """Damping ratio of the hinge."""
     value: np.ndarray
-    """Risk measure of the design that is offered."""
+    """Mean severity with the pendulum."""
     value_without: np.ndarray
-    """Risk measure of the block without a pendulum."""
+    """Mean severity without a pendulum."""
 
     def columns(self) -> dict[str, Any]:
-        """A row for every block, with a column for every field."""
+        """Return a table with one row for every block and one column for every field."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def __str__(self) -> str:
@@ -261,18 +286,25 @@ def optimise_all(
     progress: Callable[[int, int], None] | bool | None = None,
     **settings: Any,
 ) -> Designs:
-    """Find a pendulum for every scene, see `tpd.optimise`.
+    """Find a pendulum for every scene; see `tpd.optimise`.
 
     Args:
-        scenes: blocks with their base motion; blocks alone under ground motions.
-        cluster: processes or machines; without it the searches run one after the other. A search has
-            threads for all cores of its machine: one process a machine is the quickest.
-        progress: True for a bar on stderr, or called with (scenes done, of how many).
-        settings: of `tpd.optimise`, for every scene.
+        scenes: blocks with their base motion; under ground motions blocks alone.
+        cluster: processes or machines; without it the searches run one after the other. One search uses all
+            cores of its machine, so one process per machine is fastest.
+        progress: True for a progress bar on stderr, or a function of (scenes done, total).
+        settings: further arguments of `tpd.optimise`, the same for every scene.
 
     Raises:
-        ValueError: bad input, for instance no scene.
+        ValueError: an input is out of range, for instance an empty sequence of scenes.
         RuntimeError: JAX is in 32-bit mode, or the cluster failed.
+
+    Example:
+        >>> import tpd
+        >>> blocks = [tpd.Block(width=w, height=1.5, mass=900.0, cavity_width=0.4) for w in (0.5, 0.6)]
+        >>> motion = tpd.Harmonic(amplitude=0.003, frequency=2.0)
+        >>> print(tpd.optimise_all([tpd.Scene(block, motion) for block in blocks]))
+        Designs for 2 blocks: 2 no uplift
     """
     checks.require_x64()
     check_where(None, cluster)
@@ -280,11 +312,11 @@ def optimise_all(
     if not scenes:
         raise ValueError("`scenes` must hold at least one scene, but is empty")
     for i, scene in enumerate(scenes):
-        # All blocks or all scenes: one set of conditions serves all of them.
+        # Blocks and scenes must not be mixed, because the same conditions apply to all of them.
         checks.instance(f"scenes[{i}]", scene, Block if isinstance(scenes[0], Block) else Scene)
     if "progress" in settings:
-        raise ValueError("`progress` is of one search, and cannot be given for many")
-    # An iterator would be used up by the first search.
+        raise ValueError("`progress` of a single search is not allowed in `settings`")
+    # The first search would exhaust an iterator, so make a tuple of it.
     if settings.get("limits") is not None:
         settings["limits"] = tuple(settings["limits"])
     shared, n = (tuple(scenes), settings), len(scenes)
@@ -292,30 +324,30 @@ def optimise_all(
         if cluster is None:
             parts = []
             for i in range(n):
-                parts.append(_designed(np.array([i]), *shared))
+                parts.append(_rows_of(np.array([i]), *shared))
                 report(i + 1, n)
-            found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+            columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         else:
-            # A search takes seconds: each is a chunk of its own, so that none is lost with another one.
-            found = cluster.map("designs", _designed, np.arange(n), shared, chunk=1, progress=report)
-    status = np.array(_STATUSES)[found.pop("status")]
-    return Designs(status=status, **found)
+            # A search takes seconds. Each is a chunk of its own, so that a failure loses only one search.
+            columns = cluster.map("designs", _rows_of, np.arange(n), shared, chunk=1, progress=report)
+    status = np.array(_STATUSES)[columns.pop("status")]
+    return Designs(status=status, **columns)
 
 
-def _designed(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, Any]) -> dict[str, np.ndarray]:
-    """Answers for some of the scenes; statuses by their codes."""
+def _rows_of(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Return the designs of some of the scenes as columns, with the status as an index into `_STATUSES`."""
     rows = []
     for i in map(int, which):
         try:
-            found = optimise(scenes[i], **settings)
+            design = optimise(scenes[i], **settings)
         except ValueError as error:
             raise ValueError(f"`scenes[{i}]`: {error}") from None
-        with_it, (value, without) = found.pendulum, found.risks
+        pendulum, (value, without) = design.pendulum, design.risks
         names = "mass", "length", "damping_ratio"
-        sizes = {name: np.nan if with_it is None else float(getattr(with_it, name)) for name in names}
+        sizes = {name: np.nan if pendulum is None else float(getattr(pendulum, name)) for name in names}
         rows.append(
             {
-                "status": _STATUSES.index(found.status.name),
+                "status": _STATUSES.index(design.status.name),
                 **sizes,
                 "value": value,
                 "value_without": without,

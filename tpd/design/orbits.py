@@ -1,14 +1,15 @@
-"""Symmetric orbits of designs under all conditions, with their derivatives: exact, or followed by steps.
+"""Symmetric orbits of designs under all conditions, with their derivatives: exact, or followed step by step.
 
 `Orbits` solves all symmetric period-one orbits of a design in closed form, so that its values hold for any
-initial state. It takes the objective of the orbit that counts under each condition, applies the risk measure
+initial state. It computes the objective of the relevant orbit under each condition, applies the risk measure
 over the conditions, and states the limits as constraints.
 
-`SmoothedOrbits` does not settle an orbit again for every design that a descent evaluates. Each descent keeps,
-beside its design, the orbit under every condition. An evaluation integrates half a period of the smoothed
-equations by diffrax, with tangents, from the orbit of the design before, see `tpd.models.half_period`: one
-Newton step of the orbit, and the gradient. The exact solution gives the first orbits, and it takes over where
-there is none to follow: where the block rests, and where an orbit was lost."""
+`SmoothedOrbits` avoids the settling of an orbit for every design that a descent evaluates. Each descent keeps
+its design and the orbit under every condition. From the orbit of the previous design an evaluation integrates
+half a period of the smoothed equations by diffrax, with tangents (see `tpd.models.half_period`). This gives
+one Newton step of the orbit and the gradient. The exact solution provides the first orbits. It also replaces
+the smoothed model where there is no orbit to follow: where the block rests, and where an orbit was lost.
+"""
 
 from __future__ import annotations
 
@@ -47,86 +48,94 @@ from tpd.scene.quantities import with_design
 from tpd.theory.no_uplift import uplift
 
 _PAIRS = 16_384
-"""Pairs of design and condition that are solved at once, about."""
+"""Approximate number of pairs of design and condition that are solved at once."""
 BACK_OFF = 1e-5
-"""Share of every limit that a search leaves unused. A descent may end so far beyond its constraints, by
+"""Share of every limit that a search leaves unused. A descent may exceed its constraints by this much, by
 rounding or where a limit has no derivative, and the design still keeps the limit itself."""
 KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
 """Motions of a design under a condition, see `Evaluation.kind`."""
 _KIND_OF = np.array([ROCKING, UNSTABLE, UNSTABLE, NEAR, NEAR, NONE])
-"""Index into `KINDS` by the number of an orbit's status, see `tpd.exact.terms`; the best
-of them is the smallest."""
+"""Index into `KINDS` for each status of an orbit, see `tpd.exact.terms`. The best motion has the smallest
+index."""
 _DESIGN = {"mass": MU, "length": LAM, "damping": ZETA}
 """Columns of the parameters of a design, by the names of their factors in conditions."""
 _RESERVE = ("fold", "symmetry", "torus")
-"""Sizes of an orbit that are positive where it attracts."""
+"""Sizes of an orbit that are positive if it attracts."""
 OF_PAIRS = Evaluation._fields[: Evaluation._fields.index("design")]
-"""Fields of an evaluation that belong to pairs of design and condition; they come first."""
+"""Fields of an evaluation that have one value per pair of design and condition. These fields come first."""
 
 SMOOTHED = Smoothed(rtol=1e-7)
-"""Model of a descent by default: the error control ignores derivatives, so it is tighter than for motions."""
+"""Default model of a descent. The error control ignores derivatives, so the tolerance is smaller than for
+motions."""
 _CHUNK = 32
-"""Orbits that take a step at once, on each core: all of them wait for the slowest."""
+"""Number of orbits that take a step together on each core. All of them wait for the slowest."""
 _STEPS = 3
-"""Most steps of an orbit at one design: the first is enough where the design has moved little."""
+"""Largest number of steps of an orbit at one design. One step is sufficient if the design has moved
+little."""
 _NEAR, _ASTRAY = 0.01, 0.5
-"""Residual, in units of nu, below which a step is the last, and beyond which the orbit is lost."""
+"""Residual in units of nu below which no further step follows, and above which the orbit is lost."""
 _SAME = 0.01
-"""Relative difference of tilts beyond which two orbits are not the same."""
+"""Relative difference between the tilts of two orbits above which they count as different orbits."""
 
 
 class Linearisation(NamedTuple):
-    """n functions and l constraints (<= 0) at m designs, and their slopes along d scaled coordinates."""
+    """Values of n functions and l constraints (<= 0) at m designs, with their slopes along d scaled
+    coordinates."""
 
     value: np.ndarray
-    """(m, n)"""
+    """Values of the functions, (m, n)."""
     slope: np.ndarray
-    """(m, n, d)"""
+    """Slopes of the functions, (m, n, d)."""
     limit: np.ndarray
-    """(m, l)"""
+    """Values of the constraints, (m, l)."""
     limit_slope: np.ndarray
-    """(m, l, d)"""
+    """Slopes of the constraints, (m, l, d)."""
 
     def at(self, rows: np.ndarray | slice) -> Linearisation:
-        """Linearisation at some of the designs."""
+        """Return the linearisation at some of the designs."""
         return Linearisation(*(x[rows] for x in self))
 
 
 @dataclass(frozen=True)
 class Orbits:
-    """Risk of the merits under all conditions, and limits: of the largest attracting symmetric period-one
-    orbit under every condition, or of rest."""
+    """Objective, risk and limits of the exact orbits of designs under all conditions.
+
+    The orbit that counts under a condition is the largest attracting symmetric period-one orbit, or rest.
+    """
 
     p: Parameters
-    """Parameters of the bare block."""
+    """Parameters of the block without a pendulum."""
     conditions: Conditions
     space: DesignSpace
     risk: Risk
     limits: tuple[Limit, ...]
     geometry: Geometry
     rest_counts: bool = False
-    """Whether rest counts wherever it holds, though rocking attracts as well from other starts."""
+    """Whether rest counts wherever the block can stay at rest, although it also rocks from other initial
+    states."""
     objective: Objective = field(default_factory=SteadyTilt)
 
     def evaluate(self, designs: np.ndarray, progress: Count = unreported) -> Evaluation:
-        """Designs (mu, lam, zeta), shape (m, 3), under all conditions."""
+        """Evaluate designs (mu, lam, zeta), shape (m, 3), under all conditions."""
         m, n = len(designs), len(self.conditions)
-        # All at once would take memory for every orbit of every pair.
+        # Arrays for every orbit of every pair would not fit in memory, so evaluate a part of the designs at a
+        # time.
         size, parts = max(1, _PAIRS // n), []
         for i in range(0, m, size):
-            parts.append(_evaluated(self.p, designs[i : i + size], self.conditions, self.rest_counts))
+            parts.append(_evaluate(self.p, designs[i : i + size], self.conditions, self.rest_counts))
             progress(min(i + size, m) * n, m * n)
         joined = (np.concatenate(x) for x in zip(*(part[: len(OF_PAIRS)] for part in parts), strict=True))
         return self.with_merits(Evaluation(*joined, design=designs))
 
     def with_merits(self, e: Evaluation) -> Evaluation:
-        """The evaluation with the values of the objective as merits where the block rocks.
+        """Return the evaluation with the values of the objective as merits where the block rocks.
 
         Raises:
-            ValueError: values or slopes of the user's objective of another shape.
+            ValueError: the values or slopes of the user's objective have another shape.
         """
         with np.errstate(all="ignore"):
-            # Where the block does not rock, an orbit may be infinite or none.
+            # Where the block does not rock an orbit may be infinite or absent. These values are replaced
+            # below.
             size = self.objective.values(e, self.geometry)
         value, slope = np.asarray(size.value), np.asarray(size.slope)
         if value.shape != e.tilt.shape or slope.shape != e.tilt_slope.shape:
@@ -139,7 +148,8 @@ class Orbits:
         return e._replace(merit=np.where(rocks, value, e.merit), merit_slope=slope)
 
     def compared_without_pendulum(self) -> Orbits:
-        """This objective, with the tilts of the bare block known to limits that compare with them."""
+        """Return this objective with the tilts of the block without a pendulum, for limits that compare with
+        them."""
         if not any(isinstance(limit, Worsening) for limit in self.limits):
             return self
         none = np.array([[0.0, float(self.p.lam), float(self.p.zeta)]])
@@ -148,25 +158,27 @@ class Orbits:
         return replace(self, geometry=replace(self.geometry, tilt_without_pendulum=tilt))
 
     def value(self, e: Evaluation) -> np.ndarray:
-        """Risk of the merits, (m,)."""
+        """Return the risk of the merits, (m,)."""
         return self.risk.of(e.merit)
 
     def sizes(self, e: Evaluation) -> list[Size]:
-        """Limited quantities over their limits."""
+        """Return the limited quantities over their limits."""
         return [size for limit in self.limits for size in limit.sizes(e, self.geometry)]
 
     def constraints(self, e: Evaluation) -> tuple[np.ndarray, np.ndarray]:
-        """Constraints (<= 0), shape (m, l), and their derivatives; l is n times the number of sizes."""
+        """Return constraints (<= 0), shape (m, l), and their derivatives; l is n times the number of
+        sizes."""
         m = len(e.kind)
         sizes = self.sizes(e)
         value = np.concatenate([np.zeros((m, 0)), *(s.value - 1.0 for s in sizes)], axis=1)
         slope = np.concatenate([np.zeros((m, 0, 3)), *(s.slope for s in sizes)], axis=1)
-        # A quantity that is not finite breaks its limit, and no derivative says which way leads out.
+        # A quantity that is not finite breaks its limit, but has no derivative that shows the direction back.
         return np.where(np.isfinite(value), value, 10.0), np.where(np.isfinite(slope), slope, 0.0)
 
     def linearised(self, e: Evaluation) -> Linearisation:
-        """Merits, tightened constraints and their derivatives along the searched shares of the bounds."""
-        # Shares of the bounds: a step is as long along every coordinate.
+        """Return merits, tightened constraints and their derivatives along the searched shares of the
+        bounds."""
+        # In shares of the bounds a step has the same length along every coordinate.
         low, high = self.space.bounds
         limit, limit_slope = self.constraints(e)
         merit_slope, limit_slope = (
@@ -175,22 +187,22 @@ class Orbits:
         return Linearisation(e.merit, merit_slope, limit + BACK_OFF, limit_slope)
 
     def at(self, unit: np.ndarray) -> Linearisation:
-        """Linearisation at designs in shares of the bounds, (m, d)."""
+        """Return the linearisation at designs in shares of the bounds, (m, d)."""
         return self.linearised(self.evaluate(self.space.unscaled(unit)))
 
 
 _STEP = 1e-100
-"""Imaginary part of a number in whose direction a derivative is taken."""
+"""Imaginary step for complex-step differentiation."""
 
 
-def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_counts: bool) -> Evaluation:
-    """Designs (m, 3) under all conditions."""
+def _evaluate(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_counts: bool) -> Evaluation:
+    """Evaluate designs (m, 3) under all conditions."""
     m, n = len(designs), len(conditions)
     q = under_all(p, designs, conditions)
     x, along = row_of(q), _directions(p, q, conditions, m)
     orbits = solve_orbits(x)
     kinds = _KIND_OF[orbits["status"].astype(int)]
-    # Orbits come sorted by amplitude, the largest first: of equal kinds the largest counts.
+    # Orbits are sorted by amplitude, largest first. Among orbits of equal kind the largest counts.
     best = np.argmin(kinds, axis=1)
     one = np.take_along_axis(orbits, best[:, None], axis=1)
     slope = orbit_slopes(x, one, along, (0, SIZES["torus"] + 1))[:, 0]
@@ -198,17 +210,21 @@ def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_
     sizes, slopes = ({name: of[..., at] for name, at in SIZES.items()} for of in (o["sizes"], slope))
     lift, design, still = uplift(q), np.stack([q.mu, q.lam, q.zeta]), []
     for i in range(3):
+        # The uplift margin is a closed form in real numbers, so that a complex step gives its exact
+        # derivative.
         stepped = uplift(with_design(q, design + 1j * _STEP * along[:, i, [MU, LAM, ZETA]].T))
         still.append([np.imag(x) / _STEP for x in stepped])
     margin_slope, still_slope = np.moveaxis(np.array(still), 0, -1)
     margin = np.asarray(lift.margin)
     kind = kinds[np.arange(m * n), best]
+    # Rest counts where no orbit attracts and the block can stay at rest, or wherever it can stay at rest.
     kind = np.where((margin > 0.0) & ((kind > REST) | rest_counts), REST, kind)
     at_rest, moves = kind == REST, (kind != REST) & (kind != NONE)
 
     def chosen(slope: np.ndarray, other: np.ndarray | float) -> np.ndarray:
         return _finite(np.where(moves[:, None], slope, other))
 
+    # The orbit stops attracting at the nearest of three bifurcations: its reserve is the smallest distance.
     least = np.argmin([sizes[name] for name in _RESERVE], axis=0)[None]
     reserve, reserve_slope = (
         np.take_along_axis(np.array([of[name] for name in _RESERVE]), i, axis=0)[0]
@@ -219,8 +235,9 @@ def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_
     tilt_slope = chosen(slopes["amplitude"] / nu[:, None], 0.0)
     multiplier = np.max(np.abs(o["multipliers"]), axis=-1)
     turn = np.stack([sizes["amplitude"], o["bob"], sizes["phase"], o["bob_rate"]], axis=-1)
-    # What does not attract is above any orbit that does, whose merit is below one: a search must leave such
-    # designs, and the uplift margin says which way leads to rest.
+    # A design without an attracting motion must be worse than any design with one, whose merit is below one.
+    # The search then leaves such designs, and the slope of the uplift margin shows the direction towards
+    # rest.
     nothing = np.where(kind == UNSTABLE, 1.0 + tilt, 2.0 - margin)
     out = Evaluation(
         merit=np.where(kind == REST, -margin, nothing),
@@ -242,15 +259,15 @@ def _evaluated(p: Parameters, designs: np.ndarray, conditions: Conditions, rest_
 
 
 def _directions(p: Parameters, q: Parameters, conditions: Conditions, m: int) -> np.ndarray:
-    """Derivatives of the parameters `q` of m designs under all conditions, as rows of compiled code, with
-    respect to (mu, lam, zeta) of the designs, (m n, 3, 9)."""
+    """Return the derivatives of the parameters `q` of m designs under all conditions with respect to (mu,
+    lam, zeta) of the designs, as rows of the compiled code, (m n, 3, 9)."""
     along = np.zeros((m * len(conditions), 3, 9))
     for i, (name, column) in enumerate(_DESIGN.items()):
         along[:, i, column] = np.tile(conditions.column(name), m)
     if p.e is None:
-        # Housner's e follows the bob's mass.
-        moved = housner(np.asarray(q.nu), np.asarray(q.rho), np.asarray(q.mu) + 1j * _STEP)
-        along[:, 0, E] = moved.imag / _STEP * along[:, 0, MU]
+        # Housner's coefficient of restitution depends on the mass of the bob.
+        stepped = housner(np.asarray(q.nu), np.asarray(q.rho), np.asarray(q.mu) + 1j * _STEP)
+        along[:, 0, E] = stepped.imag / _STEP * along[:, 0, MU]
     return along
 
 
@@ -259,37 +276,41 @@ def _finite(x: np.ndarray) -> np.ndarray:
 
 
 def margins(objective: Orbits, designs: np.ndarray) -> np.ndarray:
-    """Uplift margins of designs (m, 3) under all conditions, (m, n), in closed form."""
+    """Return the uplift margins of designs (m, 3) under all conditions, (m, n), in closed form."""
     rows = objective.conditions.factor_rows()
-    # One condition after the other: all at once would take n times the memory.
+    # Evaluate one condition after the other: all at once would need n times the memory.
     return np.stack([np.asarray(uplift(under(objective.p, designs.T, row)).margin) for row in rows], axis=1)
 
 
 class SmoothedOrbits:
-    """Designs of m descents and their orbits under all conditions, from an exact evaluation of the starts."""
+    """Designs of m descents with their orbits under all conditions, starting from an exact evaluation."""
 
     def __init__(self, orbits: Orbits, model: Smoothed, e: Evaluation) -> None:
+        # For each descent and condition: the state at the turn, its derivatives, and whether an orbit is
+        # followed.
         self.orbits, self.model, self.designs = orbits, model, e.design
         self.turns, self.slopes = np.zeros((*e.kind.shape, 4)), np.zeros((*e.kind.shape, 4, 3))
         self.follows = np.zeros(e.kind.shape, bool)
-        self.lost = np.zeros(len(e.design), int)
-        """Orbits that each descent has lost so far."""
+        self.stopped = np.zeros(len(e.design), int)
+        """Number of orbits so far that each descent could not follow."""
         self._take(e, np.arange(len(e.design)), e.kind == ROCKING)
-        # A step at the same design: its derivatives predict the orbit of the next one.
+        # A step at the same design yields the derivatives that predict the orbit of the next design.
         self._step(e.design)
 
     def at(self, unit: np.ndarray) -> Linearisation:
-        """Linearisation at designs in shares of the bounds, (m, d), the next of each descent."""
+        """Return the linearisation at designs in shares of the bounds, (m, d), the next design of each
+        descent."""
         return self.orbits.linearised(self.evaluate(self.orbits.space.unscaled(unit)))
 
     def evaluate(self, designs: np.ndarray) -> Evaluation:
-        """Next designs (m, 3) of the descents, by a step of their orbits."""
+        """Evaluate the next designs (m, 3) of the descents by a step of their orbits."""
         e = self._step(designs)
-        # Where no orbit is followed the exact solution takes over, and says whether there is one by now.
+        # Where no orbit is followed, the exact solution shows whether there is one by now.
         rows = np.flatnonzero(~self.follows.all(axis=1))
         if len(rows):
             exact, mine = self.orbits.evaluate(designs[rows]), e.at(rows)
-            # Another orbit may count by now: it attracts and is larger, or the one that is followed does not.
+            # Another orbit may count by now: one that attracts and is larger, or the followed orbit no longer
+            # attracts.
             other = (exact.kind != mine.kind) | (np.abs(exact.tilt - mine.tilt) > _SAME * exact.tilt)
             other |= ~self.follows[rows]
             for name in OF_PAIRS:
@@ -300,11 +321,12 @@ class SmoothedOrbits:
         return e
 
     def _step(self, designs: np.ndarray) -> Evaluation:
-        """Half a period of every orbit that is followed; all others, and lost orbits, are left blank."""
+        """Integrate half a period of every orbit that is followed. All other orbits and lost orbits keep
+        blank values."""
         o, m = self.orbits, len(designs)
         own = {name: np.array(getattr(Evaluation.blank(m, len(o.conditions)), name)) for name in OF_PAIRS}
         e = Evaluation(**own | {"margin": margins(o, designs)}, design=designs)
-        # The derivatives of the last step predict the orbit of the next design, to first order.
+        # The derivatives of the last step predict the orbit of the next design to first order.
         self.turns = self.turns + np.einsum("mnud,md->mnu", self.slopes, designs - self.designs)
         self.designs, todo, before = designs, self.follows.copy(), self.follows.copy()
         for _ in range(_STEPS):
@@ -318,19 +340,20 @@ class SmoothedOrbits:
             e.tilt[rows], e.tilt_slope[rows] = step.turn[:, 0] / nu, step.slope[:, 0] / nu[:, None]
             e.swing[rows], e.swing_slope[rows] = step.swing, step.swing_slope
             e.multiplier[rows], e.reserve[rows] = step.multiplier, step.reserve
-            # One step is enough where the design has moved little: its error is the square of the residual.
-            lost = ~step.solved | (step.residual > _ASTRAY) | (step.turn[:, 0] <= 0.0)
-            self.follows[rows] = ~lost
-            todo[rows] = ~lost & (step.residual > _NEAR)
-        # The exact solution decides where a step has not come near an orbit, or near one that repels by now.
+            # One step is sufficient if the design has moved little, since the error is quadratic in the
+            # residual.
+            has_failed = ~step.solved | (step.residual > _ASTRAY) | (step.turn[:, 0] <= 0.0)
+            self.follows[rows] = ~has_failed
+            todo[rows] = ~has_failed & (step.residual > _NEAR)
+        # The exact solution decides for orbits that did not converge or no longer attract.
         rests = (e.margin > 0.0) & o.rest_counts
         self.follows &= ~todo & ~rests & (e.multiplier < 1.0)
-        self.lost += (before & ~self.follows & ~rests).sum(axis=1)
+        self.stopped += (before & ~self.follows & ~rests).sum(axis=1)
         self.turns[~self.follows], self.slopes[~self.follows] = 0.0, 0.0
         return o.with_merits(e)
 
     def _take(self, e: Evaluation, descents: np.ndarray, new: np.ndarray) -> None:
-        """Follow the exact orbits of an evaluation of some descents from now on, where `new`."""
+        """Follow the exact orbits of an evaluation of some descents from now on, where `new` is true."""
         rows = np.nonzero(new)
         self.turns[descents[rows[0]], rows[1]] = e.turn[rows]
         self.slopes[descents[rows[0]], rows[1]] = 0.0
@@ -338,6 +361,6 @@ class SmoothedOrbits:
 
 
 def prepare_step(orbits: Orbits, model: Smoothed) -> None:
-    """Begin to compile the step in a thread; the first evaluation waits for it."""
+    """Start to compile the step in a thread. The first evaluation waits until the step is compiled."""
     batch = orbits.p, np.zeros((1, 3)), orbits.conditions.factor_rows()[:1], np.zeros((1, 4))
     prepare(half_period(model), batch, chunk=_CHUNK)

@@ -1,8 +1,7 @@
-"""A design problem: the inputs of `tpd.optimise`, complete and checked, and the runs that answer it.
+"""Design problem: the inputs of `tpd.optimise`, complete and checked, and the runs that evaluate a design.
 
-`HarmonicProblem` and `GroundMotionProblem` say which designs are candidates, what a trial run and a paired
-run are, and what only their kind of excitation needs. Search, refinement, validation and report are written
-once, for `Problem`.
+`HarmonicProblem` and `GroundMotionProblem` define candidates, trial runs, paired runs, and what else depends
+on the kind of excitation. Search, refinement, validation and report are written once, for `Problem`.
 """
 
 from __future__ import annotations
@@ -48,81 +47,88 @@ from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
 MOST_MOTIONS = 24
-"""Most motions that are followed over time for the loads."""
+"""Largest number of motions for which the loads on the pendulum are computed."""
 
 
 class Variation(NamedTuple):
-    """How paired runs differ from those that validate."""
+    """Changes of paired runs with respect to the validation runs."""
 
     equations: str = Terms.nonlinear.value
-    """By the linear ones the runs are fewer and shorter: they compare."""
+    """Equations of the runs. With the linear equations the runs are fewer and shorter; they serve
+    comparisons."""
     scene: Scene | None = None
-    """With another block or gravity; None for that of the problem."""
+    """Scene with another block or gravity; None for the scene of the problem."""
     more: Conditions | None = None
-    """One further condition, on top of all others."""
+    """Further condition, in addition to all others."""
 
 
 STATED = Variation()
-"""Runs that validate."""
+"""No change: the validation runs."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Problem(ABC):
-    """Inputs of `tpd.optimise`, complete and checked, and the runs that answer them."""
+    """Inputs of `tpd.optimise`, complete and checked, and the runs that evaluate a design."""
 
     scene: Scene
-    """Under ground motions its motion is the first of them."""
+    """Block and excitation. Under ground motions: the block with the first motion."""
     space: DesignSpace
-    """Within the limit on the bob's mass, if there is one."""
+    """Bounds in ratios, reduced to the limit on the mass of the bob if there is one."""
     conditions: Conditions
-    """Under ground motions those of the group that a design is tuned to."""
+    """Excitations of the search. Under ground motions: the group of motions that a design is tuned to."""
     risk: Risk
+    """Risk measure over the conditions."""
     limits: tuple[Limit, ...]
+    """Limits, in the order of a report."""
     method: Any
     """Settings of the search."""
     ensemble: Ensemble
-    """Validation runs; under ground motions its half widths are those of block and installation."""
+    """Validation runs. Under ground motions its half widths are those of the block and of the
+    installation."""
     requirements: Requirements
+    """Smallest benefit and largest harm of a recommended pendulum."""
     seed: int
+    """Seed of all random choices."""
     attempts: ClassVar[int]
-    """Most designs that are validated, each by runs of its own."""
+    """Largest number of designs that are validated, each by runs of its own."""
     groups: ClassVar[tuple[Any, ...]] = ()
     """Groups of ground motions; none under harmonic excitation."""
     rest_counts: ClassVar[bool] = False
-    """Whether rest counts wherever it holds, though the block rocks from other initial states."""
+    """Whether rest counts wherever the block can stay at rest, even if it rocks from other initial states."""
     spare: ClassVar[float] = 0.0
-    """Share of every limit on runs that the trials leave unused."""
+    """Share of every limit on runs that trial runs leave unused."""
     has_validation_runs: ClassVar[bool]
-    """Whether some validation runs take no part in the decision, and are those that are quoted."""
+    """Whether some validation runs take no part in the decision and are reported instead."""
 
     @property
     def inputs(self) -> dict[str, Any]:
-        """Arguments of `tpd.optimise` that pose this problem again, by name."""
+        """Arguments of `tpd.optimise` that state this problem, by name."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
     def job(self) -> Job:
-        """The job that poses this problem again.
+        """Job that states this problem.
 
         Raises:
-            ValueError: a problem that no job file can describe: motions, a limit or an objective that exist
-                only in Python.
+            ValueError: a job file cannot describe the problem, because a motion, a limit or an objective
+                exists only in Python.
         """
-        asked = self.tables
+        tables = self.tables
         try:
-            job = job_of({table: _said(values) for table, values in asked.items()})
+            job = job_of({table: _plain(values) for table, values in tables.items()})
         except ValueError as error:
-            raise ValueError(f"a job file cannot say what this design was asked: {error}") from None
+            raise ValueError(f"a job file cannot describe this problem: {error}") from None
         for name in ("space", "risk", "limits", "method", "ensemble", "requirements", "seed"):
-            # Models and optimisers of one kind are equal by what they print.
+            # Models and optimisers have no equality of their own: compare what they print.
             if repr(getattr(job, name)) != repr(getattr(self, name)):
-                raise ValueError(f"a job file cannot say the `{name}` of this design, {getattr(self, name)}")
+                raise ValueError(f"a job file cannot describe the `{name}`, {getattr(self, name)}")
         return job
 
     @property
     def tables(self) -> dict[str, dict[str, Any]]:
-        """Tables of the job, as far as a file can say it."""
+        """Tables of the job, as far as a file can describe the problem."""
         scene, risk = self.scene, self.risk
+        # A default limit that this problem does not have must be switched off in the file.
         limits: dict[str, Any] = {
             kind.name: False
             for kind in KINDS
@@ -132,13 +138,17 @@ class Problem(ABC):
         for limit in self.limits:
             if type(limit) not in KINDS:
                 raise ValueError(
-                    f"a job file cannot say the limit `{limit.name}`, which exists only in Python"
+                    f"a job file cannot describe the limit `{limit.name}`, which exists only in Python"
                 )
+            # A limit has one number, or none: then true switches it on.
             limits[limit.name] = next((x for x in vars(limit).values() if isinstance(x, (int, float))), True)
             bob |= vars(limit.bob) if isinstance(limit, Clearance) else {}
+        # The aspect has no effect for a ball, and a job rejects keys without effect.
         if bob.get("shape") == "ball":
             bob.pop("aspect")
         search = {name: value for name, value in vars(self.method).items() if name in TABLES["search"]}
+        # A model object has no key in the file: the default model takes its place, and `job` compares the
+        # two.
         if not isinstance(search.get("model"), str):
             search["model"] = None
         measure = {0.0: "worst", 1.0: "expected"}.get(risk.share, "cvar")
@@ -155,17 +165,18 @@ class Problem(ABC):
     @property
     @abstractmethod
     def rounds(self) -> tuple[int, int]:
-        """Rounds of further trials after the candidates, and how many designs each has."""
+        """Number of rounds of further trials after the candidates, and number of designs per round."""
 
     @property
     @abstractmethod
     def allowed(self) -> float:
-        """Largest share of the runs in which the block stands that may exceed a limit."""
+        """Largest share of the runs that may exceed a limit, among those in which the block stands."""
 
     @property
     def scatter(self) -> dict[str, float]:
-        """Relative half widths of what scatters in the validation runs, by name."""
+        """Relative half widths of the quantities that vary in the validation runs, by name."""
         widths = self.ensemble.widths(self.scene.block.restitution)
+        # A factor on a friction of zero would have no effect.
         absent = () if self.scene.block.friction else ("friction",)
         return {name: width for name, width in widths.items() if width > 0.0 and name not in absent}
 
@@ -176,7 +187,7 @@ class Problem(ABC):
 
     @property
     def run_limits(self) -> tuple[Limit, ...]:
-        """Limits that single runs must keep, all but the allowed share of them."""
+        """Limits that single runs must keep, apart from the allowed share of them."""
         return tuple(limit for limit in self.limits if limit.of_motion)
 
     @cached_property
@@ -196,28 +207,33 @@ class Problem(ABC):
         return np.array([float(x) for x in ratios])
 
     def exact(self, design: np.ndarray | None) -> Any:
-        """Return the exact motions of a design, or without a pendulum, under all conditions; None where only
-        runs answer."""
+        """Return the exact motions of a design under all conditions; None for the design means no pendulum.
+
+        The result is None if only runs can evaluate a design.
+        """
         return None
 
     @cached_property
     def without_pendulum(self) -> Any:
-        """Exact motions without a pendulum; None where only runs answer."""
+        """Exact motions without a pendulum; None if only runs can evaluate a design."""
         return self.exact(None)
 
     def lifts(self, pendulum: Pendulum) -> tuple[float, float] | None:
-        """Return the base acceleration over gravity that lifts the resting block, with a pendulum that has
-        settled and without; None where no motion settles."""
+        """Return the base accelerations over gravity that lift the resting block with a settled pendulum and
+        without one.
+
+        The result is None if no motion settles.
+        """
         return None
 
     @property
     @abstractmethod
     def at_rest(self) -> AtRest:
-        """The resting block without a pendulum under the condition that comes nearest to lifting it."""
+        """Resting block without a pendulum under the condition that comes nearest to lifting it."""
 
     @property
     def needs_none(self) -> DesignStatus | None:
-        """Status of a problem in which the excitation does not make the resting block rock; None if it does.
+        """Status if the excitation does not make the resting block rock; None if it does.
 
         A strong enough push may still make the block rock or overturn.
         """
@@ -227,38 +243,42 @@ class Problem(ABC):
 
     @abstractmethod
     def candidates(self, progress: Progress) -> tuple[np.ndarray, Any]:
-        """Return designs that are worth a trial, (m, 3), and the history of the search that found them (None
-        where there was no search)."""
+        """Return designs for the trial runs, (m, 3), and the history of the search.
+
+        The history is None if there was no search.
+        """
 
     @abstractmethod
     def trial_runs(self, design: np.ndarray | None, seed: int) -> Runs:
-        """Follow cheap runs of a design by the linear equations; of None without a pendulum."""
+        """Simulate inexpensive runs of a design by the linear equations; None for the design means no
+        pendulum."""
 
     @abstractmethod
     def runs_alone(self, seed: int, progress: Any = None) -> Runs:
-        """Follow the runs of the nonlinear equations that validate, without a pendulum."""
+        """Simulate the validation runs of the nonlinear equations without a pendulum."""
 
     @abstractmethod
     def paired_runs(
         self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
     ) -> PairedRuns:
-        """Follow runs with and without the pendulum of a design.
+        """Simulate runs with and without the pendulum of a design.
 
         Args:
             design: (mu, lam, zeta), shape (3,).
-            seed: of the runs, which are independent of those of all other seeds.
-            varied: how they differ from those that validate.
-            progress: called with (stage, runs done, of how many).
+            seed: seed of the runs. Runs of different seeds are independent.
+            varied: changes with respect to the validation runs.
+            progress: function of (stage, runs done, total).
         """
 
     def run_seed(self, *numbers: int) -> int:
-        """Return the seed of runs: the first number is that of their stage, the others count within it."""
+        """Return a seed of runs. The first number is that of the stage, the other numbers count within the
+        stage."""
         base = self.seed if self.ensemble.seed is None else self.ensemble.seed
         return int(np.random.SeedSequence([base, *numbers]).generate_state(1)[0])
 
     @abstractmethod
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
-        """Return the motions of the conditions in which the rod of a design turns most, at most 24."""
+        """Return the motions in which the rod of a design rotates most relative to the block, at most 24."""
 
     def needed_friction(self, design: np.ndarray) -> float:
         """Return the coefficient of friction that keeps the base from sliding while the block rocks with a
@@ -271,14 +291,18 @@ class Problem(ABC):
         return max(needed, default=np.nan)
 
     def value_of(self, runs: Runs) -> float:
-        """Return the risk of the severities of runs that have an answer; NaN without any."""
-        known = runs.severity[~runs.is_unanswered]
-        return float(self.risk.of(known)) if len(known) else np.nan
+        """Return the risk measure of the severities of all runs that have a result; NaN if there are none."""
+        severity = runs.severity[~runs.is_unanswered]
+        return float(self.risk.of(severity)) if len(severity) else np.nan
 
     def fixed_sizes(self, designs: np.ndarray) -> dict[str, np.ndarray]:
-        """Return limited quantities over their limits that need no run, the largest of all conditions, by
-        name, (m,): of the bob that hangs at rest, and with harmonic excitation of the settled orbit."""
+        """Return the limited quantities that need no run, over their limits, by name, (m,).
+
+        Each is the largest over all conditions. The quantities are those of the bob that hangs at rest and,
+        under harmonic excitation, of the settled orbit.
+        """
         m, n = len(designs), len(self.conditions)
+        # A block at rest with a bob at rest: only the size of the bob and its distance from the walls matter.
         zeros = np.zeros((m, n))
         at_rest = Evaluation.blank(m, n)._replace(tilt=zeros, swing=zeros, design=designs)
         return {
@@ -292,7 +316,8 @@ class Problem(ABC):
         """Return limited quantities over their limits, by name, in each run in which the block stands."""
         stands, g = runs.stands, self.geometry
         nu, mu, lam = (np.asarray(x)[stands] for x in (runs.nu, runs.mu, runs.lam))
-        # The walls come nearer with the block's width.
+        # The block of a run differs from the nominal one: with a narrower block the walls are closer
+        # together.
         own = replace(
             g,
             wall=0.5 * float(self.scene.block.clear_width) * nu / float(self.scene.block.slenderness),
@@ -306,8 +331,10 @@ class Problem(ABC):
             rows = {k: x[stands][None] for k, x in shaped.items()}
             return Evaluation.blank(1, len(nu))._replace(**rows, design=design[None])
 
+        # Every limit applies to the settled motion, except the clearance.
         settled = motion(runs.settled_tilt, runs.settled_swing, runs.settled_rod_angle)
-        # The bob must keep off the walls from the first moment on, and not only in the settled motion.
+        # The bob must not touch the walls during the transient either, so the clearance applies to the whole
+        # run.
         largest = motion(runs.tilt, runs.swing, runs.rod_angle)
         return {
             size.name: size.value[0]
@@ -316,58 +343,67 @@ class Problem(ABC):
         }
 
     def over_limit(self, design: np.ndarray, runs: Runs) -> tuple[float, str]:
-        """Return the share of the runs in which the block stands whose motion exceeds a limit, 0 without any
-        such run, and the name of the limit that most of them exceed."""
+        """Return the share of the runs that exceed a limit, and the name of the limit that most of them
+        exceed.
+
+        The share counts the runs in which the block stands; it is 0 if there are none.
+        """
         sizes = {name: x > 1.0 for name, x in self.sizes_in_runs(design, runs).items() if name not in STILL}
+        # Sizes such as the thickness do not depend on the motion: they are checked without runs.
         if not sizes or not runs.stands.any():
             return 0.0, ""
         worst = max(sizes, key=lambda name: float(np.mean(sizes[name])))
         return float(np.mean(np.any(list(sizes.values()), axis=0))), worst
 
 
-def _said(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values that a file can hold, without those that are left out."""
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values that a file can hold, without those that are None."""
     plain = {key: x.tolist() if isinstance(x, np.generic) else x for key, x in values.items()}
     return {key: list(x) if isinstance(x, tuple) else x for key, x in plain.items() if x is not None}
 
 
-def complete(scene: Scene, usual: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the inputs that all problems have, checked, with usual ones in place of None and of those that
-    are left out; the space is in ratios and within the limit on the bob's mass.
+def complete(scene: Scene, defaults: Mapping[str, Any], inputs: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the inputs that all problems have, checked and with defaults in place of None and of missing
+    inputs.
+
+    The design space of the result is in ratios, and within the limit on the mass of the bob.
 
     Raises:
-        TypeError: a name that is not among the usual inputs.
-        ValueError: an input of another class than the usual one, or that does not fit the scene.
+        TypeError: the name of an input is unknown.
+        ValueError: an input is of another class than its default, or does not fit the scene.
         RuntimeError: JAX is in 32-bit mode.
     """
+    # 32-bit numbers would give wrong results without an error, so check this first.
     checks.require_x64()
-    if unknown := given.keys() - usual.keys():
-        raise TypeError(f"a problem has no input `{min(unknown)}`, but {', '.join(usual)}")
-    found = {name: default if given.get(name) is None else given[name] for name, default in usual.items()}
-    for name in usual.keys() - {"limits", "seed"}:
-        checks.instance(name, found[name], type(usual[name]))
-    found |= {"seed": checks.seed("seed", found["seed"]), "limits": check_limits(found["limits"])}
-    check_cavity(scene.block, found["limits"])
-    if found["ensemble"].restitution:
+    if unknown := inputs.keys() - defaults.keys():
+        raise TypeError(f"a problem has no input `{min(unknown)}`: its inputs are {', '.join(defaults)}")
+    checked = {n: default if inputs.get(n) is None else inputs[n] for n, default in defaults.items()}
+    for name in defaults.keys() - {"limits", "seed"}:
+        checks.instance(name, checked[name], type(defaults[name]))
+    seed, limits = checks.seed("seed", checked["seed"]), check_limits(checked["limits"])
+    checked |= {"seed": seed, "limits": limits}
+    check_cavity(scene.block, checked["limits"])
+    if checked["ensemble"].restitution:
         check_restitution(scene)
-    space = found["space"].of(scene.block)
-    return found | {"space": within_mass(space, scene.block, found["limits"])}
+    space = checked["space"].of(scene.block)
+    return checked | {"space": within_mass(space, scene.block, checked["limits"])}
 
 
 def within_mass(space: DesignSpace, block: Block, limits: tuple[Limit, ...]) -> DesignSpace:
-    """Return the space within the limit on the bob's mass, if there is one.
+    """Return the design space reduced to the limit on the mass of the bob, if there is one.
 
     Raises:
-        ValueError: a mass below the least bob of the space.
+        ValueError: the limit is not above the smallest mass of the space.
     """
     limit, (low, high) = limit_of(limits, Mass), space.ends[:, 0].tolist()
     if not isinstance(limit, Mass):
         return space
-    # Every method keeps a bound exactly, and a constraint only to its tolerance.
+    # Every search keeps a bound exactly, but a constraint only within its tolerance: state the limit as a
+    # bound.
     most = limit.kg / float(block.mass)
     if most <= low:
         raise ValueError(
-            f"the limit `mass` must be above the least point mass of the design space, {low * block.mass:g} "
-            f"kg, but is {limit.kg:g} kg"
+            f"the limit `mass` must be above the smallest point mass of the design space, "
+            f"{low * block.mass:g} kg, but is {limit.kg:g} kg"
         )
     return space if low == high else replace(space, mass_ratio=(low, min(high, most)))

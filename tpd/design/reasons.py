@@ -1,4 +1,4 @@
-"""Outcomes of a design problem, and the reasons against a pendulum, as data and as sentences."""
+"""Outcomes of a design problem, and the reasons against a pendulum as data and as sentences."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from tpd.design.criteria import LABELS
 
 
 class DesignStatus(enum.Enum):
-    """Outcome of a design problem; the value is a sentence of the report."""
+    """Outcome of a design problem. The value of a member is a sentence of the report."""
 
     def __new__(cls, sentence: str, remedy: str) -> DesignStatus:
-        """Make a member of its sentence, with what to do about it."""
-        made = object.__new__(cls)
-        made._value_ = sentence
-        made._remedy = remedy
-        return made
+        """Create a member from its sentence and from the advice on what to do next."""
+        member = object.__new__(cls)
+        member._value_ = sentence
+        member._remedy = remedy
+        return member
 
     _remedy: str
 
@@ -31,14 +31,14 @@ class DesignStatus(enum.Enum):
     tuned_only = (
         "TUNED TO THESE MOTIONS ONLY: there is no other earthquake to validate the pendulum on, so "
         "nothing is claimed about the next earthquake.",
-        "Give records of other earthquakes, or a share that is held out.",
+        "Give records of other earthquakes, or a share of the records for the validation.",
     )
     too_few = (
         "TOO FEW EARTHQUAKES to validate a pendulum: nothing is claimed.",
         "Give records of more earthquakes.",
     )
     undecided = (
-        "UNDECIDED: some runs have no answer, and the verdict depends on how they would have ended.",
+        "UNDECIDED: some runs have no result, and the verdict depends on how they would have ended.",
         "Give more runs or records, or a weaker excitation.",
     )
     not_recommended = (
@@ -46,7 +46,7 @@ class DesignStatus(enum.Enum):
         "Widen the design space, require less benefit, or give the bob more clearance.",
     )
     none_feasible = (
-        "NOT RECOMMENDED: no pendulum that was evaluated keeps to the limits.",
+        "NOT RECOMMENDED: every pendulum that was evaluated exceeds a limit.",
         "Widen the design space, or loosen the limit that the nearest design exceeds.",
     )
     no_uplift = (
@@ -62,33 +62,34 @@ class DesignStatus(enum.Enum):
 
     @property
     def remedy(self) -> str:
-        """Sentence on how to go on."""
+        """Sentence with advice on what to do next."""
         return self._remedy
 
     @property
     def is_sound(self) -> bool:
-        """Whether the answer may be used: a validated pendulum, or none is needed."""
+        """Whether the design may be used: the pendulum is validated, or no pendulum is needed."""
         return self in (DesignStatus.recommended, DesignStatus.no_uplift)
 
 
 OFFERED = DesignStatus.recommended, DesignStatus.tuned_only
-"""Statuses with a pendulum."""
+"""Statuses of a design that has a pendulum."""
 
 
 CERTAIN = 0.5
-"""Share of the required reduction that the lower end of its 95 % interval must exceed."""
+"""Share of the required reduction that the lower end of the 95 % interval of the reduction must exceed."""
 
 
 class ReasonKind(enum.Enum):
-    """Why a pendulum is not recommended; the value is the sentence, with the numbers of a `Reason`."""
+    """Reason why a pendulum is not recommended. The value is a sentence with places for the fields of
+    `Reason`."""
 
     overturns_more = (
         "the block overturns in {value:.0f} of {total} runs{of} only with the pendulum, and in "
         "{reference:.0f} only without it"
     )
     touches_wall = (
-        "the pendulum exceeds the limit on {limit} in {value:.1%} of the runs in which the block stands, and "
-        "{reference:.1%} are allowed"
+        "the pendulum exceeds the limit on {limit} in {value:.1%} of the runs in which the block stands; "
+        "at most {reference:.1%} are allowed"
     )
     breaks_limit = "the design exceeds the limit on {limit}: {value:.3g} times the limit"
     worse_condition = (
@@ -97,42 +98,45 @@ class ReasonKind(enum.Enum):
     )
     rests_less = (
         "the block ends at rest in {value:.0f} of {total} runs with the pendulum, and in {reference:.0f} "
-        "without it; the loss of one tenth is allowed"
+        "without it; a decrease by one tenth is allowed"
     )
     too_little_benefit = (
-        "the {falls}, and a significant reduction of {reference:.1%} with an interval from at least "
-        "{certain:.1%} is required"
+        "the {falls}, but a significant reduction of at least {reference:.1%} is required, with an interval "
+        "that begins above {certain:.1%}"
     )
     slides = (
         "while the block rocks with the pendulum, its base needs a coefficient of friction of {value:.2g}, "
         "but has {reference:.2g}: the base would slide, and the equations have no sliding"
     )
-    undecided = "{value:.0f} of {total} runs have no answer, and the verdict depends on them"
+    undecided = "{value:.0f} of {total} runs have no result, and the verdict depends on them"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reason:
-    """One reason against a pendulum, as data; `str` makes a sentence of it."""
+    """Reason against a pendulum, as data. `str` returns the sentence."""
 
     kind: ReasonKind
     condition: str = ""
-    """Label of the condition, the group of motions or the kind of start, if the reason belongs to one."""
+    """Label of the condition, the group of motions or the kind of initial state; empty if the reason concerns
+    all runs."""
     limit: str = ""
     """Name of the limit that is exceeded."""
     value: float = math.nan
-    """A tilt over the slenderness, a count, a share, or a limited quantity over its limit."""
+    """Number that breaks the requirement: a tilt over the slenderness, a number of runs, a share, or a
+    limited quantity over its limit."""
     reference: float = math.nan
     """The number that the value is compared with."""
     low: float = math.nan
-    """Lower end of the 95 % interval of the value, where it has one; of a count the least that is allowed."""
+    """Lower end of the 95 % interval of the value, if it has one. For a number of runs: the smallest number
+    that is allowed."""
     total: int = 0
-    """Number of the runs, or of the conditions."""
+    """Number of runs, or of conditions, that the value was counted in."""
     measure: str = "tilt"
-    """Measure that falls too little, "tilt" or "overturning"."""
+    """Measure whose reduction is too small: "tilt" or "overturning"."""
 
     @property
     def shortfall(self) -> float:
-        """By how much the requirement is missed: a share of the runs, of the tilt or of the limit."""
+        """Amount by which the requirement is missed, as a share of the runs, of the tilt or of the limit."""
         match self.kind:
             case ReasonKind.overturns_more:
                 return abs(self.value - self.reference) / max(self.total, 1)
@@ -141,7 +145,8 @@ class Reason:
             case ReasonKind.touches_wall | ReasonKind.worse_condition | ReasonKind.slides:
                 return self.value - self.reference
             case ReasonKind.too_little_benefit if math.isfinite(self.value):
-                # A benefit above the least one may be refused because it is not significant.
+                # A benefit that is large enough may still be rejected because it is not significant. The
+                # shortfall is then the distance of the interval from zero.
                 return max(self.reference - self.value, -max(self.low, -1.0), 0.0)
             case ReasonKind.breaks_limit:
                 return self.value - 1.0
@@ -150,13 +155,13 @@ class Reason:
 
     @property
     def _fall_in_words(self) -> str:
-        """The value as a fall of the measure, with its interval as far as it is known."""
+        """Words for the change of the measure, with the interval as far as it is known."""
         overturning = self.measure == "overturning"
         of = "share of runs that overturn" if overturning else "mean tilt"
         if math.isnan(self.value):
             why = " (no run overturns without the pendulum)" if overturning else ""
             return f"change of the {of} is unknown{why}"
-        # Of a single earthquake nothing is known but the mean.
+        # For a single earthquake only the mean is known.
         low = f"from {self.low:.1%}" if math.isfinite(self.low) else "unknown"
         falls = f"falls by {self.value:.1%}" if self.value >= 0.0 else f"increases by {-self.value:.1%}"
         return f"{of} {falls} (95 % interval {low})"
@@ -176,7 +181,7 @@ GRAVE = (ReasonKind.overturns_more, ReasonKind.touches_wall, ReasonKind.slides)
 
 
 def one_of_a_kind(reasons: Iterable[Reason]) -> list[Reason]:
-    """Return the first reason of each kind and limit, the dangers first."""
+    """Return the first reason of each kind and limit. Reasons that are dangers come first."""
     kinds: dict[tuple[ReasonKind, str], Reason] = {}
     for reason in reasons:
         kinds.setdefault((reason.kind, reason.limit), reason)

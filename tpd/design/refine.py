@@ -1,11 +1,13 @@
-"""Refinement: the best designs by trial runs, through which Gaussian processes estimate trends.
+"""Refinement: evaluate designs by trial runs, and estimate trends over the designs with Gaussian processes.
 
-A hundred runs of one design leave its mean tilt unknown by several points, so that the design with the least
-mean is the one whose runs are the most favourable by chance. Here every design has runs of its own, and a
-process through the means of all designs averages their errors. It says which designs to evaluate next, and
-which is the best. How far the bob swings differs little from run to run: a process through a quantile of each
-limited quantity, with the tail that all designs near the limit share, says which designs exceed it too often
-before one design alone has enough runs to show that.
+The mean tilt of one design over a hundred runs is uncertain by several percentage points. The design with the
+smallest mean would therefore be the one with the most favourable runs. Here every design has runs of its own,
+and a process through the means of all designs averages their errors. The process selects the designs to
+evaluate next, and the best design.
+
+The swing of the bob varies little from run to run. For each limited quantity a process is fitted to a
+quantile, extrapolated with a tail that is common to all designs near the limit. This process identifies
+designs that exceed the limit too often, although each design alone has too few runs to show it.
 """
 
 from __future__ import annotations
@@ -30,49 +32,53 @@ from tpd.design.gaussian_process import (
 from tpd.design.problem import Problem
 
 _APART = 0.02
-"""Least distance of designs that are proposed or validated, in shares of the space."""
+"""Smallest distance between designs that are proposed or validated, in shares of the space."""
 _BULK, _ENOUGH, _SHARED = 0.9, 20, 16
-"""Share of the runs below the quantile of a limited quantity that a process fits; runs that must stand for a
-quantile; and designs near the limit that share the tail beyond it."""
+"""Three numbers: the quantile level of a limited quantity that is computed for each design alone, the number
+of standing runs that a quantile requires, and the number of designs near the limit whose tails are
+combined."""
 _SAFE = 0.6
-"""Share of the allowed excesses that a design may have: it leaves room for chance in the validation runs."""
+"""Share of the allowed excesses that a design may use. The rest is a margin for chance in the validation
+runs."""
 _FIRST, _LATER = 150, 30
-"""Steps of the fit of a process in the first round, and later."""
+"""Steps of the fit of a process in the first round, and in later rounds."""
 _LIKELY = 0.5
-"""Least probability of keeping to the limits of a design that counts as keeping to them."""
+"""Smallest probability of keeping all limits for a design that counts as feasible."""
 _FEW_RESTS = 0.01
-"""Share of the runs at rest without a pendulum below which no design is compared with it."""
+"""Share of runs at rest without a pendulum below which the runs at rest are not compared."""
 _LEAST = 1e-6
 _WEIGHED = 200
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trials:
-    """Designs that were evaluated by trial runs: arrays with a row for each of m designs."""
+    """Designs that were evaluated by trial runs: arrays with one row for each of m designs."""
 
     designs: np.ndarray
     """(mu, lam, zeta), (m, 3)."""
     value: np.ndarray
-    """Risk of the severities, (m,); NaN where no run has an answer."""
+    """Risk of the severities, (m,); NaN if no run has a result."""
     trend: np.ndarray
-    """The value as the Gaussian process estimates it, (m,)."""
+    """Risk as the Gaussian process estimates it, (m,)."""
     names: tuple[str, ...]
-    """Limited quantities."""
+    """Names of the limited quantities."""
     sizes: np.ndarray
-    """These over their limits, (m, sizes), each exceeded in the allowed share of the runs that stand."""
+    """Limited quantities over their limits, (m, sizes): the value that only the allowed share of the standing
+    runs exceeds."""
     overturned: np.ndarray
-    """Share of the runs that overturn, of those with an answer, (m,)."""
+    """Share of the runs with a result that overturn, (m,)."""
     undecided: np.ndarray
-    """Number of the runs without an answer, which everything else leaves out, (m,)."""
+    """Number of runs without a result, (m,). All other columns leave these runs out."""
     feasible: np.ndarray
-    """Whether the design is likely to keep to all limits, (m,)."""
+    """Whether the design is likely to keep all limits, (m,)."""
     without_pendulum: float
     """Risk without a pendulum."""
     process: GaussianProcess | None
-    """Process through the values, in shares of the space; None where too few runs have an answer."""
+    """Process through the risks, in shares of the space; None if too few runs have a result."""
 
     def best_without(self, *limits: str) -> int | None:
-        """Return the index of the design of least trend that keeps to all limits but those named, or None."""
+        """Return the index of the design of smallest trend that keeps all limits except those named, or
+        None."""
         others = [i for i, name in enumerate(self.names) if name not in limits]
         keeps = np.all(self.sizes[:, others] <= 1.0, axis=1) & np.isfinite(self.value)
         return int(np.argmin(np.where(keeps, self.trend, np.inf))) if keeps.any() else None
@@ -80,50 +86,58 @@ class Trials:
 
 @dataclass
 class Refinement:
-    """Trials of a problem so far, and the processes through them."""
+    """Trials of a problem so far, with the processes that are fitted to them."""
 
     problem: Problem
     progress: Progress
     total: int
-    """Number of trials that are planned, for the progress."""
+    """Planned number of trials, for the progress."""
     designs: list[np.ndarray] = field(default_factory=list)
+    """Designs (mu, lam, zeta) of the trials, each (3,)."""
     runs: list[Runs] = field(default_factory=list)
+    """Runs of each trial."""
     process: GaussianProcess | None = None
+    """Process through the risks of the trials."""
     limits: dict[str, GaussianProcess] = field(default_factory=dict)
+    """Process of each limited quantity, by name: negative where the limit is kept."""
     likely: float = _LIKELY
+    """Smallest probability of keeping all limits for a design that counts as feasible."""
 
     def __post_init__(self) -> None:
+        # The runs without a pendulum are the reference of every trial.
         runs = self.problem.trial_runs(None, self.problem.run_seed(1, 0))
         self.without, self.rests = self.problem.value_of(runs), float(runs.share_at_rest.value)
         self._tail: dict[str, np.ndarray] = {}
 
     def evaluate(self, designs: np.ndarray) -> None:
-        """Follow the trial runs of designs (m, 3), and fit the processes again."""
+        """Simulate the trial runs of designs (m, 3), and fit the processes again."""
         for design in designs:
             self.progress("trial runs", len(self.runs) + 1, self.total)
             self.add(design, self.problem.trial_runs(design, self.problem.run_seed(1, len(self.runs) + 1)))
         self.fit()
 
     def add(self, design: np.ndarray, runs: Runs) -> None:
-        """Add the runs of one design."""
+        """Add a design with its runs."""
         self.designs.append(design)
         self.runs.append(runs)
 
     def fit(self) -> None:
-        """Fit the processes to all trials that have an answer."""
+        """Fit the processes to all trials that have a result."""
         values = np.array([self.problem.value_of(r) for r in self.runs])
-        known = np.flatnonzero(np.isfinite(values))
-        if len(known) < 4:
+        finite = np.flatnonzero(np.isfinite(values))
+        # With very few values a trend would be meaningless.
+        if len(finite) < 4:
             return
         at = self.problem.space.scaled(np.array(self.designs))
 
         def fitted(rows: np.ndarray, x: np.ndarray, before: GaussianProcess | None) -> GaussianProcess:
-            # The hyperparameters change little from one round to the next.
+            # The hyperparameters change little from one round to the next, so that later rounds need fewer
+            # steps.
             steps = _FIRST if before is None else _LATER
             return fit(Observations(at[rows], x), self.problem.seed, before, steps)
 
-        self.process = fitted(known, values[known], self.process)
-        # Sizes are positive and range over decades: their logarithms are smooth.
+        self.process = fitted(finite, values[finite], self.process)
+        # Sizes are positive and cover decades, so that their logarithms are smooth functions of the design.
         for name, size in self._quantiles().items():
             x = size - np.log1p(-self.problem.spare)
             rows = np.flatnonzero(np.isfinite(x))
@@ -132,11 +146,13 @@ class Refinement:
                 self.limits[name] = fitted(rows, x[rows], self.limits.get(name))
         if self.rests > _FEW_RESTS:
             fewer = (1.0 - FEWER) * self.rests - np.array([r.share_at_rest.value for r in self.runs])
-            self.limits["rests"] = fitted(known, fewer[known], self.limits.get("rests"))
+            self.limits["rests"] = fitted(finite, fewer[finite], self.limits.get("rests"))
 
     def _quantiles(self) -> dict[str, np.ndarray]:
-        """Logarithms of the limited quantities that the safe share of the standing runs keeps to, by name,
-        (m,); NaN where too few runs stand."""
+        """Return the logarithm of a quantile of every limited quantity over its limit, by name, (m,).
+
+        The level of the quantile leaves the safe share of the allowed excesses. NaN if too few runs stand.
+        """
         level = 1.0 - _SAFE * self.problem.allowed
         sizes = [self.problem.sizes_in_runs(*pair) for pair in zip(self.designs, self.runs, strict=True)]
         out = {}
@@ -145,90 +161,103 @@ class Refinement:
                 continue
             each = [np.log(np.maximum(s[name], _LEAST)) for s in sizes]
             bulk = np.array([np.quantile(x, _BULK) if len(x) >= _ENOUGH else np.nan for x in each])
-            known = np.flatnonzero(np.isfinite(bulk))
-            if not len(known):
+            finite = np.flatnonzero(np.isfinite(bulk))
+            if not len(finite):
                 continue
-            # The tail beyond the bulk is alike for designs near the limit, and one design has few runs in it.
-            near = known[np.argsort(np.abs(bulk[known]))][:_SHARED]
+            # One design has only a few runs beyond the computed quantile. The distribution beyond it is
+            # similar for all designs near the limit, so that their runs are combined.
+            near = finite[np.argsort(np.abs(bulk[finite]))][:_SHARED]
             tail = np.concatenate([each[i] - bulk[i] for i in near])
             out[name] = bulk + np.quantile(tail, level)
         return out
 
     def keeps(self, x: np.ndarray) -> np.ndarray:
-        """Return the probability that designs at places (m, d) keep to the limits, by their trends."""
+        """Return the probability that designs at points (m, d) keep the limits, according to their trends."""
         return probability_below_zero(list(self.limits.values()), x)
 
     def possible(self, designs: np.ndarray) -> np.ndarray:
-        """Return whether designs (m, 3) keep to the limits that need no run."""
+        """Return whether designs (m, 3) keep the limits that need no run."""
         sizes = self.problem.fixed_sizes(designs)
         return np.max([np.zeros(len(designs)), *sizes.values()], axis=0) <= 1.0
 
     def order(self) -> np.ndarray:
-        """Return the order of the trials: those that are likely to keep to the limits first, then by
-        trend."""
+        """Return the order of the trials: designs that are likely to keep the limits first, then by trend."""
         designs = np.array(self.designs)
         x = self.problem.space.scaled(designs)
         if self.process is None:
             return np.arange(len(x))
         keeps = np.where(self.possible(designs), self.keeps(x), 0.0)
-        known = np.isfinite([self.problem.value_of(r) for r in self.runs])
-        keeps = np.where(known, keeps, -1.0)
+        has_value = np.isfinite([self.problem.value_of(r) for r in self.runs])
+        keeps = np.where(has_value, keeps, -1.0)
+        # Among infeasible designs the one with the highest probability comes first, which guides the next
+        # trials.
         return np.lexsort((self.process.at(x)[0], np.where(keeps >= self.likely, 0.0, 1.0 - keeps)))
 
     def next(self, turn: int, count: int, last: bool) -> np.ndarray:
-        """Return designs (m, 3) worth a trial, at most `count`: those of the largest expected improvement, or
-        at last those of the least trend."""
+        """Return designs (m, 3) for the next trials, at most `count`.
+
+        They are the designs of largest expected improvement; in the last round those of smallest trend.
+        """
         space, rng = self.problem.space, np.random.default_rng([self.problem.seed, 12, turn])
         if self.process is None:
             return space.unscaled(rng.random((count, len(space.names))))
+        # Proposals near the best four designs refine them; the others explore the space.
         best = space.scaled(np.array(self.designs))[self.order()[:4]]
         x = proposals(rng, best)
         keeps = self.keeps(x)
         if self.keeps(best[:1])[0] < self.likely:
-            # There is nothing to improve on yet.
+            # No trial is likely to keep the limits, so that there is no value to improve on: look for a
+            # feasible design.
             promise = keeps
         elif last:
             promise = np.where(keeps >= self.likely, -self.process.at(x)[0], -np.inf)
         else:
             promise = keeps * improvement(self.process, x, float(self.process.at(best[:1])[0][0]))
+        # Limits that need no run are cheap to check, but not for thousands of proposals.
         order = np.argsort(-promise, kind="stable")[:_WEIGHED]
         order = order[self.possible(space.unscaled(x[order]))]
         return space.unscaled(x[first_apart(x, order, count, _APART)])
 
     def equivalent(self, design: np.ndarray) -> np.ndarray | None:
-        """Return the least and the largest designs, (2, 3), that the trials cannot tell from one of them: the
-        trend of their tilt is at most two deviations above its trend, and they keep to the limits."""
+        """Return the smallest and the largest designs, (2, 3), that perform as well as one design within the
+        accuracy of the trials.
+
+        Their trend exceeds the trend of the design by at most two standard deviations, and they keep the
+        limits.
+        """
         if self.process is None:
             return None
         space = self.problem.space
         here = space.scaled(design[None])
         x = np.clip(proposals(np.random.default_rng([self.problem.seed, 14]), here), 0.0, 1.0)
         trend, deviation = (float(v[0]) for v in self.process.at(here))
+        # Two standard deviations: the trials cannot distinguish such designs.
         good = (self.process.at(x)[0] <= trend + 2.0 * deviation) & (self.keeps(x) >= self.likely)
         designs = space.unscaled(x[good])
-        both = np.concatenate([design[None], designs[self.possible(designs)]])
-        return np.stack([both.min(axis=0), both.max(axis=0)])
+        equivalent = np.concatenate([design[None], designs[self.possible(designs)]])
+        return np.stack([equivalent.min(axis=0), equivalent.max(axis=0)])
 
     def trials(self) -> Trials:
-        """Return all trials as a table, the best first."""
+        """Return all trials as a table, best first."""
         order = self.order()
         designs = np.array(self.designs)
         fixed = self.problem.fixed_sizes(designs)
         quantiles = {name: np.exp(x) for name, x in self._quantiles().items()}
-        # A design whose block stands in too few runs has no quantile: its tilt says enough.
+        # A design whose block stands in too few runs has no quantile. Its large tilt is sufficient to reject
+        # it.
         sizes = [np.fmax(fixed[name], quantiles.get(name, fixed[name])) for name in fixed]
         x = self.problem.space.scaled(designs)
         trend = np.full(len(x), np.nan) if self.process is None else self.process.at(x)[0]
         counts = [(r.is_overturned.sum(), r.is_unanswered.sum(), len(r.outcome)) for r in self.runs]
-        fell, unknown, runs = np.array(counts, dtype=float).T
+        overturned, unanswered, runs = np.array(counts, dtype=float).T
         return Trials(
             designs=designs[order],
             value=np.array([self.problem.value_of(r) for r in self.runs])[order],
             trend=trend[order],
             names=tuple(fixed),
             sizes=np.array(sizes, dtype=float).reshape(len(fixed), len(designs)).T[order],
-            overturned=(fell / np.maximum(runs - unknown, 1.0))[order],
-            undecided=unknown.astype(int)[order],
+            overturned=(overturned / np.maximum(runs - unanswered, 1.0))[order],
+            undecided=unanswered.astype(int)[order],
             feasible=((self.keeps(x) >= self.likely) & self.possible(designs))[order],
             without_pendulum=self.without,
             process=self.process,
@@ -236,20 +265,20 @@ class Refinement:
 
 
 def refine(problem: Problem, candidates: np.ndarray, progress: Progress) -> Refinement:
-    """Evaluate candidates (m, 3) of a problem by trial runs, and further designs where the trend promises the
-    largest improvement."""
+    """Evaluate candidates (m, 3) of a problem by trial runs, then further designs of large expected
+    improvement."""
     rounds, batch = problem.rounds
-    found = Refinement(problem, progress, len(candidates) + rounds * batch)
-    found.evaluate(candidates)
+    refinement = Refinement(problem, progress, len(candidates) + rounds * batch)
+    refinement.evaluate(candidates)
     for turn in range(rounds):
-        designs = found.next(turn, batch, turn == rounds - 1)
+        designs = refinement.next(turn, batch, turn == rounds - 1)
         if len(designs):
-            found.evaluate(designs)
-    return found
+            refinement.evaluate(designs)
+    return refinement
 
 
 def apart(problem: Problem, designs: np.ndarray, others: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the designs (m, 3) that are no neighbours of others."""
+    """Return the designs (m, 3) that have a distance from all other designs."""
     units = problem.space.scaled(designs)
     near = problem.space.scaled(np.array(others).reshape(-1, 3))
     distance = np.linalg.norm(units[:, None] - near[None], axis=-1).min(axis=1, initial=np.inf)

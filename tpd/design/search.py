@@ -1,25 +1,27 @@
-"""The search: many designs are screened, optax descends from the best of them, and SLSQP finishes.
+"""Search under harmonic excitation: screen many designs, descend from the best with optax, finish with SLSQP.
 
-Three quarters of the screened designs are spread over the space. One quarter are those of the largest uplift
-margin of thousands, which is a closed form: the tilt is flat where a block rests, so that a descent would
-hardly find the way there.
+Three quarters of the screened designs are spread over the space. One quarter are the designs with the largest
+uplift margin, a closed form, out of thousands. Where a block rests its tilt is flat, so that a descent would
+rarely find such designs.
 
 Descent and finish minimise a capped weighted worst of n functions (the maximum, the mean, or the mean of the
-worst share) under inequality constraints and bounds. The descent smooths it,
+worst share) under inequality constraints and bounds. The descent smooths this measure,
 
-    min over s of  s + cap width sum softplus((v - s)/width),
+    min over s of  s + cap width sum softplus((v - s)/width).
 
-whose derivatives with respect to v are weights that sum to one; limits enter as a smoothed exact penalty. The
-width falls from step to step, because the worst case has kinks that a fixed width would round off. Steps, by
-any gradient transformation of optax, are clipped to the bounds.
+Its derivatives with respect to v are weights that sum to one. Limits enter as a smoothed exact penalty. The
+width decreases from step to step, because the worst case has kinks that a fixed width would round off. Any
+gradient transformation of optax makes the steps, which are clipped to the bounds.
 
-A first-order method only comes near an optimum on a kink. So sequential quadratic programming on the exact
-gradients finishes the best ends. With a level s and excesses v and t the problem is the smooth programme
+A first-order method only comes near an optimum that lies on a kink. Sequential quadratic programming on the
+exact gradients therefore finishes the best results. With a level s and excesses v and t the problem is the
+smooth programme
 
     min  s + cap sum v + C t,    f_i(x) - s <= v_i,    c_j(x) <= t,    v, t >= 0
 
-(R. T. Rockafellar and S. Uryasev, Journal of Risk 2, 2000), so that a kink where several conditions are
-equally bad is reached as surely as a smooth minimum. It always has a feasible point."""
+(R. T. Rockafellar and S. Uryasev, Journal of Risk 2, 2000). A kink at which several conditions are equally
+bad is then reached as reliably as a smooth minimum. The programme always has a feasible point.
+"""
 
 from __future__ import annotations
 
@@ -44,54 +46,57 @@ from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import latin_hypercube
 
 _CLOSED = 4096
-"""Designs screened by the closed form of the uplift margin."""
+"""Number of designs whose uplift margin is computed in closed form."""
 _APART = (0.1, 0.03, 0.0)
-"""Distances, in shares of the bounds, that chosen designs keep from each other as long as there are
-enough."""
+"""Distances, in shares of the bounds, that chosen designs keep from each other. The next smaller distance
+applies if too few designs are left."""
 _FINISHED_APART = 0.02
-"""Least distance of the ends that are finished, in shares of the bounds."""
+"""Smallest distance between the designs that SLSQP refines, in shares of the bounds."""
 _PASSED, _AWAY = 48, 0.05
-"""Designs of the paths that are kept, and their least distance from each other and from every end."""
+"""Largest number of designs that are kept from the paths, and their smallest distance from each other and
+from the ends of all descents."""
 
 _AT_LIMIT = 1e-3
-"""Share of a limit that is left where the limit counts as active."""
+"""Relative distance from a limit below which the limit counts as active."""
 
 Evaluate = Callable[[np.ndarray], Linearisation]
-"""Functions and constraints at designs (k, d) in shares of the bounds."""
+"""Function that returns values and constraints at designs (k, d) in shares of the bounds."""
 Measure = Callable[[np.ndarray], np.ndarray]
-"""Risk measure of values (k, n), (k,)."""
+"""Function that returns the risk measure (k,) of values (k, n)."""
 
 PENALTY = 10.0
-"""Weight C of a violated constraint in the merit: exact as long as no multiplier exceeds it. SLSQP has one
-excess for all constraints, which is exact as long as the sum of the multipliers does not exceed it."""
+"""Weight C of a violated constraint in the merit. The penalty is exact as long as no multiplier exceeds C.
+SLSQP has one excess for all constraints; there it is exact as long as the sum of the multipliers does not
+exceed C."""
 _OPTIMISERS: dict[str, Callable[[Any], optax.GradientTransformation]] = {
     "adam": partial(optax.adam, b1=0.8, b2=0.95),
     "rmsprop": partial(optax.rmsprop, decay=0.95),
 }
-"""Optimisers that have a name, functions of a schedule of steps."""
+"""Optimisers with a name, as functions of a schedule of step sizes."""
 _FIRST, _LAST = 0.06, 0.02
-"""First step of these, in shares of the bounds, and the last one over the first."""
+"""First step of these optimisers in shares of the bounds, and the ratio of the last step to the first."""
 _WIDTHS = (1e-1, 1e-4)
 """First and last width of the smoothing, in units of the merit."""
 _SHARPER = 0.1
-"""The width of the penalty over that of the measure: there may be hundreds of limits that are not active."""
+"""Ratio of the width of the penalty to the width of the measure. The penalty is sharper, because hundreds of
+inactive limits could add up."""
 _FAR = 10.0
-"""Value of a function that is not finite, above the largest at the start."""
+"""Amount by which a function that is not finite exceeds the largest value at the start."""
 _ROUNDING = 1e-9
 AT_BOUND = 1e-4
-"""Distance from a bound, in shares of the bounds, that counts as none."""
+"""Distance from a bound, in shares of the bounds, below which a design is at the bound."""
 
 
 class SearchStatus(enum.Enum):
-    """How one descent ended, with its finish; the value is the sentence of a report."""
+    """How one descent ended, including its finish. The value is a sentence of the report."""
 
-    rests = "found designs that settle at rest; the uplift margin grew as far as it goes"
+    rests = "found designs that settle at rest, and increased the uplift margin as far as possible"
     converged = "reached a minimum of the risk"
     at_bound = "reached the edge of the design space"
     at_limit = "reached a limit"
     steps_exhausted = "was still improving when the steps ran out"
     contradicted = "ended on an orbit that the exact solution does not confirm"
-    infeasible = "met no design within the limits"
+    infeasible = "found no design within the limits"
 
 
 _no_designs, _no_values = partial(np.zeros, (0, 3)), partial(np.zeros, 0)
@@ -99,67 +104,69 @@ _no_designs, _no_values = partial(np.zeros, (0, 3)), partial(np.zeros, 0)
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """The history of the search, for later stages, reports and pictures."""
+    """History of the search, for later stages, reports and plots."""
 
     screened: np.ndarray = field(default_factory=_no_designs)
-    """Designs (mu, lam, zeta) solved before the descents, (m, 3)."""
+    """Designs (mu, lam, zeta) that were evaluated before the descents, (m, 3)."""
     screened_value: np.ndarray = field(default_factory=_no_values)
-    """Their risk, plus the excess over limits, (m,)."""
+    """Risk of these designs plus the excess over limits, (m,)."""
     screened_feasible: np.ndarray = field(default_factory=_no_values)
-    """Whether they keep the limits, (m,)."""
+    """Whether these designs keep the limits, (m,)."""
     paths: tuple[np.ndarray, ...] = ()
-    """Designs on the way of each descent, each (steps, 3)."""
+    """Designs along each descent, each (steps, 3)."""
     passed: np.ndarray = field(default_factory=_no_designs)
-    """Best designs of the paths that lie apart from each other and from the ends, the best first, (k, 3)."""
+    """Best designs of the paths that lie apart from each other and from the ends, best first, (k, 3)."""
     ends: np.ndarray = field(default_factory=_no_designs)
     """Best design of each descent after the finish, (searches, 3)."""
     end_values: np.ndarray = field(default_factory=_no_values)
-    """Their risks, infinite where a limit is broken or the exact solution contradicts the descent."""
+    """Risk of each end; infinite if a limit is broken or the exact solution contradicts the descent."""
     order: np.ndarray = field(default_factory=partial(np.zeros, 0, int))
-    """Indices of all ends, the best first."""
+    """Indices of all ends, best first."""
     statuses: tuple[SearchStatus, ...] = ()
+    """How each descent ended."""
     mismatch: np.ndarray = field(default_factory=partial(np.zeros, (0, 2)))
-    """Largest relative differences of merits (tilts, mostly) and of slopes between the model of the descent
-    and the exact solution at its end, (searches, 2); zero where the descent used exact orbits."""
-    lost: np.ndarray = field(default_factory=_no_values)
-    """Orbits that this model lost on the way of each descent, (searches,): there the exact one took over."""
+    """Largest relative differences of merits (mostly tilts) and of slopes between the model of the descent
+    and the exact solution at its end, (searches, 2). Zero if the descent used exact orbits."""
+    stopped: np.ndarray = field(default_factory=_no_values)
+    """Number of orbits that the model could not follow along each descent, (searches,). The exact solution
+    replaced them."""
     evaluations: int = 0
-    """Designs evaluated, screening included."""
+    """Number of designs that were evaluated, including the screening."""
     descended: float = np.inf
-    """Least risk plus penalty of a broken limit after the descents."""
+    """Smallest risk after the descents, plus the penalty of a broken limit."""
     finished: float = np.inf
-    """Least risk plus penalty of a broken limit after the finish."""
+    """Smallest risk after the finish, plus the penalty of a broken limit."""
     description: str = ""
-    """From how many designs, in words."""
+    """Words for the number of designs from which the search started."""
 
     @property
     def confirmed(self) -> np.ndarray:
-        """Ends that the exact solution does not contradict, the best first, (k, 3)."""
+        """Ends that the exact solution does not contradict, best first, (k, 3)."""
         sound = np.array([status is not SearchStatus.contradicted for status in self.statuses], dtype=bool)
         return self.ends[self.order[sound[self.order]]]
 
     @property
-    def told(self) -> str:
-        """Sentence on the descents and on the finish; empty where there was no search."""
+    def message(self) -> str:
+        """Sentence on the descents and the finish; empty if there was no search."""
         if not self.statuses:
             return ""
         gained = self.descended - self.finished
         if not np.isfinite(self.descended) or gained <= 0.0:
-            return f"The descents reach {self.descended:.4g}, and the finish finds nothing better."
-        return f"The descents reach {self.descended:.4g}, and the finish lowers this by {gained:.2g}."
+            return f"The descents reach a risk of {self.descended:.4g}, and the finish does not improve it."
+        return f"The descents reach a risk of {self.descended:.4g}, and the finish lowers it by {gained:.2g}."
 
 
 def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | None = None) -> Search:
-    """Screen designs, descend from the best of them, and finish the best ends.
+    """Screen designs, descend from the best of them, and finish the best results.
 
     Args:
         orbits: the objective under all conditions, with limits and bounds.
         settings: number of designs of each stage, and the optimiser.
-        seed: of the screened designs.
-        progress: called with (stage, done, of how many).
+        seed: seed of the screened designs.
+        progress: function of (stage, done, total).
 
     Raises:
-        ValueError: values of a user's objective that are not of the size that they must have.
+        ValueError: the values of a user's objective are not of order one.
     """
     report, risk, space = progress or unreported, orbits.risk, orbits.space
     cap = risk.cap(len(orbits.conditions))
@@ -168,15 +175,16 @@ def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | No
     e = orbits.evaluate(designs, partial(report, "screening"))
     _check_size(orbits, e)
     local = orbits.linearised(e)
-    # Designs slightly beyond a limit stay in the order: a descent leads them back inside.
+    # Designs slightly beyond a limit stay in the order, because a descent leads them back inside.
     excess = np.maximum(local.limit, 0.0).sum(axis=1)
     screened_value = orbits.value(e) + excess
-    # There are fewer starts than searches where screened designs coincide.
+    # The number of starts is smaller than `searches` if screened designs coincide.
     chosen = best_apart(space.scaled(designs), screened_value, settings.searches)
 
     # Descents.
-    starts, known, evaluate, walk = space.scaled(designs[chosen]), local.at(chosen), orbits.at, None
+    starts, at_starts, evaluate, walk = space.scaled(designs[chosen]), local.at(chosen), orbits.at, None
     if isinstance(settings.model, Smoothed):
+        # The smoothed model follows an orbit from step to step, so that it needs the orbits of the starts.
         walk = SmoothedOrbits(orbits, settings.model, e.at(chosen))
         evaluate = walk.at
     stages = settings.steps + settings.finish
@@ -184,7 +192,7 @@ def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | No
         transformation(settings),
         evaluate,
         starts,
-        known,
+        at_starts,
         cap,
         risk.of,
         steps=settings.steps,
@@ -195,16 +203,19 @@ def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | No
     x, merit = descents.x.copy(), merit_of(exact, risk.of)
     descended = float(merit.min())
 
-    # Finish, from ends that are no neighbours of each other.
+    # Finish. Two ends that lie close together would reach the same minimum, so only one of them is refined.
     best = first_apart(x, np.argsort(merit, kind="stable"), settings.finish, _FINISHED_APART)
     converged, spent = np.zeros(len(x), bool), 0
     for i, row in enumerate(best):
-        done = finish(orbits.at, x[row], exact.at(slice(row, row + 1)), cap, risk.of)
-        x[row], converged[row], spent = done.x, done.converged, spent + done.evaluations
-        for part, new in zip(exact, done.local, strict=True):
+        refined = finish(orbits.at, x[row], exact.at(slice(row, row + 1)), cap, risk.of)
+        x[row], converged[row], spent = refined.x, refined.converged, spent + refined.evaluations
+        # The finish has evaluated its result already: store its functions and constraints.
+        for part, new in zip(exact, refined.local, strict=True):
             part[row] = new[0]
         report("searching", settings.steps + i + 1, stages)
     merit = merit_of(exact, risk.of)
+    # A descent may end on an orbit of the smoothed model that the exact equations do not have. The finish
+    # uses exact orbits, so that its results cannot be contradicted.
     contradicted = mismatch[:, 0] > settings.tolerance
     contradicted[best] = False
     statuses = tuple(
@@ -212,7 +223,8 @@ def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | No
         for i in range(len(x))
     )
     kept = (exact.limit.max(axis=1, initial=-1.0) <= BACK_OFF) & np.isfinite(merit)
-    # The values are exact: where all descents are contradicted, they are still the best that is known.
+    # The values are exact: even if the exact solution contradicts all descents, these ends are the best
+    # designs that the search has evaluated.
     values = np.where(kept & ~(contradicted & ~contradicted.all()), risk.of(exact.value), np.inf)
     return Search(
         screened=designs,
@@ -225,7 +237,7 @@ def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | No
         order=np.lexsort((merit, values)),
         statuses=statuses,
         mismatch=mismatch,
-        lost=np.zeros(len(x), int) if walk is None else walk.lost,
+        stopped=np.zeros(len(x), int) if walk is None else walk.stopped,
         evaluations=len(designs) + settings.steps * len(x) + spent,
         descended=descended,
         finished=float(merit.min()),
@@ -234,8 +246,10 @@ def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | No
 
 
 def screened_designs(orbits: Orbits, count: int, seed: int) -> np.ndarray:
-    """Seeded designs (mu, lam, zeta), shape (count, 3): three quarters spread over the space, and one quarter
-    of the largest uplift margin under all conditions."""
+    """Return designs (mu, lam, zeta) to be screened, shape (count, 3), drawn by a seed.
+
+    Three quarters are spread over the space. One quarter have the largest uplift margin under all conditions.
+    """
     space = orbits.space
     wide = space.unscaled(latin_hypercube(np.random.default_rng([seed, 2]), _CLOSED, len(space.names)))
     still = np.argsort(-margins(orbits, wide).min(axis=1), kind="stable")[: count // 4]
@@ -244,34 +258,35 @@ def screened_designs(orbits: Orbits, count: int, seed: int) -> np.ndarray:
 
 
 def _check_size(orbits: Orbits, e: Evaluation) -> None:
-    """Raise `ValueError` where an objective has values that cannot be compared with those of rest."""
+    """Raise `ValueError` if the values of an objective are not comparable with the values of rest."""
     value = e.merit[e.kind <= NEAR]
     if len(value) and not np.any((value >= 0.0) & (value <= 1.0)):
         raise ValueError(
             f"`values` of the objective {orbits.objective.name} must be between 0 and 1 for most designs, "
-            f"divided by a size of reference, but are between {value.min():.3g} and {value.max():.3g}"
+            f"but are between {value.min():.3g} and {value.max():.3g}: divide them by a reference value"
         )
 
 
 def _mismatch(model: Linearisation, exact: Linearisation) -> np.ndarray:
-    """Largest relative differences of merits and of slopes between a model and the exact solution, (m, 2)."""
+    """Return the largest relative differences of merits and of slopes between a model and the exact solution,
+    (m, 2)."""
     apart = np.abs(model.value - exact.value) / np.maximum(np.abs(exact.value), 1e-12)
     steep = np.maximum(np.abs(exact.slope).max(axis=(1, 2), keepdims=True), 1e-12)
-    turned = np.abs(model.slope - exact.slope) / steep
-    return np.stack([apart.max(axis=1), turned.max(axis=(1, 2))], axis=1)
+    change = np.abs(model.slope - exact.slope) / steep
+    return np.stack([apart.max(axis=1), change.max(axis=(1, 2))], axis=1)
 
 
 def _passed(ends: Ends, x: np.ndarray) -> np.ndarray:
-    """Best designs of the paths of descents apart from the ends `x`, in shares of the bounds."""
-    # The merits of the paths hold the penalty: a design beyond a limit is far down the order.
+    """Return the best designs of all paths that lie apart from the ends `x`, in shares of the bounds."""
+    # The merits of the paths include the penalty, so that a design beyond a limit comes late in the order.
     order = len(x) + np.argsort(ends.path_merit.ravel(), kind="stable")
     every = np.concatenate([x, ends.path.reshape(-1, x.shape[1])])
-    taken = first_apart(every, np.r_[np.arange(len(x)), order], len(x) + _PASSED, _AWAY, len(x))
-    return every[taken[len(x) :]]
+    chosen = first_apart(every, np.r_[np.arange(len(x)), order], len(x) + _PASSED, _AWAY, len(x))
+    return every[chosen[len(x) :]]
 
 
 def _status(x: np.ndarray, at: Linearisation, contradicted: bool, converged: bool) -> SearchStatus:
-    """How one search ended, with its best design `x` and the linearisation there."""
+    """Return how one search ended, from its best design `x` and the linearisation there."""
     most = at.limit.max(initial=-1.0) - BACK_OFF
     if contradicted:
         return SearchStatus.contradicted
@@ -279,6 +294,7 @@ def _status(x: np.ndarray, at: Linearisation, contradicted: bool, converged: boo
         return SearchStatus.infeasible
     if not converged:
         return SearchStatus.steps_exhausted
+    # An active limit is reported before rest: both may hold at the same design.
     if most > -_AT_LIMIT:
         return SearchStatus.at_limit
     if at.value.max() <= 0.0:
@@ -288,10 +304,11 @@ def _status(x: np.ndarray, at: Linearisation, contradicted: bool, converged: boo
 
 
 def best_apart(units: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
-    """Indices of the best designs that lie apart from each other, shape (count,) or fewer."""
+    """Return indices of the best designs that lie apart from each other, shape (count,) or fewer."""
     chosen: list[int] = []
     order = np.argsort(values, kind="stable")
-    # First designs of different valleys; neighbours then complete the number.
+    # The first pass chooses designs of different valleys. Later passes fill the remaining places with
+    # neighbours.
     for apart in _APART:
         order = np.r_[chosen, order[~np.isin(order, chosen)]].astype(int)
         chosen = first_apart(units, order, count, apart, len(chosen))
@@ -299,27 +316,27 @@ def best_apart(units: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
 
 
 class Ends(NamedTuple):
-    """Best designs of m descents so far."""
+    """Best designs so far of m descents."""
 
     x: np.ndarray
     """Best designs in shares of the bounds, (m, d)."""
     local: Linearisation
-    """Functions and constraints there."""
+    """Functions and constraints at these designs."""
     merit: np.ndarray
-    """Measure plus penalty, (m,)."""
+    """Risk measure plus penalty, (m,)."""
     path: np.ndarray
-    """Best designs before the first and after every step, (steps + 1, m, d)."""
+    """Best designs before the first step and after every step, (steps + 1, m, d)."""
     path_merit: np.ndarray
-    """Their merits, (steps + 1, m)."""
+    """Merits of the designs of the path, (steps + 1, m)."""
 
     @staticmethod
     def begun(x: np.ndarray, local: Linearisation, risk: Measure) -> Ends:
-        """The starts, which are the best designs before the first step."""
+        """Return the starts as the best designs before the first step."""
         merit = merit_of(local, risk)
         return Ends(x, local, merit, x[None], merit[None])
 
     def after(self, x: np.ndarray, local: Linearisation, risk: Measure) -> Ends:
-        """These ends after one more design (m, d) of each descent."""
+        """Return the best designs after one more design (m, d) of each descent."""
         merit = merit_of(local, risk)
         better = merit < self.merit
         parts = zip(local, self.local, strict=True)
@@ -330,12 +347,12 @@ class Ends(NamedTuple):
 
 
 def merit_of(at: Linearisation, risk: Measure) -> np.ndarray:
-    """Measure plus penalty, (m,)."""
+    """Return the risk measure plus the penalty, (m,)."""
     return risk(at.value) + PENALTY * np.sum(np.maximum(at.limit, 0.0), axis=1)
 
 
 def transformation(settings: Descent) -> optax.GradientTransformation:
-    """Return the optimiser of the settings; one with a name takes steps that become smaller."""
+    """Return the optimiser of the settings. An optimiser with a name gets a schedule of decreasing steps."""
     if not isinstance(settings.optimiser, str):
         return cast(optax.GradientTransformation, settings.optimiser)
     schedule = optax.cosine_decay_schedule(_FIRST, settings.steps, alpha=_LAST)
@@ -353,17 +370,18 @@ def descend(
     steps: int,
     after: Count = unreported,
 ) -> Ends:
-    """Descend from all starts (m, d) by an optimiser of optax; every step evaluates one design of each.
+    """Descend from all starts (m, d) by an optimiser of optax. Every step evaluates one design of each
+    descent.
 
     Args:
-        optimiser: its steps are in shares of the bounds.
-        evaluate: functions and constraints at the next designs, (m, d).
-        starts: within the bounds 0 and 1.
+        optimiser: transformation of optax, with steps in shares of the bounds.
+        evaluate: function that returns values and constraints at the next designs, (m, d).
+        starts: designs within the bounds 0 and 1.
         local: functions and constraints at the starts.
         cap: largest weight of one function; 1 for the maximum, 1/n for the mean.
-        risk: the risk measure itself, of values (m, n).
+        risk: the risk measure of values (m, n), without smoothing.
         steps: number of steps.
-        after: called with (steps done, of how many).
+        after: function of (steps done, total).
     """
 
     @jax.jit
@@ -373,12 +391,12 @@ def descend(
         return jnp.clip(jnp.asarray(optax.apply_updates(u, updates)), 0.0, 1.0), state
 
     u, ends, state = starts, Ends.begun(starts, local, risk), jax.jit(jax.vmap(optimiser.init))(starts)
-    # A wide kink first, which shows the way; a sharp one last, which shows the value.
+    # A wide smoothing first gives a useful direction. A narrow one at the end gives the value itself.
     for step, width in enumerate(np.geomspace(*_WIDTHS, max(steps, 2))[:steps]):
         value, slope = smoothed_merit(local, cap, float(width))
-        moved, state = onward(slope, state, u)
-        # A descent whose value is infinite goes half way back to its best design.
-        u = np.where(np.isfinite(value)[:, None], np.asarray(moved), 0.5 * (u + ends.x))
+        stepped, state = onward(slope, state, u)
+        # A descent whose value is infinite has no slope: it returns half the way to its best design.
+        u = np.where(np.isfinite(value)[:, None], np.asarray(stepped), 0.5 * (u + ends.x))
         local = evaluate(u)
         ends = ends.after(u, local, risk)
         after(step + 1, steps)
@@ -386,10 +404,11 @@ def descend(
 
 
 def smoothed_merit(at: Linearisation, cap: float, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """The smoothed merit (m,) and its slopes (m, d); of a design with an infinite value not finite."""
-    known = np.all(np.isfinite(at.value), axis=1)
-    at = at._replace(value=np.where(known[:, None], at.value, 0.0))
-    # The s of the smoothed measure, where the weights sum to one, by bisection.
+    """Return the smoothed merit (m,) and its slopes (m, d). A design with an infinite value has an infinite
+    merit and slopes of zero."""
+    is_finite = np.all(np.isfinite(at.value), axis=1)
+    at = at._replace(value=np.where(is_finite[:, None], at.value, 0.0))
+    # Find by bisection the level s of the smoothed measure at which the weights sum to one.
     low = at.value.min(axis=1) - 40.0 * width
     high = at.value.max(axis=1) + width * np.log(at.value.shape[1] + 1.0)
     for _ in range(60):
@@ -403,7 +422,7 @@ def smoothed_merit(at: Linearisation, cap: float, width: float) -> tuple[np.ndar
     value = value + PENALTY * _SHARPER * width * np.sum(np.logaddexp(0.0, over), axis=1)
     slope = cap * np.einsum("mn,mnd->md", _sigmoid(above), at.slope)
     slope = slope + PENALTY * np.einsum("ml,mld->md", _sigmoid(over), at.limit_slope)
-    return np.where(known, value, np.inf), np.where(known[:, None], slope, 0.0)
+    return np.where(is_finite, value, np.inf), np.where(is_finite[:, None], slope, 0.0)
 
 
 def _sigmoid(x: np.ndarray) -> np.ndarray:
@@ -411,19 +430,19 @@ def _sigmoid(x: np.ndarray) -> np.ndarray:
 
 
 def _rows(chosen: np.ndarray, like: np.ndarray) -> np.ndarray:
-    """Flags (m,) in a shape that broadcasts with an array (m, ...)."""
+    """Reshape flags (m,) so that they broadcast with an array (m, ...)."""
     return chosen.reshape(-1, *(1,) * (like.ndim - 1))
 
 
 class Finish(NamedTuple):
-    """One end after SLSQP."""
+    """Result of SLSQP from the end of one descent."""
 
     x: np.ndarray
     """Best design in shares of the bounds, (d,)."""
     local: Linearisation
-    """Functions and constraints there, of one design."""
+    """Functions and constraints at this design."""
     evaluations: int
-    """Designs evaluated."""
+    """Number of designs that were evaluated."""
     converged: bool
     """Whether SLSQP reached its tolerance."""
 
@@ -438,60 +457,66 @@ def finish(
     steps: int = 40,
     tolerance: float = 1e-6,
 ) -> Finish:
-    """Go from one design (d,) to the minimum next to it by SLSQP in the variables z = (x, s, t, v).
+    """Find the local minimum next to one design (d,) by SLSQP in the variables z = (x, s, t, v).
 
     Args:
         evaluate, cap, risk: as for `descend`.
-        start: within the bounds 0 and 1.
-        local: functions and constraints there, of one design.
-        steps: bound on the steps.
-        tolerance: of the merit; a smaller gain ends the finish.
+        start: design within the bounds 0 and 1.
+        local: functions and constraints at this design.
+        steps: largest number of steps.
+        tolerance: smallest gain of the merit; a smaller gain ends the search.
     """
     ends = Ends.begun(start[None], local, risk)
-    # From a start that is not finite no derivative leads on.
+    # A start that is not finite has no derivative that leads to a better design.
     if not np.isfinite(ends.merit[0]):
         return Finish(start, local, 0, False)
 
-    def first(found: Linearisation) -> Linearisation:
-        one = Linearisation(*(part[0] for part in found))
+    def first(local: Linearisation) -> Linearisation:
+        one = Linearisation(*(part[0] for part in local))
         if cap * len(one.value) > 1.0 + _ROUNDING:
             return one
-        # The mean is one smooth function.
+        # The mean over all conditions is one smooth function, so that one row replaces n rows.
         return one._replace(value=one.value.mean(keepdims=True), slope=one.slope.mean(axis=0)[None])
 
     here = first(local)
     d, n = len(start), len(here.value)
-    # The maximum needs no v.
+    # The maximum needs no excesses v: no value may exceed the level.
     k = n if cap < 1.0 and n > 1 else 0
     far, last = here.value.max() + _FAR, (start, here)
 
     def at(z: np.ndarray) -> Linearisation:
-        # SLSQP reads values and slopes one after the other, and may leave its bounds by rounding.
+        # SLSQP reads values and slopes of one design in separate calls, so keep the last evaluation. Rounding
+        # may also take the design slightly out of its bounds.
         nonlocal last, ends
         x = np.clip(z[:d], 0.0, 1.0)
         if not np.array_equal(x, last[0]):
-            found = evaluate(x[None])
-            last, ends = (x, first(found)), ends.after(x[None], found, risk)
+            evaluated = evaluate(x[None])
+            last, ends = (x, first(evaluated)), ends.after(x[None], evaluated, risk)
         return last[1]
 
     def slack(z: np.ndarray) -> np.ndarray:
         now = at(z)
+        # SLSQP cannot handle infinite values: a large finite value keeps the line search away from such
+        # designs.
         value = np.where(np.isfinite(now.value), now.value, far)
         return np.r_[z[d] - value + (z[d + 2 :] if k else 0.0), z[d + 1] - now.limit]
 
     def slopes(z: np.ndarray) -> np.ndarray:
         now = at(z)
         rows = np.vstack([np.where(np.isfinite(now.slope), now.slope, 0.0), now.limit_slope])
-        # The first n rows belong to the level s and to the v of their own, the others to the one excess t.
+        # The first n rows belong to the level s, each with its own excess v. The other rows belong to the
+        # common excess t.
         level = (np.arange(len(rows)) < n).astype(float)[:, None]
         return np.hstack([-rows, level, 1.0 - level, np.eye(len(rows), k)])
 
-    # The level above which the worst share lies, and the excesses over it.
+    # Start with the level above which the worst share of the values lies, and with the excesses over this
+    # level.
     level = np.sort(here.value)[::-1][min(int(1.0 / cap), n - 1) if k else 0]
     over = np.maximum(here.value - level, 0.0)[:k]
     cost = np.r_[np.zeros(d), 1.0, PENALTY, np.full(k, cap)]
     low = np.r_[np.zeros(d), -np.inf, np.zeros(1 + k)]
-    found = minimize(
+    # The cost s + C t + cap sum v is linear in z: only the constraints depend on the design.
+    minimum = minimize(
         lambda z: float(cost @ z),
         np.r_[start, level, here.limit.max(initial=0.0), over],
         jac=lambda _: cost,
@@ -500,4 +525,4 @@ def finish(
         method="SLSQP",
         options={"maxiter": steps, "ftol": tolerance},
     )
-    return Finish(ends.x[0], ends.local, len(ends.path) - 1, bool(found.success))
+    return Finish(ends.x[0], ends.local, len(ends.path) - 1, bool(minimum.success))

@@ -1,4 +1,4 @@
-"""Settings of the search. This module needs neither JAX nor optax, so that a job file is read at once."""
+"""Settings of the search. This module imports neither JAX nor optax, so that a job file is read quickly."""
 
 from __future__ import annotations
 
@@ -8,53 +8,62 @@ from tpd.core import checks
 from tpd.design.criteria import DesignSpace
 
 DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
-"""Bounds of a search under ground motions."""
+"""Default design space under ground motions."""
 VALIDATION_SHARE = 0.5
-"""Share of the ground motions that a design is not tuned to by default."""
+"""Default share of the ground motions that is kept for the validation."""
 SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"
-"""Names of what is uncertain in validation runs under ground motions: block and installation."""
+"""Quantities of the block and of the installation that vary in validation runs under ground motions."""
 VALIDATION_RUNS = 2048
-"""Validation runs under harmonic excitation by default: half of them decide, the other half is quoted."""
+"""Default number of validation runs under harmonic excitation. One half decides, and the other half is
+reported."""
 MODELS = ("smoothed", "piecewise")
-"""Models of a descent that have a name."""
+"""Names of the models that a descent can use."""
 OPTIMISERS = ("adam", "rmsprop")
-"""Optimisers of optax that have a name."""
+"""Names of the optimisers of optax that can be chosen by name."""
 
 
 @dataclass(frozen=True)
 class Descent:
-    """Settings of the search: optax descends on smoothed gradients, and SciPy's SLSQP finishes on exact ones.
+    """Settings of the search under harmonic excitation.
 
-    By default signs and impacts are smoothed, diffrax integrates the equations (25), and design and orbit
-    converge together, see `tpd.design.orbits`. The descents come near the optimum; a few steps of
-    SLSQP on the exact gradients then reach it from the best ends.
+    Optax descends on gradients of a smoothed model. SciPy's SLSQP then refines the best results with exact
+    gradients. By default the model smooths signs and impacts, diffrax integrates the equations (25), and each
+    step improves the design and its orbit together (see `tpd.design.orbits`). The descents come near the
+    optimum. A few steps of SLSQP then reach it.
 
     Raises:
-        ValueError: a count out of range, an optimiser that needs more than gradients, or another model.
+        ValueError: a count is out of range, the optimiser needs more than gradients, or the model is unknown.
+
+    Example:
+        >>> import tpd
+        >>> method = tpd.Descent(searches=4, steps=10)
+        >>> method.optimiser, method.finish
+        ('adam', 4)
     """
 
     optimiser: str | object = "adam"
     """Optimiser: adam, rmsprop, or in Python a transformation of optax with steps in shares of the bounds."""
     model: str | object = field(default=None, kw_only=True)
-    """Model whose gradients the descents take: "smoothed" or `Smoothed(...)` follows the symmetric orbits
-    with smoothed signs and impacts, which is the default unless impacts lose much energy; "piecewise" or
-    `Piecewise()` is these orbits themselves, with exact gradients."""
+    """Model that gives the gradients of the descents: "smoothed" or `Smoothed(...)` follows the symmetric
+    orbits with smoothed signs and impacts; "piecewise" or `Piecewise()` solves these orbits exactly, with
+    exact gradients. Default: smoothed, or piecewise if impacts lose much energy."""
     searches: checks.Whole = field(default=8, kw_only=True)
-    """Number of designs from which a search begins."""
+    """Number of designs from which a descent starts."""
     screening: checks.Whole = field(default=512, kw_only=True)
-    """Designs solved before the searches, to choose where they begin."""
+    """Number of designs that are evaluated before the descents, to choose where the descents start."""
     steps: checks.Whole = field(default=20, kw_only=True)
     """Number of steps of each descent."""
     finish: checks.Whole = field(default=4, kw_only=True)
-    """Number of ends of the descents that SLSQP finishes on the exact gradients; 0 for none."""
+    """Number of descents whose results SLSQP refines with exact gradients; 0 for none."""
     tolerance: checks.Real = field(default=0.01, kw_only=True)
-    """Largest relative difference between the tilts of the model and of the exact solution: an end beyond it
-    that was not finished is not offered."""
+    """Largest relative difference between the tilts of the model and of the exact solution. A result of a
+    descent with a larger difference is rejected, unless SLSQP has refined it."""
 
     def __post_init__(self) -> None:
         checks.set_checked(self, checks.count, "searches screening steps")
         checks.set_checked(self, checks.count, "finish", 0)
         checks.set_checked(self, checks.tolerance, "tolerance")
+        # Names are checked without an import of optax, which takes a second.
         if isinstance(self.optimiser, str):
             checks.one_of("optimiser", self.optimiser, OPTIMISERS)
         else:
@@ -64,20 +73,21 @@ class Descent:
 
     @property
     def optimiser_name(self) -> str:
-        """Name of the optimiser; "custom" for a transformation that the user gave."""
+        """Name of the optimiser; "custom" for a transformation of optax."""
         return self.optimiser if isinstance(self.optimiser, str) else "custom"
 
     @property
     def described(self) -> dict[str, object]:
-        """Settings as plain values, enough to repeat the search."""
+        """Settings as plain values, sufficient to repeat the search."""
         names = "searches", "screening", "steps", "finish", "tolerance"
         settings: dict[str, object] = {name: getattr(self, name) for name in names}
         return settings | {"optimiser": self.optimiser_name, "model": repr(self.model)}
 
 
 def _check_transformation(optimiser: object) -> None:
-    """Raise `ValueError` unless the optimiser is one of optax that needs nothing but gradients."""
-    # Whoever gives a transformation has imported optax; whoever names one need not wait for it.
+    """Raise `ValueError` unless the optimiser is a transformation of optax that needs only gradients."""
+    # A user who passes a transformation has imported optax already. A user who passes a name does not have to
+    # wait for the import.
     import numpy as np
     import optax
 
@@ -86,6 +96,7 @@ def _check_transformation(optimiser: object) -> None:
             f"`optimiser` must be a transformation of optax, or one of {', '.join(OPTIMISERS)}, but is "
             f"{checks.shown(optimiser)}"
         )
+    # A trial step: an optimiser with a line search also requires the value of the objective, and raises here.
     x = np.array([0.3, 0.6])
     try:
         optimiser.update(np.array([1.0, -0.5]), optimiser.init(x), x)
@@ -97,16 +108,21 @@ def _check_transformation(optimiser: object) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class GroundSearch:
-    """Trial runs of a search under ground motions.
+    """Numbers of trial runs of a search under ground motions.
 
     Raises:
-        ValueError: a count below its least.
+        ValueError: fewer than 4 starts, or fewer than 0 steps.
+
+    Example:
+        >>> import tpd
+        >>> tpd.GroundSearch(steps=8)
+        GroundSearch(starts=32, steps=8)
     """
 
     starts: checks.Whole = 32
-    """Number of designs spread over the space."""
+    """Number of designs that are spread over the design space."""
     steps: checks.Whole = 32
-    """Designs that follow where the trend promises most."""
+    """Number of designs that follow, each where the trend of the results promises the largest improvement."""
 
     def __post_init__(self) -> None:
         checks.set_checked(self, checks.count, "starts", 4)

@@ -1,7 +1,7 @@
-"""A design as its report holds it, design.json.
+"""Design that was read from the design.json of a report.
 
-A `Design` cannot be made of it again: derivatives, single runs and most designs of the search are left out.
-What can be made again are the job, the pendulum and the verdict, bit for bit.
+The file does not contain a whole `Design`: derivatives, single runs and most designs of the search are left
+out. It contains the job, the pendulum and the verdict, bit for bit.
 """
 
 from __future__ import annotations
@@ -19,47 +19,61 @@ from tpd.design.reasons import DesignStatus
 from tpd.scene.scene import Pendulum
 
 VERSION = 10
-"""Version of the file; it grows when a key that is read here changes its meaning or goes away."""
+"""Version of the file. It increases when a key that is read here changes its meaning or is removed."""
 _TYPES = {dict: "a table", str: "a text"}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class StoredDesign(Printed):
-    """A design as its report holds it."""
+    """Design that was read from the design.json of a report."""
 
     path: Path
+    """Path of the file."""
     status: DesignStatus
+    """Verdict on the design."""
     pendulum: Pendulum | None
-    """None where no design is offered."""
+    """Pendulum of the design, in SI units; None if none is offered."""
     tables: dict[str, Any]
-    """Tables of the job file that repeats the run."""
+    """Tables of the job file that repeats the search."""
     versions: dict[str, str]
-    """Versions of the packages that made the design, by name."""
+    """Versions of the packages that computed the design, by name."""
     content: dict[str, Any]
-    """The whole file."""
+    """Whole content of the file."""
 
     @cached_property
     def job(self) -> Job:
-        """The question, a `Job`: scene, space, limits, and what else `tpd.optimise` takes. Records are read
-        again."""
+        """Inputs of the design as a `Job`: scene, design space, limits and all other arguments of
+        `tpd.optimise`.
+
+        Records are read again from their files.
+        """
         return job_of(self.tables)
 
     def __str__(self) -> str:
-        # The sentence of the report has the reasons for its verdict.
+        # The sentence of the report contains the reasons for the verdict as well.
         sentence = str(self.content.get("verdict", self.status.value))
         lines = [f"Stored design: {self.status.name}", sentence]
-        if (with_it := self.pendulum) is not None:
-            size = f"{with_it.mass:.4g} kg on {with_it.length:.4g} m, ζ = {with_it.damping_ratio:.4g}"
-            lines.append(f"  pendulum    {size}")
+        if (pendulum := self.pendulum) is not None:
+            size = f"{pendulum.mass:.4g} kg on a rod of {pendulum.length:.4g} m"
+            lines.append(f"  pendulum    {size}, damping ratio {pendulum.damping_ratio:.4g}")
         return "\n".join(lines)
 
 
 def read_design(path: str | Path) -> StoredDesign:
-    """Return what the design.json of a report, or of the report's directory, holds of its design.
+    """Read the design of a report.
+
+    Args:
+        path: the file design.json, or the directory of the report.
 
     Raises:
-        ValueError: a file that cannot be read, of another version, without a key, or with a value that is
-            not allowed.
+        ValueError: the file cannot be read, is of another version, lacks a key, or has a value that is not
+            allowed.
+
+    Example:
+        >>> import tpd
+        >>> tpd.read_design("no-such-report")  # doctest: +ELLIPSIS
+        Traceback (most recent call last):
+        ValueError: cannot read no-such-report: No such file or directory
     """
     file = path_of(path)
     try:
@@ -67,7 +81,7 @@ def read_design(path: str | Path) -> StoredDesign:
         content = json.loads(file.read_bytes())
     except OSError as error:
         raise ValueError(f"cannot read {file}: {error.strerror or error}") from None
-    # A file of another encoding is no JSON either, and a deep nest no design.
+    # A file of another encoding raises `ValueError` as well, and a deeply nested one raises `RecursionError`.
     except (ValueError, RecursionError):
         raise ValueError(f"{file} is not a design in JSON") from None
     if not isinstance(content, dict) or "pendulum" not in content:
@@ -76,7 +90,7 @@ def read_design(path: str | Path) -> StoredDesign:
     if version != VERSION:
         raise ValueError(f"{file} must be of version {VERSION}, but is of {version!r}: run the job again")
     try:
-        found = StoredDesign(
+        stored = StoredDesign(
             path=file,
             tables=_key(content, "job", dict),
             pendulum=_pendulum(content),
@@ -84,15 +98,16 @@ def read_design(path: str | Path) -> StoredDesign:
             versions=_key(content, "versions", dict),
             content=content,
         )
-        # A damaged job is found here, and not where it is first used.
-        _ = found.job
+        # Build the job now, so that a damaged file is rejected here and not when the job is used.
+        _ = stored.job
     except ValueError as error:
         raise ValueError(f"{file} is not the design of a report: {error}") from None
-    return found
+    return stored
 
 
 def _key(content: dict[str, Any], name: str, kind: type) -> Any:
-    """Value of a key, of the type asked for."""
+    """Return the value of a key, or raise `ValueError` if the key is missing or its value has another
+    type."""
     if name not in content:
         raise ValueError(f"it has no `{name}`")
     if not isinstance(content[name], kind):

@@ -1,7 +1,7 @@
-"""Validation: a design by the exact solution, then by paired nonlinear runs that nothing else has used.
+"""Validation: check a design with the exact solution, then with paired nonlinear runs.
 
-Every design that is validated has new runs of its own. One half of them decides. The other half takes no
-part in any decision, so that the benefit that is quoted is unbiased.
+Every design that is validated has new runs of its own, which no other stage has used. One half of the runs
+decides. The other half takes no part in any decision, so that the benefit that is reported is unbiased.
 """
 
 from __future__ import annotations
@@ -20,29 +20,30 @@ from tpd.design.reasons import CERTAIN, GRAVE, DesignStatus, Reason, ReasonKind,
 from tpd.scene.scene import Pendulum
 
 _ROUNDING = 1e-9
-"""Share by which rounding may exceed a limit."""
+"""Relative excess over a limit that is attributed to rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Validated:
-    """A design after its validation."""
+    """Design with the results of its validation."""
 
     design: np.ndarray
     """(mu, lam, zeta)."""
     pendulum: Pendulum
+    """Pendulum of the design, in SI units."""
     exact: Any
     """`ExactMotions` under harmonic excitation, else None."""
     decided: PairedRuns | None
-    """Runs that decide; None where a limit that needs no run rejects the design."""
+    """Runs that decide; None if a limit that needs no run rejects the design."""
     quoted: PairedRuns | None
-    """Runs that no decision has used; None where the design is rejected before, or where the motions are too
-    few to hold some back."""
+    """Runs that no decision has used. None if the design was rejected before, or if there are too few motions
+    to keep some for this purpose."""
     measure: str
-    """Measure that had to fall, "overturning" or "tilt"; empty without runs."""
+    """Measure that had to fall, "overturning" or "tilt"; empty if there are no runs."""
     over_limit: float
-    """Share of the runs in which the block stands that exceed a limit."""
+    """Share of the runs that exceed a limit, among those in which the block stands."""
     reasons: tuple[Reason, ...]
-    """Why it is not recommended; empty if it is."""
+    """Reasons against the design; empty if it is recommended."""
 
     @property
     def runs(self) -> PairedRuns | None:
@@ -51,7 +52,7 @@ class Validated:
 
     @property
     def refusals(self) -> tuple[str, ...]:
-        """Sentences against the design, the dangers first."""
+        """Sentences against the design, dangers first."""
         return tuple(map(str, one_of_a_kind(self.reasons)))
 
     @property
@@ -61,7 +62,7 @@ class Validated:
 
     @property
     def status(self) -> DesignStatus:
-        """`undecided` if only runs without an answer speak against the design."""
+        """Status of a rejected design: `undecided` if the only reason is runs without a result."""
         kinds = {reason.kind for reason in self.reasons}
         return DesignStatus.undecided if kinds == {ReasonKind.undecided} else DesignStatus.not_recommended
 
@@ -79,9 +80,9 @@ def validate(
     Args:
         problem: limits and requirements.
         design: (mu, lam, zeta), shape (3,).
-        attempt: number of designs that were validated before, each by other runs.
-        thorough: whether runs follow also where a limit that needs no run rejects the design.
-        progress: called with (stage, runs done, of how many).
+        attempt: number of designs that were validated before. Each attempt uses other runs.
+        thorough: whether to simulate runs also if a limit that needs no run rejects the design.
+        progress: function of (stage, runs done, total).
     """
     exact = problem.exact(design)
     reasons = [
@@ -94,12 +95,16 @@ def validate(
     over, requirements = np.nan, problem.requirements
     if thorough or not reasons:
         decided = problem.paired_runs(design, run_seed(problem, attempt, 0), progress=progress)
-        # All runs of a design are compared by one measure, also where the share that overturns is near 1 %.
+        # The runs that decide also select the measure. The other half must be compared by the same measure,
+        # even if the share that overturns is close to 1 %.
         requirements = replace(requirements, measure=requirements.measure or decided.first_measure)
         over, by_runs = _by_runs(problem, design, decided, requirements)
-        known = {reason.limit for reason in reasons if reason.limit}
-        reasons += [r for r in by_runs if r.limit not in known or not r.limit]
+        # A limit that the design breaks at rest is not reported a second time for the runs.
+        exceeded = {reason.limit for reason in reasons if reason.limit}
+        reasons += [r for r in by_runs if r.limit not in exceeded or not r.limit]
     if decided is not None and not reasons and problem.has_validation_runs:
+        # The benefit of these runs is reported and must not be selected by its size: it only has to be
+        # significant.
         quoted = problem.paired_runs(design, run_seed(problem, attempt, 1), progress=progress)
         over, by_runs = _by_runs(problem, design, quoted, replace(requirements, at_least=0.0))
         reasons += by_runs
@@ -116,16 +121,21 @@ def validate(
 
 
 def run_seed(problem: Problem, attempt: int, part: int) -> int:
-    """Return the seed of validation runs, which no other stage uses."""
+    """Return the seed of the validation runs of one attempt. No other stage uses this seed."""
     return problem.run_seed(2, attempt, part)
 
 
 def _exact_harm(problem: Problem, exact: Any) -> list[Reason]:
-    """Overturning from rest by the exact solution, under significantly more conditions (McNemar's test)."""
+    """Return a reason if the exact solution overturns from rest under significantly more conditions.
+
+    The significance is that of McNemar's test on the conditions in which only one of the two cases overturns.
+    """
     if exact is None:
         return []
-    lost, without = exact.status == "overturned", problem.without_pendulum.status == "overturned"
-    worse, better, total = int(np.sum(lost & ~without)), int(np.sum(without & ~lost)), len(lost)
+    overturned, without = exact.status == "overturned", problem.without_pendulum.status == "overturned"
+    worse, better = int(np.sum(overturned & ~without)), int(np.sum(without & ~overturned))
+    total = len(overturned)
+    # With a single condition no test is possible: every additional overturning counts.
     if not worse > better or (total > 1 and chance_of(worse, better) >= SIGNIFICANT):
         return []
     kind = ReasonKind.overturns_more
@@ -143,15 +153,19 @@ def _sliding(problem: Problem, design: np.ndarray) -> list[Reason]:
 def _by_runs(
     problem: Problem, design: np.ndarray, runs: PairedRuns, requirements: Requirements
 ) -> tuple[float, list[Reason]]:
-    """Share of the standing runs that exceed a limit, and the reasons against a design by paired runs; with
-    one that depends on the runs without an answer, if it does."""
+    """Return the share of the standing runs that exceed a limit, and the reasons against a design by paired
+    runs.
+
+    If runs without a result could change the verdict, the only reason is `undecided`.
+    """
     over, limit = problem.over_limit(design, runs.with_pendulum)
     reasons = _reasons(problem, runs, over, limit, requirements)
     if runs.ends:
         stands = runs.with_pendulum.stands.sum()
         unknown = runs.with_pendulum.is_unanswered.sum()
         verdicts = {bool(reasons)}
-        # A run that stands may exceed a limit, if there is one, which is against the pendulum as well.
+        # Repeat the verdict for both extreme outcomes of the runs without a result: all of them stand, or all
+        # of them overturn. A run that stands might also exceed a limit, which counts against the pendulum.
         for end, more in zip(runs.ends, (unknown if limit else 0, 0), strict=True):
             share = float((over * stands + more) / max(stands + unknown, 1))
             verdicts.add(bool(_reasons(problem, end, share, limit, requirements)))
@@ -164,28 +178,30 @@ def _by_runs(
 def _reasons(
     problem: Problem, runs: PairedRuns, over: float, limit: str, requirements: Requirements
 ) -> list[Reason]:
-    """Reasons against a design by paired runs."""
+    """Return the reasons against a design by paired runs."""
     out = list[Reason]()
 
-    def refuse(kind: ReasonKind, value: Any, reference: Any, **more: Any) -> None:
+    def add_reason(kind: ReasonKind, value: Any, reference: Any, **more: Any) -> None:
         out.append(Reason(kind=kind, value=float(value), reference=float(reference), **more))
 
     total, harm = int(runs.known.sum()), runs.overturns_more
     if harm is not None:
         where = {"condition": harm.label, "total": harm.total}
-        refuse(ReasonKind.overturns_more, harm.only_with, harm.only_without, **where)
+        add_reason(ReasonKind.overturns_more, harm.only_with, harm.only_without, **where)
     if over > problem.allowed:
-        refuse(ReasonKind.touches_wall, over, problem.allowed, limit=limit)
+        add_reason(ReasonKind.touches_wall, over, problem.allowed, limit=limit)
     if runs.rests_less:
         rests = (np.sum(o.is_at_rest[runs.known]) for o in (runs.with_pendulum, runs.without_pendulum))
+        # The loss of one tenth of the runs that end at rest is tolerated, because single runs are chaotic.
         at_rest, without = rests
-        refuse(ReasonKind.rests_less, at_rest, without, total=total, low=float((1.0 - FEWER) * without))
+        add_reason(ReasonKind.rests_less, at_rest, without, total=total, low=float((1.0 - FEWER) * without))
+    # The first part is the worst one. The reason mentions how many others there are.
     if runs.worse_parts:
         first = runs.worse_parts[0]
         where = {"condition": first.label, "total": len(runs.worse_parts)}
-        refuse(ReasonKind.worse_condition, first.with_pendulum, first.without_pendulum, **where)
+        add_reason(ReasonKind.worse_condition, first.with_pendulum, first.without_pendulum, **where)
     measure, required = requirements.measure or runs.first_measure, requirements.at_least
     gain, significant = runs.reduction(measure)
     if not (significant and gain.low > CERTAIN * required and gain.mean >= required):
-        refuse(ReasonKind.too_little_benefit, gain.mean, required, low=gain.low, measure=measure)
+        add_reason(ReasonKind.too_little_benefit, gain.mean, required, low=gain.low, measure=measure)
     return out

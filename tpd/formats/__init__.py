@@ -1,1 +1,1 @@
-"""Readers of files of ground motion. They know NumPy only, and give channels in m/s^2."""
+"""Readers of files with ground motions. They use only NumPy, and return channels in m/s^2."""

@@ -1,4 +1,4 @@
-"""One channel of a file: its unit and direction as files name them, and whether a file agrees with itself."""
+"""Channels of files: units, directions, and checks that the statements of a file agree with each other."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from tpd.formats.text import Decimal, UnreadableRecord, shown
 
 STANDARD_GRAVITY = 9.80665
-"""m/s^2"""
+"""Standard acceleration of gravity, m/s^2."""
 GREATEST_PEAK = 100.0
-"""Greatest acceleration (m/s^2) that is taken for that of an earthquake: twice the strongest recorded."""
+"""Largest plausible acceleration of an earthquake, m/s^2: twice the strongest recorded."""
 FACTORS = {
     "g": STANDARD_GRAVITY,
     "mg": 1e-3 * STANDARD_GRAVITY,
@@ -25,84 +25,89 @@ FACTORS = {
     "ft/s2": 0.3048,
     "%g": 0.01 * STANDARD_GRAVITY,
 }
-"""m/s^2 of a unit."""
+"""Factors that convert a unit to m/s^2."""
 _SHOWN = ", ".join(FACTORS)
+"""Units as a message lists them."""
 VERTICAL = "vertical component"
-"""Note of a channel that is vertical."""
-UNKNOWN = "orientation not stated: taken for a horizontal component"
-"""Note of a channel whose file and name do not say its orientation."""
+"""Note on a vertical channel."""
+UNKNOWN = "orientation not stated: used as a horizontal component"
+"""Note on a channel if neither the file nor its name states the orientation."""
 BOREHOLE = "instrument in a borehole, not at the surface"
-"""Note of a channel of KiK-net, which has a second instrument at the surface."""
-UNCORRECTED = "uncorrected: a drift and the response of the instrument may be left in it"
-"""Note of a channel whose file states that it is not corrected."""
-UNSTATED = "correction not stated: a drift and the response of the instrument may be left in it"
-"""Note of a channel of a format for data as recorded, whose file does not say whether it is corrected."""
+"""Note on a channel of KiK-net, which has a second instrument at the surface."""
+UNCORRECTED = "uncorrected: it may contain a drift and the response of the instrument"
+"""Note on a channel if the file states that it is not corrected."""
+UNSTATED = "correction not stated: it may contain a drift and the response of the instrument"
+"""Note on a channel in a format for uncorrected data, if the file does not state whether it is corrected."""
 RAW = UNCORRECTED, UNSTATED
-"""Notes of the channels whose mean is removed unless the user asks for something else."""
+"""Notes on channels whose mean is removed by default."""
 _UPRIGHT = (
     r"(?:up|down|dwn|dn|ud|du|ver|vrt|vert\w*|updown|upward\w*|arriba|haut|lotrecht|senkrecht|d[uü][sş]ey|"
     r"pionow\w*|svisl\w*|zvisl\w*|вертик\w*|上下|鉛直|z|v)[12]?"
 )
+"""Names of vertical components, in many languages."""
 _LEVEL = (
     r"(?:ns|sn|ew|we|north|south|east|west|nord|s[uü]d|ost|est|ouest|norte|sur|sul|leste|oeste|[nsew]|[xy]|"
     r"[lt]|h[12]?|long|longitudinal|tran|trans|transverse|transversal|radial|horizontal|horiz|hor)[12]?|[ns]\d{1,2}[ew]"
 )
+"""Names of horizontal components."""
 _SEED = r"[a-z][hlgn]"
-"""Band and instrument of a SEED code; the third letter is the direction."""
+"""Band and instrument of a SEED code. Its third letter is the direction."""
 _AT_THE_END = rf"(?:^|[-_. ])(?:{_UPRIGHT[: -len('|z|v)[12]?')]}|z)[12]?|u-d|{_SEED}z)$"
+"""Names of vertical components that are recognised at the end of the name of a file."""
 STEPS = (1e-5, 1.0)
-"""Shortest and longest step (s) of a record; beyond them a step was stated in another unit."""
+"""Shortest and longest time step (s) of a record. A step beyond them is probably in another unit."""
 OFFSET = 0.005
-"""Share of the peak from which on a mean is noted."""
+"""Share of the peak above which a mean leads to a note."""
 DRIFT = 0.25
-"""Share of the greatest velocity from which on the velocity at the end is noted."""
+"""Share of the largest velocity above which the velocity at the end leads to a note."""
 BASELINES = ("none", "mean", "linear")
+"""Kinds of baseline correction."""
 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One component of a record."""
+    """Channel of a file: one component of a record."""
 
     acceleration: np.ndarray
-    """(n,), m/s^2."""
+    """Samples, (n,), m/s^2."""
     dt: float
-    """s"""
+    """Time step, s."""
     component: str = ""
     """Direction as the file states it."""
     name: str = ""
     """Station and component."""
     event: str = ""
-    """The earthquake."""
+    """Name of the earthquake."""
     notes: tuple[str, ...] = ()
-    """Remarks to the user."""
+    """Notes for the user."""
     source: str = ""
-    """The file, and the number of the channel where the file has several."""
+    """Name of the file, with the number of the channel if the file has several."""
 
     @property
     def peak(self) -> float:
-        """Greatest acceleration, m/s^2."""
+        """Largest acceleration, m/s^2."""
         return float(np.max(np.abs(self.acceleration)))
 
-    def noted(self, *notes: str) -> Channel:
-        """Return the channel with further remarks."""
+    def with_notes(self, *notes: str) -> Channel:
+        """Return the channel with further notes."""
         return replace(self, notes=(*self.notes, *notes))
 
 
-def checked(channel: Channel, baseline: str | None = "none") -> Channel:
-    """Return a channel whose numbers are those of a ground motion, with remarks on its baseline.
+def check_channel(channel: Channel, baseline: str | None = "none") -> Channel:
+    """Check that the numbers of a channel are plausible, and return it with notes on its baseline.
 
     Args:
-        channel: of a file.
-        baseline: what is removed, one of `BASELINES`; None removes the mean of a channel that has a note of
-            `RAW`.
+        channel: channel of a file.
+        baseline: baseline correction, one of `BASELINES`. None removes the mean of a channel that has a note
+            in `RAW`.
 
     Raises:
-        UnreadableRecord: fewer than two samples, a step or a peak beyond the bounds, or a number that is not
-            finite.
+        UnreadableRecord: there are fewer than two samples, the step or the peak is not plausible, or a number
+            is not finite.
     """
     a, dt = channel.acceleration, channel.dt
     if a.size < 2:
-        raise UnreadableRecord(f"a record needs 2 samples or more, but {a.size} were found")
+        raise UnreadableRecord(f"a record needs at least 2 samples, but has {a.size}")
     if not (STEPS[0] <= dt <= STEPS[1]):
         raise UnreadableRecord(f"the step must be {STEPS[0]:g} s to {STEPS[1]:g} s, but is {dt:g} s")
     if not (np.isfinite(a).all() and channel.peak <= GREATEST_PEAK):
@@ -112,10 +117,10 @@ def checked(channel: Channel, baseline: str | None = "none") -> Channel:
         )
     peak = channel.peak
     if peak == 0.0:
-        return channel.noted("all samples are zero")
+        return channel.with_notes("all samples are zero")
     if baseline is None:
         baseline = "mean" if any(note in RAW for note in channel.notes) else "none"
-    # An offset and a drift, in words that name the remedy. The share is that of the peak as read.
+    # Describe an offset and a drift, with the remedy. The share is that of the peak as read.
     notes, mean = [], float(np.mean(a))
     size = f"the mean, {mean:.3g} m/s^2, {abs(mean) / peak:.1%} of the peak"
     if baseline != "none":
@@ -123,78 +128,84 @@ def checked(channel: Channel, baseline: str | None = "none") -> Channel:
         a = channel.acceleration
     elif abs(mean) > OFFSET * peak:
         notes.append(f"offset: {size} (baseline 'mean' removes it)")
-    # Velocity from rest by trapezoids: what a block on the ground would follow.
+    # The velocity from rest by the trapezoidal rule is the motion that the base of a block follows.
     velocity = np.cumsum(0.5 * (a[1:] + a[:-1])) * dt
     end, greatest = float(velocity[-1]), float(np.max(np.abs(velocity)))
     if abs(end) > DRIFT * greatest:
         notes.append(f"drift: the velocity at the end is {end:.3g} m/s, with a peak of {greatest:.3g} m/s")
-    return channel.noted(*notes)
+    return channel.with_notes(*notes)
 
 
-def directed(channel: Channel, named: bool | None = None) -> Channel:
-    """Return a channel with a remark where it is vertical, or where nothing says its orientation.
+def note_direction(channel: Channel, named: bool | None = None) -> Channel:
+    """Return a channel with a note if it is vertical, or if its orientation is not stated.
 
     Args:
-        channel: of a file.
-        named: what the name of the file says, which counts where the file itself says nothing.
+        channel: channel of a file.
+        named: orientation from the name of the file, which is used if the file itself does not state it.
     """
     vertical = orientation(channel.component)
     vertical = named if vertical is None else vertical
-    return channel.noted(UNKNOWN) if vertical is None else channel.noted(*([VERTICAL] if vertical else []))
+    return channel.with_notes(*([UNKNOWN] if vertical is None else [VERTICAL] if vertical else []))
 
 
-def scaled(channel: Channel, scale: float) -> Channel:
+def scale_channel(channel: Channel, scale: float) -> Channel:
     """Return a channel with all samples multiplied by a number."""
     if scale == 1.0:
         return channel
     values = scale * channel.acceleration
-    return replace(channel, acceleration=values).noted(f"scale: all samples are multiplied by {scale:g}")
+    return replace(channel, acceleration=values).with_notes(f"scale: all samples are multiplied by {scale:g}")
 
 
 def _without_baseline(channel: Channel, baseline: str, size: str) -> Channel:
-    """Return the channel less its mean ("mean", of a `size` in words) or its straight line of least squares
-    ("linear")."""
+    """Return the channel without its mean ("mean") or its straight line of least squares ("linear").
+
+    `size` describes the mean in words.
+    """
     a = channel.acceleration
     mean = float(np.mean(a))
     if baseline == "mean":
-        return replace(channel, acceleration=a - mean).noted(f"baseline removed: {size}")
-    # Times from the middle: offset and slope are then independent of each other.
+        return replace(channel, acceleration=a - mean).with_notes(f"baseline removed: {size}")
+    # With times relative to the middle, offset and slope are independent of each other.
     t = (np.arange(a.size) - 0.5 * (a.size - 1)) * channel.dt
     slope = float(t @ a / (t @ t))
-    said = f"baseline removed: {size}, and a slope of {slope:.3g} m/s^3"
-    return replace(channel, acceleration=a - mean - slope * t).noted(said)
+    note = f"baseline removed: {size}, and a slope of {slope:.3g} m/s^3"
+    return replace(channel, acceleration=a - mean - slope * t).with_notes(note)
 
 
-def agree_on_count(stated: int, found: int, where: str) -> None:
-    """Raise `UnreadableRecord` unless a stated number of samples is the one found."""
-    if stated != found:
-        raise UnreadableRecord(f"{where} states {stated} samples, but there are {found}")
+def agree_on_count(stated: int, actual: int, where: str) -> None:
+    """Raise `UnreadableRecord` if the stated number of samples is not the actual number."""
+    if stated != actual:
+        raise UnreadableRecord(f"{where} states {stated} samples, but there are {actual}")
 
 
 def agree_on_peak(values: np.ndarray, stated: Decimal, where: str, *, digit: float) -> None:
-    """Raise `UnreadableRecord` unless the peak of the samples is the stated one.
+    """Raise `UnreadableRecord` if the stated peak is not the peak of the samples.
 
     Args:
         values: samples in the unit of the statement.
         stated: the peak as printed, with its sign.
-        where: the statement, in words.
+        where: words for the place of the statement.
         digit: size of the last digit of the samples at the peak.
     """
     peak = float(np.max(np.abs(values)))
-    # Both numbers are rounded, each by half a unit of its last digit.
+    # Both numbers are rounded by at most half a unit of their last digit.
     margin = 0.51 * (stated.unit + digit) + 1e-9 * peak
-    # An extreme of the same sign as the statement, and no greater one of the other sign.
+    # The statement has a sign: compare it with the closer of the two extremes. The other extreme must not be
+    # larger.
     ends = (float(np.max(values)), float(np.min(values)))
-    found = min(ends, key=lambda end: abs(end - stated.value))
-    if abs(found - stated.value) > margin or abs(peak - abs(stated.value)) > margin:
+    closest = min(ends, key=lambda end: abs(end - stated.value))
+    if abs(closest - stated.value) > margin or abs(peak - abs(stated.value)) > margin:
         raise UnreadableRecord(f"{where} states a peak of {stated.value:g}, but the samples have {peak:g}")
 
 
 def agree_on_peak_time(
     values: np.ndarray, dt: float, stated: Decimal, where: str, start: float = 0.0
 ) -> None:
-    """Raise `UnreadableRecord` unless the sample of the peak is at the stated time (s), within its rounding
-    and one step. Samples that are rounded may have several of the greatest size."""
+    """Raise `UnreadableRecord` if the peak of the samples is not at the stated time (s).
+
+    The tolerance is the rounding of the time plus one step. Rounded samples may have several peaks of equal
+    size.
+    """
     size = np.abs(values)
     times = start + dt * np.flatnonzero(size >= size.max() * (1.0 - 1e-9))
     if np.min(np.abs(times - stated.value)) > dt + 0.51 * stated.unit + 1e-9 * stated.value:
@@ -205,15 +216,15 @@ def agree_on_peak_time(
 
 
 def agree(first: float, second: float, what: str, tolerance: float = 0.0) -> None:
-    """Raise `UnreadableRecord` unless two statements of one quantity agree."""
-    # Sums and quotients of stated numbers carry rounding errors of floats.
+    """Raise `UnreadableRecord` if two statements of one quantity differ."""
+    # Sums and quotients of stated numbers have rounding errors of floats.
     if abs(first - second) > tolerance + 1e-9 * max(abs(first), abs(second)):
         raise UnreadableRecord(f"the file states {what} twice and differently, {first:g} and {second:g}")
 
 
 def plain(text: str) -> str:
-    """Return a unit in the spelling of `FACTORS`, such as cm/s2 for CM/SEC/SEC, or the text as it is."""
-    # Agencies write cm/s2, CM/SEC/SEC, cm/sec2, cm/s^2 and cm/s**2 for the same.
+    """Return a unit in the spelling of `FACTORS`, such as cm/s2 for CM/SEC/SEC; any other text unchanged."""
+    # Agencies write cm/s2, CM/SEC/SEC, cm/sec2, cm/s^2 and cm/s**2 for the same unit.
     unit = text.strip(" \t.,;:").lower().replace("²", "2").replace("^", "").replace("**", "")
     unit = re.sub(r"[\s·]+", "", unit)
     unit = re.sub(r"seconds?|secs?", "s", unit).replace("/s/s", "/s2").replace("s-2", "/s2")
@@ -227,7 +238,7 @@ def unit_of(text: str, line: int) -> str:
     """Return the unit of acceleration that a header states.
 
     Raises:
-        UnreadableRecord: none that is known.
+        UnreadableRecord: the text is not a known unit.
     """
     unit = plain(text)
     if unit not in FACTORS:
@@ -237,58 +248,60 @@ def unit_of(text: str, line: int) -> str:
     return unit
 
 
-def given(unit: str) -> str:
-    """Return the unit that a user gives, in the spelling of `FACTORS`."""
+def check_unit(unit: str) -> str:
+    """Return the unit that a user passes, in the spelling of `FACTORS`."""
     if not isinstance(unit, str) or plain(unit) not in FACTORS:
         raise ValueError(f"`unit` must be one of {_SHOWN}, but is {unit!r}")
     return plain(unit)
 
 
-def chosen(stated: str | None, unit: str | None) -> str:
-    """Return the unit stated by a file or, where it states none, by the user."""
+def choose_unit(stated: str | None, unit: str | None) -> str:
+    """Return the unit that a file states or, if it states none, the unit that the user passes."""
     if stated is None and unit is None:
         raise UnreadableRecord("the header states no unit of acceleration: give `unit`, such as unit='g'")
     if unit is None:
         return stated or ""
-    # Gal and cm/s2 are one unit.
-    if stated is not None and FACTORS[given(unit)] != FACTORS[stated]:
+    # Units with equal factors are the same unit, such as gal and cm/s2.
+    if stated is not None and FACTORS[check_unit(unit)] != FACTORS[stated]:
         raise UnreadableRecord(f"the header states the unit {stated}, but `unit` is {unit!r}")
-    return given(unit)
+    return check_unit(unit)
 
 
 def orientation(text: str) -> bool | None:
-    """Return whether a component is vertical; None where its name does not say so.
+    """Return whether a component is vertical; None if its name does not show it.
 
     Args:
         text: such as UP, U-D, 90 DEG, N-S, S16E, HNZ.
     """
-    # The Z of AccZ is a word of its own.
+    # Separate the words of names such as AccZ.
     text = re.sub(r"(?<=[a-z])(?=[A-Z](?:[^a-z]|$))", " ", text)
-    bare = re.sub(r"\(.*?\)|\[.*?\]", " ", text).lower()
-    words = re.findall(r"[^\W_]+", bare)
+    lower = re.sub(r"\(.*?\)|\[.*?\]", " ", text).lower()
+    words = re.findall(r"[^\W_]+", lower)
     pairs = ["".join(pair) for pair in itertools.pairwise(words)]
-    said = [*words, *(pair for pair in pairs if re.fullmatch(r"(?:ud|ns|ew|updown)[12]?", pair))]
-    if any(re.fullmatch(rf"{_UPRIGHT}|{_SEED}z", word) for word in said):
+    names = [*words, *(pair for pair in pairs if re.fullmatch(r"(?:ud|ns|ew|updown)[12]?", pair))]
+    if any(re.fullmatch(rf"{_UPRIGHT}|{_SEED}z", word) for word in names):
         return True
-    # An azimuth: 090, 360, and 90 where no word before it can be what is numbered, such as a channel.
-    angles = re.findall(r"(?<![a-z\d])(\d{3}(?=(?:deg)?(?![a-z\d]))|\d{1,2}(?=\W?deg))", bare)
-    angles += re.findall(r"^\W*(?:(?:comp|component|azimuth|az)\W+)?(\d{1,2})\W*$", bare)
+    # An azimuth means a horizontal component: 090 or 360, and 90 only if no word before it could be numbered
+    # by it, such as a channel.
+    angles = re.findall(r"(?<![a-z\d])(\d{3}(?=(?:deg)?(?![a-z\d]))|\d{1,2}(?=\W?deg))", lower)
+    angles += re.findall(r"^\W*(?:(?:comp|component|azimuth|az)\W+)?(\d{1,2})\W*$", lower)
     azimuth = any(int(angle) <= 360 for angle in angles)
-    if azimuth or any(re.fullmatch(rf"{_LEVEL}|{_SEED}[ne123]", word) for word in said):
+    if azimuth or any(re.fullmatch(rf"{_LEVEL}|{_SEED}[ne123]", word) for word in names):
         return False
     return None
 
 
 def is_component(word: str) -> bool:
-    """Return whether a word is the name of a component and nothing else."""
+    """Return whether a word is the name of a component."""
     directions = rf"{_UPRIGHT}|{_LEVEL}|{_SEED}[zne123]|u-?d|n-?s|e-?w|\d{{1,3}}(?:deg|°)"
     return re.fullmatch(directions, word.strip().lower()) is not None
 
 
 def of_file(name: str) -> bool | None:
-    """Return what the name of a file says, such as RSN1_AA-UP.AT2, XXX.UD2, STATION.HNZ.csv.
+    """Return whether the name of a file describes a vertical component; None if it does not show it.
 
-    Words other than the last may be anything. PEER also writes the direction without a gap: MYG004UD.AT2.
+    Examples are RSN1_AA-UP.AT2, XXX.UD2 and STATION.HNZ.csv. Words other than the last may be anything. PEER
+    also writes the direction without a separator: MYG004UD.AT2.
     """
     stem, _, ending = name.lower().removesuffix(".gz").rpartition(".")
     if re.fullmatch(r"(?:ud|ns|ew)[12]?", ending):

@@ -1,6 +1,6 @@
 """Files of the Consortium of Organizations for Strong Motion Observation Systems (COSMOS), format 1.20.
 
-Blocks of acceleration, velocity and displacement follow each other; those of acceleration are kept.
+The file contains blocks of acceleration, velocity and displacement. Only the accelerations are returned.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tpd.formats.channel import (
     agree,
     agree_on_peak,
     agree_on_peak_time,
-    chosen,
+    choose_unit,
     unit_of,
 )
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, NoAcceleration, UnreadableRecord, fortran, number
@@ -28,13 +28,13 @@ _DATA = (
     r"\s*units\s*=\s*(.*?)\s*\(\s*\d+\s*\),\s*format\s*="
 )
 _PEAK = rf"\bmax\s*=\s*({NUMBER})\s+(\S+?),?\s+at\s+({NUMBER})\s*sec"
-# Places in the header of reals, from 0.
+# Indices in the header of reals.
 _STEP, _LENGTH, _PEAK_VALUE, _PEAK_TIME = 61, 62, 63, 64
 _TEXT = 13
 
 
 def is_cosmos(lines: Sequence[str]) -> bool:
-    """Return whether lines are those of a COSMOS file, sound or not."""
+    """Return whether lines are those of a COSMOS file, also if it is damaged."""
     head = "\n".join(lines[:60]).lower()
     return "(format v" in lines[0].lower() or "integer-header values" in head or "real-header values" in head
 
@@ -43,7 +43,7 @@ def read_cosmos(cursor: Cursor, unit: str | None) -> list[Channel]:
     """Return the channels of a file.
 
     Raises:
-        UnreadableRecord: the file is damaged, contradicts itself, or holds counts of the instrument.
+        UnreadableRecord: the file is damaged, contradicts itself, or contains counts of the instrument.
     """
     blocks: list[Channel | str] = []
     while cursor.at == 0 or not cursor.only_blank_lines_follow():
@@ -52,12 +52,12 @@ def read_cosmos(cursor: Cursor, unit: str | None) -> list[Channel]:
     channels = [block for block in blocks if isinstance(block, Channel)]
     if not channels:
         others = " and ".join(dict.fromkeys(map(str, blocks)))
-        raise NoAcceleration(f"the file must hold an acceleration, but has {others} only", others)
+        raise NoAcceleration(f"the file must contain an acceleration, but has only {others}", others)
     return channels
 
 
 def _block(cursor: Cursor, unit: str | None) -> Channel | str:
-    """The channel of a block, or what else it holds."""
+    """Return the channel of the next block, or the word for its quantity if this is not an acceleration."""
     text = cursor.header(_TEXT)
     first = text.match(1, _FIRST, "the quantity and the format")
     if int(first[3]) != _TEXT:
@@ -66,14 +66,14 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | str:
     reals = _header(cursor, "real")
     cursor.comments(int(cursor.match(rf"^\s*({WHOLE})\s+comment line", "the number of comment lines")[1]))
     quantity, own, values = _samples(cursor)
-    # Velocities and displacements are read all the same: a file damaged there is refused.
+    # Velocities and displacements are read as well, so that a file that is damaged there is rejected.
     if not quantity.lower().startswith("accel"):
         return "velocity" if quantity.lower().startswith("veloc") else "displacement"
-    if not _known(reals[_STEP]) or reals[_STEP] <= 0.0:
+    if not _is_stated(reals[_STEP]) or reals[_STEP] <= 0.0:
         raise UnreadableRecord(f"real number {_STEP + 1} must be the step in ms, but is {reals[_STEP]:g}")
     dt = float(reals[_STEP]) / 1000.0
-    # n or n - 1 steps, by agency.
-    if _known(reals[_LENGTH]):
+    # Some agencies state n steps for n samples, and others n - 1.
+    if _is_stated(reals[_LENGTH]):
         agree(len(values) * dt, float(reals[_LENGTH]), "the length in s", tolerance=1.5 * dt)
     stated = text.match(11, _PEAK, "the peak and its time")
     if FACTORS[unit_of(stated[2], text.start + 11)] != FACTORS[unit_of(own, text.start + 11)]:
@@ -82,23 +82,23 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | str:
     # Samples have more digits than the statement.
     agree_on_peak(values, peak, text.where(11), digit=0.0)
     agree_on_peak_time(values, dt, time, text.where(11))
-    if _known(reals[_PEAK_VALUE]):
+    if _is_stated(reals[_PEAK_VALUE]):
         agree(peak.value, float(reals[_PEAK_VALUE]), "the peak", 1.01 * peak.unit)
-    if _known(reals[_PEAK_TIME]):
+    if _is_stated(reals[_PEAK_TIME]):
         agree(time.value, float(reals[_PEAK_TIME]), "the time of the peak", 1.01 * time.unit)
-    # "Sta Chan 1: 90 deg (" and "Sta Cha: 1: 340 deg (".
-    found = re.search(r"^Sta\s+Cha(?:\w*\s+\S+:|\w*:\s*\S+\s)\s*(.*?)\s*\(", text.lines[8], re.IGNORECASE)
-    component = found[1] if found else ""
+    # Files contain "Sta Chan 1: 90 deg (" or "Sta Cha: 1: 340 deg (".
+    match = re.search(r"^Sta\s+Cha(?:\w*\s+\S+:|\w*:\s*\S+\s)\s*(.*?)\s*\(", text.lines[8], re.IGNORECASE)
+    component = match[1] if match else ""
     station = re.search(r"Code:\s*(\S.*?)\s*$", text.lines[4], re.IGNORECASE)
     name = " ".join(station[1].split()) if station else ""
     notes = () if first[1].lower() == "corrected" else (UNCORRECTED,)
     event = re.sub(r"^r(?:ecord|crd) of\s+", "", " ".join(text.lines[1].split()), flags=re.IGNORECASE)
-    factor = FACTORS[chosen(unit_of(own, cursor.at), unit)]
+    factor = FACTORS[choose_unit(unit_of(own, cursor.at), unit)]
     return Channel(values * factor, dt, component, f"{name}/{component}".strip("/"), event, notes)
 
 
 def _samples(cursor: Cursor) -> tuple[str, str, np.ndarray]:
-    """Quantity, unit and numbers of a block."""
+    """Return quantity, unit and numbers of a block."""
     line = cursor.peek()
     data = cursor.match(_DATA, "number, length, unit and format of the samples")
     if "count" in data[4].lower() or data[2].lower().startswith("raw"):
@@ -113,7 +113,7 @@ def _samples(cursor: Cursor) -> tuple[str, str, np.ndarray]:
 
 
 def _header(cursor: Cursor, what: str) -> np.ndarray:
-    """One of the two headers of numbers. A field that is full can touch its neighbour."""
+    """Return one of the two headers of numbers. There may be no blank between two fields."""
     line = cursor.peek()
     stated = cursor.match(
         rf"^\s*({WHOLE})\s+{what}-header values follow on\s+({WHOLE})\s+lines", f"the {what} header"
@@ -124,9 +124,10 @@ def _header(cursor: Cursor, what: str) -> np.ndarray:
         row = cursor.next(f"the end of the {what} header").rstrip()
         values += [number(row[i : i + width], cursor.at) for i in range(0, len(row), width)]
     if len(values) != int(stated[1]) or len(values) != 100:
-        raise UnreadableRecord(f"the {what} header must hold 100 numbers, but holds {len(values)}")
+        raise UnreadableRecord(f"the {what} header must contain 100 numbers, but contains {len(values)}")
     return np.array(values)
 
 
-def _known(value: float) -> bool:
+def _is_stated(value: float) -> bool:
+    """Whether the file states a number. The value -999 means that it does not."""
     return round(value) != -999

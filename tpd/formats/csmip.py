@@ -1,7 +1,7 @@
 """Volume 1 (uncorrected) and Volume 2 (corrected) of the California Strong Motion Instrumentation Program.
 
-A file holds one block a channel: text, a header of integers, one of reals, the samples with a line that
-describes them, and a line that ends the channel. All that is stated twice must agree.
+A file contains one block per channel: text, a header of integers, a header of reals, the samples after a line
+that describes them, and a line that ends the channel. All quantities that are stated twice must agree.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from tpd.formats.channel import (
     agree_on_count,
     agree_on_peak,
     agree_on_peak_time,
-    chosen,
+    choose_unit,
     unit_of,
 )
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord, fortran, shown
@@ -33,9 +33,10 @@ _CHANNEL = r"\bchan\w*\s+\d+\s*:\s*(\S.*?)\s*$"
 
 
 def is_csmip(lines: Sequence[str]) -> bool:
-    """Return whether lines are those of a CSMIP file, sound or not."""
+    """Return whether lines are those of a CSMIP file, also if it is damaged."""
     head = "\n".join(lines[:13]).lower()
-    # GeoNet's titles begin alike; any line of this header may be damaged.
+    # The titles of GeoNet begin in the same way. Several marks are tested, because a line of the header may
+    # be damaged.
     if " gns " in head or "accelerogram" not in head:
         return False
     marks = "csmip", "cdmg", "uncorrected accelerogram"
@@ -59,6 +60,7 @@ def read_csmip(cursor: Cursor, unit: str | None) -> list[Channel]:
 
 
 def _volume_2(cursor: Cursor, unit: str | None) -> Channel:
+    """Return the channel of the next block of a Volume 2."""
     text = cursor.header(_V2_TEXT)
     component, event, name = _words(text, at=8)
     count = int(text.match(16, rf"^\s*({WHOLE})\s+points of", "the number of points")[1])
@@ -73,23 +75,24 @@ def _volume_2(cursor: Cursor, unit: str | None) -> Channel:
     agree_on_peak(values, Decimal.of(peak[1]), text.where(18), digit=data.digit)
     agree_on_peak_time(values, dt, Decimal.of(peak[3]), text.where(18))
     for kind in ("veloc", "displ"):
-        # Not used, but a file that is damaged here is not what its laboratory wrote.
+        # Velocities and displacements are not used, but a file that is damaged here is not reliable.
         _block(cursor, kind, count, dt)
     cursor.match(_END, "the end of the channel")
-    return Channel(values * FACTORS[chosen(own, unit)], dt, component, f"{name}/{component}", event)
+    return Channel(values * FACTORS[choose_unit(own, unit)], dt, component, f"{name}/{component}", event)
 
 
 def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
+    """Return the channel of the next block of a Volume 1."""
     text = cursor.header(_V1_TEXT)
     component, event, name = _words(text, at=7)
     stated = text.match(
         11, rf"points\s*=\s*({WHOLE})\s+record length\s*=\s*({NUMBER})\s*sec", "points and length"
     )
     _headers(cursor, _V1_INTEGERS, _V1_REALS)
-    count, dt, data = _described(cursor)
+    count, dt, data = _read_description(cursor)
     agree_on_count(int(stated[1]), count, text.where(11))
     length = Decimal.of(stated[2])
-    # Some files count n steps of n samples, others n - 1.
+    # For n samples some files state n steps, and others n - 1 steps.
     agree(count * dt, length.value, "the length in s", 0.51 * length.unit + 1.01 * dt)
     values = cursor.fixed(count, data.columns, data.width, "samples")
     own = unit_of(data.unit, data.line)
@@ -104,37 +107,39 @@ def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
     agree_on_peak_time(values, dt, Decimal.of(peak[4]), text.where(12))
     cursor.match(_END, "the end of the channel")
     return Channel(
-        values * FACTORS[chosen(own, unit)], dt, component, f"{name}/{component}", event, (UNCORRECTED,)
+        values * FACTORS[choose_unit(own, unit)], dt, component, f"{name}/{component}", event, (UNCORRECTED,)
     )
 
 
-def _described(cursor: Cursor) -> tuple[int, float, _Described]:
-    """Number and step of the samples of a Volume 1, and what else the line above them says."""
+def _read_description(cursor: Cursor) -> tuple[int, float, _Description]:
+    """Return number and step of the samples of a Volume 1, and the other statements of the line above
+    them."""
     if "points" not in cursor.peek().lower():
         raise UnreadableRecord(
-            f"line {cursor.line} must describe the samples: a film read at unequal times has no such line, "
-            "take its Volume 2"
+            f"line {cursor.line} must describe the samples. A film that was digitised at unequal times has "
+            "no such line: use its Volume 2"
         )
     line = cursor.peek()
-    # Digital instruments have a rate, digitised films a step.
+    # Digital instruments have a sampling rate, and digitised films have a step.
     by_rate = rf"accelerogram points at\s+({NUMBER})\s+pts/sec,? in units of\s+(.+?)\s*\.?\s+format"
     by_step = rf"points of accel data equally spaced at\s+({NUMBER})\s+sec\.?\s+\(units:\s*([^)]*)\)"
-    found = cursor.match(rf"^\s*({WHOLE})\s+(?:{by_rate}|{by_step})", "number, step and unit of the samples")
-    given = float(found[2] or found[4])
-    if given <= 0.0:
+    match = cursor.match(rf"^\s*({WHOLE})\s+(?:{by_rate}|{by_step})", "number, step and unit of the samples")
+    rate_or_step = float(match[2] or match[4])
+    if rate_or_step <= 0.0:
         raise UnreadableRecord(f"line {cursor.at} must state a rate or a step above zero")
-    shape = fortran(line, cursor.at) if found[2] else (8, 9, 6)
-    step = 1.0 / given if found[2] else given
-    return int(found[1]), step, _Described(found[3] or found[5], cursor.at, *shape)
+    # Digitised films have a fixed format of columns, which the line does not state.
+    shape = fortran(line, cursor.at) if match[2] else (8, 9, 6)
+    step = 1.0 / rate_or_step if match[2] else rate_or_step
+    return int(match[1]), step, _Description(match[3] or match[5], cursor.at, *shape)
 
 
 @dataclass(frozen=True)
-class _Described:
-    """Statements on samples by the line above them."""
+class _Description:
+    """Statements about samples in the line above them."""
 
     unit: str
     line: int
-    """Number of that line."""
+    """Number of this line."""
     columns: int
     width: int
     decimals: int
@@ -146,23 +151,23 @@ class _Described:
 
 
 def _agree_unit(first: str, second: str) -> None:
-    """Raise `UnreadableRecord` unless two statements of the unit agree."""
+    """Raise `UnreadableRecord` if two statements of the unit differ."""
     if FACTORS[first] != FACTORS[second]:
         raise UnreadableRecord(f"the file states the unit twice and differently, {first} and {second}")
 
 
 def _words(text: Header, at: int) -> tuple[str, str, str]:
-    """Component, event and station of a header whose line `at` (from 1) holds the channel."""
+    """Return component, event and station of a header whose line `at` (from 1) contains the channel."""
     component = text.match(at, _CHANNEL, "the channel")[1]
-    # Names and further remarks are set apart by several blanks; new files state the time of the record twice.
+    # Several blanks separate names from further remarks. New files state the time of the record twice.
     parts = re.split(r"\s{2,}", text.lines[at].strip())
     event = dict.fromkeys(re.sub(r"^r(?:ecord|crd) of ", "", part, flags=re.IGNORECASE) for part in parts)
     return component, " ".join(event), re.split(r"\s{3,}", text.lines[at - 2].strip())[0]
 
 
 def _headers(cursor: Cursor, integers: int, reals: int) -> None:
-    """Pass the headers of numbers. Nothing in them is needed, but they must be there."""
-    # Fields can touch each other, so that only the length of a line can be checked.
+    """Read the headers of numbers. Their content is not used, but they must exist."""
+    # There may be no blanks between fields, so that only the length of a line can be checked.
     for rows, width, what in ((integers, 5, "integer"), (reals, 10, "real")):
         for _ in range(rows):
             line = cursor.next(f"the end of the {what} header").rstrip()
@@ -172,19 +177,19 @@ def _headers(cursor: Cursor, integers: int, reals: int) -> None:
                 )
 
 
-def _block(cursor: Cursor, kind: str, count: int, dt: float) -> tuple[np.ndarray, _Described]:
-    """The numbers of one block of a Volume 2, and what the line above them says."""
+def _block(cursor: Cursor, kind: str, count: int, dt: float) -> tuple[np.ndarray, _Description]:
+    """Return the numbers of one block of a Volume 2, and the statements of the line above them."""
     line = cursor.peek()
-    found = cursor.match(
+    match = cursor.match(
         rf"^\s*({WHOLE})\s+points of {kind} data equally spaced at\s+({NUMBER})\s+sec", f"the {kind} data"
     )
     at = cursor.at
-    agree_on_count(count, int(found[1]), f"line {at}")
-    agree(dt, float(found[2]), "the step in s")
+    agree_on_count(count, int(match[1]), f"line {at}")
+    agree(dt, float(match[2]), "the step in s")
     unit = re.search(r"units:\s*([^)]*)\)|,\s*in\s+(\S+)", line, flags=re.IGNORECASE)
     if unit is None:
         raise UnreadableRecord(f"line {at} must state the unit of the {kind} data")
-    given = re.search(r"\(\s*\d+\s*f\d+\.\d+\s*\)", line, flags=re.IGNORECASE)
-    # Old files state no format; all of them have this one.
-    data = _Described(unit[1] or unit[2] or "", at, *(fortran(given[0], at) if given else (8, 10, 3)))
+    columns = re.search(r"\(\s*\d+\s*f\d+\.\d+\s*\)", line, flags=re.IGNORECASE)
+    # Old files state no format. All of them have the same one.
+    data = _Description(unit[1] or unit[2] or "", at, *(fortran(columns[0], at) if columns else (8, 10, 3)))
     return cursor.fixed(count, data.columns, data.width, "samples"), data

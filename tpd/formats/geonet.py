@@ -1,4 +1,4 @@
-"""V1A (uncorrected) and V2A (corrected) files of GeoNet, New Zealand: one block a component."""
+"""V1A (uncorrected) and V2A (corrected) files of GeoNet, New Zealand, with one block per component."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from tpd.formats.channel import (
     agree_on_count,
     agree_on_peak,
     agree_on_peak_time,
-    chosen,
+    choose_unit,
     unit_of,
 )
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord
 
 _FIRST = re.compile(r"^\s*(un)?corrected accelerogram\b.*\b(GNS|GeoNet)\b", re.IGNORECASE)
 _TEXT, _COLUMNS, _WIDTH = 16, 10, 8
-# Places in the header of integers (4 lines) and in that of reals (6 lines), from 0.
+# Indices in the header of integers (4 lines) and in that of reals (6 lines).
 _COUNT_V1, _COUNT, _VELOCITIES, _DISPLACEMENTS = 30, 33, 34, 35
 _STEP, _PADDING = 25, 21
 
 
 def is_geonet(lines: Sequence[str]) -> bool:
-    """Return whether lines are those of a GeoNet file, sound or not."""
+    """Return whether lines are those of a GeoNet file, also if it is damaged."""
     head = "\n".join(lines[:_TEXT])
     return bool(_FIRST.match(lines[0])) or bool(
         re.search(r"^Component\b.*", head, re.MULTILINE) and "mm/s" in head
@@ -47,12 +47,13 @@ def read_geonet(cursor: Cursor, unit: str | None) -> list[Channel]:
 
 
 def _block(cursor: Cursor, unit: str | None) -> Channel:
+    """Return the channel of the next block."""
     text = cursor.header(_TEXT)
     corrected = not text.match(1, _FIRST.pattern, "the title of an accelerogram")[1]
     component = text.match(13, r"^component\s+(\S+)", "the component")[1]
     integers = cursor.fixed(40, _COLUMNS, _WIDTH, "integers of the header")
     reals = cursor.fixed(60, _COLUMNS, _WIDTH, "reals of the header")
-    # Velocities and displacements follow the accelerations, and are passed over.
+    # Velocities and displacements follow the accelerations. They are read only to skip them.
     places, blocks = (_COUNT if corrected else _COUNT_V1, _VELOCITIES, _DISPLACEMENTS), []
     for place, of in zip(places, ("samples", "velocities", "displacements"), strict=True):
         if integers[place] < 0:
@@ -66,17 +67,18 @@ def _block(cursor: Cursor, unit: str | None) -> Channel:
     dt = float(text.match(11, rf"at\s+(?:intervals of\s+)?({NUMBER})\s+s(?:ec)?\b", "the step")[1])
     agree(dt, float(reals[_STEP]), "the step in s")
     length = Decimal.of(number[2])
-    # Of n samples some files give the time from the first to the last, others n steps.
+    # For n samples some files state the time from the first to the last sample, and others n steps.
     agree(len(values) * dt, length.value, "the length in s", 1.01 * dt + length.unit)
     peak = text.match(14, rf"peak\s+({NUMBER})\s+(\S+)\s+at\s+({NUMBER})\s+s", "the peak and its time")
     size, time, own = Decimal.of(peak[1]), Decimal.of(peak[3]), unit_of(peak[2], text.start + 14)
     agree_on_peak(values, size, text.where(14), digit=size.unit)
-    # Times count from the first sample recorded, before which zeros may be padded.
+    # Times are relative to the first recorded sample, before which zeros may be inserted.
     agree_on_peak_time(values, dt, time, text.where(14), start=-float(reals[_PADDING]))
     if not corrected:
+        # Uncorrected files also state the unit of the samples, as a number and a unit.
         raw = text.match(11, rf"in units of\s+({NUMBER})\s+(\S+)\s+at", "the unit of the samples")
         agree(float(raw[1]) * FACTORS[unit_of(raw[2], text.start + 11)], FACTORS[own], "the unit in m/s^2")
     notes = () if corrected else (UNCORRECTED,)
     name, event = " ".join(text.lines[1].split()[1:2]), " ".join(text.lines[7].split())
-    factor = FACTORS[chosen(own, unit)]
+    factor = FACTORS[choose_unit(own, unit)]
     return Channel(values * factor, dt, component, f"{name}/{component}", event, notes)

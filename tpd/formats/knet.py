@@ -1,5 +1,8 @@
-"""Files of K-NET and KiK-net (NIED, Japan): in ASCII one component, whole numbers with a factor; in CSV three
-components in gal below comments."""
+"""Files of K-NET and KiK-net (NIED, Japan).
+
+A file in ASCII contains one component as integers with a factor. A file in CSV contains three components in
+gal after comments.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from tpd.formats.channel import (
     agree,
     agree_on_count,
     agree_on_peak,
-    chosen,
+    choose_unit,
     unit_of,
 )
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, number, shown
@@ -41,27 +44,28 @@ _KEYS = (
     "Memo.",
 )
 _WIDTH = 18
-"""Characters of a key."""
+"""Number of characters of a key."""
 _COLUMN = 9
-"""Characters of a sample, a blank at its end."""
+"""Number of characters of a sample, including a blank at its end."""
 _BOREHOLE = {"1": "N-S", "2": "E-W", "3": "U-D"}
 _SURFACE = {"4": "N-S", "5": "E-W", "6": "U-D"}
-"""Directions of KiK-net, which has a second instrument down in a borehole."""
+"""Directions of KiK-net at the surface; `_BOREHOLE` are those of a second instrument in a borehole."""
 
 
 def is_knet(lines: Sequence[str]) -> bool:
-    """Return whether lines are those of a K-NET or KiK-net file, sound or not."""
+    """Return whether lines are those of a K-NET or KiK-net file, also if it is damaged."""
     return sum(_key(line).startswith(_KEYS) for line in lines[: len(_KEYS)]) >= 4
 
 
 def _key(line: str) -> str:
-    """A line with its key as the files spell it: the manual of the agency has Lon. and Max Acc."""
+    """Return a line with its key in the spelling of the files. The manual of the agency has Lon. and Max
+    Acc."""
     line = re.sub(r"^(Station )?Lon\. ", r"\1Long.", line)
     return re.sub(r"^Max Acc\. \(gal\)( ?)", r"Max. Acc. (gal)", line)
 
 
 def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
-    """Return the one channel of a file.
+    """Return the only channel of a file, in a list.
 
     Raises:
         UnreadableRecord: the file is damaged or contradicts itself.
@@ -72,35 +76,36 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     scale = _stated(head, "Scale Factor", rf"({NUMBER})\((\w+)\)/({NUMBER})")
     if rate == 0 or float(scale[3]) == 0.0 or length > 1e6:
         raise UnreadableRecord("sampling frequency, duration and scale factor must be those of a record")
-    # No number of samples is stated, but the duration is one of whole seconds.
+    # The file states no number of samples, but a duration in whole seconds.
     numbers: list[float] = []
     while not cursor.only_blank_lines_follow():
         line = cursor.next("the samples").rstrip()
         row = [line[i : i + _COLUMN] for i in range(0, len(line), _COLUMN)]
-        # A number that was cut ends too early; the blank at the end of a line may be stripped.
+        # A number that was cut is too short. The blank at the end of a line may be missing.
         short = len(line) % _COLUMN not in (0, _COLUMN - 1)
         if short or any(not re.fullmatch(r"\s*-?\d+\s?", cell) for cell in row):
             raise UnreadableRecord(
-                f"line {cursor.at} must hold whole numbers of {_COLUMN} characters, but is {shown(line)}"
+                f"line {cursor.at} must contain whole numbers of {_COLUMN} characters, but is {shown(line)}"
             )
         numbers += [number(cell, cursor.at) for cell in row]
     cursor.require_end()
     counts = np.array(numbers)
     agree_on_count(round(length * rate), len(counts), "the header (frequency and duration)")
+    # Samples are integers: the scale factor converts them to the unit of acceleration.
     values = counts * (float(scale[1]) / float(scale[3]))
     stated = unit_of(scale[2], _KEYS.index("Scale Factor") + 1)
-    # The peak is stated of the samples without their mean.
+    # The stated peak is that of the samples without their mean.
     gal = (values - values.mean()) * (FACTORS[stated] / FACTORS["gal"])
     peak = Decimal.of(_stated(head, "Max. Acc. (gal)", rf"({NUMBER})")[1])
     agree_on_peak(np.abs(gal), peak, "Max. Acc. (gal)", digit=peak.unit)
     notes = (UNCORRECTED, BOREHOLE) if head["Dir."] in _BOREHOLE else (UNCORRECTED,)
     component = (_BOREHOLE | _SURFACE).get(head["Dir."], head["Dir."])
     name, event = f"{head['Station Code']}/{component}", f"{head['Origin Time']} JST M{head['Mag.']}"
-    return [Channel(values * FACTORS[chosen(stated, unit)], 1.0 / rate, component, name, event, notes)]
+    return [Channel(values * FACTORS[choose_unit(stated, unit)], 1.0 / rate, component, name, event, notes)]
 
 
 def _head(cursor: Cursor) -> dict[str, str]:
-    """Values of all keys, which stand in a fixed order."""
+    """Return the values of all keys, which have a fixed order."""
     head: dict[str, str] = {}
     for key in _KEYS:
         line = _key(cursor.next(key))
@@ -111,17 +116,18 @@ def _head(cursor: Cursor) -> dict[str, str]:
 
 
 def _stated(head: dict[str, str], key: str, pattern: str) -> re.Match[str]:
-    found = re.fullmatch(pattern, head[key], flags=re.IGNORECASE)
-    if found is None:
+    """Return the match of a pattern in the value of a key, or raise `UnreadableRecord`."""
+    match = re.fullmatch(pattern, head[key], flags=re.IGNORECASE)
+    if match is None:
         raise UnreadableRecord(f"line {_KEYS.index(key) + 1} must state {key!r}, but has {shown(head[key])}")
-    return found
+    return match
 
 
 _COLUMNS = re.compile(r"^#\s*Time\s*,\s*RelativeTime", re.IGNORECASE)
 
 
 def is_knet_csv(lines: Sequence[str]) -> bool:
-    """Return whether lines are those of a CSV file of K-NET or KiK-net, sound or not."""
+    """Return whether lines are those of a CSV file of K-NET or KiK-net, also if it is damaged."""
     head = [line.lower().replace(" ", "") for line in lines[:40]]
     marks = ("#samplingfrequency", "#time,relativetime", "#origintime,", "#durationtime")
     return sum(line.startswith(marks) for line in head) >= 2
@@ -154,6 +160,7 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
         raise UnreadableRecord(f"the sampling frequency must be positive, but is {rate.value:g} Hz")
     dt = 1.0 / rate.value
     agree_on_count(round(length.value * rate.value), len(values), "the header (frequency and duration)")
+    # Times have two decimals, so that they may differ from the step by rounding.
     wrong = np.flatnonzero(np.abs(np.diff(values[:, 0]) - dt) > 0.011)
     if wrong.size:
         raise UnreadableRecord(f"line {first + int(wrong[0]) + 1} must be {dt:g} s after the line before")
@@ -162,8 +169,8 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
     words, channels = f"{event[0]} JST M{event[-1]}" if len(event) > 1 else "", []
     for name, column in zip(names, values.T[1:], strict=True):
         component, _, own = name.rstrip(")").partition("(")
-        factor = FACTORS[chosen(unit_of(own, cursor.at), unit)]
-        # KiK-net numbers the instrument in the borehole by 1, and that above by 2.
+        factor = FACTORS[choose_unit(unit_of(own, cursor.at), unit)]
+        # KiK-net uses the number 1 for the instrument in the borehole, and 2 for that at the surface.
         is_deep = component.endswith("1") and any(name.startswith(f"{component[:-1]}2") for name in names)
         notes = (UNCORRECTED, BOREHOLE) if is_deep else (UNCORRECTED,)
         channels.append(Channel(column * factor, dt, component, f"{station}/{component}", words, notes))
@@ -171,12 +178,13 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
 
 
 def _below(head: Sequence[str], key: str) -> str:
-    """The line below the one that begins with a key."""
-    found = [i for i, line in enumerate(head[:-1]) if line.replace(" ", "").startswith(key)]
-    return head[found[0] + 1] if found else ""
+    """Return the line after the line that begins with a key."""
+    rows = [i for i, line in enumerate(head[:-1]) if line.replace(" ", "").startswith(key)]
+    return head[rows[0] + 1] if rows else ""
 
 
 def _number_of(head: Sequence[str], key: str) -> Decimal:
+    """Return the number in the line after the line that begins with a key."""
     text = re.sub(r"\s*(?:Hz|s)$", "", _below(head, key), flags=re.IGNORECASE)
     if not re.fullmatch(NUMBER, text):
         raise UnreadableRecord(f"the header must state {key} as a number, but has {shown(text)}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from tpd.formats.channel import FACTORS, Channel, agree_on_count, chosen, orientation, unit_of
+from tpd.formats.channel import FACTORS, Channel, agree_on_count, choose_unit, orientation, unit_of
 from tpd.formats.text import NUMBER, WHOLE, Cursor, NoAcceleration, UnreadableRecord, shown
 
 _QUANTITY = re.compile(r"(\w+)\s+TIME\s+(?:HISTORY|SERIES)(?:\s+IN\s+UNITS?\s+OF\s*(\S*))?", re.IGNORECASE)
@@ -17,23 +17,24 @@ _COUNT_AND_STEP = re.compile(
 _TITLE = re.compile(
     r"(?:ACCEL|VELOC|DISPL)\w*\s+TIME\s+(?:HISTORY|SERIES)|\w+ TIME (?:HISTORY|SERIES) IN UNIT"
 )
-"""The line of the quantity; the words "time history" alone stand above other tables too."""
+"""Pattern of the line with the quantity. The words "time history" alone also occur above other tables."""
 _HEAD = 6
 
 
 def is_peer(lines: Sequence[str]) -> bool:
-    """Return whether lines are those of an AT2 file, sound or not."""
+    """Return whether lines are those of an AT2 file, also if it is damaged."""
     head = "\n".join(lines[:_HEAD]).upper()
     return "NPTS" in head or bool(_TITLE.search(head)) or bool(re.search(r"\bPEER\b", lines[0].upper()))
 
 
 def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
-    """Return the one channel of a file.
+    """Return the only channel of a file, in a list.
 
     Raises:
-        UnreadableRecord: the file is damaged, contradicts itself, or holds no acceleration.
+        UnreadableRecord: the file is damaged, contradicts itself, or contains no acceleration.
     """
     head: list[str] = []
+    # The header ends with the line that states the number of samples and the step.
     while not head or "NPTS" not in head[-1].upper():
         if len(head) == _HEAD:
             raise UnreadableRecord(f"the first {_HEAD} lines must state NPTS and DT, but do not")
@@ -43,32 +44,33 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
     if numbers is None:
         raise UnreadableRecord(f"line {len(head)} must state NPTS and DT in s, but is {shown(head[-1])}")
     count, dt = int(numbers[1] or numbers[3]), float(numbers[2] or numbers[4])
-    # In columns of Fortran mostly, but programs that imitate the format set numbers apart by blanks.
+    # The numbers are usually in columns of Fortran, but some programs separate them by blanks.
     values = cursor.free("the samples")
     agree_on_count(count, len(values), f"line {len(head)}")
-    # Programs write numbers of one width: a last line that ends as the others do was not cut.
+    # Programs write numbers of one width, so that a last number as long as the others was not cut.
     tokens = [re.sub(r"^[+-]", "", token) for line in cursor.lines[-2:] for token in line.split()]
     cursor.require_end(whole=len(tokens) > 1 and len(tokens[-1]) == len(tokens[-2]))
-    # The line above that of the unit is "event[, date], station, component".
+    # The line above the line of the unit is "event[, date], station, component".
     parts = [part.strip() for part in " ".join(head[line - 2].split() if line > 1 else []).split(",")]
-    # A date behind the name tells events of one name apart, and a name may have commas: "Chi-Chi, Taiwan".
+    # A date after the name distinguishes events with the same name, and a name may contain commas: "Chi-Chi,
+    # Taiwan".
     many = next((i for i, part in enumerate(parts[:-1], 1) if re.search(r"\d/\d", part)), 1)
     event, name = ", ".join(parts[:many]), ", ".join(parts[many:])
-    # The direction is the last word of the title; a name such as UP may be followed by remarks in brackets.
+    # The direction is the last word of the title. A name such as UP may be followed by remarks in brackets.
     component = re.sub(r"\(.*?\)", "", name.rpartition(",")[2]).strip() if "," in name else ""
     if orientation(component) is None:
         component = ""
-    return [Channel(values * FACTORS[chosen(stated, unit)], dt, component, name, event)]
+    return [Channel(values * FACTORS[choose_unit(stated, unit)], dt, component, name, event)]
 
 
 def _unit(head: Sequence[str]) -> tuple[int, str]:
-    """The line with the quantity, from 1, and the unit that it states."""
-    found = [(i, match) for i, line in enumerate(head, 1) if (match := _QUANTITY.search(line))]
-    if not found:
+    """Return the number of the line with the quantity, from 1, and the unit that the line states."""
+    matches = [(i, match) for i, line in enumerate(head, 1) if (match := _QUANTITY.search(line))]
+    if not matches:
         raise UnreadableRecord(
             "the header must state ACCELERATION TIME SERIES IN UNITS OF a unit, but does not"
         )
-    line, quantity = found[0]
+    line, quantity = matches[0]
     if quantity[1].upper() != "ACCELERATION":
         wrong = f"line {line} must state an ACCELERATION, but is {shown(head[line - 1])}"
         if re.fullmatch(r"VELOCITY|DISPLACEMENT", quantity[1], re.IGNORECASE):

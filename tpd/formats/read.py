@@ -1,6 +1,6 @@
-"""From a file to its channels: the format is recognised by the content.
+"""Read the channels of a file. The format is recognised from the content.
 
-miniSEED and other files of seismology are read through ObsPy, which is optional (`tpd[obspy]`).
+miniSEED and other formats of seismology are read by ObsPy, which is optional (`tpd[obspy]`).
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ from tpd.formats.channel import (
     FACTORS,
     UNSTATED,
     Channel,
-    checked,
-    chosen,
-    directed,
-    given,
+    check_channel,
+    check_unit,
+    choose_unit,
+    note_direction,
     of_file,
     orientation,
-    scaled,
+    scale_channel,
 )
 from tpd.formats.table import ROWS, read_table
 from tpd.formats.table import Options as Options
 from tpd.formats.text import Cursor, NoAcceleration, UnreadableRecord, shown
 
 _MOST = 200_000_000
-"""Most bytes of a file, also when it is decompressed."""
+"""Largest number of bytes of a file, also after decompression."""
 _GZIP = b"\x1f\x8b"
 _BINARY = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f]")
-"""Bytes that no text has; 0x1a ended and filled files of old systems."""
+"""Bytes that do not occur in a text. Old systems used 0x1a to end and to fill files."""
 
 _UNPACK = "unpack it first"
 _SHEET = "save the sheet as CSV"
 _TABLE = "save time in s and acceleration as a table of text, such as CSV"
 _MATLAB_4 = rb"[\x00-\x34]\x00{3}.{8}[\x00\x01]\x00{3}.\x00{3}[A-Za-z]\w*\x00"
-"""The old kind, which has no name in it: sizes, and the name of the first array."""
+"""MATLAB 4 files contain no name of the format, only sizes and the name of the first array."""
 _NO_TEXT = (
     (rb"PK\x03\x04.*xl/(?:workbook|worksheets)", "an Excel workbook (.xlsx)", _SHEET),
     (rb"PK\x03\x04.*opendocument\.spreadsheet", "a spreadsheet (.ods)", _SHEET),
@@ -76,13 +76,14 @@ _NO_TEXT = (
     (rb"\x89PNG\r\n|\xff\xd8\xff|GIF8[79]a", "a picture", _TABLE),
     (rb"(?i:(?:\xef\xbb\xbf)?\s*<(?:\?xml|!doctype|html))", "a page of HTML or XML", _TABLE),
 )
-"""Patterns at the beginning of files that are no plain text, what such a file is, and the remedy."""
+"""Patterns at the beginning of files that are not plain text, the kind of such a file, and the remedy."""
 _START = 100_000
-"""Bytes of the beginning that are searched, and of the end: an archive of zip ends with its list of files."""
+"""Number of bytes that are searched at the beginning and at the end. A zip archive ends with its list of
+files."""
 _SPECTRA = re.compile(
     r"\s*(?:\d\s+)?(?:response|fourier)\b.*\bspectr(?:a|um)\b(?!.*(?:compatible|match))", re.IGNORECASE
 )
-"""The first line of a file of spectra, which agencies put beside those of accelerations."""
+"""Pattern of the first line of a file with spectra, which agencies deliver together with accelerations."""
 Reader = Callable[[Cursor, str | None], list[Channel]]
 _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
     (cosmos.is_cosmos, cosmos.read_cosmos),
@@ -94,23 +95,24 @@ _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
     (knet.is_knet_csv, knet.read_knet_csv),
     (peer.is_peer, peer.read_peer),
 )
+"""Tests whether lines are in a format, and the readers of the formats."""
 
 
 def channels(file: Path, how: Options) -> list[Channel]:
-    """Return all channels of a file, checked. Options and errors are those of `tpd.Record.read`."""
+    """Return all channels of a file after checks. Options and errors are those of `tpd.Record.read`."""
     dt = how.dt
     if how.unit is not None:
-        given(how.unit)
+        check_unit(how.unit)
     _check_options(how.columns, how.skip, how.scale)
     if how.baseline is not None and how.baseline not in BASELINES:
         raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)}, but is {how.baseline!r}")
     number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
     if dt is not None and not (number and 0.0 < dt < float("inf")):
         raise ValueError(f"`dt` must be positive and finite, in s, but is {dt!r}")
-    found, label = list[Channel](), file.name
+    channels, label = list[Channel](), file.name
     try:
         read = _of_bytes(_content(file), how)
-        # The name of a file of several channels is that of none of them.
+        # The name of a file with several channels says nothing about a single channel.
         named = of_file(file.name) if len(read) == 1 else None
         for i, channel in enumerate(read):
             if len(read) > 1:
@@ -118,17 +120,17 @@ def channels(file: Path, how: Options) -> list[Channel]:
                 label = f"{file.name}, channel {i}{component}"
             if dt is not None and abs(dt - channel.dt) > 1e-6 * channel.dt:
                 raise UnreadableRecord(f"the file states a step of {channel.dt:g} s, but `dt` is {dt:g} s")
-            channel = directed(checked(scaled(channel, how.scale), how.baseline), named)
-            found.append(replace(channel, source=label))
+            channel = note_direction(check_channel(scale_channel(channel, how.scale), how.baseline), named)
+            channels.append(replace(channel, source=label))
     except NoAcceleration as error:
         raise NoAcceleration(f"{label}: {error}", error.content) from None
     except UnreadableRecord as error:
         raise UnreadableRecord(f"{label}: {error.args[0]}", **error.options) from None
-    return found
+    return channels
 
 
 def _check_options(columns: Any, skip: Any, scale: Any) -> None:
-    """Raise `ValueError` unless the options of a table have the right form."""
+    """Raise `ValueError` if an option of a table is of the wrong form."""
 
     def is_whole(value: Any, least: int) -> bool:
         return isinstance(value, int) and not isinstance(value, bool) and value >= least
@@ -143,42 +145,42 @@ def _check_options(columns: Any, skip: Any, scale: Any) -> None:
     numbers = [at for _, at in pairs]
     if not pairs or not all(isinstance(name, str) and is_whole(at, 1) for name, at in pairs):
         raise ValueError(
-            f"`columns` must give names their numbers, from 1, such as {{'time': 1, 'N': 2}}, or be "
+            f"`columns` must map names to column numbers, from 1, such as {{'time': 1, 'N': 2}}, or be "
             f"{ROWS!r}, but is {columns!r}"
         )
     if len(set(numbers)) < len(numbers):
-        raise ValueError(f"`columns` must name each column once, but is {columns!r}")
+        raise ValueError(f"`columns` must contain each column once, but is {columns!r}")
 
 
 def one_channel(file: Path, channel: int | None, how: Options) -> Channel:
     """Return one channel of a file. Options and errors are those of `tpd.Record.read`."""
     if channel is not None and (not isinstance(channel, int) or isinstance(channel, bool)):
         raise ValueError(f"`channel` must be a whole number, but is {channel!r}")
-    found = channels(file, how)
-    if channel is None and len(found) == 1:
-        return found[0]
-    if channel is None or not 0 <= channel < len(found):
+    every = channels(file, how)
+    if channel is None and len(every) == 1:
+        return every[0]
+    if channel is None or not 0 <= channel < len(every):
         listed = ", ".join(
-            f"{i}: {c.component or 'unnamed'} ({c.peak:.3g} m/s^2)" for i, c in enumerate(found)
+            f"{i}: {c.component or 'unnamed'} ({c.peak:.3g} m/s^2)" for i, c in enumerate(every)
         )
         wrong = "choose one by `channel`" if channel is None else f"`channel` is {channel}"
         raise UnreadableRecord(f"{file.name}: the file has the channels {listed}; {wrong}")
-    return found[channel]
+    return every[channel]
 
 
 def _content(file: Path) -> bytes:
-    """Bytes of a file, decompressed.
+    """Return the bytes of a file, decompressed.
 
     Raises:
-        FileNotFoundError: no such file.
-        UnreadableRecord: a directory, a file that cannot be opened, is empty or too large.
+        FileNotFoundError: the file does not exist.
+        UnreadableRecord: the path is a directory, or the file cannot be opened, is empty or is too large.
     """
     if not file.exists():
-        raise FileNotFoundError(f"no such file: {file}")
+        raise FileNotFoundError(f"the file does not exist: {file}")
     if file.is_dir():
-        raise UnreadableRecord("a directory is no file of ground motion")
+        raise UnreadableRecord("the path is a directory and not a file")
     try:
-        # One byte more than allowed shows that there are more.
+        # Read one byte more than allowed, to detect a file that is too large.
         with file.open("rb") as stream:
             data = stream.read(_MOST + 1)
     except OSError as error:
@@ -197,7 +199,7 @@ def _content(file: Path) -> bytes:
 
 
 def _from_utf_16(data: bytes) -> bytes:
-    """Text of UTF-16, as some programs of Windows save it, in UTF-8; other bytes as they are."""
+    """Return text in UTF-16, which some programs of Windows write, as UTF-8; other bytes unchanged."""
     if not data.startswith((b"\xff\xfe", b"\xfe\xff")):
         if len(data) > 8 and (set(data[1:64:2]) == {0} or set(data[0:64:2]) == {0}):
             raise UnreadableRecord("the text is UTF-16 without a byte order mark: save it as UTF-8")
@@ -209,24 +211,25 @@ def _from_utf_16(data: bytes) -> bytes:
 
 
 def _of_bytes(data: bytes, how: Options) -> list[Channel]:
-    # Archives of zip end with the list of their files, and a Parquet file or a pickle with a mark.
+    """Return the channels from the bytes of a file."""
+    # A zip archive ends with the list of its files, and a Parquet file or a pickle with a mark.
     ends = data if len(data) < 2 * _START else data[:_START] + data[-_START:]
     for pattern, kind, remedy in _NO_TEXT:
         if re.match(pattern, ends, re.DOTALL):
             raise NoAcceleration(f"the file is {kind}: {remedy}", kind)
     data = _from_utf_16(data)
-    # No format of text has control characters: damage of one byte is damage.
+    # A text contains no control characters, so that a file with one is not a text or is damaged.
     if _BINARY.search(data):
         return read_waveforms(data, how.unit)
     text = data.rstrip(b"\x1a")
     try:
         decoded = text.decode("utf-8-sig")
     except UnicodeDecodeError:
-        # Names of stations of older files; every byte is a character there.
+        # Older files may have names of stations in another encoding. In Latin-1 every byte is a character.
         decoded = text.decode("latin-1")
     lines = re.split(r"\r\n|\n|\r", decoded)
     whole = lines[-1] == ""
-    # Where 0x1a ends the file, its last line may have no end of its own.
+    # If the byte 0x1a ends the file, its last line may have no line break.
     cursor = Cursor(lines[:-1] if whole else lines, ended=whole or text != data)
     if "RENADIC" in " ".join(cursor.lines[:15]).upper():
         raise UnreadableRecord(
@@ -235,12 +238,13 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
         )
     if _SPECTRA.match(cursor.peek()):
         raise NoAcceleration(f"a motion is needed, but line 1 is {shown(cursor.peek())}", "response spectrum")
-    # A reader that recognises a file keeps it, sound or not: a damaged one must not pass for a table.
-    for known, reader in _FORMATS:
-        if known(cursor.lines):
+    # The reader that recognises a file must read it, even if the file is damaged. A damaged file must not be
+    # read as a table.
+    for is_format, reader in _FORMATS:
+        if is_format(cursor.lines):
             if how.columns is not None or how.skip:
                 raise UnreadableRecord(
-                    f"`columns` and `skip` are for tables, but the file states itself to be of the format of "
+                    f"`columns` and `skip` are allowed only for tables, but the file is in the format of "
                     f"{reader.__module__.rpartition('.')[2].upper()}"
                 )
             return reader(cursor, how.unit)
@@ -248,20 +252,20 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
 
 
 def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
-    """Return the channels of a file that is no text.
+    """Return the channels of a file that is not a text, by ObsPy.
 
     Raises:
-        UnreadableRecord: ObsPy is missing or knows no such format, gaps, or counts of the instrument: nothing
-            in such a file says what acceleration a count is.
+        UnreadableRecord: ObsPy is missing or does not know the format, samples are missing, or the samples
+            are counts of the instrument, whose factor such a file does not contain.
     """
     try:
-        # ObsPy warns of its own dependencies on import.
+        # ObsPy prints warnings about its own dependencies when it is imported.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             obspy = import_module("obspy")
     except ImportError:
         raise UnreadableRecord(
-            "the file is no text; miniSEED and other formats of seismology need the extra tpd[obspy]: "
+            "the file is not a text; miniSEED and other formats of seismology need the extra tpd[obspy]: "
             "pip install 'tpd[obspy]'"
         ) from None
     try:
@@ -269,10 +273,10 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
             warnings.simplefilter("error")
             stream = obspy.read(io.BytesIO(data))
     except Exception:
-        # Each of ObsPy's formats fails in its own way on a damaged file.
-        raise UnreadableRecord("the file is no text, and ObsPy cannot read it") from None
+        # Each format of ObsPy raises other exceptions for a damaged file.
+        raise UnreadableRecord("the file is not a text, and ObsPy cannot read it") from None
     if len(stream) == 0:
-        raise UnreadableRecord("the file holds no trace")
+        raise UnreadableRecord("the file contains no trace")
     identities = [trace.id for trace in stream]
     if len(set(identities)) < len(identities):
         raise UnreadableRecord(
@@ -282,24 +286,25 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
 
 
 def _channel(trace: Any, unit: str | None) -> Channel:
-    # Gaps are masked where pieces of a channel were merged.
+    """Return the channel from a trace of ObsPy."""
+    # ObsPy masks the gaps where it has merged pieces of a channel.
     samples = trace.data
     if np.ma.is_masked(samples):
         raise UnreadableRecord(f"samples of {trace.id} are missing")
     if not np.issubdtype(samples.dtype, np.floating):
         raise NoAcceleration(
-            f"{trace.id} holds counts of the instrument: remove its response with ObsPy and save the "
+            f"{trace.id} contains counts of the instrument: remove its response with ObsPy and save the "
             "acceleration as a table in m/s2",
             "counts of the instrument",
         )
     values = np.array(samples, dtype=float)
     if not np.isfinite(values).all():
-        raise UnreadableRecord(f"{trace.id} holds numbers that are not finite")
-    # Such files have no unit of their own: the user must know it.
-    factor = FACTORS[chosen(None, unit)]
+        raise UnreadableRecord(f"{trace.id} contains numbers that are not finite")
+    # Such files state no unit, so that the user must pass it.
+    factor = FACTORS[choose_unit(None, unit)]
     event = str(trace.stats.starttime)[:10]
     component = trace.stats.channel
-    # SAC also states the angle of a component from the vertical.
+    # SAC files also state the angle between a component and the vertical.
     if orientation(component) is None and getattr(trace.stats, "sac", {}).get("cmpinc") in (0.0, 180.0):
         component = f"{component} up".strip()
     return Channel(values * factor, float(trace.stats.delta), component, trace.id, event, (UNSTATED,))

@@ -1,8 +1,9 @@
-"""Tables of text: times and accelerations in columns, or samples one after the other.
+"""Text tables: times and accelerations in columns, or samples one after the other.
 
-A table is read without options only if its whole header follows a small grammar: lines that name the columns
-or their units, and statements of the unit, the step, the number of samples or the source. The guide describes
-it (records.md). A file with any other word is refused, and the message names the options that read it.
+A table is read without options only if its whole header follows a small grammar: lines with the names of the
+columns or their units, and statements of the unit, the step, the number of samples or the source. The guide
+describes the grammar (records.md). A file with any other word is rejected, and the message contains the
+options that read it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from tpd.formats.channel import (
     Channel,
     agree,
     agree_on_count,
-    chosen,
+    choose_unit,
     is_component,
     orientation,
     plain,
@@ -41,18 +42,20 @@ from tpd.formats.text import (
 )
 
 ROWS = "rows"
-"""In place of names of columns: the samples follow one another, row by row."""
+"""Value of the option `columns` if the samples continue row by row."""
 _LONGEST_STEP = 0.1
-"""Longest step (s) that is taken for one in s where no unit is stated: a longer one may be in ms."""
+"""Longest step that is assumed to be in s if no unit is stated. A longer step may be in ms."""
 _MARK = re.compile(r"^(?:[#%!*]+|/+)(?!\s*[,;])\s*")
 _RULE = re.compile(r"[\s\-=_+|~.*#]*")
 _CLOCK = re.compile(r"\D?\d{1,2}:\d{2}|\D?\d{4}[-/]\d{1,2}[-/]\d{1,2}")
 _TWO_WORDS = re.compile(r"(?<=[a-z])(?=[A-Z](?:[^a-z]|$))|(?<=^a)(?=[xyz]$)")
 _BRACKET = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
 _TIMES = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0}
+"""Seconds per unit of time."""
 _TIMES |= {"ms": 1e-3, "msec": 1e-3, "msecs": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3}
 """Seconds of a unit of time."""
 _QUANTITIES = dict.fromkeys(_TIMES, "time") | dict.fromkeys(FACTORS, "acceleration")
+"""Quantity that a unit measures."""
 for _length in ("m", "cm", "mm", "in", "ft"):
     _QUANTITIES |= {_length: "displacement", f"{_length}/s": "velocity"}
 """The quantity that a unit measures."""
@@ -64,7 +67,7 @@ _NAMES = {
     "displacement": r"d|dis|displ?|displacements?|d[ée]placement|desplazamiento|spostamento|verschiebung",
     "spectrum": r"periods?|periode|periodo|p?s[adv]|freq|frequency|hz",
 }
-"""Words that name the quantity of a column."""
+"""Words for the quantity of a column."""
 _NAMED = re.compile("|".join(_NAMES.values()), re.IGNORECASE).fullmatch
 _PROCESSING = r"raw|(?:un)?(?:corrected|processed|filtered)|v[123]"
 _PER_SECOND = r"(?:sps|samples\s*(?:/|per)\s*s(?:ec(?:ond)?)?)"
@@ -81,23 +84,23 @@ _STATEMENTS = {
     "source": r"(?:station|site|event|earthquake|record|date|network|location|file)\b\s*[:=]?((?:\s*"
     r"(?:\d{1,4}[-/]\d{1,2}[-/]\d{1,4}|[^\W_][\w.\-]*))*)",
 }
-"""Forms of statements; the value is in the first group that matches."""
+"""Forms of statements. The value is in the first group that matches."""
 _OPPOSITE = str.maketrans("swovd", "neezz")
 _GAPS = re.compile(r"[\s,;:()\[\]]+")
 _FACTOR = re.compile(rf"\(10\s*(?:\^|\*\*)\s*([+-]?\d+)\s*(\D.*)\)|\((.+?)\s*[x*×]\s*({NUMBER})\)")
-"""A power of ten before a unit, or a factor after it."""
+"""Pattern of a power of ten before a unit, or of a factor after it."""
 _SCALED = r"factor|scal|multipl|divi|gain|[%‰µ]|pct|milli|micro|per ?cent|tenth|hundred|thousand"
 """Words that may change the size of samples."""
 _NO_SOURCE = re.compile(
     rf"x[\d.]*|(?i:.*(?:{_SCALED}|spectr).*|dt|fs|step|rate|interval|[\d.]*(?:hz|sps)"
     rf"|{'|'.join(_TIMES)}|{_NAMES['velocity']}|{_NAMES['displacement']}|{_NAMES['spectrum']})"
 )
-"""Words that say more than where a record comes from."""
+"""Words that are more than a description of the source of a record."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """The options of a user, see `tpd.Record.read`."""
+    """Options of a user; see `tpd.Record.read`."""
 
     dt: float | None = None
     baseline: str | None = None
@@ -105,13 +108,13 @@ class Options:
     columns: Mapping[str, int] | str | None = None
     """Numbers of columns, from 1, by their names; or `ROWS`."""
     skip: int = 0
-    """Number of lines at the top that are not read."""
+    """Number of lines at the top that are skipped."""
     scale: float = 1.0
 
 
 @dataclass(frozen=True)
 class _Column:
-    """The meaning of the name of a column."""
+    """Meaning of the name of a column."""
 
     quantity: str
     component: str
@@ -120,12 +123,12 @@ class _Column:
 
 @dataclass
 class _Header:
-    """The statements of the lines above the samples."""
+    """Statements of the lines above the samples."""
 
     cells: list[str] = field(default_factory=list)
     """Names of the columns with their units."""
     stated: dict[str, list[Any]] = field(default_factory=lambda: defaultdict(list))
-    """Values of statements by their kind: unit, step (s), count, source."""
+    """Values of the statements, by kind: unit, step (s), count, source."""
 
 
 _Row = tuple[int, list[str]]
@@ -133,20 +136,21 @@ _Row = tuple[int, list[str]]
 
 
 class _Unknown(Exception):
-    """A piece of a header that the grammar does not explain."""
+    """Part of a header that the grammar does not explain."""
 
 
 def read_table(cursor: Cursor, how: Options) -> list[Channel]:
-    """Return the channels of a table; columns of velocities and displacements are left out.
+    """Return the channels of a table. Columns of velocities and displacements are left out.
 
     Raises:
-        UnreadableRecord: a piece of the header that the grammar does not explain, a contradiction, a cell
-            that is no number, or times at unequal steps.
+        UnreadableRecord: the grammar does not explain a part of the header, the table contradicts itself, a
+            cell is not a number, or the times have unequal steps.
     """
     split = splitter(cursor.lines[how.skip :])
+    # Columns are numbered from 1 for users.
     used = [i - 1 for i in how.columns.values()] if isinstance(how.columns, Mapping) else []
     lines = [(i, line.strip()) for i, line in enumerate(cursor.lines, 1) if i > how.skip and line.strip()]
-    # Numbers above a line of names, such as those of the columns, belong to the header.
+    # A line of numbers above a line of names, such as the numbers of the columns, belongs to the header.
     pairs = enumerate(zip(lines, [*lines[1:], (0, "")], strict=False))
     starts = (k for k, (a, b) in pairs if _is_row(split(a[1]), used) and not any(map(_NAMED, split(b[1]))))
     first = next(starts, len(lines))
@@ -155,26 +159,26 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
         why = f"commas, semicolons, tabs or blanks must separate numbers after line {how.skip}"
         why = f"no line has numbers in the columns {how.columns}" if used else why
         clock = (f"line {i} has a time of day, {shown(x)}" for i, x in lines if _CLOCK.match(x))
-        raise UnreadableRecord(f"no known format, and no row of numbers: {next(clock, why)}")
-    header, rows = _counted(_rows(cursor, lines[first][0], split), used)
+        raise UnreadableRecord(f"the file has no known format and no row of numbers: {next(clock, why)}")
+    header, rows = _read_count(_rows(cursor, lines[first][0], split), used)
     for i, line in head:
         try:
             _understand(header, line, len(rows[0][1]))
         except _Unknown as error:
             where = "" if _unknown_word([str(error)]) else f" above rows of {len(rows[0][1])} numbers"
-            said = f"line {i} has {shown(str(error))}, which is not understood{where}"
-            raise UnreadableRecord(said, **_remedy(head, rows, how, i, str(error))) from None
-    # A stated number of samples that is not that of the rows is that of all their cells.
+            message = f"line {i} has {shown(str(error))}, which is not understood{where}"
+            raise UnreadableRecord(message, **_remedy(head, rows, how, i, str(error))) from None
+    # If the stated number of samples is not the number of rows, it must be the number of all cells.
     size = sum(len(cells) for _, cells in rows)
     in_rows = size == len(rows) or size in header.stated["count"]
     if not (in_rows or header.cells or how.columns):
-        said = f"line {rows[0][0]} has {len(rows[0][1])} numbers, but no line above names the columns"
-        raise UnreadableRecord(said, **_remedy(head, rows, how, rows[0][0] - 1, ""))
+        message = f"line {rows[0][0]} has {len(rows[0][1])} numbers, but no line above names the columns"
+        raise UnreadableRecord(message, **_remedy(head, rows, how, rows[0][0] - 1, ""))
     return _channels(header, rows, how)
 
 
 def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
-    """Return whether all cells of a line, or those that are used, are numbers."""
+    """Return whether all cells of a line, or those of the used columns, are numbers."""
     wanted = [cells[i] for i in used if i < len(cells)] if used else cells
     return len(wanted) >= max(1, len(used)) and all(re.fullmatch(NUMBER, cell) for cell in wanted)
 
@@ -185,18 +189,19 @@ def _rows(cursor: Cursor, first: int, split: Callable[[str], list[str]]) -> list
     lines = [(i, split(line)) for i, line in enumerate(cursor.lines[first - 1 :], first)]
     while not lines[-1][1]:
         lines.pop()
-    # Decimals of one width, in a table of several columns, show that the last number was not cut.
+    # If a table has several columns and all last numbers have the same number of decimals, the last number
+    # was not cut.
     ends = [cells[-1].partition(".")[2] for _, cells in lines if len(cells) > 1]
     even = len(ends) > 2 and len({len(end) for end in ends}) == 1 and len(lines[-1][1]) == len(lines[-2][1])
     if not (cursor.ended or (even and ends[0])):
         raise UnreadableRecord(
             f"the last line, {len(cursor.lines)}, must end with a line break: it may be cut"
         )
-    # In a single column a blank line may stand for a sample.
+    # In a single column a blank line may stand for a sample, and is an error below.
     return [(i, cells or [""]) for i, cells in lines if cells or len(lines[0][1]) == 1]
 
 
-def _counted(rows: list[_Row], used: Sequence[int]) -> tuple[_Header, list[_Row]]:
+def _read_count(rows: list[_Row], used: Sequence[int]) -> tuple[_Header, list[_Row]]:
     """Return a header with the statements of a first row of numbers, and the rows of samples."""
     (line, cells), rest = rows[0], rows[1:]
     if used or len(rest) < 2:
@@ -206,31 +211,32 @@ def _counted(rows: list[_Row], used: Sequence[int]) -> tuple[_Header, list[_Row]
     is_step = len(cells) == 1 or (len(cells) == 2 and STEPS[0] <= values[1] <= STEPS[1])
     if values[0] in (len(rest), total) and is_step:
         return _Header(stated=defaultdict(list, count=values[:1], step=values[1:])), rest
-    # A whole number above decimals is no sample.
+    # A whole number above decimals is not a sample.
     decimals = sum("." in row[0] for _, row in rest)
     odd = len(cells) == 1 and values[0] and "." not in cells[0] and 2 * decimals > len(rest)
     if wide or odd:
         raise UnreadableRecord(
-            f"line {line} has {shown(' '.join(cells))}, which is neither a row like the others nor states "
-            f"their number ({total} samples in {len(rest)} rows) and the step in s",
+            f"line {line} has {shown(' '.join(cells))}, which is neither a row like the others nor the "
+            f"number of samples ({total} samples in {len(rest)} rows) with the step in s",
             skip=line,
         )
     return _Header(), rows
 
 
 def _understand(header: _Header, line: str, width: int) -> None:
-    """Add what a line states to a header, or raise `_Unknown`."""
+    """Add the statements of a line to a header, or raise `_Unknown`."""
     text = re.sub(r"[\s,;]+$", "", _MARK.sub("", line, count=1))
     if _RULE.fullmatch(text):
         return
+    # A line may contain several statements, separated by commas or words.
     parts = [part.strip() for part in re.split(r"[,;\t]|\b(?:at|with)\b", text) if part.strip()]
     statements = [_statement(part) for part in parts]
-    if left := [part for part, found in zip(parts, statements, strict=True) if found is None]:
+    if names := [part for part, statement in zip(parts, statements, strict=True) if statement is None]:
         columns = _cells(text, width, header)
-        header.cells = columns or _cells("  ".join(left), width, header)
+        header.cells = columns or _cells("  ".join(names), width, header)
         if not header.cells:
-            # The smallest piece that is not understood says most.
-            raise _Unknown(next(filter(None, (_unknown_word([part]) for part in left)), text))
+            # The smallest piece that is not understood is the most helpful in a message.
+            raise _Unknown(next(filter(None, (_unknown_word([part]) for part in names)), text))
         if columns:
             return
     for what, value in filter(None, statements):
@@ -238,9 +244,11 @@ def _understand(header: _Header, line: str, width: int) -> None:
 
 
 def _cells(text: str, width: int, header: _Header) -> list[str]:
-    """Return the names of columns with the units that a line of units adds; none if a line is neither."""
+    """Return names of columns, or names with the units that a line of units adds; empty if the line is
+    neither."""
     for cells in _split_names(text):
         merged = [f"{x} ({y.strip('()[] ')})" for x, y in zip(header.cells, cells, strict=False)]
+        # A line of units below the names of the columns is merged with them.
         named = merged or cells
         fits = len(cells) == width and not _unknown_word(named)
         if fits and (not merged or all(_column(x, first=True).unit for x in merged)):
@@ -249,16 +257,16 @@ def _cells(text: str, width: int, header: _Header) -> list[str]:
 
 
 def _split_names(text: str) -> list[list[str]]:
-    """Return the ways to split a line of columns into cells."""
-    bare = re.sub(r"[\s,;]+$", "", _MARK.sub("", text.strip(), count=1))
-    # A bracket belongs to the name before it, however many blanks are between them.
-    joined = re.sub(r"(?<=[^\s)\]])\s+(?=[(\[])", "", bare)
-    ways = re.split(r"\s*[,;\t]\s*", bare), re.split(r"\s{2,}|\t", bare), joined.split()
+    """Return the possible ways to split a line of columns into cells."""
+    row = re.sub(r"[\s,;]+$", "", _MARK.sub("", text.strip(), count=1))
+    # A bracket belongs to the name before it, even if there are blanks between them.
+    joined = re.sub(r"(?<=[^\s)\]])\s+(?=[(\[])", "", row)
+    ways = re.split(r"\s*[,;\t]\s*", row), re.split(r"\s{2,}|\t", row), joined.split()
     return [[cell.strip(" \"'") for cell in cells] for cells in ways]
 
 
 def _unknown_word(cells: Sequence[str], start: int = 0) -> str:
-    """Return the piece of cells, from column `start` on, that is not understood, or an empty text."""
+    """Return the first part of cells, from column `start` on, that is not understood, or an empty text."""
     try:
         for i, cell in enumerate(cells, start):
             _column(cell, first=i == 0)
@@ -268,19 +276,20 @@ def _unknown_word(cells: Sequence[str], start: int = 0) -> str:
 
 
 def _statement(part: str) -> tuple[str, Any] | None:
-    """Return the kind and the value of a statement; None if the part of a line is no statement."""
+    """Return the kind and the value of a statement; None if the part of a line is not a statement."""
     for what, form in _STATEMENTS.items():
-        if (found := re.fullmatch(form, part, re.I)) is None:
+        if (match := re.fullmatch(form, part, re.I)) is None:
             continue
-        value = next((group for group in found.groups() if group), "").strip("()[] ")
+        value = next((group for group in match.groups() if group), "").strip("()[] ")
         if what == "unit" and plain(value) in FACTORS:
             return what, plain(value)
         if what in ("count", "rate") and (size := Decimal.of(value).value) > 0.0:
             return (what, size) if what == "count" else ("step", 1.0 / size)
         if what == "step":
-            units, step = {word.lower() for word in (found[1], found[3]) if word}, Decimal.of(found[2]).value
-            known = units <= {*_TIMES} and len(units) == 1 if units else step <= _LONGEST_STEP
-            return (what, step * _TIMES[units.pop() if units else "s"]) if known and step > 0.0 else None
+            units, step = {word.lower() for word in (match[1], match[3]) if word}, Decimal.of(match[2]).value
+            # Without a unit a short step is assumed to be in s.
+            has_unit = units <= {*_TIMES} and len(units) == 1 if units else step <= _LONGEST_STEP
+            return (what, step * _TIMES[units.pop() if units else "s"]) if has_unit and step > 0.0 else None
         if what == "source":
             for word in value.split():
                 is_up = orientation(word.replace("up", ""))
@@ -292,18 +301,19 @@ def _statement(part: str) -> tuple[str, Any] | None:
 
 def _column(cell: str, *, first: bool) -> _Column:
     """Return the meaning of a name, or raise `_Unknown`. T is a time only in the first column."""
-    # AccZ and acc-NS are two words; N-S is one.
-    bare = _TWO_WORDS.sub(" ", _BRACKET.sub(" ", cell).strip(" :\"'"))
-    words = [w for x in re.findall(r"[^\s_]+", bare) for w in ([x] if is_component(x) else x.split("-"))]
+    # AccZ and acc-NS consist of two words, but N-S is one word.
+    title = _TWO_WORDS.sub(" ", _BRACKET.sub(" ", cell).strip(" :\"'"))
+    words = [w for x in re.findall(r"[^\s_]+", title) for w in ([x] if is_component(x) else x.split("-"))]
     quantities, units, names = set(), [], []
     pieces = [*words, *_BRACKET.findall(cell)]
     if not pieces:
         raise _Unknown("an empty name")
-    # A title of more words, or one with numbers, may be of a filter.
+    # A title with more words, or with numbers, may describe a filter instead.
+    # A period or a frequency in place of a time shows a response spectrum.
     spectral = any(re.fullmatch(_NAMES["spectrum"], word.lower()) for word in pieces)
-    if spectral and len(words) < 2 + (len(pieces) > len(words)) and not re.search(r"\d", bare):
-        said = f"{shown(cell)} is of a response spectrum, not of a ground motion"
-        raise NoAcceleration(said, "response spectrum")
+    if spectral and len(words) < 2 + (len(pieces) > len(words)) and not re.search(r"\d", title):
+        message = f"{shown(cell)} belongs to a response spectrum and not to a ground motion"
+        raise NoAcceleration(message, "response spectrum")
     for i, word in enumerate(pieces):
         low, unit, bracketed = word.strip(" .").lower(), plain(word), i >= len(words)
         named = next((quantity for quantity, form in _NAMES.items() if re.fullmatch(form, low)), "")
@@ -319,7 +329,7 @@ def _column(cell: str, *, first: bool) -> _Column:
             names.append(word.strip())
         elif low != "in" or plain("".join(pieces[i + 1 : i + 2])) not in FACTORS:
             raise _Unknown(f"({word})" if bracketed else next(w for w in cell.split() if word in w))
-    # V beside accelerations is the vertical, but v in m/s is the velocity.
+    # V next to accelerations is the vertical component, but v in m/s is a velocity.
     quantities |= {_QUANTITIES[unit] for unit in units}
     quantity = next(iter(quantities), "acceleration")
     if len(units) > 1 or len(quantities) > 1 or (names and quantity in ("time", "number")):
@@ -329,6 +339,7 @@ def _column(cell: str, *, first: bool) -> _Column:
 
 def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Channel]:
     """Return the accelerations of a table whose header is understood."""
+    # A header may state the step several times, in different forms.
     for first, second in pairwise(header.stated["step"]):
         agree(first, second, "the step in s", 1e-6 * first)
     total = sum(len(row) for _, row in rows)
@@ -339,7 +350,9 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
         columns = _chosen_columns(header, how.columns)
     elif header.cells and how.columns is None:
         columns = {i: _column(cell, first=i == 0) for i, cell in enumerate(header.cells)}
+    # Without names of columns all numbers are samples, row by row.
     in_rows = how.columns == ROWS or (how.columns is None and not header.cells)
+    # Rows may have more columns than are used only if the user names the columns.
     width = max(columns) + 1
     for line, cells in () if in_rows else rows:
         if len(cells) < width or (how.columns is None and len(cells) > width):
@@ -356,38 +369,38 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
         raise UnreadableRecord("the table states no times and no step: give `dt` in s, such as dt=0.01")
     accelerations = {i: column for i, column in columns.items() if column.quantity == "acceleration"}
     if not accelerations or len(times) > 1:
-        held = ", ".join(column.quantity for column in columns.values())
-        raise NoAcceleration(f"the table must hold one time and some accelerations, but holds {held}", held)
+        content = ", ".join(column.quantity for column in columns.values())
+        raise NoAcceleration(f"the table must have one time and accelerations, but has {content}", content)
     lone = [cell for cell in header.cells if re.fullmatch(r"(?i)[vxyz]", cell)]
     if lone and how.columns is None and not all(column.component for column in accelerations.values()):
-        raise UnreadableRecord(f"{shown(lone[0])} beside an acceleration may be a velocity: choose `columns`")
+        raise UnreadableRecord(f"{shown(lone[0])} next to an acceleration may be a velocity: give `columns`")
     others = [cell for i, cell in enumerate(header.cells) if i in {*columns} - {*accelerations, *times}]
-    left = (f"left out of the table: {', '.join(others)}",) if others else ()
-    found = []
+    notes = (f"left out of the table: {', '.join(others)}",) if others else ()
+    channels = []
     for i, column in accelerations.items():
         units = [unit for unit in (column.unit, *header.stated["unit"]) if unit]
         if len({FACTORS[unit] for unit in units}) > 1:
             raise UnreadableRecord(f"the header states several units of acceleration: {', '.join(units)}")
         read = [(line, cell) for line, cells in rows for cell in (cells if in_rows else cells[i : i + 1])]
         name = column.component or ("" if len(accelerations) == 1 else f"column {i + 1}")
-        factor = FACTORS[chosen(next(iter(units), None), how.unit)]
-        found.append(Channel(numbers(read) * factor, step, name, name, notes=left))
-    return found
+        factor = FACTORS[choose_unit(next(iter(units), None), how.unit)]
+        channels.append(Channel(numbers(read) * factor, step, name, name, notes=notes))
+    return channels
 
 
 def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Column]:
-    """Return the columns that the user names; they must agree with the header."""
+    """Return the columns that the user names. They must agree with the header."""
     columns: dict[int, _Column] = {}
     for name, at in wanted.items():
         if piece := _unknown_word([name], at - 1):
             raise ValueError(
-                f"`columns` must name times, accelerations or components, such as 'time (ms)', N and E, but "
-                f"has {shown(name)}, of which {shown(piece)} is not understood"
+                f"`columns` must contain names of times, accelerations or components, such as 'time (ms)', N "
+                f"and E, but has {shown(name)}, in which {shown(piece)} is not understood"
             )
         column = _column(name, first=at == 1)
         says = _column(header.cells[at - 1], first=at == 1) if at <= len(header.cells) else column
         units = {FACTORS.get(u) or _TIMES.get(u, u) for u in (column.unit, says.unit) if u}
-        # North and south are one axis, and so are east and west.
+        # North and south are the same axis, and so are east and west.
         axes = {c.component.lower()[0].translate(_OPPOSITE) for c in (column, says) if c.component}
         if column.quantity != says.quantity or len(units) > 1 or len(axes) > 1:
             raise UnreadableRecord(
@@ -400,52 +413,54 @@ def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Co
 def _remedy(
     head: Sequence[tuple[int, str]], rows: Sequence[_Row], how: Options, line: int, piece: str
 ) -> dict[str, Any]:
-    """The options that read a table of which a piece in a line is not understood."""
+    """Return the options that may read a table in which a part of a line is not understood."""
     width, below, above = len(rows[0][1]), _Header(), dict(head).get(line, "")
     ways = ((text, cells) for _, text in head[::-1] for cells in _split_names(text) if len(cells) == width)
     named, names = next(ways, ("", [""] * width))
-    # What stands above the names may say that all columns are vertical.
+    # A line above the names may state that all columns are vertical.
     is_up = any(orientation(re.sub(r"\bup\b", "", x)) for _, x in head if x != named or width == 1)
-    columns, held, options = dict[str, int](), list[_Column](), dict[str, Any]()
+    # Collect the names that are understood, and place holders in capitals for the others.
+    columns, meanings, options = dict[str, int](), list[_Column](), dict[str, Any]()
     for k, cell in enumerate(names):
         name = _BRACKET.sub(" ", cell).strip() if _unknown_word([cell], k) else cell
         says = None if _unknown_word([name], k) else _column(name, first=k == 0)
-        lost = {plain(unit) for unit in _BRACKET.findall(cell) if name != cell}
-        if says is None or lost & {*_QUANTITIES} or (lost and says.quantity == "time"):
+        # Units in a bracket that was removed from the name: the column may be another quantity.
+        units = {plain(unit) for unit in _BRACKET.findall(cell) if name != cell}
+        if says is None or units & {*_QUANTITIES} or (units and says.quantity == "time"):
             continue
         if name in columns or (is_up and says.quantity == "acceleration" and not says.component):
             name, says = f"NAME{k + 1}", replace(says, unit=None)
         columns[name] = k + 1
-        held.append(says)
+        meanings.append(says)
     first = [float(row[0]) for _, row in rows if re.fullmatch(NUMBER, row[0])]
-    # Whole numbers may be those of samples, and times of another unit are left out.
+    # Whole numbers may be the numbers of the samples, and times in another unit are left out.
     is_time = width > 1 and len(first) > 2 and first == sorted({*first}) and first[1] - first[0] != 1.0
     if is_time and 1 not in columns.values() and not _BRACKET.search(names[0]):
         columns = {"time (UNIT)": 1} | columns
-        held.append(_Column("time", "", None))
-    units = [column.unit for column in held if column.quantity == "acceleration"]
+        meanings.append(_Column("time", "", None))
+    units = [column.unit for column in meanings if column.quantity == "acceleration"]
     if not units and (named or width < 5 or is_time):
-        left = {*range(2 if is_time else 1, width + 1)} - {*columns.values()}
-        columns |= {f"NAME{k}" if len(left) > 1 or is_up else "acceleration": k for k in left}
-    # The words of the columns that are used, or of the line, tell of a unit and a factor.
+        unnamed = {*range(2 if is_time else 1, width + 1)} - {*columns.values()}
+        columns |= {f"NAME{k}" if len(unnamed) > 1 or is_up else "acceleration": k for k in unnamed}
+    # Look for a unit and a factor in the names of the used columns, or in the line.
     used = " ".join(cell for k, cell in enumerate(names, 1) if k in columns.values()).strip() or above
     stated = [text for _, text in head if re.match(r"\W*units?\b", text.lower())]
-    said = {plain(word) for word in _GAPS.split(" ".join([used, *stated]))} & {*FACTORS}
+    stated_units = {plain(word) for word in _GAPS.split(" ".join([used, *stated]))} & {*FACTORS}
     rest = [word for word in _GAPS.split(used if above == named else above) if plain(word) not in FACTORS]
-    found = _FACTOR.fullmatch(piece)
-    if found and plain(found[2] or found[3]) in FACTORS:
-        options["scale"] = 10.0 ** int(found[1] or 0) * float(found[4] or 1)
-    elif (piece[:1] == "(" and not said) or re.search(rf"(?i)\d|{_SCALED}", " ".join(rest)):
+    match = _FACTOR.fullmatch(piece)
+    if match and plain(match[2] or match[3]) in FACTORS:
+        options["scale"] = 10.0 ** int(match[1] or 0) * float(match[4] or 1)
+    elif (piece[:1] == "(" and not stated_units) or re.search(rf"(?i)\d|{_SCALED}", " ".join(rest)):
         options["scale"] = "FACTOR"
     with contextlib.suppress(_Unknown, UnreadableRecord):
         for _, text in (x for x in head if x[0] > line):
             _understand(below, text, width)
-        # Where the lines below it say enough, passing over this one is all that is needed.
+        # If the lines below are sufficient, it is enough to skip this line and all lines above it.
         if (width == 1 or below.cells) and not is_up and _channels(below, rows, how):
             return {"skip": line} | options
     options = ({"skip": rows[0][0] - 1} if head else {}) | {"columns": columns or ROWS} | options
     if not units or not all(units):
-        options["unit"] = how.unit or (said.pop() if len(said) == 1 else "UNIT")
-    if "time" not in {column.quantity for column in held}:
+        options["unit"] = how.unit or (stated_units.pop() if len(stated_units) == 1 else "UNIT")
+    if "time" not in {column.quantity for column in meanings}:
         options["dt"] = how.dt or "STEP"
     return options

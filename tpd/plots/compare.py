@@ -170,7 +170,7 @@ def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
     ax = cast(Axes, new_axes() if ax is None else ax)
     # A bob may be lighter than it had to be.
     mass = np.array([p.most if p.pendulum is None else float(p.pendulum.mass) for p in points])
-    saved, low, high = 100.0 * np.array([p.saved for p in points]).T
+    saved, low, high = 100.0 * np.array([p.benefit for p in points]).T
     # Nothing is claimed of a pendulum that was not judged: it has neither a benefit nor a refusal.
     offered, refused = np.isfinite(saved), np.array([p.pendulum is None for p in points])
     around = np.maximum([saved - low, high - saved], 0.0)[:, offered]

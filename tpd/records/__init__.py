@@ -1,6 +1,6 @@
-"""Ground motions that come with the package, and those of FEMA P695.
+"""Records of ground motions in the package, and those of FEMA P695.
 
-Files of one's own are read by `tpd.Record.read` and `tpd.Record.read_all`.
+`tpd.Record.read` and `tpd.Record.read_all` read files of your own.
 """
 
 from tpd.records.sets import el_centro as el_centro

@@ -16,35 +16,40 @@ from tpd.scene.record import Record
 from tpd.scene.scene import Block, Scene
 
 INTENSITIES = (*MEASURES, "sa", "sa_g")
+"""Names of the intensity measures."""
 OF_JOBS = {"pga": "pga_g", "sa": "sa_g"}
-"""Accelerations that a job states in g, as it does its `pga`, and in Python are in m/s^2."""
+"""Names of accelerations in a job file, where they are in g, with the names of the same measures in
+Python."""
 _LIFTING = "1 = the acceleration that lifts the block"
-"""Unit of PGA/(g tan alpha)."""
+"""Note on PGA/(g tan alpha), in place of a unit."""
 _DAMPING, _MOST_DAMPING = 0.05, 0.99
-"""Damping ratio of a spectrum by default, and the largest: a critically damped oscillator does not swing."""
+"""Default damping ratio of a spectrum, and the largest one. A critically damped oscillator does not
+oscillate."""
 _FINE = 0.1
-"""Longest interval (times omega) in which a quintic stands for the motion of an oscillator."""
+"""Longest interval (times omega) in which a quintic represents the motion of an oscillator."""
 
 
 @dataclass(frozen=True)
 class Intensity:
-    """A measure of the size of a ground motion, proportional to it."""
+    """Intensity measure, proportional to the ground motion."""
 
     name: str
+    """Name with its symbols."""
     unit: str
+    """Unit of the value."""
     value: Callable[[GroundMotion], float]
-    """Its value for a motion as it is."""
+    """Function that returns the value for a motion."""
 
 
 def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.Real | None) -> Intensity:
-    """The measure of that name, for a block; see `tpd.fragility`.
+    """Return the measure with this name for a block; see `tpd.fragility`.
 
     Raises:
-        ValueError: a name that does not exist, or a spectral acceleration without a period.
+        ValueError: the name does not exist, or a spectral acceleration has no period.
     """
     checks.one_of("intensity", name, INTENSITIES)
     if name.startswith("sa") != (period is not None):
-        raise ValueError(f'`period` belongs to `intensity="sa"`, but they are {period} and {name!r}')
+        raise ValueError(f'`period` must be given only with `intensity="sa"`, but is {period} with {name!r}')
     unit = checks.positive("gravity", gravity) * checks.plain("block", block.slenderness, single=True)
     if period is not None:
         own = checks.positive("period", period, 1e-3, 1e3, " s")
@@ -68,7 +73,11 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
 
 def base_motion(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return acceleration (m/s^2), velocity (m/s) and displacement (m) of the base at the samples of a
-    record. They are exact: the acceleration is linear between samples, and the base is at rest before."""
+    record.
+
+    The values are exact, because the acceleration is linear between samples. The base is at rest before the
+    record.
+    """
     a, h = float(record.scale) * np.asarray(record.acceleration, dtype=float), float(record.dt)
     v = np.cumsum([0.0, *(0.5 * h * (a[:-1] + a[1:]))])
     d = np.cumsum([0.0, *(h * v[:-1] + h**2 * (2.0 * a[:-1] + a[1:]) / 6.0)])
@@ -76,8 +85,11 @@ def base_motion(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def significant_times(record: Record) -> tuple[float, float]:
-    """Return the times (s) at which the integral of the squared acceleration has 5 % and 95 % of its value at
-    the end (M. D. Trifunac and A. G. Brady, Bull. Seismol. Soc. Am. 65, 1975)."""
+    """Return the times (s) at which the integral of the squared acceleration reaches 5 % and 95 % of its
+    final value.
+
+    The definition is that of M. D. Trifunac and A. G. Brady, Bull. Seismol. Soc. Am. 65, 1975.
+    """
     a = np.asarray(record.acceleration, dtype=float)
     energy = np.cumsum([0.0, *(a[:-1] ** 2 + a[:-1] * a[1:] + a[1:] ** 2)])
     times = float(record.dt) * np.arange(len(a))
@@ -86,13 +98,13 @@ def significant_times(record: Record) -> tuple[float, float]:
 
 
 def peak_velocity(motion: GroundMotion) -> float:
-    """Largest velocity of the base (m/s), which is at rest before the motion: at ends and turns of pieces."""
+    """Return the largest velocity of the base (m/s), which is at rest before the motion."""
     from scipy.interpolate import PPoly
 
     c, h = np.asarray(motion.pieces(), dtype=float), float(motion.piece)
     ends = h * np.arange(len(c) + 1)
     acceleration = PPoly((c / h ** np.arange(4)).T[::-1], ends)
-    # Within a piece the velocity is largest where the acceleration vanishes: between samples of other signs.
+    # The velocity is largest at the end of a piece, or where the acceleration vanishes within a piece.
     turns = acceleration.roots(discontinuity=False, extrapolate=False)
     velocities = acceleration.antiderivative()(np.concatenate([ends, turns[np.isfinite(turns)]]))
     return float(np.max(np.abs(velocities))) * float(motion.pga)
@@ -101,17 +113,17 @@ def peak_velocity(motion: GroundMotion) -> float:
 def spectral_acceleration(
     motion: GroundMotion, period: checks.Real, damping: checks.Real = _DAMPING
 ) -> float:
-    """Return the largest |omega^2 x| (m/s^2) of an oscillator of that period and a damping ratio below 1.
+    """Return the largest |omega^2 x| (m/s^2) of an oscillator with this period and a damping ratio below 1.
 
-    The motion is exact at the ends of the pieces and at any time within them: the matrix exponential takes
-    the state and the derivatives of the acceleration, a cubic, from one time to the next. (N. C. Nigam and
-    P. C. Jennings, Bull. Seismol. Soc. Am. 59, 1969, did so at the samples of a record.) Pieces are halved as
-    long as a bound on the motion within them exceeds the largest value found. In intervals of less than a
-    tenth of a radian the largest value is that of the quintic through the values, rates and accelerations at
-    both ends, which is within 1e-10 of the motion.
+    The motion is exact at the ends of the pieces and at any time within them: the matrix exponential advances
+    the state and the derivatives of the acceleration, which is cubic, from one time to the next. (N. C. Nigam
+    and P. C. Jennings, Bull. Seismol. Soc. Am. 59, 1969, did this at the samples of a record.) A piece is
+    halved as long as a bound on the motion within it exceeds the largest value so far. In intervals of less
+    than a tenth of a radian the largest value is that of the quintic through the values, rates and
+    accelerations at both ends. It differs from the motion by less than 1e-10.
 
     Raises:
-        ValueError: a number out of range, or something else than a motion.
+        ValueError: a number is out of range, or the motion is of another class.
     """
     from scipy.interpolate import BPoly, PPoly
     from scipy.linalg import expm
@@ -121,32 +133,34 @@ def spectral_acceleration(
     period = checks.positive("period", period, 1e-6, 1e6, " s")
     damping = checks.within("damping", damping, 0.0, _MOST_DAMPING)
     c = np.asarray(motion.pieces(), dtype=float)
-    # The unit of time is 1/omega, so that the unit of length makes omega^2 x an acceleration.
+    # The unit of time is 1/omega. With a suitable unit of length, omega^2 x is then an acceleration.
     h, free = 2.0 * np.pi * float(motion.piece) / period, math.sqrt(1.0 - damping**2)
     rates = np.diag([1.0, 0.0, 1.0, 1.0, 1.0], 1)
     rates[1, :3] = -1.0, -2.0 * damping, -1.0
-    # Displacement, its rate, and the acceleration of the base with its three derivatives.
+    # Rows of the states: displacement, its rate, and the acceleration of the base with its three derivatives.
     states = np.concatenate(
         [np.zeros((2, len(c))), c.T * (factorial(np.arange(4)) / h ** np.arange(4))[:, None]]
     )
     step, end = expm(rates * h)[:2], np.zeros(2)
     for i, pushes in enumerate((step[:, 2:] @ states[2:]).T):
         states[:2, i], end = end, step[:, :2] @ end + pushes
-    # After the motion x is the real part of size exp((-damping + i free) t): its first turn is the largest.
+    # After the motion x is the real part of size exp((-damping + i free) t). Its first turning point is the
+    # largest.
     size = complex(end[0], -(end[1] + damping * end[0]) / free)
     turn = (0.5 * np.pi - np.angle(size * complex(-damping, free))) % np.pi / free
     last = size * np.exp(complex(-damping, free) * turn)
     largest = max(np.abs(states[0]).max(), abs(end[0]), abs(last.real))
     while h > _FINE:
+        # Keep only the pieces that can still exceed the largest value, and halve them.
         states = states[:, _bound(states, h, damping) > largest]
         h *= 0.5
         states = np.hstack([states, expm(rates * h) @ states])
         largest = max(largest, np.abs(states[0]).max(initial=0.0))
     ends = expm(rates * h) @ states
-    # Bernstein's coefficients of the quintics: none of them exceeds the largest coefficient.
+    # Bernstein coefficients of the quintics. No quintic exceeds its largest coefficient.
     near, far = (
-        (x[0], x[0] + way * x[1] / 5.0, x[0] + way * 0.4 * x[1] + h**2 / 20.0 * (rates[1] @ x))
-        for x, way in ((states, h), (ends, -h))
+        (x[0], x[0] + dt * x[1] / 5.0, x[0] + dt * 0.4 * x[1] + h**2 / 20.0 * (rates[1] @ x))
+        for x, dt in ((states, h), (ends, -h))
     )
     quintics = np.stack([*near, *far[::-1]])
     quintics = quintics[:, np.abs(quintics).max(axis=0) > largest]
@@ -158,11 +172,14 @@ def spectral_acceleration(
 
 
 def _bound(states: np.ndarray, h: float, damping: float) -> np.ndarray:
-    """Bound on |x| over the time h from states of an oscillator on: the polynomial that solves its equation,
-    and the amplitude of the free motion around it, which only decreases."""
+    """Return a bound on |x| during the time h after each state of an oscillator.
+
+    It is the sum of a bound on the polynomial that solves the equation of the oscillator, and of the
+    amplitude of the free motion around it, which only decreases.
+    """
     x, rate, *derivatives = states
     a0, a1, a2, a3 = derivatives
-    # Derivatives of the polynomial, from the highest on.
+    # Derivatives of the polynomial, beginning with the highest.
     p3 = -a3
     p2 = -a2 - 2.0 * damping * p3
     p1 = -a1 - 2.0 * damping * p2 - p3

@@ -1,4 +1,4 @@
-"""Ground motions by name: files of accelerographs, folders of them, built-in records and sets."""
+"""Ground motions by name: files of accelerographs, folders of files, built-in records and sets of records."""
 
 from __future__ import annotations
 
@@ -21,46 +21,52 @@ from tpd.scene.ground_motion import GroundMotion, events_of
 from tpd.scene.record import Record
 
 BUILT_IN = {"el-centro": el_centro, "loma-prieta": loma_prieta}
+"""Built-in records, by name."""
 SETS = {
     "fema-p695": "far-field",
     "fema-p695-far-field": "far-field",
     "fema-p695-near-field-pulse": "near-field-pulse",
     "fema-p695-near-field-no-pulse": "near-field-no-pulse",
 }
+"""Names of the sets in a job file, with their names in `tpd.records.sets`."""
 _FEW = 3
-"""Most records that are described one by one."""
+"""Largest number of records that are described one by one."""
 _OTHER_MOTIONS = {"vt2": "velocity", "dt2": "displacement"}
-"""Endings of files that PEER puts beside those of accelerations."""
+"""Extensions of the files that PEER delivers together with those of accelerations."""
 _NO_MOTIONS = (
     *("md", "pdf", "html", "htm", "json", "xml", "png", "jpg", "jpeg", "svg", "doc", "docx", "log", "ini"),
     "toml",
 )
+"""Extensions of files that contain no motion."""
 
 
 def read_motions(
     names: Sequence[str], *, events: Sequence[str] | None = None, channel: int | None = None, **how: Any
 ) -> tuple[list[GroundMotion], list[str]]:
-    """Return all horizontal records of files, folders, built-in records and sets, and sentences on what was
-    left out or assumed.
+    """Return all horizontal records of files, folders, built-in records and sets, and notes on them.
+
+    The notes are sentences on what was left out or assumed.
 
     Args:
-        names: of files and folders, or of `BUILT_IN` and `SETS`.
-        events: earthquakes of records whose files name none: one, or one for each of `names`. Without it the
-            records of a folder are of one earthquake.
-        channel: the one that is taken of every file, vertical or not; default all that are horizontal.
-        how: `dt`, `unit` and `baseline` of `tpd.Record.read`.
+        names: names of files and folders, or names out of `BUILT_IN` and `SETS`.
+        events: earthquakes of records whose files state none: one for all, or one for each of `names`.
+            Without it the records of a folder belong to one earthquake.
+        channel: number of the channel that is read from every file, vertical or not; default all horizontal
+            ones.
+        how: `dt`, `unit`, `baseline` and the other options of `tpd.Record.read`.
 
     Raises:
-        ValueError: no horizontal record, or a file that is no record.
+        ValueError: there is no horizontal record, or a file is not a record.
     """
+    # One name applies to all records. Otherwise every entry of `names` needs its own.
     if events is not None and len(events) not in (1, len(names)):
         raise ValueError(
             f"`event` must have one name, or one for each of the {len(names)} of `records`, but has "
             f"{len(events)}"
         )
     read: list[tuple[Any, str]] = []
-    left: list[str] = []
-    said: list[str] = []
+    omitted: list[str] = []
+    messages: list[str] = []
     for i, name in enumerate(names):
         if name in SETS:
             try:
@@ -72,7 +78,9 @@ def read_motions(
         else:
             path = path_of(name)
             files, others = _files_of(path)
-            left += others
+            omitted += others
+            # Without stated earthquakes a folder is one earthquake, and its name is the name of the
+            # earthquake.
             event = readable(path.resolve().name) if path.is_dir() else ""
             event = event if events is None else events[i if len(events) > 1 else 0]
             for file in files:
@@ -83,54 +91,60 @@ def read_motions(
                         else [Record.read(file, channel=channel, **how)]
                     )
                 except NoAcceleration as error:
-                    # A file that is named must be a motion; of a folder what is none is left out.
+                    # A file that the user names must be a motion. In a folder files without a motion are left
+                    # out.
                     if not path.is_dir():
                         raise
-                    left.append(f"{file.name} ({error.content})")
+                    omitted.append(f"{file.name} ({error.content})")
                     continue
                 for record in records:
                     vertical = VERTICAL in record.notes
                     if vertical and channel is None:
-                        left.append(f"{record.source} ({VERTICAL})")
+                        omitted.append(f"{record.source} ({VERTICAL})")
                         continue
                     if vertical:
-                        said.append(
-                            f"note: {record.source} is a {VERTICAL}, but shakes the block sideways here"
+                        messages.append(
+                            f"note: {record.source} is a {VERTICAL}, but is used as a horizontal motion here"
                         )
-                    # The channels of one file are of one earthquake.
+                    # The channels of one file belong to one earthquake.
                     named = record.event or event or (str(file) if len(records) > 1 else "")
                     assumed = path.is_dir() and events is None and not record.event
                     read.append((replace(record, event=named), name if assumed else ""))
+    # Agencies deliver one channel in several files. Only the best of them counts.
     reasons = _repeated([record for record, _ in read])
-    left += [f"{record.source} ({why})" for (record, _), why in zip(read, reasons, strict=True) if why]
-    kept = [one for one, why in zip(read, reasons, strict=True) if not why]
-    for name, count in Counter(folder for _, folder in kept if folder).items():
+    omitted += [f"{record.source} ({why})" for (record, _), why in zip(read, reasons, strict=True) if why]
+    unique = [one for one, why in zip(read, reasons, strict=True) if not why]
+    # The user may not know that a folder counts as one earthquake.
+    for name, count in Counter(folder for _, folder in unique if folder).items():
         if count > 1:
-            said.append(
-                f"note: {count} records of the folder {name} name no earthquake and are taken for one; "
-                "if they are of several, give the files one by one, with their `event`"
+            messages.append(
+                f"note: {count} records of the folder {name} state no earthquake and count as one; "
+                "if they belong to several, give the files one by one, with their `event`"
             )
-    if left:
-        said.insert(0, f"left out: {'; '.join(left)}")
-    if not kept:
-        hint = "; `channel` takes one that is vertical" if any(VERTICAL in why for why in left) else ""
-        others = f" ({said[0]})" if left else ""
+    if omitted:
+        messages.insert(0, f"left out: {'; '.join(omitted)}")
+    if not unique:
+        hint = "; `channel` selects a vertical one" if any(VERTICAL in why for why in omitted) else ""
+        others = f" ({messages[0]})" if omitted else ""
         raise ValueError(f"there is no horizontal record in {', '.join(names)}{others}{hint}")
-    found = [record for record, _ in kept]
-    return found, said + _unknown(found) + same_earthquakes(found)
+    motions = [record for record, _ in unique]
+    return motions, messages + _unknown(motions) + same_earthquakes(motions)
 
 
 def _repeated(records: Sequence[Record]) -> list[str]:
-    """Why each record is left out beside the others, in words; empty where it counts. One channel counts
-    once: agencies deliver it uncorrected and corrected, compressed and not, and in a borehole as well."""
+    """Return words for why each record is left out in favour of another record; empty if the record counts.
+
+    Each channel counts once, although agencies deliver it uncorrected and corrected, compressed and plain,
+    and from a borehole as well.
+    """
     seen: dict[Record, Record] = {}
-    # Files write names in capitals or not, and agencies change only the ending, such as .V1 and .V2.
+    # Names may be in capitals or not, and agencies change only the extension, such as .V1 and .V2.
     names = [re.sub(r"[^\w/]|_", "", record.name.lower()).rpartition("/") for record in records]
     files = [re.sub(r"\.\w+(\.gz)?(, channel \d+.*)?$", "", record.source.lower()) for record in records]
     places = [(station, component, file) for (station, _, component), file in zip(names, files, strict=True)]
     reasons = []
     for record, place in zip(records, places, strict=True):
-        # Two records are equal if all but the names of their files is the same.
+        # Two records are equal if all their fields except the names of the files are equal.
         first = seen.setdefault(record, record)
         pairs = zip(records, places, strict=True)
         better = (why for other, its in pairs if (why := _better(record, other, place, its)))
@@ -139,31 +153,36 @@ def _repeated(records: Sequence[Record]) -> list[str]:
 
 
 def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[str, ...]) -> str:
-    """Why another record counts in place of a record, in words; empty where it does not. A place is station,
-    component and name of the file without its ending."""
+    """Return words for why another record counts in place of a record; empty if it does not.
+
+    A place is the station, the component, and the name of the file without its extension.
+    """
     # Most records have none of these notes, and count.
     marks = {*RAW, BOREHOLE} & {*record.notes} - {*other.notes}
     if not marks or (record.event and other.event and not is_one(record.event, other.event)):
         return ""
     is_one_station = place[0] == its[0] != ""
     if BOREHOLE in marks and is_one_station:
-        return f"{BOREHOLE}, beside {other.source}"
+        return f"{BOREHOLE}; {other.source} is at the surface"
+    # A corrected record replaces an uncorrected one of the same channel.
     is_raw = bool(marks & {*RAW}) and not {*RAW} & {*other.notes}
     is_one_channel = place[1] == its[1] and (is_one_station or place[2] == its[2])
-    return f"uncorrected, beside the corrected {other.source}" if is_raw and is_one_channel else ""
+    return f"uncorrected; {other.source} is corrected" if is_raw and is_one_channel else ""
 
 
-def same_earthquakes(found: Sequence[GroundMotion]) -> list[str]:
-    """Return a sentence on the records whose earthquakes are written differently and are taken for one."""
+def same_earthquakes(motions: Sequence[GroundMotion]) -> list[str]:
+    """Return a sentence on the records that count as one earthquake although its name is written
+    differently."""
     texts: dict[str, set[str]] = {}
-    for record, name in zip(found, events_of(found), strict=True):
+    for record, name in zip(motions, events_of(motions), strict=True):
         texts.setdefault(name, set()).add(getattr(record, "event", "") or "an earthquake without a name")
     one = "; ".join(sorted(" = ".join(sorted(events)) for events in texts.values() if len(events) > 1))
-    return [f"note: taken for one earthquake by dates, names or samples: {one}"] if one else []
+    return [f"note: these count as one earthquake by their dates, names or samples: {one}"] if one else []
 
 
 def facts(motion: Record) -> dict[str, Any]:
-    """Numbers and words of a record, for tables and JSON; its PGA is that of the file, without the scale."""
+    """Return numbers and texts of a record for tables and JSON. The PGA is that of the file, without the
+    scale."""
     a = np.asarray(motion.acceleration)
     return {
         "source": motion.source,
@@ -179,12 +198,12 @@ def facts(motion: Record) -> dict[str, Any]:
 
 
 def summary(motions: Sequence[GroundMotion], notes: Sequence[str] = ()) -> dict[str, Any]:
-    """Facts of all records, and the notes on them, for JSON."""
+    """Return the facts of all records, and the notes on them, for JSON."""
     return {"records": [facts(m) for m in motions if isinstance(m, Record)], "notes": list(notes)}
 
 
 def in_words(motions: Sequence[GroundMotion]) -> str:
-    """Return the name of a pulse or record with its size and duration; of several their number."""
+    """Return the name of a pulse or record with its size and duration; for several records their number."""
     if len(motions) > 1:
         return f"{len(motions)} records"
     motion = motions[0]
@@ -193,19 +212,22 @@ def in_words(motions: Sequence[GroundMotion]) -> str:
 
 
 def described(motions: Sequence[Any]) -> list[str]:
-    """Lines for a terminal on the records that were read: one for each of a few, or one for all."""
+    """Return lines for a terminal about the records that were read: one line for each of a few, or one for
+    all."""
     read = [facts(motion) for motion in motions if isinstance(motion, Record)]
     if len(read) > _FEW:
-        # Smallest and largest values; all values are in the report and in the JSON of the command.
-        said = []
+        # Show the smallest and the largest values. All values are in the report and in the JSON of the
+        # command.
+        ranges = []
         for key, digits in {"samples": 9, "step_s": 3, "duration_s": 3, "pga_g": 3}.items():
             values = [float(f[key]) for f in read]
-            said.append(" to ".join(dict.fromkeys(number(x, digits) for x in (min(values), max(values)))))
+            ranges.append(" to ".join(dict.fromkeys(number(x, digits) for x in (min(values), max(values)))))
+        # Notes contain numbers after a colon: count only their kinds.
         kinds = Counter(note.partition(":")[0] for f in read for note in f["notes"])
         notes = "; ".join(f"{kind} {count}" for kind, count in kinds.items())
         return [
-            f"records: {len(read)} of {len(set(events_of(motions)))} earthquakes, {said[0]} samples of "
-            f"{said[1]} s, {said[2]} s long, PGA {said[3]} g" + (f"; noted: {notes}" if notes else "")
+            f"records: {len(read)} of {len(set(events_of(motions)))} earthquakes, {ranges[0]} samples of "
+            f"{ranges[1]} s, {ranges[2]} s long, PGA {ranges[3]} g" + (f"; notes: {notes}" if notes else "")
         ]
     return [
         "; ".join(
@@ -219,36 +241,38 @@ def described(motions: Sequence[Any]) -> list[str]:
     ]
 
 
-def _unknown(found: Sequence[Any]) -> list[str]:
-    """Sentences on how many records state no orientation, and how many no earthquake."""
-    said = []
-    flat = sum(UNKNOWN in getattr(record, "notes", ()) for record in found)
-    if flat and len(found) > 1:
-        said.append(f"note: of {len(found)} records {flat} state no orientation and are taken for horizontal")
-    alone = sum(not getattr(record, "event", "") for record in found)
-    if alone and len(found) > 1:
-        said.append(
-            f"note: of {len(found)} records {alone} name no earthquake and count as one each; if some are "
-            "of one, give `event`"
+def _unknown(records: Sequence[Any]) -> list[str]:
+    """Return sentences on how many records state no orientation, and how many state no earthquake."""
+    messages = []
+    flat = sum(UNKNOWN in getattr(record, "notes", ()) for record in records)
+    if flat and len(records) > 1:
+        messages.append(f"note: {flat} of {len(records)} records state no orientation: used as horizontal")
+    alone = sum(not getattr(record, "event", "") for record in records)
+    if alone and len(records) > 1:
+        messages.append(
+            f"note: {alone} of {len(records)} records state no earthquake, and each counts as one; "
+            "if some belong to the same earthquake, give `event`"
         )
-    return said
+    return messages
 
 
 def _files_of(path: Path) -> tuple[list[Path], list[str]]:
-    """Files of a path that are to be read, and those of a folder that hold no acceleration, in words."""
+    """Return the files of a path to be read, and words for the files of a folder that contain no
+    acceleration."""
     if not path.exists():
         # A misspelt name of a built-in record looks like a file that does not exist.
         hint = meant(path.name, (*BUILT_IN, *SETS), listing=False)
         raise FileNotFoundError(f"the file does not exist: {path}{hint}")
     if not path.is_dir():
         return [path], []
-    files, left = [], [f"{p.name} (a folder in a folder)" for p in sorted(path.iterdir()) if p.is_dir()]
+    files, omitted = [], [f"{p.name} (a folder in a folder)" for p in sorted(path.iterdir()) if p.is_dir()]
     for file in sorted(p for p in path.iterdir() if p.is_file()):
+        # Files may be compressed, so look at the extension before .gz.
         ending = file.name.lower().removesuffix(".gz").rpartition(".")[2]
         if ending in _OTHER_MOTIONS:
-            left.append(f"{file.name} ({_OTHER_MOTIONS[ending]})")
+            omitted.append(f"{file.name} ({_OTHER_MOTIONS[ending]})")
         elif file.name.startswith((".", "_")) or ending in _NO_MOTIONS or "readme" in file.name.lower():
-            left.append(f"{file.name} (no motion)")
+            omitted.append(f"{file.name} (no motion)")
         else:
             files.append(file)
-    return files, left
+    return files, omitted

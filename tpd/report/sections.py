@@ -234,9 +234,9 @@ def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
         text += (
             f" The descents began from {search.description} (seed {design.seed}) and evaluated "
             f"{search.evaluations} designs. Ends: {ends}. "
-            f"{search.told}"
+            f"{search.message}"
         )
-        sound, lost = len(search.confirmed), int(np.sum(search.lost))
+        sound, lost = len(search.confirmed), int(np.sum(search.stopped))
         if np.any(search.mismatch):
             text += (
                 f" The exact solution confirms {sound} of {len(search.ends)} ends; the smoothed orbits were "

@@ -1,1 +1,1 @@
-"""Block, pendulum, motion of the ground and materials, in SI units and as dimensionless numbers."""
+"""Block, pendulum, ground motion and materials, in SI units and as dimensionless numbers."""

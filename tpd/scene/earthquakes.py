@@ -1,7 +1,8 @@
-"""Earthquakes as files name them: whether two texts are about one earthquake.
+"""Earthquakes as files name them: decide whether two texts describe the same earthquake.
 
-Agencies write one earthquake as "Imperial Valley-06, 10/15/1979", "IMPERIAL VALLEY 10/15/79 2316" or
-"1979/10/15 23:16:00 M6.5". Dates and times are compared, and names only where the dates leave it open.
+Agencies describe one earthquake as "Imperial Valley-06, 10/15/1979", "IMPERIAL VALLEY 10/15/79 2316" or
+"1979/10/15 23:16:00 M6.5". Dates and times are compared first. Names are compared only if the dates do not
+decide.
 """
 
 from __future__ import annotations
@@ -18,83 +19,88 @@ _DATES = (
     # Year first: 1979/10/15, 1979-10-15, 19791015, and 1979 10 15 of SMC files.
     (r"(?<!\d)((?:19|20)\d\d)([-/. ]\s*)(\d{1,2})\2\s*(\d{1,2})(?!\d)", (1, 3, 4)),
     (r"(?<!\d)((?:19|20)\d\d)(0[1-9]|1[0-2])([0-3]\d)(?!\d)", (1, 2, 3)),
-    # American: month/day/year. Points stand in European dates: day.month.year.
+    # American dates are month/day/year. Dates with points are European: day.month.year.
     (r"(?<!\d)(\d{1,2})([-/])(\d{1,2})\2(\d{4}|\d{2})(?!\d)", (4, 1, 3)),
     (r"(?<!\d)(\d{1,2})\.(\d{1,2})\.(\d{4})(?!\d)", (3, 2, 1)),
     (rf"\b{_WORD}\s+{_DAY},?\s+(\d{{4}})(?!\d)", (3, 1, 2)),
     (rf"(?<!\d){_DAY}\s+{_WORD},?\s+(\d{{4}})(?!\d)", (3, 2, 1)),
     (rf"(?<!\d)(\d{{4}})\s+{_WORD}\s+{_DAY}(?!\d)", (1, 2, 3)),
 )
-"""Patterns of dates, and their groups of the year, the month and the day."""
+"""Patterns of dates, each with the numbers of the groups for year, month and day."""
 _TIME = re.compile(r"[\s,t_-]*([01]?\d|2[0-3]):?([0-5]\d)(?::?[0-5]\d(?:\.\d*)?)?(?![\d:])")
 _ZONES = {"utc": 0, "ut": 0, "gmt": 0, "jst": 9, "pst": -8, "pdt": -7}
-"""Hours ahead of universal time."""
+"""Hours ahead of universal time, by time zone."""
 _IDLE = (
     *("earthquake", "eq", "record", "rcrd", "of", "the"),
     *("mon", "tue", "wed", "thu", "fri", "sat", "sun"),
 )
-"""Words that no earthquake is told apart by."""
+"""Words that do not distinguish earthquakes."""
 _EARLIEST_SHORT = 33
-"""Years of two digits are those of 1933, the year of the first strong-motion record, to 2032."""
+"""First year of the century to which years of two digits belong: 1933, the year of the first strong-motion
+record, to 2032."""
 _SAME = timedelta(minutes=5)
-"""Largest difference of the times of one earthquake: some are those of a record that was triggered later."""
+"""Largest difference between two times of one earthquake. Some files contain the time of a record that was
+triggered later."""
 _ZONE_SPAN = timedelta(hours=14)
-"""Largest difference of the times of one earthquake where a time zone is not stated."""
+"""Largest difference between two times of one earthquake if a time zone is not stated."""
 
 
 @dataclass(frozen=True)
 class Earthquake:
-    """Name and time of an earthquake, as far as a text states them; None where it does not."""
+    """Name and time of an earthquake, as far as a text states them, else None."""
 
     name: tuple[str, ...]
-    """Words of the name in lower case, numbers included."""
+    """Words of the name in lower case, including numbers."""
     year: int | None
+    """Year."""
     day: date | None
+    """Date."""
     time: datetime | None
     """Date and time, in universal time if the time zone is stated."""
     zone: str | None
+    """Name of the time zone."""
 
 
 @lru_cache(maxsize=4096)
 def parsed(text: str) -> Earthquake:
-    """Return what a text says of an earthquake.
+    """Return the name and the time of an earthquake from a text.
 
     >>> parsed("NOWHERE VALLEY 10/15/79 2316").time
     datetime.datetime(1979, 10, 15, 23, 16)
     """
     lower = text.lower()
-    # What looks like a date may be none, such as the number of a record: then the next one is tried.
+    # A match may not be a date, but for example the number of a record. Then try the next match.
     for pattern, places in _DATES:
-        for found in re.finditer(pattern, lower):
-            day = _date(*(found[place] for place in places))
+        for match in re.finditer(pattern, lower):
+            day = _date(*(match[place] for place in places))
             if day is not None:
-                return _dated(lower[: found.start()], day, lower[found.end() :])
-    # A year alone, as in "Loma Prieta 1989".
+                return _dated(lower[: match.start()], day, lower[match.end() :])
+    # Without a date look for a year, as in "Loma Prieta 1989".
     years = re.findall(r"(?<!\d)(?:19|20)\d\d(?!\d)", lower)
     return Earthquake(_name(lower, years[-1:]), int(years[-1]) if years else None, None, None, None)
 
 
 def _dated(before: str, day: date, after: str) -> Earthquake:
-    """The earthquake of a date, and of the text before and after it."""
+    """Return the earthquake from a date and from the texts before and after it."""
     clock, zone, time = _TIME.match(after), None, None
-    # Behind the time stand its zone, and the name or the magnitude.
+    # The time is followed by its zone, and by the name or the magnitude.
     if clock is not None:
         after = after[clock.end() :]
         zone = next((word for word in re.findall(r"[a-z]+", after) if word in _ZONES), None)
         time = datetime(day.year, day.month, day.day, int(clock[1]), int(clock[2]))
         time -= timedelta(hours=_ZONES[zone] if zone else 0)
-    # The magnitude of K-NET stands behind the time.
+    # In K-NET files the magnitude follows the time. It is not part of the name.
     return Earthquake(
         _name(f"{before} {re.sub(r'm[lws]?[ =]*[0-9.]+', ' ', after)}", ()), day.year, day, time, zone
     )
 
 
 def _date(year: str, month: str, day: str) -> date | None:
-    """A date of its words; None where there is no such date."""
-    # The month is a word in some spellings, and the year has two digits in others.
+    """Return a date from its texts; None if there is no such date."""
+    # The month may be a word, and the year may have two digits.
     number = _MONTHS.index(month[:3]) + 1 if month[:3] in _MONTHS else int(month)
     whole = int(year) if len(year) == 4 else int(year) + (1900 if int(year) >= _EARLIEST_SHORT else 2000)
-    # 15/10/1979 can only be European.
+    # If the month is larger than 12, the date is European, such as 15/10/1979.
     first, second = (int(day), number) if number > 12 else (number, int(day))
     try:
         return date(whole, first, second) if 1800 < whole < 2100 else None
@@ -103,14 +109,16 @@ def _date(year: str, month: str, day: str) -> date | None:
 
 
 def _name(text: str, years: tuple[str, ...] | list[str]) -> tuple[str, ...]:
-    """The words of a name, without those that say nothing."""
+    """Return the words of a name, without words that do not distinguish earthquakes."""
     idle = {*_IDLE, *_ZONES, *years}
     return tuple(word for word in re.findall(r"[^\W_]+", text) if word not in idle)
 
 
 def is_one(first: str, second: str) -> bool:
-    """Return whether two texts are about one earthquake, as far as they say it. Two earthquakes of one
-    day are taken for one unless their times differ, so that none is on both sides of a comparison.
+    """Return whether two texts describe the same earthquake, as far as they state it.
+
+    Two earthquakes of one day count as the same unless their times differ, so that one earthquake is never in
+    two groups.
 
     >>> is_one("Nowhere Valley-06, 10/15/1979", "NOWHERE VALLEY 10/15/79 2316")
     True
@@ -120,23 +128,25 @@ def is_one(first: str, second: str) -> bool:
     a, b = parsed(first), parsed(second)
     if a.time and b.time:
         apart = abs(a.time - b.time)
-        # A time zone that is not stated shifts a time by whole hours.
+        # If a time zone is not stated, the times may differ by whole hours.
         shift = timedelta() if a.zone and b.zone else timedelta(hours=round(apart / timedelta(hours=1)))
         return shift <= _ZONE_SPAN and abs(apart - shift) <= _SAME
     if a.day and b.day:
-        # The local date and the universal one can differ by a day.
+        # The local date and the universal date can differ by one day.
         days = [{e.day, e.time.date() if e.time else e.day} for e in (a, b)]
         near = abs(a.day - b.day) <= timedelta(days=1)
         return bool(days[0] & days[1]) or (near and _is_one_name(a, b))
     if a.year and b.year and (a.day or b.day):
         return a.year == b.year and _is_one_name(a, b)
-    # Without a date the numbers of a name are all that tells the earthquakes of one region apart.
+    # Without a date only the numbers in the names distinguish earthquakes of one region.
     return bool(a.name) and a.name == b.name and (a.year == b.year or not (a.year and b.year))
 
 
 def _is_one_name(a: Earthquake, b: Earthquake) -> bool:
-    """Whether one name begins the other one, such as Chi-Chi, and Chi-Chi, Taiwan. Numbers of earthquakes of
-    one region, such as Chi-Chi-03, are compared if both names have one."""
+    """Return whether one name begins the other name, such as Chi-Chi and Chi-Chi, Taiwan.
+
+    Numbers of earthquakes of one region, such as Chi-Chi-03, are compared if both names contain one.
+    """
     names = [[word for word in e.name if not word.isdigit()] for e in (a, b)]
     numbers = [[int(word) for word in e.name if word.isdigit()] for e in (a, b)]
     n = min(map(len, names))

@@ -1,5 +1,8 @@
-"""Initial states that a question is about, which `tpd.answers.attractors` follows, and sets of runs, which
-`tpd.answers.ensemble` follows: initial states, how the excitation begins, and which numbers are uncertain."""
+"""Initial states of a problem (`tpd.answers.attractors`), and sets of runs (`tpd.answers.ensemble`).
+
+A set of runs consists of initial states, of the ways in which the excitation begins, and of samples of
+uncertain quantities.
+"""
 
 from __future__ import annotations
 
@@ -14,64 +17,80 @@ from tpd.scene.conditions import check_half_widths, check_reach, latin_hypercube
 from tpd.scene.ground_motion import LONGEST_FREE
 
 MOST_PERIODS = 10_000
-"""Most forcing periods of a run. Ctrl-C waits for the runs that have begun."""
+"""Largest number of forcing periods of a run. After Ctrl-C the runs that have begun are completed."""
 _SCATTERED = (
     *("amplitude", "frequency", "friction", "damping", "restitution"),
     *("slenderness", "mass", "length"),
 )
-"""Names, out of `FACTORS`, of what an ensemble scatters, in the order of its draws."""
+"""Names out of `FACTORS` of the quantities that vary in an ensemble, in the order of the random draws."""
 _RESTITUTION = 0.02
-"""Relative half width of e where nothing is said of it."""
+"""Default relative half width of e."""
 _DRAWS = 10, 1, 3
-"""Draws of each generator: a later one leaves those before it as they are."""
+"""Number of columns that each random generator draws. A new generator for new columns leaves the earlier
+columns unchanged."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ensemble:
-    """A seeded set of runs. All ranges are covered evenly (a Latin hypercube); the first run is the nominal
-    one: at rest, sudden shaking from tau = 0, no scatter.
+    """Seeded set of runs with different initial states, beginnings of the excitation, and properties.
+
+    All ranges are covered evenly (Latin hypercube). The first run is the nominal one: it starts at rest, the
+    excitation begins suddenly at tau = 0, and all quantities have their nominal values.
+
+    The fields are the number of runs (`size`), their `seed`, and the largest number of forcing `periods`; the
+    ranges of the initial state (`tilt`, `tilt_rate`, `swing`, `swing_rate`); the beginning of the excitation
+    (`any_phase`, and `ramps` in s); and the relative half widths of uncertain quantities.
 
     Raises:
-        ValueError: a number out of range.
+        ValueError: a number is out of range.
+
+    Example:
+        >>> import tpd
+        >>> ensemble = tpd.Ensemble(size=64, seed=1, ramps=(0.0,))
+        >>> ensemble.half_widths["friction"]
+        0.2
     """
 
     size: checks.Whole = 512
     """Number of runs."""
     seed: checks.Whole | None = None
-    """Seed of the runs; by default that of the search which they verify, and 0 elsewhere."""
+    """Seed of the runs; default the seed of the search whose result they validate, and 0 elsewhere."""
     periods: checks.Whole = 100
-    """Largest number of forcing periods of a run; a run ends early where its motion repeats or is lost."""
+    """Largest number of forcing periods of a run. A run ends earlier if its motion repeats or the block
+    overturns."""
     tilt: checks.Real = 0.05
-    """Largest |phi| at the start, in shares of nu."""
+    """Largest initial |phi|, as a share of nu."""
     tilt_rate: checks.Real = 0.05
-    """Largest |phi'|, in shares of nu."""
+    """Largest initial |phi'|, as a share of nu."""
     swing: checks.Real = 0.05
-    """Largest |psi|, rad."""
+    """Largest initial |psi|, rad."""
     swing_rate: checks.Real = 0.05
-    """Largest |psi'|, rad per unit tau."""
+    """Largest initial |psi'|, rad per unit of tau."""
     any_phase: bool = True
-    """Whether the shaking may begin at any of its phases; else at a zero of the base's acceleration."""
+    """Whether the excitation may begin at any phase. Otherwise it begins at a zero of the base
+    acceleration."""
     ramps: tuple[float, ...] = (0.0, 2.0)
-    """Seconds over which the shaking grows, dealt out evenly; 0 is sudden. (With dimensionless parameters:
-    units of tau.) It grows linearly from the zero of the base's acceleration before the run begins: a run
-    that begins at another phase begins under the share that is reached by then."""
+    """Durations (s) over which the excitation grows, distributed evenly over the runs; 0 is a sudden
+    beginning. (With dimensionless parameters the unit is that of tau.) The excitation grows linearly,
+    beginning at the last zero of the base acceleration before the start of the run. A run that starts at
+    another phase therefore starts with the share that is reached at this phase."""
     amplitude: checks.Real = 0.01
-    """Relative half width of the base's amplitude."""
+    """Relative half width of the amplitude of the base motion."""
     frequency: checks.Real = 0.01
-    """Relative half width of its frequency; the amplitude of the base's displacement stays."""
+    """Relative half width of the frequency; the amplitude of the displacement does not change."""
     friction: checks.Real = 0.2
-    """Relative half width of k."""
+    """Relative half width of the friction k."""
     damping: checks.Real = 0.2
-    """Relative half width of zeta."""
+    """Relative half width of the damping ratio zeta."""
     restitution: checks.Real | None = None
-    """Relative half width of e, which stays at most 1; default 0.02, or half of 1 - e
-    if that is less, where e is a number, else 0."""
+    """Relative half width of e; e never exceeds 1. Default: 0.02, or half of 1 - e if this is smaller; 0 if e
+    follows from the shape of the block."""
     slenderness: checks.Real = 0.02
-    """Relative half width of nu: the block as it was measured."""
+    """Relative half width of nu, the uncertainty of the measured block."""
     mass: checks.Real = 0.02
-    """Relative half width of the bob's mass, as it was hung."""
+    """Relative half width of the mass of the bob, the tolerance of its manufacture."""
     length: checks.Real = 0.02
-    """Relative half width of the rod's length, as it was hung."""
+    """Relative half width of the length of the rod, the tolerance of its manufacture."""
 
     def __post_init__(self) -> None:
         checks.set_checked(self, checks.count, "size")
@@ -80,55 +99,64 @@ class Ensemble:
             checks.set_checked(self, checks.seed, "seed")
         check_reach(self)
         checks.flag("any_phase", self.any_phase)
+        # A restitution of None keeps its meaning: the default depends on the block.
         for name, width in check_half_widths(self.half_widths).items():
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, width)
+        # A single number stands for one duration.
         ramps = checks.plain("ramps", self.ramps)
         ramps = ramps if isinstance(ramps, (tuple, list)) or np.ndim(ramps) else (ramps,)
         if not len(ramps):
-            raise ValueError("`ramps` must hold at least one duration, but is empty")
+            raise ValueError("`ramps` must contain at least one duration, but is empty")
         object.__setattr__(
             self, "ramps", tuple(checks.not_negative("ramps", ramp, 0.0, LONGEST_FREE) for ramp in ramps)
         )
 
     @property
     def half_widths(self) -> dict[str, float]:
-        """Relative half widths of the scattered numbers by name."""
+        """Relative half widths of the varied quantities, by name."""
         widths = {name: getattr(self, name) for name in _SCATTERED}
         return widths | {"restitution": 0.0 if self.restitution is None else self.restitution}
 
     def widths(self, restitution: Any) -> dict[str, float]:
-        """Relative half widths of the scattered numbers of a block with this e (None or a word where it
-        follows the block's shape)."""
+        """Return the relative half widths of the varied quantities for a block with this e.
+
+        e is None or a word if it follows from the shape of the block.
+        """
         if self.restitution is not None or restitution is None or isinstance(restitution, str):
             return self.half_widths
-        # At most half of the loss, so that no run has none.
+        # Use at most half of the loss, so that every run has a loss.
         e = float(restitution)
         return self.half_widths | {"restitution": min(_RESTITUTION, 0.5 * (1.0 - e)) if e > 0.0 else 0.0}
 
     def seeded(self, seed: int) -> Ensemble:
-        """Return the ensemble with this seed, unless it has one of its own."""
+        """Return the ensemble with this seed, unless it already has a seed."""
         return self if self.seed is not None else replace(self, seed=seed)
 
     def dealt(self, conditions: int) -> np.ndarray:
-        """Index of the condition of every run, out of so many, shape (size,): dealt out evenly."""
-        # A generator of its own, so that conditions leave the draws of the runs as they are.
+        """Return the index of the condition of every run, shape (size,). The runs are distributed evenly over
+        the conditions."""
+        # A separate generator ensures that the number of conditions does not change the draws of the runs.
         return np.random.default_rng([self.seed or 0, 1]).permutation(self.size) % conditions
 
     def draws(self) -> np.ndarray:
-        """Places of the runs in the unit cube, shape (size, 14): the four components of the start, the phase,
-        the growth, and the scattered numbers. The first row is the nominal run."""
+        """Return the points of the runs in the unit cube, shape (size, 14).
+
+        The columns are the four components of the initial state, the phase, the ramp, and the varied
+        quantities. The first row is the nominal run.
+        """
         seed = self.seed or 0
-        drawn = zip((seed, [seed, 5], [seed, 6]), _DRAWS, strict=True)
-        cubes = (latin_hypercube(np.random.default_rng(s), self.size, n) for s, n in drawn)
+        generators = zip((seed, [seed, 5], [seed, 6]), _DRAWS, strict=True)
+        cubes = (latin_hypercube(np.random.default_rng(s), self.size, n) for s, n in generators)
         unit = np.hstack(list(cubes))
+        # The middle of every range is the nominal value. Phase and ramp are nominal at zero.
         unit[0] = 0.5
         unit[0, 4:6] = 0.0
         return unit
 
 
 class StartKind(enum.Enum):
-    """Initial states that a question is about."""
+    """Kind of initial states of a problem."""
 
     rest = "block and bob at rest at tau = 0"
     any = "whichever initial state: every symmetric orbit that is found to attract"
@@ -137,16 +165,26 @@ class StartKind(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Starts:
-    """Initial states at tau = 0: a seeded set, spread evenly over a box, whose first state is at rest.
+    """Initial states at tau = 0: a seeded set that covers a box evenly, whose first state is at rest.
 
-    `Starts.rest()` is one start at rest; `Starts.any()` stands for whichever start.
+    `Starts.rest()` is a single state at rest. `Starts.any()` stands for any initial state.
+
+    The fields are the number of states (`size`), their `seed`, and the largest `tilt` and `tilt_rate` (shares
+    of nu), `swing` (rad) and `swing_rate` (rad per unit of tau).
 
     Raises:
-        ValueError: a size below one, or a spread below zero.
+        ValueError: the size is below one, or a range is negative.
+
+    Example:
+        >>> import tpd
+        >>> tpd.Starts(size=8).states(nu=0.25).shape
+        (8, 4)
     """
 
     size: checks.Whole = 64
+    """Number of states."""
     seed: checks.Whole = 0
+    """Seed of the states."""
     tilt: checks.Real = 0.8
     """Largest |phi|, as a share of nu."""
     tilt_rate: checks.Real = 0.5
@@ -154,8 +192,9 @@ class Starts:
     swing: checks.Real = 0.2
     """Largest |psi|, rad."""
     swing_rate: checks.Real = 0.2
-    """Largest |psi'|, rad per unit tau."""
+    """Largest |psi'|, rad per unit of tau."""
     kind: StartKind = StartKind.sampled
+    """Kind of initial states."""
 
     def __post_init__(self) -> None:
         checks.set_checked(self, checks.count, "size")
@@ -165,25 +204,26 @@ class Starts:
 
     @staticmethod
     def rest() -> Starts:
-        """One start: block and bob at rest."""
+        """Return a single state with block and bob at rest."""
         return Starts(size=1, kind=StartKind.rest)
 
     @staticmethod
     def any() -> Starts:
-        """Whichever start: a question about all symmetric orbits that attract."""
+        """Return an object that stands for any initial state: the problem concerns all symmetric orbits that
+        attract."""
         return Starts(size=1, kind=StartKind.any)
 
     def states(self, nu: float) -> np.ndarray:
-        """The states (phi, psi, phi', psi'), shape (size, 4): a Latin hypercube.
+        """Return the states (phi, psi, phi', psi'), shape (size, 4), as a Latin hypercube.
 
         Raises:
-            ValueError: `Starts.any()`, which has no states.
+            ValueError: the object is `Starts.any()`, which has no states.
         """
         if self.kind is StartKind.any:
             raise ValueError("`starts` must be a set of states here, but is Starts.any()")
         rng = np.random.default_rng(self.seed)
         reach = np.array([self.tilt * nu, self.swing, self.tilt_rate * nu, self.swing_rate])
         unit = 2.0 * latin_hypercube(rng, self.size, 4) - 1.0
-        # The centre of the box, scaled below: the state at rest.
+        # The first state is the centre of the box, which is the state at rest.
         unit[0] = 0.0
         return unit * reach

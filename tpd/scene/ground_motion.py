@@ -1,4 +1,4 @@
-"""Motions of the base that are not harmonic: what they have in common, and pulses in closed form."""
+"""Ground motions: base motions that are not harmonic, and pulses in closed form."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.scene.earthquakes import is_one
 
 LONGEST_FREE = 1e5
-"""Longest free motion (s) that is followed after a ground motion."""
+"""Longest free motion (s) that is simulated after a ground motion."""
 
 GREATEST_PULSE = 1e4
 """Largest acceleration of a pulse, m/s^2."""
 FREQUENCIES = 1e-6, 1e6
-"""Lowest and highest frequency of a motion of the base, Hz."""
+"""Lowest and highest frequency of a base motion, Hz."""
 _MOST_CYCLES = 8.0
 _LONGEST_TRAIN = 1000
-"""Largest numbers of periods of an envelope, and of a train of sines."""
+"""Largest number of periods of an envelope, and of a train of sines."""
 
 
 class GroundMotion:
-    """A horizontal motion of the base in pieces of equal duration, its acceleration a cubic on each.
+    """Horizontal motion of the base in pieces of equal duration, with a cubic acceleration on each piece.
 
-    The base is at rest before the first piece and unaccelerated after the last.
+    The base is at rest before the first piece, and its acceleration is zero after the last piece.
     """
 
     @property
@@ -46,23 +46,26 @@ class GroundMotion:
 
     @abstractmethod
     def pieces(self) -> Any:
-        """Acceleration over `pga`, shape (pieces, 4): coefficients of the powers 0 to 3 of the share of each
-        piece that has passed."""
+        """Return the acceleration over `pga`, shape (pieces, 4).
+
+        The columns are the coefficients of the powers 0 to 3 of the elapsed share of each piece.
+        """
 
     @abstractmethod
     def scaled(self, factor: Real) -> Any:
-        """The motion with all accelerations times `factor`."""
+        """Return the motion with all accelerations multiplied by `factor`."""
 
     @property
     def duration(self) -> Real:
-        """s"""
+        """Duration, s."""
         return len(self.pieces()) * self.piece
 
     def scaled_to(self, *, pga: Real | None = None, pga_g: Real | None = None) -> Any:
-        """The motion with this largest acceleration: `pga` in m/s^2, or `pga_g` in units of 9.80665 m/s^2.
+        """Return the motion with this largest acceleration: `pga` in m/s^2, or `pga_g` in units of 9.80665
+        m/s^2.
 
         Raises:
-            ValueError: both or none of them, or one that is not positive.
+            ValueError: both or none are given, or the value is not positive.
         """
         if (pga is None) == (pga_g is None):
             raise ValueError(
@@ -70,14 +73,15 @@ class GroundMotion:
             )
         if pga_g is not None:
             pga = checks.positive("pga_g", pga_g) * STANDARD_GRAVITY
-        wanted = checks.positive("pga", pga)
+        peak = checks.positive("pga", pga)
         if checks.is_concrete(self.pga) and float(self.pga) == 0.0:
             raise ValueError("a record of zeros cannot be scaled to a peak")
-        return self.scaled(wanted / self.pga)
+        return self.scaled(peak / self.pga)
 
     def acceleration_at(self, times: Any) -> np.ndarray:
-        """Acceleration (m/s^2) at `times` in s; zero before and after the motion."""
+        """Return the acceleration (m/s^2) at `times` in s; zero before and after the motion."""
         at = np.clip(checks.each("times", times), -1e9, 1e9)
+        # Evaluate the cubic of the piece that contains each time by Horner's scheme.
         c, share = np.asarray(self.pieces()), at / float(self.piece)
         i = np.clip(np.floor(share), 0, len(c) - 1).astype(int)
         x = share - i
@@ -86,67 +90,75 @@ class GroundMotion:
 
 
 def events_of(motions: Sequence[GroundMotion]) -> list[str]:
-    """Earthquake of every motion. A motion without one has its own; copies of one motion, and motions whose
-    files write one earthquake differently, have the name of the first."""
+    """Return the earthquake of every motion.
+
+    A motion without an earthquake has a name of its own. Copies of one motion, and motions whose files name
+    one earthquake differently, have the name of the first of them.
+    """
     events = [getattr(m, "event", "") for m in motions]
     names = [event or f"motion {i + 1}" for i, event in enumerate(events)]
     for j, i in itertools.combinations(range(len(events)), 2):
-        # A copy may carry another name: then both names are of one earthquake.
-        named = bool(events[i] and events[j])
+        # If two motions are copies with different names, both names belong to one earthquake. Replace the
+        # name everywhere.
+        both_named = bool(events[i] and events[j])
         if names[i] != names[j] and (
-            (named and is_one(events[i], events[j])) or are_copies(motions[i], motions[j])
+            (both_named and is_one(events[i], events[j])) or are_copies(motions[i], motions[j])
         ):
             names = [names[j] if name == names[i] else name for name in names]
     return names
 
 
 def are_copies(first: GroundMotion, second: GroundMotion) -> bool:
-    """Return whether two records are one motion, up to a factor, the digits of a file, and zeros before it or
-    after it."""
+    """Return whether two records are the same motion.
+
+    They may differ by a factor, by the number of digits in a file, and by zeros before or after the motion.
+    """
     a: Any = getattr(first, "acceleration", 0.0)
     b: Any = getattr(second, "acceleration", 0.0)
     if np.ndim(a) != 1 or np.ndim(b) != 1:
         return False
+    # Copies have the same time step.
     if abs(float(first.piece) - float(second.piece)) > 1e-6 * float(first.piece):
         return False
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     energies, peaks = (a @ a, b @ b), (np.max(np.abs(a)) ** 2, np.max(np.abs(b)) ** 2)
-    # Quick for most pairs: zeros and a factor change no energy over the square of the peak.
+    # A quick test excludes most pairs: the ratio of the energy to the square of the peak does not depend on a
+    # factor or on zeros.
     if abs(energies[0] * peaks[1] - energies[1] * peaks[0]) > 1e-3 * energies[0] * peaks[1]:
         return False
     size = float(np.sqrt(energies[0] * energies[1]))
-    # Two components of one place are below 0.9; rounding to three digits leaves 0.99999.
+    # The correlation of two components of one station is below 0.9. Rounding to three digits leaves 0.99999.
     n = len(a) + len(b)
     correlation = np.fft.irfft(np.fft.rfft(a, n) * np.conj(np.fft.rfft(b, n)), n)
     return size == 0.0 or float(np.max(np.abs(correlation))) > 0.9999 * size
 
 
 def refuse_zeros(motions: Sequence[GroundMotion]) -> None:
-    """Refuse motions whose acceleration is zero throughout: no factor makes them move a block.
-
-    Raises:
-        ValueError: such a motion.
-    """
-    still = [i for i, m in enumerate(motions) if checks.is_concrete(m.pga) and not float(m.pga) > 0.0]
-    if still:
-        names = ", ".join(getattr(motions[i], "name", "") or f"number {i + 1}" for i in still)
+    """Raise `ValueError` for motions whose acceleration is always zero, because no factor makes them move a
+    block."""
+    zeros = [i for i, m in enumerate(motions) if checks.is_concrete(m.pga) and not float(m.pga) > 0.0]
+    if zeros:
+        names = ", ".join(getattr(motions[i], "name", "") or f"number {i + 1}" for i in zeros)
         raise ValueError(f"a motion of zeros cannot be scaled to any intensity, but there is one: {names}")
 
 
 _Shape = Callable[[Any, Any, Any, Any], Any]
-"""Acceleration over `Pulse.acceleration`, of x = 2 pi frequency t with x = 0 in the middle of the pulse, the
-cycles, the phase, and `numpy`, or `jax.numpy` where one of these is traced."""
+"""Function that returns the acceleration over `Pulse.acceleration`. Its arguments are x = 2 pi frequency t,
+with x = 0 in the middle of the pulse, the cycles, the phase, and the module `numpy`, or `jax.numpy` if one of
+them is traced."""
 
 
 class PulseKind(NamedTuple):
-    """All that makes a kind of pulse."""
+    """Definition of a kind of pulse."""
 
     shape: _Shape
+    """Function that returns the acceleration."""
     cubics: int
-    """Cubics that stand for a pulse, or for a period of a train: they are within 2e-9 of it (a train: 4e-8).
-    Their error averages out: motions are within 1e-12 (`tests/answers/test_transient.py` doubles them)."""
+    """Number of cubics that represent a pulse, or a period of a train. Their error is below 2e-9 (of a train
+    4e-8). The error averages out, so that motions are accurate to 1e-12 (`tests/answers/test_transient.py`
+    doubles the number)."""
     periods: float | None = 1.0
-    """Duration in periods; None is that of the envelope, `Pulse.cycles`."""
+    """Duration in periods. None means the duration of the envelope, `Pulse.cycles`."""
     is_train: bool = False
     """Whether the cycles are whole periods."""
     peaks_at_one: bool = True
@@ -161,12 +173,12 @@ def _mavroeidis(x: Any, cycles: Any, phase: Any, np_: Any) -> Any:
 PULSES = {
     "one-sine": PulseKind(lambda x, cycles, phase, np_: -np_.sin(x), 256),
     "one-cosine": PulseKind(lambda x, cycles, phase, np_: -np_.cos(x), 256),
-    # With four periods pi^2 2^2 in the exponent leaves 6e-16 of the peak.
+    # After two periods from the middle the exponent is -pi^2 2^2, which leaves 6e-16 of the peak.
     "ricker": PulseKind(
         lambda x, cycles, phase, np_: (1.0 - 0.5 * x**2) * np_.exp(-0.25 * x**2), 1024, periods=4.0
     ),
     "mavroeidis-papageorgiou": PulseKind(_mavroeidis, 1024, periods=None, peaks_at_one=False),
-    # A train begins at zero whatever the number of its periods.
+    # The factor cos(pi cycles) makes the train begin with an increasing sine for any number of periods.
     "sine-train": PulseKind(
         lambda x, cycles, phase, np_: np_.cos(np_.pi * float(cycles)) * np_.sin(x),
         128,
@@ -174,27 +186,38 @@ PULSES = {
         is_train=True,
     ),
 }
-"""Kinds of pulses by their names."""
+"""Kinds of pulses, by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pulse(GroundMotion):
-    """A pulse of base acceleration; made by `one_sine`, `one_cosine`, `ricker` and `mavroeidis_papageorgiou`.
+    """Pulse of the base acceleration.
+
+    Create a pulse by `one_sine`, `one_cosine`, `ricker`, `mavroeidis_papageorgiou` or `sine_train`. The
+    fields are its `kind`, the `acceleration` in m/s^2, the `frequency` in Hz, the number of `cycles`, and the
+    `phase` in rad.
 
     Raises:
-        ValueError: a kind that does not exist, or a number out of range.
+        ValueError: the kind does not exist, or a number is out of range.
+
+    Example:
+        >>> import tpd
+        >>> pulse = tpd.Pulse.one_sine(acceleration=3.0, frequency=2.0)
+        >>> pulse.pga, pulse.periods
+        (3.0, 1.0)
     """
 
     kind: str
     """Kind of pulse: one-sine, one-cosine, ricker, mavroeidis-papageorgiou or sine-train."""
     acceleration: Real
-    """Amplitude, m/s^2; of all kinds but "mavroeidis-papageorgiou" the largest acceleration."""
+    """Amplitude, m/s^2. This is the largest acceleration of all kinds except "mavroeidis-papageorgiou"."""
     frequency: Real
     """Frequency of the pulse, Hz."""
     cycles: Real = 1.0
-    """Width of the envelope in periods: gamma of Mavroeidis and Papageorgiou; periods of a train."""
+    """Width of the envelope in periods, gamma of Mavroeidis and Papageorgiou; for a train the number of
+    periods."""
     phase: Real = 0.0
-    """Phase against the envelope's middle, rad: nu of Mavroeidis and Papageorgiou."""
+    """Phase relative to the middle of the envelope, rad; nu of Mavroeidis and Papageorgiou."""
 
     def __post_init__(self) -> None:
         checks.one_of("kind", self.kind, tuple(PULSES))
@@ -202,45 +225,49 @@ class Pulse(GroundMotion):
         checks.set_checked(self, checks.positive, "frequency", *FREQUENCIES, " Hz")
         checks.set_checked(self, checks.number, "cycles phase")
         if PULSES[self.kind].is_train:
-            # The number of periods shapes the arrays.
+            # The number of periods determines the shapes of arrays, so that it must be a plain whole number.
             whole = checks.is_concrete(self.cycles) and self.cycles == round(self.cycles)
             if not (whole and 1.0 <= self.cycles <= _LONGEST_TRAIN):
-                wanted = f"a whole number from 1 to {_LONGEST_TRAIN}"
-                raise ValueError(f"`cycles` of a train must be {wanted}, but is {self.cycles}")
+                allowed = f"a whole number from 1 to {_LONGEST_TRAIN}"
+                raise ValueError(f"`cycles` of a train must be {allowed}, but is {self.cycles}")
         elif checks.is_concrete(self.cycles) and not 1.0 <= self.cycles <= _MOST_CYCLES:
-            raise ValueError(f"`cycles` must lie within 1 and 8, but is {self.cycles:g}")
+            raise ValueError(f"`cycles` must be between 1 and 8, but is {self.cycles:g}")
 
     @classmethod
     def one_sine(cls, *, acceleration: Real, frequency: Real) -> Pulse:
-        """One period of a sine: acceleration sin(2 pi frequency t)."""
+        """Return one period of a sine: acceleration sin(2 pi frequency t)."""
         return cls(kind="one-sine", acceleration=acceleration, frequency=frequency)
 
     @classmethod
     def sine_train(cls, *, acceleration: Real, frequency: Real, cycles: int) -> Pulse:
-        """Whole periods of a sine from rest: a harmonic of finite duration."""
+        """Return whole periods of a sine from rest: a harmonic of finite duration."""
         return cls(kind="sine-train", acceleration=acceleration, frequency=frequency, cycles=cycles)
 
     @classmethod
     def one_cosine(cls, *, acceleration: Real, frequency: Real) -> Pulse:
-        """One period of a cosine; it begins and ends with a jump."""
+        """Return one period of a cosine, which begins and ends with a jump."""
         return cls(kind="one-cosine", acceleration=acceleration, frequency=frequency)
 
     @classmethod
     def ricker(cls, *, acceleration: Real, frequency: Real) -> Pulse:
-        """Ricker's symmetric wavelet: acceleration (1 - 2 x^2) exp(-x^2) with x = pi frequency t, cut off
-        where it is 1e-15 of its peak (N. Ricker, Geophysics 8, 1943)."""
+        """Return Ricker's symmetric wavelet: acceleration (1 - 2 x^2) exp(-x^2) with x = pi frequency t.
+
+        It is cut off where it is 1e-15 of its peak (N. Ricker, Geophysics 8, 1943).
+        """
         return cls(kind="ricker", acceleration=acceleration, frequency=frequency)
 
     @classmethod
     def mavroeidis_papageorgiou(
         cls, *, velocity: Real, frequency: Real, cycles: Real, phase: Real = 0.0
     ) -> Pulse:
-        """Near-fault pulse with the base velocity (G. P. Mavroeidis and A. S. Papageorgiou, Bull. Seismol.
-        Soc. Am. 93, 2003)
+        """Return the near-fault pulse of G. P. Mavroeidis and A. S. Papageorgiou (Bull. Seismol. Soc. Am. 93,
+        2003).
 
-            velocity/2 [1 + cos(x/cycles)] cos(x + phase),   x = 2 pi frequency t, |x| <= pi cycles,
+        Its base velocity in m/s is
 
-        in m/s. The acceleration of the result is velocity times 2 pi frequency.
+            velocity/2 [1 + cos(x/cycles)] cos(x + phase),   x = 2 pi frequency t, |x| <= pi cycles.
+
+        The acceleration of the result is velocity times 2 pi frequency.
         """
         velocity = checks.not_negative("velocity", velocity)
         frequency = checks.positive("frequency", frequency)
@@ -260,13 +287,14 @@ class Pulse(GroundMotion):
 
     @property
     def _count(self) -> int:
-        """Cubics that stand for the pulse."""
+        """Number of cubics that represent the pulse."""
         kind = PULSES[self.kind]
         return kind.cubics * (int(self.cycles) if kind.is_train else 1)
 
     @property
     def _namespace(self) -> Any:
-        # A pulse without an envelope is made of known numbers also where its size is traced.
+        # The shape of a pulse without an envelope depends on plain numbers only, even if its amplitude is
+        # traced.
         return np if PULSES[self.kind].periods else checks.namespace(self.cycles, self.phase)
 
     @property
@@ -276,6 +304,7 @@ class Pulse(GroundMotion):
         if kind.peaks_at_one:
             return self.acceleration
         np_ = self._namespace
+        # The peak of this pulse depends on cycles and phase, so sample the shape.
         x = np_.linspace(-1.0, 1.0, 20001) * math.pi * self.periods
         return self.acceleration * np_.max(np_.abs(kind.shape(x, self.cycles, self.phase, np_)))
 
@@ -285,15 +314,17 @@ class Pulse(GroundMotion):
         return self.periods / self.frequency / self._count
 
     def scaled(self, factor: Real) -> Pulse:
-        """The pulse with all accelerations times `factor`."""
+        """Return the pulse with all accelerations multiplied by `factor`."""
         return replace(self, acceleration=self.acceleration * checks.number("factor", factor))
 
     def pieces(self) -> Any:
-        """Acceleration over `pga`, as cubics; see `GroundMotion.pieces`."""
+        """Return the acceleration over `pga` as cubics; see `GroundMotion.pieces`."""
         n = self._count
-        # Through Gauss's points of every piece: the error is orthogonal to cubics and hardly moves a block.
+        # Each cubic interpolates the pulse at the four Gauss points of its piece. The error is then
+        # orthogonal to cubics and has almost no effect on a block.
         share = 0.5 + 0.5 * np.polynomial.legendre.leggauss(4)[0]
         x = ((np.arange(n)[:, None] + share) / n - 0.5) * 2.0 * math.pi * self.periods
+        # Divide by the peak of the shape, because the coefficients are relative to `pga`.
         unit = replace(self, acceleration=1.0).pga
         values = PULSES[self.kind].shape(x, self.cycles, self.phase, self._namespace) / unit
         return values @ np.linalg.inv(np.vander(share, increasing=True)).T

@@ -1,7 +1,7 @@
-"""The classes of a scene as pytrees of JAX: `jax.grad`, `jax.jit` and `jax.vmap` take whole objects.
+"""Classes of a scene as pytrees of JAX, so that `jax.grad`, `jax.jit` and `jax.vmap` accept whole objects.
 
-The classes themselves are importable without JAX, so that a job is checked before JAX is imported. Importing
-this module registers them; every module that hands them to JAX imports it.
+The classes themselves can be imported without JAX, so that a job is checked before JAX is imported. The
+import of this module registers the classes. Every module that passes them to JAX imports it.
 """
 
 from __future__ import annotations
@@ -24,48 +24,49 @@ if TYPE_CHECKING:
     Number = Float[Array, "..."] | float
     State = Float[Array, "4"]
 else:
-    # Known numbers may be arrays of NumPy: see `checks.namespace`. To a checker of types these are JAX's. An
-    # imaginary part of theirs carries a derivative.
+    # Plain numbers may be arrays of NumPy, see `checks.namespace`. A static type checker sees only the types
+    # of JAX. Numbers of NumPy may be complex, because an imaginary part carries a derivative.
     Number = Float[Array, "..."] | Inexact[np.ndarray, "..."] | float
     State = Float[Array, "4"] | Float[np.ndarray, "4"]
 Numbers = tuple[Number, Number, Number, Number]
-"""A state (phi, psi, phi', psi'), one number each."""
+"""State (phi, psi, phi', psi'), one number each."""
 
 Class = TypeVar("Class", bound=type[Any])
 Static: TypeAlias = tuple[tuple[str, ...], tuple[tuple[str, Any], ...]]
-"""Names of the leaves, and the fields that hold a word or several, by name."""
+"""Names of the leaves, and the fields with texts, by name."""
 
 
 def single(thing: Any, name: str = "p") -> Any:
-    """Return a number, or a pytree of numbers, where one-element arrays are the number in them.
+    """Return a number, or a pytree of numbers, with plain numbers in place of arrays of one element.
 
     Raises:
-        ValueError: arrays of several numbers.
+        ValueError: an array has several elements.
     """
     return jax.tree.map(lambda x: checks.plain(name, x, single=True), thing)
 
 
 def _is_words(value: Any) -> bool:
-    """Whether a field holds a word, or a tuple of words only, such as an empty one."""
+    """Whether a field is a text, or a tuple that contains only texts (it may be empty)."""
     return isinstance(value, str) or (isinstance(value, tuple) and all(isinstance(v, str) for v in value))
 
 
 def pytree(cls: Class) -> Class:
-    """Register a frozen dataclass as a pytree: a field that holds words is static, any other is a leaf.
+    """Register a frozen dataclass as a pytree. Fields with texts are static, and all other fields are leaves.
 
-    `jax.tree_util.register_dataclass` fixes the static fields once, and runs `__post_init__` on whatever JAX
-    puts in the place of a leaf. Here a word such as "housner" is static where it is used; nothing is checked.
+    `jax.tree_util.register_dataclass` fixes the static fields once, and runs `__post_init__` on everything
+    that JAX substitutes for a leaf. Here a text such as "housner" is static only in the objects that contain
+    it, and nothing is checked.
     """
     fixed = tuple(f.name for f in fields(cls))
 
     def flatten_with_keys(thing: Any) -> tuple[tuple[tuple[Any, Any], ...], Static]:
-        held = {name: getattr(thing, name) for name in fixed}
-        words = tuple((name, value) for name, value in held.items() if _is_words(value))
-        names = tuple(name for name, value in held.items() if not _is_words(value))
-        return tuple((GetAttrKey(name), held[name]) for name in names), (names, words)
+        values = {name: getattr(thing, name) for name in fixed}
+        words = tuple((name, value) for name, value in values.items() if _is_words(value))
+        names = tuple(name for name, value in values.items() if not _is_words(value))
+        return tuple((GetAttrKey(name), values[name]) for name in names), (names, words)
 
     def unflatten(static: Static, leaves: Any) -> Any:
-        # Not through the constructor: JAX puts objects of its own in the place of leaves.
+        # Bypass the constructor and its checks: JAX substitutes objects of its own for leaves.
         thing, (names, words) = object.__new__(cls), static
         for name, value in (*zip(names, leaves, strict=True), *words):
             object.__setattr__(thing, name, value)

@@ -1,8 +1,8 @@
-"""Variation of a parameter or of an SI quantity by its name, with the derivatives along it.
+"""Variation of a parameter or of an SI quantity by its name, with derivatives.
 
-`Setup` holds plain numbers by name and gives the parameters with some of them replaced; `Axis` is the line
-along one of them. `with_design` replaces the pendulum alone. Gradients with respect to whole objects need no
-names: `Block`, `Pendulum`, `Harmonic` and `Scene` are pytrees.
+`Setup` contains plain numbers by name and returns the parameters with some of them replaced. `Axis` is the
+line along one of them. `with_design` replaces only the pendulum. Gradients with respect to whole objects need
+no names, because `Block`, `Pendulum`, `Harmonic` and `Scene` are pytrees.
 """
 
 from __future__ import annotations
@@ -38,76 +38,82 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     "pendulum_length": ("lam",),
     "pendulum_damping": ("zeta",),
 }
-"""Quantities of a scene by name (m, m, kg, -, -, m, Hz, kg, m, -), each with the parameters that depend on
-it. With Housner's restitution e depends on width, height and both masses as well: see `Setup.moved`."""
+"""Quantities of a scene by name (units m, m, kg, -, -, m, Hz, kg, m, -), each with the parameters that depend
+on it. With Housner's restitution e also depends on width, height and both masses: see `Setup.moved`."""
 _OF_HOUSNER = ("width", "height", "mass", "pendulum_mass")
-"""Quantities that Housner's restitution depends on."""
+"""Quantities on which Housner's restitution depends."""
 UNITS = {
     **dict.fromkeys(("width", "height", "amplitude", "pendulum_length"), "m"),
     **dict.fromkeys(("mass", "pendulum_mass"), "kg"),
     "frequency": "Hz",
 }
-"""Units by name; what is not here is dimensionless."""
+"""Units by name. Quantities that are not listed are dimensionless."""
 _MAY_BE_ZERO = ("friction", "amplitude", "pendulum_mass", "pendulum_damping")
+"""Quantities that may be zero."""
 _BOUNDS = {
     "pendulum_mass": ("mass", "the mass of the block"),
     "pendulum_length": ("height", "the height of the block"),
 }
-"""Quantities of the pendulum that must not exceed one of the block, and that one in words."""
+"""Quantities of the pendulum that must not exceed a quantity of the block, with the words for that
+quantity."""
 _TINY = 1e-100
-"""Imaginary part along which a parameter is differentiated."""
+"""Imaginary step for complex-step differentiation."""
 _OF_PENDULUM = ("mu", "lam", "zeta", "pendulum_mass", "pendulum_length", "pendulum_damping")
+"""Names that exist only with a pendulum."""
 
 
 def parameters_of(subject: Parameters | Scene, pendulum: Pendulum | None = None) -> Parameters:
-    """The parameters of a subject: dimensionless parameters, or a scene and the pendulum in it, if any.
+    """Return the parameters of a subject: dimensionless parameters, or a scene with its pendulum, if any.
 
     Raises:
-        ValueError: traced or batched parameters, or a pendulum beside parameters.
+        ValueError: the parameters are traced or batched, or a pendulum is passed together with parameters.
     """
     return Setup.of(subject, pendulum).at({})
 
 
 def parameters_without_pendulum(subject: Parameters | Scene) -> Parameters:
-    """The parameters of a subject without its pendulum."""
+    """Return the parameters of a subject without its pendulum."""
     return subject.parameters() if isinstance(subject, Scene) else replace(subject, mu=0.0)
 
 
 def with_design(p: Parameters, design: Any) -> Parameters:
-    """Return the parameters with another pendulum (mu, lam, zeta) along the first axis, unchecked: also
-    for traced values, and for numbers with imaginary parts."""
+    """Return the parameters with another pendulum (mu, lam, zeta) along the first axis, without checks.
+
+    The values may be traced, or numbers with imaginary parts.
+    """
     return unchecked(p, mu=design[0], lam=design[1], zeta=design[2])
 
 
 @dataclass(frozen=True)
 class Setup:
-    """Numbers by name that describe block, shaking and pendulum, and of which any may vary."""
+    """Numbers by name that describe block, excitation and pendulum. Each of them can be varied."""
 
     values: Mapping[str, float]
+    """Values by name."""
     scene: bool
-    """True for quantities of a scene in SI units, False for dimensionless parameters."""
+    """Whether the values are quantities of a scene in SI units; else they are dimensionless parameters."""
     has_pendulum: bool
-    """True with a pendulum."""
+    """Whether there is a pendulum."""
 
     @staticmethod
     def of(subject: Parameters | Scene, pendulum: Pendulum | None = None) -> Setup:
-        """Setup of dimensionless parameters, or of a scene with or without a pendulum.
+        """Return the setup of dimensionless parameters, or of a scene with or without a pendulum.
 
         Raises:
-            ValueError: batched parameters, or a pendulum beside parameters.
+            ValueError: the parameters are batched, or a pendulum is passed together with parameters.
         """
         checks.instance("subject", subject, (Parameters, Scene))
         if isinstance(subject, Scene):
             checks.instance(
-                "motion", subject.motion, Harmonic, ": pulses and records are for `tpd.transient`"
+                "motion", subject.motion, Harmonic, ": use `tpd.transient` for pulses and records"
             )
             values = {n: checks.plain(n, v, single=True) for n, v in subject.quantities(pendulum).items()}
             return Setup(values, True, pendulum is not None)
         if pendulum is not None:
-            raise ValueError("`pendulum` goes with a scene; dimensionless parameters have their own")
-        # Without numbers of their own rho and e stay out, and follow the other parameters.
-        named = {n: getattr(subject, n) for n in NAMES if getattr(subject, n) is not None}
-        values = {n: checks.plain(n, value, single=True) for n, value in named.items()}
+            raise ValueError("`pendulum` is allowed only with a scene: parameters contain their own")
+        # rho and e are left out if they are None, and then follow the other parameters.
+        numbers = {n: getattr(subject, n) for n in NAMES if getattr(subject, n) is not None}
+        values = {n: checks.plain(n, value, single=True) for n, value in numbers.items()}
         for n, value in values.items():
             if not checks.is_concrete(value):
                 raise ValueError(f"`{n}` must be a single number, but is {value!r}")
@@ -119,14 +125,15 @@ class Setup:
         return (*QUANTITIES, *NAMES) if self.scene else NAMES
 
     def moved(self, name: str) -> tuple[str, ...]:
-        """Parameters that depend on the quantity `name`; none where `name` is a parameter itself."""
+        """Return the parameters that depend on the quantity `name`; none if `name` is itself a parameter."""
         if not self.scene or name not in QUANTITIES:
             return ()
         tied = "restitution" not in self.values and name in _OF_HOUSNER
         return QUANTITIES[name] + (("e",) if tied else ())
 
     def check(self, argument: str, name: str, *values: float) -> None:
-        """Raise `ValueError` unless `name`, given as `argument`, can be varied and take these values."""
+        """Raise `ValueError` unless `name`, the value of `argument`, can be varied and can have these
+        values."""
         self.check_name(argument, name)
         for value in map(float, values):
             self.check_sign(name, value)
@@ -134,7 +141,7 @@ class Setup:
         self.check_plausible(name, np.array(values, dtype=float))
 
     def check_plausible(self, name: str, values: np.ndarray) -> None:
-        """Raise `ValueError` for values of a quantity of a scene that can only be in another unit."""
+        """Raise `ValueError` for values of a quantity of a scene that are plausible only in another unit."""
         if not (self.scene and np.size(values)):
             return
         q = {**self.values, name: values}
@@ -145,22 +152,25 @@ class Setup:
         if name == "amplitude":
             check_excitation(values, q["frequency"])
         if name == "frequency" and "amplitude" in q:
-            # The acceleration grows with the square: a wide range of frequencies may end beyond any ground.
+            # The acceleration grows with the square of the frequency, so that the upper end of a wide range
+            # may exceed any ground motion: check only the lower end.
             check_excitation(q["amplitude"], values.min())
 
     def check_name(self, argument: str, name: str) -> None:
-        """Raise `ValueError` unless `name`, given as `argument`, can be varied."""
+        """Raise `ValueError` unless `name`, the value of `argument`, can be varied."""
         checks.one_of(argument, name, self.names)
         if self.scene and not self.has_pendulum and name in _OF_PENDULUM:
             raise ValueError(f"`{name}` cannot be varied without a pendulum, but none is given")
 
     def check_sign(self, name: str, value: float) -> None:
-        """Raise `ValueError` for a quantity that is negative, or zero where it must be positive. `at` checks
-        it against the other quantities (a width against a height)."""
+        """Raise `ValueError` if a quantity is negative, or zero although it must be positive.
+
+        `at` checks a quantity against the other quantities, for example a width against a height.
+        """
         if name in QUANTITIES:
             check = checks.not_negative if name in _MAY_BE_ZERO else checks.positive
             check(name, value)
-        # A mass or a length of the pendulum that varies has the same bounds as one that is given.
+        # When mass or length of the pendulum are varied, the bounds are the same as for fixed values.
         if name in _BOUNDS and self.has_pendulum:
             of, words = _BOUNDS[name]
             checks.at_most(name, value, self.values[of], words)
@@ -168,18 +178,19 @@ class Setup:
     def at(self, varied: Mapping[str, Any]) -> Parameters:
         """Return the parameters with some numbers replaced, each by a number or an array.
 
-        In a scene the SI quantities are replaced first. A parameter that is replaced as well changes no
-        other parameter, except rho, which follows nu unless the block has a radius of gyration, and Housner's
-        e, which follows nu, rho and mu.
+        In a scene the SI quantities are replaced first. The replacement of a parameter then changes no other
+        parameter, with two exceptions: rho follows nu unless the block has a radius of gyration, and
+        Housner's e follows nu, rho and mu.
         """
         return Parameters(**self.numbers(varied))
 
     def numbers(self, varied: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the numbers of `at` by name, unchecked: also for traced values and values out of range."""
+        """Return the numbers of `at` by name without checks, also for traced values and values out of
+        range."""
         if not self.scene:
-            # None, where e has no number of its own, is Housner's; left out it would be 1.
+            # None stands for Housner's e. Without the key the default of e would be 1.
             return {"e": None, **self.values, **varied}
-        # A parameter overrides what the quantities give for it.
+        # A parameter overrides the value that follows from the quantities.
         over = {n: v for n, v in varied.items() if n in NAMES}
         own = {n: v for n, v in varied.items() if n not in over}
         return {**dimensionless({**self.values, **own}), **over}
@@ -195,18 +206,21 @@ class Setup:
 
 @dataclass(frozen=True)
 class Axis:
-    """Line through the space of parameters, along which one number of a setup varies."""
+    """Line in the space of parameters along which one number of a setup varies."""
 
     setup: Setup
+    """Values of all numbers."""
     name: str
-    """Name of the number that varies."""
+    """Name of the varied number."""
 
     @staticmethod
     def of(subject: Parameters | Scene, name: str, pendulum: Pendulum | None = None) -> Axis:
-        """Axis of `name` through parameters or a scene; `ValueError` for bad input."""
+        """Return the axis of `name` through parameters or a scene; raise `ValueError` if `name` cannot be
+        varied."""
         setup = Setup.of(subject, pendulum)
         setup.check("name", name)
-        # A parameter varies at fixed other parameters, so the scene behind them has no part in it.
+        # A parameter varies while the other parameters are fixed, so that the scene is replaced by its
+        # parameters.
         if setup.scene and name in NAMES:
             setup = Setup.of(setup.at({}))
         return Axis(setup, name)
@@ -224,14 +238,17 @@ class Axis:
         self.setup.check("name", self.name, *values)
 
     def at(self, values: np.ndarray) -> np.ndarray:
-        """Parameters at values of shape (n,), in the order of NAMES, shape (n, 9)."""
+        """Return the parameters at values of shape (n,), in the order of NAMES, shape (n, 9)."""
         rows = [np.broadcast_to(x, np.shape(values)) for x in self.setup.vector({self.name: values})]
         return np.stack(rows, axis=1)
 
     def jacobian(self, value: float) -> np.ndarray:
-        """Derivatives of the parameters with respect to the number that varies and to `others`, shape
-        (9, 1 + len(others))."""
-        # An imaginary part that is too small to change the real one carries the derivative exactly.
+        """Return the derivatives of the parameters, shape (9, 1 + len(others)).
+
+        The columns are the derivatives with respect to the varied number and to `others`.
+        """
+        # Complex-step differentiation: an imaginary part that is too small to change the real part carries
+        # the exact derivative.
         values = {**self.setup.values, self.name: value}
-        moved = ({**values, n: complex(values[n], _TINY)} for n in (self.name, *self.others))
-        return np.stack([np.imag(self.setup.vector(varied)) / _TINY for varied in moved], axis=1)
+        steps = ({**values, n: complex(values[n], _TINY)} for n in (self.name, *self.others))
+        return np.stack([np.imag(self.setup.vector(varied)) / _TINY for varied in steps], axis=1)

@@ -1,7 +1,7 @@
-"""A recorded ground motion: horizontal base acceleration over time.
+"""Record: a recorded ground motion as horizontal base acceleration over time.
 
-`Record` is a pytree like `tpd.scene.scene.Harmonic`. The readers of files are in `tpd.formats`, records that
-come with the package in `tpd.records`.
+`Record` is a pytree like `tpd.scene.scene.Harmonic`. The readers of files are in `tpd.formats`, and the
+records of the package are in `tpd.records`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from tpd.formats.channel import GREATEST_PEAK
 from tpd.scene.ground_motion import GroundMotion
 
 STEPS = 1e-6, 1e3
-"""Least and largest step between samples, s."""
+"""Smallest and largest time step between samples, s."""
 
 if TYPE_CHECKING:
     from tpd.formats.channel import Channel
@@ -28,30 +28,39 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Record(GroundMotion):
-    """Horizontal base acceleration at equal steps: linear between samples, zero before the first and after
-    the last. Leaves of the pytree are the acceleration, the step and the scale; the words are static.
+    """Horizontal base acceleration at equal time steps, linear between samples, and zero before and after
+    them.
 
-    Two records are equal if all their fields but `source` are.
+    The fields are the `acceleration` in m/s^2, shape (n,), the time step `dt` in s, and a factor `scale`;
+    `name` is station and component, `event` the earthquake, `notes` are remarks of the reader, and `source`
+    is the file. Leaves of the pytree are the acceleration, the step and the scale; the texts are static. Two
+    records are equal if all their fields except `source` are equal.
 
     Raises:
-        ValueError: fewer than two samples, a number that is not finite, a step that is not positive, or a
-            peak above 100 m/s^2.
+        ValueError: there are fewer than two samples, a number is not finite, the step is not positive, or the
+            peak is above 100 m/s^2.
+
+    Example:
+        >>> import tpd
+        >>> record = tpd.Record([0.0, 1.0, -2.0, 0.0], 0.01)
+        >>> float(record.pga), round(record.duration, 4)
+        (2.0, 0.03)
     """
 
     acceleration: Any
-    """(n,), m/s^2, n of 2 or more; a list is copied into an array."""
+    """Samples, shape (n,), m/s^2, n at least 2. A list is copied into an array."""
     dt: Real
-    """Step between samples, s."""
+    """Time step between samples, s."""
     scale: Real = field(default=1.0, kw_only=True)
     """Factor on the acceleration."""
     name: str = field(default="", kw_only=True)
     """Station and component."""
     event: str = field(default="", kw_only=True)
-    """The earthquake: records of one earthquake have the same."""
+    """Earthquake; records of one earthquake have the same text."""
     notes: tuple[str, ...] = field(default=(), kw_only=True)
-    """Remarks of the reader, such as that the record is uncorrected."""
+    """Remarks of the reader, for example that the record is uncorrected."""
     source: str = field(default="", kw_only=True, compare=False)
-    """The file that the record was read from, and the number of the channel where the file has several."""
+    """File of the record, with the number of the channel if the file has several."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "acceleration", _samples(self.acceleration))
@@ -61,8 +70,8 @@ class Record(GroundMotion):
             checks.instance(name, getattr(self, name), str)
         if not (isinstance(self.notes, tuple) and all(isinstance(note, str) for note in self.notes)):
             raise ValueError(f"`notes` must be a tuple of strings, but is {checks.shown(self.notes)}")
-        known = checks.is_concrete(self.acceleration) and checks.is_concrete(self.scale)
-        if known and float(self.pga) > GREATEST_PEAK:
+        is_concrete = checks.is_concrete(self.acceleration) and checks.is_concrete(self.scale)
+        if is_concrete and float(self.pga) > GREATEST_PEAK:
             raise ValueError(
                 f"`acceleration` must be at most {GREATEST_PEAK:g} m/s^2 at its peak, but is "
                 f"{float(self.pga):g} m/s^2: is it in cm/s^2?"
@@ -71,6 +80,7 @@ class Record(GroundMotion):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Record):
             return NotImplemented
+        # Arrays have no single truth value, so that the generated comparison of a dataclass would fail.
         pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self) if f.compare)
         return all(np.array_equal(mine, theirs) for mine, theirs in pairs)
 
@@ -79,14 +89,16 @@ class Record(GroundMotion):
 
     @property
     def pga(self) -> Real:
-        """Peak ground acceleration, m/s^2, with the scale."""
+        """Peak ground acceleration, m/s^2, including the scale."""
         xp = checks.namespace(self.acceleration, self.scale)
         return xp.max(xp.abs(self.acceleration)) * xp.abs(self.scale)
 
     @property
     def pgv(self) -> Real:
-        """Peak ground velocity (m/s) at the samples, with the scale: the integral of the acceleration by
-        trapezoids, from rest."""
+        """Peak ground velocity (m/s) at the samples, including the scale.
+
+        The velocity is the integral of the acceleration by the trapezoidal rule, starting at rest.
+        """
         xp = checks.namespace(self.acceleration, self.dt, self.scale)
         a = self.acceleration
         velocity = xp.cumsum(0.5 * (a[1:] + a[:-1])) * self.dt
@@ -94,7 +106,7 @@ class Record(GroundMotion):
 
     @property
     def duration(self) -> Real:
-        """Time from the first sample to the last, s."""
+        """Time from the first sample to the last sample, s."""
         return (np.shape(self.acceleration)[0] - 1) * self.dt
 
     def scaled(self, factor: Real) -> Record:
@@ -107,13 +119,14 @@ class Record(GroundMotion):
         return self.dt
 
     def pieces(self) -> Any:
-        """Acceleration over `pga` from sample to sample; see
+        """Return the acceleration over `pga` between the samples; see
         `tpd.scene.ground_motion.GroundMotion.pieces`."""
         xp = checks.namespace(self.acceleration, self.scale)
         a = self.acceleration * xp.sign(self.scale)
         peak = xp.max(xp.abs(a))
-        # A record of zeros is one of zeros over any peak.
+        # A record of zeros has no peak to divide by.
         a = a / xp.where(peak > 0.0, peak, 1.0)
+        # The acceleration is linear between samples, so that the quadratic and cubic coefficients are zero.
         zero = xp.zeros_like(a[1:])
         return xp.stack([a[:-1], a[1:] - a[:-1], zero, zero], axis=1)
 
@@ -129,32 +142,44 @@ class Record(GroundMotion):
         skip: int = 0,
         scale: float = 1.0,
     ) -> Record:
-        """Return one channel of a file. The format is recognised by the content: PEER AT2, CSMIP V1 and V2,
-        COSMOS, USGS SMC, ESM, K-NET and KiK-net, GeoNet V1A and V2A, a table of text, each as it is or
-        compressed by gzip; others through ObsPy (`tpd[obspy]`).
+        """Read one channel of a file. The format is recognised from the content.
 
-        A table is read as it is only if its whole header is understood: `tpd.formats.table` has the grammar.
-        `columns`, `skip`, `unit` and `dt` read any other table. An option that contradicts what the file
-        states is refused.
+        The formats are PEER AT2, CSMIP V1 and V2, COSMOS, USGS SMC, ESM, K-NET and KiK-net, GeoNet V1A and
+        V2A, and text tables, each plain or compressed by gzip. Other formats are read by ObsPy
+        (`tpd[obspy]`).
+
+        A table is read without options only if its whole header is understood; `tpd.formats.table` describes
+        the grammar. For any other table pass `columns`, `skip`, `unit` and `dt`. An option that contradicts
+        the file is rejected.
 
         Args:
-            path: of the file.
-            channel: number of the channel, from 0 in the order of the file. A file of one channel needs none.
-            dt: step in s of a table that has accelerations only.
-            baseline: "mean" removes the mean, "linear" the straight line of least squares, "none" nothing.
-                Default: the mean, where the file states that the record is not corrected, or its format holds
-                records as they are recorded. A table of text is read as it is.
-            unit: of the acceleration, such as "g", "m/s2", "cm/s2" or "gal", of a file that states none.
-            columns: numbers of the columns of a table, from 1, by their names, such as
-                `{"time (ms)": 1, "N": 2, "E (gal)": 3}`; columns without a name are left out. "rows" if the
-                samples follow one another, row by row.
-            skip: number of lines at the top of a table that are not read.
-            scale: factor on all samples, for a file whose numbers have to be multiplied.
+            path: path of the file.
+            channel: number of the channel, from 0 in the order of the file; not needed for a file with one
+                channel.
+            dt: time step in s of a table that contains only accelerations.
+            baseline: "mean" removes the mean, "linear" removes the straight line of least squares, "none"
+                removes nothing. Default: the mean if the file states that the record is not corrected, or if
+                its format is for uncorrected records. For a text table the default is none.
+            unit: unit of the acceleration, such as "g", "m/s2", "cm/s2" or "gal", for a file that states
+                none.
+            columns: numbers of the columns of a table, from 1, by their names, such as `{"time (ms)": 1, "N":
+                2, "E (gal)": 3}`; columns that are not listed are ignored. "rows" means that the samples
+                continue row by row.
+            skip: number of lines at the top of a table that are skipped.
+            scale: factor by which all samples are multiplied.
 
         Raises:
-            ValueError: a file that is damaged, incomplete, contradicts itself or is of no known format, or
-                several channels of which none is chosen; one sentence.
-            FileNotFoundError: no such file.
+            ValueError: the file is damaged, incomplete, contradictory or of an unknown format, or it has
+                several channels and none is chosen. The message is one sentence.
+            FileNotFoundError: the file does not exist.
+
+        Example:
+            >>> import pathlib, tempfile, tpd
+            >>> path = pathlib.Path(tempfile.mkdtemp()) / "record.csv"
+            >>> _ = path.write_text("0.0,0.0 0.01,1.5 0.02,-0.5".replace(" ", chr(10)))
+            >>> record = tpd.Record.read(path, columns={"time": 1, "N": 2}, unit="m/s2")
+            >>> float(record.pga), record.dt
+            (1.5, 0.01)
         """
         from tpd.formats.read import Options, one_channel
 
@@ -172,8 +197,10 @@ class Record(GroundMotion):
         skip: int = 0,
         scale: float = 1.0,
     ) -> list[Record]:
-        """Return all channels of a file, in its order; vertical ones have a note. Arguments and errors are
-        those of `read`."""
+        """Read all channels of a file, in the order of the file. Vertical channels have a note.
+
+        Arguments and errors are those of `read`.
+        """
         from tpd.formats.read import Options, channels
 
         how = Options(dt, baseline, unit, columns, skip, scale)
@@ -181,19 +208,20 @@ class Record(GroundMotion):
 
 
 def _of(channel: Channel) -> Record:
-    """The record of a channel of a file."""
+    """Return the record of a channel of a file."""
     words = {name: getattr(channel, name) for name in ("name", "event", "notes", "source")}
     return Record(channel.acceleration, channel.dt, **words)
 
 
 def _samples(value: Any) -> Any:
-    """Checked samples: those of NumPy or of a list as an array that nobody can write to."""
-    wanted = "an array of two accelerations or more"
-    found = checks.array("acceleration", value, (-1,), wanted)
-    if len(found) < 2:
-        raise ValueError(f"`acceleration` must be {wanted}, but is {checks.shown(value)}")
+    """Check samples. Samples from NumPy or from a list are returned as a read-only array."""
+    expected = "an array of at least two accelerations"
+    samples = checks.array("acceleration", value, (-1,), expected)
+    if len(samples) < 2:
+        raise ValueError(f"`acceleration` must be {expected}, but is {checks.shown(value)}")
     if checks.is_jax(value):
         return checks.plain("acceleration", value)
-    array = np.array(found)
+    # A copy that cannot be changed, because `Record` is frozen and can be hashed.
+    array = np.array(samples)
     array.flags.writeable = False
     return array

@@ -1,9 +1,9 @@
 """Block, base motion and pendulum in SI units, and the dimensionless parameters that follow from them.
 
 Every class here is a pytree whose leaves are its numbers (`tpd.scene.pytrees`): `jax.grad`, `jax.jit` and
-`jax.vmap` take a whole `Block`, `Harmonic`, `Pendulum` or `Scene` as an argument. Plain numbers and arrays
-are checked when an object is made; traced values pass unchecked. Symbols are those of the paper's (1) to (6)
-and (25).
+`jax.vmap` accept a whole `Block`, `Harmonic`, `Pendulum` or `Scene` as an argument. Plain numbers and arrays
+are checked when an object is made. Traced values are not checked. Symbols are those of the equations (1) to
+(6) and (25) of the paper.
 """
 
 from __future__ import annotations
@@ -22,65 +22,85 @@ from tpd.scene.impacts import housner
 from tpd.scene.parameters import SLENDERNESS_LIMIT, Parameters, uniform_inertia_ratio
 
 HOUSNER = "housner"
-"""Value of `Block.restitution` that ties e to block and bob by `tpd.scene.impacts.housner`."""
+"""Value of `Block.restitution` for which e follows from block and bob by `tpd.scene.impacts.housner`."""
 LEAST_SLENDERNESS = 0.01
-"""Least width over height of a block: below it one of both is in another unit."""
+"""Smallest width over height of a block. For a smaller ratio, width and height are probably in different
+units."""
 DENSITIES = (10.0, 5e5)
-"""Plausible kg/m^3 of a block that is as deep as it is wide. Hollow blocks and walls, which are deeper, lie
-within; lengths in mm or cm, and masses in t or g, do not."""
+"""Plausible density, kg/m^3, of a block whose depth equals its width. Hollow blocks and walls, which are
+deeper, lie within the range. Lengths in mm or cm, and masses in t or g, lie outside."""
 LARGEST_SHAKING = 10.0
-"""Largest plausible acceleration of a harmonic base motion, in shares of the standard gravity. The strongest
-motions on record reach a few g."""
+"""Largest plausible acceleration of a harmonic base motion, over the standard gravity. The strongest recorded
+motions reach a few g."""
 LARGEST_COEFFICIENT = 2.0
-"""Largest plausible coefficient of friction: that of rubber on concrete is about 1."""
+"""Largest plausible coefficient of friction; that of rubber on concrete is about 1."""
 LEAST_GYRATION = 0.01
-"""Least radius of gyration of a block, as a share of half its diagonal."""
+"""Smallest radius of gyration of a block, as a share of half its diagonal."""
 HEAVIEST, LENGTHS = 1e12, (1e-6, 1e6)
-"""Largest mass (kg) of a pendulum, and its least and largest length (m)."""
+"""Largest mass (kg) of a pendulum, and its smallest and largest length (m)."""
 LARGEST_DAMPING = 2.0
-"""Largest damping ratio of a hinge, as in a design space: a ratio, and no per cent."""
+"""Largest damping ratio of a hinge. A larger value is probably in percent."""
 GRAVITIES = (1.5, 30.0)
-"""Plausible m/s^2: the Moon's lies within, 1 g as a number, 981 cm/s^2 and 32.2 ft/s^2 do not."""
+"""Plausible acceleration of gravity, m/s^2. The value of the Moon lies within the range; 1 (in g), 981 (in
+cm/s^2) and 32.2 (in ft/s^2) lie outside."""
 
 
 def _convert_numbers(thing: Any) -> None:
-    """Turn the numbers among the fields of a frozen dataclass into floats, and the arrays into plain ones."""
-    # `jax.grad` refuses integers, and `Block(width=1, ...)` means a metre.
+    """Convert the numbers among the fields of a frozen dataclass to floats, and the arrays to plain
+    arrays."""
+    # `jax.grad` does not accept integers, but a user may write `Block(width=1, ...)`.
     checks.set_checked(thing, checks.plain, " ".join(f.name for f in fields(thing)))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """A rigid block, its base 2a wide and 2b high in the paper's symbols.
+    """Rigid block with a base of width 2a and a height of 2b in the symbols of the paper.
 
-    By default it loses energy at impacts alone, as a rigid block on a rigid base does in Housner's model.
+    By default the block loses energy only at impacts, like a rigid block on a rigid base in Housner's model.
+
+    Attributes:
+        width: width of the base, m.
+        height: height of the block, m.
+        mass: mass of the block, kg.
+        friction: dry friction moment k over M g b, dimensionless; default 0.
+        radius_of_gyration: about the centroid, m; default that of a uniform rectangle.
+        restitution: velocity ratio e at an impact, in (0, 1], or "housner" (default).
+        cavity_width: width of the space in which the bob swings, m; default not stated.
+        base_friction: coefficient of friction of the base, dimensionless; default not known.
 
     Raises:
-        ValueError: a size, mass, friction or restitution out of range, a block too wide for linear equations
-            or implausibly narrow, or a mass that is implausible for the size.
+        ValueError: a size, mass, friction or restitution is out of range, the block is too wide for the
+            linear equations or implausibly narrow, or the mass is implausible for the size.
+
+    Example:
+        >>> import tpd
+        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0)
+        >>> round(block.slenderness, 4), round(block.velocity_ratio, 4)
+        (0.3333, 0.85)
     """
 
     width: Real
-    """Whole width of the base, m."""
+    """Width of the base, m."""
     height: Real
-    """Whole height of the block, m; the pendulum hangs from the middle of the top."""
+    """Height of the block, m; the hinge of the pendulum is at the middle of the top."""
     mass: Real
     """Mass of the block, kg."""
     friction: Real = 0.0
     """k: dry friction moment of the rocking contact over M g b, dimensionless."""
     radius_of_gyration: Real | None = None
-    """Radius of gyration about the centroid, m. None is that of a uniform rectangle, which follows `width`
-    and `height` in gradients."""
+    """Radius of gyration about the centroid, m (default: that of a uniform rectangle). Gradients then include
+    its dependence on `width` and `height`."""
     restitution: Real | str = HOUSNER
-    """e: velocity ratio across an impact of the base, in (0, 1], with whatever pendulum hangs in the block.
-    "housner" ties it to the block's shape and to the mass ratio of bob and block, also in gradients. 1 is no
-    impact loss."""
+    """e: ratio of the angular velocities after and before an impact of the base, a number in (0, 1], where 1
+    means no loss, or "housner" (the default), which follows from block and bob. "housner" depends on the
+    shape of the block and on the mass ratio of bob and block, also in gradients. A number applies with any
+    pendulum."""
     cavity_width: Real | None = None
-    """Width (m) of the space inside the block in which the bob swings. None is not stated: a search that asks
-    for room then asks for it."""
+    """Width (m) of the space inside the block in which the bob swings. Default: not stated; a search with a
+    limit on the clearance then requires it."""
     base_friction: Real | None = None
-    """Coefficient of friction between the base and what it stands on, dimensionless. None is not known. It
-    decides whether the block slides before it rocks, and changes no motion."""
+    """Coefficient of friction between the base and the ground, dimensionless. It decides whether the block
+    slides before it rocks, and does not change any motion. Default: not known."""
 
     def __post_init__(self) -> None:
         _convert_numbers(self)
@@ -89,8 +109,9 @@ class Block:
         check_proportions(self.width, self.height, self.mass)
         self._check_losses()
         if self.radius_of_gyration is not None:
+            # A block that is not a uniform rectangle states its radius of gyration.
             checks.positive("radius_of_gyration", self.radius_of_gyration, every=True)
-            # No body has more: all of its mass would lie in the corners.
+            # The radius is largest if all of the mass is in the corners.
             most = 0.5 * (self.width**2 + self.height**2) ** 0.5
             checks.at_most(
                 "radius_of_gyration", self.radius_of_gyration, most, "half the diagonal of the block"
@@ -110,6 +131,8 @@ class Block:
             )
 
     def _check_losses(self) -> None:
+        """Check restitution and friction."""
+        # The only text that is allowed is "housner": any other text is a misspelling.
         if self.restitution is None or isinstance(self.restitution, str):
             if self.restitution != HOUSNER:
                 raise ValueError(
@@ -118,52 +141,54 @@ class Block:
         else:
             checks.positive("restitution", self.restitution, 0.0, 1.0, every=True)
         checks.not_negative("friction", self.friction, every=True)
-        # The moment of the block's weight about its corner is M g a = nu M g b, and it falls with the tilt:
-        # a greater friction moment holds the block at any tilt, so that it neither falls back nor over.
+        # The moment of the weight about a corner is M g a = nu M g b, and it decreases with the tilt. A
+        # larger friction moment would hold the block at any tilt, so that it neither returns nor overturns.
         checks.at_most(
             "friction",
             self.friction,
             self.slenderness,
-            "width/height (a moment over M g b, no coefficient of sliding; a greater one holds the block at "
-            "any tilt)",
+            "width/height (it is a moment over M g b and not a coefficient of sliding; a larger one holds "
+            "the block at any tilt)",
         )
 
     def _check_cavity(self) -> None:
+        """Check the width of the cavity."""
         if self.cavity_width is None:
             return
         checks.positive("cavity_width", self.cavity_width, every=True)
+        # Traced values cannot be compared, and pass.
         if all(map(checks.is_concrete, (self.cavity_width, self.width))) and np.any(
             np.asarray(self.cavity_width) >= self.width
         ):
             raise ValueError(
-                f"`cavity_width` must be less than the outside width, {np.max(self.width):g} m (walls of no "
-                f"thickness cannot be built), but is {np.max(self.cavity_width):g} m"
+                f"`cavity_width` must be less than the width of the block, {np.max(self.width):g} m, because "
+                f"the walls have a thickness, but is {np.max(self.cavity_width):g} m"
             )
 
     @property
     def clear_width(self) -> Real:
-        """Width (m) between the walls that the bob swings within; infinite where no cavity is stated, so that
-        nothing is known of walls."""
+        """Distance (m) between the walls on both sides of the bob; infinite if the cavity is not stated."""
         return math.inf if self.cavity_width is None else self.cavity_width
 
     @property
     def half_height(self) -> Real:
-        """b, m."""
+        """Half the height of the block, b, m."""
         return 0.5 * self.height
 
     @property
     def slenderness(self) -> Real:
-        """nu = a/b."""
+        """Slenderness nu = a/b."""
         return self.width / self.height
 
     @property
     def inertia_ratio(self) -> Real:
-        """rho = b^2/(a^2 + b^2 + c^2), with c the radius of gyration."""
+        """Inertia ratio rho = b^2/(a^2 + b^2 + c^2), with the radius of gyration c."""
         return _inertia_ratio(self.width, self.height, self.radius_of_gyration)
 
     @property
     def velocity_ratio(self) -> Real:
-        """e of the bare block: the restitution as a number; 1 without impact loss."""
+        """Velocity ratio e of the block without a pendulum, as a number; 1 means no loss."""
+        # Without a pendulum Housner's ratio has no mass ratio.
         if isinstance(self.restitution, str):
             return housner(self.slenderness, self.inertia_ratio)
         return self.restitution
@@ -171,18 +196,27 @@ class Block:
 
 @dataclass(frozen=True, kw_only=True)
 class Pendulum:
-    """A point bob on a rod from the middle of the block's top.
+    """Point bob on a massless rod from the middle of the top of the block.
+
+    The fields are the `mass` of the bob in kg, the `length` of the rod in m, and the `damping_ratio` of the
+    hinge, dimensionless.
 
     Raises:
-        ValueError: a mass, length or damping ratio out of range.
+        ValueError: the mass, length or damping ratio is out of range.
+
+    Example:
+        >>> import tpd
+        >>> pendulum = tpd.Pendulum(mass=50.0, length=0.4, damping_ratio=0.1)
+        >>> round(pendulum.hinge_damping(), 4)
+        7.9223
     """
 
     mass: Real
-    """kg; 0 is no pendulum."""
+    """Mass of the bob, kg; 0 means no pendulum."""
     length: Real
-    """m"""
+    """Length of the rod, m."""
     damping_ratio: Real
-    """zeta: share of critical damping of the pendulum hung from a fixed point."""
+    """Damping ratio zeta: share of the critical damping of the pendulum on a fixed hinge."""
 
     def __post_init__(self) -> None:
         _convert_numbers(self)
@@ -192,17 +226,25 @@ class Pendulum:
         check_damping("damping_ratio", self.damping_ratio)
 
     def hinge_damping(self, gravity: Real = STANDARD_GRAVITY) -> Real:
-        """Moment of the hinge per angular rate, N m s/rad: 2 zeta m l^1.5 g^0.5."""
+        """Return the moment of the hinge per angular rate, N m s/rad: 2 zeta m l^1.5 g^0.5."""
         gravity = checks.positive("gravity", gravity)
         return 2.0 * self.damping_ratio * self.mass * self.length**1.5 * gravity**0.5
 
 
 @dataclass(frozen=True, kw_only=True)
 class Harmonic:
-    """Horizontal base motion x = amplitude sin(2 pi frequency t).
+    """Harmonic horizontal motion of the base: displacement amplitude sin(2 pi frequency t).
+
+    The fields are the `amplitude` in m and the `frequency` in Hz.
 
     Raises:
-        ValueError: an amplitude or frequency out of range, or an implausible acceleration of both.
+        ValueError: the amplitude or the frequency is out of range, or their acceleration is implausible.
+
+    Example:
+        >>> import tpd
+        >>> motion = tpd.Harmonic(amplitude=0.015, frequency=2.5)
+        >>> round(motion.rate, 4)
+        15.708
     """
 
     amplitude: Real
@@ -218,116 +260,129 @@ class Harmonic:
 
     @property
     def rate(self) -> Real:
-        """omega, rad/s."""
+        """Angular frequency omega, rad/s."""
         return 2.0 * math.pi * self.frequency
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A block and the motion of its base: a `Harmonic`, a `Pulse` or a `Record`.
+    """Block with the motion of its base: a `Harmonic`, a `Pulse` or a `Record`.
 
-    `parameters` makes it dimensionless under a harmonic, and `ground_parameters` under any other motion.
+    The fields are the `block`, its `motion`, and the `gravity` in m/s^2. `parameters` returns the
+    dimensionless parameters under a harmonic, and `ground_parameters` those under any other motion.
 
     Raises:
-        ValueError: an object of another class, or a gravity out of range.
+        ValueError: an object is of another class, or the gravity is out of range.
+
+    Example:
+        >>> import tpd
+        >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0)
+        >>> scene = tpd.Scene(block, tpd.Harmonic(amplitude=0.01, frequency=2.0))
+        >>> round(scene.rate, 4), round(scene.peak, 4), round(scene.uplift, 4)
+        (2.9709, 0.161, 0.3333)
     """
 
     block: Block
+    """Block."""
     motion: Any
-    """A `Harmonic`, a `Pulse` or a `Record`."""
+    """Motion of the base: a `Harmonic`, a `Pulse` or a `Record`."""
     gravity: Real = STANDARD_GRAVITY
-    """Gravity, m/s^2."""
+    """Acceleration of gravity, m/s^2."""
 
     def __post_init__(self) -> None:
         _convert_numbers(self)
         checks.instance("block", self.block, Block)
         checks.instance("motion", self.motion, (Harmonic, GroundMotion))
-        told = " m/s^2 (the Earth's is 9.80665)"
-        checks.positive("gravity", self.gravity, *GRAVITIES, told, every=True)
+        unit = " m/s^2 (on Earth it is 9.80665)"
+        checks.positive("gravity", self.gravity, *GRAVITIES, unit, every=True)
 
     @property
     def rate(self) -> Real:
-        """omega0 = sqrt(g rho / b), rad/s: dimensionless time is tau = omega0 t."""
+        """Rate omega0 = sqrt(g rho / b), rad/s, of (6). The dimensionless time is tau = omega0 t."""
         return _rate(self.gravity, self.block.inertia_ratio, self.block.half_height)
 
     @property
     def peak(self) -> Real:
-        """Largest acceleration of the base over that of gravity, f."""
+        """Largest acceleration of the base over gravity, f."""
         motion = self.motion
+        # A harmonic states its displacement, but a ground motion its acceleration.
         largest = motion.amplitude * motion.rate**2 if isinstance(motion, Harmonic) else motion.pga
         return largest / self.gravity
 
     @property
     def uplift(self) -> Real:
-        """Acceleration of the base over that of gravity which lifts the resting block without a pendulum,
-        nu + k, see (5)."""
+        """Base acceleration over gravity that lifts the resting block without a pendulum, nu + k, see (5)."""
         return self.block.slenderness + self.block.friction
 
     def parameters(self, pendulum: Pendulum | None = None) -> Parameters:
-        """Return the dimensionless parameters with a pendulum, or of the bare block (mu = 0).
+        """Return the dimensionless parameters with a pendulum, or without one (mu = 0).
 
-        Differentiable with respect to the scene and the pendulum: every dependence on an SI quantity is
-        followed. In the parameters themselves rho is None (tied to nu) for a uniform rectangle, and e is None
-        (tied to nu, rho and mu) for Housner's restitution.
+        The result is differentiable with respect to the scene and the pendulum, and includes every dependence
+        on an SI quantity. In the parameters rho is None for a uniform rectangle, which means that it depends
+        on nu. e is None for Housner's restitution, which means that it depends on nu, rho and mu.
 
         Raises:
-            ValueError: a motion that is not harmonic, a bob heavier than the block, or a rod longer than it.
+            ValueError: the motion is not harmonic, the bob is heavier than the block, or the rod is longer
+                than the block is high.
         """
-        checks.instance("motion", self.motion, Harmonic, ": other motions are for `tpd.transient`")
+        checks.instance("motion", self.motion, Harmonic, ": use `tpd.transient` for other motions")
         return Parameters(**dimensionless(self.quantities(pendulum)))
 
     def ground_parameters(self, pendulum: Pendulum | None = None) -> Parameters:
-        """Return the dimensionless parameters under a pulse or a record: f is its largest acceleration over
-        that of gravity, and 2 pi/xi the dimensionless duration of one of its pieces. Otherwise as
-        `parameters`.
+        """Return the dimensionless parameters under a pulse or a record.
+
+        f is the largest acceleration over gravity, and 2 pi/xi is the dimensionless duration of one piece of
+        the motion. Everything else is as in `parameters`.
 
         Raises:
-            ValueError: a harmonic, a bob heavier than the block, or a rod longer than it.
+            ValueError: the motion is a harmonic, the bob is heavier than the block, or the rod is longer than
+                the block is high.
         """
-        checks.instance("motion", self.motion, GroundMotion, ": harmonics are for `tpd.steady_state`")
+        checks.instance("motion", self.motion, GroundMotion, ": use `tpd.steady_state` for a harmonic")
         return Parameters(**dimensionless(self.quantities(pendulum)))
 
     def quantities(self, pendulum: Pendulum | None = None) -> dict[str, Any]:
-        """Return the SI quantities that `parameters` depends on, by name. Those of the pendulum begin with
-        `pendulum_`; without one its mass is zero. Housner's restitution is left out, since it depends on the
-        others.
+        """Return the SI quantities that `parameters` depends on, by name.
+
+        The names of the pendulum begin with `pendulum_`; without a pendulum its mass is zero. Housner's
+        restitution is left out, because it depends on the other quantities.
 
         Raises:
-            ValueError: a bob heavier than the block, or a rod longer than it.
+            ValueError: the bob is heavier than the block, or the rod is longer than the block is high.
         """
         block, motion = self.block, self.motion
         if pendulum is not None:
             checks.instance("pendulum", pendulum, Pendulum)
             checks.at_most("pendulum.mass", pendulum.mass, block.mass, "the mass of the block")
             checks.at_most("pendulum.length", pendulum.length, block.height, "the height of the block")
-        # At mu = 0 the bob does not act on the block, but the equations of the pair still contain its length:
-        # any usual value serves.
-        with_it = (
-            Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3) if pendulum is None else pendulum
-        )
+        # At mu = 0 the bob does not act on the block, but the equations still contain its length, which must
+        # not be zero. Any usual value serves.
+        if pendulum is None:
+            pendulum = Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3)
+        # Keys without a value are left out, so that rho and e follow the other quantities.
         own = {} if block.radius_of_gyration is None else {"radius_of_gyration": block.radius_of_gyration}
-        shaking = (
+        excitation = (
             {"amplitude": motion.amplitude, "frequency": motion.frequency}
             if isinstance(motion, Harmonic)
             else {"peak": motion.pga, "frequency": 1.0 / motion.piece}
         )
-        lost = {} if isinstance(block.restitution, str) else {"restitution": block.velocity_ratio}
+        restitution = {} if isinstance(block.restitution, str) else {"restitution": block.velocity_ratio}
         return {
             "width": block.width,
             "height": block.height,
             "mass": block.mass,
             "friction": block.friction,
-            **lost,
+            **restitution,
             **own,
-            **shaking,
+            **excitation,
             "gravity": self.gravity,
-            "pendulum_mass": with_it.mass,
-            "pendulum_length": with_it.length,
-            "pendulum_damping": with_it.damping_ratio,
+            "pendulum_mass": pendulum.mass,
+            "pendulum_length": pendulum.length,
+            "pendulum_damping": pendulum.damping_ratio,
         }
 
     def pendulum(self, *, mass_ratio: Real, length_ratio: Real, damping_ratio: Real) -> Pendulum:
-        """Return the pendulum in SI units that has these mu, lam and zeta."""
+        """Return the pendulum in SI units with the ratios mu, lam and zeta."""
         mass_ratio = checks.not_negative("mass_ratio", mass_ratio, every=True)
         length_ratio = checks.not_negative("length_ratio", length_ratio, every=True)
         return Pendulum(
@@ -338,8 +393,9 @@ class Scene:
 
 
 def check_proportions(width: Any, height: Any, mass: Any) -> None:
-    """Raise `ValueError` for sizes and a mass that no block has together: a quantity in another unit. Traced
-    values pass.
+    """Raise `ValueError` if sizes and mass do not fit together, because one of them is in another unit.
+
+    Traced values are not checked.
 
     Args:
         width, height: of the block, m.
@@ -348,6 +404,7 @@ def check_proportions(width: Any, height: Any, mass: Any) -> None:
     if not all(map(checks.is_concrete, (width, height, mass))):
         return
     width, height, mass = np.broadcast_arrays(width, height, mass)
+    # Arrays are allowed: the message shows the first element that is out of range.
     narrow = width < LEAST_SLENDERNESS * height
     if np.any(narrow):
         wide, high = width[narrow][0], height[narrow][0]
@@ -355,21 +412,23 @@ def check_proportions(width: Any, height: Any, mass: Any) -> None:
             f"`width` must be at least {LEAST_SLENDERNESS:g} of `height`, but is {wide:g} m of {high:g} m: "
             "are both in m?"
         )
+    # Extreme numbers must lead to the message below, and not to a warning of NumPy.
     with np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore"):
         density = mass / (width**2 * height)
     beyond = ~((density >= DENSITIES[0]) & (density <= DENSITIES[1]))
     if np.any(beyond):
         wide, high, heavy, of = (float(x[beyond][0]) for x in (width, height, mass, density))
         raise ValueError(
-            f"`mass` must make between {DENSITIES[0]:g} and {DENSITIES[1]:g} kg/m^3 of a block as deep as "
-            f"it is wide, but {heavy:g} kg in {wide:g} m x {high:g} m make {of:.3g} kg/m^3: are the lengths "
-            "in m and the mass in kg?"
+            f"`mass` must give a density between {DENSITIES[0]:g} and {DENSITIES[1]:g} kg/m^3 (for a block "
+            f"as deep as it is wide), but {heavy:g} kg in {wide:g} m x {high:g} m give {of:.3g} kg/m^3: are "
+            "the lengths in m and the mass in kg?"
         )
 
 
 def check_excitation(amplitude: Any, frequency: Any) -> None:
-    """Raise `ValueError` for a harmonic base motion of an acceleration that no ground has. Traced values
-    pass.
+    """Raise `ValueError` if a harmonic base motion has an acceleration that no ground has.
+
+    Traced values are not checked.
 
     Args:
         amplitude: m.
@@ -378,32 +437,40 @@ def check_excitation(amplitude: Any, frequency: Any) -> None:
     if not all(map(checks.is_concrete, (amplitude, frequency))):
         return
     amplitude, frequency = np.broadcast_arrays(amplitude, frequency)
-    # A frequency beyond the range of numbers is refused as any other that is too large.
+    # A frequency whose square overflows gives an infinite acceleration, which is rejected below.
     with np.errstate(over="ignore"):
         shares = amplitude * (2.0 * np.pi * frequency) ** 2 / STANDARD_GRAVITY
+    # The message shows the strongest of several excitations.
     i = np.unravel_index(np.argmax(shares), shares.shape)
     if shares[i] > LARGEST_SHAKING:
         raise ValueError(
-            f"`amplitude` and `frequency` must make at most {LARGEST_SHAKING:g} g, but {amplitude[i]:g} m at "
-            f"{frequency[i]:g} Hz make {shares[i]:.3g} g: are they in m and Hz?"
+            f"`amplitude` and `frequency` must give an acceleration of at most {LARGEST_SHAKING:g} g, but "
+            f"{amplitude[i]:g} m at {frequency[i]:g} Hz give {shares[i]:.3g} g: are they in m and Hz?"
         )
 
 
 def check_damping(name: str, value: Any) -> None:
-    """Raise `ValueError` for a damping ratio that is a per cent. Traced values pass."""
+    """Raise `ValueError` if a damping ratio is so large that it is probably in percent.
+
+    Traced values are not checked.
+    """
     checks.at_most(name, value, LARGEST_DAMPING, "twice critical damping (a ratio: 5 % is 0.05)")
 
 
 def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters, by name and unchecked, of `Scene.quantities`: numbers, arrays that broadcast, or
-    traced values. rho is None without a `radius_of_gyration`, e without a `restitution`."""
+    """Return the parameters by name from `Scene.quantities`, without checks.
+
+    The quantities are numbers, arrays that broadcast, or traced values. rho is None without a
+    `radius_of_gyration`, and e is None without a `restitution`.
+    """
     half_height, radius = 0.5 * q["height"], q.get("radius_of_gyration")
     rho = _inertia_ratio(q["width"], q["height"], radius)
     nu = q["width"] / q["height"]
     rate = _rate(q["gravity"], rho, half_height)
     omega = 2.0 * math.pi * q["frequency"]
+    # A ground motion has a peak acceleration, and a harmonic has an amplitude of the displacement.
     peak = q["peak"] if "peak" in q else q["amplitude"] * omega * omega
-    # The paper's (25) takes lam as l/b; its Table 1 lists l/(2b), half of it.
+    # In (25) of the paper lam is l/b. Its Table 1 lists l/(2b), which is half of it.
     return {
         "nu": nu,
         "mu": q["pendulum_mass"] / q["mass"],
@@ -412,7 +479,7 @@ def dimensionless(q: Mapping[str, Any]) -> dict[str, Any]:
         "k": q["friction"],
         "f": peak / q["gravity"],
         "xi": omega / rate,
-        # None keeps rho and e tied to the other parameters where these are varied later.
+        # None means that rho and e follow the other parameters, also if these are varied later.
         "rho": None if radius is None else rho,
         "e": q.get("restitution"),
     }
@@ -430,9 +497,18 @@ def _rate(gravity: Any, rho: Any, half_height: Any) -> Any:
 
 
 def paper_scene() -> Scene:
-    """Return the case study of Collini et al. (2016), section 5: a block of 0.1 x 0.2 x 0.4 m and
-    2028 kg/m^3 on a base moving 15 mm at 2.5 Hz; friction as in the paper's section 3, and no impact loss.
-    The paper states no cavity: the one of 80 mm here leaves walls of 10 mm."""
+    """Return the case study of Collini et al. (2016), section 5.
+
+    The block has 0.1 x 0.2 x 0.4 m and 2028 kg/m^3, and its base moves 15 mm at 2.5 Hz. The friction is that
+    of section 3 of the paper, and impacts lose no energy. The paper states no cavity: the one here has 80 mm,
+    which leaves walls of 10 mm.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.paper_scene().parameters()
+        >>> round(p.nu, 4), round(p.f, 4), round(p.xi, 4)
+        (0.25, 0.3774, 2.67)
+    """
     return Scene(
         Block(width=0.1, height=0.4, mass=16.224, friction=0.05, restitution=1.0, cavity_width=0.08),
         Harmonic(amplitude=0.015, frequency=2.5),
