@@ -11,7 +11,6 @@ from tpd import Record
 from tpd.design.ground_motion import Role, grouped
 from tpd.formats.channel import UNKNOWN
 from tpd.records import el_centro
-from tpd.records import read as reading
 from tpd.records.read import described, facts, read_motions, same_earthquakes, summary
 from tpd.scene.ground_motion import events_of
 
