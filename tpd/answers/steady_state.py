@@ -274,7 +274,7 @@ def _still(x: Any) -> Any:
 
 _Answer = namedtuple(
     "_Answer",
-    "amplitude stroke status periods multiplier symmetric lyapunov state elapsed estimate",
+    "amplitude swing status periods multiplier symmetric lyapunov state elapsed estimate",
     defaults=(math.nan,),
 )
 """Numbers of a `Steady`, in the order of its fields."""
