@@ -84,7 +84,9 @@ def verdict(design: Design, details: Details | None = None) -> Note:
         losses = () if details is None else details.losses
         # The energy losses of a real block are uncertain, so a benefit must not depend on the model of them.
         if against := [case for case in losses if not case.runs.benefit.low > 0.0]:
-            cases = " or ".join(f"{case.name} ({words.percent(case.runs.benefit.mean)})" for case in against)
+            cases = " or ".join(
+                f"{words.kind_of_losses(case)} ({words.percent(case.runs.benefit.mean)})" for case in against
+            )
             caution = (
                 " THE BENEFIT DEPENDS ON THE ENERGY LOSSES: the reduction of the mean tilt is not "
                 f"significant if the block loses energy by {cases}."
@@ -131,11 +133,11 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     for text in design.refusals[design.status in _REASONED :]:
         yield "reason", text
     if design.status in (DesignStatus.not_recommended, DesignStatus.none_feasible):
-        yield "alternatives", str(alternatives(design.problem))
+        yield "alternative", str(alternatives(design.problem))
     if design.pendulum is not None:
         yield "limits", active_limits(design, details)
     if details.losses:
-        cases = [f"{c.name} {words.percent(c.runs.benefit.mean)}" for c in details.losses]
+        cases = [f"{words.kind_of_losses(c)} {words.percent(c.runs.benefit.mean)}" for c in details.losses]
         # The linear equations can give another benefit than the nonlinear ones, so that the benefit with the
         # stated losses is repeated here from linear runs.
         stated = [f"as stated {words.percent(m.low.mean)}" for m in details.sensitivity if not m.name]

@@ -13,6 +13,8 @@ from tpd.core.formatting import number
 
 _NUMBER = re.compile(r"[+-]?\d[\d.]*( ?%)?")
 """A number, or a number of per cent."""
+_UNIT = re.compile(r"(?<=\d) (?=(?:%|k?g|k?m|mm|s|k?N|W|Hz|rad)(?:\W|$))")
+"""Space between a number and its unit."""
 Cell = str | float | int | None
 NO_VALUE = "–"
 """Text of a cell without a value."""
@@ -159,4 +161,6 @@ def wrapped(text: str, first: str = "", rest: str = "  ") -> list[str]:
         first: prefix of the first line.
         rest: prefix of all other lines.
     """
-    return textwrap.wrap(text, _WIDTH, initial_indent=first, subsequent_indent=rest)
+    # `textwrap` does not break a line at a no-break space, so that a number stays beside its unit.
+    lines = textwrap.wrap(_UNIT.sub("\u00a0", text), _WIDTH, initial_indent=first, subsequent_indent=rest)
+    return [line.replace("\u00a0", " ") for line in lines]

@@ -76,12 +76,12 @@ def _sizes(design: Design, build: Build) -> Table:
             "with a smaller coefficient the base slides, which the equations do not include",
         ),
         (
-            f"{lifts}, slow motion",
+            f"{lifts}, slow base motion",
             f"{number(slow)} g",
             f"base motion much slower than the pendulum; {without}",
         ),
         (
-            f"{lifts}, fast motion",
+            f"{lifts}, fast base motion",
             f"{number(fast)} g",
             "base motion much faster than the pendulum; near the natural frequency of the pendulum the "
             "acceleration can be smaller than both values",
@@ -89,7 +89,7 @@ def _sizes(design: Design, build: Build) -> Table:
     ]
     if build.lifts is not None:
         settled = f"excitation of the job, after the bob has settled; {without}"
-        rows.append((f"{lifts}, harmonic", f"{number(build.lifts[0])} g", settled))
+        rows.append((f"{lifts}, harmonic base motion", f"{number(build.lifts[0])} g", settled))
     forces = (
         "Forces are those of the pendulum released at its largest angle in a block at rest, because the "
         "block overturns in all motions."
@@ -117,7 +117,7 @@ def _parts(build: Build) -> list[Block]:
     if parts.rod_mass > assumed:
         bar += (
             ". Use a tube of the same bending strength to save mass, and move the bob along the rod until "
-            "ten swings take the time given below"
+            "ten swings take the time required below"
         )
     both = (
         f"{_force(build.loads.hinge, 3)} of the first table plus the largest force of the linear damper, as "
@@ -130,7 +130,7 @@ def _parts(build: Build) -> list[Block]:
             _mm(parts.pin_diameter),
             "in double shear, for the force in the next row",
         ),
-        ("largest force of the hinge on its beam", _force(build.loads.hinge + parts.force, 3), both),
+        ("hinge, largest force with the linear damper", _force(build.loads.hinge + parts.force, 3), both),
         ("linear damper, arm", f"{number(parts.arm, 3)} m", f"distance from the hinge along the rod: {arm}"),
         (
             "linear damper, coefficient",

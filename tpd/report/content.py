@@ -146,7 +146,9 @@ def _front(points: Sequence[FrontPoint]) -> Table:
         size = f"{number(p.pendulum.mass)} kg on a rod of {number(p.pendulum.length)} m, ζ = "
         benefit = None if math.isnan(p.saved[0]) else words.interval(*p.saved)
         rows.append((f"{number(p.most)} kg", f"{size}{number(float(p.pendulum.damping_ratio))}", benefit))
-    caption = "Each row is a separate design with its own validation runs. The last row is this report's design."
+    caption = (
+        "Each row is a separate design with its own validation runs. The last row is this report's design."
+    )
     head = "upper bound of the mass", "equivalent point mass", "reduction of the mean tilt (95 % interval)"
     return Table(head, tuple(rows), caption)
 
@@ -167,7 +169,6 @@ def _assumptions(design: Design) -> list[str]:
         "damper.",
     ]
     limits = "; ".join(map(words.limit, problem.limits)) or "none"
-    scatter = ", ".join(f"{n} ±{words.percent(w, 1)}" for n, w in problem.scatter.items()) or "nothing"
     if design.conditions.motions:
         intensity = MEASURES[design.conditions.intensity]
         text.append(f"Excitation from rest: {'; '.join(design.conditions.description)} ({intensity}).")
@@ -182,8 +183,8 @@ def _assumptions(design: Design) -> list[str]:
         *text,
         "The search and the trial runs use the linear equations (25) of Collini et al. (2016) without their "
         "misprints, solved exactly. The validation runs use the nonlinear equations (4).",
-        f"Scatter of the validation runs: {scatter}. Each is uniformly distributed and the same with and "
-        "without the pendulum.",
+        f"Scatter of the validation runs: {words.scatter(design)}. Each is uniformly distributed and the "
+        "same with and without the pendulum.",
         f"Limits, which all but {words.percent(problem.allowed)} of the runs in which the block stands must "
         f"keep: {limits}.",
     ]

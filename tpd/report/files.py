@@ -107,13 +107,13 @@ def write_report(
         >>> import tempfile
         >>> import tpd
         >>> statue = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4, restitution=0.9)
-        >>> weak = tpd.Harmonic(amplitude=0.003, frequency=2.0)
-        >>> design = tpd.optimise(tpd.Scene(statue, weak))
-        >>> print(design)
+        >>> pulse = tpd.Pulse(kind="one-sine", acceleration=1.0, frequency=2.0)
+        >>> weak = tpd.Conditions.records([pulse], [0.5])
+        >>> design = tpd.optimise(statue, conditions=weak, validation_share=0)
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     paths = tpd.write_report(design, folder, overwrite=True)
+        ...     paths = tpd.write_report(design, folder)
         >>> [path.name for path in paths]
-        []
+        ['report.txt', 'design.json', 'scene.toml', 'drawing.svg', 'report.html']
     """
     checks.instance("design", design, Design)
     checks.optional("details", details, Details)

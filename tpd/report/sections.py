@@ -23,13 +23,6 @@ from tpd.scene.record import Record
 
 _ROWS, _MOST = 40, 8
 """Largest number of conditions in a table, chosen evenly from all; largest number of rows on limits."""
-_SCATTERED = {
-    "mass": "the bob's mass",
-    "length": "the rod's length",
-    "damping": "the hinge's damping",
-    "amplitude": "amplitude of the excitation",
-}
-"""Labels of quantities that scatter, if the name of the quantity alone is not clear."""
 
 
 def sections(
@@ -68,7 +61,7 @@ def over_runs(design: Design) -> list[Block]:
     rows: list[tuple[Cell, ...]] = []
     worst = runs.change("worst severity")
     shares = (words.percent(x, 1) for x in (worst.with_pendulum, worst.without_pendulum))
-    rows.append(("mean tilt of the worst tenth of the runs, of ν", *shares))
+    rows.append(("mean tilt of the worst tenth of the runs (of ν)", *shares))
     if runs.cluster is None:
         for ramp in cases[0].share_by_ramp():
             shares = (words.share(o.share_by_ramp()[ramp]) for o in cases)
@@ -78,17 +71,14 @@ def over_runs(design: Design) -> list[Block]:
     for name, quantity in (("largest tilt", "tilt"), ("settled tilt", "settled_tilt")):
         rows.append((f"{name} (rad): 50, 90, 99 % quantiles", *(_quantiles(o, quantity) for o in cases)))
     rows.append(("largest bob angle (rad): 50, 90, 99 % quantiles", _quantiles(cases[0], "swing"), None))
-    by_width = dict[float, list[str]]()
-    for name, width in design.problem.scatter.items():
-        by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
-    listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
     # The benefit counts the motions that were not used for the design. This table has all runs.
     described = (
         runs.description if runs.counted is None else f"All {len(runs.known)} runs, of every group of motions"
     )
     caption = (
-        f"{described}.{_role(design)} Scatter: {'; '.join(listed) or 'none'}. In brackets: 95 % interval. A "
-        "run in which the block overturns, or tilts to ν or further, counts as a tilt of 100 % of ν."
+        f"{described}.{_role(design)} Scatter: {words.scatter(design)}. In brackets: 95 % interval. ν is the "
+        "slenderness, the tilt at which the block topples. A run in which the block overturns counts as a "
+        "tilt of 100 % of ν."
     )
     table = Table(("", "with pendulum", "without pendulum"), tuple(rows), caption)
     return [table, Text(runs.overturning_in_words), *_by_part(runs)]
@@ -105,7 +95,10 @@ def _role(design: Design) -> str:
         return ""
     before = f" {len(design.validated) - 1} designs were rejected before." if design.validated[1:] else ""
     decided = words.reduced(best.decided, best.measure)
-    return f" No decision has used these runs.{before} In the runs that decided, {decided}."
+    return (
+        f" These runs were not used to choose the design.{before} In the runs that were used to choose the "
+        f"design, {decided}."
+    )
 
 
 def _by_part(runs: PairedRuns) -> list[Block]:
@@ -144,7 +137,7 @@ def other_losses(details: Details) -> list[Block]:
         shares = (x for c in changes for x in (c.with_pendulum, c.without_pendulum))
         losses = f"k = {number(case.friction, 3)}, e = {number(case.velocity_ratio, 4)}"
         cells = (words.percent(x, 1) for x in shares)
-        rows.append((case.name, losses, case.runs.benefit_in_words, *cells))
+        rows.append((words.kind_of_losses(case), losses, case.runs.benefit_in_words, *cells))
     head = (
         *("energy loss by", "friction k, velocity ratio e", "benefit"),
         *("overturned, with", "overturned, without", "at rest, with", "at rest, without"),
@@ -176,7 +169,7 @@ def limiting(design: Design) -> list[Block]:
         # A row equal to the first would hide the rows that differ.
         if other != best:
             rows.append(_row(design, f"without the limit on {LABELS.get(name, name)}", other))
-    head = ("", "mass (kg)", "length (m)", "damping ratio ζ", "mean tilt, of ν")
+    head = ("", "mass (kg)", "length (m)", "damping ratio ζ", "mean tilt (of ν)")
     gain = "The other rows show the gain if one limit is removed."
     if len(rows) == 1:
         gain = "No design that exceeds only one limit is better."
@@ -215,6 +208,7 @@ def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
     rows: list[tuple[Cell, ...]] = [(f"{risk} tilt without pendulum", words.risk(design, without.value))]
     if pendulum is not None:
         rows.append((f"{risk} tilt with pendulum", words.risk(design, pendulum.value)))
+    if design.pendulum is not None:
         rows.append(("largest bob angle", words.angle(design.swing)))
     caption = f"{words.source_of_tilts(design)}. Linear equations."
     out: list[Block] = [Table(("", "value"), tuple(rows), caption), *figure]
@@ -231,8 +225,8 @@ def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
     if pendulum is not None:
         head += (*(f"with: {name}" for name in columns), "with: bob angle (rad)")
     caption = (
-        "Tilt, orbit and bob angle are those of the attracting orbit. From rest: outcome of one motion. "
-        "Linear equations, without and with the pendulum."
+        "Tilt, orbit and bob angle describe the attracting orbit without and with the pendulum. From rest: "
+        "outcome of one motion. Linear equations."
     )
     if pendulum is not None and design.pendulum is None:
         caption += " This design came nearest and is not recommended."
@@ -261,12 +255,12 @@ def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
             f"{design.seed}) and evaluated {search.evaluations} designs. Outcomes of the descents: {ends}. "
             f"{search.told}"
         )
-        sound, lost = len(search.confirmed), int(np.sum(search.lost))
         if np.any(search.mismatch):
+            text += f" The exact model confirms {len(search.confirmed)} of {len(search.ends)} final designs."
+        if lost := int(np.sum(search.lost)):
             text += (
-                f" The exact model confirms {sound} of {len(search.ends)} final designs. During the "
-                f"descents, {lost} orbits of the smoothed model were lost and solved again by the exact "
-                "model."
+                f" During the descents, {lost} orbits of the smoothed model were lost and solved again by "
+                "the exact model."
             )
     return [*figure, Text(text)]
 

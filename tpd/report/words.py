@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tpd.answers.paired import PairedRuns, Part
     from tpd.answers.response import Response
     from tpd.answers.statistics import Share
+    from tpd.design.as_built import LossCase
     from tpd.design.design import Design
 
 _CHANGES = {
@@ -30,6 +31,13 @@ _CHANGES = {
     "at rest": "at rest at the end",
 }
 """Labels of the rows in the comparison with and without the pendulum, by the names of the changes."""
+_SCATTERED = {
+    "mass": "the bob's mass",
+    "length": "the rod's length",
+    "damping": "the hinge's damping",
+    "amplitude": "amplitude of the excitation",
+}
+"""Labels of quantities that scatter, if the name of the quantity alone is not clear."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 
@@ -67,11 +75,17 @@ def share(of: Share) -> str:
 def source_of_tilts(design: Design) -> str:
     """Return a sentence that says which motion the settled tilts of the search describe."""
     if design.problem.rest_counts:
-        return (
-            "Tilts are zero where the block can stay at rest; elsewhere they are those of the largest "
-            "attracting symmetric orbit"
-        )
-    return "Tilts are those of the largest attracting symmetric orbit, for any initial state that leads to it"
+        return "Tilts are zero where the block can stay at rest, else those of the largest attracting orbit"
+    return "Tilts are those of the largest attracting symmetric orbit over all initial states"
+
+
+def scatter(design: Design) -> str:
+    """List the quantities that scatter in the validation runs, with their half widths in per cent."""
+    by_width = dict[float, list[str]]()
+    for name, width in design.problem.scatter.items():
+        by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
+    listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
+    return "; ".join(listed) or "none"
 
 
 def finite_max(values: np.ndarray) -> float:
@@ -84,10 +98,14 @@ def losses(block: Block) -> str:
     if block.velocity_ratio == 1.0:
         return f"friction k = {block.friction:g}"
     # Housner's e also depends on the pendulum, which makes it smaller.
-    is_housner = block.restitution == HOUSNER
-    model, case = ("Housner, ", " without a pendulum") if is_housner else ("", "")
-    impacts = f"impact loss: {model}e = {block.velocity_ratio:.4g}{case}"
+    model = " (Housner, without a pendulum)" if block.restitution == HOUSNER else ""
+    impacts = f"impacts e = {block.velocity_ratio:.4g}{model}"
     return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
+
+
+def kind_of_losses(case: LossCase) -> str:
+    """Return the kind of energy losses of a case, such as "friction only"."""
+    return case.name if " and " in case.name else f"{case.name} only"
 
 
 def risk(design: Design, value: float) -> str:
@@ -233,8 +251,8 @@ def comparison(runs: PairedRuns) -> Table:
         rows.append((_CHANGES[c.name], *shares, difference))
     unanswered = f" {runs.undecided} runs without an answer are left out." if runs.undecided else ""
     caption = (
-        f"{runs.description}. Tilts are given in per cent of the tilt at which the block topples; an "
-        f"overturned run counts as 100 %. Points are percentage points.{unanswered}"
+        f"{runs.description}. Tilts: per cent of the tilt at which the block topples; overturned runs count "
+        f"as 100 %.{unanswered}"
     )
     return Table(
         ("", "with pendulum", "without pendulum", "difference (95 % interval)"), tuple(rows), caption
