@@ -13,8 +13,10 @@ from tpd.core.formatting import number
 
 _NUMBER = re.compile(r"[+-]?\d[\d.]*( ?%)?")
 """A number, or a number of per cent."""
-_UNIT = re.compile(r"(?<=\d) (?=(?:%|k?g|k?m|mm|s|k?N|W|Hz|rad)(?:\W|$))")
-"""Space between a number and its unit."""
+_UNIT = re.compile(
+    r"(?<=\d) (?=(?:%|k?g|k?m|mm|s|k?N|W|Hz|rad)(?:\W|$))|(?<=\d N) (?=s/m|m)|(?<=\d N m) (?=s/rad)"
+)
+"""Space between a number and its unit, or within the unit."""
 Cell = str | float | int | None
 NO_VALUE = "–"
 """Text of a cell without a value."""
@@ -153,6 +155,11 @@ class Report:
     sections: tuple[Section, ...]
 
 
+def glued(text: str) -> str:
+    """Return the text with no-break spaces between numbers and their units."""
+    return _UNIT.sub("\u00a0", text)
+
+
 def wrapped(text: str, first: str = "", rest: str = "  ") -> list[str]:
     """Break a text into lines of at most 100 columns.
 
@@ -162,5 +169,5 @@ def wrapped(text: str, first: str = "", rest: str = "  ") -> list[str]:
         rest: prefix of all other lines.
     """
     # `textwrap` does not break a line at a no-break space, so that a number stays beside its unit.
-    lines = textwrap.wrap(_UNIT.sub("\u00a0", text), _WIDTH, initial_indent=first, subsequent_indent=rest)
+    lines = textwrap.wrap(glued(text), _WIDTH, initial_indent=first, subsequent_indent=rest)
     return [line.replace("\u00a0", " ") for line in lines]

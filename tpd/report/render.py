@@ -11,7 +11,19 @@ from importlib import resources
 
 import jinja2
 
-from tpd.report.blocks import NO_VALUE, Block, Code, Figure, Listing, Note, Report, Table, Text, wrapped
+from tpd.report.blocks import (
+    NO_VALUE,
+    Block,
+    Code,
+    Figure,
+    Listing,
+    Note,
+    Report,
+    Table,
+    Text,
+    glued,
+    wrapped,
+)
 
 _LONG = 48
 """Number of characters above which the text renders the cells of the last column on lines of their own."""
@@ -97,4 +109,5 @@ def _template() -> jinja2.Template:
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
+    environment.filters["glued"] = glued
     return environment.from_string(source)
