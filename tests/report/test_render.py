@@ -95,7 +95,7 @@ def test_severities_are_classes_and_all_but_the_first_screen_is_folded():
     # Folded on the screen, all sections are printed.
     assert "details::details-content { content-visibility: visible" in page
     assert re.findall(r"([^{};]*)\{ display: none", page.partition("@media print")[2]) == ["\n  .animated "]
-    assert page.index("5 kg") < page.index("<details")
+    assert page.index("5\u00a0kg") < page.index("<details")
     assert ("p", {"class": "verdict danger"}) in read(html(report(danger("no")), {})).tags
 
 

@@ -84,16 +84,12 @@ def verdict(design: Design, details: Details | None = None) -> Note:
         losses = () if details is None else details.losses
         # The energy losses of a real block are uncertain, so a benefit must not depend on the model of them.
         if against := [case for case in losses if not case.runs.benefit.low > 0.0]:
-            cases = " or ".join(
-                f"{words.kind_of_losses(case)} ({words.percent(case.runs.benefit.mean)})" for case in against
-            )
+            cases = " or ".join(map(words.kind_of_losses, against))
             caution = (
-                " THE BENEFIT DEPENDS ON THE ENERGY LOSSES: the reduction of the mean tilt is not "
-                f"significant if the block loses energy by {cases}."
+                f" THE BENEFIT DEPENDS ON THE ENERGY LOSSES: it is not significant with losses by {cases}."
             )
-        return note(
-            f"{head}: {words.reduction(runs, best.measure)}.{caution} This is not a safety assessment."
-        )
+        result = words.reduction(runs, best.measure)
+        return note(f"{head}: {result}.{caution} This is not a safety assessment.")
     if design.status in (DesignStatus.no_uplift, DesignStatus.slides):
         return note(needless(design.problem))
     kind = danger if design.pendulum is None and design.is_harmful else note
@@ -141,12 +137,10 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         # The linear equations can give another benefit than the nonlinear ones, so that the benefit with the
         # stated losses is repeated here from linear runs.
         stated = [f"as stated {words.percent(m.low.mean)}" for m in details.sensitivity if not m.name]
-        runs_each = details.losses[0].runs.pairs
-        listed = ", ".join([*cases, *stated])
+        runs, listed = details.losses[0].runs.pairs, ", ".join([*cases, *stated])
         yield (
             "losses",
-            "reduction of the mean tilt if the block loses energy differently (linear equations, "
-            f"{runs_each} runs each): {listed}",
+            f"reduction of the mean tilt for other losses (linear equations, {runs} runs each): {listed}",
         )
     if len(details.responses) > 1:
         ends = details.responses[0].frequency[[0, -1]]

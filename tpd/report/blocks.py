@@ -7,7 +7,6 @@ import re
 import textwrap
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
 
 from tpd.core.formatting import number
 
@@ -39,7 +38,6 @@ class Note:
 
     severity: Severity
     text: str
-    kind: ClassVar[str] = "note"
 
     @property
     def marked(self) -> str:
@@ -55,7 +53,6 @@ class Text:
     """A paragraph."""
 
     text: str
-    kind: ClassVar[str] = "text"
 
 
 @dataclass(frozen=True)
@@ -69,7 +66,6 @@ class Table:
     head: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
     caption: str = ""
-    kind: ClassVar[str] = "table"
 
     def __post_init__(self) -> None:
         for n in {len(row) for row in self.rows} - {len(self.head)}:
@@ -105,7 +101,6 @@ class Figure:
     alt: str
     """Description for readers who cannot see the picture."""
     caption: str
-    kind: ClassVar[str] = "figure"
 
     def __post_init__(self) -> None:
         if not self.alt:
@@ -117,7 +112,6 @@ class Listing:
     """A list of sentences."""
 
     items: tuple[str, ...]
-    kind: ClassVar[str] = "listing"
 
 
 @dataclass(frozen=True)
@@ -125,7 +119,6 @@ class Code:
     """A command, or the content of a file."""
 
     text: str
-    kind: ClassVar[str] = "code"
 
 
 Block = Note | Text | Table | Figure | Listing | Code

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from tpd.answers.statistics import Interval
 from tpd.core.formatting import number
 from tpd.design.as_built import ARM, SAFETY, YIELD, Build, Details
 from tpd.design.design import Design
@@ -41,21 +40,16 @@ def _sizes(design: Design, build: Build) -> Table:
     assert pendulum is not None
     zeta = number(float(pendulum.damping_ratio))
     point = f"{number(float(pendulum.mass))} kg on a rod of {number(float(pendulum.length))} m"
-    body = (
-        f"no {build.bob.shape} is equivalent to the point mass of {point}; forces are those of the point mass"
-    )
+    body = f"no {build.bob.shape} is equivalent to the point mass of {point}, which has the forces below"
     if math.isfinite(build.mass):
         dead = f"{number(build.dead, 3)} kg of bob and rod only add weight at the top"
         body = f"{build.bob}, equivalent to a point mass of {point}; {dead}"
     rod: tuple[Cell, ...] = "–", "no length gives the natural frequency of the equivalent point mass"
     if math.isfinite(build.rod):
-        rod = (
-            f"{number(build.rod)} m",
-            f"assumed mass of the steel rod: {percent(build.rod_share, 1)} of the bob",
-        )
+        rod = f"{number(build.rod)} m", f"with a steel rod of {percent(build.rod_share, 1)} of the bob's mass"
     slow, fast = build.lifts_slow_fast
     without = f"without the pendulum {number(float(design.scene.uplift))} g"
-    lifts = "base acceleration that lifts the block at rest"
+    lifts = "base acceleration that lifts the block"
     rows: list[tuple[Cell, ...]] = [
         ("mass of the bob", f"{number(build.mass)} kg", body),
         ("bob, width by height", f"{number(build.bob_width)} m × {number(build.bob_height)} m", None),
@@ -70,37 +64,20 @@ def _sizes(design: Design, build: Build) -> Table:
         ("largest moment of the damper", f"{number(build.damper_moment)} N m", None),
         ("largest power of the damper", f"{number(build.damper_power)} W", None),
         ("largest rate between rod and block", f"{number(loads.rate)} rad/s", None),
-        (
-            "coefficient of friction needed at the base",
-            loads.friction,
-            "with a smaller coefficient the base slides, which the equations do not include",
-        ),
-        (
-            f"{lifts}, slow base motion",
-            f"{number(slow)} g",
-            f"base motion much slower than the pendulum; {without}",
-        ),
-        (
-            f"{lifts}, fast base motion",
-            f"{number(fast)} g",
-            "base motion much faster than the pendulum; near the natural frequency of the pendulum the "
-            "acceleration can be smaller than both values",
-        ),
+        ("coefficient of friction needed at the base", loads.friction, "below this value the base slides"),
+        (f"{lifts}, slow motion", f"{number(slow)} g", f"much slower than the pendulum; {without}"),
+        (f"{lifts}, fast motion", f"{number(fast)} g", "much faster; less near the natural frequency"),
     ]
     if build.lifts is not None:
         settled = f"excitation of the job, after the bob has settled; {without}"
-        rows.append((f"{lifts}, harmonic base motion", f"{number(build.lifts[0])} g", settled))
-    forces = (
-        "Forces are those of the pendulum released at its largest angle in a block at rest, because the "
-        "block overturns in all motions."
-    )
+        rows.append((f"{lifts}, harmonic motion", f"{number(build.lifts[0])} g", settled))
+    forces = "The block overturns in all motions. Forces are those of a free swing from the largest angle."
     if loads.motions:
         forces = (
-            f"Forces are the largest of {loads.motions} motions of the job in which the block stands. They "
-            "follow from the linear equations with nominal values and the whole mass of bob and rod. A "
-            "harmonic motion lasts 40 periods from rest; if the job has many motions, those with the largest "
-            "swing are used. Impacts of the block are not included; the factor of safety of the parts below "
-            "allows for them."
+            f"Forces are the largest of {loads.motions} motions of the job in which the block stands, by the "
+            "linear equations with nominal values and the whole mass of bob and rod. Harmonic motions last "
+            "40 periods from rest; if there are many motions, those with the largest swing are used. Impacts "
+            "of the block are not included: the factor of safety of the parts below allows for them."
         )
     return Table(("quantity", "value", "remark"), tuple(rows), forces)
 
@@ -116,43 +93,33 @@ def _parts(build: Build) -> list[Block]:
     # A heavier rod shifts the natural frequency, which the position of the bob can correct.
     if parts.rod_mass > assumed:
         bar += (
-            ". Use a tube of the same bending strength to save mass, and move the bob along the rod until "
-            "ten swings take the time required below"
+            ". Use a tube of equal strength, and move the bob until ten swings take the time required below"
         )
-    both = (
-        f"{_force(build.loads.hinge, 3)} of the first table plus the largest force of the linear damper, as "
-        "if both acted in one direction at the same time"
-    )
+    both = f"{_force(build.loads.hinge, 3)} of the first table and the linear damper, added in one direction"
+    angle = f"twice the arm times the largest angle of {number(build.angle, 3)} rad"
     rows: list[tuple[Cell, ...]] = [
         ("rod, diameter", _mm(parts.rod_diameter), bar),
         (
             "pin of the hinge, diameter",
             _mm(parts.pin_diameter),
-            "in double shear, for the force in the next row",
+            "double shear, for the force in the next row",
         ),
         ("hinge, largest force with the linear damper", _force(build.loads.hinge + parts.force, 3), both),
         ("linear damper, arm", f"{number(parts.arm, 3)} m", f"distance from the hinge along the rod: {arm}"),
         (
             "linear damper, coefficient",
             f"{number(parts.coefficient, 3)} N s/m",
-            "that of the damper at the hinge over arm²",
+            "damper at the hinge over arm²",
         ),
         ("linear damper, largest force", _force(parts.force, 3), "largest moment of the damper over the arm"),
-        (
-            "linear damper, stroke",
-            _mm(parts.stroke),
-            f"twice the arm times the largest angle of {number(build.angle, 3)} rad",
-        ),
+        ("linear damper, stroke", _mm(parts.stroke), angle),
         ("linear damper, largest speed", f"{number(parts.speed, 3)} m/s", "arm times the largest rate"),
     ]
     if parts.stop_way > 0.0:
+        spring = f"of a spring that stops the bob within {_mm(parts.stop_way)} from its largest rate"
         rows += [
             ("stop, distance from the axis", f"{number(parts.stop)} m", "one stop on each side of the bob"),
-            (
-                "stop, largest force",
-                _force(parts.stop_force, 3),
-                f"of a spring that stops the bob within {_mm(parts.stop_way)} from its largest rate",
-            ),
+            ("stop, largest force", _force(parts.stop_force, 3), spring),
         ]
     caption = (
         f"First sizes for steel S235 (yield stress {YIELD / 1e6:g} MPa, EN 10025-2) with a factor of safety "
@@ -200,8 +167,7 @@ def _checks(build: Build) -> Listing:
         else f"It must swing to {percent(build.rebound)} of this angle on the other side."
     )
     decay = (
-        f"After about {pull.impacts} impacts ({pull.seconds:.2g} s) the largest tilt must be half of this "
-        "tilt."
+        f"After about {pull.impacts} impacts ({pull.seconds:.2g} s) the largest tilt must be half as large."
         if pull.impacts
         else "The block stays there, or keeps more than half of this tilt for hundreds of impacts."
     )
@@ -234,31 +200,20 @@ def _sensitivity(design: Design, details: Details) -> list[Block]:
             _NAMES[m.name][0],
             f"±{percent(validated[m.name])}" if m.name in validated else None,
             f"±{percent(m.width)}" if m.width else None,
-            _interval(m.low),
-            _interval(m.high),
+            *(interval(x.mean, x.low, x.high) for x in (m.low, m.high)),
             _NAMES[m.name][1],
         )
         for m in details.sensitivity
     )
-    head = (
-        *("quantity", "tolerance", "varied by"),
-        *("reduction if lower", "reduction if higher", "how to measure"),
-    )
+    head = "quantity", "tolerance", "varied by", "reduction if lower", "reduction if higher", "how to measure"
     caption = (
-        "Reduction of the mean tilt (95 % interval) if one quantity is lower or higher than stated. All rows "
-        "have the same runs of the linear equations. The row on impacts uses a fixed number e without "
-        "scatter."
+        "Reduction of the mean tilt (95 % interval) if one quantity is lower or higher than stated, with the "
+        "same linear runs in all rows. The row on impacts uses a fixed number e without scatter."
     )
     if design.status is DesignStatus.recommended:
         caption += " Column 2 gives the tolerances for which the benefit was validated."
     critical = [_NAMES[m.name][0] for m in details.sensitivity if not min(m.low.low, m.high.low) > 0.0]
     text = "The benefit remains significant in all of these cases."
     if critical:
-        text = (
-            f"The benefit is no longer significant if these are varied as in column 3: {'; '.join(critical)}."
-        )
+        text = f"If varied as in column 3, these make the benefit insignificant: {'; '.join(critical)}."
     return [Table(head, rows, caption), Text(text)]
-
-
-def _interval(of: Interval) -> str:
-    return interval(of.mean, of.low, of.high)

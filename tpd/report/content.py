@@ -23,8 +23,8 @@ CAPTIONS = {
     "drawing.svg": (
         "The block on its base and its pendulum, to scale, with dimensions",
         "Left: block and base, to scale. Right: the pendulum as built, on a larger scale. Dashed: the bob "
-        "at the ends of its swing. The rod is not as long as in the equations, because bob and rod are not "
-        "a point mass.",
+        "at the ends of its swing. The rod has another length in the equations, where bob and rod are a "
+        "point mass.",
     ),
     "animation.gif": (
         "Animation of the block on its moving base, without and with the pendulum",
@@ -33,28 +33,27 @@ CAPTIONS = {
     "benefit.svg": (
         "Mean tilt with the pendulum (filled) and without it (open), over all runs and for each condition",
         "Validation runs. The further a dot lies to the left of its square, the larger the benefit. Above "
-        "the line: all runs, where a bar is the 95 % interval of the difference. A tilt of 1 is the "
-        "slenderness, at which the block topples. Overturned runs count as 1.",
+        "the line: all runs; a bar is the 95 % interval of the difference. At a tilt of 1, the slenderness, "
+        "the block topples; overturned runs count as 1.",
     ),
     "response.svg": (
         "Settled amplitude against frequency, and share of runs that overturn, without and with the pendulum",
-        "Top: settled motion after a start from rest, by the linear equations. Triangles and crosses: the "
-        "block overturns. Bottom: share of the runs from rest within 5 % of each frequency that overturn, "
-        "with its 95 % interval. The outcome of a single run close to overturning depends on chance. "
-        "Dotted: frequency of the scene.",
+        "Top: settled motion from rest, by the linear equations. Triangles and crosses: the block "
+        "overturns. Bottom: share of the runs from rest within 5 % of each frequency that overturn, with "
+        "its 95 % interval. Whether a single run overturns is often chance. Dotted: frequency of the scene.",
     ),
     "motion.svg": (
         "Tilt of the block without and with the pendulum, and angle of the rod, against time from rest",
-        "First periods from rest under the scene's own excitation, by the linear equations. Grey: without "
-        "the pendulum. Blue: with the pendulum. A block that stands in this picture may overturn later. The "
-        "stroke limit (dotted) applies to the settled motion only.",
+        "First periods from rest under the scene's own excitation, by the linear equations, without the "
+        "pendulum (grey) and with it (blue). The block may still overturn later. The stroke limit (dotted) "
+        "applies to the settled motion only.",
     ),
     "search.png": (
         "Tilt over mass ratio and length ratio as a shaded field, with the edges of the limits and the "
         "design",
         "Mean tilt of the trial runs, smoothed over all designs, at the damping ratio of the best design "
-        "(star). Dark means a large tilt. Hatched: a limit is exceeded; the name of the limit stands at its "
-        "edge. Lines: paths of the descents.",
+        "(star). Dark means a large tilt. Hatched: a limit is exceeded; its name stands at the edge. Lines: "
+        "paths of the descents.",
     ),
     "conditions.svg": (
         "Tilt and bob angle against the quantity in which the conditions differ, with and without a pendulum",
@@ -92,9 +91,7 @@ def content(
     all_notes = notes(design, details)
     drawn = names(design, details)
     # Lists, because a section takes its picture as a list that is empty if there is no picture.
-    figures = {
-        n.partition(".")[0]: [Figure(n, *texts)] if n in drawn else [] for n, texts in CAPTIONS.items()
-    }
+    figures = {n.partition(".")[0]: [Figure(n, *CAPTIONS[n])] if n in drawn else [] for n in CAPTIONS}
     # The sections follow the questions of an engineer: what to watch, what to build, why to believe it, where
     # it stops to hold, how it was computed.
     parts: dict[str, list[Block]] = {
@@ -156,11 +153,8 @@ def _front(points: Sequence[FrontPoint]) -> Table:
 def _assumptions(design: Design) -> list[str]:
     """List the assumptions of the search and of the validation, each as a paragraph."""
     scene, problem, gyration = design.scene, design.problem, design.scene.block.radius_of_gyration
-    inertia = (
-        "a uniform rectangle"
-        if gyration is None
-        else f"with a radius of gyration of {number(gyration)} m about the centroid"
-    )
+    radius = f"with a radius of gyration of {number(gyration or 0.0)} m about the centroid"
+    inertia = "a uniform rectangle" if gyration is None else radius
     text = [
         f"The block is rigid, {inertia}, and rocks about its two lower edges. It neither slides nor bounces.",
         f"Energy losses: {words.losses(scene.block)}. k is the moment of friction over M g b. e is the "

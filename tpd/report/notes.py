@@ -59,10 +59,8 @@ def _runs(design: Design) -> Iterator[Note]:
         if limit_of(design.problem.limits, Clearance) is not None and best.over_limit > max(
             Requirements().allowed, 0.0 if runs.cluster is None else Requirements().broken
         ):
-            yield danger(
-                f"In {percent(best.over_limit, 1)} of the runs in which the block stands, a limit is "
-                "exceeded."
-            )
+            share = percent(best.over_limit, 1)
+            yield danger(f"A limit is exceeded in {share} of the runs in which the block stands.")
         least = design.problem.requirements.at_least
         if (
             best.quoted is not None
@@ -72,9 +70,8 @@ def _runs(design: Design) -> Iterator[Note]:
             # The report quotes runs that took no part in the decision, so they can miss the requirement by
             # chance although the decision was right.
             yield note(
-                "The decision to recommend the pendulum used other runs than this report quotes. In those "
-                f"runs {reduced(best.decided, best.measure)}; {percent(least)} is required. The quoted runs "
-                "are independent and show a smaller reduction."
+                f"In the runs that were used to choose the pendulum, {reduced(best.decided, best.measure)}; "
+                f"{percent(least)} is required. The report quotes independent runs, which show less."
             )
         overturned = runs.change("overturned")
         if not overturned.high < 0.0:
@@ -85,9 +82,8 @@ def _runs(design: Design) -> Iterator[Note]:
             )
     if runs.undecided:
         yield note(
-            f"{runs.undecided} of {len(runs.known)} runs have no answer, because they have too many events. "
-            "They are left out. A pendulum is recommended only if the verdict does not depend on their "
-            "outcome."
+            f"{runs.undecided} of {len(runs.known)} runs have no answer (too many events) and are left out. "
+            "A pendulum is recommended only if the verdict does not depend on their outcome."
         )
 
 
@@ -98,9 +94,9 @@ def _from_rest(design: Design, exact: ExactMotions, without_pendulum: ExactMotio
     if worse.size:
         # A single motion close to overturning is chance, so only the counts of both cases are compared.
         yield (danger if worse.size >= better else note)(
-            "In motions from rest by the linear equations, the block OVERTURNS only with the pendulum under "
-            f"{worse.size} of {pendulum.size} conditions, and only without the pendulum under {better} "
-            f"conditions. The first of the former: {design.conditions.label(int(worse[0]))}."
+            f"In motions from rest by the linear equations, the block OVERTURNS under {worse.size} of "
+            f"{pendulum.size} conditions only with the pendulum, and under {better} only without it. The "
+            f"first of the former: {design.conditions.label(int(worse[0]))}."
         )
 
 
@@ -141,9 +137,9 @@ def wall_contacts(block: Block, pendulum: Pendulum, angles: Mapping[str, float])
     return [
         danger(
             f"{when[0].upper() + when[1:]} the bob, as {bob}, would reach {reach:.3g} m from the block's "
-            f"axis. The walls are {wall:.3g} m from the axis, so the bob would TOUCH them, which no model "
-            f"here includes. The bob stays clear of the walls {fits} between rod and block. Without "
-            "`--exactly` the search has walls."
+            f"axis and TOUCH the walls, which are {wall:.3g} m from it. No model here includes that. The bob "
+            f"stays clear of the walls {fits} between rod and block. Without `--exactly` the search has "
+            "walls."
         )
         for when, angle in angles.items()
         if (reach := float(bob.reach(mass, length, angle))) > wall
@@ -159,9 +155,7 @@ def _settled(exact: ExactMotions) -> Iterator[Note]:
     if (swing := finite_max(exact.swing)) > LARGE_STROKE:
         yield note(f"At a swing of {swing:.2f} rad the linear equations of the pendulum are inaccurate.")
     if (multiplier := finite_max(exact.multiplier[rocks])) > SLOW:
-        yield note(
-            f"The settled motion attracts slowly (Floquet multiplier {multiplier:.3f}): transients are long."
-        )
+        yield note(f"The settled motion attracts slowly (Floquet multiplier {multiplier:.3f}).")
 
 
 def _orbits(design: Design, exact: ExactMotions, without_pendulum: ExactMotions) -> Iterator[Note]:
@@ -169,8 +163,7 @@ def _orbits(design: Design, exact: ExactMotions, without_pendulum: ExactMotions)
     if exact.value > without_pendulum.value:
         yield note(
             f"The {design.problem.risk.name} settled tilt, which the descents reduce, is larger with this "
-            "pendulum than without it. The pendulum was chosen by its trial runs, which have many initial "
-            "states."
+            "pendulum than without it. Trial runs from many initial states chose the pendulum."
         )
     e = exact.orbits
     if not design.problem.rest_counts and not np.all(e.attracts):
@@ -193,8 +186,8 @@ def _earthquakes(design: Design) -> Iterator[Note]:
     nameless = sum(getattr(m, "event", None) == "" for m in design.conditions.motions)
     if nameless and len(design.problem.groups) > 1:
         yield note(
-            f"{nameless} of the records name no earthquake. A record of the validation may therefore belong "
-            "to an earthquake that the design was tuned to. Give the names (--event), or a folder for each "
+            f"{nameless} of the records name no earthquake, so that a validation record may belong to an "
+            "earthquake that the design was tuned to. Give the names (--event), or a folder for each "
             "earthquake."
         )
 

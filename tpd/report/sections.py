@@ -72,13 +72,10 @@ def over_runs(design: Design) -> list[Block]:
         rows.append((f"{name} (rad): 50, 90, 99 % quantiles", *(_quantiles(o, quantity) for o in cases)))
     rows.append(("largest bob angle (rad): 50, 90, 99 % quantiles", _quantiles(cases[0], "swing"), None))
     # The benefit counts the motions that were not used for the design. This table has all runs.
-    described = (
-        runs.description if runs.counted is None else f"All {len(runs.known)} runs, of every group of motions"
-    )
+    described = runs.description if runs.counted is None else f"All {len(runs.known)} runs of all groups"
     caption = (
         f"{described}.{_role(design)} Scatter: {words.scatter(design)}. In brackets: 95 % interval. ν is the "
-        "slenderness, the tilt at which the block topples. A run in which the block overturns counts as a "
-        "tilt of 100 % of ν."
+        "slenderness, the tilt at which the block topples; overturned runs count as 100 % of ν."
     )
     table = Table(("", "with pendulum", "without pendulum"), tuple(rows), caption)
     return [table, Text(runs.overturning_in_words), *_by_part(runs)]
@@ -95,10 +92,7 @@ def _role(design: Design) -> str:
         return ""
     before = f" {len(design.validated) - 1} designs were rejected before." if design.validated[1:] else ""
     decided = words.reduced(best.decided, best.measure)
-    return (
-        f" These runs were not used to choose the design.{before} In the runs that were used to choose the "
-        f"design, {decided}."
-    )
+    return f" These runs were not used to choose the design.{before} In the runs that were used, {decided}."
 
 
 def _by_part(runs: PairedRuns) -> list[Block]:
@@ -109,11 +103,7 @@ def _by_part(runs: PairedRuns) -> list[Block]:
     # A table of more than 32 conditions is too long. The kinds of start, which come last, always remain.
     parts = runs.parts if len(runs.labels) <= 32 else runs.parts[len(runs.labels) :]
     rows = tuple(
-        (
-            p.label,
-            *(words.percent(x) for x in (p.with_pendulum, p.without_pendulum)),
-            "yes" if p.is_worse else "no",
-        )
+        (p.label, *map(words.percent, (p.with_pendulum, p.without_pendulum)), "yes" if p.is_worse else "no")
         for p in parts
         if not math.isnan(p.with_pendulum)
     )
@@ -134,18 +124,21 @@ def other_losses(details: Details) -> list[Block]:
     rows: list[tuple[Cell, ...]] = []
     for case in details.losses:
         changes = (case.runs.change(name) for name in ("overturned", "at rest"))
-        shares = (x for c in changes for x in (c.with_pendulum, c.without_pendulum))
+        shares = (
+            f"{words.percent(c.with_pendulum, 1)} / {words.percent(c.without_pendulum, 1)}" for c in changes
+        )
         losses = f"k = {number(case.friction, 3)}, e = {number(case.velocity_ratio, 4)}"
-        cells = (words.percent(x, 1) for x in shares)
-        rows.append((words.kind_of_losses(case), losses, case.runs.benefit_in_words, *cells))
+        rows.append((words.kind_of_losses(case), losses, case.runs.benefit_in_words, *shares))
     head = (
-        *("energy loss by", "friction k, velocity ratio e", "benefit"),
-        *("overturned, with", "overturned, without", "at rest, with", "at rest, without"),
+        "energy loss by",
+        "friction k, ratio e",
+        "benefit",
+        "overturned, with / without",
+        "at rest, with / without",
     )
     caption = (
-        f"{details.losses[0].runs.description}, for each row, with and without the pendulum. The energy "
-        "losses of a block are usually its least certain data, so the benefit should not depend on their "
-        "kind."
+        f"{details.losses[0].runs.description}, for each row, with / without the pendulum. The losses of a "
+        "block are usually its least certain data, so the benefit should not depend on their kind."
     )
     return [Table(head, tuple(rows), caption)]
 
@@ -170,21 +163,19 @@ def limiting(design: Design) -> list[Block]:
         if other != best:
             rows.append(_row(design, f"without the limit on {LABELS.get(name, name)}", other))
     head = ("", "mass (kg)", "length (m)", "damping ratio ζ", "mean tilt (of ν)")
-    gain = "The other rows show the gain if one limit is removed."
+    gain = "Other rows: the gain if one limit is removed."
     if len(rows) == 1:
         gain = "No design that exceeds only one limit is better."
     caption = (
-        "First row: the best design of the trial runs, as an equivalent point mass, with its mean tilt "
-        f"smoothed over all designs (trend). {gain} Without a pendulum the mean tilt is "
-        f"{words.percent(trials.without_pendulum, 1)}."
+        "First row: the best design of the trial runs, with its mean tilt smoothed over all designs (trend). "
+        f"{gain} Without a pendulum the mean tilt is {words.percent(trials.without_pendulum, 1)}."
     )
     used = ", ".join(f"{LABELS.get(n, n)} {words.percent(x)}" for n, x in words.usage(design).items())
     if used:
-        share = words.percent(1.0 - design.problem.allowed)
-        text += (
-            f" Share of each limit that the best design uses in {share} of the validation runs in which the "
-            f"block stands: {used}."
+        share = (
+            f"{words.percent(1.0 - design.problem.allowed)} of the validation runs in which the block stands"
         )
+        text += f" Share of each limit that the best design uses in {share}: {used}."
     return [Text(text), Table(head, tuple(rows[:_MOST]), caption)]
 
 
@@ -224,10 +215,7 @@ def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
     head = ("condition", *(f"without: {name}" for name in columns))
     if pendulum is not None:
         head += (*(f"with: {name}" for name in columns), "with: bob angle (rad)")
-    caption = (
-        "Tilt, orbit and bob angle describe the attracting orbit without and with the pendulum. From rest: "
-        "outcome of one motion. Linear equations."
-    )
+    caption = "Tilt, orbit and bob angle: attracting orbit. From rest: outcome of one run. Linear equations."
     if pendulum is not None and design.pendulum is None:
         caption += " This design came nearest and is not recommended."
     return [*out, Table(head, tuple(cells), caption)]
@@ -257,10 +245,9 @@ def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
         )
         if np.any(search.mismatch):
             text += f" The exact model confirms {len(search.confirmed)} of {len(search.ends)} final designs."
-        if lost := int(np.sum(search.lost)):
+        if replaced := int(np.sum(search.lost)):
             text += (
-                f" During the descents, {lost} orbits of the smoothed model were lost and solved again by "
-                "the exact model."
+                f" The exact model replaced {replaced} orbits that the smoothed model of the descents lost."
             )
     return [*figure, Text(text)]
 
