@@ -38,7 +38,7 @@ def test_a_mistake_is_one_sentence(design_map, single):
         (single, {"what": "groups"}, "`what` must be one of landscape, drawing, benefit"),
         (single, {"state": "half"}, "`state` does not apply to a Design: allowed are what, ax"),
         (single, {"axes": new_axes()}, "`axes` does not apply to a Design"),
-        (design_map, {"what": "status"}, "`quantity` must be one of amplitude, stroke, margin"),
+        (design_map, {"what": "status"}, "`quantity` must be one of amplitude, swing, margin"),
         (design_map, {"what": "swing", "quantity": "margin"}, "`quantity` has two values"),
         (design_map, {"own": 2.0}, "`own` does not apply to a DesignMap: allowed are quantity, ax"),
         (design_map, {"ax": 3}, "`ax` must be a Axes, but is 3"),
