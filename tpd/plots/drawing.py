@@ -164,15 +164,15 @@ def plot_scene(
     # page of fixed width, and the right view shows the walls if they are not far from the bob.
     wide = max(half, 0.0 if built is None else built.reach)
     scale = min(_TALL / height, _WIDE / (2.0 * wide))
-    left = _LEFT + 2.0 * wide * scale + (0.3 if built is None else _BETWEEN)
+    first = _LEFT + 2.0 * wide * scale + (0.3 if built is None else _BETWEEN)
     side = 0.0 if built is None else max(1.1 * built.reach, min(1.15 * built.wall, 2.5 * built.reach))
     larger = (
-        scale if built is None else min(0.92 * _TALL / built.depth, (_PAGE - left - _WORDS) / (2.0 * side))
+        scale if built is None else min(0.92 * _TALL / built.depth, (_PAGE - first - _WORDS) / (2.0 * side))
     )
-    size = left + (0.0 if built is None else 2.0 * side * larger + _WORDS), _TALL + _ABOVE + _BELOW
+    size = first + (0.0 if built is None else 2.0 * side * larger + _WORDS), _TALL + _ABOVE + _BELOW
     figure = Picture(figsize=(max(size[0], 2.6), size[1]), dpi=130)
     FigureCanvasAgg(figure)
-    ax = _view(figure, 0.0, left, (-wide - _LEFT / scale, -_BELOW / scale), scale)
+    ax = _view(figure, 0.0, first, (-wide - _LEFT / scale, -_BELOW / scale), scale)
     ax.add_patch(Polygon(corners(scene, 0.0), closed=True, fc=BODY, ec=INK, lw=1.4))
     if scene.block.cavity_width is not None:
         # The cavity is open at the top. The floor makes clear that the block is hollow and not two walls.
@@ -188,23 +188,23 @@ def plot_scene(
     if built is not None:
         _draw(ax, built, height, detail=False)
         low = (-side - _BETWEEN * 0.8 / larger, -(_TALL + _BELOW) / larger)
-        _detail(_view(figure, left - 0.8 * _BETWEEN, size[0], low, larger), scene, built, side, larger)
+        _detail(_view(figure, first - 0.8 * _BETWEEN, size[0], low, larger), scene, built, side, larger)
     return ax
 
 
-def _view(figure: Figure, left: float, right: float, low: tuple[float, float], scale: float) -> Axes:
+def _view(figure: Figure, begin: float, end: float, low: tuple[float, float], scale: float) -> Axes:
     """Return axes without frame over the whole height of the figure.
 
     Args:
         figure: the figure.
-        left: distance of the left edge from the left edge of the figure, inches.
-        right: distance of the right edge from the left edge of the figure, inches.
+        begin: distance of the left edge from the left edge of the figure, inches.
+        end: distance of the right edge from the left edge of the figure, inches.
         low: coordinates of the lower left corner, m.
         scale: inches per metre.
     """
     width, height = figure.get_size_inches()
-    ax = figure.add_axes((left / width, 0.0, (right - left) / width, 1.0))
-    ax.set(xlim=(low[0], low[0] + (right - left) / scale), ylim=(low[1], low[1] + height / scale))
+    ax = figure.add_axes((begin / width, 0.0, (end - begin) / width, 1.0))
+    ax.set(xlim=(low[0], low[0] + (end - begin) / scale), ylim=(low[1], low[1] + height / scale))
     ax.set_aspect("equal")
     ax.set_axis_off()
     return ax
@@ -246,7 +246,7 @@ def _detail(ax: Axes, scene: Scene, built: _AsBuilt, side: float, scale: float) 
         if is_hollow and built.wall < side:
             ax.plot([inner, inner], [low, 0.0], color=INK, lw=0.9)
     ax.add_patch(Rectangle((-min(half, side), 0.0), 2.0 * min(half, side), 0.09 * inch, fc=_METAL, ec=INK))
-    _draw(ax, h, 0.0, detail=True)
+    _draw(ax, built, 0.0, detail=True)
     ax.plot(0.0, 0.0, "o", ms=5, mfc="white", mec=INK, zorder=4)
     outward = -side - 0.15 * inch
     _dimension(ax, (0.0, -built.rod), (0.0, 0.0), outward, f"{number(built.rod)} m", scale)
@@ -276,10 +276,10 @@ def _detail(ax: Axes, scene: Scene, built: _AsBuilt, side: float, scale: float) 
     # The labels stand in a column, from top to bottom, without overlap. Each label is as near as possible to
     # the height of its part: below the previous label, and above the space that the remaining labels need.
     heights = [(0.29 + 0.15 * text.count("\n")) / scale for text, _ in labels]
-    top, left = 0.25 / scale, sum(heights) - (_TALL + 0.4) / scale
+    top, remaining = 0.25 / scale, sum(heights) - (_TALL + 0.4) / scale
     for (text, place), tall in zip(labels, heights, strict=True):
-        at = side + 0.3 * inch, max(min(place[1], top - 0.5 * tall), left - 0.5 * tall)
-        top, left = at[1] - 0.5 * tall, left - tall
+        at = side + 0.3 * inch, max(min(place[1], top - 0.5 * tall), remaining - 0.5 * tall)
+        top, remaining = at[1] - 0.5 * tall, remaining - tall
         line = {"arrowstyle": "-", "lw": 0.6, "color": INK, "shrinkB": 3, "relpos": (0.0, 0.5)}
         ax.annotate(text, xy=place, xytext=at, fontsize=8, va="center", color=INK, arrowprops=line)
 

@@ -59,10 +59,11 @@ def plot(
 
     Example:
         >>> import tpd
-        >>> axes = tpd.plot(tpd.records.el_centro())
-        >>> [ax.get_ylabel() for ax in axes[:3]]
-        ['acceleration (g)', 'velocity (m/s)', 'displacement (m)']
-        >>> axes[0].figure.savefig("record.png")  # doctest: +SKIP
+        >>> response = tpd.settled_response(tpd.paper_scene(), "frequency", [2.0, 2.5, 3.0])
+        >>> axes = tpd.plot(response, own=2.5)
+        >>> axes[-1].get_xlabel()
+        'frequency of the base motion (Hz)'
+        >>> axes[0].figure.savefig("response.png")  # doctest: +SKIP
     """
     kind = next((kind for base, kind in _KINDS.items() if isinstance(result, base)), None)
     if kind is None:

@@ -84,7 +84,7 @@ def verdict(design: Design, details: Details | None = None) -> Note:
         losses = () if details is None else details.losses
         # The energy losses of a real block are uncertain, so a benefit must not depend on the model of them.
         if against := [case for case in losses if not case.runs.benefit.low > 0.0]:
-            cases = " or ".join(map(words.kind_of_losses, against))
+            cases = " or ".join(words.kind_of_losses(case.name) for case in against)
             caution = (
                 f" THE BENEFIT DEPENDS ON THE ENERGY LOSSES: it is not significant with losses by {cases}."
             )
@@ -133,7 +133,9 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     if design.pendulum is not None:
         yield "limits", active_limits(design, details)
     if details.losses:
-        cases = [f"{words.kind_of_losses(c)} {words.percent(c.runs.benefit.mean)}" for c in details.losses]
+        cases = [
+            f"{words.kind_of_losses(c.name)} {words.percent(c.runs.benefit.mean)}" for c in details.losses
+        ]
         # The linear equations can give another benefit than the nonlinear ones, so that the benefit with the
         # stated losses is repeated here from linear runs.
         stated = [f"as stated {words.percent(m.low.mean)}" for m in details.sensitivity if not m.name]

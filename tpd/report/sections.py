@@ -128,7 +128,7 @@ def other_losses(details: Details) -> list[Block]:
             f"{words.percent(c.with_pendulum, 1)} / {words.percent(c.without_pendulum, 1)}" for c in changes
         )
         losses = f"k = {number(case.friction, 3)}, e = {number(case.velocity_ratio, 4)}"
-        rows.append((words.kind_of_losses(case), losses, case.runs.benefit_in_words, *shares))
+        rows.append((words.kind_of_losses(case.name), losses, case.runs.benefit_in_words, *shares))
     head = (
         "energy loss by",
         "friction k, ratio e",

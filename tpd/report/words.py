@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from tpd.answers.paired import PairedRuns, Part
     from tpd.answers.response import Response
     from tpd.answers.statistics import Share
-    from tpd.design.as_built import LossCase
     from tpd.design.design import Design
 
 _CHANGES = {
@@ -103,9 +102,9 @@ def losses(block: Block) -> str:
     return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
 
 
-def kind_of_losses(case: LossCase) -> str:
-    """Return the kind of energy losses of a case, such as "friction only"."""
-    return case.name if " and " in case.name else f"{case.name} only"
+def kind_of_losses(name: str) -> str:
+    """Return the kind of energy losses in a `LossCase` by its name, such as "friction only"."""
+    return name if " and " in name else f"{name} only"
 
 
 def risk(design: Design, value: float) -> str:
