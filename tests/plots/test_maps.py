@@ -97,7 +97,7 @@ def test_a_fragility_draws_a_state_and_has_a_row_for_every_stripe():
     with pytest.raises(ValueError, match="`state` must be one of overturned, but is 'half'"):
         tpd.plot(FRAGILITY, "half")
     table = FRAGILITY.to_dataframe()
-    assert table["case"].tolist() == ["bare"] * 3 + ["hung"] * 3
+    assert table["case"].tolist() == ["without_pendulum"] * 3 + ["with_pendulum"] * 3
     assert table["stripe"].tolist() == [1.0, 2.0, 3.0] * 2
     assert table["counts"].tolist() == [0, 2, 4, 0, 1, 3]
     assert table["undecided"].tolist() == [0, 1, 0] * 2
