@@ -84,7 +84,7 @@ def test_the_room_to_the_wall_is_stated_and_the_angle_at_which_it_ends():
     mass, rod = bob.built(1.6224, 0.12, CAVE.gravity)
     clearance = 0.0475 - float(bob.radius(mass))
     text = said(wide, examples.PENDULUM, swing=0.05, bob=bob)
-    assert f"clearance {number(clearance - rod * np.sin(0.05), 3)} m" in text
+    assert f"clearance at this swing: {number(clearance - rod * np.sin(0.05), 3)} m" in text
     assert f"wall contact at ±{np.arcsin(clearance / rod):.3g} rad" in text
     assert "the bob touches the wall" in said(wide, examples.PENDULUM, swing=0.3, bob=bob)
 

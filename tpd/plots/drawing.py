@@ -132,7 +132,11 @@ class _AsBuilt(NamedTuple):
             return float(self.body.reach(self.mass, self.rod, angle)) - self.wall
 
         clearance = -excess(self.angle)
-        text = f"clearance {number(clearance, 3)} m" if clearance > 0.0 else "the bob touches the wall"
+        text = (
+            f"clearance at this swing: {number(clearance, 3)} m"
+            if clearance > 0.0
+            else "the bob touches the wall"
+        )
         # There is no angle of contact if the body is wider than the cavity, or too short to reach the wall.
         if excess(0.0) < 0.0 < excess(0.5 * math.pi):
             contact = float(root_scalar(excess, bracket=(0.0, 0.5 * math.pi)).root)

@@ -142,7 +142,8 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         runs, listed = details.losses[0].runs.pairs, ", ".join([*cases, *stated])
         yield (
             "losses",
-            f"reduction of the mean tilt for other losses (linear equations, {runs} runs each): {listed}",
+            f"reduction of the mean tilt for other energy losses (linear equations, {runs} runs each): "
+            f"{listed}",
         )
     if len(details.responses) > 1:
         ends = details.responses[0].frequency[[0, -1]]

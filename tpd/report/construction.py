@@ -50,6 +50,7 @@ def _sizes(design: Design, build: Build) -> Table:
     slow, fast = build.lifts_slow_fast
     without = f"without the pendulum {number(float(design.scene.uplift))} g"
     lifts = "base acceleration that lifts the block"
+    quick = "much faster than the pendulum; near its natural frequency, the value can be below both"
     rows: list[tuple[Cell, ...]] = [
         ("mass of the bob", f"{number(build.mass)} kg", body),
         ("bob, width by height", f"{number(build.bob_width)} m × {number(build.bob_height)} m", None),
@@ -66,7 +67,7 @@ def _sizes(design: Design, build: Build) -> Table:
         ("largest rate between rod and block", f"{number(loads.rate)} rad/s", None),
         ("coefficient of friction needed at the base", loads.friction, "below this value the base slides"),
         (f"{lifts}, slow motion", f"{number(slow)} g", f"much slower than the pendulum; {without}"),
-        (f"{lifts}, fast motion", f"{number(fast)} g", "much faster; less near the natural frequency"),
+        (f"{lifts}, fast motion", f"{number(fast)} g", quick),
     ]
     if build.lifts is not None:
         settled = f"excitation of the job, after the bob has settled; {without}"
@@ -90,27 +91,24 @@ def _parts(build: Build) -> list[Block]:
     arm = "a quarter of the rod" if parts.arm >= ARM * build.rod else "the largest arm that fits the cavity"
     assumed = build.rod_share * build.mass
     bar = f"steel bar of {number(parts.rod_mass, 3)} kg; the table above assumes {number(assumed, 3)} kg"
-    # A heavier rod shifts the natural frequency, which the position of the bob can correct.
+    # The sizes above assume a rod that carries only ten times the weight of the bob. Bending can need more.
     if parts.rod_mass > assumed:
         bar += (
-            ". Use a tube of equal strength, and move the bob until ten swings take the time required below"
+            ". A heavier rod changes the natural frequency: use a tube of equal strength, or move the bob "
+            "until ten swings take the time required below"
         )
-    both = f"{_force(build.loads.hinge, 3)} of the first table and the linear damper, added in one direction"
+    both = f"{_force(build.loads.hinge, 3)} from the first table plus the force of the linear damper"
     angle = f"twice the arm times the largest angle of {number(build.angle, 3)} rad"
     rows: list[tuple[Cell, ...]] = [
         ("rod, diameter", _mm(parts.rod_diameter), bar),
         (
             "pin of the hinge, diameter",
             _mm(parts.pin_diameter),
-            "double shear, for the force in the next row",
+            "double shear, under the force in the next row",
         ),
         ("hinge, largest force with the linear damper", _force(build.loads.hinge + parts.force, 3), both),
         ("linear damper, arm", f"{number(parts.arm, 3)} m", f"distance from the hinge along the rod: {arm}"),
-        (
-            "linear damper, coefficient",
-            f"{number(parts.coefficient, 3)} N s/m",
-            "damper at the hinge over arm²",
-        ),
+        ("linear damper, coefficient", f"{number(parts.coefficient, 3)} N s/m", "hinge damper over arm²"),
         ("linear damper, largest force", _force(parts.force, 3), "largest moment of the damper over the arm"),
         ("linear damper, stroke", _mm(parts.stroke), angle),
         ("linear damper, largest speed", f"{number(parts.speed, 3)} m/s", "arm times the largest rate"),
