@@ -61,7 +61,7 @@ def test_losses_have_a_row_each():
     for case in details().losses:
         fell = case.runs.change("overturned")
         shares = " / ".join(words.percent(x, 1) for x in (fell.with_pendulum, fell.without_pendulum))
-        assert found[words.kind_of_losses(case.name)][1:3] == (case.runs.benefit_in_words, shares)
+        assert found[words.energy_loss(case.name)][1:3] == (case.runs.benefit_in_words, shares)
     assert sections.other_losses(details("rejected")) == []
 
 

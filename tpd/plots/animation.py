@@ -69,6 +69,7 @@ def animate(
         slowed = max(1, math.ceil(_PER_PERIOD * scene.motion.frequency / _RATE))
         seconds = min(_SECONDS, 24.0 / scene.motion.frequency * slowed)
     frames = int(_RATE * seconds)
+    # A frame of the film shows 1/slowed of the time that it lasts.
     times = start + np.arange(frames) / (_RATE * slowed)
     reels = [reel(h, pendulum if h.with_pendulum else None, times) for h in histories]
     figure, draw = _stage(scene, reels, times, slowed)
@@ -84,6 +85,7 @@ def _pictures(figure: Figure, draw: Callable[[int], list[Artist]], frames: int) 
     # Drawing takes long. The parts that stand still are drawn once and copied into every frame.
     moving = draw(0)
     for artist in moving:
+        # Animated artists are left out when the canvas draws the background.
         artist.set_animated(True)
     canvas.draw()
     still = canvas.copy_from_bbox(figure.bbox)
@@ -137,11 +139,13 @@ def _stage(
     # The limits of the axes must contain all frames, so all shapes are computed before the figure is made.
     films = [[_shapes(scene, r, i, factor, float(x)) for i, x in enumerate(base)] for r in reels]
     points = np.concatenate([x for film in films for shapes in film for x in shapes])
+    # The margin keeps lines at the edge of the view visible.
     pad = 0.08 * scene.block.height
     reach = scene.motion.amplitude if isinstance(scene.motion, Harmonic) else 0.0
     side = max(float(np.abs(points[:, 0]).max()), 0.7 * scene.block.width + reach) + pad
     low, high = min(float(points[:, 1].min()), 0.0) - pad, float(points[:, 1].max()) + pad
     shape = 2.0 * side / (high - low)
+    # The picture is as large as height and width of one motion allow.
     tall = min(_TALL, _WIDE / shape)
     whole, width = tall + _ABOVE + _BELOW, max(max(tall * shape, _NARROW) * len(reels), _LEAST)
     figure = Picture(figsize=(width, whole), dpi=_DPI)

@@ -59,6 +59,7 @@ def plot_benefit(design: Design, ax: Any = None) -> Any:
     """
     if design.runs is None:
         raise ValueError("`design` must have validation runs, but has none")
+    # The first `above` rows are about all runs.
     rows, above = _rows(design, design.runs)
     heights, values = np.arange(len(rows)), np.array([row[1:] for row in rows])
     without, pendulum, low, high = values.T
@@ -135,6 +136,7 @@ def plot_conditions(design: Design, axes: Any = None) -> Any:
     name = design.conditions.axis
     if name is None:
         raise ValueError("`design` must have conditions that differ in one quantity")
+    # A design that is not recommended is drawn as well, with another label.
     best = None if design.best is None else design.best.exact
     axes = new_axes(2, (7.0, 5.6)) if axes is None else axes
     # Conditions with random values are not sorted.
@@ -171,6 +173,7 @@ def plot_conditions(design: Design, axes: Any = None) -> Any:
 def _attracting(motions: ExactMotions, size: str) -> np.ndarray:
     """Return a size of the attracting orbit under each condition, (n,); NaN if there is no such orbit."""
     e = motions.orbits
+    # Row 0 is the only design in these arrays.
     return np.where(e.attracts[0] & np.isfinite(e.tilt[0]), getattr(e, size)[0], np.nan)
 
 
@@ -207,6 +210,7 @@ def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
     saved, low, high = 100.0 * np.array([p.saved for p in points]).T
     # A pendulum without validation runs has no benefit, and is neither recommended nor rejected.
     is_recommended, is_missing = np.isfinite(saved), np.array([p.pendulum is None for p in points])
+    # Matplotlib rejects negative lengths of bars, which rounding can cause.
     around = np.maximum([saved - low, high - saved], 0.0)[:, is_recommended]
     style = {"color": BLUE, "marker": "o", "ms": 5, "ls": "", "elinewidth": 1.2, "capsize": 3}
     ax.errorbar(mass[is_recommended], saved[is_recommended], around, **style, label="recommended")

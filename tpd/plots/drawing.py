@@ -115,6 +115,7 @@ class _AsBuilt(NamedTuple):
         """Return the pendulum as built with the bob angle `swing` (rad), by default with a steel ball."""
         body, mass, length = bob or Bob(), float(pendulum.mass), float(pendulum.length)
         heavy, built = body.built(mass, length, float(scene.gravity))
+        # Beyond a right angle the rod would be drawn above its hinge.
         rod, angle = built if math.isfinite(built) else length, min(swing, 0.5 * math.pi)
         mass = heavy if math.isfinite(heavy) else mass
         # The lower edge of a cylinder is lowest at some angle between rest and the end of the swing.
@@ -260,6 +261,7 @@ def _detail(ax: Axes, scene: Scene, built: _AsBuilt, side: float, scale: float) 
     if is_hollow and built.wall < side:
         between = f"{number(2.0 * built.wall)} m"
         _dimension(ax, (-built.wall, 0.09 * inch), (built.wall, 0.09 * inch), 0.12 * inch, between, scale)
+    # The end of the swing to the right is the position that the label of the swing points to.
     mass, end = built.mass, built.rod * np.array([math.sin(built.angle), -math.cos(built.angle)])
     damper = f"{number(p.hinge_damping(scene.gravity), 3)} N m s/rad (damping ratio {p.damping_ratio:.3g})"
     wide, high = (2.0 * float(x) for x in (built.body.radius(mass), built.body.half_height(mass)))
@@ -336,6 +338,7 @@ def _base(ax: Axes, scene: Scene, half: float, scale: float) -> None:
     """Draw the ground, and an arrow for its motion, which is to scale if it is long enough to be seen."""
     reach, inch = max(half, 0.5 * scene.block.width) + 0.2 / scale, 1.0 / scale
     ax.plot([-reach, reach], [0.0, 0.0], color=INK, lw=1.4)
+    # Hatching below the ground line, as in engineering drawings.
     for x in np.arange(-reach, reach, 0.12 * inch):
         ax.plot([x, x - 0.07 * inch], [0.0, -0.08 * inch], color=INK, lw=0.6)
     motion = scene.motion

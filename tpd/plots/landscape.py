@@ -66,17 +66,20 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     _shade(ax, x, y, field, trials.without_pendulum, label)
     # The grey area covers the contours and their values, because the trend is not known there.
     if (deviation > trials.process.spread).any():
+        # The trend is unknown where its standard deviation is as large as that of all trial values.
         levels = [trials.process.spread, np.inf]
         ax.contourf(x, y, deviation, levels=levels, colors=[_UNKNOWN], zorder=2)
         ax.fill([], [], color=_UNKNOWN, label="trend not known")
     # Close to a fold, single designs can lose their orbit. The median over neighbours removes such specks.
     limits = _limits(design, trials, designs)
     edges = {name: median_filter(z.reshape(_GRID, _GRID), 3) for name, z in limits.items()}
+    # The largest logarithm over all limits is positive where any limit is exceeded.
     worst = np.max([np.full((_GRID, _GRID), -1.0), *edges.values()], axis=0)
     if (worst > 0.0).any():
         beyond = ax.contourf(x, y, worst, levels=[0.0, np.inf], colors="none", hatches=["//"], zorder=2)
         beyond.set_edgecolor(_HATCH)
         beyond.set_linewidth(0.0)
+    # A limit that all designs keep, or that all exceed, has no edge.
     crossed = {name: z for name, z in edges.items() if z.min() < 0.0 < z.max()}
     for i, (name, z) in enumerate(crossed.items()):
         edge(ax, x, y, z, name.replace("_", " "), (i + 1.0) / (len(crossed) + 1.0))
@@ -90,6 +93,7 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
         for i, path in enumerate(design.search.paths):
             ax.plot(*path[:, axes].T, color=INK, lw=0.5, label=None if i else "paths of the descents")
     _star(ax, design, best[axes])
+    # A recommended design is the last validated one and has no reasons.
     rejected = np.array([v.design for v in design.validated if v.reasons]).reshape(-1, 3)
     _points(ax, rejected[:, axes], "X", 7.0, "rejected by the validation", "white")
     across, up = (LABELS[name] for name in space.names[:2])

@@ -58,6 +58,7 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
     checks.one_of("quantity", quantity, tuple(_QUANTITIES))
     ax = cast(Axes, new_axes(size=(7.0, 5.4)) if ax is None else ax)
     values = getattr(m, quantity)
+    # Only these statuses have the quantity.
     coloured = {"amplitude": _MOVING, "swing": (*_MOVING, "rest"), "margin": tuple(m.counts)}[quantity]
     shown = np.isfinite(values) & np.isin(m.status, coloured)
     low, high = 0.0, 1.0
@@ -197,6 +198,7 @@ def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = No
     """
     checks.one_of("state", state, tuple(fragility.without_pendulum))
     ax = new_axes() if ax is None else ax
+    # The curve continues a little beyond the intensity levels.
     fine = np.linspace(0.5 * fragility.stripes[0], 1.1 * fragility.stripes[-1], 300)
     for case, style in zip(fragility.cases, CASES, strict=False):
         _curve(ax, fragility.stripes, case[state], fine, style)
@@ -262,6 +264,7 @@ def plot_record(record: Record, axes: Any = None) -> Any:
         ax.set_title(peak.format(abs(values[at])), fontsize=9, loc="right")
     axes[0].set_title(record.name or record.source, fontsize=9, loc="left")
     axes[2].set_xlabel("time (s), shaded: 5 to 95 % of the energy")
+    # Periods from stiff to tall structures.
     periods = np.geomspace(0.05, 5.0, 40)
     sizes = [spectral_acceleration(record, t) / STANDARD_GRAVITY for t in periods]
     axes[3].semilogx(periods, sizes, color=INK, lw=1.2)

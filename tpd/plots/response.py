@@ -135,6 +135,7 @@ def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
     axes[-1].set(xlabel=LABELS[next(iter(cases.values())).name])
     for label, ls in (("stable", "-"), ("unstable", _UNSTABLE)):
         axes[0].plot([], [], color=INK, lw=1.2, ls=ls, label=label)
+    # The legend explains only the marks that occur.
     kinds = {b.kind for case in cases.values() for b in case.bifurcations}
     for kind, (marker, label) in _MARKERS.items():
         if kind in kinds:
@@ -149,6 +150,7 @@ def _lines(ax: Any, case: Branches, quantity: str, style: dict[str, Any]) -> Non
     for branch in range(s.branches):
         at = s.line(branch)
         value, size, stable = s.value[at[0]], getattr(s, quantity)[at], s.status[at] == "rocking"
+        # Parts of a branch with the same stability get one line each.
         edges = [0, *(np.nonzero(np.diff(stable))[0] + 1), len(stable)]
         for begin, end in pairwise(edges):
             # One more point, so that no gap remains between a stable part and an unstable one.
@@ -162,6 +164,7 @@ def _lines(ax: Any, case: Branches, quantity: str, style: dict[str, Any]) -> Non
 def _swing(case: Branches, b: Bifurcation) -> float:
     """Return the bob angle (rad) at a bifurcation, which is that of the nearest orbit in the sweep."""
     s = case.sweep
+    # Two values on each side of the bifurcation are near enough.
     at = np.searchsorted(s.value, b.value)
     rows = slice(max(at - 2, 0), at + 2)
     # Several branches can have orbits at these values. The one with the closest amplitude is the right one.

@@ -65,10 +65,12 @@ def plot(
         'frequency of the base motion (Hz)'
         >>> axes[0].figure.savefig("response.png")  # doctest: +SKIP
     """
+    # The first matching class decides.
     kind = next((kind for base, kind in _KINDS.items() if isinstance(result, base)), None)
     if kind is None:
         names = ", ".join(base.__name__ for base in _KINDS)
         raise ValueError(f"`result` must have a picture ({names}), but is {checks.shown(result)}")
+    # The last name is that of the axes.
     draw, *allowed = kind
     stated = {"what": what, "quantity": quantity, "state": state, "without": without, "own": own}
     options: dict[str, Any] = {}

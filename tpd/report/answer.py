@@ -43,14 +43,16 @@ def answer(
         directory: folder of the report, for the commands at the end.
         most: largest number of lines.
     """
+    # The pendulum as built needs only a few motions, so it is always shown.
     details = Details(build=build_of(design)) if details is None else details
+    # Verdict and dangers come first, because the last lines are the first to be left out.
     first = [verdict(design, details), *dangers(design, details)]
     parts = [wrapped(one.marked) for one in first]
     rows = [pair for pair in pairs(design, details) if pair[0] not in _ALONE]
     runs, indent, has_table = design.runs, " " * _NAME, False
     for name, text in rows:
         # The table of results stands between the pendulum and the limits.
-        if runs is not None and name in ("clearance", "in runs", "reason", "limits") and not has_table:
+        if runs is not None and name in ("clearance", "runs", "reason", "limits") and not has_table:
             has_table, table = True, words.comparison(runs)
             cells = [indent + line for line in aligned([table.head, *table.cells])]
             parts.append([*cells, *wrapped(table.caption, indent, indent)])
@@ -84,12 +86,13 @@ def verdict(design: Design, details: Details | None = None) -> Note:
         losses = () if details is None else details.losses
         # The energy losses of a real block are uncertain, so a benefit must not depend on the model of them.
         if against := [case for case in losses if not case.runs.benefit.low > 0.0]:
-            cases = " or ".join(words.kind_of_losses(case.name) for case in against)
+            cases = " or ".join(words.energy_loss(case.name) for case in against)
             caution = (
                 f" THE BENEFIT DEPENDS ON THE ENERGY LOSSES: it is not significant with losses by {cases}."
             )
         result = words.reduction(runs, best.measure)
         return note(f"{head}: {result}.{caution} This is not a safety assessment.")
+    # A block that does not rock needs its margin and not the number of rejected designs.
     if design.status in (DesignStatus.no_uplift, DesignStatus.slides):
         return note(needless(design.problem))
     kind = danger if design.pendulum is None and design.is_harmful else note
@@ -120,11 +123,12 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     yield "motion", words.excitation(design)
     yield "lifts", design.problem.at_rest.lifting_in_words
     yield "slides", design.problem.at_rest.sliding_in_words
+    # Without further conditions the design is for the motion of the scene only.
     yield "conditions", "; ".join(design.conditions.description) or "the motion above only"
     yield from _pendulum(design, details)
     if design.runs is not None and design.best is not None and not math.isnan(design.best.over_limit):
         has_walls = limit_of(design.problem.limits, Clearance) is not None
-        yield "clearance" if has_walls else "in runs", _clearance(design, details)
+        yield "clearance" if has_walls else "runs", _clearance(design, details)
     # For some statuses the verdict already contains the first reason.
     for text in design.refusals[design.status in _REASONED :]:
         yield "reason", text
@@ -133,18 +137,17 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     if design.pendulum is not None:
         yield "limits", active_limits(design, details)
     if details.losses:
-        cases = [
-            f"{words.kind_of_losses(c.name)} {words.percent(c.runs.benefit.mean)}" for c in details.losses
-        ]
+        cases = [f"{words.energy_loss(c.name)} {words.percent(c.runs.benefit.mean)}" for c in details.losses]
         # The linear equations can give another benefit than the nonlinear ones, so that the benefit with the
         # stated losses is repeated here from linear runs.
         stated = [f"as stated {words.percent(m.low.mean)}" for m in details.sensitivity if not m.name]
         runs, listed = details.losses[0].runs.pairs, ", ".join([*cases, *stated])
         yield (
             "losses",
-            f"reduction of the mean tilt for other energy losses (linear equations, {runs} runs each): "
-            f"{listed}",
+            f"reduction of the mean tilt for other energy losses ({runs} linear runs each): {listed}",
         )
+    # The first response is without the pendulum, and the second one, with it, exists only if
+    # there is a pendulum.
     if len(details.responses) > 1:
         ends = details.responses[0].frequency[[0, -1]]
         yield "nearby", words.overturned_between(details.responses, *ends)
@@ -156,15 +159,13 @@ def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     if pendulum is None:
         if design.nearest is not None:
             near = design.problem.pendulum(design.nearest)
-            size = f"{number(float(near.mass), 3)} kg on a rod of {number(float(near.length), 3)} m"
             zeta = f"damping ratio {float(near.damping_ratio):.2g}"
-            yield "nearest", f"equivalent point mass {size}, {zeta}: not recommended"
+            yield "nearest", f"equivalent point mass {words.point(near, 3, 3)}, {zeta}: not recommended"
         return
     # If masses in a wide range perform equally well, a third digit would suggest a false precision.
     alike = words.range_of_mass(design)
-    mass, length = float(pendulum.mass), float(pendulum.length)
-    point = f"{number(mass, 2 if alike else 3)} kg on a rod of {number(length, 3)} m"
-    yield "pendulum", f"equivalent point mass {point}{alike}"
+    yield "pendulum", f"equivalent point mass {words.point(pendulum, 2 if alike else 3, 3)}{alike}"
+    # A bob of low density can be too large for its rod: then no body is equivalent to the point mass.
     if build is None or not math.isfinite(build.mass):
         yield "bob", "no body with this shape and density is equivalent to the point mass"
         return
@@ -192,15 +193,14 @@ def _clearance(design: Design, details: Details) -> str:
     if build is None or not has_walls or math.isnan(build.reach):
         return text
     reach = f"the bob stays within {number(build.reach, 3)} m of the block's axis"
-    return (
-        f"{text}; in {words.percent(1.0 - most)} of these runs {reach}, and the wall is at {build.wall:.3g} m"
-    )
+    return f"{text}; in {words.percent(1.0 - most)} of these runs {reach}; the wall is at {build.wall:.3g} m"
 
 
 def active_limits(design: Design, details: Details) -> str:
     """List the active limits, and the bounds of the search that the design lies on."""
     used, build = words.usage(design), details.build
     if build is not None and build.reach > 0.0 and build.wall > 0.0 and "clearance" in used:
+        # The distance in the validation runs is more informative than the ratio at nominal values.
         used["clearance"] = build.reach / build.wall
     active = [f"{LABELS.get(n, n)}, {words.percent(x)} used" for n, x in used.items() if x >= _USED]
     listed = "; ".join([*active, *words.bounds(design)])
@@ -212,6 +212,8 @@ def _more(design: Design, directory: Path | None) -> Iterator[tuple[str, str]]:
     if directory is None:
         return
     at = shlex.quote(str(directory))
+    # Under ground motions the search itself used earthquakes, so these checks are offered for harmonic jobs
+    # only.
     if design.search is not None and design.pendulum is not None:
         records = f"earthquakes (run `tpd fragility {at} --records el-centro loma-prieta`)"
         yield "not checked", f"{records}; contact and sliding (run `tpd check {at} --engine mujoco`)"

@@ -9,7 +9,7 @@ from tpd.design.as_built import ARM, SAFETY, YIELD, Build, Details
 from tpd.design.design import Design
 from tpd.design.reasons import DesignStatus
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
-from tpd.report.words import interval, percent
+from tpd.report.words import interval, percent, point
 
 _PULL = "pull-and-release test, above"
 _NAMES = {
@@ -37,16 +37,19 @@ def section(design: Design, details: Details) -> list[Block]:
 def _sizes(design: Design, build: Build) -> Table:
     """Return the table of sizes, and of loads with a damper at the hinge."""
     pendulum, loads = design.pendulum, build.loads
+    # `section` has checked this.
     assert pendulum is not None
     zeta = number(float(pendulum.damping_ratio))
-    point = f"{number(float(pendulum.mass))} kg on a rod of {number(float(pendulum.length))} m"
-    body = f"no {build.bob.shape} is equivalent to the point mass of {point}, which has the forces below"
+    mass = point(pendulum)
+    body = f"no {build.bob.shape} is equivalent to the point mass of {mass}, which has the forces below"
     if math.isfinite(build.mass):
         dead = f"{number(build.dead, 3)} kg of bob and rod only add weight at the top"
-        body = f"{build.bob}, equivalent to a point mass of {point}; {dead}"
+        body = f"{build.bob}, equivalent to a point mass of {mass}; {dead}"
     rod: tuple[Cell, ...] = "–", "no length gives the natural frequency of the equivalent point mass"
     if math.isfinite(build.rod):
         rod = f"{number(build.rod)} m", f"with a steel rod of {percent(build.rod_share, 1)} of the bob's mass"
+    # The uplift acceleration depends on the frequency of the base motion. Its limits for slow and fast
+    # motions have closed forms.
     slow, fast = build.lifts_slow_fast
     without = f"without the pendulum {number(float(design.scene.uplift))} g"
     lifts = "base acceleration that lifts the block"
@@ -72,6 +75,7 @@ def _sizes(design: Design, build: Build) -> Table:
     if build.lifts is not None:
         settled = f"excitation of the job, after the bob has settled; {without}"
         rows.append((f"{lifts}, harmonic motion", f"{number(build.lifts[0])} g", settled))
+    # The loads come from motions in which the block stands; there may be none.
     forces = "The block overturns in all motions. Forces are those of a free swing from the largest angle."
     if loads.motions:
         forces = (
@@ -88,6 +92,7 @@ def _parts(build: Build) -> list[Block]:
     parts = build.parts
     if parts is None:
         return []
+    # A narrow cavity limits the stroke of the damper, and with it the arm.
     arm = "a quarter of the rod" if parts.arm >= ARM * build.rod else "the largest arm that fits the cavity"
     assumed = build.rod_share * build.mass
     bar = f"steel bar of {number(parts.rod_mass, 3)} kg; the table above assumes {number(assumed, 3)} kg"
@@ -113,6 +118,7 @@ def _parts(build: Build) -> list[Block]:
         ("linear damper, stroke", _mm(parts.stroke), angle),
         ("linear damper, largest speed", f"{number(parts.speed, 3)} m/s", "arm times the largest rate"),
     ]
+    # The distance is NaN if the bob has no free distance, and a comparison with NaN is false.
     if parts.stop_way > 0.0:
         spring = f"of a spring that stops the bob within {_mm(parts.stop_way)} from its largest rate"
         rows += [
@@ -157,6 +163,7 @@ def _reach(design: Design, build: Build) -> list[tuple[Cell, ...]]:
 
 def _checks(build: Build) -> Listing:
     """Return the measurements on site, with the readings to expect."""
+    # Ten swings reduce the error of a stop watch to a tenth.
     ten, pull = 10.0 / build.frequency, build.pull
     # Half a per cent of the angle cannot be seen on site.
     swings = (
@@ -210,6 +217,7 @@ def _sensitivity(design: Design, details: Details) -> list[Block]:
     )
     if design.status is DesignStatus.recommended:
         caption += " Column 2 gives the tolerances for which the benefit was validated."
+    # A benefit is significant if the lower end of its interval is above zero.
     critical = [_NAMES[m.name][0] for m in details.sensitivity if not min(m.low.low, m.high.low) > 0.0]
     text = "The benefit remains significant in all of these cases."
     if critical:

@@ -89,6 +89,7 @@ def content(
         record_notes: notes of the reader on the files of the records.
     """
     all_notes = notes(design, details)
+    # A picture whose data is missing has no figure, so that the report does not refer to it.
     drawn = names(design, details)
     # Lists, because a section takes its picture as a list that is empty if there is no picture.
     figures = {n.partition(".")[0]: [Figure(n, *CAPTIONS[n])] if n in drawn else [] for n in CAPTIONS}
@@ -105,6 +106,7 @@ def content(
         "How to repeat it": _repeat(design, job_toml, directory),
     }
     runs = design.runs
+    # The project has a row only if it has a name.
     rows = (*(("project", name) for _ in range(bool(name))), *answer.pairs(design, details))
     return Report(
         title=words.title(design.scene, name, date),
@@ -137,12 +139,13 @@ def _front(points: Sequence[FrontPoint]) -> Table:
     """Return a table with the answer for each upper bound of the bob's mass."""
     rows: list[tuple[Cell, ...]] = []
     for p in points:
+        # A bound without a recommended pendulum has its status instead.
         if p.pendulum is None:
             rows.append((f"{number(p.most)} kg", p.status.replace("_", " "), None))
             continue
-        size = f"{number(p.pendulum.mass)} kg on a rod of {number(p.pendulum.length)} m, ζ = "
+        size = f"{words.point(p.pendulum)}, ζ = {number(float(p.pendulum.damping_ratio))}"
         benefit = None if math.isnan(p.saved[0]) else words.interval(*p.saved)
-        rows.append((f"{number(p.most)} kg", f"{size}{number(float(p.pendulum.damping_ratio))}", benefit))
+        rows.append((f"{number(p.most)} kg", size, benefit))
     caption = (
         "Each row is a separate design with its own validation runs. The last row is this report's design."
     )
@@ -163,6 +166,7 @@ def _assumptions(design: Design) -> list[str]:
         "damper.",
     ]
     limits = "; ".join(map(words.limit, problem.limits)) or "none"
+    # Ground motions are described by their conditions, a harmonic motion by its formula.
     if design.conditions.motions:
         intensity = MEASURES[design.conditions.intensity]
         text.append(f"Excitation from rest: {'; '.join(design.conditions.description)} ({intensity}).")
@@ -188,6 +192,7 @@ def _repeat(design: Design, job_toml: str, directory: Path | None) -> list[Block
     """Return the command and the job file that repeat the search, and the versions of the packages."""
     out: list[Block] = []
     if directory is not None:
+        # The quotes allow blanks in the name of the folder.
         scene, to = shlex.quote(str(directory / "scene.toml")), shlex.quote(f"{directory}-again")
         out.append(Code(f"tpd optimise --scene {scene} --out {to}"))
     if job_toml:

@@ -142,6 +142,7 @@ def _words(
         yield "response.csv", response_csv(details.responses)
     if details.histories:
         yield "motion.csv", motion_csv(details.histories)
+    # The rows of this table are the dots in the picture of the search.
     if (trials := design.trials) is not None:
         head = ("mu", "lam", "zeta", "value", "trend", "overturned", "undecided", "feasible", *trials.names)
         columns = trials.value, trials.trend, trials.overturned, trials.undecided, trials.feasible
@@ -181,6 +182,7 @@ def draw(name: str, design: Design, details: Details) -> bytes:
             return animation.animate(scene, design.pendulum, histories)
         case _:
             raise ValueError(f"`name` must be one of {', '.join(names(design, details))}, but is {name!r}")
+    # A plot function returns one axes object, or an array of several in one figure.
     figure = (axes if hasattr(axes, "figure") else axes[0]).figure
     return svg(figure) if kind == "svg" else png(figure)
 
@@ -197,6 +199,7 @@ def response_csv(responses: Sequence[Response]) -> str:
     name = responses[0].name
     columns = {f"{name}_{UNITS[name]}" if name in UNITS else name: responses[0].frequency}
     for label, r in zip(("without", "with"), responses, strict=False):
+        # The frequency is the same in both responses and has one column.
         columns |= {f"{label}_{n}": column for n, column in r.columns().items() if n != name}
     # Without a pendulum the equations still have a bob, whose mass is zero. Its swing has no meaning.
     del columns["without_swing_rad"]

@@ -35,11 +35,14 @@ def as_json(
 ) -> str:
     """Return a design as JSON with sorted keys. Infinite and unknown numbers are strings."""
     pendulum, gravity, problem = design.pendulum, float(design.scene.gravity), design.problem
+    # Under ground motions the dimensionless frequency and amplitude of a harmonic do not exist.
     p = design.scene.parameters(pendulum) if design.problem.without_pendulum is not None else None
     # A limit with one field is written as the value of this field, and a limit without fields as true. A
     # limit that the user defined may have several fields.
     fields_of = {limit.name: vars(limit) for limit in problem.limits}
     limits = {n: next(iter(x.values())) if len(x) == 1 else x or True for n, x in fields_of.items()}
+    # The measure that was decided is known only after the validation, if the job leaves the choice to the
+    # program.
     measure = (
         problem.requirements.measure
         if design.best is None
@@ -86,6 +89,7 @@ def plain(x: Any) -> Any:
             return x.name
         case np.ndarray() | np.generic():
             return x.tolist()
+        # Arrays of all runs would make the file large, so shares and quantiles are written.
         case Runs() | PairedRuns():
             return plain(x.summary())
         case GaussianProcess():
@@ -100,10 +104,12 @@ def plain(x: Any) -> Any:
     if hasattr(x, "merit_slope"):
         kinds = [KINDS[int(k)] for k in x.kind[0]]
         return {n: getattr(x, n)[0].tolist() for n in _EVALUATION} | {"kind": kinds}
+    # Results are frozen dataclasses: their fields become the keys.
     if is_dataclass(x):
         # Readers of the file get the sentence of a reason and need not build it from the numbers.
         sentence = {"sentence": str(x)} if isinstance(x, Reason) else {}
         return {f.name: plain(getattr(x, f.name)) for f in fields(x)} | sentence
+    # Named tuples keep their field names, other tuples become lists.
     if hasattr(x, "_asdict"):
         return plain(x._asdict())
     return [plain(v) for v in x] if isinstance(x, (list, tuple)) else x

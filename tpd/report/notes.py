@@ -73,6 +73,7 @@ def _runs(design: Design) -> Iterator[Note]:
                 f"In the runs that were used to choose the pendulum, {reduced(best.decided, best.measure)}; "
                 f"{percent(least)} is required. The report quotes independent runs, which show less."
             )
+        # The whole interval of the difference must lie below zero for a significant reduction.
         overturned = runs.change("overturned")
         if not overturned.high < 0.0:
             yield note(
@@ -89,6 +90,7 @@ def _runs(design: Design) -> Iterator[Note]:
 
 def _from_rest(design: Design, exact: ExactMotions, without_pendulum: ExactMotions) -> Iterator[Note]:
     """Yield a note if the block overturns from rest only with the pendulum, one motion for each condition."""
+    # There is one motion from rest for each condition, by the exact model.
     pendulum, without = (m.status == "overturned" for m in (exact, without_pendulum))
     worse, better = np.flatnonzero(pendulum & ~without), int(np.sum(without & ~pendulum))
     if worse.size:
@@ -114,6 +116,7 @@ def _without_walls(design: Design, exact: ExactMotions, pendulum: Pendulum) -> l
         nu = design.scene.block.slenderness * design.conditions.column("slenderness")
         orbits = exact.orbits.swing[0] + exact.orbits.tilt[0] * nu
         angles["in the settled motion"] = np.concatenate([angles["in the settled motion"], orbits])
+    # An overturned motion has infinite angles. It is reported by another note.
     largest = {when: finite_max(x) for when, x in angles.items()}
     if design.turned.size:
         largest["in half of the validation runs"] = float(np.median(design.turned))
@@ -132,6 +135,7 @@ def wall_contacts(block: Block, pendulum: Pendulum, angles: Mapping[str, float])
     bob = Bob()
     wall, mass, length = 0.5 * block.clear_width, pendulum.mass, pendulum.length
     trial = np.linspace(0.0, 0.5 * math.pi, 1571)
+    # The reach grows with the angle, so the last angle without contact is the limit.
     clear = trial[np.asarray(bob.reach(mass, length, trial)) <= wall]
     fits = f"up to an angle of {clear[-1]:.3g} rad" if clear.size else "at no angle"
     return [
@@ -149,6 +153,7 @@ def wall_contacts(block: Block, pendulum: Pendulum, angles: Mapping[str, float])
 def _settled(exact: ExactMotions) -> Iterator[Note]:
     """Yield notes on the settled motion: other attractors, large swing, slow attraction."""
     n, rocks = exact.status.size, np.isin(exact.status, ("rocking", "sticking"))
+    # A positive uplift margin means that a block at rest stays at rest.
     if count := int(np.sum(rocks & (exact.margin > 0.0))):
         where = f" under {count} of {n} conditions" if n > 1 else ""
         yield note(f"The block could rest with this pendulum{where}, but a start from rest ends in rocking.")
@@ -160,6 +165,7 @@ def _settled(exact: ExactMotions) -> Iterator[Note]:
 
 def _orbits(design: Design, exact: ExactMotions, without_pendulum: ExactMotions) -> Iterator[Note]:
     """Yield notes on conditions under which the orbits of the search do not describe the whole motion."""
+    # The descents minimise the tilt of the orbits. Trial runs with many initial states decide afterwards.
     if exact.value > without_pendulum.value:
         yield note(
             f"The {design.problem.risk.name} settled tilt, which the descents reduce, is larger with this "
@@ -183,6 +189,7 @@ def _sliding(design: Design, details: Details) -> Iterator[Note]:
 
 def _earthquakes(design: Design) -> Iterator[Note]:
     """Yield a note if records without the name of their earthquake may be in both groups of motions."""
+    # Records of one earthquake must be in the same group, which needs the name of the earthquake.
     nameless = sum(getattr(m, "event", None) == "" for m in design.conditions.motions)
     if nameless and len(design.problem.groups) > 1:
         yield note(
@@ -196,10 +203,12 @@ def _responses(details: Details) -> Iterator[Note]:
     """Yield a danger on frequencies at which the block overturns more often with the pendulum."""
     if len(details.responses) < 2:
         return
+    # The order is that of `tpd.details`.
     without_pendulum, pendulum = details.responses
     is_worse = overturns_more(without_pendulum, pendulum)
     if is_worse.any():
         excess = pendulum.overturning[0] - without_pendulum.overturning[0]
+        # The note quotes the frequency with the largest increase.
         i = int(np.argmax(np.where(is_worse, excess, -1.0)))
         low, high = pendulum.frequency[is_worse][[0, -1]]
         where = f"Between {low:.3g} and {high:.3g} Hz" if high > low else f"At {low:.3g} Hz"
@@ -216,5 +225,6 @@ def overturns_more(without_pendulum: Response, pendulum: Response) -> np.ndarray
     The whole Newcombe interval of the difference of the two shares, widened for many frequencies, must lie
     above zero.
     """
+    # For each case: the share, and the ends of its Wilson interval.
     (value, low, _), (other, _, high) = pendulum.overturning, without_pendulum.overturning
     return value - other > _MANY * np.hypot(value - low, high - other)

@@ -37,6 +37,7 @@ def text(report: Report) -> str:
         lines += wrapped(sentence, f"{name:<13}", " " * 13)
     if report.comparison is not None:
         lines += ["", *_table(report.comparison)]
+    # A section of pictures only has no text and is left out.
     for section in report.sections:
         body = [line for block in section.blocks for line in _lines(block)]
         lines += ["", section.title, "-" * len(section.title), *body] if body else []
@@ -61,6 +62,7 @@ def _lines(block: Block) -> Iterator[str]:
 
 
 def _table(table: Table) -> Iterator[str]:
+    # Columns are as wide as their longest cell.
     rows = [list(table.head), *table.cells]
     # A column of long sentences would make the table wider than the page: it goes below each row.
     below = len(rows[0]) > 1 and max(len(row[-1]) for row in rows) > _LONG
@@ -94,9 +96,11 @@ def html(report: Report, pictures: Mapping[str, bytes]) -> str:
     """
     uris = {}
     for name, image in pictures.items():
+        # The first bytes tell the format, independent of the name of the file.
         kind = next((mime for start, mime in _KINDS.items() if image.startswith(start)), None)
         if kind is None:
             raise ValueError("`pictures` must hold SVG, PNG or GIF files only")
+        # Data URIs keep the page in one file.
         uris[name] = f"data:{kind};base64,{base64.b64encode(image).decode()}"
     return _template().render(report=report, pictures=uris)
 

@@ -62,6 +62,7 @@ def over_runs(design: Design) -> list[Block]:
     worst = runs.change("worst severity")
     shares = (words.percent(x, 1) for x in (worst.with_pendulum, worst.without_pendulum))
     rows.append(("mean tilt of the worst tenth of the runs (of ν)", *shares))
+    # Ground motions have no ramp: they grow as recorded.
     if runs.cluster is None:
         for ramp in cases[0].share_by_ramp():
             shares = (words.share(o.share_by_ramp()[ramp]) for o in cases)
@@ -70,6 +71,7 @@ def over_runs(design: Design) -> list[Block]:
     rows.append(("at rest at the end", *(words.share(o.share_at_rest) for o in cases)))
     for name, quantity in (("largest tilt", "tilt"), ("settled tilt", "settled_tilt")):
         rows.append((f"{name} (rad): 50, 90, 99 % quantiles", *(_quantiles(o, quantity) for o in cases)))
+    # The bob angle without a pendulum has no meaning.
     rows.append(("largest bob angle (rad): 50, 90, 99 % quantiles", _quantiles(cases[0], "swing"), None))
     # The benefit counts the motions that were not used for the design. This table has all runs.
     described = runs.description if runs.counted is None else f"All {len(runs.known)} runs of all groups"
@@ -107,6 +109,7 @@ def _by_part(runs: PairedRuns) -> list[Block]:
         for p in parts
         if not math.isnan(p.with_pendulum)
     )
+    # A single row would repeat the table of all runs.
     if len(rows) < 2:
         return []
     caption = (
@@ -128,7 +131,7 @@ def other_losses(details: Details) -> list[Block]:
             f"{words.percent(c.with_pendulum, 1)} / {words.percent(c.without_pendulum, 1)}" for c in changes
         )
         losses = f"k = {number(case.friction, 3)}, e = {number(case.velocity_ratio, 4)}"
-        rows.append((words.kind_of_losses(case.name), losses, case.runs.benefit_in_words, *shares))
+        rows.append((words.energy_loss(case.name), losses, case.runs.benefit_in_words, *shares))
     head = (
         "energy loss by",
         "friction k, ratio e",
@@ -148,12 +151,14 @@ def limiting(design: Design) -> list[Block]:
     trials = design.trials
     if trials is None:
         return []
+    # A ratio above 1 exceeds the limit.
     counts = {
         LABELS.get(n, n): int(np.sum(x > 1.0)) for n, x in zip(trials.names, trials.sizes.T, strict=True)
     }
     over = ", ".join(f"{name} {n}" for name, n in counts.items() if n)
     text = f"{int(trials.feasible.sum())} of {len(trials.designs)} designs with trial runs keep all limits."
     text += f" Number of designs that exceed each limit: {over}." if over else ""
+    # `best_without` ignores the limits that are its arguments.
     best = trials.best_without()
     broken = [name for name, x in zip(trials.names, trials.sizes.T, strict=True) if np.any(x > 1.0)]
     rows = [_row(design, "all limits", best)]
@@ -203,9 +208,11 @@ def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
         rows.append(("largest bob angle", words.angle(design.swing)))
     caption = f"{words.source_of_tilts(design)}. Linear equations."
     out: list[Block] = [Table(("", "value"), tuple(rows), caption), *figure]
+    # A table with one condition would repeat the table above.
     if n == 1:
         return out
     cells: list[tuple[Cell, ...]] = []
+    # With more conditions than rows, the rows are spread evenly over all conditions.
     for i in map(int, np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(int))):
         row = [design.conditions.label(i), *_motion(design, without, i)]
         if pendulum is not None:
@@ -224,6 +231,7 @@ def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
 def _motion(design: Design, of: ExactMotions, i: int) -> tuple[Cell, ...]:
     """Return the tilt (rad) and the kind of the orbit under the i-th condition, and the outcome from rest."""
     e, nu = of.orbits, design.scene.block.slenderness * design.conditions.column("slenderness")[i]
+    # The orbits have tilts in units of the slenderness, which a condition may vary.
     tilt, kind = float(e.tilt[0, i] * nu), KINDS[int(e.kind[0, i])].replace("_", " ")
     return tilt if math.isfinite(tilt) else None, kind, str(of.status[i]).replace("_", " ")
 
@@ -237,12 +245,14 @@ def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
     if unanswered := int(trials.undecided.sum()):
         text += f" {unanswered} runs without an answer are left out."
     if search is not None and search.statuses:
+        # Descents with the same outcome are counted.
         ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
         text += (
             f" Before the trial runs, gradient descents started from {search.description} (seed "
             f"{design.seed}) and evaluated {search.evaluations} designs. Outcomes of the descents: {ends}. "
             f"{search.told}"
         )
+        # There is a mismatch only if the descents used a smoothed model.
         if np.any(search.mismatch):
             text += f" The exact model confirms {len(search.confirmed)} of {len(search.ends)} final designs."
         if replaced := int(np.sum(search.lost)):
@@ -279,6 +289,8 @@ def records(design: Design, record_notes: Sequence[str]) -> list[Block]:
     head = ("group", "file", "earthquake", "samples", "time step (s)", "duration (s)", "PGA (g)", "notes")
     caption = "PGA: largest acceleration in the file, before scaling."
     table = [Table(head, tuple(rows), caption)] if rows else []
+    # The same earthquake can have different names in two files. Such records are listed, so that the user can
+    # check them.
     every = [m for motions in groups.values() for m in motions]
     listed = dict.fromkeys([*record_notes, *same_earthquakes(every)])
     return [*table, *([Listing(tuple(listed))] if listed else [])]

@@ -102,7 +102,7 @@ def losses(block: Block) -> str:
     return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
 
 
-def kind_of_losses(name: str) -> str:
+def energy_loss(name: str) -> str:
     """Return the kind of energy losses in a `LossCase` by its name, such as "friction only"."""
     return name if " and " in name else f"{name} only"
 
@@ -151,6 +151,7 @@ def range_of_mass(design: Design) -> str:
     """
     if design.equivalent is None or design.pendulum is None:
         return ""
+    # The first column is the mass ratio.
     low, high = (float(x) * float(design.scene.block.mass) for x in design.equivalent[:, 0])
     # A range such as "510 to 510 kg" would not be a range.
     if number(low, 2) == number(high, 2):
@@ -185,7 +186,9 @@ def bounds(design: Design) -> list[str]:
     best, out = design.nearest, []
     if best is None:
         return out
+    # On a bound, the scaled value is 0 or 1.
     unit, names = design.space.scaled(np.asarray(best)), ("mass", "length", "damping")
+    # A design within a hundredth of the range counts as on the bound.
     for i, x in zip(design.space.searched, unit, strict=True):
         if not 0.01 < x < 0.99:
             side = "upper" if x > 0.5 else "lower"
@@ -214,6 +217,7 @@ def reduction(runs: PairedRuns, measure: str) -> str:
     The required measure comes first. Overturning is left out if it is rare and was not required.
     """
     other = "tilt" if measure == "overturning" else "overturning"
+    # Both clauses begin with "the", and the second one begins a sentence.
     first, then = reduced(runs, measure), reduced(runs, other)
     return first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
 
@@ -225,6 +229,7 @@ def reduced(runs: PairedRuns, measure: str) -> str:
     if measure == "overturning":
         pendulum, without = (percent(x, 1) for x in (overturned.with_pendulum, overturned.without_pendulum))
         name, shares = "share of runs that overturn", f", from {without} to {pendulum}"
+        # A relative reduction of zero does not exist.
         if overturned.without_pendulum == 0.0:
             return f"the block overturns in {pendulum} of the runs with the pendulum, and in none without it"
     if math.isnan(size.mean):
@@ -293,6 +298,7 @@ def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
     """
     shape = f"slenderness {number(float(scene.block.slenderness))}; topples at {_toppling(scene)}"
     block, damping = f"  block   {_block(scene)}; {shape}", f"  losses  {losses(scene.block)}"
+    # The description of a ground motion replaces the numbers of the harmonic.
     if motion or not isinstance(scene.motion, Harmonic):
         return block, damping, f"  motion  {motion or in_words((scene.motion,))}"
     motion = f"  motion  {_motion(scene)}, {number(float(scene.peak))} g"
@@ -318,8 +324,13 @@ def pendulum_line(scene: Scene, pendulum: Pendulum) -> str:
     block = scene.block
     ratios = pendulum.mass / block.mass, pendulum.length / block.half_height, pendulum.damping_ratio
     mu, lam, zeta = (number(float(x)) for x in ratios)
-    size = f"{number(float(pendulum.mass))} kg on a rod of {number(float(pendulum.length))} m"
-    return f"  point   {size}; μ = {mu}, λ = {lam}, ζ = {zeta}"
+    return f"  point   {point(pendulum)}; μ = {mu}, λ = {lam}, ζ = {zeta}"
+
+
+def point(pendulum: Pendulum, of_mass: int = 4, of_length: int = 4) -> str:
+    """Describe the equivalent point mass, with significant digits for mass and length."""
+    mass, length = number(float(pendulum.mass), of_mass), number(float(pendulum.length), of_length)
+    return f"{mass} kg on a rod of {length} m"
 
 
 def _toppling(scene: Scene) -> str:
