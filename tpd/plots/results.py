@@ -86,8 +86,8 @@ def plot(
             raise ValueError(f"`{name}` has two values: {checks.shown([options[target], value])}")
         options[target] = value
     # Without this check Matplotlib would fail later with a message about a missing attribute.
-    for one in np.ravel(np.array(options.get(allowed[-1], []), dtype=object)):
-        checks.instance(allowed[-1], one, Axes)
+    for each in np.ravel(np.array(options.get(allowed[-1], []), dtype=object)):
+        checks.instance(allowed[-1], each, Axes)
     return draw(result, **options)
 
 

@@ -47,7 +47,7 @@ def answer(
     details = Details(build=build_of(design)) if details is None else details
     # Verdict and dangers come first, because the last lines are the first to be left out.
     first = [verdict(design, details), *dangers(design, details)]
-    parts = [wrapped(one.marked) for one in first]
+    parts = [wrapped(entry.marked) for entry in first]
     rows = [pair for pair in pairs(design, details) if pair[0] not in _ALONE]
     runs, indent, has_table = design.runs, " " * _NAME, False
     for name, text in rows:
@@ -198,11 +198,11 @@ def _clearance(design: Design, details: Details) -> str:
 
 def active_limits(design: Design, details: Details) -> str:
     """List the active limits, and the bounds of the search that the design lies on."""
-    used, build = words.usage(design), details.build
-    if build is not None and build.reach > 0.0 and build.wall > 0.0 and "clearance" in used:
+    shares, build = words.usage(design), details.build
+    if build is not None and build.reach > 0.0 and build.wall > 0.0 and "clearance" in shares:
         # The distance in the validation runs is more informative than the ratio at nominal values.
-        used["clearance"] = build.reach / build.wall
-    active = [f"{LABELS.get(n, n)}, {words.percent(x)} used" for n, x in used.items() if x >= _USED]
+        shares["clearance"] = build.reach / build.wall
+    active = [f"{LABELS.get(n, n)}, {words.percent(x)} used" for n, x in shares.items() if x >= _USED]
     listed = "; ".join([*active, *words.bounds(design)])
     return f"active: {listed}" if listed else "no limit is active"
 

@@ -90,9 +90,9 @@ def content(
     """
     all_notes = notes(design, details)
     # A picture whose data is missing has no figure, so that the report does not refer to it.
-    drawn = names(design, details)
+    ready = names(design, details)
     # Lists, because a section takes its picture as a list that is empty if there is no picture.
-    figures = {n.partition(".")[0]: [Figure(n, *CAPTIONS[n])] if n in drawn else [] for n in CAPTIONS}
+    figures = {n.partition(".")[0]: [Figure(n, *CAPTIONS[n])] if n in ready else [] for n in CAPTIONS}
     # The sections follow the questions of an engineer: what to watch, what to build, why to believe it, where
     # it stops to hold, how it was computed.
     parts: dict[str, list[Block]] = {
@@ -197,5 +197,8 @@ def _repeat(design: Design, job_toml: str, directory: Path | None) -> list[Block
         out.append(Code(f"tpd optimise --scene {scene} --out {to}"))
     if job_toml:
         out += [Text("The file scene.toml in the folder of this report contains:"), Code(job_toml)]
-    made = ", ".join(f"{name} {v}" for name, v in files.versions().items())
-    return [*out, Text(f"Seed {design.seed}. Made with {made}. The file design.json contains all results.")]
+    versions = ", ".join(f"{name} {v}" for name, v in files.versions().items())
+    return [
+        *out,
+        Text(f"Seed {design.seed}. Made with {versions}. The file design.json contains all results."),
+    ]

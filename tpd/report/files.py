@@ -61,22 +61,22 @@ def write(
     report = content(design, details, job_toml, directory if job_toml else None, **labels)
     written = [
         files.place(directory / name, inside)
-        for name, inside in _words(design, details, job_tables, job_toml, record_notes)
+        for name, inside in _tables(design, details, job_tables, job_toml, record_notes)
     ]
     written.insert(0, files.place(directory / "report.txt", text(report)))
     # Pictures take longest and may fail. The numbers are therefore written, and the answer is printed, first.
     then()
-    drawn = {}
+    pictures = {}
     for name in names(design, details):
         try:
-            drawn[name] = draw(name, design, details)
+            pictures[name] = draw(name, design, details)
         # Matplotlib raises errors of many classes, and a missing picture must not cost the whole report.
         except Exception as error:
             warn(files.missing_picture(name, error))
         else:
-            written.append(files.place(directory / name, drawn[name]))
+            written.append(files.place(directory / name, pictures[name]))
     # The page is written last, so that a folder with a page contains a complete report.
-    written.append(files.place(directory / "report.html", html(report, drawn)))
+    written.append(files.place(directory / "report.html", html(report, pictures)))
     return written
 
 
@@ -131,7 +131,7 @@ def write_report(
     return write(folder, design, results, job.tables, job.toml)
 
 
-def _words(
+def _tables(
     design: Design, details: Details, job_tables: dict[str, Any], job_toml: str, record_notes: Sequence[str]
 ) -> Iterator[tuple[str, str]]:
     """Yield the names and contents of the files with numbers."""

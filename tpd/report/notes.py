@@ -61,17 +61,17 @@ def _runs(design: Design) -> Iterator[Note]:
         ):
             share = percent(best.over_limit, 1)
             yield danger(f"A limit is exceeded in {share} of the runs in which the block stands.")
-        least = design.problem.requirements.at_least
+        required = design.problem.requirements.at_least
         if (
             best.quoted is not None
             and best.decided is not None
-            and (runs.reduction(best.measure)[0].mean < least)
+            and (runs.reduction(best.measure)[0].mean < required)
         ):
             # The report quotes runs that took no part in the decision, so they can miss the requirement by
             # chance although the decision was right.
             yield note(
-                f"In the runs that were used to choose the pendulum, {reduced(best.decided, best.measure)}; "
-                f"{percent(least)} is required. The report quotes independent runs, which show less."
+                f"In the runs that were used to choose the pendulum, {reduced(best.decided, best.measure)} (at "
+                f"least {percent(required)} required). The report quotes independent runs, which show less."
             )
         # The whole interval of the difference must lie below zero for a significant reduction.
         overturned = runs.change("overturned")

@@ -175,12 +175,12 @@ def limiting(design: Design) -> list[Block]:
         "First row: the best design of the trial runs, with its mean tilt smoothed over all designs (trend). "
         f"{gain} Without a pendulum the mean tilt is {words.percent(trials.without_pendulum, 1)}."
     )
-    used = ", ".join(f"{LABELS.get(n, n)} {words.percent(x)}" for n, x in words.usage(design).items())
-    if used:
+    usage = ", ".join(f"{LABELS.get(n, n)} {words.percent(x)}" for n, x in words.usage(design).items())
+    if usage:
         share = (
             f"{words.percent(1.0 - design.problem.allowed)} of the validation runs in which the block stands"
         )
-        text += f" Share of each limit that the best design uses in {share}: {used}."
+        text += f" Share of each limit that the best design uses in {share}: {usage}."
     return [Text(text), Table(head, tuple(rows[:_MOST]), caption)]
 
 
@@ -284,8 +284,8 @@ def records(design: Design, record_notes: Sequence[str]) -> list[Block]:
     for name, motions in groups.items():
         for f in (facts(m) for m in motions if isinstance(m, Record)):
             sizes = f["samples"], f["step_s"], f["duration_s"], f["pga_g"]
-            own = "; ".join(f["notes"]) or None
-            rows.append((name, f["source"] or f["name"], f["earthquake"], *sizes, own))
+            remarks = "; ".join(f["notes"]) or None
+            rows.append((name, f["source"] or f["name"], f["earthquake"], *sizes, remarks))
     head = ("group", "file", "earthquake", "samples", "time step (s)", "duration (s)", "PGA (g)", "notes")
     caption = "PGA: largest acceleration in the file, before scaling."
     table = [Table(head, tuple(rows), caption)] if rows else []

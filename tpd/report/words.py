@@ -74,8 +74,8 @@ def share(of: Share) -> str:
 def source_of_tilts(design: Design) -> str:
     """Return a sentence that says which motion the settled tilts of the search describe."""
     if design.problem.rest_counts:
-        return "Tilts are zero where the block can stay at rest, else those of the largest attracting orbit"
-    return "Tilts are those of the largest attracting symmetric orbit over all initial states"
+        return "Tilts: zero where the block can rest, else those of the largest attracting symmetric orbit"
+    return "Tilts: largest attracting symmetric orbit, over all initial states"
 
 
 def scatter(design: Design) -> str:
