@@ -60,7 +60,7 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
     sentence = f". The pendulum reduces the mean tilt by {number}. This is not a safety assessment."
     fell = design.runs.change("overturned")
     assert fell.without_pendulum > 0.01
-    lacking = "NOT TO BE BUILT AS IT IS, since the search assumed a bob without size, and no walls: "
+    lacking = "NOT TO BE BUILT AS IT IS, because the search assumed a bob without size and no walls: "
     shares = [f"{100 * share:.1f} %" for share in (fell.without_pendulum, fell.with_pendulum)]
     less = design.overturning_reduction
     number = f"{100 * less.mean:.0f} % (95 % interval {100 * less.low:.0f} to {100 * less.high:.0f} %)"

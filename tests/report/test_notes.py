@@ -53,7 +53,7 @@ def test_a_bob_that_would_touch_the_walls_is_a_danger_with_a_remedy():
         f"clear of the walls up to an angle of {np.floor(1e3 * most) / 1e3:g} rad between rod and block"
         in note.text
     )
-    assert "Without `--exactly` the search has walls" in note.text
+    assert "A search without `--exactly` and `--no-walls` limits the clearance" in note.text
     (note,) = wall_contacts(SCENE.block, dataclasses.replace(LIGHT, mass=16.0), {"settled": 0.0})
     assert note.severity is Severity.danger
     assert "clear of the walls at no angle" in note.text

@@ -82,7 +82,7 @@ def verdict(design: Design, details: Details | None = None) -> Note:
     if design.status is DesignStatus.recommended and runs is not None and best is not None:
         head, caution = "RECOMMENDED for the stated conditions", ""
         if missing := words.missing(design):
-            head = f"NOT TO BE BUILT AS IT IS, since the search {' and '.join(missing)}"
+            head = f"NOT TO BE BUILT AS IT IS, because the search {' and '.join(missing)}"
         losses = () if details is None else details.losses
         # The energy losses of a real block are uncertain, so a benefit must not depend on the model of them.
         if against := [case for case in losses if not case.runs.benefit.low > 0.0]:

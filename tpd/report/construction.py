@@ -53,7 +53,9 @@ def _sizes(design: Design, build: Build) -> Table:
     slow, fast = build.lifts_slow_fast
     without = f"without the pendulum {number(float(design.scene.uplift))} g"
     lifts = "base acceleration that lifts the block"
-    quick = "much faster than the pendulum; near its natural frequency, the value can be below both"
+    quick = (
+        "for motions much faster than the pendulum; near its natural frequency it can be below both values"
+    )
     rows: list[tuple[Cell, ...]] = [
         ("mass of the bob", f"{number(build.mass)} kg", body),
         ("bob, width by height", f"{number(build.bob_width)} m × {number(build.bob_height)} m", None),
@@ -69,7 +71,11 @@ def _sizes(design: Design, build: Build) -> Table:
         ("largest power of the damper", f"{number(build.damper_power)} W", None),
         ("largest rate between rod and block", f"{number(loads.rate)} rad/s", None),
         ("coefficient of friction needed at the base", loads.friction, "below this value the base slides"),
-        (f"{lifts}, slow motion", f"{number(slow)} g", f"much slower than the pendulum; {without}"),
+        (
+            f"{lifts}, slow motion",
+            f"{number(slow)} g",
+            f"for motions much slower than the pendulum; {without}",
+        ),
         (f"{lifts}, fast motion", f"{number(fast)} g", quick),
     ]
     if build.lifts is not None:
@@ -172,7 +178,7 @@ def _checks(build: Build) -> Listing:
         else f"It must swing to {percent(build.rebound)} of this angle on the other side."
     )
     decay = (
-        f"After about {pull.impacts} impacts ({pull.seconds:.2g} s) the largest tilt must be half as large."
+        f"After about {pull.impacts} impacts ({pull.seconds:.2g} s) the largest tilt must be half of this."
         if pull.impacts
         else "The block stays there, or keeps more than half of this tilt for hundreds of impacts."
     )
@@ -186,7 +192,7 @@ def _checks(build: Build) -> Listing:
             "decreases, so control the displacement, not the force. Pull until the top has moved by "
             f"{number(1e3 * pull.sway, 3)} mm ({pull.tilt:.2g} rad, a tenth of the tilt at which it "
             f"topples) and release the block. {decay} If the tilt falls from a to b within n impacts, both "
-            "as shares of ν and without friction, then e = [b (2 - b)/(a (2 - a))]^(1/(2n)). Fewer impacts "
+            "divided by ν and without friction, then e = [b (2 - b)/(a (2 - a))]^(1/(2n)). Fewer impacts "
             "mean a larger energy loss. Friction makes the decay faster at small tilts.",
         )
     )

@@ -70,8 +70,9 @@ def _runs(design: Design) -> Iterator[Note]:
             # The report quotes runs that took no part in the decision, so they can miss the requirement by
             # chance although the decision was right.
             yield note(
-                f"In the runs that were used to choose the pendulum, {reduced(best.decided, best.measure)} (at "
-                f"least {percent(required)} required). The report quotes independent runs, which show less."
+                f"In the runs that were used to choose the pendulum, {reduced(best.decided, best.measure)}, "
+                f"of which {percent(required)} is required. The report quotes independent runs, which show "
+                "less."
             )
         # The whole interval of the difference must lie below zero for a significant reduction.
         overturned = runs.change("overturned")
@@ -142,8 +143,8 @@ def wall_contacts(block: Block, pendulum: Pendulum, angles: Mapping[str, float])
         danger(
             f"{when[0].upper() + when[1:]} the bob, as {bob}, would reach {reach:.3g} m from the block's "
             f"axis and TOUCH the walls, which are {wall:.3g} m from it. No model here includes that. The bob "
-            f"stays clear of the walls {fits} between rod and block. Without `--exactly` the search has "
-            "walls."
+            f"stays clear of the walls {fits} between rod and block. A search without `--exactly` and "
+            "`--no-walls` limits the clearance."
         )
         for when, angle in angles.items()
         if (reach := float(bob.reach(mass, length, angle))) > wall

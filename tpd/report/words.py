@@ -140,7 +140,7 @@ def missing(design: Design) -> list[str]:
     if len(design.conditions) == 1:
         parts.append("considered only one excitation")
     if limit_of(design.problem.limits, Clearance) is None:
-        parts.append("assumed a bob without size, and no walls")
+        parts.append("assumed a bob without size and no walls")
     return parts
 
 
@@ -314,8 +314,8 @@ def excitation(design: Design) -> str:
     """Describe the excitation of a design in one sentence."""
     scene = design.scene
     if design.conditions.motions:
-        listed = ", ".join(f"{name} {len(motions)}" for name, motions in groups(design).items())
-        return f"ground motions, from rest: {listed}"
+        listed = ", ".join(f"{name}: {len(motions)}" for name, motions in groups(design).items())
+        return f"ground motions from rest ({listed})"
     return f"{_motion(scene)}, largest acceleration {number(float(scene.peak), 3)} g"
 
 
