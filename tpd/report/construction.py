@@ -53,9 +53,7 @@ def _sizes(design: Design, build: Build) -> Table:
     slow, fast = build.lifts_slow_fast
     without = f"without the pendulum {number(float(design.scene.uplift))} g"
     lifts = "base acceleration that lifts the block"
-    quick = (
-        "for motions much faster than the pendulum; near its natural frequency it can be below both values"
-    )
+    quick = "much faster than the pendulum; near its natural frequency it can be below both values"
     rows: list[tuple[Cell, ...]] = [
         ("mass of the bob", f"{number(build.mass)} kg", body),
         ("bob, width by height", f"{number(build.bob_width)} m × {number(build.bob_height)} m", None),
@@ -71,11 +69,7 @@ def _sizes(design: Design, build: Build) -> Table:
         ("largest power of the damper", f"{number(build.damper_power)} W", None),
         ("largest rate between rod and block", f"{number(loads.rate)} rad/s", None),
         ("coefficient of friction needed at the base", loads.friction, "below this value the base slides"),
-        (
-            f"{lifts}, slow motion",
-            f"{number(slow)} g",
-            f"for motions much slower than the pendulum; {without}",
-        ),
+        (f"{lifts}, slow motion", f"{number(slow)} g", f"much slower than the pendulum; {without}"),
         (f"{lifts}, fast motion", f"{number(fast)} g", quick),
     ]
     if build.lifts is not None:
@@ -105,8 +99,7 @@ def _parts(build: Build) -> list[Block]:
     # The sizes above assume a rod that carries only ten times the weight of the bob. Bending can need more.
     if parts.rod_mass > assumed:
         bar += (
-            ". A heavier rod changes the natural frequency: use a tube of equal strength, or move the bob "
-            "until ten swings take the time required below"
+            ". To keep the frequency, use a tube of equal strength or move the bob: see the rod check below"
         )
     both = f"{_force(build.loads.hinge, 3)} from the first table plus the force of the linear damper"
     angle = f"twice the arm times the largest angle of {number(build.angle, 3)} rad"

@@ -93,6 +93,8 @@ def content(
     ready = names(design, details)
     # Lists, because a section takes its picture as a list that is empty if there is no picture.
     figures = {n.partition(".")[0]: [Figure(n, *CAPTIONS[n])] if n in ready else [] for n in CAPTIONS}
+    if design.pendulum is None:
+        figures["drawing"] = [Figure("drawing.svg", CAPTIONS["drawing.svg"][0], "Block and base, to scale.")]
     # The sections follow the questions of an engineer: what to watch, what to build, why to believe it, where
     # it stops to hold, how it was computed.
     parts: dict[str, list[Block]] = {

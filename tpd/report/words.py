@@ -255,12 +255,10 @@ def comparison(runs: PairedRuns) -> Table:
         rows.append((_CHANGES[c.name], *shares, difference))
     unanswered = f" {runs.undecided} runs without an answer are left out." if runs.undecided else ""
     caption = (
-        f"{runs.description}. Tilts: per cent of the tilt at which the block topples; overturned runs count "
-        f"as 100 %.{unanswered}"
+        f"{runs.description}. Tilts in per cent of the tilt of toppling, which overturned runs count as."
     )
-    return Table(
-        ("", "with pendulum", "without pendulum", "difference (95 % interval)"), tuple(rows), caption
-    )
+    head = "", "with pendulum", "without pendulum", "difference (95 % interval)"
+    return Table(head, tuple(rows), caption + unanswered)
 
 
 def title(scene: Scene, name: str = "", date: str = "") -> str:
