@@ -70,8 +70,8 @@ def _runs(design: Design) -> Iterator[Note]:
             # The report quotes runs that took no part in the decision, so they can miss the requirement by
             # chance although the decision was right.
             yield note(
-                f"In the runs that were used to choose the pendulum, {reduced(best.decided, best.measure)}, "
-                f"of which {percent(required)} is required. The report quotes independent runs, which show "
+                f"In the runs that were used to choose the pendulum, {reduced(best.decided, best.measure)}. "
+                f"At least {percent(required)} is required. The report quotes independent runs, which show "
                 "less."
             )
         # The whole interval of the difference must lie below zero for a significant reduction.

@@ -136,11 +136,11 @@ def other_losses(details: Details) -> list[Block]:
         "energy loss by",
         "friction k, ratio e",
         "benefit",
-        "overturned, with / without",
-        "at rest, with / without",
+        "overturned, with/without",
+        "at rest, with/without",
     )
     caption = (
-        f"{details.losses[0].runs.description}, for each row, with / without the pendulum. The losses of a "
+        f"{details.losses[0].runs.description}, for each row, with/without the pendulum. The losses of a "
         "block are usually its least certain data, so the benefit should not depend on their kind."
     )
     return [Table(head, tuple(rows), caption)]
@@ -152,17 +152,14 @@ def limiting(design: Design) -> list[Block]:
     if trials is None:
         return []
     # A ratio above 1 exceeds the limit.
-    counts = {
-        LABELS.get(n, n): int(np.sum(x > 1.0)) for n, x in zip(trials.names, trials.sizes.T, strict=True)
-    }
-    over = ", ".join(f"{name} {n}" for name, n in counts.items() if n)
+    counts = {n: int(np.sum(x > 1.0)) for n, x in zip(trials.names, trials.sizes.T, strict=True)}
+    over = ", ".join(f"{LABELS.get(name, name)} {n}" for name, n in counts.items() if n)
     text = f"{int(trials.feasible.sum())} of {len(trials.designs)} designs with trial runs keep all limits."
     text += f" Number of designs that exceed each limit: {over}." if over else ""
     # `best_without` ignores the limits that are its arguments.
     best = trials.best_without()
-    broken = [name for name, x in zip(trials.names, trials.sizes.T, strict=True) if np.any(x > 1.0)]
     rows = [_row(design, "all limits", best)]
-    for name in broken:
+    for name in (name for name, n in counts.items() if n):
         other = trials.best_without(name)
         # A row equal to the first would hide the rows that differ.
         if other != best:

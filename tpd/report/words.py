@@ -254,9 +254,7 @@ def comparison(runs: PairedRuns) -> Table:
         shares = (percent(x, digits) for x in (c.with_pendulum, c.without_pendulum))
         rows.append((_CHANGES[c.name], *shares, difference))
     unanswered = f" {runs.undecided} runs without an answer are left out." if runs.undecided else ""
-    caption = (
-        f"{runs.description}. Tilts in per cent of the tilt of toppling, which overturned runs count as."
-    )
+    caption = f"{runs.description}. Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
     head = "", "with pendulum", "without pendulum", "difference (95 % interval)"
     return Table(head, tuple(rows), caption + unanswered)
 
