@@ -65,16 +65,9 @@ def plot_benefit(design: Design, ax: Any = None) -> Any:
     without, pendulum, low, high = values.T
     ax = new_axes(1, (7.4, 1.2 + 0.24 * len(rows))) if ax is None else ax
     ax.hlines(heights, without, pendulum, color=GREY, lw=1.0, zorder=1)
-    # The interval is that of the difference, so its ends are drawn relative to the value without the
-    # pendulum.
-    ax.hlines(
-        heights,
-        np.clip(without + low, 0, 1),
-        np.clip(without + high, 0, 1),
-        color=BLUE,
-        lw=5,
-        alpha=0.35,
-    )
+    # The interval is that of the difference: its ends are drawn relative to the value without the pendulum.
+    ends = (np.clip(without + x, 0.0, 1.0) for x in (low, high))
+    ax.hlines(heights, *ends, color=BLUE, lw=5, alpha=0.35)
     # Marks are not clipped: half of a mark at 0 or 1 could be taken for another mark.
     for case, x, size in zip(CASES, (without, pendulum), (8.0, 5.0), strict=True):
         ax.plot(x, heights, clip_on=False, zorder=3, **case | {"ls": "", "ms": size})

@@ -106,9 +106,8 @@ def plot_branches(cases: Mapping[str, Branches], axes: Any = None) -> Any:
         The axes, an array.
     """
     has_pendulum = any(b.has_pendulum for b in cases.values())
-    if axes is None:
-        axes = new_axes(1 + has_pendulum, (7.0, 6.6 if has_pendulum else 4.4))
-    axes = np.atleast_1d(axes)
+    size = 7.0, 6.6 if has_pendulum else 4.4
+    axes = np.atleast_1d(new_axes(1 + has_pendulum, size) if axes is None else axes)
     # A single case, with or without a pendulum, has the colour of the pendulum.
     colours = [GREY, LINES[1]["color"]][-len(cases) :]
     styles = [{"color": c, "lw": 2.6 if c == GREY else 1.5} for c in colours]

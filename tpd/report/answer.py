@@ -141,11 +141,8 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         # The linear equations can give another benefit than the nonlinear ones, so that the benefit with the
         # stated losses is repeated here from linear runs.
         stated = [f"as stated {words.percent(m.low.mean)}" for m in details.sensitivity if not m.name]
-        runs, listed = details.losses[0].runs.pairs, ", ".join([*cases, *stated])
-        yield (
-            "losses",
-            f"reduction of the mean tilt for other energy losses ({runs} linear runs each): {listed}",
-        )
+        count, listed = details.losses[0].runs.pairs, ", ".join([*cases, *stated])
+        yield "losses", f"reduction of the mean tilt for other losses ({count} linear runs each): {listed}"
     # The first response is without the pendulum, and the second one, with it, exists only if
     # there is a pendulum.
     if len(details.responses) > 1:

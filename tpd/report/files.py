@@ -53,12 +53,8 @@ def write(
         then: function that is called when the numbers are written, before the first picture is drawn.
         warn: function that is called with a sentence for each picture that cannot be drawn.
     """
-    labels: dict[str, Any] = {
-        "record_notes": record_notes,
-        "name": job_tables.get("project", {}).get("name", ""),
-        "date": files.today(),
-    }
-    report = content(design, details, job_toml, directory if job_toml else None, **labels)
+    name, folder = job_tables.get("project", {}).get("name", ""), directory if job_toml else None
+    report = content(design, details, job_toml, folder, name, files.today(), record_notes)
     written = [
         files.place(directory / name, inside)
         for name, inside in _tables(design, details, job_tables, job_toml, record_notes)
