@@ -18,9 +18,7 @@ def test_the_response_agrees_with_the_library(run):
     assert all(line.startswith("tpd: ") for line in done.err.splitlines())
     names = {"branches.csv", "branches.png", "response.json", "response.csv", "response.png"}
     assert done.files.keys() == names | {"response_near.png"}
-    pattern = (
-        "runs from rest between {} Hz: the block overturns in [0-9]+ % without the pendulum, [0-9]+ % with"
-    )
+    pattern = "runs from rest between {} Hz that overturn: [0-9]+ % without the pendulum, [0-9]+ % with the"
     for between in ("2.38 and 2.62", "1.75 and 3"):
         assert re.search(pattern.format(between), done.out)
     settled = done.rows("response.csv")

@@ -31,19 +31,19 @@ def test_the_animation_is_small_and_moves():
 def test_an_overturned_block_lies_and_is_called_so():
     times = np.arange(100) / 20.0
     found = reel(examples.history(False, overturns=True), None, times)
-    assert found.lost[-1]
-    assert not found.lost[0]
+    assert found.is_overturned[-1]
+    assert not found.is_overturned[0]
     assert np.abs(found.tilt).max() == pytest.approx(0.5 * np.pi)
     assert np.isfinite(found.tilt).all()
     # The history reaches a right angle at t = ln(50 pi)/2 = 2.53 s.
-    assert times[np.argmax(found.lost)] == pytest.approx(2.55)
+    assert times[np.argmax(found.is_overturned)] == pytest.approx(2.55)
 
 
 @pytest.mark.mends("a block without an answer was drawn as one that had overturned")
 def test_a_block_without_an_answer_is_not_called_overturned():
     history, times = examples.history(False, overturns=True), np.arange(100) / 20.0
     found = reel(dataclasses.replace(history, overturned=False), None, times)
-    assert not found.lost.any()
+    assert not found.is_overturned.any()
     assert np.isfinite(found.tilt).all()
     assert np.abs(found.tilt).max() < 0.5 * np.pi
 
@@ -52,5 +52,5 @@ def test_frames_are_the_time_history_between_its_samples():
     history, times = examples.history(True), np.array([0.0, 1.003, 2.0])
     found = reel(history, examples.PENDULUM, times)
     assert found.tilt == pytest.approx(np.interp(times, history.time, history.tilt))
-    assert found.angle == pytest.approx(np.interp(times, history.time, history.bob))
-    assert not found.lost.any()
+    assert found.swing == pytest.approx(np.interp(times, history.time, history.bob))
+    assert not found.is_overturned.any()

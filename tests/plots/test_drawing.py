@@ -84,20 +84,20 @@ def test_the_room_to_the_wall_is_stated_and_the_angle_at_which_it_ends():
     mass, rod = bob.built(1.6224, 0.12, CAVE.gravity)
     clearance = 0.0475 - float(bob.radius(mass))
     text = said(wide, examples.PENDULUM, swing=0.05, bob=bob)
-    assert f"{number(clearance - rod * np.sin(0.05), 3)} m clear to the wall" in text
-    assert f"meets at ±{np.arcsin(clearance / rod):.3g} rad" in text
+    assert f"clearance at this swing: {number(clearance - rod * np.sin(0.05), 3)} m" in text
+    assert f"wall contact at ±{np.arcsin(clearance / rod):.3g} rad" in text
     assert "the bob touches the wall" in said(wide, examples.PENDULUM, swing=0.3, bob=bob)
 
 
 def test_a_body_that_swings_too_slowly_on_any_rod_is_not_called_built():
     slow = tpd.Pendulum(mass=400.0, length=0.12, damping_ratio=0.1)
     assert np.isnan(Bob().built(400.0, 0.12, CAVE.gravity)).all()
-    assert "no body does it\n(0.12 m in the equations)" in said(CHIMNEY, slow)
+    assert "no such body\n(0.12 m in the equations)" in said(CHIMNEY, slow)
 
 
 def test_a_design_draws_itself_with_its_own_body_and_swing(single, under_pulses):
     detail = tpd.plot(single, "drawing").figure.axes[1]
-    assert any(f"settled stroke ±{single.swing:.3g} rad" in t.get_text() for t in detail.texts)
+    assert any(f"settled swing ±{single.swing:.3g} rad" in t.get_text() for t in detail.texts)
     with pytest.raises(ValueError, match="`ax` must be None for a drawing"):
         tpd.plot(single, "drawing", ax=detail)
     with pytest.raises(

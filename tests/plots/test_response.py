@@ -53,7 +53,7 @@ def test_shares_of_runs_that_overturn_stand_below_the_amplitudes():
     np.testing.assert_array_equal(line.get_ydata(), [0.5, 1.0, np.nan])
     corners = below.collections[0].get_paths()[0].vertices[:, 1]
     assert (corners.min(), corners.max()) == (0.0, 1.0)
-    assert below.get_ylabel() == "share that overturns\nwithin 5 % of the value (-)"
+    assert below.get_ylabel() == "share that overturns,\nruns within 5 % (-)"
     assert not above.texts
     assert len(plot_response((response,), axes=new_axes())) == 1
 
@@ -62,7 +62,7 @@ def test_motions_share_their_axes_and_end_where_the_block_overturns():
     histories = examples.HISTORIES
     tilt, rod = plot_motions(histories, 0.25, stroke_limit=0.5)
     assert legend(tilt) == {"without pendulum", "with pendulum"}
-    assert legend(rod) == {"limit on the settled stroke"}
+    assert legend(rod) == {"stroke limit, settled motion"}
     assert lines(tilt)["without pendulum"].get_ydata() == pytest.approx(histories[0].tilt)
     assert np.sum([line.get_ydata()[0] == 0.5 for line in rod.lines]) == 1
     (alone,) = plot_motions((examples.history(False, overturns=True),), 0.25)

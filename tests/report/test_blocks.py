@@ -14,7 +14,7 @@ def test_cells_have_four_digits_or_a_dash():
 
 
 def test_columns_of_numbers_are_known():
-    table = Table(("a", "b", "c"), (("x", "5.0%", None), ("2", 1.0, None)))
+    table = Table(("a", "b", "c"), (("x", "5.0 %", None), ("2", 1.0, None)))
     assert table.numeric == [False, True, False]
 
 
@@ -30,3 +30,5 @@ def test_a_danger_bears_its_mark_and_lines_are_cut_at_100():
     assert (danger("no").marked, note("yes").marked) == ("DANGER: no", "yes")
     first, second = wrapped("word " * 21, "- ")
     assert (len(first), second[:7]) == (96, "  word ")
+    # A number and its unit stand in one line.
+    assert wrapped("x" * 96 + " 99 % of the runs")[1] == "  99 % of the runs"

@@ -65,7 +65,7 @@ def test_the_front_has_a_row_for_every_mass():
     assert isinstance(figure, Figure)
     assert isinstance(table, Table)
     assert table.rows[0] == ("2 kg", "none feasible", None)
-    assert (table.rows[1][0], table.rows[1][2]) == ("5 kg", "30% (20% to 40%)")
+    assert (table.rows[1][0], table.rows[1][2]) == ("5 kg", "30 % (20 to 40 %)")
 
 
 def test_the_job_repeats_the_run_where_there_is_one(tmp_path):
@@ -76,7 +76,9 @@ def test_the_job_repeats_the_run_where_there_is_one(tmp_path):
 
 
 def test_records_are_listed_with_the_notes_on_their_files():
-    table, notes = section(content(ground(), details("ground"), said=("a.AT2: offset removed",)), "Records")
+    table, notes = section(
+        content(ground(), details("ground"), record_notes=("a.AT2: offset removed",)), "Records"
+    )
     assert [row[:3] for row in table.rows] == [
         ("tuned to", "loma-prieta", "Loma Prieta 1989"),
         ("validation", "el-centro", "Imperial Valley 1940"),

@@ -52,7 +52,7 @@ def test_a_report_is_written_with_the_job_where_one_says_what_was_asked(tmp_path
     with pytest.raises(ValueError, match="already contains files"):
         tpd.write_report(design, tmp_path / "a", details=details)
     monkeypatch.setattr(Problem, "job", property(unsaid))
-    with pytest.warns(UserWarning, match=r"the report goes without scene\.toml: a limit of one's own"):
+    with pytest.warns(UserWarning, match=r"the report is written without scene\.toml: a limit of one's own"):
         written = tpd.write_report(design, tmp_path / "b", details=details)
     assert "scene.toml" not in {path.name for path in written}
 

@@ -46,14 +46,17 @@ def test_a_bob_that_would_touch_the_walls_is_a_danger_with_a_remedy():
     ball = (0.5 / 7850.0 * 3.0 / (4.0 * np.pi)) ** (1.0 / 3.0)
     most = np.arcsin((0.04 - ball) / 0.12)
     assert wall_contacts(SCENE.block, LIGHT, {"once settled": most - 1e-6, "on the way": most - 1e-6}) == []
-    (note,) = wall_contacts(SCENE.block, LIGHT, {"once settled": 0.1, "on the way from rest": most + 1e-6})
-    start = "On the way from rest the bob, as a solid ball of steel, would reach 0.04 m from the block's axis"
+    (note,) = wall_contacts(SCENE.block, LIGHT, {"once settled": 0.1, "in a transient": most + 1e-6})
+    start = "In a transient the bob, as a solid ball of steel, would reach 0.04 m from the block's axis"
     assert note.text.startswith(start)
-    assert f"clear of them up to {np.floor(1e3 * most) / 1e3:g} rad between rod and block" in note.text
-    assert "Without `--exactly` the search has walls" in note.text
+    assert (
+        f"clear of the walls up to an angle of {np.floor(1e3 * most) / 1e3:g} rad between rod and block"
+        in note.text
+    )
+    assert "A search without `--exactly` and `--no-walls` limits the clearance" in note.text
     (note,) = wall_contacts(SCENE.block, dataclasses.replace(LIGHT, mass=16.0), {"settled": 0.0})
     assert note.severity is Severity.danger
-    assert "clear of them at no angle" in note.text
+    assert "clear of the walls at no angle" in note.text
 
 
 def test_walls_are_watched_in_all_motions_and_reported_once():
@@ -65,9 +68,11 @@ def test_walls_are_watched_in_all_motions_and_reported_once():
     half = only(changed(exact=dict(still), **light), "TOUCH").text
     assert half.startswith("In half of the validation runs the bob, as a solid ball of steel")
     from_rest = still | {"peak": np.full(n, 0.3)}
-    assert only(changed(exact=from_rest, **light), "TOUCH").text.startswith("On the way from rest the bob")
+    assert only(changed(exact=from_rest, **light), "TOUCH").text.startswith(
+        "In the transient from rest the bob"
+    )
     settled = still | {"orbits": orbits | {"swing": np.full((1, n), 0.5)}}
-    assert only(changed(exact=settled, **light), "TOUCH").text.startswith("Once settled the bob")
+    assert only(changed(exact=settled, **light), "TOUCH").text.startswith("In the settled motion the bob")
     # With walls in the search the runs decide.
     assert not said(tuned(), "TOUCH")
 
@@ -79,16 +84,16 @@ def test_overturning_from_rest_is_counted_and_a_danger_where_it_is_not_outweighe
     status = np.where(np.arange(n) == stood[0], "overturned", "rocking").astype(object).astype(str)
     note = only(changed(exact={"status": status}), "OVERTURNS")
     assert f"under 1 of {n} conditions" in note.text
-    assert f"The first: {harmonic().conditions.label(int(stood[0]))}." in note.text
+    assert f"The first of the former: {harmonic().conditions.label(int(stood[0]))}." in note.text
     assert note.severity is Severity.note
     worst = np.full(n, "overturned")
     assert only(changed(exact={"status": worst}), "OVERTURNS").severity is Severity.danger
-    assert not said(harmonic(), "OVERTURNS with")
+    assert not said(harmonic(), "OVERTURNS only")
 
 
 def test_a_share_of_overturning_that_does_not_fall_is_named():
     same = dataclasses.replace(harmonic().runs, with_pendulum=harmonic().runs.without_pendulum)
-    assert said(changed(quoted=same), "The share of runs that overturn does not fall significantly")
+    assert said(changed(quoted=same), "the share of runs that overturn does not fall significantly")
     assert not said(harmonic(), "does not fall significantly")
 
 
@@ -112,7 +117,7 @@ def test_wall_contact_is_a_danger_whatever_a_job_allows():
     for share, count in ((0.62, 1), (0.005, 0)):
         found = notes(changed(tuned(), over_limit=share), Details())
         dangers = [n for n in found if n.severity is Severity.danger]
-        assert sum("A limit is exceeded in 62.0% of the runs" in n.text for n in dangers) == count
+        assert sum("A limit is exceeded in 62.0 % of the runs" in n.text for n in dangers) == count
     assert not said(ground(), "A limit is exceeded")
 
 
@@ -133,18 +138,18 @@ def test_more_overturning_nearby_is_a_danger_where_chance_does_not_explain_it():
     note = only(harmonic(), "OVERTURNS more often", Details(responses=worse))
     assert note.severity is Severity.danger
     assert note.text == (
-        "At 2.45 Hz the block OVERTURNS more often with the pendulum (runs from rest between 2.33 and 2.57 "
-        "Hz: the block overturns in 0 % without the pendulum, 50 % with it; linear equations, same base "
-        "amplitude)."
+        "At 2.45 Hz the block OVERTURNS more often with the pendulum (share of the runs from rest between "
+        "2.33 and 2.57 Hz that overturn: 0 % without the pendulum, 50 % with the pendulum). Linear "
+        "equations, same base amplitude."
     )
 
 
 @pytest.mark.parametrize(
     ("words", "exact"),
     [
-        ("At a stroke of 0.35 rad the linear equations", {"swing": np.full(10, 0.35)}),
+        ("At a swing of 0.35 rad the linear equations", {"swing": np.full(10, 0.35)}),
         (
-            "The motion attracts slowly (Floquet multiplier 0.970).",
+            "The settled motion attracts slowly (Floquet multiplier 0.970)",
             {"multiplier": np.full(10, 0.97), "status": np.full(10, "rocking")},
         ),
         (
@@ -152,7 +157,7 @@ def test_more_overturning_nearby_is_a_danger_where_chance_does_not_explain_it():
             {"margin": np.full(10, 0.1), "status": np.full(10, "rocking")},
         ),
         (
-            "Under 10 of 10 conditions no symmetric orbit that attracts",
+            "Under 10 of 10 conditions the search found no attracting symmetric orbit",
             {"orbits": {"kind": np.full((1, 10), 3)}},
         ),
         ("The worst settled tilt, which the descents reduce, is larger", {"value": 9.0}),

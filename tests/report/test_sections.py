@@ -7,7 +7,7 @@ import pytest
 
 from tests.report.conftest import DESIGNS, LITTLE, STRIKES, against, details, ground, harmonic, rejected
 from tpd.design.reasons import DesignStatus
-from tpd.report import sections
+from tpd.report import sections, words
 from tpd.report.blocks import Table
 
 
@@ -19,19 +19,19 @@ def rows(table) -> dict:
 def test_validation_runs_stand_with_their_intervals():
     table, chance, by_group = sections.over_runs(harmonic())
     runs = harmonic().runs
-    assert rows(table)["overturned"] == tuple(
-        str(o.share_overturned) for o in (runs.with_pendulum, runs.without_pendulum)
+    assert rows(table)["overturned, all runs"] == tuple(
+        words.share(o.share_overturned) for o in (runs.with_pendulum, runs.without_pendulum)
     )
     assert "overturned, sudden starts" in rows(table)
     assert chance.text == runs.overturning_in_words
     assert [row[0] for row in by_group.rows] == [*runs.labels, "sudden starts", "starts over 2 s"]
     np.testing.assert_allclose(
-        [float(row[1][:-1]) for row in by_group.rows],
+        [float(row[1][:-2]) for row in by_group.rows],
         [100 * part.with_pendulum for part in runs.parts],
         atol=0.5,
     )
     assert {row[3] for row in by_group.rows} == {"no"}
-    assert table.caption.startswith(f"{runs.description}, which no decision has used")
+    assert table.caption.startswith(f"{runs.description}. These runs were not used to choose the design.")
 
 
 def test_a_group_that_is_worse_is_marked():
@@ -49,7 +49,7 @@ def test_a_table_of_all_groups_does_not_claim_to_be_of_the_counted_runs():
     assert design.runs.description.startswith("2 paired runs")
     assert "1 earthquake" in design.runs.description
     assert "1 earthquakes" not in design.runs.description
-    assert table.caption.startswith("All 4 runs, of every group of motions.")
+    assert table.caption.startswith("All 4 runs of all groups.")
     # Runs of one earthquake are not independent.
     assert "p =" not in chance.text
 
@@ -57,11 +57,11 @@ def test_a_table_of_all_groups_does_not_claim_to_be_of_the_counted_runs():
 def test_losses_have_a_row_each():
     (table,) = sections.other_losses(details())
     found = rows(table)
-    assert list(found) == ["friction", "impacts", "friction and impacts"]
+    assert list(found) == ["friction only", "impacts only", "friction and impacts"]
     for case in details().losses:
         fell = case.runs.change("overturned")
-        shares = f"{fell.with_pendulum:.1%} / {fell.without_pendulum:.1%}"
-        assert found[case.name][1:3] == (case.runs.benefit_in_words, shares)
+        shares = " / ".join(words.percent(x, 1) for x in (fell.with_pendulum, fell.without_pendulum))
+        assert found[words.energy_loss(case.name)][1:3] == (case.runs.benefit_in_words, shares)
     assert sections.other_losses(details("rejected")) == []
 
 
@@ -69,10 +69,10 @@ def test_limits_that_keep_better_designs_out_are_named():
     trials = harmonic().trials
     text, table = sections.limiting(harmonic())
     kept = int(trials.feasible.sum())
-    assert text.text.startswith(f"Of {len(trials.designs)} designs with trial runs {kept} keep to all limits")
+    assert text.text.startswith(f"{kept} of {len(trials.designs)} designs with trial runs keep all limits.")
     (over,) = np.sum(trials.sizes[:, [trials.names.index("stroke")]] > 1.0, axis=0)
-    assert (f"designs that exceed a limit: stroke {over}" in text.text) == (over > 0)
-    assert f"stroke {harmonic().usage['stroke']:.0%}" in text.text
+    assert (f"designs that exceed each limit: stroke {over}" in text.text) == (over > 0)
+    assert f"stroke {words.percent(harmonic().usage['stroke'])}" in text.text
     best = trials.best_without()
     assert rows(table)["all limits"][0] == pytest.approx(trials.designs[best, 0] * 16.224)
     # The best of all designs exceeds one limit: without this limit it is the best one.
@@ -83,7 +83,7 @@ def test_limits_that_keep_better_designs_out_are_named():
     )
     table = sections.limiting(dataclasses.replace(harmonic(), trials=changed))[1]
     assert list(rows(table)) == ["all limits", "without the limit on stroke"]
-    assert "loosening the limit would gain" in table.caption
+    assert "the gain if one limit is removed" in table.caption
 
 
 def test_settled_motions_have_a_row_for_every_condition():
@@ -91,7 +91,7 @@ def test_settled_motions_have_a_row_for_every_condition():
         first, conditions = sections.settled(design, ())
         assert [row[0] for row in conditions.rows] == [design.conditions.label(i) for i in range(10)]
         assert ("came nearest and is not recommended" in conditions.caption) is (design.pendulum is None)
-        assert "worst tilt without a pendulum" in rows(first)
+        assert "worst tilt without pendulum" in rows(first)
     assert sections.settled(ground(), ()) == []
 
 
@@ -99,8 +99,8 @@ def test_settled_motions_have_a_row_for_every_condition():
 def test_the_search_and_the_designs_that_were_rejected_are_told(kind):
     design = DESIGNS[kind]()
     (text,) = sections.searched(design, ())
-    assert text.text.startswith(f"{len(design.trials.designs)} designs were evaluated by trial runs")
-    assert ("The descents began from" in text.text) is (design.search is not None)
+    assert text.text.startswith(f"Trial runs of the linear equations evaluated {len(design.trials.designs)}")
+    assert ("gradient descents started from" in text.text) is (design.search is not None)
     tables = sections.rejected(design)
     listed = [v for v in design.validated if v.reasons]
     assert len(tables) == bool(listed)

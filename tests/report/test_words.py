@@ -40,7 +40,7 @@ def test_lines_have_block_motion_and_losses_in_si_units():
     assert "topples at 0.1667 rad (9.55°)" in block
     # 0.05 m (2 pi 0.5 Hz)^2 is 0.4935 m/s^2.
     assert motion == "  motion  0.05 m at 0.5 Hz, 0.05032 g"
-    assert losses == "  losses  impact loss: e = 0.9"
+    assert losses == "  losses  impacts e = 0.9"
 
 
 def test_the_cavity_is_said():
@@ -71,18 +71,22 @@ def test_sliding_before_uplift_is_named():
 def test_a_report_names_the_energy_losses():
     for losses, said in (
         ({"restitution": 1.0, "friction": 0.05}, "friction k = 0.05"),
-        ({}, "impact loss: Housner, e = 0.9118 for the bare block"),
-        ({"restitution": 0.9, "friction": 0.02}, "impact loss: e = 0.9; friction k = 0.02"),
+        ({}, "impacts e = 0.9118 (Housner, without a pendulum)"),
+        ({"restitution": 0.9, "friction": 0.02}, "impacts e = 0.9; friction k = 0.02"),
     ):
         assert words.losses(tpd.Block(width=0.1, height=0.4, mass=16.0, **losses)) == said
 
 
 def test_a_value_of_the_risk_in_words():
     for value, changes, said in (
-        (0.3, {}, "0.07500 rad (30.0% of nu)"),
-        (-0.1, {}, "none: at rest with 10.0% of the lifting moment in reserve"),
-        (1.2, {}, "no settled motion under the worst condition: by events the block may overturn"),
-        (-0.1, {"risk": Risk.expected()}, "-0.1000 times nu, rest counted as less its uplift margin"),
+        (0.3, {}, "0.07500 rad (30.0 % of ν)"),
+        (-0.1, {}, "none: the block stays at rest with 10.0 % of the lifting moment in reserve"),
+        (1.2, {}, "no settled motion under the worst condition: the block may overturn"),
+        (
+            -0.1,
+            {"risk": Risk.expected()},
+            "-0.1000 times ν, where a block at rest counts as minus its uplift margin",
+        ),
     ):
         problem = dataclasses.replace(harmonic().problem, **changes)
         assert words.risk(dataclasses.replace(harmonic(), problem=problem), value) == said
@@ -96,7 +100,7 @@ def test_angles_that_are_infinite_or_unknown_are_told_apart():
 
 def test_limits_in_words():
     assert words.limit(Mass(2.0)) == "mass 2 kg"
-    assert words.limit(Clearance()) == "the bob, a solid ball of steel, keeps off the walls"
+    assert words.limit(Clearance()) == "the bob, a solid ball of steel, does not touch the walls"
     wood = Clearance(Bob(shape="cylinder", density=700.0))
     assert "a solid cylinder of 700 kg/m³, 2 times as high as wide" in words.limit(wood)
     said = [words.limit(limit) for limit in harmonic().problem.limits]

@@ -1,1 +1,4 @@
-"""Pictures of designs, responses and maps. Functions take data and axes, and return the axes."""
+"""Pictures of designs, motions, responses and maps.
+
+Plot functions take a result and optional axes, and return the axes. They neither show nor save a figure.
+"""

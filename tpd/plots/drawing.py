@@ -24,136 +24,163 @@ BODY = "#e8e8e8"
 _METAL = "#b4bcc6"
 """Fill of bob and beam."""
 Label = tuple[str, tuple[float, float]]
-"""Words, and the place (m) that they belong to."""
+"""Text of a label, and the position (m) that it points to."""
 _TALL, _WIDE, _PAGE = 4.0, 1.5, 7.3
-"""Largest height of each view, width of the first and of both with their words, inches: a sheet of A4 has
-this width between its margins, so that words are printed in their own size."""
+"""Largest height of each view, largest width of the left view, and width of the figure, inches.
+
+This is the width of an A4 page between its margins, so that the printed texts keep their size."""
 _LEFT, _BETWEEN, _WORDS, _ABOVE, _BELOW = 0.75, 1.0, 2.6, 0.5, 0.9
-"""Clearance for dimensions and words around both views, inches."""
-_STROKE = {True: "settled stroke", False: "largest angle"}
-"""Name of the bob's angle that is drawn, by whether the motion is harmonic."""
+"""Space for dimensions and texts around both views, inches."""
+_SWING = {True: "settled swing", False: "largest swing"}
+"""Name of the bob angle in the drawing: for a harmonic motion, and for ground motions."""
 
 
 def corners(scene: Scene, tilt: float, base: float = 0.0) -> np.ndarray:
-    """Corners of the block, m, shape (4, 2), from the lower left one on, the base moved by `base` m.
+    """Return the corners of the tilted block, m, shape (4, 2), counterclockwise from the lower left corner.
 
-    A positive tilt (rad) turns it about its left corner, counterclockwise; a negative one about the right.
+    Args:
+        scene: the block.
+        tilt: tilt, rad. A positive tilt is a counterclockwise rotation about the left corner, a negative tilt
+            a clockwise rotation about the right corner.
+        base: displacement of the base, m.
     """
     a, height = 0.5 * scene.block.width, scene.block.height
     upright = np.array([[-a, 0.0], [a, 0.0], [a, height], [-a, height]])
     pivot = np.array([math.copysign(a, -tilt), 0.0])
+    # Points are row vectors, so that the matrix on the right is the transpose of the usual rotation matrix.
     c, s = math.cos(tilt), math.sin(tilt)
     return (upright - pivot) @ np.array([[c, s], [-s, c]]) + pivot + np.array([base, 0.0])
 
 
 def rod(block: np.ndarray, length: float, angle: float) -> np.ndarray:
-    """Hinge, in the middle of the top of the block with these corners, and bob: m, shape (2, 2).
+    """Return the positions of hinge and bob, m, shape (2, 2).
 
-    The angle (rad) is that from the vertical; positive, the bob hangs to the right of its hinge.
+    Args:
+        block: corners of the block, see `corners`; the hinge is in the middle of its top.
+        length: distance from the hinge to the bob, m.
+        angle: bob angle from the vertical, rad. At a positive angle the bob is to the right of the hinge.
     """
     hinge = 0.5 * (block[2] + block[3])
     return np.stack([hinge, hinge + length * np.array([math.sin(angle), -math.cos(angle)])])
 
 
 def plot_design(design: Design, ax: Axes | None = None) -> Axes:
-    """Draw a design, see `plot_scene`, its bob as the body that the limits ask room for.
+    """Draw the block and the pendulum of a design to scale, see `plot_scene`.
+
+    Args:
+        design: the answer of `optimise`.
+        ax: must be None, because a drawing always has a figure of its own, which sets its scale.
+
+    Returns:
+        The axes of the left view.
 
     Raises:
-        ValueError: axes are given: the drawing has a figure of its own, which sets its scale.
+        ValueError: `ax` is not None.
     """
     if ax is not None:
-        raise ValueError("`ax` must be None for a drawing, which has a figure of its own, but is given")
-    # Without the limit the search took a point; a body in the drawing would claim that it fits.
+        raise ValueError("`ax` must be None for a drawing, which has its own figure, but is not None")
+    # Without a limit on the clearance, the search used a point mass. A solid body in the drawing would
+    # suggest that this body fits between the walls.
     clearance = limit_of(design.problem.limits, Clearance)
     bob = clearance.bob if isinstance(clearance, Clearance) else None
     return plot_scene(design.scene, design.pendulum, swing=design.swing, bob=bob)
 
 
-class _Hung(NamedTuple):
-    """The pendulum as it is built, m and rad."""
+class _AsBuilt(NamedTuple):
+    """Pendulum as built: lengths in m, masses in kg, angles in rad."""
 
     pendulum: Pendulum
+    """Equivalent point pendulum."""
     body: Bob
     mass: float
-    """Mass of the body, kg: for its turning it is more than that of the point."""
-    solid: bool
-    """Whether the body was asked for; else it only shows how large a point of this mass would be."""
+    """Mass of the body. It is larger than the point mass, because the body also rotates."""
+    is_solid: bool
+    """Whether the search had a body. If not, a dotted ball only shows the size of the mass."""
     rod: float
-    """Hinge to the body's centre, so that it swings as often as the point of the equations; the length of
-    these where no such rod exists."""
+    """Distance from the hinge to the body's centre, which gives the natural frequency of the equivalent point
+    pendulum; the length of that pendulum if no such distance exists."""
     exists: bool
+    """Whether a body with this shape and density is equivalent to the point mass."""
     angle: float
-    """Angle drawn to both sides."""
+    """Bob angle that is drawn on both sides."""
     depth: float
-    """Lowest point of the body below its hinge at any angle up to this."""
+    """Depth of the body's lowest point below the hinge, over all angles up to `angle`."""
     reach: float
-    """Largest distance of the body from the middle."""
+    """Largest distance of the body from the block's axis."""
     wall: float
-    """Half the width between the walls."""
+    """Distance of the walls from the block's axis."""
 
     @staticmethod
-    def of(scene: Scene, pendulum: Pendulum, swing: float, bob: Bob | None) -> _Hung:
+    def of(scene: Scene, pendulum: Pendulum, swing: float, bob: Bob | None) -> _AsBuilt:
+        """Return the pendulum as built with the bob angle `swing` (rad), by default with a steel ball."""
         body, mass, length = bob or Bob(), float(pendulum.mass), float(pendulum.length)
         heavy, built = body.built(mass, length, float(scene.gravity))
+        # Beyond a right angle the rod would be drawn above its hinge.
         rod, angle = built if math.isfinite(built) else length, min(swing, 0.5 * math.pi)
         mass = heavy if math.isfinite(heavy) else mass
-        turned = [_body(body, mass, rod, x) for x in np.linspace(0.0, angle, 31)]
-        depth = -float(min(shape[:, 1].min() for shape in turned))
+        # The lower edge of a cylinder is lowest at some angle between rest and the end of the swing.
+        outlines = [_body(body, mass, rod, x) for x in np.linspace(0.0, angle, 31)]
+        depth = -float(min(outline[:, 1].min() for outline in outlines))
         reach = float(body.reach(mass, rod, angle))
         wall, exists = 0.5 * scene.block.clear_width, math.isfinite(built)
-        return _Hung(pendulum, body, mass, bob is not None, rod, exists, angle, depth, reach, wall)
+        return _AsBuilt(pendulum, body, mass, bob is not None, rod, exists, angle, depth, reach, wall)
 
     @property
-    def clear(self) -> str:
-        """Words for the room between the body and the walls."""
+    def clearance_in_words(self) -> str:
+        """Clearance between the body and the walls, and the angle of wall contact, as a text."""
 
-        def short(angle: float) -> float:
+        def excess(angle: float) -> float:
             return float(self.body.reach(self.mass, self.rod, angle)) - self.wall
 
-        clearance = -short(self.angle)
-        said = (
-            f"{number(clearance, 3)} m clear to the wall" if clearance > 0.0 else "the bob touches the wall"
+        clearance = -excess(self.angle)
+        text = (
+            f"clearance at this swing: {number(clearance, 3)} m"
+            if clearance > 0.0
+            else "the bob touches the wall"
         )
-        if short(0.0) < 0.0 < short(0.5 * math.pi):
-            touches = float(root_scalar(short, bracket=(0.0, 0.5 * math.pi)).root)
-            said += f",\nwhich it meets at ±{touches:.3g} rad (±{math.degrees(touches):.3g}°)"
-        return said
+        # There is no angle of contact if the body is wider than the cavity, or too short to reach the wall.
+        if excess(0.0) < 0.0 < excess(0.5 * math.pi):
+            contact = float(root_scalar(excess, bracket=(0.0, 0.5 * math.pi)).root)
+            text += f"\nwall contact at ±{contact:.3g} rad (±{math.degrees(contact):.3g}°)"
+        return text
 
 
 @own_style()
 def plot_scene(
     scene: Scene, pendulum: Pendulum | None = None, *, swing: float = 0.0, bob: Bob | None = None
 ) -> Axes:
-    """Draw the block at rest to scale into a new figure and, to a larger scale beside it, its pendulum as it
-    is to be built: beam and hinge, rod, body at rest and at both ends of its swing, depth and walls.
+    """Draw the block at rest and its pendulum to scale into a new figure.
+
+    The left view is the block. The right view, on a larger scale, is the pendulum as built: beam and hinge,
+    rod, body at rest and at both ends of its swing, depth and walls.
 
     Args:
         scene: block and base motion.
-        pendulum: None for the bare block.
-        stroke: largest bob angle of the settled motion, rad, drawn to both sides.
-        bob: the bob as a body; without it a ball of steel is dotted around the point.
+        pendulum: the equivalent point pendulum; None for the block alone.
+        swing: largest bob angle, rad, which is drawn on both sides.
+        bob: the bob as a body. Without this argument a steel ball is dotted around the point mass.
 
     Returns:
-        The axes of the whole; those of the pendulum are the figure's second.
+        The axes of the left view. The axes of the right view are the second ones of the figure.
     """
-    with_it = None if pendulum is None else _Hung.of(scene, pendulum, swing, bob)
+    built = None if pendulum is None else _AsBuilt.of(scene, pendulum, swing, bob)
     height, half = scene.block.height, 0.5 * scene.block.width
-    wide = max(half, 0.0 if with_it is None else with_it.reach)
+    # Half widths (m) and scales (inches per m) of both views. The scales must leave space for the texts on a
+    # page of fixed width, and the right view shows the walls if they are not far from the bob.
+    wide = max(half, 0.0 if built is None else built.reach)
     scale = min(_TALL / height, _WIDE / (2.0 * wide))
-    left = _LEFT + 2.0 * wide * scale + (0.3 if with_it is None else _BETWEEN)
-    side = 0.0 if with_it is None else max(1.1 * with_it.reach, min(1.15 * with_it.wall, 2.5 * with_it.reach))
+    first = _LEFT + 2.0 * wide * scale + (0.3 if built is None else _BETWEEN)
+    side = 0.0 if built is None else max(1.1 * built.reach, min(1.15 * built.wall, 2.5 * built.reach))
     larger = (
-        scale
-        if with_it is None
-        else min(0.92 * _TALL / with_it.depth, (_PAGE - left - _WORDS) / (2.0 * side))
+        scale if built is None else min(0.92 * _TALL / built.depth, (_PAGE - first - _WORDS) / (2.0 * side))
     )
-    size = left + (0.0 if with_it is None else 2.0 * side * larger + _WORDS), _TALL + _ABOVE + _BELOW
+    size = first + (0.0 if built is None else 2.0 * side * larger + _WORDS), _TALL + _ABOVE + _BELOW
     figure = Picture(figsize=(max(size[0], 2.6), size[1]), dpi=130)
     FigureCanvasAgg(figure)
-    ax = _view(figure, 0.0, left, (-wide - _LEFT / scale, -_BELOW / scale), scale)
+    ax = _view(figure, 0.0, first, (-wide - _LEFT / scale, -_BELOW / scale), scale)
     ax.add_patch(Polygon(corners(scene, 0.0), closed=True, fc=BODY, ec=INK, lw=1.4))
     if scene.block.cavity_width is not None:
-        # Open at the top; a floor is drawn, so that the walls are seen to be those of a hollow block.
+        # The cavity is open at the top. The floor makes clear that the block is hollow and not two walls.
         c, floor = 0.5 * scene.block.cavity_width, 0.05 * height
         ax.add_patch(Polygon([(-c, floor), (c, floor), (c, height), (-c, height)], fc="white", ec="none"))
         for wall in (-c, c):
@@ -163,135 +190,166 @@ def plot_scene(
     away = half - wide - 0.35 * inch
     _dimension(ax, (-half, 0.0), (-half, height), away, f"{number(height)} m", scale)
     _base(ax, scene, wide, scale)
-    if with_it is not None:
-        _draw(ax, with_it, height, detail=False)
+    if built is not None:
+        _draw(ax, built, height, detail=False)
         low = (-side - _BETWEEN * 0.8 / larger, -(_TALL + _BELOW) / larger)
-        _detail(_view(figure, left - 0.8 * _BETWEEN, size[0], low, larger), scene, with_it, side, larger)
+        _detail(_view(figure, first - 0.8 * _BETWEEN, size[0], low, larger), scene, built, side, larger)
     return ax
 
 
-def _view(figure: Figure, left: float, right: float, low: tuple[float, float], scale: float) -> Axes:
-    """Axes over the figure's whole height between two distances (inches) from its left, `scale` inches a
-    metre, with their lower left corner at `low` (m)."""
+def _view(figure: Figure, begin: float, end: float, low: tuple[float, float], scale: float) -> Axes:
+    """Return axes without frame over the whole height of the figure.
+
+    Args:
+        figure: the figure.
+        begin: distance of the left edge from the left edge of the figure, inches.
+        end: distance of the right edge from the left edge of the figure, inches.
+        low: coordinates of the lower left corner, m.
+        scale: inches per metre.
+    """
     width, height = figure.get_size_inches()
-    ax = figure.add_axes((left / width, 0.0, (right - left) / width, 1.0))
-    ax.set(xlim=(low[0], low[0] + (right - left) / scale), ylim=(low[1], low[1] + height / scale))
+    ax = figure.add_axes((begin / width, 0.0, (end - begin) / width, 1.0))
+    ax.set(xlim=(low[0], low[0] + (end - begin) / scale), ylim=(low[1], low[1] + height / scale))
     ax.set_aspect("equal")
     ax.set_axis_off()
     return ax
 
 
-def _draw(ax: Axes, h: _Hung, top: float, *, detail: bool) -> None:
-    """Draw rod and body, their hinge at the height `top`: at rest and in detail at the ends of a swing."""
-    hinge, mass = np.array([0.0, top]), h.mass
-    if detail and h.angle > 0.0:
-        for angle in (-h.angle, h.angle):
-            end = h.rod * np.array([math.sin(angle), -math.cos(angle)])
+def _draw(ax: Axes, built: _AsBuilt, top: float, *, detail: bool) -> None:
+    """Draw rod and body at rest, with the hinge at the height `top` (m), and in detail the swing."""
+    hinge, mass = np.array([0.0, top]), built.mass
+    if detail and built.angle > 0.0:
+        for angle in (-built.angle, built.angle):
+            end = built.rod * np.array([math.sin(angle), -math.cos(angle)])
             ax.plot(*np.stack([hinge, hinge + end]).T, color=BLUE, lw=0.6, ls=(0, (1, 2)))
-            # The body at the ends of its swing shows what room it needs.
-            shape = _body(h.body, mass, h.rod, angle) + hinge
+            # The outlines at the ends of the swing show the clearance that the body needs.
+            shape = _body(built.body, mass, built.rod, angle) + hinge
             ax.add_patch(Polygon(shape, fill=False, ec=BLUE, lw=0.8, ls=(0, (4, 2))))
-    ax.plot([0.0, 0.0], [top, top - h.rod], color=BLUE, lw=2.0 if detail else 1.2)
-    style = {"fc": _METAL, "lw": 1.0} if h.solid else {"fill": False, "lw": 0.8, "ls": (0, (1, 1.5))}
-    ax.add_patch(Polygon(_body(h.body, mass, h.rod, 0.0) + hinge, ec=INK, zorder=3, **style))
-    ax.plot(0.0, top - h.rod, ".", ms=4 if detail else 2, color=INK, zorder=4)
+    ax.plot([0.0, 0.0], [top, top - built.rod], color=BLUE, lw=2.0 if detail else 1.2)
+    style = {"fc": _METAL, "lw": 1.0} if built.is_solid else {"fill": False, "lw": 0.8, "ls": (0, (1, 1.5))}
+    ax.add_patch(Polygon(_body(built.body, mass, built.rod, 0.0) + hinge, ec=INK, zorder=3, **style))
+    ax.plot(0.0, top - built.rod, ".", ms=4 if detail else 2, color=INK, zorder=4)
 
 
-def _detail(ax: Axes, scene: Scene, h: _Hung, side: float, scale: float) -> None:
-    """Draw the pendulum with its hinge at the origin, dimensions to its left and words to its right."""
-    inch, p, low = 1.0 / scale, h.pendulum, -min(1.06 * h.depth, _TALL / scale)
-    half, hollow = 0.5 * scene.block.width, scene.block.cavity_width is not None
-    # Walls between the cavity and the outer faces, as far as the view goes; a solid block is all wall.
+def _detail(ax: Axes, scene: Scene, built: _AsBuilt, side: float, scale: float) -> None:
+    """Draw the pendulum with its hinge at the origin, dimensions on its left and labels on its right.
+
+    Args:
+        ax: axes of the right view.
+        scene: block and base motion.
+        built: the pendulum as built.
+        side: half width of the view without dimensions and labels, m.
+        scale: inches per metre.
+    """
+    inch, p, low = 1.0 / scale, built.pendulum, -min(1.06 * built.depth, _TALL / scale)
+    half, is_hollow = 0.5 * scene.block.width, scene.block.cavity_width is not None
+    # Draw the walls between the cavity and the outer faces, cut off at the edge of the view. A block without
+    # a stated cavity is drawn as one solid wall.
     for sign in (-1.0, 1.0):
-        inner, outer = sign * min(h.wall if hollow else 0.0, side), sign * min(half, side)
+        inner, outer = sign * min(built.wall if is_hollow else 0.0, side), sign * min(half, side)
         ax.add_patch(Rectangle((inner, low), outer - inner, -low, fc=BODY, ec="none"))
-        if hollow and h.wall < side:
+        if is_hollow and built.wall < side:
             ax.plot([inner, inner], [low, 0.0], color=INK, lw=0.9)
     ax.add_patch(Rectangle((-min(half, side), 0.0), 2.0 * min(half, side), 0.09 * inch, fc=_METAL, ec=INK))
-    _draw(ax, h, 0.0, detail=True)
+    _draw(ax, built, 0.0, detail=True)
     ax.plot(0.0, 0.0, "o", ms=5, mfc="white", mec=INK, zorder=4)
     outward = -side - 0.15 * inch
-    _dimension(ax, (0.0, -h.rod), (0.0, 0.0), outward, f"{number(h.rod)} m", scale)
-    _dimension(ax, (0.0, -h.depth), (0.0, 0.0), outward - 0.35 * inch, f"{number(h.depth, 3)} m", scale)
-    if hollow and h.wall < side:
-        between = f"{number(2.0 * h.wall)} m"
-        _dimension(ax, (-h.wall, 0.09 * inch), (h.wall, 0.09 * inch), 0.12 * inch, between, scale)
-    mass, end = h.mass, h.rod * np.array([math.sin(h.angle), -math.cos(h.angle)])
-    damper = f"{number(p.hinge_damping(scene.gravity), 3)} N m s/rad ({p.damping_ratio:.3g} of critical)"
-    wide, high = (2.0 * float(x) for x in (h.body.radius(mass), h.body.half_height(mass)))
-    size = f"{number(wide, 3)} m wide" + ("" if h.body.shape == "ball" else f", {number(high, 3)} m high")
-    of = f": {h.body.shape}" if h.solid else " (dotted: steel ball)"
-    built = f"{number(h.rod)} m as built" if h.exists else "no body does it"
-    words: list[Label] = [
-        (f"beam that carries the hinge; its damper:\n{damper}", (0.0, 0.0)),
-        (f"rod, hinge to centre: {built}\n({number(p.length)} m in the equations)", (0.0, -0.4 * h.rod)),
-        (f"bob, {number(mass)} kg{of}\n{size}", (0.0, -h.rod)),
-        (f"depth below the hinge: {number(h.depth, 3)} m", (0.0, -h.depth)),
+    _dimension(ax, (0.0, -built.rod), (0.0, 0.0), outward, f"{number(built.rod)} m", scale)
+    _dimension(
+        ax, (0.0, -built.depth), (0.0, 0.0), outward - 0.35 * inch, f"{number(built.depth, 3)} m", scale
+    )
+    if is_hollow and built.wall < side:
+        between = f"{number(2.0 * built.wall)} m"
+        _dimension(ax, (-built.wall, 0.09 * inch), (built.wall, 0.09 * inch), 0.12 * inch, between, scale)
+    # The end of the swing to the right is the position that the label of the swing points to.
+    mass, end = built.mass, built.rod * np.array([math.sin(built.angle), -math.cos(built.angle)])
+    damper = f"{number(p.hinge_damping(scene.gravity), 3)} N m s/rad (damping ratio {p.damping_ratio:.3g})"
+    wide, high = (2.0 * float(x) for x in (built.body.radius(mass), built.body.half_height(mass)))
+    size = f"{number(wide, 3)} m wide" + ("" if built.body.shape == "ball" else f", {number(high, 3)} m high")
+    shape = f": {built.body.shape}" if built.is_solid else " (dotted: steel ball)"
+    length = f"{number(built.rod)} m as built" if built.exists else "no such body"
+    labels: list[Label] = [
+        (f"beam with hinge and damper,\n{damper}", (0.0, 0.0)),
+        (f"rod, hinge to centre: {length}\n({number(p.length)} m in the equations)", (0.0, -0.4 * built.rod)),
+        (f"bob, {number(mass)} kg{shape}\n{size}", (0.0, -built.rod)),
+        (f"depth below the hinge: {number(built.depth, 3)} m", (0.0, -built.depth)),
     ]
-    if h.angle > 0.0:
-        name, degrees = _STROKE[isinstance(scene.motion, Harmonic)], math.degrees(h.angle)
-        said = f"{name} ±{h.angle:.3g} rad (±{degrees:.3g}°)"
-        words.insert(2, (f"{said}\n{h.clear}" if hollow else said, (float(end[0]), float(end[1]))))
-    # Labels stand in a column, none over another, each with a line to its place.
-    heights = [(0.29 + 0.15 * said.count("\n")) / scale for said, _ in words]
-    top, left = 0.25 / scale, sum(heights) - (_TALL + 0.4) / scale
-    for (said, place), tall in zip(words, heights, strict=True):
-        # Labels further below need their room as well.
-        at = side + 0.3 * inch, max(min(place[1], top - 0.5 * tall), left - 0.5 * tall)
-        top, left = at[1] - 0.5 * tall, left - tall
+    if built.angle > 0.0:
+        name, degrees = _SWING[isinstance(scene.motion, Harmonic)], math.degrees(built.angle)
+        text = f"{name} ±{built.angle:.3g} rad (±{degrees:.3g}°)"
+        text += f"\n{built.clearance_in_words}" if is_hollow else ""
+        labels.insert(2, (text, (float(end[0]), float(end[1]))))
+    # The labels stand in a column, from top to bottom, without overlap. Each label is as near as possible to
+    # the height of its part: below the previous label, and above the space that the remaining labels need.
+    heights = [(0.29 + 0.15 * text.count("\n")) / scale for text, _ in labels]
+    top, remaining = 0.25 / scale, sum(heights) - (_TALL + 0.4) / scale
+    for (text, place), tall in zip(labels, heights, strict=True):
+        at = side + 0.3 * inch, max(min(place[1], top - 0.5 * tall), remaining - 0.5 * tall)
+        top, remaining = at[1] - 0.5 * tall, remaining - tall
         line = {"arrowstyle": "-", "lw": 0.6, "color": INK, "shrinkB": 3, "relpos": (0.0, 0.5)}
-        ax.annotate(said, xy=place, xytext=at, fontsize=8, va="center", color=INK, arrowprops=line)
+        ax.annotate(text, xy=place, xytext=at, fontsize=8, va="center", color=INK, arrowprops=line)
 
 
 def _body(bob: Bob, mass: float, rod: float, angle: float) -> np.ndarray:
-    """Outline of the body about its hinge at an angle (rad) of the rod from the vertical, m, shape (n, 2)."""
+    """Return the outline of the body at a bob angle (rad), with the hinge at the origin, m, shape (n, 2)."""
     r, h = float(bob.radius(mass)), float(bob.half_height(mass))
     shape = np.array([[-r, -h], [r, -h], [r, h], [-r, h]])
     if bob.shape == "ball":
         around = np.linspace(0.0, 2.0 * np.pi, 73)
         shape = r * np.stack([np.cos(around), np.sin(around)], axis=1)
-    # Row vectors stand to the left of a matrix, so that this is the transpose of the usual one.
+    # See `corners` on the transpose of the rotation matrix.
     c, s = math.cos(angle), math.sin(angle)
     return (shape - np.array([0.0, rod])) @ np.array([[c, s], [-s, c]])
 
 
 def _dimension(
-    ax: Axes, low: tuple[float, float], high: tuple[float, float], away: float, words: str, scale: float
+    ax: Axes, low: tuple[float, float], high: tuple[float, float], away: float, text: str, scale: float
 ) -> None:
-    """A dimension line from `low` to `high`, drawn `away` m to the side, or above if it is level."""
-    level = low[1] == high[1]
-    shift = np.array([0.0, away] if level else [away, 0.0])
+    """Draw a dimension line between two points with the same horizontal or vertical coordinate.
+
+    Args:
+        ax: the axes.
+        low: left or lower point, m.
+        high: right or upper point, m.
+        away: distance of the line from the points, m: to the right, or up for a horizontal line.
+        text: the dimension.
+        scale: inches per metre.
+    """
+    is_level = low[1] == high[1]
+    shift = np.array([0.0, away] if is_level else [away, 0.0])
     ends = np.array([low, high]) + shift
+    # Extension lines go from the points to a little beyond the dimension line.
     over = 0.06 / scale * shift / np.abs(away)
     for start, end in zip((low, high), ends, strict=True):
         ax.plot(*np.stack([start, end + over]).T, color=GREY, lw=0.5)
     arrow = {"arrowstyle": "<|-|>", "lw": 0.8, "color": INK}
     ax.annotate("", xy=tuple(ends[1]), xytext=tuple(ends[0]), arrowprops=arrow)
     middle = ends.mean(axis=0)
-    if level:
-        ax.text(middle[0], middle[1] + 0.05 / scale, words, fontsize=8, color=INK, ha="center", va="bottom")
+    if is_level:
+        ax.text(middle[0], middle[1] + 0.05 / scale, text, fontsize=8, color=INK, ha="center", va="bottom")
         return
-    # Words longer than the line stand below its upper end.
-    y = min(middle[1], ends[1, 1] - 0.035 * len(words) / scale)
+    # A text that is longer than the line would reach above the view, so it is moved down.
+    y = min(middle[1], ends[1, 1] - 0.035 * len(text) / scale)
     x = middle[0] - 0.04 / scale
-    ax.text(x, y, words, rotation=90, fontsize=8, color=INK, ha="right", va="center")
+    ax.text(x, y, text, rotation=90, fontsize=8, color=INK, ha="right", va="center")
 
 
 def _base(ax: Axes, scene: Scene, half: float, scale: float) -> None:
-    """Draw the ground and its motion, as an arrow to scale where that is long enough to be seen."""
+    """Draw the ground, and an arrow for its motion, which is to scale if it is long enough to be seen."""
     reach, inch = max(half, 0.5 * scene.block.width) + 0.2 / scale, 1.0 / scale
     ax.plot([-reach, reach], [0.0, 0.0], color=INK, lw=1.4)
+    # Hatching below the ground line, as in engineering drawings.
     for x in np.arange(-reach, reach, 0.12 * inch):
         ax.plot([x, x - 0.07 * inch], [0.0, -0.08 * inch], color=INK, lw=0.6)
     motion = scene.motion
-    swings = isinstance(motion, Harmonic)
-    true = swings and motion.amplitude * scale >= 0.12
-    length = motion.amplitude if true else 0.25 * inch
+    is_harmonic = isinstance(motion, Harmonic)
+    is_to_scale = is_harmonic and motion.amplitude * scale >= 0.12
+    length = motion.amplitude if is_to_scale else 0.25 * inch
     y = -0.3 * inch
     arrow = {"arrowstyle": "<|-|>", "lw": 1.6, "color": INK}
     ax.annotate("", xy=(length, y), xytext=(-length, y), arrowprops=arrow)
-    words = "base: ground motions"
-    if swings:
-        words = f"base: ±{number(motion.amplitude, 3)} m\nat {number(motion.frequency)} Hz"
-    words = f"block: {number(scene.block.mass)} kg\n{words}"
-    ax.text(0.0, y - 0.1 * inch, words, fontsize=8, ha="center", va="top", color=INK)
+    text = "base: ground motions"
+    if is_harmonic:
+        text = f"base: ±{number(motion.amplitude, 3)} m\nat {number(motion.frequency)} Hz"
+    text = f"block: {number(scene.block.mass)} kg\n{text}"
+    ax.text(0.0, y - 0.1 * inch, text, fontsize=8, ha="center", va="top", color=INK)

@@ -1,4 +1,4 @@
-"""Landscape of a search: the tilt over mass ratio and length ratio, edges of the limits, and the design."""
+"""Landscape of a search: tilt over mass ratio and length ratio, edges of the limits, and the design."""
 
 from __future__ import annotations
 
@@ -17,29 +17,35 @@ from tpd.design.refine import Trials
 from tpd.plots.style import HALO, INK, LABELS, NOT_RECOMMENDED, ORANGE, edge, legend, new_axes, own_style
 
 _GRID = 48
-"""Points along each axis."""
+"""Number of points along each axis."""
 _HATCH, _UNKNOWN = "#bdbdbd", "#e8e8e8"
+"""Colours of the hatching where a limit is exceeded, and of the area where the trend is unknown."""
 _CLIPPED = 0.1, 10.0
-"""Shares of a limit beyond which a quantity is clipped: only the edge of the limit is drawn."""
+"""Smallest and largest ratio of a limited quantity to its limit. Other ratios are clipped, because only the
+edge at a ratio of 1 is drawn."""
 
 
 @own_style()
 def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
-    """Draw the tilt over mass and length ratio at the damping of the best design, as a shaded field: the
-    darker, the more the block tilts. If mass or length is fixed the damping ratio takes its axis; if only one
-    parameter is searched, the tilt is a curve over it.
+    """Draw the mean tilt over mass ratio and length ratio, at the damping ratio of the best design.
 
-    The field is the trend that a Gaussian process estimates from all trial runs, by the linear equations.
-    It is grey where the trials do not determine the trend. Hatched is where designs exceed a limit; each edge
-    bears the name of its limit. Dots are the trial designs, thin lines the paths of the descents, crosses
-    designs that the validation rejected, and the star is the design.
+    Dark areas have a large tilt. The field is the trend that a Gaussian process estimates from all trial runs
+    of the linear equations. It is grey where the trials do not determine the trend, and hatched where a limit
+    is exceeded; the name of the limit stands at its edge. Dots are trial designs, thin lines the paths of the
+    descents, crosses the designs that the validation rejected, and the star is the best design.
+
+    If the mass or the length is fixed, the damping ratio is on its axis. If only one parameter is searched,
+    the tilt is drawn as a curve over this parameter.
 
     Args:
-        design: an answer of `tpd.optimise`.
-        ax: default that of a new figure.
+        design: the answer of `tpd.optimise`.
+        ax: axes to draw on; by default those of a new figure.
+
+    Returns:
+        The axes.
 
     Raises:
-        ValueError: a design whose trials give no trend, for instance one that needs no pendulum.
+        ValueError: the trials of the design have no trend, for example because no pendulum is needed.
     """
     trials, best = design.trials, design.nearest
     if trials is None or trials.process is None or best is None:
@@ -54,35 +60,40 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
     designs = np.tile(best, (_GRID**2, 1))
     designs[:, axes] = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     field, deviation = (z.reshape(_GRID, _GRID) for z in trials.process.at(space.scaled(designs)))
+    # With two axes, one of the three parameters has the value of the best design everywhere.
     (other,) = {0, 1, 2} - {*axes.tolist()}
-    words = f"tilt over ν in trial runs, at {'μλζ'[other]} = {best[other]:.2g} (-)"
-    _shade(ax, x, y, field, trials.without_pendulum, words)
-    # Above the contours with their values, which would claim something there.
+    label = f"tilt over ν in trial runs, at {'μλζ'[other]} = {best[other]:.2g} (-)"
+    _shade(ax, x, y, field, trials.without_pendulum, label)
+    # The grey area covers the contours and their values, because the trend is not known there.
     if (deviation > trials.process.spread).any():
+        # The trend is unknown where its standard deviation is as large as that of all trial values.
         levels = [trials.process.spread, np.inf]
         ax.contourf(x, y, deviation, levels=levels, colors=[_UNKNOWN], zorder=2)
         ax.fill([], [], color=_UNKNOWN, label="trend not known")
-    # Next to a fold a single design may lose its orbit: a median of neighbours leaves such specks out.
+    # Close to a fold, single designs can lose their orbit. The median over neighbours removes such specks.
     limits = _limits(design, trials, designs)
     edges = {name: median_filter(z.reshape(_GRID, _GRID), 3) for name, z in limits.items()}
+    # The largest logarithm over all limits is positive where any limit is exceeded.
     worst = np.max([np.full((_GRID, _GRID), -1.0), *edges.values()], axis=0)
     if (worst > 0.0).any():
         beyond = ax.contourf(x, y, worst, levels=[0.0, np.inf], colors="none", hatches=["//"], zorder=2)
         beyond.set_edgecolor(_HATCH)
         beyond.set_linewidth(0.0)
+    # A limit that all designs keep, or that all exceed, has no edge.
     crossed = {name: z for name, z in edges.items() if z.min() < 0.0 < z.max()}
     for i, (name, z) in enumerate(crossed.items()):
         edge(ax, x, y, z, name.replace("_", " "), (i + 1.0) / (len(crossed) + 1.0))
     _points(ax, trials.designs[:, axes], ".", 3.0, "trial designs", INK)
     _points(ax, trials.designs[trials.undecided > 0][:, axes], "s", 9.0, "runs without an answer", "none")
     if design.search is not None:
-        least = margins(cast(HarmonicProblem, design.problem).orbits, designs).min(axis=1)
-        if least.min() < 0.0 < least.max():
-            least = least.reshape(_GRID, _GRID)
-            edge(ax, x, y, least, "stays at rest", 0.5, color=INK, style="--")
+        # The block can stay at rest where the smallest uplift margin over all conditions is positive.
+        margin = margins(cast(HarmonicProblem, design.problem).orbits, designs).min(axis=1)
+        if margin.min() < 0.0 < margin.max():
+            edge(ax, x, y, margin.reshape(_GRID, _GRID), "stays at rest", 0.5, color=INK, style="--")
         for i, path in enumerate(design.search.paths):
             ax.plot(*path[:, axes].T, color=INK, lw=0.5, label=None if i else "paths of the descents")
     _star(ax, design, best[axes])
+    # A recommended design is the last validated one and has no reasons.
     rejected = np.array([v.design for v in design.validated if v.reasons]).reshape(-1, 3)
     _points(ax, rejected[:, axes], "X", 7.0, "rejected by the validation", "white")
     across, up = (LABELS[name] for name in space.names[:2])
@@ -92,17 +103,17 @@ def plot_landscape(design: Design, ax: Axes | None = None) -> Axes:
 
 
 def _curve(ax: Axes, design: Design, trials: Trials, process: GaussianProcess, best: np.ndarray) -> Axes:
-    """The tilt over the only parameter that is searched."""
+    """Draw the mean tilt over the only parameter that is searched."""
     space, unit = design.space, np.linspace(0.0, 1.0, _GRID)[:, None]
     designs, (trend, deviation), column = space.unscaled(unit), process.at(unit), space.searched[0]
     x = designs[:, column]
-    band = trend - 2.0 * deviation, trend + 2.0 * deviation
-    ax.fill_between(x, *band, color=_UNKNOWN, label="trend, 2 standard deviations")
+    around = trend - 2.0 * deviation, trend + 2.0 * deviation
+    ax.fill_between(x, *around, color=_UNKNOWN, label="trend, 2 standard deviations")
     ax.plot(x, trend, color=INK)
     ax.axhline(trials.without_pendulum, color=INK, ls="--", label="without the pendulum")
     over = np.max([np.full(len(x), -1.0), *_limits(design, trials, designs).values()], axis=0) > 0.0
     if over.any():
-        # Over the whole height of the picture, whatever the tilts are.
+        # The transform fills the whole height of the axes, independent of the tilts.
         style: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "fc": "none", "ec": _HATCH}
         ax.fill_between(x, 0.0, 1.0, over, hatch="//", lw=0.0, label="exceeds a limit", **style)
     _points(ax, np.column_stack([trials.designs[:, column], trials.value]), ".", 3.0, "trial designs", INK)
@@ -113,42 +124,47 @@ def _curve(ax: Axes, design: Design, trials: Trials, process: GaussianProcess, b
 
 
 def _limits(design: Design, trials: Trials, designs: np.ndarray) -> dict[str, np.ndarray]:
-    """Logarithms of the limited quantities over their limits, by name, of designs (m, 3): exact where no run
-    is needed, else through the quantiles of the trial runs as well."""
+    """Return the logarithms of limited quantities over their limits, by name, for designs of shape (m, 3).
+
+    Values are exact if no run is needed. Otherwise a Gaussian process through the quantiles of the trial runs
+    gives the values at other designs.
+    """
     problem, scaled = design.problem, design.space.scaled
     exact, out = problem.fixed_sizes(trials.designs), dict[str, np.ndarray]()
     for name, x in problem.fixed_sizes(designs).items():
         out[name] = np.log(np.clip(x, *_CLIPPED))
         sizes = trials.sizes[:, trials.names.index(name)]
+        # If the trial runs changed a size, the quantity depends on runs.
         if not np.array_equal(sizes, exact[name]):
-            # Sizes are positive and range over decades: their logarithms are smooth.
-            seen = Observations(scaled(trials.designs), np.log(np.clip(sizes, *_CLIPPED)))
-            out[name] = np.maximum(out[name], fit(seen, problem.seed).at(scaled(designs))[0])
+            # Sizes are positive and range over decades, so their logarithms are easier to interpolate.
+            trial = Observations(scaled(trials.designs), np.log(np.clip(sizes, *_CLIPPED)))
+            out[name] = np.maximum(out[name], fit(trial, problem.seed).at(scaled(designs))[0])
     return out
 
 
-def _shade(ax: Axes, mu: np.ndarray, lam: np.ndarray, field: np.ndarray, without: float, words: str) -> None:
-    """The field, and contours with their values."""
-    # More tilt than without a pendulum is bad enough: there is nothing to tell apart beyond it.
+def _shade(ax: Axes, x: np.ndarray, y: np.ndarray, field: np.ndarray, without: float, label: str) -> None:
+    """Draw the field with a colour bar, and contours with their values."""
+    # Designs with more tilt than without a pendulum are of no interest, so the colours end there.
     low, high = float(field.min()), float(min(field.max(), max(without, np.quantile(field, 0.5))))
     levels = MaxNLocator(14).tick_values(low, high)
     style: dict[str, Any] = {"levels": levels, "extend": "max" if field.max() > levels[-1] else "neither"}
-    shades = ax.contourf(mu, lam, field, cmap="Blues", **style)
-    lines = ax.contour(mu, lam, field, levels=levels[::3], colors=INK, linewidths=0.4)
+    shades = ax.contourf(x, y, field, cmap="Blues", **style)
+    lines = ax.contour(x, y, field, levels=levels[::3], colors=INK, linewidths=0.4)
     for text in ax.clabel(lines, fmt="%.3g", fontsize=8, zorder=2):
         text.set_path_effects(HALO)
-    bar = cast(Any, ax.figure).colorbar(shades, ax=ax, label=words)
+    bar = cast(Any, ax.figure).colorbar(shades, ax=ax, label=label)
     bar.ax.set_title(f"without: {without:.2g}", fontsize=8)
 
 
 def _star(ax: Axes, design: Design, at: np.ndarray) -> None:
-    """The best design."""
+    """Mark the best design."""
     label, fill = ("design", ORANGE) if design.pendulum is not None else (NOT_RECOMMENDED, "white")
     _points(ax, at[None], "*", 17.0, label, fill)
 
 
 def _points(ax: Axes, designs: np.ndarray, marker: str, size: float, label: str, mfc: str) -> None:
+    """Mark designs, (m, 2), if there are any."""
     if len(designs):
-        # Many designs lie at the edge of the space, where a mark would be cut in half.
+        # Many designs lie on the bounds of the space, where clipping would cut their marks in half.
         style: dict[str, Any] = {"ls": "", "mec": INK, "clip_on": False, "zorder": 3}
         ax.plot(*designs.T, marker=marker, ms=size, mfc=mfc, label=label, **style)

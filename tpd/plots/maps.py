@@ -1,4 +1,4 @@
-"""Maps, spectra, fragility and records: designs on a grid, what pulses do to a block, blocks of all sizes."""
+"""Pictures of maps over two parameters, spectra, fragility curves and records."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
 
 from tpd.answers.design_map import DesignMap
-from tpd.answers.fragility import Fragility
+from tpd.answers.fragility import Curve, Fragility
 from tpd.answers.spectra import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum, RockingSpectrum
-from tpd.answers.statistics import Lognormal
 from tpd.core import checks
 from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.plots.style import CASES, GREY, INK, LABELS, LINES, edge, legend, new_axes, own_style
@@ -21,11 +20,12 @@ from tpd.scene.record import Record
 
 _MOVING = ("rocking", "sticking", "near_fold", "grazing")
 """Statuses of periodic motions, which have an amplitude."""
+# Hatching and label of statuses without an amplitude, by name.
 _HATCHES = {
-    "rest": ("", "rest, no attracting orbit found"),
-    "held": ("----", "held leaning"),
-    "neutral": ("||||", "an orbit, neutral"),
-    "unstable": ("////", "orbits found, none attracts"),
+    "rest": ("", "rest; no attracting orbit"),
+    "held": ("----", "sticks in a tilted position"),
+    "neutral": ("||||", "neutral orbit"),
+    "unstable": ("////", "unstable orbits only"),
     "not_known": ("....", "no orbit found"),
     "overturned": ("xxxx", "overturns"),
     "not_settled": ("\\\\\\\\", "does not settle"),
@@ -40,12 +40,17 @@ _QUANTITIES = {
 
 @own_style()
 def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = None) -> Axes:
-    """Draw one quantity of a map in colour, hatched where it has none, and the edge of no uplift.
+    """Draw one quantity of a map in colour.
+
+    Designs without this quantity are hatched. A line marks where a block at rest begins to lift.
 
     Args:
         m: the map.
-        quantity: amplitude, stroke or margin.
-        ax: default that of a new figure.
+        quantity: "amplitude", "swing" or "margin".
+        ax: axes to draw on; by default those of a new figure.
+
+    Returns:
+        The axes.
 
     Raises:
         ValueError: another quantity.
@@ -53,11 +58,13 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
     checks.one_of("quantity", quantity, tuple(_QUANTITIES))
     ax = cast(Axes, new_axes(size=(7.0, 5.4)) if ax is None else ax)
     values = getattr(m, quantity)
+    # Only these statuses have the quantity.
     coloured = {"amplitude": _MOVING, "swing": (*_MOVING, "rest"), "margin": tuple(m.counts)}[quantity]
     shown = np.isfinite(values) & np.isin(m.status, coloured)
     low, high = 0.0, 1.0
     if shown.any():
-        # A few designs next to a resonance would make all others alike, and so would a scale from zero.
+        # Quantiles as ends of the colour scale: with the extremes, a few designs close to resonance would
+        # leave one colour for all others.
         low, high = (float(x) for x in np.quantile(values[shown], (0.02, 0.995)))
     mesh = ax.pcolormesh(m.x, m.y, np.where(shown, values, np.nan), vmin=low, vmax=high, rasterized=True)
     beyond = bool((values[shown] < low).any()), bool((values[shown] > high).any())
@@ -65,7 +72,7 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
     cast(Any, ax.figure).colorbar(mesh, ax=ax, label=_QUANTITIES[quantity], extend=extend)
     handles = _hatched(ax, m, coloured)
     if m.margin.min() < 0.0 < m.margin.max():
-        # The bob has settled: a block at rest lifts on one side of the line and stays on the other.
+        # On one side of the line a block at rest lifts after the bob has settled; on the other side it stays.
         edge(ax, m.x, m.y, m.margin, "uplift margin 0", 0.5)
     ax.set(xlabel=LABELS[m.x_name], ylabel=LABELS[m.y_name])
     if handles:
@@ -75,12 +82,14 @@ def plot_map(m: DesignMap, quantity: str = "amplitude", *, ax: Axes | None = Non
 
 
 def _hatched(ax: Axes, m: DesignMap, coloured: tuple[str, ...]) -> list[Any]:
-    """Hatch designs without a colour; returns handles of the legend."""
+    """Hatch the designs without a colour, and return the handles of the legend."""
     uncoloured = [s for s in m.counts if s not in coloured]
     kinds = {s: _HATCHES.get(s, _OTHER) for s in uncoloured}
+    # With a start, the status is the outcome of one motion. Without a start it is about all orbits.
     if m.start is not None and "rest" in kinds:
         kinds["rest"] = ("", "settles at rest")
     handles = []
+    # Statuses without an entry share one hatching, so that the kinds are made unique.
     for hatch, label in dict.fromkeys(kinds.values()):
         here = np.isin(m.status, [s for s in uncoloured if kinds[s] == (hatch, label)])
         if hatch:
@@ -91,8 +100,13 @@ def _hatched(ax: Axes, m: DesignMap, coloured: tuple[str, ...]) -> list[Any]:
 
 @own_style()
 def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -> Any:
-    """Draw what every pulse does, without the pendulum and with it, side by side; a cross is a pulse without
-    an answer.
+    """Draw the outcome of every pulse, without and with the pendulum side by side.
+
+    A cross is a pulse without an answer.
+
+    Args:
+        spectrum: the answer of `tpd.overturning_spectrum`.
+        axes: one or two axes to draw on; by default those of a new figure.
 
     Returns:
         The axes, an array of one or two.
@@ -100,19 +114,20 @@ def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -
     cells = spectrum.cases
     if axes is None:
         axes = np.atleast_1d(new_axes(1, (4.2 * len(cells) + 0.8, 4.6), columns=len(cells)))
-    # From white to dark in the order of what is worse, so that it reads in grey.
+    # A worse outcome has a darker colour, also in a grey print.
     colours = ListedColormap(["#ffffff", "#d9e4f1", "#f0b97d", "#8a4b14"])
     norm = BoundaryNorm([STANDS - 0.5, STANDS + 0.5, ROCKS + 0.5, OVERTURNS + 0.5, 1e9], colours.N)
     image = None
     for ax, cell, case in zip(axes, cells, CASES, strict=False):
-        # An overturning without an impact is the last of the four.
+        # The cells count the impacts before overturning. The picture only distinguishes overturning without
+        # an impact, the worst outcome, from overturning after impacts.
         shown = np.where(cell == OVERTURNS, OVERTURNS + 1, np.where(cell > OVERTURNS, OVERTURNS, cell))
         values = np.ma.masked_less(shown, STANDS)
         grid = spectrum.frequency_ratios, spectrum.acceleration_ratios
         image = ax.pcolormesh(*grid, values, cmap=colours, norm=norm, rasterized=True)
         size, ratio = np.nonzero(cell == UNDECIDED)
         if size.size:
-            # White is the colour of what stands.
+            # A pulse without an answer would be white, as if the block stood.
             at = spectrum.frequency_ratios[ratio], spectrum.acceleration_ratios[size]
             ax.plot(*at, ls="", marker="x", ms=5, color=INK, label=f"no answer: {size.size} of {cell.size}")
             ax.legend(fontsize=8, loc="upper left")
@@ -130,20 +145,31 @@ def plot_overturning_spectrum(spectrum: OverturningSpectrum, axes: Any = None) -
 
 @own_style()
 def plot_rocking_spectrum(spectrum: RockingSpectrum, ax: Any = None) -> Any:
-    """Draw the largest tilt over the slenderness against 2 pi/p; blocks that overturn are marked on top, and
-    so are those without an answer."""
+    """Draw the largest tilt over the slenderness against 2 pi/p.
+
+    Blocks that overturn, and blocks without an answer, are marked above the axes.
+
+    Args:
+        spectrum: the answer of `tpd.rocking_spectrum`.
+        ax: axes to draw on; by default those of a new figure.
+
+    Returns:
+        The axes.
+    """
     ax = new_axes() if ax is None else ax
     for tilts, style in zip(spectrum.cases, LINES, strict=False):
-        known = np.where(np.isfinite(tilts), tilts, np.nan)
-        ax.plot(spectrum.periods, known, **style)
-        # Above the frame, where no tilt can be.
+        ax.plot(spectrum.periods, np.where(np.isfinite(tilts), tilts, np.nan), **style)
+        # Marks above the frame cannot be taken for tilts.
         level = 1.02 if style is LINES[0] else 1.06
-        for where, marker, what in ((np.isinf(tilts), "|", "overturns"), (np.isnan(tilts), "x", "no answer")):
-            # An answer is the rule: only what is missing is named.
+        for where, marker, outcome in (
+            (np.isinf(tilts), "|", "overturns"),
+            (np.isnan(tilts), "x", "no answer"),
+        ):
+            # A missing answer is rare. The legend has an entry for it only if there is one.
             if marker == "x" and not where.any():
                 continue
             marks = {"ls": "", "marker": marker, "color": style["color"], "clip_on": False}
-            place = {"transform": ax.get_xaxis_transform(), "label": f"{style['label']}: {what}"}
+            place = {"transform": ax.get_xaxis_transform(), "label": f"{style['label']}: {outcome}"}
             ax.plot(spectrum.periods[where], np.full(where.sum(), level), **marks, **place)
     ax.set(
         xlabel=r"$2\pi/p$ of the block (s)", ylabel=r"largest tilt over the slenderness (-)", ylim=(0.0, None)
@@ -154,44 +180,50 @@ def plot_rocking_spectrum(spectrum: RockingSpectrum, ax: Any = None) -> Any:
 
 @own_style()
 def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = None) -> Any:
-    """Draw shares at the stripes, the lognormal curves and their 95 % bands for one damage state. A bar at a
-    stripe is what motions without an answer leave open.
+    """Draw the fragility for one damage state: shares at the intensity levels, and fitted lognormal curves.
+
+    The curves have 95 % confidence intervals. A bar at an intensity level is the range of shares that motions
+    without an answer could have.
+
+    Args:
+        fragility: the answer of `tpd.fragility`.
+        state: name of the damage state.
+        ax: axes to draw on; by default those of a new figure.
+
+    Returns:
+        The axes.
 
     Raises:
-        ValueError: a state that the fragility does not have.
+        ValueError: the fragility does not have this damage state.
     """
     checks.one_of("state", state, tuple(fragility.without_pendulum))
     ax = new_axes() if ax is None else ax
+    # The curve continues a little beyond the intensity levels.
     fine = np.linspace(0.5 * fragility.stripes[0], 1.1 * fragility.stripes[-1], 300)
-    for i, c in enumerate(case[state] for case in fragility.cases):
-        _curve(ax, fragility.stripes, c.counts, c.undecided, c.total + c.undecided, c.fit, fine, i)
+    for case, style in zip(fragility.cases, CASES, strict=False):
+        _curve(ax, fragility.stripes, case[state], fine, style)
     unit = "" if fragility.unit == "-" else f" ({fragility.unit})"
     ax.set(xlabel=f"{fragility.intensity}{unit}", ylabel=f"share of motions: {state} (-)", ylim=(0.0, 1.0))
     legend(ax)
     return ax
 
 
-def _curve(
-    ax: Any,
-    stripes: np.ndarray,
-    count: np.ndarray,
-    unknown: np.ndarray,
-    motions: Any,
-    fit: Lognormal,
-    fine: np.ndarray,
-    case: int,
-) -> None:
-    """Shares of `motions` at the stripes, bars for those that are unknown, and the fit with its band."""
-    style, known, open_at = CASES[case], motions - unknown > 0, unknown > 0
-    shares = (count / np.maximum(motions - unknown, 1))[known]
-    # Open without the pendulum and filled with it, so that they differ in grey.
+def _curve(ax: Any, stripes: np.ndarray, curve: Curve, fine: np.ndarray, style: dict[str, Any]) -> None:
+    """Draw the shares of one case at the intensity levels, and the fitted curve with its interval."""
+    # The total leaves out the motions without an answer, which the bars need again.
+    has_share, is_open, motions = curve.total > 0, curve.undecided > 0, curve.total + curve.undecided
+    shares = (curve.counts / np.maximum(curve.total, 1))[has_share]
+    # Marks are open without the pendulum and filled with it, so that a grey print shows the difference.
     marks = style | {"ls": "", "ms": 6.0, "mec": INK}
-    ax.plot(stripes[known], shares, clip_on=False, zorder=3, **marks)
-    if open_at.any():
-        # From the share if none of the runs without an answer had reached the state to that if all had.
-        ends = (count / motions)[open_at], ((count + unknown) / motions)[open_at]
-        label = f"{style['label']}: {unknown.sum()} runs without an answer"
-        ax.vlines(stripes[open_at], *ends, colors=style["color"], lw=5, alpha=0.35, label=label)
+    ax.plot(stripes[has_share], shares, clip_on=False, zorder=3, **marks)
+    if is_open.any():
+        # A bar goes from the share if no motion without an answer had reached the state, to the share if all
+        # had.
+        ends = (curve.counts / motions)[is_open], ((curve.counts + curve.undecided) / motions)[is_open]
+        label = f"{style['label']}: {curve.undecided.sum()} runs without an answer"
+        ax.vlines(stripes[is_open], *ends, colors=style["color"], lw=5, alpha=0.35, label=label)
+    # No curve can be fitted if all runs, or no runs, reach the state.
+    fit = curve.fit
     if 0.0 < fit.median < np.inf:
         ax.fill_between(fine, *fit.band(fine), color=style["color"], alpha=0.2, lw=0)
         label = f"{style['label']}: median {fit.median:.3g}"
@@ -200,8 +232,13 @@ def _curve(
 
 @own_style()
 def plot_record(record: Record, axes: Any = None) -> Any:
-    """Draw acceleration, velocity and displacement of a record over time, each with its peak, and the
-    response spectrum for 5 % damping. The time between 5 % and 95 % of the energy is shaded.
+    """Draw acceleration, velocity and displacement of a record against time, and its response spectrum.
+
+    Each peak is marked. The time between 5 % and 95 % of the energy is shaded. The spectrum has 5 % damping.
+
+    Args:
+        record: the record.
+        axes: four axes to draw on; by default those of a new figure.
 
     Returns:
         The four axes, an array.
@@ -218,15 +255,16 @@ def plot_record(record: Record, axes: Any = None) -> Any:
         ("velocity (m/s)", velocity, "PGV {:.3g} m/s"),
         ("displacement (m)", displacement, "PGD {:.3g} m"),
     )
-    for ax, (label, values, words) in zip(axes, shown, strict=False):
+    for ax, (label, values, peak) in zip(axes, shown, strict=False):
         at = int(np.argmax(np.abs(values)))
         ax.axvspan(*significant_times(record), color="0.9", lw=0.0)
         ax.plot(times, values, color=INK, lw=0.7)
         ax.plot(times[at], values[at], ls="", marker="o", ms=5, mfc="white", mec=INK)
         ax.set(ylabel=label, xlim=(0.0, times[-1]))
-        ax.set_title(words.format(abs(values[at])), fontsize=9, loc="right")
+        ax.set_title(peak.format(abs(values[at])), fontsize=9, loc="right")
     axes[0].set_title(record.name or record.source, fontsize=9, loc="left")
     axes[2].set_xlabel("time (s), shaded: 5 to 95 % of the energy")
+    # Periods from stiff to tall structures.
     periods = np.geomspace(0.05, 5.0, 40)
     sizes = [spectral_acceleration(record, t) / STANDARD_GRAVITY for t in periods]
     axes[3].semilogx(periods, sizes, color=INK, lw=1.2)

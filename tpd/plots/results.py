@@ -1,4 +1,4 @@
-"""`tpd.plot`: one function that draws every result that has a picture."""
+"""The function `tpd.plot`, which draws every result that has a picture."""
 
 from __future__ import annotations
 
@@ -31,40 +31,53 @@ def plot(
     ax: Any = None,
     axes: Any = None,
 ) -> Any:
-    """Draw a result, and return the axes: an array where there are several.
+    """Draw a result, and return the axes (an array if there are several).
 
     Args:
-        result: a design, the answer of `front`, `design_map`, `settled_response`, `branches`, `fragility`,
-            `overturning_spectrum` or `rocking_spectrum`, or a record.
-        what: picture of a design: "landscape", the tilt over mass and length ratio with the limits, which is
-            the default; "drawing", block and pendulum to scale; "benefit", the validation runs with and
-            without the pendulum, overall and for every condition or, under ground motions, every group; under
-            harmonic excitation also "conditions", the tilt over the one quantity in which the conditions
-            differ, and "motion", the motion from rest. For a map it is the quantity, for a fragility the
-            damage state.
-        quantity: of a map: "amplitude" (the default), "swing" or "margin".
-        state: damage state of a fragility; default "overturned".
-        without: response or branches of the bare block over the same quantity, which are drawn as well.
+        result: a design, a record, or the answer of `front`, `design_map`, `settled_response`, `branches`,
+            `fragility`, `overturning_spectrum` or `rocking_spectrum`.
+        what: name of the picture of a design. For a map it is another name of `quantity`, and for a fragility
+            of `state`. The pictures of a design are:
+
+            - "landscape" (the default): tilt over mass ratio and length ratio, with the limits;
+            - "drawing": block and pendulum to scale;
+            - "benefit": validation runs with and without the pendulum, over all runs and for each condition
+              (under ground motions, for each group);
+            - "conditions" (harmonic excitation only): tilt over the one quantity in which the conditions
+            differ; - "motion" (harmonic excitation only): first periods of the motion from rest.
+        quantity: quantity of a map: "amplitude" (the default), "swing" or "margin".
+        state: damage state of a fragility; by default "overturned".
+        without: response or branches without the pendulum over the same quantity, which are drawn as well.
         own: value of the design, which is marked in a response.
-        ax: axes to draw on, a sequence if the picture has several; default those of a new figure. A drawing
-            always has its own figure.
-        axes: another name of `ax` for a response, branches and an overturning spectrum.
+        ax: axes to draw on, a sequence if the picture has several; by default those of a new figure. A
+            drawing always has its own figure.
+        axes: another name of `ax`, for a response, branches, an overturning spectrum and a record.
 
     Raises:
-        ValueError: a result without a picture, an argument that does not apply to the result, a word that is
-            not allowed, or a design without the data of the picture.
+        ValueError: the result has no picture, an argument does not apply to the result or has a value that is
+            not allowed, or a design does not have the data of the picture.
+
+    Example:
+        >>> import tpd
+        >>> response = tpd.settled_response(tpd.paper_scene(), "frequency", [2.0, 2.5, 3.0])
+        >>> axes = tpd.plot(response, own=2.5)
+        >>> axes[-1].get_xlabel()
+        'frequency of the base motion (Hz)'
+        >>> axes[0].figure.savefig("response.png")  # doctest: +SKIP
     """
+    # The first matching class decides.
     kind = next((kind for base, kind in _KINDS.items() if isinstance(result, base)), None)
     if kind is None:
         names = ", ".join(base.__name__ for base in _KINDS)
         raise ValueError(f"`result` must have a picture ({names}), but is {checks.shown(result)}")
+    # The last name is that of the axes.
     draw, *allowed = kind
     stated = {"what": what, "quantity": quantity, "state": state, "without": without, "own": own}
     options: dict[str, Any] = {}
     for name, value in (stated | {"ax": ax, "axes": axes}).items():
         if value is None:
             continue
-        # `what` and `ax` are valid for all results; the plot functions have their own names for them.
+        # `what` and `ax` are valid for all results, but some plot functions have other names for them.
         target = next((x for x in (name, *_NAMES.get(name, ())) if x in allowed), "")
         if not target:
             of = type(result).__name__
@@ -72,15 +85,15 @@ def plot(
         if target in options:
             raise ValueError(f"`{name}` has two values: {checks.shown([options[target], value])}")
         options[target] = value
-    # Matplotlib would fail later, with a message about its own attributes.
-    for one in np.ravel(np.array(options.get(allowed[-1], []), dtype=object)):
-        checks.instance(allowed[-1], one, Axes)
+    # Without this check Matplotlib would fail later with a message about a missing attribute.
+    for each in np.ravel(np.array(options.get(allowed[-1], []), dtype=object)):
+        checks.instance(allowed[-1], each, Axes)
     return draw(result, **options)
 
 
 def draw_design(design: Design, what: str = "landscape", ax: Any = None) -> Any:
     """Draw one picture of a design, see `plot`."""
-    # The message about a wrong word lists the words for this kind of design.
+    # Designs for ground motions have fewer pictures. The message of an error must list the right ones.
     pictures = _OF_GROUND if design.conditions.motions else _OF_HARMONIC
     checks.one_of("what", what, tuple(pictures))
     return pictures[what](design, ax)
@@ -89,13 +102,13 @@ def draw_design(design: Design, what: str = "landscape", ax: Any = None) -> Any:
 def draw_response(
     result: Response, without: Response | None = None, own: float | None = None, axes: Any = None
 ) -> Any:
-    """Draw a response, and that of the bare block if there is one."""
+    """Draw a response and, if there is one, the response without the pendulum."""
     own = None if own is None else checks.number("own", own)
     return response.plot_response([*_without(result, without), result], own, axes=axes)
 
 
 def draw_branches(result: Branches, without: Branches | None = None, axes: Any = None) -> Any:
-    """Draw branches, and those of the bare block if there are any."""
+    """Draw branches and, if there are any, the branches without the pendulum."""
     without_label, with_label = (str(case["label"]) for case in CASES)
     cases: dict[str, Branches] = dict(zip([without_label], _without(result, without), strict=False))
     return response.plot_branches(
@@ -104,7 +117,7 @@ def draw_branches(result: Branches, without: Branches | None = None, axes: Any =
 
 
 def _without(result: Any, without: Any) -> list[Any]:
-    """List of the result without the pendulum, if there is one, which must be over the same quantity."""
+    """Return a list with the result without the pendulum, or an empty list, after a check of its quantity."""
     checks.optional("without", without, type(result))
     if without is not None and without.name != result.name:
         raise ValueError(f"`without` must be over `{result.name}`, but is over `{without.name}`")
@@ -120,9 +133,9 @@ _OF_HARMONIC: dict[str, Callable[[Any, Any], Any]] = _OF_GROUND | {
     "conditions": compare.plot_conditions,
     "motion": response.plot_start,
 }
-"""Pictures of a design by the words for `what`."""
+"""Functions that draw a design, by the values of `what`."""
 _NAMES = {"what": ("quantity", "state"), "ax": ("axes",)}
-"""Other names of the arguments that every result has."""
+"""Names that plot functions have for the arguments `what` and `ax`."""
 _KINDS: dict[type, tuple[Any, ...]] = {
     Design: (draw_design, "what", "ax"),
     Front: (compare.plot_front, "ax"),
@@ -134,4 +147,4 @@ _KINDS: dict[type, tuple[Any, ...]] = {
     RockingSpectrum: (maps.plot_rocking_spectrum, "ax"),
     Record: (maps.plot_record, "axes"),
 }
-"""Plot function of each class of results, and the names of its arguments, the axes last."""
+"""Plot function of each class of results, and the names of its optional arguments, the axes last."""

@@ -1,4 +1,4 @@
-"""Style of all pictures: palette, markers, labels of axes, new axes, PNG and SVG."""
+"""Common style of all pictures: colours, markers, axis labels, new axes, PNG and SVG files."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 INK, GREY, BLUE, ORANGE = "#1a1a1a", "#9a9a9a", "#1f5fa8", "#d9822b"
-
+"""Colours of lines and texts. Grey is the block without the pendulum, blue the block with the pendulum."""
 HALO: list[Any] = [withStroke(linewidth=2.5, foreground="white")]
-"""Path effects of words and lines over a field."""
+"""Path effects that keep labels and lines readable on a shaded field."""
 CASES: tuple[dict[str, Any], ...] = (
     {"color": GREY, "marker": "s", "ls": "--", "ms": 5.0, "mfc": "white", "mec": INK, "lw": 1.2}
     | {"label": "without pendulum"},
     {"color": BLUE, "marker": "o", "ls": "-", "ms": 3.5, "mfc": BLUE, "mec": BLUE, "lw": 1.2}
     | {"label": "with pendulum"},
 )
-"""Lines without and with the pendulum, which differ in grey as well."""
+"""Line styles without and with the pendulum, which can be told apart in a grey print."""
 NOT_RECOMMENDED = "best design, not recommended"
-"""Label of a design that is shown although it is not recommended."""
+"""Label of the best design if no design is recommended."""
 LINES: tuple[dict[str, Any], ...] = tuple(
     {"color": case["color"], "label": case["label"], "lw": lw}
     for case, lw in zip(CASES, (2.2, 1.0), strict=True)
 )
-"""Dense lines of both, without markers: the broad one below the thin one."""
+"""Line styles without and with the pendulum for dense lines, without markers: the thin line is on top."""
 
 LABELS = {
     "nu": r"slenderness $\nu$ = a/b (-)",
@@ -53,21 +53,25 @@ LABELS = {
     "pendulum_length": "length of the pendulum (m)",
     "pendulum_damping": "damping ratio of the hinge (-)",
 }
-"""Labels of an axis by the name of the quantity along it."""
+"""Axis labels by the names of the quantities."""
 
 
 @contextlib.contextmanager
 def own_style() -> Iterator[None]:
-    """Draw in the style of this package, whatever the settings of the user are, which stay as they are; as a
-    decorator for a function that draws."""
-    # Without a date and with a fixed salt of its identifiers a repeated run writes the same file. Words stay
-    # words.
+    """Draw in the style of this package, independent of the user's Matplotlib settings, which do not change.
+
+    Use it as a context manager, or as a decorator of a function that draws.
+    """
+    # The fixed salt of the identifiers in an SVG file makes repeated runs write identical files. With the
+    # font type "none", texts stay texts and can be searched and selected.
     with matplotlib.style.context(["default", {"svg.hashsalt": "tpd", "svg.fonttype": "none"}]):
         yield
 
 
 class Picture(Figure):
-    """A figure of this package. Matplotlib also reads settings when it draws and measures a figure."""
+    """A figure in the style of this package."""
+
+    # Matplotlib reads the settings of the user again when it draws, saves or measures a figure.
 
     draw = own_style()(Figure.draw)
     savefig = own_style()(Figure.savefig)
@@ -75,12 +79,18 @@ class Picture(Figure):
 
 
 def in_degrees(ax: Any) -> None:
-    """Give a vertical axis in radians a second scale in degrees."""
+    """Add a second scale in degrees to a vertical axis in radians."""
     ax.secondary_yaxis("right", functions=(np.degrees, np.radians)).set_ylabel("degrees")
 
 
 def legend(ax: Any, columns: int = 2, **place: Any) -> None:
-    """A legend without a frame, above the axes unless `place` says otherwise, if anything has a label."""
+    """Add a legend without a frame if any line has a label.
+
+    Args:
+        ax: the axes.
+        columns: number of columns.
+        place: position, as arguments of `Axes.legend`; by default above the axes.
+    """
     if ax.get_legend_handles_labels()[0]:
         above = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": columns}
         ax.legend(fontsize=8, frameon=False, **(place or above))
@@ -89,32 +99,51 @@ def legend(ax: Any, columns: int = 2, **place: Any) -> None:
 def edge(
     ax: Any, x: Any, y: Any, z: Any, name: str, share: float, *, color: str = ORANGE, style: str = "-"
 ) -> None:
-    """Draw the line where `z` is zero, with its name at a share of the length of its longest part."""
+    """Draw the line where a function of two variables is zero, and write its name on the line.
+
+    Args:
+        ax: the axes.
+        x: values of the first variable, shape (n,).
+        y: values of the second variable, shape (m,).
+        z: values of the function, shape (m, n).
+        name: text on the line.
+        share: position of the text on the longest part of the line, from 0 to 1.
+        color: colour of the line.
+        style: line style.
+    """
     line = ax.contour(x, y, z, levels=[0.0], colors=[color], linewidths=1.4, linestyles=style)
-    # In grey the line may be as dark as the field.
+    # In a grey print the line can be as dark as the field, so it gets a white edge.
     line.set_path_effects(HALO)
     longest = max(line.allsegs[0], key=len)
-    # Lines run on beside each other: their names are apart because their shares differ.
+    # Edges of several limits often run side by side. Callers choose different shares for them, so that the
+    # names do not overlap.
     text = ax.annotate(name, longest[int(share * (len(longest) - 1))], fontsize=8, ha="center", va="center")
     text.set_path_effects(HALO)
 
 
 def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6), columns: int = 1) -> Any:
-    """Axes of a new figure; an array of them if there are several, which share the axis between them."""
+    """Return the axes of a new figure: an array if there are several, with shared scales.
+
+    Args:
+        rows: number of axes above each other.
+        size: width and height of the figure, inches.
+        columns: number of axes side by side.
+    """
+    # A canvas of its own keeps the figure out of pyplot, which would store it until the process ends.
     figure = Picture(figsize=size, layout="constrained", dpi=130)
     FigureCanvasAgg(figure)
     return figure.subplots(rows, columns, sharex=rows > 1, sharey=columns > 1)
 
 
 def svg(figure: Any) -> bytes:
-    """Content of an SVG file of the figure, the same for the same figure; its words stay words."""
+    """Return the content of an SVG file of the figure. Equal figures have equal files."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
     return buffer.getvalue()
 
 
 def png(figure: Any) -> bytes:
-    """Content of a PNG file of the figure."""
+    """Return the content of a PNG file of the figure."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
     return buffer.getvalue()

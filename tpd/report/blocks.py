@@ -1,4 +1,4 @@
-"""Building blocks of a report: typed data that text, HTML and JSON render."""
+"""Building blocks of a report: data classes that the text and the HTML page render."""
 
 from __future__ import annotations
 
@@ -7,38 +7,41 @@ import re
 import textwrap
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
 
 from tpd.core.formatting import number
 
-_NUMBER = re.compile(r"[+-]?\d[\d.]*%?")
+_NUMBER = re.compile(r"[+-]?\d[\d.]*( ?%)?")
+"""A number, or a number of per cent."""
+_UNIT = re.compile(
+    r"(?<=\d) (?=(?:%|k?g|k?m|mm|s|k?N|W|Hz|rad)(?:\W|$))|(?<=\d N) (?=s/m|m)|(?<=\d N m) (?=s/rad)"
+)
+"""Space between a number and its unit, or within the unit."""
 Cell = str | float | int | None
 NO_VALUE = "–"
 """Text of a cell without a value."""
 _WIDTH = 100
-"""Columns of text; tables may be wider."""
+"""Largest number of columns of a line of text. Tables may be wider."""
 
 
 class Severity(enum.Enum):
-    """How much a note matters to somebody who would build the design; in the order of a report."""
+    """Importance of a note for an engineer who would build the design; the report lists dangers first."""
 
     danger = 0
-    """The block overturns more often, or the bob strikes a wall."""
+    """The block overturns more often with the pendulum, its base slides, or the bob touches a wall."""
     note = 1
-    """Anything else that changes what one may conclude."""
+    """Another fact that affects the conclusions."""
 
 
 @dataclass(frozen=True)
 class Note:
-    """A statement that must be read, one or more sentences."""
+    """A statement of one or more sentences that the reader must not miss."""
 
     severity: Severity
     text: str
-    kind: ClassVar[str] = "note"
 
     @property
     def marked(self) -> str:
-        """The text with the mark of its severity."""
+        """The text, with "DANGER: " before it if it is a danger."""
         return f"DANGER: {self.text}" if self.severity is Severity.danger else self.text
 
 
@@ -50,21 +53,19 @@ class Text:
     """A paragraph."""
 
     text: str
-    kind: ClassVar[str] = "text"
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under a head. Cells of None or NaN have no value.
+    """Rows of cells below a row of column headings. Cells that are None or NaN have no value.
 
     Raises:
-        ValueError: a row with another number of cells than the head.
+        ValueError: a row whose number of cells differs from the number of headings.
     """
 
     head: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
     caption: str = ""
-    kind: ClassVar[str] = "table"
 
     def __post_init__(self) -> None:
         for n in {len(row) for row in self.rows} - {len(self.head)}:
@@ -72,7 +73,7 @@ class Table:
 
     @property
     def cells(self) -> list[list[str]]:
-        """All cells as text: numbers to four digits, a dash where there is no value."""
+        """All cells as text: numbers with four significant digits, a dash for a missing value."""
         return [
             [NO_VALUE if c is None else number(c) if isinstance(c, float) else str(c) for c in row]
             for row in self.rows
@@ -80,7 +81,7 @@ class Table:
 
     @property
     def numeric(self) -> list[bool]:
-        """Whether a column holds numbers, which stand to the right."""
+        """Whether each column contains only numbers, which are aligned to the right."""
         columns = [[row[i] for row in self.rows if row[i] is not None] for i in range(len(self.head))]
         return [
             bool(cells) and all(not isinstance(x, str) or _NUMBER.fullmatch(x) for x in cells)
@@ -90,16 +91,16 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture by its file's name.
+    """A picture, identified by the name of its file.
 
     Raises:
-        ValueError: no description for readers who do not see the picture.
+        ValueError: an empty alternative text.
     """
 
     name: str
     alt: str
+    """Description for readers who cannot see the picture."""
     caption: str
-    kind: ClassVar[str] = "figure"
 
     def __post_init__(self) -> None:
         if not self.alt:
@@ -111,15 +112,13 @@ class Listing:
     """A list of sentences."""
 
     items: tuple[str, ...]
-    kind: ClassVar[str] = "listing"
 
 
 @dataclass(frozen=True)
 class Code:
-    """A command or the content of a file."""
+    """A command, or the content of a file."""
 
     text: str
-    kind: ClassVar[str] = "code"
 
 
 Block = Note | Text | Table | Figure | Listing | Code
@@ -127,7 +126,7 @@ Block = Note | Text | Table | Figure | Listing | Code
 
 @dataclass(frozen=True)
 class Section:
-    """A titled part of a report."""
+    """A part of a report with a title."""
 
     title: str
     blocks: tuple[Block, ...]
@@ -135,20 +134,33 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """A whole report: the first screen, and sections in the order in which an engineer asks."""
+    """A whole report: the content of the first screen, and sections for details."""
 
     title: str
     verdict: Note
     dangers: tuple[Note, ...]
     answer: Table
-    """Rows of a name and what is said of it."""
+    """Rows of a name and a sentence, without column headings."""
     comparison: Table | None
-    """With and without the pendulum, from one set of runs."""
+    """Results with and without the pendulum, from one set of runs; None if there are no runs."""
     figures: tuple[Figure, ...]
     """Drawing and animation."""
     sections: tuple[Section, ...]
 
 
+def glued(text: str) -> str:
+    """Return the text with no-break spaces between numbers and their units."""
+    return _UNIT.sub("\u00a0", text)
+
+
 def wrapped(text: str, first: str = "", rest: str = "  ") -> list[str]:
-    """Lines of a text, with what stands before the first of them, and before the others."""
-    return textwrap.wrap(text, _WIDTH, initial_indent=first, subsequent_indent=rest)
+    """Break a text into lines of at most 100 columns.
+
+    Args:
+        text: the text.
+        first: prefix of the first line.
+        rest: prefix of all other lines.
+    """
+    # `textwrap` does not break a line at a no-break space, so that a number stays beside its unit.
+    lines = textwrap.wrap(glued(text), _WIDTH, initial_indent=first, subsequent_indent=rest)
+    return [line.replace("\u00a0", " ") for line in lines]

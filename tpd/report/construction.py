@@ -1,212 +1,224 @@
-"""Section of a report for whoever builds and hangs the pendulum: sizes, loads, checks on site, tolerances."""
+"""Section of a report for the engineer who builds the pendulum: sizes, loads, checks, tolerances."""
 
 from __future__ import annotations
 
 import math
 
-from tpd.answers.statistics import Interval
 from tpd.core.formatting import number
 from tpd.design.as_built import ARM, SAFETY, YIELD, Build, Details
 from tpd.design.design import Design
 from tpd.design.reasons import DesignStatus
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
+from tpd.report.words import interval, percent, point
 
+_PULL = "pull-and-release test, above"
 _NAMES = {
-    "": ("as stated", None),
-    "restitution": ("loss at an impact, 1 - e", "pull the block and release it, above"),
-    "friction": ("friction k of the rocking contact", "pull the block and release it, above"),
-    "slenderness": ("slenderness ν", "width of the base that bears, and height of the centroid"),
-    "amplitude": ("amplitude of the excitation", "the source of the motion"),
-    "frequency": ("frequency of the excitation", "the source of the motion"),
-    "mass": ("mass of the bob", "weigh it"),
-    "length": ("rod, hinge to the bob's centre", "time ten swings, above"),
-    "damping": ("moment of the damper", "measure the first swing back, above"),
+    "": ("all quantities as stated", None),
+    "restitution": ("energy loss of an impact, 1 - e", _PULL),
+    "friction": ("friction k of the rocking contact", _PULL),
+    "slenderness": ("slenderness ν", "measure the bearing width of the base and the height of the centroid"),
+    "amplitude": ("amplitude of the excitation", "from the source of the excitation"),
+    "frequency": ("frequency of the excitation", "from the source of the excitation"),
+    "mass": ("mass of the bob", "weigh the bob"),
+    "length": ("rod, hinge to the bob's centre", "time of ten swings, above"),
+    "damping": ("moment of the damper", "first swing to the other side, above"),
 }
-"""Words for a quantity that is varied, and how it is measured."""
+"""Label of each quantity that the sensitivity study varies, and how to measure this quantity on site."""
 
 
-def section(design: Design, study: Details) -> list[Block]:
-    """Return the blocks of the section; empty where no pendulum is offered."""
-    if study.build is None or design.pendulum is None:
+def section(design: Design, details: Details) -> list[Block]:
+    """Return the blocks of the section; an empty list if no pendulum is recommended."""
+    build = details.build
+    if build is None or design.pendulum is None:
         return []
-    build = study.build
-    return [_sizes(design, build), *_parts(build), _checks(build), *_sensitivity(design, study)]
+    return [_sizes(design, build), *_parts(build), _checks(build), *_sensitivity(design, details)]
 
 
 def _sizes(design: Design, build: Build) -> Table:
-    with_it, loads = design.pendulum, build.loads
-    assert with_it is not None
-    zeta = number(float(with_it.damping_ratio))
-    point = f"{number(float(with_it.mass))} kg at {number(float(with_it.length))} m"
-    body = f"no body, {build.bob}, acts as a point of {point}: forces are those of the point"
+    """Return the table of sizes, and of loads with a damper at the hinge."""
+    pendulum, loads = design.pendulum, build.loads
+    # `section` has checked this.
+    assert pendulum is not None
+    zeta = number(float(pendulum.damping_ratio))
+    mass = point(pendulum)
+    body = f"no {build.bob.shape} is equivalent to the point mass of {mass}, which has the forces below"
     if math.isfinite(build.mass):
-        dead = f"with the rod {number(build.dead, 3)} kg load the top without swinging"
-        body = f"{build.bob}; as a body it acts as a point of {point}, and {dead}"
-    rod: tuple[Cell, ...] = "none swings as often", None
+        dead = f"{number(build.dead, 3)} kg of bob and rod only add weight at the top"
+        body = f"{build.bob}, equivalent to a point mass of {mass}; {dead}"
+    rod: tuple[Cell, ...] = "–", "no length gives the natural frequency of the equivalent point mass"
     if math.isfinite(build.rod):
-        rod = f"{number(build.rod)} m", f"with a steel rod of {build.rod_share:.1%} of the bob's mass"
-    beam = "at the beam across the top that carries the hinge"
+        rod = f"{number(build.rod)} m", f"with a steel rod of {percent(build.rod_share, 1)} of the bob's mass"
+    # The uplift acceleration depends on the frequency of the base motion. Its limits for slow and fast
+    # motions have closed forms.
+    slow, fast = build.lifts_slow_fast
+    without = f"without the pendulum {number(float(design.scene.uplift))} g"
+    lifts = "base acceleration that lifts the block"
+    quick = "much faster than the pendulum; near its natural frequency it can be below both values"
     rows: list[tuple[Cell, ...]] = [
         ("mass of the bob", f"{number(build.mass)} kg", body),
         ("bob, width by height", f"{number(build.bob_width)} m × {number(build.bob_height)} m", None),
         ("rod, hinge to the bob's centre", *rod),
-        ("depth below the hinge", f"{number(build.depth)} m", "to the lower end of the hanging bob"),
-        *_way(design, build),
-        ("own frequency", f"{number(build.frequency)} Hz", "in the block that stands, without the damper"),
-        ("damper at the hinge", f"{number(build.damping)} N m s/rad", f"{zeta} of critical"),
-        ("weight on the top", f"{number(build.weight)} N", beam),
-        ("largest force along the rod", f"{number(loads.tension)} N", None),
-        ("largest force of the hinge on its beam", f"{number(loads.hinge)} N", None),
+        ("depth below the hinge", f"{number(build.depth)} m", "to the lower end of the bob at rest"),
+        *_reach(design, build),
+        ("natural frequency", f"{number(build.frequency)} Hz", "without the damper, block at rest"),
+        ("damper at the hinge", f"{number(build.damping)} N m s/rad", f"rotational; damping ratio {zeta}"),
+        ("weight on the top", _force(build.weight), "of bob and rod, on the beam that carries the hinge"),
+        ("largest force along the rod", _force(loads.tension), None),
+        ("largest force of the hinge on its beam", _force(loads.hinge), "if the damper is at the hinge"),
         ("largest moment of the damper", f"{number(build.damper_moment)} N m", None),
         ("largest power of the damper", f"{number(build.damper_power)} W", None),
         ("largest rate between rod and block", f"{number(loads.rate)} rad/s", None),
-        ("friction that keeps the base from sliding", loads.friction, "coefficient; the models do not slide"),
+        ("coefficient of friction needed at the base", loads.friction, "below this value the base slides"),
+        (f"{lifts}, slow motion", f"{number(slow)} g", f"much slower than the pendulum; {without}"),
+        (f"{lifts}, fast motion", f"{number(fast)} g", quick),
     ]
-    slow, fast = build.lifts_slow_fast
-    settled = ""
     if build.lifts is not None:
-        settled = f"; under the harmonic of the job {number(build.lifts[0])} g once the bob has settled"
-    lifts = (
-        "under motions of the base that are much slower, and much faster, than the pendulum; near its own "
-        f"frequency it may be less than both{settled}; {number(float(design.scene.uplift))} g without it"
-    )
-    rows.append(("acceleration that lifts the resting block", f"{number(slow)} g, {number(fast)} g", lifts))
-    forces = (
-        "Forces: those of the pendulum released at its largest angle, because the block stands in none of "
-        "the motions."
-    )
+        settled = f"excitation of the job, after the bob has settled; {without}"
+        rows.append((f"{lifts}, harmonic motion", f"{number(build.lifts[0])} g", settled))
+    # The loads come from motions in which the block stands; there may be none.
+    forces = "The block overturns in all motions. Forces are those of a free swing from the largest angle."
     if loads.motions:
         forces = (
-            f"Forces: the largest of {loads.motions} motions of the job in which the block stands (of "
-            "many those in which the bob swings most; harmonics for 40 periods from rest), linear equations, "
-            "nominal block, in proportion to the whole mass. Impacts of the block are left out: the parts "
-            "below have a factor of safety for them."
+            f"Forces are the largest of {loads.motions} motions of the job in which the block stands, by the "
+            "linear equations with nominal values and the whole mass of bob and rod. Harmonic motions last "
+            "40 periods from rest; if there are many motions, those with the largest swing are used. Impacts "
+            "of the block are not included: the factor of safety of the parts below allows for them."
         )
-    return Table(("part", "size", "remark"), tuple(rows), forces)
+    return Table(("quantity", "value", "remark"), tuple(rows), forces)
 
 
 def _parts(build: Build) -> list[Block]:
-    """Sizes of rod, pin, linear damper and stop; what the pendulum does in the second direction."""
+    """Return first sizes of rod, pin, linear damper and stop, and a text on the second direction."""
     parts = build.parts
     if parts is None:
         return []
-    quarter = (
-        "a quarter of the rod" if parts.arm >= ARM * build.rod else "the most that has room in the cavity"
-    )
-    heavy = f"round bar of {number(parts.rod_mass, 3)} kg"
-    angle = f"twice the arm times the largest angle, {number(build.angle, 3)} rad"
+    # A narrow cavity limits the stroke of the damper, and with it the arm.
+    arm = "a quarter of the rod" if parts.arm >= ARM * build.rod else "the largest arm that fits the cavity"
+    assumed = build.rod_share * build.mass
+    bar = f"steel bar of {number(parts.rod_mass, 3)} kg; the table above assumes {number(assumed, 3)} kg"
+    # The sizes above assume a rod that carries only ten times the weight of the bob. Bending can need more.
+    if parts.rod_mass > assumed:
+        bar += (
+            ". To keep the frequency, use a tube of equal strength or move the bob: see the rod check below"
+        )
+    both = f"{_force(build.loads.hinge, 3)} from the first table plus the force of the linear damper"
+    angle = f"twice the arm times the largest angle of {number(build.angle, 3)} rad"
     rows: list[tuple[Cell, ...]] = [
+        ("rod, diameter", _mm(parts.rod_diameter), bar),
         (
-            "rod, diameter",
-            _mm(parts.rod_diameter),
-            f"{heavy}; the table above has a rod of {number(build.rod_share * build.mass, 3)} kg",
+            "pin of the hinge, diameter",
+            _mm(parts.pin_diameter),
+            "double shear, under the force in the next row",
         ),
-        ("pin of the hinge, diameter", _mm(parts.pin_diameter), "in double shear"),
-        ("linear damper, arm", f"{number(parts.arm, 3)} m", f"from the hinge along the rod: {quarter}"),
-        ("linear damper, coefficient", f"{number(parts.coefficient, 3)} N s/m", "moment/rate over arm²"),
-        ("linear damper, largest force", f"{number(parts.force, 3)} N", "largest moment over the arm"),
+        ("hinge, largest force with the linear damper", _force(build.loads.hinge + parts.force, 3), both),
+        ("linear damper, arm", f"{number(parts.arm, 3)} m", f"distance from the hinge along the rod: {arm}"),
+        ("linear damper, coefficient", f"{number(parts.coefficient, 3)} N s/m", "hinge damper over arm²"),
+        ("linear damper, largest force", _force(parts.force, 3), "largest moment of the damper over the arm"),
         ("linear damper, stroke", _mm(parts.stroke), angle),
-        ("linear damper, largest speed", f"{number(parts.speed, 3)} m/s", "the arm times the largest rate"),
+        ("linear damper, largest speed", f"{number(parts.speed, 3)} m/s", "arm times the largest rate"),
     ]
+    # The distance is NaN if the bob has no free distance, and a comparison with NaN is false.
     if parts.stop_way > 0.0:
-        stops = f"spring that stops the bob, at its largest rate, in {_mm(parts.stop_way)}"
+        spring = f"of a spring that stops the bob within {_mm(parts.stop_way)} from its largest rate"
         rows += [
-            ("stop, distance from the axis", f"{number(parts.stop)} m", "one on each side of the bob"),
-            ("stop, largest force", f"{number(parts.stop_force, 3)} N", f"{stops}: a tenth of its free way"),
+            ("stop, distance from the axis", f"{number(parts.stop)} m", "one stop on each side of the bob"),
+            ("stop, largest force", _force(parts.stop_force, 3), spring),
         ]
     caption = (
-        f"First sizes for steel S235 (yield stress {YIELD / 1e6:g} MPa, EN 10025-2). The largest stress is "
-        f"the yield stress over a factor of safety of {SAFETY:g}, for fatigue, impacts and stronger motions. "
-        "The rod carries its largest force and the moment of the damper as bending. The linear damper stands "
-        "horizontally between rod and wall, in place of a damper at the hinge. Not included: beam, plates, "
-        "threads and welds."
+        f"First sizes for steel S235 (yield stress {YIELD / 1e6:g} MPa, EN 10025-2) with a factor of safety "
+        f"of {SAFETY:g} on the yield stress, for fatigue, impacts and stronger motions. The rod carries its "
+        "largest force together with the moment of the damper in bending. The linear damper is an "
+        "alternative to the damper at the hinge: it lies horizontally between rod and wall. Beam, plates, "
+        "threads and welds are not included."
     )
     second = (
-        "On a pin, the pendulum does not swing in the second horizontal direction: there it moves as a rigid "
-        "part of the block and reduces no rocking. If the block can rock in both directions, as a square "
-        "block or flue can, hang the rod on a universal joint with a linear damper in each direction, and "
-        "check each direction as a design of its own."
+        "A pin lets the pendulum swing in one direction only. In the second horizontal direction the "
+        "pendulum moves with the block and does not reduce rocking. If the block can rock in both "
+        "directions, as a square block or chimney can, use a universal joint with a linear damper in each "
+        "direction, and check each direction as a design of its own."
     )
     return [Table(("part", "size", "remark"), tuple(rows), caption), Text(second)]
 
 
 def _mm(x: float) -> str:
-    """A length (m) in mm."""
+    """Format a length (m) in mm."""
     return f"{number(1e3 * x, 3)} mm"
 
 
-def _way(design: Design, build: Build) -> list[tuple[Cell, ...]]:
-    """Row of the clear way; none where no run is known."""
+def _force(x: float, digits: int = 4) -> str:
+    """Format a force (N) in N or kN."""
+    return f"{number(1e-3 * x, digits)} kN" if x >= 1e3 else f"{number(x, digits)} N"
+
+
+def _reach(design: Design, build: Build) -> list[tuple[Cell, ...]]:
+    """Return a row with the distance that the bob needs on each side; no row without runs that show it."""
     if not math.isfinite(build.reach):
         return []
-    share = 1.0 - design.problem.allowed
-    said = (
-        f"distance of the body from the axis in {share:.0%} of the validation runs in which the block stands"
-    )
+    share = percent(1.0 - design.problem.allowed)
+    text = f"the bob stays within this distance in {share} of the validation runs in which the block stands"
     wall = f"; the wall is at {number(build.wall)} m" if math.isfinite(build.wall) else ""
-    return [("clear way to either side", f"{number(build.reach)} m", said + wall)]
+    return [("bob, largest distance from the block's axis", f"{number(build.reach)} m", text + wall)]
 
 
 def _checks(build: Build) -> Listing:
-    """Measurements on site, with the readings to expect."""
+    """Return the measurements on site, with the readings to expect."""
+    # Ten swings reduce the error of a stop watch to a tenth.
     ten, pull = 10.0 / build.frequency, build.pull
+    # Half a per cent of the angle cannot be seen on site.
     swings = (
-        "it comes to rest without swinging back"
+        "It must come to rest without a swing to the other side."
         if build.rebound < 0.005
-        else f"it swings to {build.rebound:.0%} of the angle on the other side"
+        else f"It must swing to {percent(build.rebound)} of this angle on the other side."
     )
     decay = (
-        f"about {pull.impacts} impacts ({pull.seconds:.2g} s) later its largest tilt is half of this tilt"
+        f"After about {pull.impacts} impacts ({pull.seconds:.2g} s) the largest tilt must be half of this."
         if pull.impacts
-        else "it stays there, or keeps more than half of this tilt for hundreds of impacts"
+        else "The block stays there, or keeps more than half of this tilt for hundreds of impacts."
     )
     return Listing(
         (
-            f"The pendulum without its damper, block at rest: ten swings take {ten:.3g} s. If the time "
-            "agrees to 1 %, the rod agrees to 2 %.",
-            f"The pendulum with its damper: pull it aside by about 0.1 rad and release it; {swings}.",
-            f"The block without the pendulum, secured against toppling: a horizontal pull of "
-            f"{number(pull.force, 3)} N at the top starts uplift. The pull needed then decreases, so "
-            "control the "
-            f"displacement, not the force. Pull until the top has moved by {number(1e3 * pull.sway, 3)} mm "
-            f"({pull.tilt:.2g} rad, a tenth of the tilt of toppling) and release: {decay}. With n impacts "
-            "from a tilt a to a tilt b, both over ν, without friction, e = [b (2 - b)/(a (2 - a))]^(1/(2n)). "
-            "Fewer impacts mean more loss; friction makes the decay faster at small tilts.",
+            f"Rod: remove the damper and keep the block at rest. Ten swings must take {ten:.3g} s. If this "
+            "time is correct within 1 %, the length is correct within 2 %.",
+            f"Damper: pull the pendulum with its damper aside by about 0.1 rad and release it. {swings}",
+            "Energy loss of the block: remove the pendulum and secure the block against toppling. A "
+            f"horizontal pull of {_force(pull.force, 3)} at the top starts uplift. The pull needed then "
+            "decreases, so control the displacement, not the force. Pull until the top has moved by "
+            f"{number(1e3 * pull.sway, 3)} mm ({pull.tilt:.2g} rad, a tenth of the tilt at which it "
+            f"topples) and release the block. {decay} If the tilt falls from a to b within n impacts, both "
+            "divided by ν and without friction, then e = [b (2 - b)/(a (2 - a))]^(1/(2n)). Fewer impacts "
+            "mean a larger energy loss. Friction makes the decay faster at small tilts.",
         )
     )
 
 
-def _sensitivity(design: Design, study: Details) -> list[Block]:
-    if not study.sensitivity:
+def _sensitivity(design: Design, details: Details) -> list[Block]:
+    """Return a table of the benefit if one quantity differs from its stated value, and its conclusion."""
+    if not details.sensitivity:
         return []
     e, validated = float(design.scene.block.velocity_ratio), dict(design.problem.scatter)
-    # A restitution scatters as a number; the table is about the loss, 1 - e.
+    # The scatter is a share of e, but the table is about the loss 1 - e.
     if "restitution" in validated and e < 1.0:
         validated["restitution"] *= e / (1.0 - e)
     rows = tuple(
         (
             _NAMES[m.name][0],
-            f"±{validated[m.name]:.0%}" if m.name in validated else None,
-            f"±{m.width:.0%}" if m.width else None,
-            _interval(m.low),
-            _interval(m.high),
+            f"±{percent(validated[m.name])}" if m.name in validated else None,
+            f"±{percent(m.width)}" if m.width else None,
+            *(interval(x.mean, x.low, x.high) for x in (m.low, m.high)),
             _NAMES[m.name][1],
         )
-        for m in study.sensitivity
+        for m in details.sensitivity
     )
-    head = ("quantity", "tolerance", "varied by", "reduction, lower", "reduction, higher", "how to measure")
+    head = "quantity", "tolerance", "varied by", "reduction if lower", "reduction if higher", "how to measure"
     caption = (
-        "Reduction of the mean tilt (95 %) where one quantity alone is lower or higher, on the same runs "
-        "of the linear equations as the first row. A restitution is varied as a number, without scatter."
+        "Reduction of the mean tilt (95 % interval) if one quantity is lower or higher than stated, with the "
+        "same linear runs in all rows. The row on impacts uses a fixed number e without scatter."
     )
     if design.status is DesignStatus.recommended:
         caption += " Column 2 gives the tolerances for which the benefit was validated."
-    lost = [_NAMES[m.name][0] for m in study.sensitivity if not min(m.low.low, m.high.low) > 0.0]
+    # A benefit is significant if the lower end of its interval is above zero.
+    critical = [_NAMES[m.name][0] for m in details.sensitivity if not min(m.low.low, m.high.low) > 0.0]
     text = "The benefit remains significant in all of these cases."
-    if lost:
-        text = f"The benefit is no longer significant if these are varied as in column 3: {'; '.join(lost)}."
+    if critical:
+        text = f"If varied as in column 3, these make the benefit insignificant: {'; '.join(critical)}."
     return [Table(head, rows, caption), Text(text)]
-
-
-def _interval(of: Interval) -> str:
-    return f"{of.mean:.0%} ({of.low:.0%} to {of.high:.0%})" if math.isfinite(of.low) else f"{of.mean:.0%}"

@@ -1,6 +1,6 @@
-"""Content of a report as typed data: what was found, how far to rely on it, how to repeat it.
+"""Content of a report as typed data: result, reliability, construction, and how to repeat the search.
 
-Nothing is solved here: all numbers come from the design and its study.
+Nothing is solved in this module. All numbers come from the design and from `tpd.details`.
 """
 
 from __future__ import annotations
@@ -22,49 +22,50 @@ from tpd.scene.conditions import MEASURES
 CAPTIONS = {
     "drawing.svg": (
         "The block on its base and its pendulum, to scale, with dimensions",
-        "To scale; the pendulum to a larger scale as it is to be built. Dashed: the bob at the ends of its "
-        "swing. The rod differs from the length in the equations because of the size of the bob and the mass "
-        "of the rod.",
+        "Left: block and base, to scale. Right: the pendulum as built, on a larger scale. Dashed: the bob "
+        "at the ends of its swing. The rod has another length in the equations, where bob and rod are a "
+        "point mass.",
     ),
     "animation.gif": (
-        "Animation of the block on its moving base, without the pendulum and with it",
-        "First seconds from rest under the scene's own excitation, linear equations.",
+        "Animation of the block on its moving base, without and with the pendulum",
+        "First seconds from rest under the scene's own excitation, by the linear equations.",
     ),
     "benefit.svg": (
-        "Mean tilt with the pendulum (filled) and without (open), over all runs and under each condition",
-        "Validation runs: the further a dot lies to the left of its square, the better. Above the line: all "
-        "runs, with the 95 % interval of the difference as a bar. A tilt of 1 is the slenderness, at "
-        "which the block topples; overturned runs count as 1.",
+        "Mean tilt with the pendulum (filled) and without it (open), over all runs and for each condition",
+        "Validation runs. The further a dot lies to the left of its square, the larger the benefit. Above "
+        "the line: all runs; a bar is the 95 % interval of the difference. At a tilt of 1, the slenderness, "
+        "the block topples; overturned runs count as 1.",
     ),
     "response.svg": (
-        "Settled amplitude over frequency, and share of runs that overturn, without (open) and with (filled)",
-        "Above: settled motion from rest, linear equations; triangles and crosses: the block overturns. "
-        "Below: share of the runs from rest within 5 % of each frequency that overturn, with its 95 % "
-        "interval, because a single run near overturning is chance. Dotted: the frequency of the scene.",
+        "Settled amplitude against frequency, and share of runs that overturn, without and with the pendulum",
+        "Top: settled motion from rest, by the linear equations. Triangles and crosses: the block "
+        "overturns. Bottom: share of the runs from rest within 5 % of each frequency that overturn, with "
+        "its 95 % interval. Whether a single run overturns is often chance. Dotted: frequency of the scene.",
     ),
     "motion.svg": (
         "Tilt of the block without and with the pendulum, and angle of the rod, against time from rest",
-        "First periods from rest under the scene's own excitation, linear equations: grey without the "
-        "pendulum, blue with it. A block that stands here may overturn later. A limit on the stroke (dotted) "
+        "First periods from rest under the scene's own excitation, by the linear equations, without the "
+        "pendulum (grey) and with it (blue). The block may still overturn later. The stroke limit (dotted) "
         "applies to the settled motion only.",
     ),
     "search.png": (
-        "Tilt over mass ratio and length ratio as a shaded field, with edges of the limits and the answer",
-        "The darker, the larger the mean tilt: trend of the trial runs, at the damping of the best design "
-        "(the "
-        "star). Hatched: a limit is exceeded; each edge has the name of its limit. Lines: paths of the "
-        "descents.",
+        "Tilt over mass ratio and length ratio as a shaded field, with the edges of the limits and the "
+        "design",
+        "Mean tilt of the trial runs, smoothed over all designs, at the damping ratio of the best design "
+        "(star). Dark means a large tilt. Hatched: a limit is exceeded; its name stands at the edge. Lines: "
+        "paths of the descents.",
     ),
     "conditions.svg": (
-        "Tilt and bob angle over the quantity that the conditions differ in, with and without a pendulum",
-        "Lines: largest steady tilt of the attracting orbits. Near the top: the block overturns from rest.",
+        "Tilt and bob angle against the quantity in which the conditions differ, with and without a pendulum",
+        "Lines: largest steady tilt of the attracting orbits. Marks near the top: the block overturns from "
+        "rest.",
     ),
     "front.svg": (
-        "Fall of the mean tilt against the mass of the bob",
-        "Each point is a design whose bob may be no heavier than a bound, plotted over its own mass.",
+        "Reduction of the mean tilt against the mass of the bob",
+        "Each point is a design with its own upper bound of the bob's mass, plotted against its actual mass.",
     ),
 }
-"""Alternative text of every picture, and a caption that says what to see."""
+"""Alternative text and caption of every picture, by the name of its file."""
 
 
 def content(
@@ -74,52 +75,58 @@ def content(
     directory: Path | None = None,
     name: str = "",
     date: str = "",
-    said: Sequence[str] = (),
+    record_notes: Sequence[str] = (),
 ) -> Report:
     """Build the report of a design.
 
     Args:
         design: the answer of `optimise`.
-        study: everything else that is shown, from `tpd.details`.
-        job_toml: the job file that repeats the run; left out if empty.
-        directory: where the report lies, for the command that repeats the run.
-        name: of the project, for the title.
-        date: of the report, for the title.
-        said: notes of the reader on the files of the records.
+        details: further results that the report shows, from `tpd.details`.
+        job_toml: content of the job file that repeats the search; left out if empty.
+        directory: folder of the report, for the command that repeats the search.
+        name: name of the project, for the title.
+        date: date of the report, for the title.
+        record_notes: notes of the reader on the files of the records.
     """
-    found = notes(design, details)
-    drawn = names(design, details)
-    # By the stem of their names; empty lists where there is none.
-    there = {n.partition(".")[0]: [Figure(n, *said)] if n in drawn else [] for n, said in CAPTIONS.items()}
+    all_notes = notes(design, details)
+    # A picture whose data is missing has no figure, so that the report does not refer to it.
+    ready = names(design, details)
+    # Lists, because a section takes its picture as a list that is empty if there is no picture.
+    figures = {n.partition(".")[0]: [Figure(n, *CAPTIONS[n])] if n in ready else [] for n in CAPTIONS}
+    if design.pendulum is None:
+        figures["drawing"] = [Figure("drawing.svg", CAPTIONS["drawing.svg"][0], "Block and base, to scale.")]
+    # The sections follow the questions of an engineer: what to watch, what to build, why to believe it, where
+    # it stops to hold, how it was computed.
     parts: dict[str, list[Block]] = {
-        "Notes": [n for n in found if n.severity is not Severity.danger],
+        "Notes": [n for n in all_notes if n.severity is not Severity.danger],
         "Build it": construction.section(design, details),
-    } | sections.sections(design, details, there, said)
-    front: list[Block] = [*there["front"], _front(details.front)] if details.front else []
+    } | sections.sections(design, details, figures, record_notes)
+    front: list[Block] = [*figures["front"], _front(details.front)] if details.front else []
     parts |= {
         "Lighter pendulums": front,
         "Assumptions": [Listing(tuple(_assumptions(design)))],
         "How to repeat it": _repeat(design, job_toml, directory),
     }
     runs = design.runs
+    # The project has a row only if it has a name.
     rows = (*(("project", name) for _ in range(bool(name))), *answer.pairs(design, details))
     return Report(
         title=words.title(design.scene, name, date),
         verdict=answer.verdict(design, details),
-        dangers=tuple(n for n in found if n.severity is Severity.danger),
+        dangers=tuple(n for n in all_notes if n.severity is Severity.danger),
         answer=Table(("", ""), tuple(rows)),
         comparison=None if runs is None else words.comparison(runs),
-        figures=(*there["drawing"], *there["animation"]),
+        figures=(*figures["drawing"], *figures["animation"]),
         sections=tuple(Section(t, tuple(b)) for t, b in parts.items() if b),
     )
 
 
 def names(design: Design, details: Details) -> tuple[str, ...]:
-    """Names of the pictures that there is data for."""
-    harmonic = design.problem.without_pendulum is not None
-    there = {
+    """Return the names of the pictures for which the design and its details have data."""
+    is_harmonic = design.problem.without_pendulum is not None
+    has_data = {
         "benefit.svg": design.runs is not None,
-        "conditions.svg": harmonic and len(design.conditions) > 1 and design.conditions.axis is not None,
+        "conditions.svg": is_harmonic and len(design.conditions) > 1 and design.conditions.axis is not None,
         "search.png": design.trials is not None and design.trials.process is not None,
         "response.svg": bool(details.responses),
         "motion.svg": bool(details.histories),
@@ -127,63 +134,73 @@ def names(design: Design, details: Details) -> tuple[str, ...]:
         "drawing.svg": True,
         "animation.gif": bool(details.histories),
     }
-    return tuple(name for name, exists in there.items() if exists)
+    return tuple(name for name, exists in has_data.items() if exists)
 
 
 def _front(points: Sequence[FrontPoint]) -> Table:
-    """The answer for every largest mass of the bob."""
+    """Return a table with the answer for each upper bound of the bob's mass."""
     rows: list[tuple[Cell, ...]] = []
     for p in points:
+        # A bound without a recommended pendulum has its status instead.
         if p.pendulum is None:
             rows.append((f"{number(p.most)} kg", p.status.replace("_", " "), None))
             continue
-        with_it = f"{number(p.pendulum.mass)} kg on {number(p.pendulum.length)} m, ζ = "
-        saved, low, high = p.benefit
-        fall = None if math.isnan(saved) else f"{saved:.0%} ({low:.0%} to {high:.0%})"
-        rows.append((f"{number(p.most)} kg", f"{with_it}{number(float(p.pendulum.damping_ratio))}", fall))
+        size = f"{words.point(p.pendulum)}, ζ = {number(float(p.pendulum.damping_ratio))}"
+        benefit = None if math.isnan(p.benefit[0]) else words.interval(*p.benefit)
+        rows.append((f"{number(p.most)} kg", size, benefit))
     caption = (
-        "Every row is a design of its own, with validation runs of its own; the last is the design itself."
+        "Each row is a separate design with its own validation runs. The last row is this report's design."
     )
-    return Table(("bob at most", "pendulum", "reduction of the mean tilt (95 %)"), tuple(rows), caption)
+    head = "upper bound of the mass", "equivalent point mass", "reduction of the mean tilt (95 % interval)"
+    return Table(head, tuple(rows), caption)
 
 
 def _assumptions(design: Design) -> list[str]:
-    scene, problem, own = design.scene, design.problem, design.scene.block.radius_of_gyration
-    inertia = "uniform rectangle" if own is None else f"radius of gyration {number(own)} m about the centroid"
+    """List the assumptions of the search and of the validation, each as a paragraph."""
+    scene, problem, gyration = design.scene, design.problem, design.scene.block.radius_of_gyration
+    radius = f"with a radius of gyration of {number(gyration or 0.0)} m about the centroid"
+    inertia = "a uniform rectangle" if gyration is None else radius
     text = [
-        f"A rigid block ({inertia}) that rocks about its two lower edges: it neither slides nor bounces.",
-        "Energy losses (friction is a moment over M g b; e is the ratio of the tilting rates after and "
-        f"before an impact on the base): {words.losses(scene.block)}.",
-        "A point bob on a massless rod from the middle of the top, with a viscous hinge.",
+        f"The block is rigid, {inertia}, and rocks about its two lower edges. It neither slides nor bounces.",
+        f"Energy losses: {words.losses(scene.block)}. k is the moment of friction over M g b. e is the "
+        "ratio of the angular rates after and before an impact on the base.",
+        "The bob is a point mass on a massless rod. The hinge is in the middle of the top and has a viscous "
+        "damper.",
     ]
     limits = "; ".join(map(words.limit, problem.limits)) or "none"
-    scatter = ", ".join(f"{n} ±{w:.1%}" for n, w in problem.scatter.items()) or "nothing"
-    intensity = ""
+    # Ground motions are described by their conditions, a harmonic motion by its formula.
     if design.conditions.motions:
-        intensity = f" ({MEASURES[design.conditions.intensity]})"
-        text.append(f"{'; '.join(design.conditions.description)}{intensity}, from rest.")
+        intensity = MEASURES[design.conditions.intensity]
+        text.append(f"Excitation from rest: {'; '.join(design.conditions.description)} ({intensity}).")
     else:
-        more = "" if len(design.conditions) == 1 else ", before the conditions change it"
+        more = "" if len(design.conditions) == 1 else ", with the changes of the conditions"
         text.append(
-            f"A harmonic motion of the base, {number(scene.motion.amplitude)} m · sin(2π · "
-            f"{number(scene.motion.frequency)} Hz · t){more}, horizontal and in the plane; g = "
-            f"{number(scene.gravity)} m/s²."
+            "Excitation: horizontal harmonic motion of the base in the plane of the block, "
+            f"{number(scene.motion.amplitude)} m · sin(2π · {number(scene.motion.frequency)} Hz · t){more}. "
+            f"g = {number(scene.gravity)} m/s²."
         )
     return [
         *text,
-        "Search and trial runs: linear equations (25) of Collini et al. (2016), misprints corrected, solved "
-        "exactly. Validation runs: nonlinear equations (4).",
-        f"Scatter of the validation runs: {scatter}, each uniform, and the same in both cases.",
-        f"Limits, for all but {problem.allowed:.0%} of the runs in which the block stands: {limits}.",
+        "The search and the trial runs use the linear equations (25) of Collini et al. (2016) without their "
+        "misprints, solved exactly. The validation runs use the nonlinear equations (4).",
+        f"Scatter of the validation runs: {words.scatter(design)}. Each is uniformly distributed and the "
+        "same with and without the pendulum.",
+        f"Limits, which all but {words.percent(problem.allowed)} of the runs in which the block stands must "
+        f"keep: {limits}.",
     ]
 
 
 def _repeat(design: Design, job_toml: str, directory: Path | None) -> list[Block]:
+    """Return the command and the job file that repeat the search, and the versions of the packages."""
     out: list[Block] = []
     if directory is not None:
+        # The quotes allow blanks in the name of the folder.
         scene, to = shlex.quote(str(directory / "scene.toml")), shlex.quote(f"{directory}-again")
         out.append(Code(f"tpd optimise --scene {scene} --out {to}"))
     if job_toml:
-        out += [Text("The file scene.toml beside this page holds:"), Code(job_toml)]
-    made = ", ".join(f"{name} {v}" for name, v in files.versions().items())
-    return [*out, Text(f"Seed {design.seed}. Made with {made}. The file design.json holds all results.")]
+        out += [Text("The file scene.toml in the folder of this report contains:"), Code(job_toml)]
+    versions = ", ".join(f"{name} {v}" for name, v in files.versions().items())
+    return [
+        *out,
+        Text(f"Seed {design.seed}. Made with {versions}. The file design.json contains all results."),
+    ]

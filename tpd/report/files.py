@@ -1,5 +1,6 @@
-"""Files of a report in one directory: text, JSON, the job that repeats it, tables, pictures, the page, and in
-these the answer of an independent engine."""
+"""Files of a report in one folder: text, JSON, job file, tables, pictures and HTML page.
+
+The result of an independent contact engine can be added to the text and the page later."""
 
 from __future__ import annotations
 
@@ -22,7 +23,9 @@ from tpd.report.render import html, text
 from tpd.scene.quantities import UNITS
 
 _TITLE = "Independent contact engine"
+"""Title of the section with the result of a contact engine."""
 _MARK = "<!-- engine -->"
+"""Comment in the HTML page before and after everything that a second run of an engine replaces."""
 
 
 def write(
@@ -31,47 +34,45 @@ def write(
     details: Details,
     job_tables: dict[str, Any],
     job_toml: str,
-    said: Sequence[str] = (),
+    record_notes: Sequence[str] = (),
     *,
     then: Callable[[], None] = lambda: None,
     warn: Callable[[str], None] = warnings.warn,
 ) -> list[Path]:
-    """Write the whole report; each file appears complete or not at all. Returns the files.
+    """Write all files of a report and return their paths.
+
+    Each file appears complete or not at all, even if the process is interrupted.
 
     Args:
-        directory: made if it does not exist.
+        directory: folder of the report, which is made if it does not exist.
         design: the answer of `optimise`.
-        study: everything else that is shown, from `tpd.details`.
-        job_tables: the job as plain tables, for design.json; empty where no job file says what was asked.
-        job_toml: the job as a file that repeats the run, for scene.toml; empty where there is none.
-        said: notes of the reader on the files of the records.
-        then: called when the numbers are written, before the first picture is drawn.
-        warn: called with a sentence for each picture that cannot be drawn.
+        details: further results that the report shows, from `tpd.details`.
+        job_tables: the job as plain tables, for design.json; empty if no job file can describe the problem.
+        job_toml: the job file that repeats the search, for scene.toml; empty if there is none.
+        record_notes: notes of the reader on the files of the records.
+        then: function that is called when the numbers are written, before the first picture is drawn.
+        warn: function that is called with a sentence for each picture that cannot be drawn.
     """
-    named: dict[str, Any] = {
-        "said": said,
-        "name": job_tables.get("project", {}).get("name", ""),
-        "date": files.today(),
-    }
-    report = content(design, details, job_toml, directory if job_toml else None, **named)
+    name, folder = job_tables.get("project", {}).get("name", ""), directory if job_toml else None
+    report = content(design, details, job_toml, folder, name, files.today(), record_notes)
     written = [
         files.place(directory / name, inside)
-        for name, inside in _words(design, details, job_tables, job_toml, said)
+        for name, inside in _tables(design, details, job_tables, job_toml, record_notes)
     ]
     written.insert(0, files.place(directory / "report.txt", text(report)))
-    # Pictures take longest and may fail: the numbers are written, and the answer is printed, before them.
+    # Pictures take longest and may fail. The numbers are therefore written, and the answer is printed, first.
     then()
-    drawn = {}
+    pictures = {}
     for name in names(design, details):
         try:
-            drawn[name] = draw(name, design, details)
-        # Matplotlib raises errors of every kind.
+            pictures[name] = draw(name, design, details)
+        # Matplotlib raises errors of many classes, and a missing picture must not cost the whole report.
         except Exception as error:
             warn(files.missing_picture(name, error))
         else:
-            written.append(files.place(directory / name, drawn[name]))
-    # Last, so that a page stands for a whole report.
-    written.append(files.place(directory / "report.html", html(report, drawn)))
+            written.append(files.place(directory / name, pictures[name]))
+    # The page is written last, so that a folder with a page contains a complete report.
+    written.append(files.place(directory / "report.html", html(report, pictures)))
     return written
 
 
@@ -83,47 +84,61 @@ def write_report(
     overwrite: bool = False,
     progress: Progress | bool | None = None,
 ) -> list[Path]:
-    """Write the report of a design: page, text, numbers, pictures and, if a job file can describe the
-    question, the job file that repeats the search. Returns the files.
+    """Write the report of a design into a folder, and return the paths of its files.
+
+    The report has an HTML page, a text, all results as JSON, tables as CSV, and pictures. If a job file can
+    describe the problem, the report also has the job file scene.toml, which repeats the search.
 
     Args:
         design: the answer of `optimise`.
-        folder: directory of the report, which is made if it does not exist.
-        study: the answer of `tpd.details`; computed here by default.
-        overwrite: whether a report in the folder is replaced.
-        progress: True for a bar on stderr, or called with (stage, done, of how many).
+        folder: folder of the report, which is made if it does not exist.
+        details: the answer of `tpd.details`; by default the function computes it.
+        overwrite: whether to replace a report in the folder.
+        progress: True for a bar on stderr, or a function that is called with (stage, done, total).
 
     Raises:
-        ValueError: something other than a design, or a folder that already holds a report or cannot be
-            written.
+        ValueError: `design` is not a design, or the folder contains a report or cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> import tpd
+        >>> statue = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4, restitution=0.9)
+        >>> pulse = tpd.Pulse(kind="one-sine", acceleration=1.0, frequency=2.0)
+        >>> weak = tpd.Conditions.records([pulse], [0.5])
+        >>> design = tpd.optimise(statue, conditions=weak, validation_share=0)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     paths = tpd.write_report(design, folder)
+        >>> [path.name for path in paths]
+        ['report.txt', 'design.json', 'scene.toml', 'drawing.svg', 'report.html']
     """
     checks.instance("design", design, Design)
-    checks.optional("study", details, Details)
+    checks.optional("details", details, Details)
     checks.flag("overwrite", overwrite)
     folder = files.path_of(folder)
     files.claim(folder, overwrite=overwrite)
     with shown(progress) as report:
-        found = compute(design, progress=report) if details is None else details
-    # A user's own limit, or motions that exist only in Python, are in no job file.
+        results = compute(design, progress=report) if details is None else details
+    # No job file can describe a limit that the user defined, or motions that exist only in Python.
     try:
         job = design.problem.job
     except ValueError as error:
-        warnings.warn(f"the report goes without scene.toml: {error}", stacklevel=2)
-        return write(folder, design, found, {}, "")
-    return write(folder, design, found, job.tables, job.toml)
+        warnings.warn(f"the report is written without scene.toml: {error}", stacklevel=2)
+        return write(folder, design, results, {}, "")
+    return write(folder, design, results, job.tables, job.toml)
 
 
-def _words(
-    design: Design, details: Details, job_tables: dict[str, Any], job_toml: str, said: Sequence[str]
+def _tables(
+    design: Design, details: Details, job_tables: dict[str, Any], job_toml: str, record_notes: Sequence[str]
 ) -> Iterator[tuple[str, str]]:
-    """Names and contents of the files of numbers."""
-    yield "design.json", as_json(design, details, job_tables, said)
+    """Yield the names and contents of the files with numbers."""
+    yield "design.json", as_json(design, details, job_tables, record_notes)
     if job_toml:
         yield "scene.toml", job_toml
     if details.responses:
         yield "response.csv", response_csv(details.responses)
     if details.histories:
         yield "motion.csv", motion_csv(details.histories)
+    # The rows of this table are the dots in the picture of the search.
     if (trials := design.trials) is not None:
         head = ("mu", "lam", "zeta", "value", "trend", "overturned", "undecided", "feasible", *trials.names)
         columns = trials.value, trials.trend, trials.overturned, trials.undecided, trials.feasible
@@ -132,15 +147,19 @@ def _words(
 
 
 def draw(name: str, design: Design, details: Details) -> bytes:
-    """Content of one of the files in `names`; `ValueError` for another name."""
-    # A report in words does not wait for Matplotlib.
+    """Return the content of the picture file `name`, which must be one of `names(design, details)`.
+
+    Raises:
+        ValueError: another name.
+    """
+    # Matplotlib loads slowly. The text is written before, without it.
     from tpd.plots import animation, compare, drawing, landscape, response
     from tpd.plots.style import png, svg
 
     axes: Any
     scene, histories = design.scene, details.histories or ()
-    what, _, kind = name.partition(".")
-    match what:
+    stem, _, kind = name.partition(".")
+    match stem:
         case "search":
             axes = landscape.plot_landscape(design)
         case "benefit":
@@ -159,56 +178,68 @@ def draw(name: str, design: Design, details: Details) -> bytes:
             return animation.animate(scene, design.pendulum, histories)
         case _:
             raise ValueError(f"`name` must be one of {', '.join(names(design, details))}, but is {name!r}")
+    # A plot function returns one axes object, or an array of several in one figure.
     figure = (axes if hasattr(axes, "figure") else axes[0]).figure
     return svg(figure) if kind == "svg" else png(figure)
 
 
 def response_csv(responses: Sequence[Response]) -> str:
-    """CSV with a row for every frequency: status, amplitude and share of the runs near it that overturn,
-    without, and with, the pendulum.
+    """Return a CSV table of responses without and with the pendulum, with a row for each frequency.
+
+    The columns are the status, the settled amplitude and swing (rad), and the share of the runs near the
+    frequency that overturn with its 95 % interval. An amplitude is infinite where the block overturns.
 
     Args:
-        responses: of the bare block and, if there is one, with the pendulum, over the same values. An
-            amplitude is infinite where the block overturns.
+        responses: responses without and, if there is one, with the pendulum, over the same values.
     """
     name = responses[0].name
     columns = {f"{name}_{UNITS[name]}" if name in UNITS else name: responses[0].frequency}
     for label, r in zip(("without", "with"), responses, strict=False):
+        # The frequency is the same in both responses and has one column.
         columns |= {f"{label}_{n}": column for n, column in r.columns().items() if n != name}
-    # The bare block's stroke is that of a bob too light to be felt, and means nothing.
+    # Without a pendulum the equations still have a bob, whose mass is zero. Its swing has no meaning.
     del columns["without_swing_rad"]
     return files.as_table(columns)
 
 
 def motion_csv(histories: Sequence[TimeHistory]) -> str:
-    """CSV with a row for every time: tilt without the pendulum and, if there is one, tilt and bob angle with
-    it, by the exact solution. Cells are empty after the block has overturned.
+    """Return a CSV table of motions from rest by the exact model, with a row for each time.
+
+    The columns are the time (s), the tilt without the pendulum and, if there is a pendulum, the tilt and the
+    bob angle with it (rad). Cells are empty after the block has overturned.
 
     Args:
-        histories: over the same times.
+        histories: motions without and, if there is one, with the pendulum, over the same times.
     """
     columns = {"time_s": histories[0].time}
     for h in histories:
         columns["with_tilt_rad" if h.with_pendulum else "without_tilt_rad"] = h.tilt
-        # Without a pendulum the bob is one too light to be felt, and means nothing.
+        # See `response_csv`: without a pendulum the bob angle has no meaning.
         if h.with_pendulum:
             columns["with_bob_rad"] = h.bob
     return files.as_table(columns)
 
 
 def add_engine(directory: Path, verdict: Any) -> list[Path]:
-    """Put the answer of an engine, an `EngineVerdict`, into the files of a report, in place of a former one:
-    a warning before the verdict, and a section at the end. Return the files that were changed."""
+    """Add the result of a contact engine to a report, and return the paths of the files that were changed.
+
+    A warning is added before the verdict, and a section at the end. They replace those of an earlier run.
+
+    Args:
+        directory: folder of the report.
+        verdict: the result, an `EngineVerdict`.
+    """
     written = []
-    for name, put in (("report.txt", _in_text), ("report.html", _in_page)):
+    for name, add in (("report.txt", _add_to_text), ("report.html", _add_to_page)):
         path = directory / name
         if path.exists():
-            written.append(files.place(path, put(path.read_text(encoding="utf-8"), verdict)))
+            written.append(files.place(path, add(path.read_text(encoding="utf-8"), verdict)))
     return written
 
 
-def _in_text(report: str, verdict: Any) -> str:
-    # A second run replaces the first: its warning and its section are found by their words.
+def _add_to_text(report: str, verdict: Any) -> str:
+    # A plain text has no marks: the section of an earlier run is recognised by its title, and its warning by
+    # the name of the engine in the first line.
     lines = report.split(f"\n{_TITLE}\n")[0].rstrip("\n").split("\n")
     if "MuJoCo" in lines[0]:
         lines = lines[1:]
@@ -216,8 +247,8 @@ def _in_text(report: str, verdict: Any) -> str:
     return "\n".join([*head, *lines, "", _TITLE, "-" * len(_TITLE), str(verdict)]) + "\n"
 
 
-def _in_page(page: str, verdict: Any) -> str:
-    # Marks stand around everything that a second run replaces.
+def _add_to_page(page: str, verdict: Any) -> str:
+    # Everything between two marks comes from an earlier run.
     page = re.sub(f"{_MARK}.*?{_MARK}\n", "", page, flags=re.DOTALL)
     if verdict.warning:
         head = f'{_MARK}<p class="danger">{escape(verdict.warning)}</p>{_MARK}\n'

@@ -1,4 +1,6 @@
-"""Report as JSON: the design in full, SI and dimensionless, as `design.schema.json` describes it."""
+"""The file design.json: all results of a design, in SI units and dimensionless.
+
+The file `design.schema.json` describes its format."""
 
 from __future__ import annotations
 
@@ -28,13 +30,19 @@ _DESIGN = "equivalent", "benefit", "overturning_reduction", "conditions", "space
 _EVALUATION = ("tilt", "swing", "margin", "multiplier", "reserve")
 
 
-def as_json(design: Design, details: Details, job_tables: dict[str, Any], said: Sequence[str] = ()) -> str:
-    """The design as sorted JSON; infinite and unknown numbers are words."""
-    with_it, gravity, problem = design.pendulum, float(design.scene.gravity), design.problem
-    p = design.scene.parameters(with_it) if design.problem.without_pendulum is not None else None
-    # A limit is its value, or true where it has none; one of the user's own has all its fields.
+def as_json(
+    design: Design, details: Details, job_tables: dict[str, Any], record_notes: Sequence[str] = ()
+) -> str:
+    """Return a design as JSON with sorted keys. Infinite and unknown numbers are strings."""
+    pendulum, gravity, problem = design.pendulum, float(design.scene.gravity), design.problem
+    # Under ground motions the dimensionless frequency and amplitude of a harmonic do not exist.
+    p = design.scene.parameters(pendulum) if design.problem.without_pendulum is not None else None
+    # A limit with one field is written as the value of this field, and a limit without fields as true. A
+    # limit that the user defined may have several fields.
     fields_of = {limit.name: vars(limit) for limit in problem.limits}
     limits = {n: next(iter(x.values())) if len(x) == 1 else x or True for n, x in fields_of.items()}
+    # The measure that was decided is known only after the validation, if the job leaves the choice to the
+    # program.
     measure = (
         problem.requirements.measure
         if design.best is None
@@ -46,8 +54,8 @@ def as_json(design: Design, details: Details, job_tables: dict[str, Any], said: 
         "verdict": verdict(design, details).text,
         "reasons": list(design.refusals),
         "notes": notes(design, details),
-        "pendulum": with_it,
-        "hinge_damping_N_m_s_per_rad": None if with_it is None else float(with_it.hinge_damping(gravity)),
+        "pendulum": pendulum,
+        "hinge_damping_N_m_s_per_rad": None if pendulum is None else float(pendulum.hinge_damping(gravity)),
         **{n: getattr(design, n) for n in _DESIGN},
         **{n: getattr(details, n) for n in ("build", "sensitivity", "losses", "responses", "front")},
         "risk": problem.risk,
@@ -68,36 +76,40 @@ def as_json(design: Design, details: Details, job_tables: dict[str, Any], said: 
                 for name, motions in words.groups(design).items()
                 for f in summary(motions)["records"]
             ],
-            "notes": list(said),
+            "notes": list(record_notes),
         },
     }
     return files.as_json(plain(entries))
 
 
 def plain(x: Any) -> Any:
-    """Dictionaries, lists and numbers in place of objects."""
+    """Convert results to dictionaries, lists, numbers and strings, as JSON needs them."""
     match x:
         case enum.Enum():
             return x.name
         case np.ndarray() | np.generic():
             return x.tolist()
+        # Arrays of all runs would make the file large, so shares and quantiles are written.
         case Runs() | PairedRuns():
             return plain(x.summary())
         case GaussianProcess():
-            # It follows from the trials.
+            # The process follows from the trials, which are written as well.
             return None
         case Conditions():
             return {"description": list(x.description), "factors": plain(dict(x.factors))}
         case dict():
             return {k: plain(v) for k, v in x.items()}
-    # By its fields and not by its class: an evaluation is a tuple, and tuples are lists below.
+    # An evaluation is a named tuple with derivatives that no reader of the file needs. It must be recognised
+    # before the branches for tuples below.
     if hasattr(x, "merit_slope"):
         kinds = [KINDS[int(k)] for k in x.kind[0]]
         return {n: getattr(x, n)[0].tolist() for n in _EVALUATION} | {"kind": kinds}
+    # Results are frozen dataclasses: their fields become the keys.
     if is_dataclass(x):
-        # A reason is data first; the sentence spares every reader the making of one.
+        # Readers of the file get the sentence of a reason and need not build it from the numbers.
         sentence = {"sentence": str(x)} if isinstance(x, Reason) else {}
         return {f.name: plain(getattr(x, f.name)) for f in fields(x)} | sentence
+    # Named tuples keep their field names, other tuples become lists.
     if hasattr(x, "_asdict"):
         return plain(x._asdict())
     return [plain(v) for v in x] if isinstance(x, (list, tuple)) else x

@@ -1,4 +1,4 @@
-"""Sections of a report: validation runs, other losses, limits, motions, search and records."""
+"""Sections of a report: validation runs, other energy losses, limits, motions, search and records."""
 
 from __future__ import annotations
 
@@ -22,25 +22,21 @@ from tpd.report.blocks import Block, Cell, Listing, Table, Text
 from tpd.scene.record import Record
 
 _ROWS, _MOST = 40, 8
-"""Most conditions in a table, evenly over all of them, and most rows of limits that are left out."""
-_SCATTERED = {
-    "mass": "the bob's mass",
-    "length": "the rod's length",
-    "damping": "the hinge's damping",
-    "amplitude": "amplitude of the excitation",
-}
-"""Names of what scatters, where one word is not enough."""
+"""Largest number of conditions in a table, chosen evenly from all; largest number of rows on limits."""
 
 
 def sections(
-    design: Design, details: Details, figures: Mapping[str, Sequence[Block]], notes: Sequence[str]
+    design: Design, details: Details, figures: Mapping[str, Sequence[Block]], record_notes: Sequence[str]
 ) -> dict[str, list[Block]]:
-    """Return blocks by the titles of their sections, in the order of a report; empty ones are left out later.
+    """Return the blocks of each section by its title, in the order of the report.
+
+    A section without blocks is an empty list, which `content` leaves out.
 
     Args:
-        design, study: what the report is about.
-        figures: blocks of pictures by name.
-        notes: notes of the reader on the files of the records.
+        design: the answer of `optimise`.
+        details: further results that the report shows, from `tpd.details`.
+        figures: lists with the picture of each name, or empty lists.
+        record_notes: notes of the reader on the files of the records.
     """
     runs = over_runs(design)
     return {
@@ -52,42 +48,38 @@ def sections(
         "Settled motion": settled(design, figures["conditions"]),
         "Search": searched(design, figures["search"]),
         "Rejected designs": rejected(design),
-        "Records": records(design, notes),
+        "Records": records(design, record_notes),
     }
 
 
 def over_runs(design: Design) -> list[Block]:
-    """Return shares and sizes over the runs that validate the best design, and for each condition."""
+    """Return results of the validation runs of the best design, over all runs and for each condition."""
     runs = design.runs
     if runs is None:
         return []
     cases = runs.with_pendulum, runs.without_pendulum
     rows: list[tuple[Cell, ...]] = []
     worst = runs.change("worst severity")
-    shares = f"{worst.with_pendulum:.1%}", f"{worst.without_pendulum:.1%}"
-    rows.append(("tilt over ν, worst tenth of the runs", *shares))
+    shares = (words.percent(x, 1) for x in (worst.with_pendulum, worst.without_pendulum))
+    rows.append(("mean tilt of the worst tenth of the runs (of ν)", *shares))
+    # Ground motions have no ramp: they grow as recorded.
     if runs.cluster is None:
         for ramp in cases[0].share_by_ramp():
-            shares = (str(o.share_by_ramp()[ramp]) for o in cases)
+            shares = (words.share(o.share_by_ramp()[ramp]) for o in cases)
             rows.append((f"overturned, {label_of_ramp(ramp)}", *shares))
-    rows.append(("overturned", *(str(o.share_overturned) for o in cases)))
-    rows.append(("at rest in the end", *(str(o.share_at_rest) for o in cases)))
-    for what, quantity in (("largest tilt", "tilt"), ("settled tilt", "settled_tilt")):
-        rows.append((f"{what}, 50, 90, 99 % of the runs (rad)", *(_quantiles(o, quantity) for o in cases)))
-    rows.append(("bob's largest angle, 50, 90, 99 % (rad)", _quantiles(cases[0], "swing"), None))
-    by_width = dict[float, list[str]]()
-    for name, width in design.problem.scatter.items():
-        by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
-    listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
-    # The benefit counts only motions that are held out; this table has all runs.
-    of = (
-        runs.description if runs.counted is None else f"All {len(runs.known)} runs, of every group of motions"
-    )
+    rows.append(("overturned, all runs", *(words.share(o.share_overturned) for o in cases)))
+    rows.append(("at rest at the end", *(words.share(o.share_at_rest) for o in cases)))
+    for name, quantity in (("largest tilt", "tilt"), ("settled tilt", "settled_tilt")):
+        rows.append((f"{name} (rad): 50, 90, 99 % quantiles", *(_quantiles(o, quantity) for o in cases)))
+    # The bob angle without a pendulum has no meaning.
+    rows.append(("largest bob angle (rad): 50, 90, 99 % quantiles", _quantiles(cases[0], "swing"), None))
+    # The benefit counts the motions that were not used for the design. This table has all runs.
+    described = runs.description if runs.counted is None else f"All {len(runs.known)} runs of all groups"
     caption = (
-        f"{of}{_which(design)}. Scatter: {'; '.join(listed) or 'none'}. In brackets: 95 % "
-        "confidence. Tilt: settled, 100 % where the block overturns or tilts to ν or further."
+        f"{described}.{_role(design)} Scatter: {words.scatter(design)}. In brackets: 95 % interval. ν is the "
+        "slenderness, the tilt at which the block topples; overturned runs count as 100 % of ν."
     )
-    table = Table(("", "with pendulum", "without"), tuple(rows), caption)
+    table = Table(("", "with pendulum", "without pendulum"), tuple(rows), caption)
     return [table, Text(runs.overturning_in_words), *_by_part(runs)]
 
 
@@ -95,158 +87,180 @@ def _quantiles(runs: Runs, angle: str) -> str:
     return ", ".join("overturned" if math.isinf(x) else number(x, 3) for x in runs.quantiles(angle))
 
 
-def _which(design: Design) -> str:
-    """Which runs these are, and what those showed that decided."""
+def _role(design: Design) -> str:
+    """Return sentences that tell these runs from the runs that decided; empty if all runs are the same."""
     best = design.best
     if best is None or best.quoted is None or best.decided is None:
         return ""
-    before = f"; designs rejected before: {len(design.validated) - 1}" if design.validated[1:] else ""
+    before = f" {len(design.validated) - 1} designs were rejected before." if design.validated[1:] else ""
     decided = words.reduced(best.decided, best.measure)
-    return f", which no decision has used{before}. In the runs that decided, {decided}"
+    return f" These runs were not used to choose the design.{before} In the runs that were used, {decided}."
 
 
 def _by_part(runs: PairedRuns) -> list[Block]:
-    """Mean tilt for every condition or group of motions, and every kind of start; nothing for one only."""
-    # The starts are the last parts, and remain where there are too many conditions for a table.
+    """Return the mean tilt for each condition or group of motions, and for each kind of start.
+
+    The list is empty if there is only one part.
+    """
+    # A table of more than 32 conditions is too long. The kinds of start, which come last, always remain.
     parts = runs.parts if len(runs.labels) <= 32 else runs.parts[len(runs.labels) :]
     rows = tuple(
-        (p.label, f"{p.with_pendulum:.0%}", f"{p.without_pendulum:.0%}", "yes" if p.is_worse else "no")
+        (p.label, *map(words.percent, (p.with_pendulum, p.without_pendulum)), "yes" if p.is_worse else "no")
         for p in parts
         if not math.isnan(p.with_pendulum)
     )
+    # A single row would repeat the table of all runs.
     if len(rows) < 2:
         return []
     caption = (
-        "Mean tilt over ν of the same runs. Significantly worse: higher by more than "
-        f"{runs.worse:.0%}, at the 5 % level."
+        "Mean tilt of the same runs in per cent of ν. Significantly worse: higher with the pendulum by more "
+        f"than {words.percent(runs.worse)}, at the 5 % significance level."
     )
-    return [Table(("condition", "with pendulum", "without", "significantly worse"), rows, caption)]
+    head = "condition or kind of start", "with pendulum", "without pendulum", "significantly worse"
+    return [Table(head, rows, caption)]
 
 
 def other_losses(details: Details) -> list[Block]:
-    """Return the pendulum where the block loses its energy in another way."""
+    """Return results for a block that loses energy by friction only, by impacts only, or by both."""
     if not details.losses:
         return []
     rows: list[tuple[Cell, ...]] = []
     for case in details.losses:
-        shares = (case.runs.change(name) for name in ("overturned", "at rest"))
-        cells = (f"{c.with_pendulum:.1%} / {c.without_pendulum:.1%}" for c in shares)
+        changes = (case.runs.change(name) for name in ("overturned", "at rest"))
+        shares = (
+            f"{words.percent(c.with_pendulum, 1)} / {words.percent(c.without_pendulum, 1)}" for c in changes
+        )
         losses = f"k = {number(case.friction, 3)}, e = {number(case.velocity_ratio, 4)}"
-        rows.append((case.name, losses, case.runs.benefit_in_words, *cells))
-    head = ("losses", "", "benefit", "overturned, with / without", "at rest, with / without")
+        rows.append((words.energy_loss(case.name), losses, case.runs.benefit_in_words, *shares))
+    head = (
+        "energy loss by",
+        "friction k, ratio e",
+        "benefit",
+        "overturned, with/without",
+        "at rest, with/without",
+    )
     caption = (
-        f"{details.losses[0].runs.description} each, with other losses of the block: they are its least "
-        "known data."
+        f"{details.losses[0].runs.description}, for each row, with/without the pendulum. The losses of a "
+        "block are usually its least certain data, so the benefit should not depend on their kind."
     )
     return [Table(head, tuple(rows), caption)]
 
 
 def limiting(design: Design) -> list[Block]:
-    """Return limits that keep better designs out, and the best design without each."""
+    """Return which limits exclude better designs, and the best design without each of these limits."""
     trials = design.trials
     if trials is None:
         return []
-    counts = {
-        LABELS.get(n, n): int(np.sum(x > 1.0)) for n, x in zip(trials.names, trials.sizes.T, strict=True)
-    }
-    over = ", ".join(f"{name} {n}" for name, n in counts.items() if n)
-    sentence = (
-        f"Of {len(trials.designs)} designs with trial runs {int(trials.feasible.sum())} keep to all limits"
-    )
+    # A ratio above 1 exceeds the limit.
+    counts = {n: int(np.sum(x > 1.0)) for n, x in zip(trials.names, trials.sizes.T, strict=True)}
+    over = ", ".join(f"{LABELS.get(name, name)} {n}" for name, n in counts.items() if n)
+    text = f"{int(trials.feasible.sum())} of {len(trials.designs)} designs with trial runs keep all limits."
+    text += f" Number of designs that exceed each limit: {over}." if over else ""
+    # `best_without` ignores the limits that are its arguments.
     best = trials.best_without()
-    broken = [name for name, x in zip(trials.names, trials.sizes.T, strict=True) if np.any(x > 1.0)]
     rows = [_row(design, "all limits", best)]
-    for name in broken:
+    for name in (name for name, n in counts.items() if n):
         other = trials.best_without(name)
-        # A row that repeats the first would only hide those that differ.
+        # A row equal to the first would hide the rows that differ.
         if other != best:
             rows.append(_row(design, f"without the limit on {LABELS.get(name, name)}", other))
-    head = ("", "bob (kg)", "length (m)", "ζ", "mean tilt over ν, trend")
-    gain = "Best trial, and the best one if a limit is left out: this is what loosening the limit would gain."
+    head = ("", "mass (kg)", "length (m)", "damping ratio ζ", "mean tilt (of ν)")
+    gain = "Other rows: the gain if one limit is removed."
     if len(rows) == 1:
-        gain = "Best trial. No better one exceeds a single limit."
-    caption = f"{gain} Without a pendulum: {trials.without_pendulum:.1%}."
-    said = f"{sentence}{f'; designs that exceed a limit: {over}' if over else ''}."
-    used = ", ".join(f"{LABELS.get(n, n)} {x:.0%}" for n, x in words.usage(design).items())
-    if used:
-        share = f"{1.0 - design.problem.allowed:.0%} of the validation runs in which the block stands"
-        said += f" Share of each limit that the best design uses in {share}: {used}."
-    return [Text(said), Table(head, tuple(rows[:_MOST]), caption)]
+        gain = "No design that exceeds only one limit is better."
+    caption = (
+        "First row: the best design of the trial runs, with its mean tilt smoothed over all designs (trend). "
+        f"{gain} Without a pendulum the mean tilt is {words.percent(trials.without_pendulum, 1)}."
+    )
+    usage = ", ".join(f"{LABELS.get(n, n)} {words.percent(x)}" for n, x in words.usage(design).items())
+    if usage:
+        share = (
+            f"{words.percent(1.0 - design.problem.allowed)} of the validation runs in which the block stands"
+        )
+        text += f" Share of each limit that the best design uses in {share}: {usage}."
+    return [Text(text), Table(head, tuple(rows[:_MOST]), caption)]
 
 
 def _row(design: Design, name: str, i: int | None) -> tuple[Cell, ...]:
+    """Return a row of the table on limits for the i-th trial design; None for no design."""
     trials = design.trials
     assert trials is not None
     if i is None:
         return (name, *(None,) * 3, "no design")
-    hung = design.problem.pendulum(trials.designs[i])
-    return (name, float(hung.mass), float(hung.length), float(hung.damping_ratio), f"{trials.trend[i]:.1%}")
+    pendulum, tilt = design.problem.pendulum(trials.designs[i]), words.percent(trials.trend[i], 1)
+    return (name, float(pendulum.mass), float(pendulum.length), float(pendulum.damping_ratio), tilt)
 
 
 def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
-    """Return the exact settled motion under every condition, with harmonic excitation."""
+    """Return the exact settled motion under each condition; an empty list under ground motions."""
     without, best, n = design.problem.without_pendulum, design.best, len(design.conditions)
     if without is None:
         return []
-    with_it = None if best is None else best.exact
+    pendulum = None if best is None else best.exact
     risk = design.problem.risk.name
-    rows: list[tuple[Cell, ...]] = [(f"{risk} tilt without a pendulum", words.risk(design, without.value))]
-    if with_it is not None:
-        rows.append((f"{risk} tilt with the pendulum", words.risk(design, with_it.value)))
-        rows.append(("stroke of the bob", words.angle(design.swing)))
-    out: list[Block] = [
-        Table(("", "value"), tuple(rows), f"{words.source_of_tilts(design)}, linear equations."),
-        *figure,
-    ]
+    rows: list[tuple[Cell, ...]] = [(f"{risk} tilt without pendulum", words.risk(design, without.value))]
+    if pendulum is not None:
+        rows.append((f"{risk} tilt with pendulum", words.risk(design, pendulum.value)))
+    if design.pendulum is not None:
+        rows.append(("largest bob angle", words.angle(design.swing)))
+    caption = f"{words.source_of_tilts(design)}. Linear equations."
+    out: list[Block] = [Table(("", "value"), tuple(rows), caption), *figure]
+    # A table with one condition would repeat the table above.
     if n == 1:
         return out
     cells: list[tuple[Cell, ...]] = []
+    # With more conditions than rows, the rows are spread evenly over all conditions.
     for i in map(int, np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(int))):
         row = [design.conditions.label(i), *_motion(design, without, i)]
-        if with_it is not None:
-            row += [*_motion(design, with_it, i), float(with_it.orbits.swing[0, i])]
+        if pendulum is not None:
+            row += [*_motion(design, pendulum, i), float(pendulum.orbits.swing[0, i])]
         cells.append(tuple(row))
-    head = ("condition", "tilt without (rad)", "orbit without", "from rest without")
-    head += () if with_it is None else ("tilt with (rad)", "orbit with", "from rest with", "stroke (rad)")
-    caption = "From rest: outcome of one motion by the linear equations."
-    if with_it is not None and design.pendulum is None:
-        caption += " The design shown came nearest and is not recommended."
+    columns = "tilt (rad)", "orbit", "from rest"
+    head = ("condition", *(f"without: {name}" for name in columns))
+    if pendulum is not None:
+        head += (*(f"with: {name}" for name in columns), "with: bob angle (rad)")
+    caption = "Tilt, orbit and bob angle: attracting orbit. From rest: outcome of one run. Linear equations."
+    if pendulum is not None and design.pendulum is None:
+        caption += " This design came nearest and is not recommended."
     return [*out, Table(head, tuple(cells), caption)]
 
 
 def _motion(design: Design, of: ExactMotions, i: int) -> tuple[Cell, ...]:
-    """Tilt (rad) and kind of orbit under a condition, and the outcome from rest."""
+    """Return the tilt (rad) and the kind of the orbit under the i-th condition, and the outcome from rest."""
     e, nu = of.orbits, design.scene.block.slenderness * design.conditions.column("slenderness")[i]
+    # The orbits have tilts in units of the slenderness, which a condition may vary.
     tilt, kind = float(e.tilt[0, i] * nu), KINDS[int(e.kind[0, i])].replace("_", " ")
     return tilt if math.isfinite(tilt) else None, kind, str(of.status[i]).replace("_", " ")
 
 
 def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
-    """Return how the space was searched."""
+    """Return a text on the trial runs and the descents, with the picture of the search."""
     trials, search = design.trials, design.search
     if trials is None:
         return []
-    text = f"{len(trials.designs)} designs were evaluated by trial runs of the linear equations"
-    unknown = int(trials.undecided.sum())
-    text += f" ({unknown} runs without an answer are left out)." if unknown else "."
+    text = f"Trial runs of the linear equations evaluated {len(trials.designs)} designs."
+    if unanswered := int(trials.undecided.sum()):
+        text += f" {unanswered} runs without an answer are left out."
     if search is not None and search.statuses:
+        # Descents with the same outcome are counted.
         ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
         text += (
-            f" The descents began from {search.description} (seed {design.seed}) and evaluated "
-            f"{search.evaluations} designs. Ends: {ends}. "
+            f" Before the trial runs, gradient descents started from {search.description} (seed "
+            f"{design.seed}) and evaluated {search.evaluations} designs. Outcomes of the descents: {ends}. "
             f"{search.message}"
         )
-        sound, lost = len(search.confirmed), int(np.sum(search.stopped))
+        # There is a mismatch only if the descents used a smoothed model.
         if np.any(search.mismatch):
+            text += f" The exact model confirms {len(search.confirmed)} of {len(search.ends)} final designs."
+        if replaced := int(np.sum(search.stopped)):
             text += (
-                f" The exact solution confirms {sound} of {len(search.ends)} ends; the smoothed orbits were "
-                f"lost {lost} times on the way."
+                f" The exact model replaced {replaced} orbits that the smoothed model of the descents lost."
             )
     return [*figure, Text(text)]
 
 
 def rejected(design: Design) -> list[Block]:
-    """Return the designs that were validated and rejected."""
+    """Return a table of the designs that did not pass the validation, with the reasons."""
     rows = tuple(
         (
             *map(float, v.design),
@@ -256,24 +270,24 @@ def rejected(design: Design) -> list[Block]:
         for v in design.validated
         if v.reasons
     )
-    return (
-        [Table(("μ", "λ", "ζ", "benefit", "reasons"), rows, "Designs that were validated and rejected.")]
-        if rows
-        else []
-    )
+    head = ("mass ratio μ", "length ratio λ", "damping ratio ζ", "benefit", "reasons")
+    return [Table(head, rows, "Designs that did not pass the validation.")] if rows else []
 
 
-def records(design: Design, notes: Sequence[str]) -> list[Block]:
-    """Return a table of the records of each group, and the notes on their files."""
+def records(design: Design, record_notes: Sequence[str]) -> list[Block]:
+    """Return a table of the records in each group of motions, and the notes on their files."""
     rows: list[tuple[Cell, ...]] = []
     groups = words.groups(design)
     for name, motions in groups.items():
         for f in (facts(m) for m in motions if isinstance(m, Record)):
             sizes = f["samples"], f["step_s"], f["duration_s"], f["pga_g"]
-            noted = "; ".join(f["notes"]) or None
-            rows.append((name, f["source"] or f["name"], f["earthquake"], *sizes, noted))
-    head = ("group", "file", "earthquake", "samples", "step (s)", "length (s)", "PGA (g)", "notes")
-    table = [Table(head, tuple(rows), "PGA as read, before any scale.")] if rows else []
+            remarks = "; ".join(f["notes"]) or None
+            rows.append((name, f["source"] or f["name"], f["earthquake"], *sizes, remarks))
+    head = ("group", "file", "earthquake", "samples", "time step (s)", "duration (s)", "PGA (g)", "notes")
+    caption = "PGA: largest acceleration in the file, before scaling."
+    table = [Table(head, tuple(rows), caption)] if rows else []
+    # The same earthquake can have different names in two files. Such records are listed, so that the user can
+    # check them.
     every = [m for motions in groups.values() for m in motions]
-    listed = dict.fromkeys([*notes, *same_earthquakes(every)])
+    listed = dict.fromkeys([*record_notes, *same_earthquakes(every)])
     return [*table, *([Listing(tuple(listed))] if listed else [])]

@@ -1,4 +1,4 @@
-"""Scenes and designs in words, and what both kinds of design have in one form."""
+"""Scenes, designs and results as words and tables, for reports and for the terminal."""
 
 from __future__ import annotations
 
@@ -17,191 +17,250 @@ from tpd.scene.quantities import UNITS
 from tpd.scene.scene import HOUSNER, Block, Harmonic, Pendulum, Scene, paper_scene
 
 if TYPE_CHECKING:
-    # Words on a scene do not wait for JAX.
+    # These modules load JAX, and the commands describe a scene before they wait for that.
     from tpd.answers.paired import PairedRuns, Part
     from tpd.answers.response import Response
+    from tpd.answers.statistics import Share
     from tpd.design.design import Design
 
 _CHANGES = {
-    "mean severity": "mean tilt / toppling tilt",
+    "mean severity": "mean tilt",
     "median severity": "median tilt",
     "overturned": "overturned",
-    "at rest": "at rest in the end",
+    "at rest": "at rest at the end",
 }
-"""Rows of the comparison, and their names."""
+"""Labels of the rows in the comparison with and without the pendulum, by the names of the changes."""
+_SCATTERED = {
+    "mass": "the bob's mass",
+    "length": "the rod's length",
+    "damping": "the hinge's damping",
+    "amplitude": "amplitude of the excitation",
+}
+"""Labels of quantities that scatter, if the name of the quantity alone is not clear."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 
 def angle(x: float) -> str:
-    """A largest angle (rad) in radians and degrees; infinite where the block overturns, NaN if unknown."""
-    # NaN is not known, infinity is known very well: the two must not share a word.
+    """Format a largest tilt or swing (rad) in radians and degrees.
+
+    An infinite angle is "overturns", and NaN is "unknown".
+    """
     if not math.isfinite(x):
         return "unknown" if math.isnan(x) else "overturns"
     return f"{number(x)} rad ({number(math.degrees(x), 3)}°)"
 
 
+def percent(share: float, digits: int = 0) -> str:
+    """Format a share in per cent, by default without decimals: 0.25 is "25 %"."""
+    # Rounding first and adding zero turns "-0 %" into "0 %".
+    return f"{round(100.0 * share, digits) + 0.0:.{digits}f} %"
+
+
+def interval(value: float, low: float, high: float, digits: int = 0) -> str:
+    """Format a share with the ends of its interval in per cent, such as "25 % (22 to 28 %)".
+
+    The interval is left out if it is unknown.
+    """
+    if not math.isfinite(low):
+        return percent(value, digits)
+    return f"{percent(value, digits)} ({percent(low, digits)[:-2]} to {percent(high, digits)})"
+
+
+def share(of: Share) -> str:
+    """Format a share with its 95 % interval and one decimal: "10.9 % (9.2 to 13.0 %)"."""
+    return interval(*of, digits=1)
+
+
 def source_of_tilts(design: Design) -> str:
-    """Motions that the tilts of the search belong to, in words."""
+    """Return a sentence that says which motion the settled tilts of the search describe."""
     if design.problem.rest_counts:
-        return "Rest wherever it holds, else the largest attracting symmetric orbit"
-    return "Largest attracting symmetric orbit, whichever initial state leads to it"
+        return "Tilts: zero where the block can rest, else those of the largest attracting symmetric orbit"
+    return "Tilts: largest attracting symmetric orbit, over all initial states"
+
+
+def scatter(design: Design) -> str:
+    """List the quantities that scatter in the validation runs, with their half widths in per cent."""
+    by_width = dict[float, list[str]]()
+    for name, width in design.problem.scatter.items():
+        by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
+    listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
+    return "; ".join(listed) or "none"
 
 
 def finite_max(values: np.ndarray) -> float:
-    """Largest finite one of `values`, or 0."""
+    """Return the largest finite number in an array, or 0 if there is none."""
     return float(np.max(values, where=np.isfinite(values), initial=0.0))
 
 
 def losses(block: Block) -> str:
-    """Energy losses of the rocking block."""
+    """Describe how the rocking block loses energy: by friction, by impacts, or by both."""
     if block.velocity_ratio == 1.0:
         return f"friction k = {block.friction:g}"
-    # With a pendulum Housner's e is smaller.
-    model, of = ("Housner, ", " for the bare block") if block.restitution == HOUSNER else ("", "")
-    impacts = f"impact loss: {model}e = {block.velocity_ratio:.4g}{of}"
+    # Housner's e also depends on the pendulum, which makes it smaller.
+    model = " (Housner, without a pendulum)" if block.restitution == HOUSNER else ""
+    impacts = f"impacts e = {block.velocity_ratio:.4g}{model}"
     return f"{impacts}; friction k = {block.friction:g}" if block.friction else impacts
 
 
+def energy_loss(name: str) -> str:
+    """Return the kind of energy losses in a `LossCase` by its name, such as "friction only"."""
+    return name if " and " in name else f"{name} only"
+
+
 def risk(design: Design, value: float) -> str:
-    """A value of the risk measure, which is a tilt over nu where every motion that counts rocks."""
+    """Describe a value of the risk measure.
+
+    The value is a tilt over the slenderness nu if the block rocks. A negative value is the uplift margin of a
+    block at rest with the opposite sign.
+    """
     if design.problem.risk.share > 0.0 and value <= 0.0:
-        return f"{value:.4f} times nu, rest counted as less its uplift margin"
+        return f"{value:.4f} times ν, where a block at rest counts as minus its uplift margin"
     if value <= 0.0:
-        return f"none: at rest with {-value:.1%} of the lifting moment in reserve"
+        return f"none: the block stays at rest with {percent(-value, 1)} of the lifting moment in reserve"
     if value > 1.0:
-        return "no settled motion under the worst condition: by events the block may overturn"
-    return f"{value * design.scene.block.slenderness:.5f} rad ({value:.1%} of nu)"
+        return "no settled motion under the worst condition: the block may overturn"
+    return f"{value * design.scene.block.slenderness:.5f} rad ({percent(value, 1)} of ν)"
 
 
 def limit(of: Limit) -> str:
-    """A limit with its value."""
+    """Describe a limit by its name and value."""
     name = of.name.replace("_", " ")
     if isinstance(of, Clearance):
-        return f"the bob, {of.bob}, keeps off the walls"
+        return f"the bob, {of.bob}, does not touch the walls"
     if type(of) not in KINDS:
-        # A limit of the user's own has any fields, in units of its own.
+        # A limit that the user defined may have any fields, in units that are unknown here.
         return " ".join([name, ", ".join(f"{k} = {v}" for k, v in vars(of).items())]).strip()
     (value,) = vars(of).values()
     return f"{name} {number(value)} {of.unit}".strip()
 
 
 def missing(design: Design) -> list[str]:
-    """Questions of an engineer that the search has left out."""
+    """List what the search left out although a design that is to be built needs it."""
     parts = []
     if len(design.conditions) == 1:
-        parts.append("considered one excitation only")
+        parts.append("considered only one excitation")
     if limit_of(design.problem.limits, Clearance) is None:
-        parts.append("assumed a bob without size, and no walls")
+        parts.append("assumed a bob without size and no walls")
     return parts
 
 
 def range_of_mass(design: Design) -> str:
-    """Masses of bobs that perform equally well; empty where that is not known, or is the mass itself."""
+    """Return the range of masses that perform equally well, as the end of a sentence.
+
+    The text is empty if the range is unknown or contains only the mass of the design.
+    """
     if design.equivalent is None or design.pendulum is None:
         return ""
+    # The first column is the mass ratio.
     low, high = (float(x) * float(design.scene.block.mass) for x in design.equivalent[:, 0])
-    # Both ends must differ after rounding.
+    # A range such as "510 to 510 kg" would not be a range.
     if number(low, 2) == number(high, 2):
         return ""
     return f"; {number(low, 2)} to {number(high, 2)} kg perform equally well"
 
 
 def group(part: Part) -> str:
-    """Line for a terminal about a group of motions: its mean tilts over the slenderness."""
+    """Return a line for the terminal with the mean tilts of one group of ground motions."""
     return (
-        f"  {part.label} ({part.rows.sum()} runs): mean tilt {part.with_pendulum:.1%} with the pendulum, "
-        f"{part.without_pendulum:.1%} without"
+        f"  {part.label} ({part.rows.sum()} runs): mean tilt {percent(part.with_pendulum, 1)} of ν with the "
+        f"pendulum, {percent(part.without_pendulum, 1)} without it"
     )
 
 
 def usage(design: Design) -> dict[str, float]:
-    """Limited quantities of the best design over their limits."""
-    # A reserve is bounded from below, so that a share of it says nothing.
+    """Return the share of each limit that the best design uses, by the name of the limit."""
+    # A reserve is a lower bound, so the share of it that is used has no meaning.
     return {name: x for name, x in design.usage.items() if name != "reserve"}
 
 
 def groups(design: Design) -> dict[str, tuple[GroundMotion, ...]]:
-    """Ground motions by the names of their groups; empty under harmonic excitation."""
+    """Return the ground motions by the names of their groups; empty under harmonic excitation."""
     return {g.name: g.motions for g in design.problem.groups}
 
 
 def bounds(design: Design) -> list[str]:
-    """Bounds of the design space that the best design lies on: beyond them may be a better one."""
+    """List the bounds of the design space that the best design lies on.
+
+    A better design may exist beyond these bounds.
+    """
     best, out = design.nearest, []
     if best is None:
         return out
-    unit, words = design.space.scaled(np.asarray(best)), ("mass", "length", "damping")
+    # On a bound, the scaled value is 0 or 1.
+    unit, names = design.space.scaled(np.asarray(best)), ("mass", "length", "damping")
+    # A design within a hundredth of the range counts as on the bound.
     for i, x in zip(design.space.searched, unit, strict=True):
         if not 0.01 < x < 0.99:
-            side = "largest" if x > 0.5 else "least"
-            out.append(f"{side} {words[i]} ratio of the search, {number(float(best[i]), 3)}")
+            side = "upper" if x > 0.5 else "lower"
+            out.append(f"{side} search bound of the {names[i]} ratio, {number(float(best[i]), 3)}")
     return out
 
 
 def overturned_between(responses: Sequence[Response], low: float, high: float) -> str:
-    """Return the shares of the runs from rest between two values in which the block overturns.
+    """Return a clause with the share of the runs from rest, between two values, in which the block overturns.
 
     Args:
-        responses: without and, if there is one, with the pendulum.
-        low, high: the two values; Hz, or of what the responses vary.
+        responses: responses without and, if there is one, with the pendulum.
+        low: lower of the two values, in Hz or in the unit of the quantity that varies.
+        high: upper value.
     """
-    cases = zip(("without the pendulum", "with it"), responses, strict=False)
+    cases = zip(("without the pendulum", "with the pendulum"), responses, strict=False)
     shares = (f"{percent(r.share_overturned(low, high).value)} {case}" for case, r in cases)
     unit = UNITS.get(responses[0].name, "")
     between = f"{low:.3g} and {high:.3g} {unit}".rstrip()
-    return f"runs from rest between {between}: the block overturns in {', '.join(shares)}"
+    return f"share of the runs from rest between {between} that overturn: {', '.join(shares)}"
 
 
 def reduction(runs: PairedRuns, measure: str) -> str:
-    """Return what the pendulum reduces as sentences, with intervals: first the measure that was required,
-    then the other one. The overturning is left out where it is rare and was not required."""
+    """Return sentences with the reductions of both measures and their intervals, without the final period.
+
+    The required measure comes first. Overturning is left out if it is rare and was not required.
+    """
     other = "tilt" if measure == "overturning" else "overturning"
+    # Both clauses begin with "the", and the second one begins a sentence.
     first, then = reduced(runs, measure), reduced(runs, other)
     return first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
 
 
 def reduced(runs: PairedRuns, measure: str) -> str:
-    """Return how much the pendulum reduces a measure, "overturning" or "tilt", with its interval."""
-    (size, significant), fell = runs.reduction(measure), runs.change("overturned")
+    """Return a clause with the reduction of one measure, "overturning" or "tilt", and its interval."""
+    (size, significant), overturned = runs.reduction(measure), runs.change("overturned")
     name, shares = "mean tilt", ""
     if measure == "overturning":
-        with_it, without = (f"{100.0 * x:.1f} %" for x in (fell.with_pendulum, fell.without_pendulum))
-        name, shares = "share of runs that overturn", f", from {without} to {with_it}"
-        if fell.without_pendulum == 0.0:
-            return f"the block overturns in {with_it} of the runs with the pendulum, and in none without it"
+        pendulum, without = (percent(x, 1) for x in (overturned.with_pendulum, overturned.without_pendulum))
+        name, shares = "share of runs that overturn", f", from {without} to {pendulum}"
+        # A relative reduction of zero does not exist.
+        if overturned.without_pendulum == 0.0:
+            return f"the block overturns in {pendulum} of the runs with the pendulum, and in none without it"
     if math.isnan(size.mean):
         return f"the reduction of the {name} is unknown"
-    less, by, around = size.fall_in_words()
-    doubt = ", which is not significant" if less and not significant else ""
-    return f"the pendulum {'reduces' if less else 'increases'} the {name} by {by}{around}{shares}{doubt}"
-
-
-def percent(share: float) -> str:
-    """A share in whole per cent."""
-    return f"{100.0 * share + 0.0:.0f} %"
+    is_less, by, around = size.fall_in_words()
+    doubt = ", which is not significant" if is_less and not significant else ""
+    return f"the pendulum {'reduces' if is_less else 'increases'} the {name} by {by}{around}{shares}{doubt}"
 
 
 def comparison(runs: PairedRuns) -> Table:
-    """Return the changes with and without the pendulum, from one set of runs."""
+    """Return a table of the results with and without the pendulum, from one set of runs."""
     rows = []
     for c in runs.changes:
-        # Where no run ends at rest in either case there is nothing to compare.
+        # The row on rest is left out if no run ends at rest in either case.
         if c.name not in _CHANGES or (c.name == "at rest" and c.with_pendulum == c.without_pendulum == 0.0):
             continue
-        # Tilts vary by more than a tenth of a per cent from one seed to the next; a share may be small.
-        d, points = 0 if "severity" in c.name else 1, NO_VALUE
+        # Another seed changes a mean tilt by more than 0.1 %, but shares of runs can be smaller than 1 %.
+        digits, difference = 0 if "severity" in c.name else 1, NO_VALUE
         if np.isfinite(c.low):
-            # What rounds to zero must not read "-0".
-            mean, low, high = (round(100.0 * x, d) + 0.0 for x in (c.difference, c.low, c.high))
-            points = f"{mean:+.{d}f} ({low:+.{d}f} to {high:+.{d}f})"
-        rows.append((_CHANGES[c.name], f"{c.with_pendulum:.{d}%}", f"{c.without_pendulum:.{d}%}", points))
-    left = f"; {runs.undecided} runs without an answer are left out" if runs.undecided else ""
-    caption = f"{runs.description}; an overturned block counts as toppled{left}"
-    return Table(("", "with pendulum", "without", "difference, points (95 %)"), tuple(rows), caption)
+            mean, low, high = (round(100.0 * x, digits) + 0.0 for x in (c.difference, c.low, c.high))
+            difference = f"{mean:+.{digits}f} points ({low:+.{digits}f} to {high:+.{digits}f})"
+        shares = (percent(x, digits) for x in (c.with_pendulum, c.without_pendulum))
+        rows.append((_CHANGES[c.name], *shares, difference))
+    unanswered = f" {runs.undecided} runs without an answer are left out." if runs.undecided else ""
+    caption = f"{runs.description}. Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
+    head = "", "with pendulum", "without pendulum", "difference (95 % interval)"
+    return Table(head, tuple(rows), caption + unanswered)
 
 
 def title(scene: Scene, name: str = "", date: str = "") -> str:
-    """Title of a report, with the name of the project and the date where they are given."""
+    """Return the title of a report, with the name of the project and the date if they are not empty."""
     block = scene.block
     size = f"{number(float(block.width))} m × {number(float(block.height))} m"
     head = f"{name}: pendulum" if name else "Pendulum"
@@ -209,16 +268,16 @@ def title(scene: Scene, name: str = "", date: str = "") -> str:
 
 
 def origin(scene: Scene) -> str:
-    """Whose block it is: the paper's, the paper's with changes, or another one."""
-    # By numbers and not by what was typed: a file that lists the paper's numbers is the paper's scene.
+    """Describe the block: the paper's block, the paper's block with changes, or another block."""
+    # The numbers decide, because a job file may list the paper's numbers without naming the paper.
     paper = paper_scene()
-    own, papers = scene.block, paper.block
+    block, original = scene.block, paper.block
     sizes = "width", "height", "mass", "radius_of_gyration"
-    if any(getattr(own, key) != getattr(papers, key) for key in sizes):
+    if any(getattr(block, key) != getattr(original, key) for key in sizes):
         return "a block of your own"
     same = {
         "motion": scene.motion == paper.motion,
-        "losses": (own.friction, own.velocity_ratio) == (papers.friction, papers.velocity_ratio),
+        "losses": (block.friction, block.velocity_ratio) == (original.friction, original.velocity_ratio),
         "gravity": scene.gravity == paper.gravity,
     }
     if other := [name for name, is_same in same.items() if not is_same]:
@@ -227,38 +286,47 @@ def origin(scene: Scene) -> str:
 
 
 def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
-    """Lines for a terminal; under a harmonic the first says whose block it is. Other words for the motion can
-    be given."""
+    """Return lines for the terminal that describe a scene: block, energy losses and excitation.
+
+    Args:
+        scene: the scene; under harmonic excitation the first line describes the origin of the block.
+        motion: description of the excitation; by default the function writes one.
+    """
     shape = f"slenderness {number(float(scene.block.slenderness))}; topples at {_toppling(scene)}"
-    block, lost = f"  block   {_block(scene)}; {shape}", f"  losses  {losses(scene.block)}"
+    block, damping = f"  block   {_block(scene)}; {shape}", f"  losses  {losses(scene.block)}"
+    # The description of a ground motion replaces the numbers of the harmonic.
     if motion or not isinstance(scene.motion, Harmonic):
-        return block, lost, f"  motion  {motion or in_words((scene.motion,))}"
+        return block, damping, f"  motion  {motion or in_words((scene.motion,))}"
     motion = f"  motion  {_motion(scene)}, {number(float(scene.peak))} g"
-    return f"Scene: {origin(scene)}.", block, motion, lost
+    return f"Scene: {origin(scene)}.", block, motion, damping
 
 
 def block_of(scene: Scene) -> str:
-    """The block and its losses in a sentence."""
+    """Describe the block and its energy losses in one sentence."""
     return f"{_block(scene)}; topples at {_toppling(scene)}; {losses(scene.block)}"
 
 
 def excitation(design: Design) -> str:
-    """The excitation of a design in a sentence."""
+    """Describe the excitation of a design in one sentence."""
     scene = design.scene
     if design.conditions.motions:
-        listed = ", ".join(f"{name} {len(motions)}" for name, motions in groups(design).items())
-        return f"ground motions, from rest: {listed}"
-    lifts = f"lifts above {number(float(scene.uplift), 3)} g"
-    return f"{_motion(scene)}, {number(float(scene.peak), 3)} g ({lifts})"
+        listed = ", ".join(f"{name}: {len(motions)}" for name, motions in groups(design).items())
+        return f"ground motions from rest ({listed})"
+    return f"{_motion(scene)}, largest acceleration {number(float(scene.peak), 3)} g"
 
 
-def pendulum_line(scene: Scene, hung: Pendulum) -> str:
-    """Line for a terminal about a pendulum: the equivalent point mass, and not the body as built."""
+def pendulum_line(scene: Scene, pendulum: Pendulum) -> str:
+    """Return a line for the terminal with the equivalent point mass, which differs from the bob as built."""
     block = scene.block
-    numbers = hung.mass / block.mass, hung.length / block.half_height, hung.damping_ratio
-    mu, lam, zeta = (number(float(x)) for x in numbers)
-    ratios = f"μ = {mu}, λ = {lam}, ζ = {zeta}"
-    return f"  point   {number(float(hung.mass))} kg on a rod of {number(float(hung.length))} m; {ratios}"
+    ratios = pendulum.mass / block.mass, pendulum.length / block.half_height, pendulum.damping_ratio
+    mu, lam, zeta = (number(float(x)) for x in ratios)
+    return f"  point   {point(pendulum)}; μ = {mu}, λ = {lam}, ζ = {zeta}"
+
+
+def point(pendulum: Pendulum, of_mass: int = 4, of_length: int = 4) -> str:
+    """Describe the equivalent point mass, with significant digits for mass and length."""
+    mass, length = number(float(pendulum.mass), of_mass), number(float(pendulum.length), of_length)
+    return f"{mass} kg on a rod of {length} m"
 
 
 def _toppling(scene: Scene) -> str:
@@ -268,9 +336,9 @@ def _toppling(scene: Scene) -> str:
 def _block(scene: Scene) -> str:
     block = scene.block
     width, height, mass = (number(float(x)) for x in (block.width, block.height, block.mass))
-    own, wide = block.radius_of_gyration, block.cavity_width
-    shape = "" if own is None else f", radius of gyration {number(float(own))} m"
-    # On the width of the cavity hangs whether a bob has room.
+    gyration, wide = block.radius_of_gyration, block.cavity_width
+    shape = "" if gyration is None else f", radius of gyration {number(float(gyration))} m"
+    # The cavity is always mentioned, because a bob needs one.
     cavity = "no cavity stated" if wide is None else f"cavity {number(float(wide))} m wide"
     return f"{width} m wide, {height} m high, {mass} kg{shape}, {cavity}"
 
