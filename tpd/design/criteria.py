@@ -252,7 +252,7 @@ class Requirements:
     0.01. On ground motions the share that may break a limit of any kind; default 0.1."""
 
     def __post_init__(self) -> None:
-        shares = "at_least worse" if self.wall_contacts is None else "at_least worse strikes"
+        shares = "at_least worse" if self.wall_contacts is None else "at_least worse wall_contacts"
         checks.set_checked(self, checks.within, shares, 0.0, 1.0)
         if self.measure is not None:
             checks.one_of("measure", self.measure, MEASURES)

@@ -290,7 +290,7 @@ class Problem(ABC):
         )
 
         def motion(tilt: np.ndarray, swing: np.ndarray, relative: np.ndarray) -> Evaluation:
-            shaped = {"tilt": tilt / runs.nu, "stroke": swing, "relative": relative}
+            shaped = {"tilt": tilt / runs.nu, "swing": swing, "relative": relative}
             rows = {k: x[stands][None] for k, x in shaped.items()}
             return Evaluation.blank(1, len(nu))._replace(**rows, design=design[None])
 
