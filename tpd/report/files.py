@@ -176,7 +176,7 @@ def response_csv(responses: Sequence[Response]) -> str:
     for label, r in zip(("without", "with"), responses, strict=False):
         columns |= {f"{label}_{n}": column for n, column in r.columns().items() if n != name}
     # The bare block's stroke is that of a bob too light to be felt, and means nothing.
-    del columns["without_stroke_rad"]
+    del columns["without_swing_rad"]
     return files.as_table(columns)
 
 
