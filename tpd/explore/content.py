@@ -1,0 +1,228 @@
+"""Content of the page as plain numbers and texts: block, limits, orbits, motion of the ground, and stored runs."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+import tpd
+from tpd.core import checks
+from tpd.design.criteria import HEAVIEST_RATIO, LONGEST_RATIO, bob_of
+from tpd.design.design import Design
+from tpd.design.harmonic import HarmonicProblem
+from tpd.design.job import Job
+from tpd.design.optimise import problem_of
+from tpd.design.problem import Problem
+from tpd.design.stored_design import StoredDesign
+from tpd.explore.tables import GridAxis, axis, solve
+from tpd.report.json import plain
+from tpd.scene.impacts import heaviest_of_housner
+from tpd.scene.scene import LARGEST_DAMPING, Pendulum, Scene
+
+Subject = Design | StoredDesign | Job | Scene
+"""What a page can be about."""
+_COUNTS = {"pendulum_mass": 12, "pendulum_length": 14, "pendulum_damping": 4, "frequency": 20, "amplitude": 3}
+"""Nodes along each axis of the large table, without the values of the design, which are nodes as well."""
+_FINE = {"frequency": 121, "amplitude": 5}
+"""Nodes of the tables without a pendulum and of the recommended design."""
+_FREQUENCIES, _AMPLITUDES = (0.6, 1.5), (0.5, 1.5)
+"""Range of the sliders over the scene's own frequency and amplitude; conditions may extend both."""
+_WIDER = 2.5
+"""Factor by which a slider can leave a value that the search keeps fixed."""
+_SHOWN = "stroke", "relative_stroke", "tilt", "mass", "offset", "clearance", "worsening"
+"""Limits that the page evaluates."""
+_NEAR = np.array([0.02, 0.02, 0.2])
+"""Relative distance in mass, length and damping within which stored runs hold for a design without a tolerance
+range of its own: the scatter of the validation runs."""
+_LONGEST = 40_000
+"""Most pieces of a ground motion that the page simulates."""
+
+
+def content(subject: Subject) -> dict[str, Any]:
+    """Return everything that the page holds, ready for JSON.
+
+    Args:
+        subject: a design, the stored design of a report, a job, or a scene with the usual limits.
+
+    Raises:
+        ValueError: another object, or a problem that cannot be posed.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    checks.instance("design", subject, (Design, StoredDesign, Job, Scene))
+    problem, facts = _problem_and_facts(subject)
+    scene = problem.scene
+    start = _first_pendulum(problem, facts)
+    limits = {limit.name: next(iter(vars(limit).values()), True) for limit in problem.limits}
+    out = {
+        "version": tpd.__version__,
+        "title": facts["title"],
+        "verdict": facts["verdict"],
+        "scene": _numbers_of(problem),
+        "limits": {name: plain(value) for name, value in limits.items() if name in _SHOWN},
+        "other_limits": sorted(limits.keys() - set(_SHOWN)),
+        "space": dict(zip(("mass", "length", "damping"), _space(problem).tolist(), strict=True)),
+        "recommended": plain(facts["pendulum"]),
+        "start": plain(start),
+        "runs": list(_stored_runs(problem, facts)),
+    }
+    if isinstance(problem, HarmonicProblem):
+        return out | _harmonic(problem, start, facts["pendulum"])
+    return out | _ground_motion(scene)
+
+
+def _problem_and_facts(subject: Subject) -> tuple[Problem, dict[str, Any]]:
+    """Problem of a subject, and what is known of its answer, under the keys of design.json."""
+    facts: dict[str, Any] = {"pendulum": None, "verdict": "", "validated": [], "equivalent": None, "title": ""}
+    match subject:
+        case Design():
+            names = ("validated", "equivalent")
+            facts |= plain({name: getattr(subject, name) for name in names})
+            facts |= {"pendulum": subject.pendulum, "verdict": subject.status.value}
+            return subject.problem, facts
+        case StoredDesign():
+            job = subject.job
+            facts |= {name: subject.content.get(name, facts[name]) for name in ("validated", "equivalent")}
+            facts |= {"pendulum": subject.pendulum, "verdict": subject.content.get("verdict", "")}
+        case Job():
+            job = subject
+        case _:
+            return problem_of(subject), facts
+    title = str(job.tables.get("project", {}).get("name", ""))
+    return problem_of(job.scene, **job.settings), facts | {"title": title}
+
+
+def _numbers_of(problem: Problem) -> dict[str, Any]:
+    """Block, gravity and bob as the page computes with them; SI units."""
+    scene, block, bob = problem.scene, problem.scene.block, bob_of(problem.limits)
+    return {
+        "nu": float(block.slenderness),
+        "rho": float(block.inertia_ratio),
+        "k": float(block.friction),
+        "restitution": block.restitution if isinstance(block.restitution, str) else float(block.restitution),
+        "gravity": float(scene.gravity),
+        "rate": float(scene.rate),
+        "mass": float(block.mass),
+        "halfHeight": float(block.half_height),
+        "width": float(block.width),
+        # Without a cavity the search has no limit on the clearance, and the drawing no walls.
+        "cavity": None if block.cavity_width is None else float(block.cavity_width),
+        "bob": {
+            "shape": bob.shape,
+            "density": float(bob.density),
+            "aspect": float(bob.aspect),
+            "rodShare": bob.rod_share(1.0, float(scene.gravity)),
+        },
+    }
+
+
+def _space(problem: Problem) -> np.ndarray:
+    """Least and largest mass, length and damping of the search in SI units, shape (3, 2)."""
+    block = problem.scene.block
+    return problem.space.ends.T * np.array([[float(block.mass)], [float(block.half_height)], [1.0]])
+
+
+def _first_pendulum(problem: Problem, facts: Mapping[str, Any]) -> Pendulum:
+    """The pendulum with which the page begins: the recommended one, else the last one that was validated, else
+    one in the middle of the space of the search."""
+    if facts["pendulum"] is not None:
+        return facts["pendulum"]
+    if facts["validated"]:
+        return Pendulum(**facts["validated"][-1]["pendulum"])
+    low, high = _space(problem).T
+    # Ratios span decades: their geometric mean is in the middle.
+    mass, length = np.sqrt(low * high)[:2].tolist()
+    return Pendulum(mass=mass, length=length, damping_ratio=float(low[2] + high[2]) / 2.0)
+
+
+def _ranges(problem: Problem, start: Pendulum) -> dict[str, tuple[float, float]]:
+    """Ranges of the sliders of the pendulum, in SI units."""
+    block, (mass, length, damping) = problem.scene.block, _space(problem)
+    heaviest = HEAVIEST_RATIO
+    if isinstance(block.restitution, str):
+        # A heavier bob would throw the block back at an impact.
+        heaviest = min(heaviest, 0.99 * float(heaviest_of_housner(block.slenderness, block.inertia_ratio)))
+
+    def wide(ends: np.ndarray, own: float, most: float) -> tuple[float, float]:
+        low, high = float(ends[0]), float(ends[1])
+        if low == high:
+            low, high = low / _WIDER, high * _WIDER
+        return min(low, own), min(max(high, own), most)
+
+    zeta = float(start.damping_ratio)
+    return {
+        "pendulum_mass": wide(mass, float(start.mass), heaviest * float(block.mass)),
+        "pendulum_length": wide(length, float(start.length), LONGEST_RATIO * float(block.half_height)),
+        # A hinge without damping has a range as well.
+        "pendulum_damping": wide(damping, zeta, LARGEST_DAMPING) if damping[1] > 0.0 else (0.0, 0.2),
+    }
+
+
+def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum | None) -> dict[str, Any]:
+    """Axes, tables of orbits and excitation under a harmonic."""
+    scene, motion = problem.scene, problem.scene.motion
+    own = {
+        "pendulum_mass": float(start.mass),
+        "pendulum_length": float(start.length),
+        "pendulum_damping": float(start.damping_ratio),
+        "frequency": float(motion.frequency),
+        "amplitude": float(motion.amplitude),
+    }
+    ranges = _ranges(problem, start)
+    for name, share in (("frequency", _FREQUENCIES), ("amplitude", _AMPLITUDES)):
+        factors = np.append(problem.conditions.column(name), share)
+        ranges[name] = own[name] * float(factors.min()), own[name] * float(factors.max())
+
+    def axes_of(counts: Mapping[str, int]) -> list[GridAxis]:
+        # The tilt is almost linear in the amplitude, and a hinge may have no damping.
+        linear = ("amplitude", "pendulum_damping")
+        return [axis(n, *ranges[n], c, [own[n]], log=n not in linear) for n, c in counts.items()]
+
+    fine = axes_of(_FINE)
+    tables = {"grid": solve(scene, axes_of(_COUNTS), start).encoded()}
+    tables["without"] = solve(scene, fine).encoded("tilt", "unstable", "tilt_error")
+    if recommended is not None:
+        tables["recommended"] = solve(scene, fine, recommended).encoded("tilt", "unstable")
+    return {"motion": {"amplitude": own["amplitude"], "frequency": own["frequency"]}, "tables": tables}
+
+
+def _ground_motion(scene: Scene) -> dict[str, Any]:
+    """Acceleration of the base under a pulse or a record, of which the page simulates the beginning."""
+    pieces = np.asarray(scene.motion.pieces())[:_LONGEST]
+    # A record is linear between its samples: its higher coefficients are zero and are left out.
+    order = max(np.flatnonzero(np.any(pieces != 0.0, axis=0)), default=0) + 1
+    return {
+        "ground": {
+            "name": getattr(scene.motion, "name", "") or type(scene.motion).__name__.lower(),
+            "peak": float(scene.motion.pga),
+            "piece": float(scene.motion.piece),
+            "order": int(order),
+            "data": base64.b64encode(pieces[:, :order].astype("<f4").tobytes()).decode(),
+        }
+    }
+
+
+def _stored_runs(problem: Problem, facts: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Validation runs of each validated design, with the range of (mu, lam, zeta) in which they hold."""
+    for i, v in enumerate(facts["validated"]):
+        runs = v["quoted"] or v["decided"]
+        if runs is None:
+            continue
+        design = np.array(v["design"])
+        low, high = design * (1.0 - _NEAR), design * (1.0 + _NEAR)
+        if facts["equivalent"] is not None and i == len(facts["validated"]) - 1:
+            low, high = (np.asarray(x) for x in facts["equivalent"])
+        si = np.array([float(problem.scene.block.mass), float(problem.scene.block.half_height), 1.0])
+        changes = {c["name"]: c for c in runs["changes"]}
+        yield {
+            "low": (np.minimum(low, design) * si).tolist(),
+            "high": (np.maximum(high, design) * si).tolist(),
+            "description": runs["runs"],
+            "benefit": runs["benefit"],
+            "mean": [changes["mean severity"][name] for name in ("with_pendulum", "without_pendulum")],
+            "overturned": [runs[case]["shares"]["overturned"] for case in ("with", "without")],
+            "sentences": [reason["sentence"] for reason in v["reasons"]],
+        }
