@@ -20,7 +20,7 @@ BATCH = 64
 """Of everything computed here, so that one compilation serves all tests."""
 ROWS = [row for row in load("harmonic") if row["what"] == "orbits"]
 """All orbits of scenes, by a scan and 50 digits."""
-_SIZES = "status amplitude stroke state phase crossing multipliers fold symmetry sticking grazing"
+_SIZES = "status amplitude swing state phase crossing multipliers fold symmetry sticking grazing"
 
 
 class Answers(namedtuple("Answers", f"{_SIZES} slopes overflow")):

@@ -100,7 +100,7 @@ class Steady(eqx.Module):
         lines = [
             f"{status_name(self.status)}: {Status[self.status]}",
             f"  amplitude    {self.amplitude:.6g} rad",
-            f"  stroke       {self.swing:.6g} rad",
+            f"  swing        {self.swing:.6g} rad",
             f"  multiplier   {number(float(self.multiplier))}",
             f"  repeats      after {counted_periods(int(self.periods))}",
         ]
@@ -274,7 +274,7 @@ def _still(x: Any) -> Any:
 
 _Answer = namedtuple(
     "_Answer",
-    "amplitude stroke status periods multiplier symmetric lyapunov state elapsed estimate",
+    "amplitude swing status periods multiplier symmetric lyapunov state elapsed estimate",
     defaults=(math.nan,),
 )
 """Numbers of a `Steady`, in the order of its fields."""

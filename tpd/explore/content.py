@@ -24,7 +24,7 @@ from tpd.scene.scene import LARGEST_DAMPING, Pendulum, Scene
 
 Subject = Design | StoredDesign | Job | Scene
 """What a page can be about."""
-_COUNTS = {"pendulum_mass": 12, "pendulum_length": 14, "pendulum_damping": 4, "frequency": 20, "amplitude": 3}
+_COUNTS = {"pendulum_mass": 10, "pendulum_length": 16, "pendulum_damping": 4, "frequency": 24, "amplitude": 3}
 """Nodes along each axis of the large table, without the values of the design, which are nodes as well."""
 _FINE = {"frequency": 121, "amplitude": 5}
 """Nodes of the tables without a pendulum and of the recommended design."""

@@ -63,9 +63,9 @@ export function lookUp(table, name, corners) {
   return { value: sum * unit, source: corners.length === 1 ? "exact" : "interpolated" };
 }
 
-/** Return the bound of the interpolation error of a field, the largest of the nodes around; 0 on a node. */
+/** Return the bound of the interpolation error of a field; 0 on a node. */
 export function errorAt(table, name, corners) {
   if (corners === null || corners.length === 1) return 0;
   const { codes, unit } = table.fields[`${name}_error`];
-  return Math.max(...corners.map(([index]) => (codes[index] === NONE ? NaN : codes[index] * unit)));
+  return corners.reduce((sum, [index, weight]) => sum + weight * (codes[index] === NONE ? NaN : codes[index] * unit), 0);
 }

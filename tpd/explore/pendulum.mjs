@@ -65,9 +65,10 @@ export function reachOf(scene, body, angle) {
  *
  * @param motion { tilt, swing, without }: steady tilt over nu, bob angle in rad, and tilt over nu without a
  *   pendulum; null keeps only the limits of the bob that hangs at rest
+ * @param body the body of the pendulum, if it is known already
  */
-export function limitShares(scene, limits, pendulum, motion) {
-  const shares = [], body = bodyOf(scene, pendulum);
+export function limitShares(scene, limits, pendulum, motion, body = bodyOf(scene, pendulum)) {
+  const shares = [];
   const add = (name, label, share) => shares.push({ name, label, share });
   const tilt = motion ? motion.tilt : 0, swing = motion ? motion.swing : 0, angle = swing + tilt * scene.nu;
   const { rod, mass } = body ?? { rod: pendulum.length, mass: pendulum.mass };
