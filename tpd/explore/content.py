@@ -24,8 +24,13 @@ from tpd.scene.scene import LARGEST_DAMPING, Pendulum, Scene
 
 Subject = Design | StoredDesign | Job | Scene
 """What a page can be about."""
-_COUNTS = {"pendulum_mass": 10, "pendulum_length": 16, "pendulum_damping": 4, "frequency": 24, "amplitude": 3}
+_COUNTS = {"mass": 10, "length": 16, "damping": 4, "frequency": 24, "amplitude": 3}
 """Nodes along each axis of the large table, without the values of the design, which are nodes as well."""
+_QUANTITIES = {name: f"pendulum_{name}" for name in ("mass", "length", "damping")}
+"""Names of the quantities of a pendulum in `Scene.quantities`, by their names on the page."""
+_LINEAR = "damping", "amplitude"
+"""Quantities with evenly spaced nodes: a hinge may have no damping, and the tilt is almost linear in the amplitude.
+The nodes of the others are evenly spaced on the logarithm."""
 _FINE = {"frequency": 121, "amplitude": 5}
 """Nodes of the tables without a pendulum and of the recommended design."""
 _FREQUENCIES, _AMPLITUDES = (0.6, 1.5), (0.5, 1.5)
@@ -37,6 +42,8 @@ _SHOWN = "stroke", "relative_stroke", "tilt", "mass", "offset", "clearance", "wo
 _NEAR = np.array([0.02, 0.02, 0.2])
 """Relative distance in mass, length and damping within which stored runs hold for a design without a tolerance
 range of its own: the scatter of the validation runs."""
+_SCALES = 0.1, 5.0
+"""Range of the slider of the factor on a ground motion."""
 _LONGEST = 40_000
 """Most pieces of a ground motion that the page simulates."""
 
@@ -54,7 +61,6 @@ def content(subject: Subject) -> dict[str, Any]:
     checks.require_x64()
     checks.instance("design", subject, (Design, StoredDesign, Job, Scene))
     problem, facts = _problem_and_facts(subject)
-    scene = problem.scene
     start = _first_pendulum(problem, facts)
     limits = {limit.name: next(iter(vars(limit).values()), True) for limit in problem.limits}
     out = {
@@ -71,7 +77,7 @@ def content(subject: Subject) -> dict[str, Any]:
     }
     if isinstance(problem, HarmonicProblem):
         return out | _harmonic(problem, start, facts["pendulum"])
-    return out | _ground_motion(scene)
+    return out | _ground_motion(problem, start)
 
 
 def _problem_and_facts(subject: Subject) -> tuple[Problem, dict[str, Any]]:
@@ -153,11 +159,12 @@ def _ranges(problem: Problem, start: Pendulum) -> dict[str, tuple[float, float]]
         return min(low, own), min(max(high, own), most)
 
     zeta = float(start.damping_ratio)
+    # The names are those of the controls of the page.
     return {
-        "pendulum_mass": wide(mass, float(start.mass), heaviest * float(block.mass)),
-        "pendulum_length": wide(length, float(start.length), LONGEST_RATIO * float(block.half_height)),
+        "mass": wide(mass, float(start.mass), heaviest * float(block.mass)),
+        "length": wide(length, float(start.length), LONGEST_RATIO * float(block.half_height)),
         # A hinge without damping has a range as well.
-        "pendulum_damping": wide(damping, zeta, LARGEST_DAMPING) if damping[1] > 0.0 else (0.0, 0.2),
+        "damping": wide(damping, zeta, LARGEST_DAMPING) if damping[1] > 0.0 else (0.0, 0.2),
     }
 
 
@@ -165,9 +172,9 @@ def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum |
     """Axes, tables of orbits and excitation under a harmonic."""
     scene, motion = problem.scene, problem.scene.motion
     own = {
-        "pendulum_mass": float(start.mass),
-        "pendulum_length": float(start.length),
-        "pendulum_damping": float(start.damping_ratio),
+        "mass": float(start.mass),
+        "length": float(start.length),
+        "damping": float(start.damping_ratio),
         "frequency": float(motion.frequency),
         "amplitude": float(motion.amplitude),
     }
@@ -177,24 +184,36 @@ def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum |
         ranges[name] = own[name] * float(factors.min()), own[name] * float(factors.max())
 
     def axes_of(counts: Mapping[str, int]) -> list[GridAxis]:
-        # The tilt is almost linear in the amplitude, and a hinge may have no damping.
-        linear = ("amplitude", "pendulum_damping")
-        return [axis(n, *ranges[n], c, [own[n]], log=n not in linear) for n, c in counts.items()]
+        return [
+            axis(_QUANTITIES.get(n, n), *ranges[n], count, [own[n]], log=n not in _LINEAR)
+            for n, count in counts.items()
+        ]
 
     fine = axes_of(_FINE)
     tables = {"grid": solve(scene, axes_of(_COUNTS), start).encoded()}
     tables["without"] = solve(scene, fine).encoded("tilt", "unstable", "tilt_error")
     if recommended is not None:
         tables["recommended"] = solve(scene, fine, recommended).encoded("tilt", "unstable")
-    return {"motion": {"amplitude": own["amplitude"], "frequency": own["frequency"]}, "tables": tables}
+    return {
+        "motion": {"amplitude": own["amplitude"], "frequency": own["frequency"]},
+        "ranges": _sliders(ranges),
+        "tables": tables,
+    }
 
 
-def _ground_motion(scene: Scene) -> dict[str, Any]:
+def _sliders(ranges: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
+    """Ranges of the sliders for the page, and whether they are evenly spaced on the logarithm."""
+    return {n: {"low": low, "high": high, "log": n not in _LINEAR} for n, (low, high) in ranges.items()}
+
+
+def _ground_motion(problem: Problem, start: Pendulum) -> dict[str, Any]:
     """Acceleration of the base under a pulse or a record, of which the page simulates the beginning."""
+    scene = problem.scene
     pieces = np.asarray(scene.motion.pieces())[:_LONGEST]
     # A record is linear between its samples: its higher coefficients are zero and are left out.
     order = max(np.flatnonzero(np.any(pieces != 0.0, axis=0)), default=0) + 1
     return {
+        "ranges": _sliders(_ranges(problem, start) | {"scale": _SCALES}),
         "ground": {
             "name": getattr(scene.motion, "name", "") or type(scene.motion).__name__.lower(),
             "peak": float(scene.motion.pga),
