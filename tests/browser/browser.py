@@ -1,4 +1,4 @@
-"""A headless Chromium that tests control through its DevTools protocol, over two pipes: no package is needed."""
+"""A headless Chromium that tests control through its DevTools protocol, over two pipes."""
 
 from __future__ import annotations
 
@@ -47,17 +47,14 @@ class Browser:
         message: dict[str, Any] = {"id": self.count, "method": method, "params": parameters}
         if self.session is not None:
             message["sessionId"] = self.session
-        os.write(self.to, json.dumps(message).encode() + b"\0") if len(str(message)) < 60_000 else self._write(message)
+        data = memoryview(json.dumps(message).encode() + b"\0")
+        while data:
+            data = data[os.write(self.to, data) :]
         while (answer := self._read()).get("id") != self.count:
             self._note(answer)
         if "error" in answer:
             raise RuntimeError(f"{method}: {answer['error']}")
         return answer["result"]
-
-    def _write(self, message: dict[str, Any]) -> None:
-        data = memoryview(json.dumps(message).encode() + b"\0")
-        while data:
-            data = data[os.write(self.to, data) :]
 
     def _note(self, event: dict[str, Any]) -> None:
         if event.get("method") == "Runtime.exceptionThrown":

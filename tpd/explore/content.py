@@ -1,4 +1,4 @@
-"""Content of the page as plain numbers and texts: block, limits, orbits, motion of the ground, and stored runs."""
+"""Content of the page as plain numbers and texts: block, limits, controls, orbits, and stored runs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 import tpd
 from tpd.core import checks
-from tpd.design.criteria import HEAVIEST_RATIO, LONGEST_RATIO, bob_of
+from tpd.design.criteria import HEAVIEST_RATIO, LABELS, LONGEST_RATIO, STILL, bob_of
 from tpd.design.design import Design
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
@@ -28,9 +28,18 @@ _COUNTS = {"mass": 10, "length": 16, "damping": 4, "frequency": 24, "amplitude":
 """Nodes along each axis of the large table, without the values of the design, which are nodes as well."""
 _QUANTITIES = {name: f"pendulum_{name}" for name in ("mass", "length", "damping")}
 """Names of the quantities of a pendulum in `Scene.quantities`, by their names on the page."""
+_LABELS = {
+    "mass": ("Mass of the bob", "kg"),
+    "length": ("Length of the pendulum", "m"),
+    "damping": ("Damping ratio of the hinge", ""),
+    "frequency": ("Frequency", "Hz"),
+    "amplitude": ("Amplitude", "m"),
+    "scale": ("Factor on the ground motion", ""),
+}
+"""Labels and units of the controls."""
 _LINEAR = "damping", "amplitude"
-"""Quantities with evenly spaced nodes: a hinge may have no damping, and the tilt is almost linear in the amplitude.
-The nodes of the others are evenly spaced on the logarithm."""
+"""Quantities with evenly spaced nodes: a hinge may have no damping, and the tilt is almost linear in the
+amplitude. The nodes of the others are evenly spaced on the logarithm."""
 _FINE = {"frequency": 121, "amplitude": 5}
 """Nodes of the tables without a pendulum and of the recommended design."""
 _FREQUENCIES, _AMPLITUDES = (0.6, 1.5), (0.5, 1.5)
@@ -40,8 +49,8 @@ _WIDER = 2.5
 _SHOWN = "stroke", "relative_stroke", "tilt", "mass", "offset", "clearance", "worsening"
 """Limits that the page evaluates."""
 _NEAR = np.array([0.02, 0.02, 0.2])
-"""Relative distance in mass, length and damping within which stored runs hold for a design without a tolerance
-range of its own: the scatter of the validation runs."""
+"""Relative distance in mass, length and damping within which stored runs hold for a design without a
+tolerance range of its own: the scatter of the validation runs."""
 _SCALES = 0.1, 5.0
 """Range of the slider of the factor on a ground motion."""
 _LONGEST = 40_000
@@ -72,7 +81,8 @@ def content(subject: Subject) -> dict[str, Any]:
         "other_limits": sorted(limits.keys() - set(_SHOWN)),
         "space": dict(zip(("mass", "length", "damping"), _space(problem).tolist(), strict=True)),
         "recommended": plain(facts["pendulum"]),
-        "start": plain(start),
+        "limit_labels": LABELS,
+        "still": STILL,
         "runs": list(_stored_runs(problem, facts)),
     }
     if isinstance(problem, HarmonicProblem):
@@ -82,7 +92,13 @@ def content(subject: Subject) -> dict[str, Any]:
 
 def _problem_and_facts(subject: Subject) -> tuple[Problem, dict[str, Any]]:
     """Problem of a subject, and what is known of its answer, under the keys of design.json."""
-    facts: dict[str, Any] = {"pendulum": None, "verdict": "", "validated": [], "equivalent": None, "title": ""}
+    facts: dict[str, Any] = {
+        "pendulum": None,
+        "verdict": "",
+        "title": "",
+        "validated": [],
+        "equivalent": None,
+    }
     match subject:
         case Design():
             names = ("validated", "equivalent")
@@ -132,7 +148,7 @@ def _space(problem: Problem) -> np.ndarray:
 
 
 def _first_pendulum(problem: Problem, facts: Mapping[str, Any]) -> Pendulum:
-    """The pendulum with which the page begins: the recommended one, else the last one that was validated, else
+    """Pendulum with which the page begins: the recommended one, else the last one that was validated, else
     one in the middle of the space of the search."""
     if facts["pendulum"] is not None:
         return facts["pendulum"]
@@ -169,15 +185,9 @@ def _ranges(problem: Problem, start: Pendulum) -> dict[str, tuple[float, float]]
 
 
 def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum | None) -> dict[str, Any]:
-    """Axes, tables of orbits and excitation under a harmonic."""
+    """Controls and tables of orbits under a harmonic."""
     scene, motion = problem.scene, problem.scene.motion
-    own = {
-        "mass": float(start.mass),
-        "length": float(start.length),
-        "damping": float(start.damping_ratio),
-        "frequency": float(motion.frequency),
-        "amplitude": float(motion.amplitude),
-    }
+    own = _values_of(start) | {"frequency": float(motion.frequency), "amplitude": float(motion.amplitude)}
     ranges = _ranges(problem, start)
     for name, share in (("frequency", _FREQUENCIES), ("amplitude", _AMPLITUDES)):
         factors = np.append(problem.conditions.column(name), share)
@@ -194,34 +204,51 @@ def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum |
     tables["without"] = solve(scene, fine).encoded("tilt", "unstable", "tilt_error")
     if recommended is not None:
         tables["recommended"] = solve(scene, fine, recommended).encoded("tilt", "unstable")
-    return {
-        "motion": {"amplitude": own["amplitude"], "frequency": own["frequency"]},
-        "ranges": _sliders(ranges),
-        "tables": tables,
-    }
-
-
-def _sliders(ranges: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
-    """Ranges of the sliders for the page, and whether they are evenly spaced on the logarithm."""
-    return {n: {"low": low, "high": high, "log": n not in _LINEAR} for n, (low, high) in ranges.items()}
+    return {"controls": _controls(own, ranges), "tables": tables}
 
 
 def _ground_motion(problem: Problem, start: Pendulum) -> dict[str, Any]:
-    """Acceleration of the base under a pulse or a record, of which the page simulates the beginning."""
-    scene = problem.scene
-    pieces = np.asarray(scene.motion.pieces())[:_LONGEST]
+    """Controls, and acceleration of the base under a pulse or a record, of which the page simulates the
+    beginning."""
+    motion: Any = problem.scene.motion
+    pieces = np.asarray(motion.pieces())[:_LONGEST]
     # A record is linear between its samples: its higher coefficients are zero and are left out.
-    order = max(np.flatnonzero(np.any(pieces != 0.0, axis=0)), default=0) + 1
+    order = int(max(np.flatnonzero(np.any(pieces != 0.0, axis=0)), default=0)) + 1
     return {
-        "ranges": _sliders(_ranges(problem, start) | {"scale": _SCALES}),
+        "controls": _controls(
+            _values_of(start) | {"scale": 1.0}, _ranges(problem, start) | {"scale": _SCALES}
+        ),
         "ground": {
-            "name": getattr(scene.motion, "name", "") or type(scene.motion).__name__.lower(),
-            "peak": float(scene.motion.pga),
-            "piece": float(scene.motion.piece),
-            "order": int(order),
+            "name": getattr(motion, "name", "") or type(motion).__name__.lower(),
+            "peak": float(motion.pga),
+            "piece": float(motion.piece),
+            "order": order,
             "data": base64.b64encode(pieces[:, :order].astype("<f4").tobytes()).decode(),
-        }
+        },
     }
+
+
+def _values_of(pendulum: Pendulum) -> dict[str, float]:
+    """Values of the controls of a pendulum."""
+    sizes = pendulum.mass, pendulum.length, pendulum.damping_ratio
+    return {name: float(x) for name, x in zip(_QUANTITIES, sizes, strict=True)}
+
+
+def _controls(own: Mapping[str, float], ranges: Mapping[str, tuple[float, float]]) -> list[dict[str, Any]]:
+    """Controls of the page: each with its name, label, unit, group, first value and range."""
+    return [
+        {
+            "name": name,
+            "label": _LABELS[name][0],
+            "unit": _LABELS[name][1],
+            "group": "pendulum" if name in _QUANTITIES else "excitation",
+            "value": value,
+            "low": ranges[name][0],
+            "high": ranges[name][1],
+            "log": name not in _LINEAR,
+        }
+        for name, value in own.items()
+    ]
 
 
 def _stored_runs(problem: Problem, facts: Mapping[str, Any]) -> Iterator[dict[str, Any]]:

@@ -5,6 +5,16 @@
 
 const NONE = 65535;
 
+/** Return the value at a share of a range { low, high, log }. */
+export function valueAt({ low, high, log }, share) {
+  return log ? low * (high / low) ** share : low + (high - low) * share;
+}
+
+/** Return the share of a range at which a value lies. */
+export function shareOf({ low, high, log }, value) {
+  return log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
+}
+
 /** Return a table whose fields are decoded from base64. */
 export function decode(table) {
   const fields = {};
@@ -25,8 +35,7 @@ function cellOf(axis, value) {
   if (!(value > values[0] && value < values[last])) return null;
   let low = 0;
   while (values[low + 1] < value) low++;
-  const at = log ? Math.log : (x) => x;
-  return { low, share: (at(value) - at(values[low])) / (at(values[low + 1]) - at(values[low])) };
+  return { low, share: shareOf({ low: values[low], high: values[low + 1], log }, value) };
 }
 
 /** Return the nodes around a point, their indices and weights; null outside of the table. */
@@ -67,5 +76,6 @@ export function lookUp(table, name, corners) {
 export function errorAt(table, name, corners) {
   if (corners === null || corners.length === 1) return 0;
   const { codes, unit } = table.fields[`${name}_error`];
-  return corners.reduce((sum, [index, weight]) => sum + weight * (codes[index] === NONE ? NaN : codes[index] * unit), 0);
+  const boundAt = (index) => (codes[index] === NONE ? NaN : codes[index] * unit);
+  return corners.reduce((sum, [index, weight]) => sum + weight * boundAt(index), 0);
 }

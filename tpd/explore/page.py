@@ -1,4 +1,4 @@
-"""The interactive page: one HTML file without network access, written from the content and the modules here."""
+"""The interactive page: one HTML file that needs no network, made of the content and the modules here."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from tpd.core import files
 from tpd.explore.content import Subject, content
 
-_MODULES = "rocking", "pendulum", "orbits", "app"
+_MODULES = "rocking", "pendulum", "orbits", "figures", "app"
 """Modules of the page; each imports only from those before it."""
 _HEIGHT = 900
 """Height of the page in a notebook, pixels."""
@@ -47,16 +47,16 @@ class Page:
 
 
 def explore(design: Subject) -> Page:
-    """Return an interactive page of a design: sliders, the response that follows them, and a block that rocks.
+    """Return an interactive page of a design: sliders, the response to them, and a block that rocks.
 
     The page has number fields and sliders for mass, length and damping of the pendulum and for frequency and
-    amplitude of the base motion. It shows the steady tilt over frequency and over mass and length, the limits,
-    the pendulum to scale, and the motion of the block with and without the pendulum by the nonlinear
+    amplitude of the base motion. It shows the steady tilt over frequency and over mass and length, the
+    limits, the pendulum to scale, and the motion of the block with and without the pendulum by the nonlinear
     equations (4). Each value on the page names its source.
 
     Args:
-        design: the answer of `optimise` or of `read_design`; or a `Job` or a `Scene`, for which no pendulum is
-            recommended and no runs are stored.
+        design: the answer of `optimise` or of `read_design`; or a `Job` or a `Scene`, for which no pendulum
+            is recommended and no runs are stored.
 
     Raises:
         ValueError: another object, or a scene or job that `optimise` would reject.

@@ -61,31 +61,29 @@ export function reachOf(scene, body, angle) {
 }
 
 /**
- * Return the limited quantities over their limits, as { name, label, share }: a limit is exceeded above 1.
+ * Return the limited quantities over their limits, as { name, share }: a limit is exceeded above 1.
  *
  * @param motion { tilt, swing, without }: steady tilt over nu, bob angle in rad, and tilt over nu without a
  *   pendulum; null keeps only the limits of the bob that hangs at rest
  * @param body the body of the pendulum, if it is known already
  */
 export function limitShares(scene, limits, pendulum, motion, body = bodyOf(scene, pendulum)) {
-  const shares = [];
-  const add = (name, label, share) => shares.push({ name, label, share });
+  const shares = [], add = (name, share) => shares.push({ name, share });
   const tilt = motion ? motion.tilt : 0, swing = motion ? motion.swing : 0, angle = swing + tilt * scene.nu;
   const { rod, mass } = body ?? { rod: pendulum.length, mass: pendulum.mass };
-  if ("mass" in limits) add("mass", "mass of the bob", mass / limits.mass);
+  if ("mass" in limits) add("mass", mass / limits.mass);
   if ("clearance" in limits) {
-    add("thickness", "half height of the bob over 0.6 of the rod", body ? body.half / (0.6 * rod) : Infinity);
-    add("depth", "lower end of the bob within the block", body ? (rod + body.half) / (2 * scene.halfHeight) : 0);
-    add("clearance", "clearance to the wall", body ? reachOf(scene, body, angle) / (0.5 * scene.cavity) : 0);
+    add("thickness", body ? body.half / (0.6 * rod) : Infinity);
+    add("depth", body ? (rod + body.half) / (2 * scene.halfHeight) : 0);
+    add("clearance", body ? reachOf(scene, body, angle) / (0.5 * scene.cavity) : 0);
   }
   if (!motion) return shares;
-  if ("stroke" in limits) add("stroke", "bob angle", swing / limits.stroke);
-  if ("relative_stroke" in limits) add("relative_stroke", "rod to block angle", angle / limits.relative_stroke);
-  if ("tilt" in limits) add("tilt", "steady tilt", tilt / limits.tilt);
-  if ("offset" in limits) add("offset", "offset of the bob", (rod * Math.sin(Math.min(angle, Math.PI / 2))) / limits.offset);
+  if ("stroke" in limits) add("stroke", swing / limits.stroke);
+  if ("relative_stroke" in limits) add("relative_stroke", angle / limits.relative_stroke);
+  if ("tilt" in limits) add("tilt", tilt / limits.tilt);
+  if ("offset" in limits) add("offset", (rod * Math.sin(Math.min(angle, Math.PI / 2))) / limits.offset);
   // Relative to a very small tilt every tilt would be a worsening: at least 0.02 of the slenderness is allowed.
-  if ("worsening" in limits && motion.without >= 0) {
-    add("worsening", "tilt over that without a pendulum", tilt / ((1 + limits.worsening) * Math.max(motion.without, 0.02)));
-  }
+  const most = (1 + limits.worsening) * Math.max(motion.without, 0.02);
+  if ("worsening" in limits && Number.isFinite(most)) add("worsening", tilt / most);
   return shares;
 }

@@ -1,4 +1,4 @@
-"""Tables of symmetric orbits for the page: the exact orbits on a grid, with bounds of the interpolation error.
+"""Tables of symmetric orbits for the page: exact orbits on a grid, with bounds of the interpolation error.
 
 An orbit of the page is a symmetric period-one orbit of the linear equations (25), see
 `tpd.answers.symmetric_orbits`. Between the nodes of a grid the browser interpolates linearly along each axis.
@@ -96,9 +96,7 @@ def solve(scene: Scene, axes: Sequence[GridAxis], pendulum: Any = None) -> Table
     grid = np.meshgrid(*(a.values for a in axes), indexing="ij")
     shape = grid[0].shape
     # Housner's restitution stays tied to the mass of the bob, which may vary along an axis.
-    quantities = scene.quantities(pendulum) | {
-        a.name: x.ravel() for a, x in zip(axes, grid, strict=True)
-    }
+    quantities = scene.quantities(pendulum) | {a.name: x.ravel() for a, x in zip(axes, grid, strict=True)}
     orbits = solve_orbits(row_of(Parameters(**dimensionless(quantities))))
     nu = float(scene.block.slenderness)
     sizes, status = orbits["sizes"], orbits["status"].astype(int)
