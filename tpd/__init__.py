@@ -5,7 +5,7 @@ Names are imported on first use, so that `tpd --help` does not wait for JAX. The
 The equations of the paper (Collini et al. 2016), corrected where it is misprinted (`tpd.theory.paper`), and
 the functions that compute them: `tests/test_equation_table.py` compares each with its equation. A folder
 imports only from those named before it: formats, core, cluster, scene, records, theory, exact, models,
-answers, engines, design, plots, report, cli.
+answers, engines, design, plots, report, explore, cli.
 
 | equation | content | function |
 |---|---|---|

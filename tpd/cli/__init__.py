@@ -1,6 +1,6 @@
 # PYTHON_ARGCOMPLETE_OK
-"""Command line: `tpd new`, `record`, `assess`, `optimise`, `check`, `response`, `map`, `shake`, `spectrum`,
-`fragility` and `export`.
+"""Command line: `tpd new`, `record`, `assess`, `optimise`, `check`, `explore`, `response`, `map`, `shake`,
+`spectrum`, `fragility` and `export`.
 
 The grammar of all commands is in `grammar`. A command is a module with a function `run`, which is imported
 when the command is chosen: the help does not wait for JAX.

@@ -220,6 +220,15 @@ def _check(command: Parser) -> None:
     _number(engine, "--sliding", "MU", _SLIDING)
 
 
+def _explore(command: Parser) -> None:
+    text = "report directory, its design.json, or a job file in TOML"
+    command.add_argument("source", type=path_of, metavar="DESIGN", help=text)
+    text = "default explore.html in the report directory, or here for a job file"
+    command.add_argument("--out", type=path_of, metavar="FILE", help=text)
+    _switch(command, "--open", "open the page in the browser")
+    _switch(command, "--overwrite", "replace FILE if it exists")
+
+
 def _response(command: Parser) -> None:
     _case(command, *HARMONIC)
     _number(command, "--from", "HZ", "lowest frequency, Hz (default 0.4 of the scene's)", dest="low")
@@ -330,6 +339,17 @@ COMMANDS = {
         "tpd check --scene tower.toml --mass-ratio 0.03 --length-ratio 0.2",
         "Exit status: 0 it helps and it fits; 2 bad input; 3 one of these fails, and the last line says "
         "which; 130 interrupted.",
+    ),
+    "explore": Command(
+        _explore,
+        "write an interactive page of a design: sliders, and a block that rocks",
+        "",
+        "Write one HTML page that needs no network. Sliders and number fields change mass, length and damping of "
+        "the pendulum, and frequency and amplitude of the base motion. The page shows the steady tilt over "
+        "frequency and over mass and length, the limits, the pendulum to scale, and the motion of the block "
+        "with and without the pendulum. Every value names its source. For a job file no pendulum is searched.",
+        "tpd explore tower.toml",
+        "Exit status: 0 written, 2 bad input or an existing file.",
     ),
     "response": Command(
         _response,
