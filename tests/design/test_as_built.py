@@ -106,8 +106,8 @@ def test_parts_withstand_the_largest_loads(harmonic):
     )
     # Between axis and wall a damper has room that is as long as its stroke.
     narrow = parts_of(dataclasses.replace(build, wall=0.24), 500.0)
-    assert (narrow.arm, narrow.swing, narrow.stop) == pytest.approx((0.2, 0.16, 0.24))
-    assert narrow.arm * 0.4 + narrow.swing == pytest.approx(0.24)
+    assert (narrow.arm, narrow.stroke, narrow.stop) == pytest.approx((0.2, 0.16, 0.24))
+    assert narrow.arm * 0.4 + narrow.stroke == pytest.approx(0.24)
     assert np.isnan(parts_of(dataclasses.replace(build, wall=0.15), 500.0).stop_force)
     unknown = parts_of(dataclasses.replace(build, wall=np.nan, reach=np.nan), 500.0)
     assert (unknown.arm, np.isnan(unknown.stop_force)) == (0.3, True)

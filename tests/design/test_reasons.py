@@ -35,6 +35,11 @@ SENTENCES = {
         "the mean tilt falls by 3.4% (95 % interval from -1.0%), and a significant reduction of 10.0% with "
         "an interval from at least 5.0% is required",
     ),
+    ReasonKind.slides: (
+        {"value": 0.517, "reference": 0.4},
+        "while the block rocks with the pendulum, its base needs a coefficient of friction of 0.52, but has "
+        "0.4: the base would slide, and the equations have no sliding",
+    ),
     ReasonKind.undecided: (
         {"value": 3.0, "total": 64},
         "3 of 64 runs have no answer, and the verdict depends on them",

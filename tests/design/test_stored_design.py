@@ -81,7 +81,7 @@ def test_what_is_read_is_what_was_written(design, damaged, tmp_path):
     assert found.versions["tpd"] == tpd.__version__
     assert found.path == tmp_path / "design.json"
     assert tpd.read_design(str(found.path)).job.scene == design.scene
-    assert str(found).splitlines()[0] == "Stored design: found"
+    assert str(found).splitlines()[0] == "Stored design: recommended"
     assert dataclasses.is_dataclass(found)
     assert damaged(pendulum=None).pendulum is None
     assert damaged(of_an_earlier_time=[1.0]).status == found.status, "what is not read may be there"
@@ -90,10 +90,10 @@ def test_what_is_read_is_what_was_written(design, damaged, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"version": 4}, "must be of version 9, but is of 4: run the job again"),
+        ({"version": 4}, "must be of version 10, but is of 4: run the job again"),
         ({"pendulum": ...}, "is not a design: it has no `pendulum`"),
         ({"job": ...}, "is not the design of a report: it has no `job`"),
-        ({"status": "good"}, "`status` must be one of found, tuned_only, too_few"),
+        ({"status": "good"}, "`status` must be one of recommended, tuned_only, too_few"),
         ({"status": True}, "`status` must be a text, but is True"),
         ({"pendulum": {"mass": 1.0, "length": -1.0, "damping_ratio": 0.1}}, "`length` must be positive"),
         ({"pendulum": [1.0]}, "`pendulum` must be a table, but is [1.0]"),

@@ -35,7 +35,7 @@ def changed(design, tilt, size, count=60):
     trials = dataclasses.replace(
         design.trials,
         designs=x,
-        names=("swing",),
+        names=("stroke",),
         sizes=size(x)[:, None],
         undecided=np.arange(count) % 2,
         process=fit(Observations(u, tilt(x))),
@@ -46,7 +46,7 @@ def changed(design, tilt, size, count=60):
 
 def test_edges_are_those_of_the_limits(single):
     ax = tpd.plot(changed(single, lambda x: 0.1 + 2.0 * x[:, 0], lambda x: np.exp(x[:, 1] - 0.8)))
-    assert "swing" in words(ax.texts)
+    assert "stroke" in words(ax.texts)
     assert len(lines(ax)["runs without an answer"].get_xdata()) == 30
 
 
@@ -107,7 +107,7 @@ def test_fixed_values_have_no_axis(single, space, axes, words):
     u = np.random.default_rng(1).random((40, len(axes)))
     x = problem.space.unscaled(u)
     tilt = 0.2 + x[:, axes[0]]
-    given = {"designs": x, "value": tilt, "process": fit(Observations(u, tilt)), "names": ("swing",)}
+    given = {"designs": x, "value": tilt, "process": fit(Observations(u, tilt)), "names": ("stroke",)}
     given |= {"sizes": np.exp(u[:, :1] - 0.5), "undecided": np.zeros(40, int)}
     trials = dataclasses.replace(single.trials, **given)
     best = dataclasses.replace(single.validated[-1], design=x[0])

@@ -89,7 +89,7 @@ def test_motions_and_responses_are_tables():
     head, rows = read(response_csv((without, with_it)))
     names = ("status", "amplitude_rad", "swing_rad", "share_overturned", "share_low", "share_high")
     sizes = [f"{case}_{name}" for case in ("without", "with") for name in names]
-    sizes.remove("without_stroke_rad")
+    sizes.remove("without_swing_rad")
     assert head == ["frequency_Hz", *sizes]
     numbers = np.array([[row[i] for i in (0, 2, 3, 7, 8)] for row in rows], float).T
     known = without.frequency, without.amplitude, without.overturning[0], with_it.amplitude, with_it.swing

@@ -344,10 +344,11 @@ COMMANDS = {
         _explore,
         "write an interactive page of a design: sliders, and a block that rocks",
         "",
-        "Write one HTML page that needs no network. Sliders and number fields change mass, length and damping of "
-        "the pendulum, and frequency and amplitude of the base motion. The page shows the steady tilt over "
+        "Write one HTML page that needs no network. Sliders and number fields change mass, length and damping "
+        "of the pendulum, and frequency and amplitude of the base motion. The page shows the steady tilt over "
         "frequency and over mass and length, the limits, the pendulum to scale, and the motion of the block "
-        "with and without the pendulum. Every value names its source. For a job file no pendulum is searched.",
+        "with and without the pendulum. Every value names its source. For a job file, `tpd explore` does not "
+        "search for a pendulum.",
         "tpd explore tower.toml",
         "Exit status: 0 written, 2 bad input or an existing file.",
     ),

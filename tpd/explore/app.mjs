@@ -316,7 +316,7 @@ function drawMotions() {
     c.lineWidth = 1.5 / scale;
     drawBlock(c, scene, i ? body : null, tilt, [[motion.y[1], BLUE]]);
     drawLine(c, [[-floor, 0], [floor, 0]], INK, 2.5 / scale);
-    const text = `Tilt ${degrees(tilt / scene.nu)} at ${clock.toFixed(1)} s.`;
+    const text = `Tilt ${((tilt * 180) / Math.PI).toFixed(2)}° at ${clock.toFixed(1)} s.`;
     byId(`state-${name}`).textContent = motion.overturned ? "The block has overturned." : text;
   });
   const span = ground ? base.duration + FREE : PERIODS / state.frequency, from = Math.max(0, clock - span);
@@ -360,6 +360,7 @@ function update() {
 function begin() {
   byId("title").textContent = document.title = data.title ? `${data.title}: explore the design` : "Explore the design";
   byId("verdict").textContent = data.verdict;
+  byId("ground").textContent = ground ? `(${ground.name})` : "";
   byId("version").textContent = `Written by tpd ${data.version}.`;
   const others = data.other_limits.join(", ");
   byId("other-limits").textContent = others ? `Not evaluated on this page: ${others}.` : "";
@@ -382,7 +383,12 @@ function begin() {
     const [x, y] = [(offsetX - left) / (right - left), (bottom - offsetY) / (bottom - top)];
     set({ mass: valueAt(ranges.mass, x), length: valueAt(ranges.length, y) });
   });
-  window.addEventListener("resize", update);
+  window.addEventListener("resize", () => {
+    // The figures have another size, but the motion goes on.
+    const kept = [motions, traces, clock];
+    update();
+    [motions, traces, clock] = kept;
+  });
   // Readers who want less motion start the animation themselves.
   if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) byId("play").click();
   set(first);

@@ -12,6 +12,7 @@ import tpd
 from tpd.core import checks
 from tpd.design.criteria import HEAVIEST_RATIO, LABELS, LONGEST_RATIO, STILL, bob_of
 from tpd.design.design import Design
+from tpd.design.ground_motion import motion_factors
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
@@ -210,7 +211,10 @@ def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum |
 def _ground_motion(problem: Problem, start: Pendulum) -> dict[str, Any]:
     """Controls, and acceleration of the base under a pulse or a record, of which the page simulates the
     beginning."""
-    motion: Any = problem.scene.motion
+    conditions = problem.conditions
+    # The slider begins with the first condition of the design.
+    factor = float(motion_factors(problem.scene, conditions)[0])
+    motion = conditions.motions[int(np.asarray(conditions.which)[0])].scaled(factor)
     pieces = np.asarray(motion.pieces())[:_LONGEST]
     # A record is linear between its samples: its higher coefficients are zero and are left out.
     order = int(max(np.flatnonzero(np.any(pieces != 0.0, axis=0)), default=0)) + 1
@@ -219,7 +223,7 @@ def _ground_motion(problem: Problem, start: Pendulum) -> dict[str, Any]:
             _values_of(start) | {"scale": 1.0}, _ranges(problem, start) | {"scale": _SCALES}
         ),
         "ground": {
-            "name": getattr(motion, "name", "") or type(motion).__name__.lower(),
+            "name": conditions.label(0),
             "peak": float(motion.pga),
             "piece": float(motion.piece),
             "order": order,
