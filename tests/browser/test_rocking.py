@@ -111,7 +111,8 @@ def test_the_force_in_the_rod_is_that_of_the_acceleration_of_the_bob():
     times = [tau - h, tau, tau + h]
     follow = """({ p, start, times }) => {
       const motion = new Motion(p, start);
-      return times.map((tau) => (motion.advance(tau), { y: [...motion.y], tension: motion.tension, side: motion.side }));
+      const at = ({ y, tension, side }) => ({ y: [...y], tension, side });
+      return times.map((tau) => at(motion.advance(tau)));
     }"""
     before, now, after = run("rocking", "Motion", follow, {"p": q, "start": start, "times": times})
     assert before["side"] == now["side"] == after["side"] != 0

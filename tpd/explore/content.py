@@ -77,7 +77,7 @@ def content(subject: Subject) -> dict[str, Any]:
         "version": tpd.__version__,
         "title": facts["title"],
         "verdict": facts["verdict"],
-        "scene": _numbers_of(problem),
+        "scene": block_numbers(problem),
         "limits": {name: plain(value) for name, value in limits.items() if name in _SHOWN},
         "other_limits": sorted(limits.keys() - set(_SHOWN)),
         "space": dict(zip(("mass", "length", "damping"), _space(problem).tolist(), strict=True)),
@@ -118,8 +118,8 @@ def _problem_and_facts(subject: Subject) -> tuple[Problem, dict[str, Any]]:
     return problem_of(job.scene, **job.settings), facts | {"title": title}
 
 
-def _numbers_of(problem: Problem) -> dict[str, Any]:
-    """Block, gravity and bob as the page computes with them; SI units."""
+def block_numbers(problem: Problem) -> dict[str, Any]:
+    """Return block, gravity and bob as the page computes with them, in SI units."""
     scene, block, bob = problem.scene, problem.scene.block, bob_of(problem.limits)
     return {
         "nu": float(block.slenderness),
