@@ -23,7 +23,7 @@ HOLDS = 0.985
 """Least share of random points at which the bound of the error holds."""
 LOOK_UP = """({ table, points }) => {
   const decoded = decode(table);
-  const read = (name, corners) => ({ ...lookUp(decoded, name, corners), error: errorAt(decoded, name, corners) });
+  const read = (name, at) => ({ ...lookUp(decoded, name, at), error: errorAt(decoded, name, at) });
   return points.map((point) => ["tilt", "swing"].map((name) => read(name, place(decoded, point))));
 }"""
 

@@ -397,4 +397,11 @@ function begin() {
 
 begin();
 // Tests and measurements read these.
-globalThis.tpdPage = { state, set, frames: () => frames.length, duration: () => update.duration };
+globalThis.tpdPage = {
+  state, set,
+  control: (name) => ranges[name],
+  area: () => drawMap.area,
+  clock: () => clock,
+  frames: () => frames.length,
+  duration: () => update.duration,
+};
