@@ -11,7 +11,7 @@ import pytest
 import tpd
 from tests.browser.browser import Browser, browser, find
 from tests.browser.test_orbits import CHIMNEY, exact
-from tests.designs import harmonic_design
+from tests.explore import made
 
 pytestmark = pytest.mark.skipif(
     find() is None, reason="needs a browser (Debian: apt-get install chromium): the page was not tested"
@@ -45,7 +45,7 @@ def window():
 def pages(tmp_path_factory) -> dict[str, Path]:
     """Pages as files: the chimney, and a design with validation runs."""
     folder = tmp_path_factory.mktemp("pages")
-    subjects = {"chimney": CHIMNEY, "design": harmonic_design()}
+    subjects = {"chimney": CHIMNEY, "design": made.design()}
     return {name: tpd.explore(of).write(folder / f"{name}.html") for name, of in subjects.items()}
 
 
