@@ -17,7 +17,8 @@ _NAME = "explore.html"
 
 def run(options: argparse.Namespace) -> int:
     """Write the page and print its path; return the exit status."""
-    subject = _read(options.source)
+    source: Path = options.source
+    subject = Job.read(source) if source.suffix == ".toml" else read_design(source)
     folder = subject.path.parent if isinstance(subject, StoredDesign) else Path()
     out = folder / _NAME if options.out is None else options.out
     # Before the work: a page takes seconds.
@@ -27,6 +28,7 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError(f"{out} exists already: choose another name with --out, or pass --overwrite")
     with interrupts.announced(f"computing the orbits of the page {out}"):
         common.set_up(subject.job if isinstance(subject, StoredDesign) else subject)
+        # JAX must be set up before a module imports it.
         from tpd.explore.page import explore, link
 
         page = explore(subject)
@@ -36,12 +38,3 @@ def run(options: argparse.Namespace) -> int:
     if options.open and not webbrowser.open(out.resolve().as_uri()):
         print("no browser was found: open the page yourself")
     return interrupts.SOUND
-
-
-def _read(source: Path) -> StoredDesign | Job:
-    """Design of a report directory or its design.json, or the job of a file in TOML.
-
-    Raises:
-        ValueError: a file that cannot be read, or is neither.
-    """
-    return Job.read(source) if source.suffix == ".toml" else read_design(source)

@@ -221,8 +221,12 @@ def _check(command: Parser) -> None:
 
 
 def _explore(command: Parser) -> None:
-    text = "report directory, its design.json, or a job file in TOML"
-    command.add_argument("source", type=path_of, metavar="DESIGN", help=text)
+    command.add_argument(
+        "source",
+        type=path_of,
+        metavar="DESIGN",
+        help="report directory, its design.json, or a job file in TOML",
+    )
     text = "default explore.html in the report directory, or here for a job file"
     command.add_argument("--out", type=path_of, metavar="FILE", help=text)
     _switch(command, "--open", "open the page in the browser")
@@ -344,11 +348,11 @@ COMMANDS = {
         _explore,
         "write an interactive page of a design: sliders, and a block that rocks",
         "",
-        "Write one HTML page that needs no network. Sliders and number fields change mass, length and damping "
-        "of the pendulum, and frequency and amplitude of the base motion. The page shows the steady tilt over "
-        "frequency and over mass and length, the limits, the pendulum to scale, and the motion of the block "
-        "with and without the pendulum. Every value names its source. For a job file, `tpd explore` does not "
-        "search for a pendulum.",
+        "Write one HTML page that needs no network. Sliders and number fields change mass, length and "
+        "damping of the pendulum, and frequency and amplitude of the base motion. The page shows the steady "
+        "tilt over frequency and over mass and length, the limits, the pendulum to scale, and the motion of "
+        "the block with and without the pendulum. Every value names its source. For a job file, `tpd "
+        "explore` does not search for a pendulum.",
         "tpd explore tower.toml",
         "Exit status: 0 written, 2 bad input or an existing file.",
     ),

@@ -13,7 +13,7 @@ const COLUMNS = 90, ROWS = 64; // Samples of the map.
 
 const byId = (id) => document.getElementById(id);
 const create = (tag, properties = {}) => Object.assign(document.createElement(tag), properties);
-const percent = (x) => `${format(100 * x, 2)} %`;
+const percent = (x) => (x === null ? "unknown" : `${format(100 * x, 2)} %`);
 
 const data = JSON.parse(byId("data").textContent);
 const { scene, limits, controls, ground, tables } = data;

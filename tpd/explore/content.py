@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,12 +19,11 @@ from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
 from tpd.design.stored_design import StoredDesign
 from tpd.explore.tables import GridAxis, axis, solve
-from tpd.report.json import plain
 from tpd.scene.impacts import heaviest_of_housner
 from tpd.scene.scene import LARGEST_DAMPING, Pendulum, Scene
 
 Subject = Design | StoredDesign | Job | Scene
-"""What a page can be about."""
+"""Objects that a page can show."""
 _COUNTS = {"mass": 10, "length": 16, "damping": 4, "frequency": 24, "amplitude": 3}
 """Nodes along each axis of the large table, without the values of the design, which are nodes as well."""
 _QUANTITIES = {name: f"pendulum_{name}" for name in ("mass", "length", "damping")}
@@ -58,6 +57,30 @@ _LONGEST = 40_000
 """Most pieces of a ground motion that the page simulates."""
 
 
+class Validation(NamedTuple):
+    """One validated design as the page needs it."""
+
+    design: np.ndarray
+    """(mu, lam, zeta)."""
+    pendulum: Pendulum
+    runs: Mapping[str, Any] | None
+    """Summary of the paired runs that the report quotes, with the keys of design.json; None without runs."""
+    sentences: list[str]
+    """Reasons against the design."""
+
+
+class Answer(NamedTuple):
+    """Answer of `optimise` as the page needs it; empty for a job or a scene."""
+
+    title: str = ""
+    verdict: str = ""
+    pendulum: Pendulum | None = None
+    """Recommended pendulum; None where no pendulum is recommended."""
+    validations: tuple[Validation, ...] = ()
+    equivalent: Any = None
+    """Least and largest (mu, lam, zeta) of designs that perform equally well, shape (2, 3), or None."""
+
+
 def content(subject: Subject) -> dict[str, Any]:
     """Return everything that the page holds, ready for JSON.
 
@@ -70,52 +93,61 @@ def content(subject: Subject) -> dict[str, Any]:
     """
     checks.require_x64()
     checks.instance("design", subject, (Design, StoredDesign, Job, Scene))
-    problem, facts = _problem_and_facts(subject)
-    start = _first_pendulum(problem, facts)
-    limits = {limit.name: next(iter(vars(limit).values()), True) for limit in problem.limits}
+    problem, answer = _problem_and_answer(subject)
+    start = _first_pendulum(problem, answer)
+    # Each limit that the page evaluates has one number, or none: then its name is enough.
+    values = {limit.name: next(iter(vars(limit).values()), True) for limit in problem.limits}
+    limits = {
+        name: x if isinstance(x, (int, float)) else True for name, x in values.items() if name in _SHOWN
+    }
     out = {
         "version": tpd.__version__,
-        "title": facts["title"],
-        "verdict": facts["verdict"],
+        "title": answer.title,
+        "verdict": answer.verdict,
         "scene": block_numbers(problem),
-        "limits": {name: plain(value) for name, value in limits.items() if name in _SHOWN},
-        "other_limits": sorted(limits.keys() - set(_SHOWN)),
-        "space": dict(zip(("mass", "length", "damping"), _space(problem).tolist(), strict=True)),
-        "recommended": plain(facts["pendulum"]),
+        "limits": limits,
+        "other_limits": sorted(values.keys() - limits.keys()),
         "limit_labels": LABELS,
         "still": STILL,
-        "runs": list(_stored_runs(problem, facts)),
+        "space": dict(zip(_QUANTITIES, _space(problem).tolist(), strict=True)),
+        "recommended": None if answer.pendulum is None else _values_of(answer.pendulum),
+        "runs": list(_stored_runs(problem, answer)),
     }
+    # Only a harmonic has steady motions. Under a pulse or a record the browser simulates the motion alone.
     if isinstance(problem, HarmonicProblem):
-        return out | _harmonic(problem, start, facts["pendulum"])
+        return out | _harmonic(problem, start, answer.pendulum)
     return out | _ground_motion(problem, start)
 
 
-def _problem_and_facts(subject: Subject) -> tuple[Problem, dict[str, Any]]:
-    """Problem of a subject, and what is known of its answer, under the keys of design.json."""
-    facts: dict[str, Any] = {
-        "pendulum": None,
-        "verdict": "",
-        "title": "",
-        "validated": [],
-        "equivalent": None,
-    }
+def _problem_and_answer(subject: Subject) -> tuple[Problem, Answer]:
+    """Problem of a subject, and what is known of its answer."""
     match subject:
         case Design():
-            names = ("validated", "equivalent")
-            facts |= plain({name: getattr(subject, name) for name in names})
-            facts |= {"pendulum": subject.pendulum, "verdict": subject.status.value}
-            return subject.problem, facts
+            validations = tuple(
+                Validation(v.design, v.pendulum, v.runs and v.runs.summary(), [*v.refusals])
+                for v in subject.validated
+            )
+            more = subject.pendulum, validations, subject.equivalent
+            return subject.problem, Answer("", subject.status.value, *more)
         case StoredDesign():
-            job = subject.job
-            facts |= {name: subject.content.get(name, facts[name]) for name in ("validated", "equivalent")}
-            facts |= {"pendulum": subject.pendulum, "verdict": subject.content.get("verdict", "")}
+            # The file has the same numbers as a design, under the names of the fields.
+            validations = tuple(
+                Validation(
+                    design=np.array(v["design"]),
+                    pendulum=Pendulum(**v["pendulum"]),
+                    runs=v["quoted"] or v["decided"],
+                    sentences=[reason["sentence"] for reason in v["reasons"]],
+                )
+                for v in subject.content.get("validated", ())
+            )
+            verdict, equivalent = (subject.content.get(name) for name in ("verdict", "equivalent"))
+            job, answer = subject.job, Answer("", verdict or "", subject.pendulum, validations, equivalent)
         case Job():
-            job = subject
+            job, answer = subject, Answer()
         case _:
-            return problem_of(subject), facts
+            return problem_of(subject), Answer()
     title = str(job.tables.get("project", {}).get("name", ""))
-    return problem_of(job.scene, **job.settings), facts | {"title": title}
+    return problem_of(job.scene, **job.settings), answer._replace(title=title)
 
 
 def block_numbers(problem: Problem) -> dict[str, Any]:
@@ -148,13 +180,13 @@ def _space(problem: Problem) -> np.ndarray:
     return problem.space.ends.T * np.array([[float(block.mass)], [float(block.half_height)], [1.0]])
 
 
-def _first_pendulum(problem: Problem, facts: Mapping[str, Any]) -> Pendulum:
+def _first_pendulum(problem: Problem, answer: Answer) -> Pendulum:
     """Pendulum with which the page begins: the recommended one, else the last one that was validated, else
     one in the middle of the space of the search."""
-    if facts["pendulum"] is not None:
-        return facts["pendulum"]
-    if facts["validated"]:
-        return Pendulum(**facts["validated"][-1]["pendulum"])
+    if answer.pendulum is not None:
+        return answer.pendulum
+    if answer.validations:
+        return answer.validations[-1].pendulum
     low, high = _space(problem).T
     # Ratios span decades: their geometric mean is in the middle.
     mass, length = np.sqrt(low * high)[:2].tolist()
@@ -255,24 +287,34 @@ def _controls(own: Mapping[str, float], ranges: Mapping[str, tuple[float, float]
     ]
 
 
-def _stored_runs(problem: Problem, facts: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Validation runs of each validated design, with the range of (mu, lam, zeta) in which they hold."""
-    for i, v in enumerate(facts["validated"]):
-        runs = v["quoted"] or v["decided"]
+def _stored_runs(problem: Problem, answer: Answer) -> Iterator[dict[str, Any]]:
+    """Validation runs of each validated design, with the range of the pendulum in which they hold."""
+    block = problem.scene.block
+    si = np.array([float(block.mass), float(block.half_height), 1.0])
+    for i, (design, _, runs, sentences) in enumerate(answer.validations):
+        # A limit that needs no run can reject a design before its runs.
         if runs is None:
             continue
-        design = np.array(v["design"])
         low, high = design * (1.0 - _NEAR), design * (1.0 + _NEAR)
-        if facts["equivalent"] is not None and i == len(facts["validated"]) - 1:
-            low, high = (np.asarray(x) for x in facts["equivalent"])
-        si = np.array([float(problem.scene.block.mass), float(problem.scene.block.half_height), 1.0])
-        changes = {c["name"]: c for c in runs["changes"]}
+        # The tolerance range is that of the recommended design, which is the last one.
+        if answer.equivalent is not None and i == len(answer.validations) - 1:
+            low, high = np.asarray(answer.equivalent)
+        # In memory the parts of a summary are objects, and in a file they are dictionaries.
+        benefit, changes = _fields(runs["benefit"]), [_fields(change) for change in runs["changes"]]
+        mean = next(change for change in changes if change["name"] == "mean severity")
         yield {
             "low": (np.minimum(low, design) * si).tolist(),
             "high": (np.maximum(high, design) * si).tolist(),
             "description": runs["runs"],
-            "benefit": runs["benefit"],
-            "mean": [changes["mean severity"][name] for name in ("with_pendulum", "without_pendulum")],
-            "overturned": [runs[case]["shares"]["overturned"] for case in ("with", "without")],
-            "sentences": [reason["sentence"] for reason in v["reasons"]],
+            "benefit": benefit,
+            "mean": [mean["with_pendulum"], mean["without_pendulum"]],
+            "overturned": [list(runs[case]["shares"]["overturned"]) for case in ("with", "without")],
+            "sentences": sentences,
         }
+
+
+def _fields(x: Any) -> dict[str, Any]:
+    """Fields of a dictionary, a tuple with names, or a dataclass."""
+    if isinstance(x, dict):
+        return x
+    return x._asdict() if hasattr(x, "_asdict") else dict(vars(x))

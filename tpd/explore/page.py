@@ -73,7 +73,7 @@ def explore(design: Subject) -> Page:
     data = json.dumps(_finite(content(design)), allow_nan=False, separators=(",", ":"))
     # A text of the user, such as the name of a project, must not end the script that holds it.
     data = data.replace("<", "\\u003c")
-    return Page(_template().replace("@DATA@", data))
+    return Page(template().replace("@DATA@", data))
 
 
 def link(page: Path) -> Path | None:
@@ -89,7 +89,7 @@ def link(page: Path) -> Path | None:
 
 
 def _finite(value: object) -> object:
-    """The same lists and dictionaries with None in place of numbers that JSON does not have."""
+    """Return lists and dictionaries with None in place of numbers that JSON does not have."""
     match value:
         case dict():
             return {key: _finite(x) for key, x in value.items()}
@@ -101,8 +101,8 @@ def _finite(value: object) -> object:
 
 
 @lru_cache(maxsize=1)
-def _template() -> str:
-    """The page without its data, with all modules joined to one script."""
+def template() -> str:
+    """Return the page without its data, with all modules joined to one script."""
     folder = resources.files("tpd.explore")
     modules = [folder.joinpath(f"{name}.mjs").read_text(encoding="utf-8") for name in _MODULES]
     # A page that is opened as a file cannot import modules: they become one, without imports and exports.

@@ -55,9 +55,20 @@ class Table(NamedTuple):
     `swing_error`; NaN where there is no such orbit, or the bound is not known."""
 
     def encoded(self, *names: str) -> dict[str, Any]:
-        """Return axes and some of the fields (default all) as numbers and texts for JSON."""
+        """Return axes and some of the fields (default all) as numbers and texts for JSON.
+
+        Values become whole numbers of two bytes in base64, rounded by at most 1e-5 of the largest value.
+        """
+        fields = {}
+        for name in names or self.fields:
+            values = self.fields[name]
+            scale = float(np.nanmax(values, initial=0.0)) or 1.0
+            codes = np.where(np.isnan(values), NONE, np.rint(np.nan_to_num(values) / scale * (NONE - 1)))
+            # The browser reads numbers in the byte order of its machine, which is little-endian everywhere.
+            data = base64.b64encode(codes.astype("<u2").tobytes()).decode()
+            fields[name] = {"scale": scale, "data": data}
         axes = [{"name": a.name, "values": a.values.tolist(), "log": a.log} for a in self.axes]
-        return {"axes": axes, "fields": {name: _encoded(self.fields[name]) for name in names or self.fields}}
+        return {"axes": axes, "fields": fields}
 
 
 def axis(
@@ -140,11 +151,3 @@ def interpolation_error(values: np.ndarray, axes: Sequence[GridAxis]) -> np.ndar
         jump = 0.25 * np.fmax(np.abs(steps[..., :-1]), np.abs(steps[..., 1:]))
         total = total + np.moveaxis(np.where(np.isnan(error), jump, error), -1, i)
     return np.where(np.isnan(values), np.nan, SAFETY * total)
-
-
-def _encoded(values: np.ndarray) -> dict[str, Any]:
-    """Numbers as whole numbers of two bytes, in base64; their rounding is 1e-5 of the largest at most."""
-    scale = float(np.nanmax(values, initial=0.0)) or 1.0
-    codes = np.where(np.isnan(values), NONE, np.rint(np.nan_to_num(values) / scale * (NONE - 1)))
-    # The browser reads numbers of two bytes in the order of its machine, which is little-endian everywhere.
-    return {"scale": scale, "data": base64.b64encode(codes.astype("<u2").tobytes()).decode()}
