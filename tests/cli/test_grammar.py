@@ -25,7 +25,12 @@ SMALL = {
 """Options that make an example quick."""
 STATUS = {"check": 3}
 """Exit statuses that are not 0: any pendulum is checked."""
-WRITES = {"new": "mine.toml", "export": "model.xml", "optimise": "tower/report.html"}
+WRITES = {
+    "new": "mine.toml",
+    "explore": "explore.html",
+    "export": "model.xml",
+    "optimise": "tower/report.html",
+}
 """Files of the commands whose directory is none or another one."""
 
 
