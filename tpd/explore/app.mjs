@@ -163,6 +163,7 @@ function runRows(runs) {
 function showResults(now, shares, largest, alone, pendulum, body) {
   const g = scene.gravity, { mass, length, damping } = pendulum;
   const damper = 2 * damping * mass * length ** 1.5 * Math.sqrt(g), natural = Math.sqrt(g / length) / (2 * Math.PI);
+  const force = largest.tension * mass * g;
   const source = `${SIMULATED}, ${ground ? "whole motion" : `first ${PERIODS} periods`}`;
   const outcome = ({ overturned, tilt }) => (overturned ? "overturns" : `${format(tilt)} (${degrees(tilt)})`);
   const size = body ? `${format(body.mass)} kg, ${format(2 * body.radius)} m wide` : "no body swings as this point";
@@ -171,7 +172,7 @@ function showResults(now, shares, largest, alone, pendulum, body) {
     ...runRows(runsNear(pendulum)),
     ["largest", "Largest tilt over the slenderness", outcome(largest), source],
     ["largest-without", "Largest tilt without a pendulum", outcome(alone), source],
-    ["tension", "Largest force in the rod", `${format((largest.tension * mass * g) / 1000)} kN`, source],
+    ["tension", "Largest force in the rod", force < 1000 ? `${format(force)} N` : `${format(force / 1000)} kN`, source],
     ["moment", "Largest moment of the damper", `${format(damper * largest.rate)} N m`, source],
     ["natural", "Natural frequency", `${format(natural)} Hz`, `${EXACT}, undamped, block at rest`],
     ["damper", "Damping of the hinge", `${format(damper)} N m s/rad`, EXACT],

@@ -6,7 +6,7 @@
 
 const STEPS = 120; // Steps in the shortest of the periods of forcing, bob and block.
 const CAPTURE = 1e-4; // Rate of an impact, over nu, below which a block that can be held comes to rest.
-const HALVINGS = 60; // Most halvings of the time of an event; both ends of a step are 1e-16 of it apart by then.
+const TRIALS = 80; // Most trials for the time of an event. About ten are enough, except where a signal begins at zero.
 const SLACK = 1e-13; // Share of the moment of the weight by which rounding may exceed it.
 const REST = 0, STICK = 1, SLIP = 2;
 
@@ -23,6 +23,11 @@ function coefficients(p) {
     hinge,
     drag: p.mu * p.lam * hinge,
   };
+}
+
+/** Return y + by k. Written out, because this is where most of the time goes. */
+function moved(y, k, by) {
+  return [y[0] + by * k[0], y[1] + by * k[1], y[2] + by * k[2], y[3] + by * k[3]];
 }
 
 /** Return psi'' under a block that is held at the angle y[0]; `load` is the base acceleration over g. */
@@ -88,7 +93,7 @@ export class Motion {
   constructor(p, start = [0, 0, 0, 0], forcing = (tau) => Math.sin(p.xi * tau)) {
     this.c = coefficients(p);
     this.load = (tau) => p.f * forcing(tau);
-    this.y = Float64Array.from(start);
+    this.y = [...start];
     this.tau = 0;
     this.impacts = 0;
     this.overturned = false;
@@ -119,19 +124,24 @@ export class Motion {
 
   /** Return the state after a time h in the present mode, by the classical method of Runge and Kutta. */
   after(h) {
-    const { y, tau } = this, move = (k, by) => y.map((x, i) => x + by * k[i]);
-    const k1 = this.rates(y, tau), k2 = this.rates(move(k1, h / 2), tau + h / 2);
-    const k3 = this.rates(move(k2, h / 2), tau + h / 2), k4 = this.rates(move(k3, h), tau + h);
-    return y.map((x, i) => x + (h / 6) * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i]));
+    const { y, tau } = this, k1 = this.rates(y, tau), k2 = this.rates(moved(y, k1, h / 2), tau + h / 2);
+    const k3 = this.rates(moved(y, k2, h / 2), tau + h / 2), k4 = this.rates(moved(y, k3, h), tau + h);
+    return moved(y, moved(moved(moved(k1, k2, 2), k3, 2), k4, 1), h / 6);
   }
 
-  /** Return the first time within a step h at which a signal of the state is positive. */
-  timeOf(signal, h) {
-    let low = 0, high = h;
-    for (let i = 0; i < HALVINGS && high - low > 1e-15 * (1 + this.tau); i++) {
-      const middle = (low + high) / 2;
-      if (signal(this.after(middle), this.tau + middle) > 0) high = middle;
-      else low = middle;
+  /** Return the time within a step h from which on a signal of the state is positive, as it is at the end. */
+  timeOf(signal, h, atEnd) {
+    const at = (t) => signal(this.after(t), this.tau + t), tolerance = 1e-15 * (1 + this.tau);
+    let [low, high, atLow, atHigh, last, kept] = [0, h, at(0), atEnd, h, ""];
+    for (let i = 0; i < TRIALS && high - low > tolerance; i++) {
+      // The method of false position in its Illinois form. A signal that begins at zero has no secant: halve.
+      const t = atLow < 0 ? high - (atHigh * (high - low)) / (atHigh - atLow) : (low + high) / 2, value = at(t);
+      const side = value > 0 ? "high" : "low";
+      if (side === "high") [high, atHigh, atLow] = [t, value, kept === side ? atLow / 2 : atLow];
+      else [low, atLow, atHigh] = [t, value, kept === side ? atHigh / 2 : atHigh];
+      kept = side;
+      if (Math.abs(t - last) < tolerance) return Math.min(t + tolerance, high);
+      last = t;
     }
     return high;
   }
@@ -141,8 +151,9 @@ export class Motion {
     const { c, side, way, kind } = this;
     let end = this.after(h), name = "";
     const check = (candidate, signal) => {
-      if (!(signal(end, this.tau + h) > 0)) return;
-      h = this.timeOf(signal, h);
+      const atEnd = signal(end, this.tau + h);
+      if (!(atEnd > 0)) return;
+      h = this.timeOf(signal, h, atEnd);
       [name, end] = [candidate, this.after(h)];
     };
     if (kind === SLIP) {
