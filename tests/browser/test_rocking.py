@@ -138,3 +138,19 @@ def test_the_force_in_the_rod_is_that_of_the_acceleration_of_the_bob():
     slip = now["y"][2] - now["y"][3]
     hinge = 2.0 * q["zeta"] * np.sqrt(q["lam"] * q["rho"])
     assert abs(across) == pytest.approx(abs(hinge * slip), rel=1e-3)
+
+
+@needs_node
+def test_a_rattle_without_losses_is_stalled_and_not_endless():
+    """Without friction and impact losses hops never end; the package stops such a motion as well."""
+    p = tpd.Parameters(nu=0.28, mu=0.2, lam=0.3, zeta=0.57, k=0.0, f=0.1, xi=0.73, e=1.0)
+    start = (-0.0072, 0.0, 0.0, 0.0)
+    follow = """({ p, start, tau }) => {
+      const motion = new Motion(p, start).advance(tau), { stalled, overturned } = motion, end = motion.tau;
+      return { stalled, overturned, end, later: motion.advance(tau + 1).tau };
+    }"""
+    inputs = {"p": plain(p), "start": start, "tau": 20.0 * float(p.period)}
+    answer = run("rocking", "Motion", follow, inputs)
+    assert answer["stalled"]
+    assert not answer["overturned"]
+    assert answer["end"] == answer["later"] < inputs["tau"]

@@ -47,8 +47,8 @@ function addControl(control) {
   byId(control.group).append(row);
   control.slider.setAttribute("aria-label", unit ? `${label}, ${unit}` : label);
   // Four digits are enough for a slider.
-  const dragged = () => Number(valueAt(control, control.slider.valueAsNumber / 1000).toPrecision(4));
-  control.slider.addEventListener("input", () => set({ [name]: dragged() }));
+  const sliderValue = () => Number(valueAt(control, control.slider.valueAsNumber / 1000).toPrecision(4));
+  control.slider.addEventListener("input", () => set({ [name]: sliderValue() }));
   control.field.addEventListener("change", () => set({ [name]: control.field.valueAsNumber }));
 }
 
@@ -100,7 +100,7 @@ function simulate(pendulum) {
     const values = { tilt: y[0] / scene.nu, swing: y[1], rate, tension: Math.max(tension, 0) };
     for (const name in largest) largest[name] = Math.max(largest[name], Math.abs(values[name]));
   });
-  return { ...largest, overturned: motion.overturned };
+  return { ...largest, overturned: motion.overturned, stalled: motion.stalled };
 }
 
 /** Return the stored validation runs that hold for this pendulum and base motion; undefined without any. */
@@ -165,7 +165,8 @@ function showResults(now, shares, largest, alone, pendulum, body) {
   const damper = 2 * damping * mass * length ** 1.5 * Math.sqrt(g), natural = Math.sqrt(g / length) / (2 * Math.PI);
   const force = largest.tension * mass * g;
   const source = `${SIMULATED}, ${ground ? "whole motion" : `first ${PERIODS} periods`}`;
-  const outcome = ({ overturned, tilt }) => (overturned ? "overturns" : `${format(tilt)} (${degrees(tilt)})`);
+  const outcome = ({ overturned, stalled, tilt }) =>
+    stalled ? "no answer: too many events" : overturned ? "overturns" : `${format(tilt)} (${degrees(tilt)})`;
   const size = body ? `${format(body.mass)} kg, ${format(2 * body.radius)} m wide` : "no body swings as this point";
   fill("results", [
     ...steadyRows(now, pendulum, body),
@@ -225,7 +226,7 @@ function slice(name) {
 
 function drawMap(now) {
   const view = cleared(byId("map")), { c } = view, tilts = slice("tilt"), swings = slice("swing");
-  const known = tilts.filter(Number.isFinite), [least, most] = [Math.min(...known), Math.max(...known)];
+  const finite = tilts.filter(Number.isFinite), [least, most] = [Math.min(...finite), Math.max(...finite)];
   const pixels = new ImageData(COLUMNS, ROWS), regions = {};
   const mean = (values, corners) => corners.reduce((sum, [index, weight]) => sum + weight * values[index], 0);
   samples.forEach(({ pendulum, corners, body }, n) => {
@@ -234,8 +235,8 @@ function drawMap(now) {
     // Light is the smallest tilt, dark the largest; a place without a value stays white.
     const shade = 235 - (150 * (tilt - least)) / (most - least || 1);
     pixels.data.set(motion ? [shade - 20, shade - 5, shade + 10, 255] : [255, 255, 255, 255], 4 * n);
-    const over = limitShares(scene, limits, pendulum, motion, body).filter(({ share }) => share > 1);
-    if (over.length) (regions[over.reduce((a, b) => (b.share > a.share ? b : a)).name] ??= []).push(n);
+    const exceeded = limitShares(scene, limits, pendulum, motion, body).filter(({ share }) => share > 1);
+    if (exceeded.length) (regions[exceeded.reduce((a, b) => (b.share > a.share ? b : a)).name] ??= []).push(n);
   });
   const [x, y] = [{ ...ranges.mass, label: "mass of the bob (kg)" }, { ...ranges.length, label: "length (m)" }];
   const { px, py, left, right, top, bottom } = drawAxes(view, x, y);
@@ -245,10 +246,12 @@ function drawMap(now) {
   c.drawImage(picture, left, top, right - left, bottom - top);
   Object.entries(regions).forEach(([name, numbers], i) => {
     const places = numbers.map((n) => [left + (n % COLUMNS) * wide, top + Math.floor(n / COLUMNS) * tall]);
-    const [across, down] = places[places.length >> 1], side = across > (left + right) / 2 ? "right" : "left";
+    // The label stands in the middle of the middle row of its region.
+    const row = places.filter(([, down]) => down === places[places.length >> 1][1]);
+    const [across, down] = row[row.length >> 1];
     hatch(c, places, [wide, tall], i);
     // A label on a very small region would hide its neighbours.
-    if (places.length > 0.02 * samples.length) writeOver(c, name.replace("_", " "), across, down, side);
+    if (places.length > 0.02 * samples.length) writeOver(c, name.replace("_", " "), across, down);
   });
   const { mass, length } = data.space, corner = (i, j) => [px(mass[i]), py(length[j])];
   drawLine(c, [corner(0, 0), corner(0, 1), corner(1, 1), corner(1, 0), corner(0, 0)], INK, 1, [5, 4]);
@@ -341,16 +344,16 @@ function simulateAlone() {
 
 function update() {
   const begin = performance.now(), { mass, length, damping } = state, pendulum = { mass, length, damping };
-  const body = bodyOf(scene, pendulum), now = steady(), isKnown = now && Number.isFinite(now.tilt.value);
-  const motion = isKnown ? { tilt: now.tilt.value, swing: now.swing.value, without: now.without.value } : null;
+  const body = bodyOf(scene, pendulum), now = steady(), hasOrbit = now && Number.isFinite(now.tilt.value);
+  const motion = hasOrbit ? { tilt: now.tilt.value, swing: now.swing.value, without: now.without.value } : null;
   const shares = limitShares(scene, limits, pendulum, motion, body), largest = simulate(pendulum);
   showResults(now, shares, largest, simulateAlone(), pendulum, body);
   if (now) [drawResponse(now), drawMap(now)];
   drawDesign(now, largest, body);
   restart();
   drawMotions();
-  const over = shares.filter(({ share }) => share > 1).map(({ name }) => data.limit_labels[name]);
-  const verdict = over.length ? `Limits exceeded: ${over.join(", ")}.` : "No limit is exceeded.";
+  const exceeded = shares.filter(({ share }) => share > 1).map(({ name }) => data.limit_labels[name]);
+  const verdict = exceeded.length ? `Limits exceeded: ${exceeded.join(", ")}.` : "No limit is exceeded.";
   const tilts = now ? `Steady tilt ${textOf(now.tilt)} with your pendulum, ${textOf(now.without)} without. ` : "";
   // A screen reader says the result once the slider has stopped.
   clearTimeout(update.timer);
@@ -386,9 +389,9 @@ function begin() {
   });
   window.addEventListener("resize", () => {
     // The figures have another size, but the motion goes on.
-    const kept = [motions, traces, clock];
+    const present = [motions, traces, clock];
     update();
-    [motions, traces, clock] = kept;
+    [motions, traces, clock] = present;
   });
   // Readers who want less motion start the animation themselves.
   if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) byId("play").click();

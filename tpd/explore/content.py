@@ -58,7 +58,7 @@ _LONGEST = 40_000
 
 
 class Validation(NamedTuple):
-    """One validated design as the page needs it."""
+    """A validated design as the page needs it."""
 
     design: np.ndarray
     """(mu, lam, zeta)."""

@@ -100,11 +100,11 @@ export function hatch(c, places, [wide, tall], number) {
   c.restore();
 }
 
-/** Write a text with a white edge, to the left or to the right of a place. */
-export function writeOver(c, text, x, y, side) {
-  [c.textAlign, c.strokeStyle, c.lineWidth, c.fillStyle] = [side, "white", 4, INK];
-  c.strokeText(text, x, y);
-  c.fillText(text, x, y);
+/** Write a text with a white edge around a place, within the width of the figure. */
+export function writeOver(c, text, x, y) {
+  const half = c.measureText(text).width / 2, most = c.canvas.clientWidth - half - 14;
+  [c.textAlign, c.strokeStyle, c.lineWidth, c.fillStyle] = ["center", "white", 4, INK];
+  for (const write of ["strokeText", "fillText"]) c[write](text, Math.max(half + 50, Math.min(x, most)), y);
 }
 
 /** Draw a rod and its bob, in m from the hinge. */

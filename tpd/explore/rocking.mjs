@@ -8,6 +8,7 @@ const STEPS = 120; // Steps in the shortest of the periods of forcing, bob and b
 const CAPTURE = 1e-4; // Rate of an impact, over nu, below which a block that can be held comes to rest.
 const TRIALS = 80; // Most trials for the time of an event. About ten are enough, except where a signal begins at zero.
 const SLACK = 1e-13; // Share of the moment of the weight by which rounding may exceed it.
+const MOST_EVENTS = 8000; // Most events in one call of `advance`.
 const REST = 0, STICK = 1, SLIP = 2;
 
 /** Return the constants of the equations of one set of parameters. */
@@ -97,6 +98,7 @@ export class Motion {
     this.tau = 0;
     this.impacts = 0;
     this.overturned = false;
+    this.stalled = false;
     // A pendulum on a block that is free to move swings faster than one on a fixed hinge.
     const bob = Math.sqrt((this.c.lam * p.rho) / (1 + 4 * p.mu));
     this.step = (2 * Math.PI * Math.min(1, bob, 1 / p.xi)) / STEPS;
@@ -132,14 +134,14 @@ export class Motion {
   /** Return the time within a step h from which on a signal of the state is positive, as it is at the end. */
   timeOf(signal, h, atEnd) {
     const at = (t) => signal(this.after(t), this.tau + t), tolerance = 1e-15 * (1 + this.tau);
-    let [low, high, atLow, atHigh, last, kept] = [0, h, at(0), atEnd, h, ""];
+    let [low, high, atLow, atHigh, last, previous] = [0, h, at(0), atEnd, h, ""];
     for (let i = 0; i < TRIALS && high - low > tolerance; i++) {
       // The method of false position in its Illinois form. A signal that begins at zero has no secant: halve.
       const t = atLow < 0 ? high - (atHigh * (high - low)) / (atHigh - atLow) : (low + high) / 2, value = at(t);
       const side = value > 0 ? "high" : "low";
-      if (side === "high") [high, atHigh, atLow] = [t, value, kept === side ? atLow / 2 : atLow];
-      else [low, atLow, atHigh] = [t, value, kept === side ? atHigh / 2 : atHigh];
-      kept = side;
+      if (side === "high") [high, atHigh, atLow] = [t, value, previous === side ? atLow / 2 : atLow];
+      else [low, atLow, atHigh] = [t, value, previous === side ? atHigh / 2 : atHigh];
+      previous = side;
       if (Math.abs(t - last) < tolerance) return Math.min(t + tolerance, high);
       last = t;
     }
@@ -201,14 +203,21 @@ export class Motion {
     this.decide(0, Math.sign(y[2]), load);
   }
 
-  /** Follow the motion to the time `until`, or until the block overturns; `each` is called after every step. */
+  /**
+   * Follow the motion to the time `until`, or until the block overturns; `each` is called after every step.
+   *
+   * A motion with too many events is `stalled` and stays where it is.
+   */
   advance(until, each = () => {}) {
-    while (!this.overturned && this.tau < until) {
+    let events = 0;
+    while (!this.overturned && !this.stalled && this.tau < until) {
       const { name, h, end } = this.firstEvent(Math.min(this.step, until - this.tau));
       this.y = end;
       this.tau = h > until - this.tau - 1e-14 ? until : this.tau + h;
       this.overturned = !(Math.abs(end[0]) < Math.PI / 2);
       if (!this.overturned) this.meet(name, h);
+      if (name !== "") events += 1;
+      this.stalled = events > MOST_EVENTS;
       each(this);
     }
     return this;

@@ -30,7 +30,7 @@ _OTHERS = [STATUSES.index(name) for name in ("unstable", "neutral")]
 
 
 class GridAxis(NamedTuple):
-    """One axis of a table, in SI units."""
+    """Axis of a table, in SI units."""
 
     name: str
     """Name of the quantity in `tpd.scene.scene.Scene.quantities`."""
