@@ -114,7 +114,10 @@ function runsNear({ mass, length, damping }) {
 function textOf({ value, error, source }, unit = "") {
   if (source === "none") return "no attracting symmetric orbit";
   if (source === "not interpolated") return "–";
-  return `${format(value)}${source === "interpolated" ? ` ± ${format(error, 1)}` : ""}${unit}`;
+  if (source === "exact") return `${format(value)}${unit}`;
+  // The three digits that are shown are rounded as well.
+  const rounding = 0.5 * 10 ** (Math.floor(Math.log10(Math.abs(value))) - 2);
+  return `${format(value)} ± ${format(Math.max(error, rounding), 1)}${unit}`;
 }
 
 const degrees = (tilt) => `${format((tilt * scene.nu * 180) / Math.PI, 2)}°`;
@@ -196,10 +199,10 @@ function drawResponse(now) {
   const alone = (f) => [f, state.amplitude], own = (f) => [state.mass, state.length, state.damping, f, state.amplitude];
   const curve = (table, name, point) =>
     values.map((f) => [px(f), py(lookUp(table, name, place(table, point(f))).value)]);
-  drawLine(c, curve(without, "tilt", alone), GREY, 2.5);
-  drawLine(c, curve(without, "unstable", alone), GREY, 1.5, [2, 4]);
+  drawLine(c, curve(without, "tilt", alone), GREY, 5);
+  drawLine(c, curve(without, "unstable", alone), GREY, 3, [3, 5]);
   if (recommended) drawLine(c, curve(recommended, "tilt", alone), INK, 1, [6, 4]);
-  drawLine(c, curve(grid, "tilt", own), BLUE, 2.5);
+  drawLine(c, curve(grid, "tilt", own), BLUE, 2);
   drawLine(c, curve(grid, "unstable", own), BLUE, 1.5, [2, 4]);
   drawMarker(c, px(state.frequency), top, bottom);
   if (Number.isFinite(now.tilt.value)) drawMark(c, px(state.frequency), py(now.tilt.value));
@@ -329,7 +332,7 @@ function drawMotions() {
   const view = cleared(byId("trace")), vertical = { low: -most, high: most, label: "tilt" };
   const { px, py } = drawAxes(view, { low: from, high: from + span, label: "time (s)" }, vertical);
   const points = traces.map((trace) => trace.map(([t, tilt]) => [px(t), py(clamp(tilt, most))]));
-  drawLine(view.c, points[0], GREY, 1.5, [5, 3]);
+  drawLine(view.c, points[0], GREY, 2, [5, 3]);
   drawLine(view.c, points[1], BLUE, 1.8);
 }
 

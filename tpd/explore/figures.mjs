@@ -2,7 +2,7 @@
 
 import { shareOf } from "./orbits.mjs";
 
-export const INK = "#1a1a1a", GREY = "#7a7a7a", BLUE = "#1f5fa8", PALE = "#a9c3df";
+export const INK = "#1a1a1a", GREY = "#9a9a9a", BLUE = "#1f5fa8", PALE = "#a9c3df";
 const ORANGE = "#d9822b", STONE = "#e4e4e4";
 
 /** Return a number as a text of a few digits. */
@@ -76,9 +76,13 @@ export function drawMark(c, x, y, isStar = false) {
     c.lineTo(x + radius * Math.sin(angle), y - radius * Math.cos(angle));
   }
   c.closePath();
-  [c.fillStyle, c.strokeStyle, c.lineWidth] = [isStar ? "white" : ORANGE, INK, 1.5];
+  c.fillStyle = isStar ? "white" : ORANGE;
   c.fill();
-  c.stroke();
+  // A white edge sets the mark apart from a dark field.
+  for (const [color, width] of [["white", 4], [INK, 1.5]]) {
+    [c.strokeStyle, c.lineWidth] = [color, width];
+    c.stroke();
+  }
 }
 
 /** Draw a vertical line through a figure. */
