@@ -154,3 +154,12 @@ def test_a_rattle_without_losses_is_stalled_and_not_endless():
     assert answer["stalled"]
     assert not answer["overturned"]
     assert answer["end"] == answer["later"] < inputs["tau"]
+
+
+@needs_node
+def test_a_rattle_ends_at_rest_on_the_base():
+    p, start = SCENES["comes to rest"]
+    inputs = {"p": plain(p), "start": start, "times": [2.0 * float(p.period), 3.0 * float(p.period)]}
+    answer = run("rocking", "Motion", FOLLOW, inputs)
+    assert [state[0] for state in answer["states"]] == [0.0, 0.0]
+    assert [state[2] for state in answer["states"]] == [0.0, 0.0]
