@@ -184,6 +184,7 @@ def test_stored_runs_hold_near_their_design_only(show):
     assert source.startswith("validation runs: ")
     assert re.search(r"% \(.* % to .* %\); without a pendulum", value)
     assert row(window, "mean")[1] == source
+    assert row(window, "validation") == ("no reason against this design", "validation runs")
     move(window, "mass", 100)
     assert row(window, "overturned")[0] == row(window, "mean")[0] == "not simulated"
     window.run("document.getElementById('reset').click()")

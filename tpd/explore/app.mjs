@@ -160,7 +160,9 @@ function runRows(runs) {
   const reduction = interval([runs.benefit.mean, runs.benefit.low, runs.benefit.high]);
   const means = `${mean}; without a pendulum ${meanAlone}: reduction ${reduction}`;
   const texts = [`${share}; without a pendulum ${alone}`, means];
-  return rows.map((row, i) => [...row, texts[i], `validation runs: ${runs.description}`]);
+  const verdict = runs.sentences.join(" ") || "no reason against this design";
+  const quoted = rows.map((row, i) => [...row, texts[i], `validation runs: ${runs.description}`]);
+  return [...quoted, ["validation", "Validation", verdict, "validation runs"]];
 }
 
 function showResults(now, shares, largest, alone, pendulum, body) {

@@ -203,6 +203,7 @@ def _ranges(problem: Problem, start: Pendulum) -> dict[str, tuple[float, float]]
 
     def wide(ends: np.ndarray, own: float, most: float) -> tuple[float, float]:
         low, high = float(ends[0]), float(ends[1])
+        # A value that the search keeps fixed can be explored as well.
         if low == high:
             low, high = low / _WIDER, high * _WIDER
         return min(low, own), min(max(high, own), most)
@@ -222,6 +223,7 @@ def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum |
     scene, motion = problem.scene, problem.scene.motion
     own = _values_of(start) | {"frequency": float(motion.frequency), "amplitude": float(motion.amplitude)}
     ranges = _ranges(problem, start)
+    # The sliders reach every condition of the design.
     for name, share in (("frequency", _FREQUENCIES), ("amplitude", _AMPLITUDES)):
         factors = np.append(problem.conditions.column(name), share)
         ranges[name] = own[name] * float(factors.min()), own[name] * float(factors.max())
@@ -232,6 +234,7 @@ def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum |
             for n, count in counts.items()
         ]
 
+    # Without a pendulum, or with a known one, only the base motion varies: these tables can be finer.
     fine = axes_of(_FINE)
     tables = {"grid": solve(scene, axes_of(_COUNTS), start).encoded()}
     tables["without"] = solve(scene, fine).encoded("tilt", "unstable", "tilt_error")

@@ -104,6 +104,7 @@ def solve(scene: Scene, axes: Sequence[GridAxis], pendulum: Any = None) -> Table
         axes: quantities that vary.
         pendulum: a `Pendulum` whose values hold where no axis varies them; None is no pendulum.
     """
+    # All nodes are one batch of the compiled code, which solves them on all cores.
     grid = np.meshgrid(*(a.values for a in axes), indexing="ij")
     shape = grid[0].shape
     # Housner's restitution stays tied to the mass of the bob, which may vary along an axis.
@@ -111,6 +112,8 @@ def solve(scene: Scene, axes: Sequence[GridAxis], pendulum: Any = None) -> Table
     orbits = solve_orbits(row_of(Parameters(**dimensionless(quantities))))
     nu = float(scene.block.slenderness)
     sizes, status = orbits["sizes"], orbits["status"].astype(int)
+    # Of several attracting orbits the page shows the largest, which is the cautious choice. Orbits next to a
+    # fold count as none: their stability is not known.
     largest = sizes[..., SIZES["amplitude"]]
     fields = {
         "tilt": _first(largest / nu, status == _STABLE).reshape(shape),
@@ -123,9 +126,10 @@ def solve(scene: Scene, axes: Sequence[GridAxis], pendulum: Any = None) -> Table
 
 def _first(sizes: np.ndarray, is_wanted: np.ndarray) -> np.ndarray:
     """Sizes (n, orbits) of the first wanted orbit of each row, NaN without any; orbits come largest first."""
+    # Without a wanted orbit the index is 0, and `exists` is False there.
     first = np.argmax(is_wanted, axis=1)[:, None]
-    there = np.take_along_axis(is_wanted, first, axis=1)
-    return np.where(there, np.take_along_axis(sizes, first, axis=1), np.nan)[:, 0]
+    exists = np.take_along_axis(is_wanted, first, axis=1)
+    return np.where(exists, np.take_along_axis(sizes, first, axis=1), np.nan)[:, 0]
 
 
 def interpolation_error(values: np.ndarray, axes: Sequence[GridAxis]) -> np.ndarray:
@@ -138,10 +142,13 @@ def interpolation_error(values: np.ndarray, axes: Sequence[GridAxis]) -> np.ndar
     """
     total = np.zeros_like(values)
     for i, a in enumerate(axes):
+        # The axis comes last, so that differences along it need no further index.
         v, h = np.moveaxis(values, i, -1), np.diff(a.places)
         beside = [(0, 0)] * (v.ndim - 1) + [(1, 1)]
         steps = np.pad(np.diff(v, axis=-1), beside, constant_values=np.nan)
+        # Second derivative at the inner nodes, for nodes at unequal distances.
         curvature = 2.0 * np.abs(np.diff(steps[..., 1:-1] / h, axis=-1)) / (h[1:] + h[:-1])
+        # A node belongs to the cells on both sides: the wider one has the larger error.
         widest = np.maximum(np.append(h, 0.0), np.append(0.0, h))
         error = np.pad(curvature, beside, constant_values=np.nan) * widest**2 / 8.0
         # The first and the last node have the curvature of their neighbours.
