@@ -32,7 +32,7 @@ GROUPS = {
         "optimise Design DesignSpace Conditions Risk limits Descent GroundSearch front "
         "optimise_all Job details read_design"
     ),
-    "Show a result": "plot write_report",
+    "Show a result": "plot explore write_report",
     "Check a block or a pendulum": "assess check paired_runs Ensemble outcomes engines",
     "Pulses and earthquakes": ("transient critical_scale fragility overturning_spectrum rocking_spectrum"),
     "Motions under harmonic shaking": (

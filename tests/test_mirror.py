@@ -11,7 +11,7 @@ from pathlib import Path
 
 TESTS = Path(__file__).parent
 PACKAGE = TESTS.parent / "tpd"
-ELSEWHERE = {"benchmarks", "properties"}
+ELSEWHERE = {"benchmarks", "browser", "properties"}
 """Folders of the tests that mirror none of the package."""
 OF_ALL = {Path("cli/test_bad_input.py")}
 """Tests of all modules of a folder at once."""

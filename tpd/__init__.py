@@ -8,7 +8,7 @@ Misprinted equations are corrected, see `tpd.theory.paper`. `tests/test_equation
 function with its equation.
 
 A folder imports only from the folders before it in this list: formats, core, cluster, scene, records, theory,
-exact, models, answers, engines, design, plots, report, cli.
+exact, models, answers, engines, design, plots, report, explore, cli.
 
 | equation | content | function |
 |---|---|---|

@@ -35,6 +35,7 @@ from .design.optimise import optimise_all as optimise_all
 from .design.settings import Descent as Descent
 from .design.settings import GroundSearch as GroundSearch
 from .design.stored_design import read_design as read_design
+from .explore.page import explore as explore
 from .models.compiled import Nonlinear as Nonlinear
 from .models.compiled import Piecewise as Piecewise
 from .models.smoothed import Smoothed as Smoothed

@@ -26,7 +26,12 @@ SMALL = {
 """Options that make an example quick."""
 STATUS = {"check": 3}
 """Exit statuses other than 0: the example of `tpd check` has a pendulum that is not recommended."""
-WRITES = {"new": "mine.toml", "export": "model.xml", "optimise": "tower/report.html"}
+WRITES = {
+    "new": "mine.toml",
+    "explore": "explore.html",
+    "export": "model.xml",
+    "optimise": "tower/report.html",
+}
 """Files of the commands that do not write to the folder tpd-COMMAND."""
 
 

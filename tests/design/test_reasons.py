@@ -40,6 +40,11 @@ SENTENCES = {
         "while the block rocks with the pendulum, its base needs a coefficient of friction of 0.52, but has "
         "0.4: the base would slide, and the equations have no sliding",
     ),
+    ReasonKind.slides: (
+        {"value": 0.517, "reference": 0.4},
+        "while the block rocks with the pendulum, its base needs a coefficient of friction of 0.52, but has "
+        "0.4: the base would slide, and the equations have no sliding",
+    ),
     ReasonKind.undecided: (
         {"value": 3.0, "total": 64},
         "3 of 64 runs have no result, and the verdict depends on them",

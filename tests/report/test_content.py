@@ -71,7 +71,8 @@ def test_the_front_has_a_row_for_every_mass():
 def test_the_job_repeats_the_run_where_there_is_one(tmp_path):
     blocks = section(content(harmonic(), details(), "[block]\n", tmp_path), "How to repeat it")
     said = [block.text for block in blocks if isinstance(block, Code)]
-    assert said == [f"tpd optimise --scene {tmp_path}/scene.toml --out {tmp_path}-again", "[block]\n"]
+    again = f"tpd optimise --scene {tmp_path}/scene.toml --out {tmp_path}-again"
+    assert said == [again, f"tpd explore {tmp_path}", "[block]\n"]
     assert not any(isinstance(b, Code) for b in section(content(harmonic(), details()), "How to repeat it"))
 
 

@@ -1,6 +1,6 @@
 # PYTHON_ARGCOMPLETE_OK
-"""Command line: `tpd new`, `record`, `assess`, `optimise`, `check`, `response`, `map`, `shake`, `spectrum`,
-`fragility` and `export`.
+"""Command line: `tpd new`, `record`, `assess`, `optimise`, `check`, `explore`, `response`, `map`, `shake`,
+`spectrum`, `fragility` and `export`.
 
 `grammar` declares all commands. Each command is a module with a function `run`. The module is imported when
 the command is chosen, so that the help does not wait for JAX.

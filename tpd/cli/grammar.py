@@ -243,6 +243,19 @@ def _check(command: Parser) -> None:
     _add_number(engine, "--sliding", "MU", _SLIDING)
 
 
+def _explore(command: Parser) -> None:
+    command.add_argument(
+        "source",
+        type=path_of,
+        metavar="DESIGN",
+        help="report directory, its design.json, or a job file in TOML",
+    )
+    text = "default explore.html in the report directory; for a job file, in the working directory"
+    command.add_argument("--out", type=path_of, metavar="FILE", help=text)
+    _add_switch(command, "--open", "open the page in the browser")
+    _add_switch(command, "--overwrite", "replace FILE if it exists")
+
+
 def _response(command: Parser) -> None:
     _add_case(command, *HARMONIC)
     text = "frequency, Hz (default {} times that of the base motion)"
@@ -315,6 +328,7 @@ COMMANDS = {
     "assess": _assess,
     "optimise": _optimise,
     "check": _check,
+    "explore": _explore,
     "response": _response,
     "map": _map,
     "shake": _shake,

@@ -197,6 +197,10 @@ def _repeat(design: Design, job_toml: str, directory: Path | None) -> list[Block
         # The quotes allow blanks in the name of the folder.
         scene, to = shlex.quote(str(directory / "scene.toml")), shlex.quote(f"{directory}-again")
         out.append(Code(f"tpd optimise --scene {scene} --out {to}"))
+        out += [
+            Text("This command writes explore.html, an interactive page of this design, beside this page:"),
+            Code(f"tpd explore {shlex.quote(str(directory))}"),
+        ]
     if job_toml:
         out += [Text("The file scene.toml in the folder of this report contains:"), Code(job_toml)]
     versions = ", ".join(f"{name} {v}" for name, v in files.versions().items())

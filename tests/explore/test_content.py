@@ -1,0 +1,153 @@
+"""Content of the page: what it takes from a design, a stored design, a job and a scene."""
+
+import base64
+import inspect
+import json
+
+import numpy as np
+import pytest
+
+from tests.designs import PENDULUM, SCENE
+from tests.explore import made
+from tpd.design.job import job_of
+from tpd.explore.content import content
+
+KEYS = {
+    "version",
+    "title",
+    "verdict",
+    "scene",
+    "limits",
+    "other_limits",
+    "limit_labels",
+    "still",
+    "space",
+    "recommended",
+    "runs",
+    "controls",
+}
+BLOCK = {"width": 1.0, "height": 6.0, "mass": 5770.0, "cavity_width": 0.7}
+PULSE = {"block": BLOCK, "motion": {"pulse": "one-sine", "pulse_frequency": 1.0, "pga": 0.5}}
+
+
+def values(out: dict) -> dict[str, float]:
+    """First values of the controls."""
+    return {control["name"]: control["value"] for control in out["controls"]}
+
+
+def test_a_scene_has_the_middle_of_the_usual_space_and_no_runs():
+    out = content(SCENE)
+    assert out.keys() == KEYS | {"tables"}
+    assert (out["recommended"], out["runs"], out["verdict"]) == (None, [], "")
+    own = values(out)
+    assert own["mass"] == pytest.approx(SCENE.block.mass * (0.01 * 0.2) ** 0.5)
+    assert own["length"] == pytest.approx(0.2 * (0.1 * 1.5) ** 0.5)
+    assert (own["frequency"], own["amplitude"]) == (2.5, 0.015)
+    assert out["limits"].keys() == {"stroke", "clearance", "worsening"}
+    assert out["other_limits"] == ["reserve"]
+    assert json.loads(json.dumps(out)).keys() == out.keys()
+
+
+def test_a_design_begins_with_its_pendulum_and_has_its_runs():
+    design = made.design()
+    out = content(design)
+    pendulum, last = design.pendulum, design.validated[-1]
+    assert pendulum is not None
+    sizes = float(pendulum.mass), float(pendulum.length), float(pendulum.damping_ratio)
+    assert tuple(values(out).values())[:3] == sizes
+    assert out["verdict"] == design.status.value
+    assert tuple(out["recommended"].values()) == sizes
+    runs = out["runs"][-1]
+    change = last.runs.change("mean severity")
+    assert runs["mean"] == [change.with_pendulum, change.without_pendulum]
+    assert runs["overturned"][0][0] == last.runs.change("overturned").with_pendulum
+    assert runs["benefit"]["mean"] == last.runs.benefit.mean
+    # The range in which the runs hold is the tolerance range of the design.
+    si = np.array([float(SCENE.block.mass), 0.2, 1.0])
+    for i, end in enumerate(("low", "high")):
+        at = np.array([np.minimum, np.maximum][i](design.equivalent[i], last.design))
+        np.testing.assert_allclose(runs[end], at * si)
+
+
+def test_the_values_of_the_design_are_nodes_of_the_table():
+    out = content(made.design())
+    own = values(out)
+    for axis, name in zip(out["tables"]["grid"]["axes"], own, strict=True):
+        assert own[name] in axis["values"]
+    assert out["tables"].keys() == {"grid", "without", "recommended"}
+
+
+def test_a_rejected_design_begins_with_the_last_pendulum_that_was_validated():
+    design = made.rejected()
+    out = content(design)
+    assert out["recommended"] is None
+    assert values(out)["mass"] == float(design.validated[-1].pendulum.mass)
+    (runs,) = out["runs"]
+    assert runs["sentences"] == list(design.validated[-1].refusals)
+    np.testing.assert_allclose(np.divide(runs["high"], runs["low"]), [1.02 / 0.98, 1.02 / 0.98, 1.2 / 0.8])
+    assert "recommended" not in out["tables"]
+
+
+def test_a_stored_design_has_the_same_content(tmp_path):
+    name = "A </script> tower"
+    out, again = content(made.design()), content(made.stored(tmp_path, name))
+    assert (again["title"], again["verdict"]) == (name, "RECOMMENDED for the stated conditions.")
+    for key in ("runs", "recommended", "controls", "tables", "scene", "limits"):
+        assert again[key] == out[key], key
+
+
+def test_a_job_has_its_limits_and_its_space():
+    limits = {"stroke": 0.3, "mass": 2.0}
+    job = job_of({"limits": limits, "space": {"mass_ratio": [0.02, 0.1], "damping_ratio": 0.2}})
+    out = content(job)
+    assert {name: out["limits"][name] for name in limits} == limits
+    assert out["space"]["damping"] == [0.2, 0.2]
+    ranges = {control["name"]: (control["low"], control["high"]) for control in out["controls"]}
+    assert ranges["damping"] == pytest.approx((0.08, 0.5)), "a fixed value has a slider as well"
+    assert ranges["mass"] == pytest.approx((0.02 * 16.224, 0.1 * 16.224))
+
+
+def test_conditions_extend_the_range_of_the_frequency():
+    job = job_of({"conditions": {"band": [1.0, 2.6]}})
+    frequency = content(job)["controls"][3]
+    assert (frequency["low"], frequency["high"]) == pytest.approx((1.0, 1.5 * 2.5))
+
+
+def test_a_hinge_without_damping_has_a_slider_from_zero():
+    out = content(job_of({"space": {"damping_ratio": 0.0}}))
+    damping = out["controls"][2]
+    assert (damping["low"], damping["high"], damping["value"]) == (0.0, 0.2, 0.0)
+
+
+def test_a_pulse_has_its_acceleration_in_place_of_tables():
+    job = job_of(PULSE)
+    out = content(job)
+    assert out.keys() == KEYS | {"ground"}
+    ground = out["ground"]
+    pieces = np.frombuffer(base64.b64decode(ground["data"]), "<f4").reshape(-1, ground["order"])
+    motion = job.shaking
+    np.testing.assert_allclose(pieces, np.asarray(motion.pieces())[:, : ground["order"]], atol=1e-6)
+    assert ground["peak"] == pytest.approx(0.5 * 9.80665)
+    assert ground["piece"] == float(motion.piece)
+    assert values(out)["scale"] == 1.0
+
+
+def test_a_record_has_two_coefficients_for_each_sample():
+    motion = {"records": ["el-centro", "loma-prieta"], "scales": [2.0, 3.0]}
+    ground = content(job_of({"block": BLOCK, "motion": motion}))["ground"]
+    assert ground["order"] == 2
+    assert ground["peak"] == pytest.approx(2.0 * 9.80665 / 6.0, rel=1e-6), "the scale counts from the uplift"
+
+
+@pytest.mark.parametrize("bad", [None, 3, "chimney", PENDULUM])
+def test_anything_else_is_rejected(bad):
+    with pytest.raises(ValueError, match="`design` must be"):
+        inspect.unwrap(content)(bad)
+
+
+def test_without_a_cavity_there_are_no_walls():
+    block = {name: x for name, x in BLOCK.items() if name != "cavity_width"}
+    motion = {"amplitude": 0.05, "frequency": 1.0}
+    out = content(job_of({"block": block, "motion": motion, "limits": {"clearance": False}}))
+    assert out["scene"]["cavity"] is None
+    assert "clearance" not in out["limits"]

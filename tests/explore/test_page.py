@@ -1,0 +1,77 @@
+"""The page as a text: data that cannot end its script, a frame for notebooks, a file, and a link to it."""
+
+import html
+import json
+import re
+
+import pytest
+
+import tpd
+from tests.designs import SCENE
+from tpd.design.job import job_of
+from tpd.explore.page import Page, explore, link
+
+
+def data(page: Page) -> dict:
+    """Data that a page holds."""
+    (text,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page.html, re.DOTALL)
+    return json.loads(text)
+
+
+@pytest.fixture(scope="module")
+def page() -> Page:
+    return explore(SCENE)
+
+
+def test_the_page_is_one_file_below_two_megabytes(page):
+    assert page.html.startswith("<!DOCTYPE html>")
+    assert len(page.html) < 2_000_000
+    assert not re.search(r"@[A-Z]+@", page.html), "all places of the template are filled"
+    assert not re.search(r"https?://", page.html)
+    assert data(page)["version"] == tpd.__version__
+
+
+def test_the_modules_have_no_imports_left_and_one_definition_of_each_name(page):
+    script = page.html.rpartition('<script type="module">')[2]
+    assert not re.search(r"^(import|export)\b", script, re.MULTILINE)
+    names = re.findall(r"^(?:function|class|const|let) (\w+)", script, re.MULTILINE)
+    assert len(names) == len(set(names))
+    assert len(names) > 40
+
+
+def test_a_name_of_a_project_cannot_end_the_script():
+    name = "</script><script>alert(1)</script>"
+    page = explore(job_of({"project": {"name": name}}))
+    assert "<script>alert" not in page.html
+    assert data(page)["title"] == name
+
+
+def test_a_notebook_shows_the_page_in_a_frame(page):
+    frame = page._repr_html_()
+    (source,) = re.findall(r'srcdoc="(.*?)"', frame, re.DOTALL)
+    assert html.unescape(source) == page.html
+    assert 'title="Explore the design"' in frame
+    assert repr(page).startswith("Page of 0.")
+
+
+def test_a_page_is_written_as_a_file(page, tmp_path):
+    path = page.write(tmp_path / "new" / "explore.html")
+    assert path.read_text(encoding="utf-8") == page.html
+
+
+def test_a_report_links_to_the_page_once(tmp_path):
+    report, page = tmp_path / "report.html", tmp_path / "explore.html"
+    assert link(page) is None
+    before = '<p class="verdict">yes</p>\n<div class="first">\n<p>more</p>\n</div>\n'
+    report.write_text(before)
+    for _ in range(2):
+        assert link(page) == report
+        text = report.read_text()
+        assert text.count('<a href="explore.html">Explore this design</a>') == 1
+        assert text.index("verdict") < text.index("explore.html") < text.index("first")
+
+
+def test_the_page_needs_64_bits(monkeypatch):
+    monkeypatch.setattr("tpd.core.checks.require_x64", lambda: (_ for _ in ()).throw(RuntimeError("64")))
+    with pytest.raises(RuntimeError, match="64"):
+        explore(SCENE)

@@ -1,0 +1,94 @@
+"""Tables of orbits: nodes, fields, bounds of the interpolation error, and their encoding."""
+
+import base64
+
+import numpy as np
+import pytest
+
+import tpd
+from tpd.explore.tables import NONE, SAFETY, axis, interpolation_error, solve
+
+SCENE = tpd.paper_scene()
+PENDULUM = tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1)
+
+
+def test_values_that_are_kept_are_nodes():
+    own = axis("frequency", 1.0, 100.0, 5, [3.0, 30.0, 300.0])
+    assert {1.0, 3.0, 30.0, 100.0} <= set(own.values)
+    assert 300.0 not in own.values, "it is out of range"
+    assert (np.diff(own.values) > 0.0).all()
+
+
+def test_a_node_next_to_a_value_that_is_kept_makes_room_for_it():
+    # 9.0 is next to the node 10 of 1, 10, 100.
+    np.testing.assert_allclose(axis("frequency", 1.0, 100.0, 3, [9.0]).values, [1.0, 9.0, 100.0])
+    assert axis("damping", 0.0, 1.0, 5, [0.3], log=False).values.tolist() == [0.0, 0.3, 0.5, 0.75, 1.0]
+
+
+def test_both_ends_of_an_axis_stay():
+    own = axis("frequency", 1.0, 100.0, 3, [1.01, 99.0])
+    assert own.values[0] == 1.0
+    assert own.values[-1] == 100.0
+
+
+def test_fields_are_those_of_the_exact_orbits():
+    table = solve(SCENE, [axis("frequency", 2.0, 4.0, 4), axis("pendulum_mass", 0.2, 3.0, 3)], PENDULUM)
+    nu, rocking = float(SCENE.block.slenderness), 0
+    for i, frequency in enumerate(table.axes[0].values):
+        for j, mass in enumerate(table.axes[1].values):
+            scene = tpd.Scene(SCENE.block, tpd.Harmonic(amplitude=0.015, frequency=float(frequency)))
+            own = tpd.Pendulum(mass=float(mass), length=0.12, damping_ratio=0.1)
+            orbits = tpd.symmetric_orbits(scene.parameters(own))
+            at = np.flatnonzero(np.asarray(orbits.status == tpd.Status.rocking))
+            tilt = float(orbits.amplitude[at[0]]) / nu if at.size else np.nan
+            swing = float(orbits.swing[at[0]]) if at.size else np.nan
+            np.testing.assert_allclose(table.fields["tilt"][i, j], tilt, rtol=1e-12)
+            np.testing.assert_allclose(table.fields["swing"][i, j], swing, rtol=1e-12)
+            unstable = np.flatnonzero(np.asarray(orbits.status == tpd.Status.unstable))
+            other = float(orbits.amplitude[unstable[0]]) / nu if unstable.size else np.nan
+            np.testing.assert_allclose(table.fields["unstable"][i, j], other, rtol=1e-12)
+            rocking += at.size > 0
+    assert rocking > 3
+
+
+def test_housners_restitution_follows_the_mass_of_the_bob():
+    block = tpd.Block(width=1.0, height=6.0, mass=9000.0)
+    scene = tpd.Scene(block, tpd.Harmonic(amplitude=0.08, frequency=1.0))
+    own = tpd.Pendulum(mass=900.0, length=0.5, damping_ratio=0.3)
+    table = solve(scene, [axis("pendulum_mass", 100.0, 900.0, 3)], own)
+    orbits = tpd.symmetric_orbits(scene.parameters(own))
+    assert table.fields["tilt"][-1] == pytest.approx(float(orbits.amplitude[0]) * 6.0, rel=1e-12)
+
+
+def test_the_error_of_a_parabola_is_its_largest_distance_from_its_chords():
+    x = axis("damping", 0.0, 4.0, 5, log=False)
+    error = interpolation_error(x.values**2, [x])
+    # Between two nodes at a distance of 1 the chord lies at most 1/4 above x^2.
+    np.testing.assert_allclose(error, SAFETY * 0.25)
+
+
+def test_the_errors_of_all_axes_add_up():
+    x = axis("damping", 0.0, 4.0, 5, log=False)
+    y = axis("amplitude", 0.0, 2.0, 3, log=False)
+    values = x.values[:, None] ** 2 + 3.0 * y.values**2
+    np.testing.assert_allclose(interpolation_error(values, [x, y]), SAFETY * (0.25 + 0.75))
+
+
+def test_next_to_a_node_without_an_orbit_the_error_is_a_share_of_the_step():
+    x = axis("damping", 0.0, 3.0, 4, log=False)
+    error = interpolation_error(np.array([1.0, 5.0, np.nan, 7.0]), [x])
+    np.testing.assert_allclose(error, [SAFETY * 1.0, SAFETY * 1.0, np.nan, np.nan])
+
+
+def test_numbers_are_encoded_in_two_bytes():
+    table = solve(SCENE, [axis("frequency", 2.0, 4.0, 6)], PENDULUM)
+    out = table.encoded("tilt")
+    assert out["axes"][0] == {"name": "frequency", "values": table.axes[0].values.tolist(), "log": True}
+    assert out["fields"].keys() == {"tilt"}
+    field, values = out["fields"]["tilt"], table.fields["tilt"]
+    codes = np.frombuffer(base64.b64decode(field["data"]), "<u2")
+    assert ((codes == NONE) == np.isnan(values)).all()
+    known = codes != NONE
+    assert known.any()
+    np.testing.assert_allclose(codes[known] / (NONE - 1) * field["scale"], values[known], atol=1e-5)
+    assert table.encoded()["fields"].keys() == table.fields.keys()

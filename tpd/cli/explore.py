@@ -1,0 +1,40 @@
+"""`tpd explore`: write an interactive page of a design."""
+
+from __future__ import annotations
+
+import argparse
+import webbrowser
+from pathlib import Path
+
+from tpd.cli import common, interrupts
+from tpd.core import files
+from tpd.design.job import Job
+from tpd.design.stored_design import StoredDesign, read_design
+
+_NAME = "explore.html"
+"""Name of the page."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the page and print its path; return the exit status."""
+    source: Path = options.source
+    subject = Job.read(source) if source.suffix == ".toml" else read_design(source)
+    folder = subject.path.parent if isinstance(subject, StoredDesign) else Path()
+    out = folder / _NAME if options.out is None else options.out
+    # Before the work: a page takes seconds.
+    if out.is_dir() or not out.name:
+        raise ValueError(f"--out must name a file, but {out} is a directory")
+    if out.exists() and not options.overwrite:
+        raise ValueError(f"{out} exists already: choose another name with --out, or pass --overwrite")
+    with interrupts.announced(f"computing the orbits of the page {out}"):
+        common.set_up_jax(subject.job if isinstance(subject, StoredDesign) else subject)
+        # JAX must be set up before a module imports it.
+        from tpd.explore.page import explore, link
+
+        page = explore(subject)
+    print(f"written: {files.place(out, page.html)}")
+    if (report := link(out)) is not None:
+        print(f"linked from: {report}")
+    if options.open and not webbrowser.open(out.resolve().as_uri()):
+        print("no browser was found: open the page yourself")
+    return interrupts.SOUND

@@ -1,0 +1,416 @@
+// The page: controls, tables of results, figures, and the block that rocks.
+
+import { Motion } from "./rocking.mjs";
+import { bodyOf, limitShares, parameters, reachOf, upliftMargin } from "./pendulum.mjs";
+import { decode, errorAt, lookUp, place, shareOf, valueAt } from "./orbits.mjs";
+import { BLUE, GREY, INK, PALE, cleared, drawAxes, drawBlock, drawLine } from "./figures.mjs";
+import { drawMark, drawMarker, format, hatch, writeOver } from "./figures.mjs";
+
+const SIMULATED = "simulated in the browser", EXACT = "exact";
+const PERIODS = 12; // Periods of the base motion that are simulated for the tables.
+const FREE = 5; // Free motion after a pulse or record, s.
+const COLUMNS = 90, ROWS = 64; // Samples of the map.
+
+const byId = (id) => document.getElementById(id);
+const create = (tag, properties = {}) => Object.assign(document.createElement(tag), properties);
+const percent = (x) => (x === null ? "unknown" : `${format(100 * x, 2)} %`);
+
+const data = JSON.parse(byId("data").textContent);
+const { scene, limits, controls, ground, tables } = data;
+const tableOf = (name) => tables?.[name] && decode(tables[name]);
+const grid = tableOf("grid"), without = tableOf("without"), recommended = tableOf("recommended");
+const base = ground && forcingOf(ground), height = 2 * scene.halfHeight;
+const ranges = Object.fromEntries(controls.map((control) => [control.name, control]));
+const state = { play: true, speed: 1, push: 0 };
+
+/** Return the base acceleration over its peak as a function of the time in s, and its duration. */
+function forcingOf({ data: text, order, piece }) {
+  const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+  const powers = new Float32Array(bytes.buffer), count = powers.length / order;
+  const at = (time) => {
+    const i = Math.floor(time / piece), x = time / piece - i;
+    let value = 0;
+    if (i >= 0 && i < count) for (let n = order - 1; n >= 0; n--) value = value * x + powers[i * order + n];
+    return value;
+  };
+  return { at, duration: count * piece };
+}
+
+// Controls: each quantity has a slider and a number field
+
+function addControl(control) {
+  const { name, label, unit, low, high } = control, row = create("div", { className: "control" });
+  const text = `${label} (${format(low)} to ${format(high)}${unit && ` ${unit}`})`;
+  control.slider = create("input", { type: "range", id: `${name}-slider`, min: 0, max: 1000, step: 1 });
+  control.field = create("input", { type: "number", id: name, step: "any" });
+  row.append(create("label", { htmlFor: name, textContent: text }), control.slider, control.field, unit);
+  byId(control.group).append(row);
+  control.slider.setAttribute("aria-label", unit ? `${label}, ${unit}` : label);
+  // Four digits are enough for a slider.
+  const sliderValue = () => Number(valueAt(control, control.slider.valueAsNumber / 1000).toPrecision(4));
+  control.slider.addEventListener("input", () => set({ [name]: sliderValue() }));
+  control.field.addEventListener("change", () => set({ [name]: control.field.valueAsNumber }));
+}
+
+/** Set values within their ranges, and show all that depends on them. */
+function set(values) {
+  for (const control of controls) {
+    const value = values[control.name];
+    if (Number.isFinite(value)) state[control.name] = Math.min(Math.max(value, control.low), control.high);
+    const own = state[control.name];
+    control.slider.value = 1000 * shareOf(control, own);
+    control.slider.setAttribute("aria-valuetext", `${format(own, 4)} ${control.unit}`);
+    control.field.value = format(own, 6);
+  }
+  update();
+}
+
+// Values and their sources
+
+function excitation() {
+  // Under a ground motion the frequency only sets the length of a step.
+  if (ground) return { peak: ground.peak * state.scale, frequency: scene.rate / (2 * Math.PI) };
+  return { amplitude: state.amplitude, frequency: state.frequency };
+}
+
+/** Return steady tilts and bob angle, each as { value, error, source }; null under a pulse or record. */
+function steady() {
+  if (ground) return null;
+  const corners = place(grid, [state.mass, state.length, state.damping, state.frequency, state.amplitude]);
+  const alone = place(without, [state.frequency, state.amplitude]);
+  const read = (table, name, at) => ({ ...lookUp(table, name, at), error: errorAt(table, name, at) });
+  const [tilt, swing] = ["tilt", "swing"].map((name) => read(grid, name, corners));
+  return { tilt, swing, without: read(without, "tilt", alone) };
+}
+
+function motionFrom(pendulum) {
+  const p = parameters(scene, excitation(), pendulum), first = [state.push * scene.nu, 0, 0, 0];
+  if (!ground) return new Motion(p, first);
+  const motion = new Motion(p, first, (tau) => base.at(tau / scene.rate));
+  motion.step = Math.min(motion.step, ground.piece * scene.rate);
+  return motion;
+}
+
+/** Return the largest values of the motion that the page shows: its first periods, or the whole ground motion. */
+function simulate(pendulum) {
+  const motion = motionFrom(pendulum), seconds = ground ? base.duration + FREE : PERIODS / state.frequency;
+  const largest = { tilt: 0, swing: 0, tension: 0, rate: 0 };
+  motion.advance(seconds * scene.rate, ({ y, tension }) => {
+    const rate = (y[3] - y[2]) * scene.rate;
+    const values = { tilt: y[0] / scene.nu, swing: y[1], rate, tension: Math.max(tension, 0) };
+    for (const name in largest) largest[name] = Math.max(largest[name], Math.abs(values[name]));
+  });
+  return { ...largest, overturned: motion.overturned, stalled: motion.stalled };
+}
+
+/** Return the stored validation runs that hold for this pendulum and base motion; undefined without any. */
+function runsNear({ mass, length, damping }) {
+  const at = [mass, length, damping], motion = controls.filter(({ group }) => group === "excitation");
+  const holds = ({ low, high }) => at.every((x, i) => x >= low[i] * (1 - 1e-6) && x <= high[i] * (1 + 1e-6));
+  const isSame = motion.every(({ name, value }) => Math.abs(state[name] / value - 1) < 1e-6);
+  return isSame ? data.runs.findLast(holds) : undefined;
+}
+
+function textOf({ value, error, source }, unit = "") {
+  if (source === "none") return "no attracting symmetric orbit";
+  if (source === "not interpolated") return "–";
+  if (source === "exact") return `${format(value)}${unit}`;
+  // The three digits that are shown are rounded as well.
+  const rounding = 0.5 * 10 ** (Math.floor(Math.log10(Math.abs(value))) - 2);
+  return `${format(value)} ± ${format(Math.max(error, rounding), 1)}${unit}`;
+}
+
+const degrees = (tilt) => `${format((tilt * scene.nu * 180) / Math.PI, 2)}°`;
+
+// Tables
+
+/** Show rows [name, label, value, source] in a table. */
+function fill(id, rows) {
+  const elements = rows.map(([name, label, value, source]) => {
+    const row = create("tr", { className: value.endsWith("exceeded") ? "exceeded" : "" });
+    row.dataset.name = name;
+    row.append(create("th", { scope: "row", textContent: label }));
+    for (const textContent of [value, source]) row.append(create("td", { textContent }));
+    return row;
+  });
+  byId(id).tBodies[0].replaceChildren(...elements);
+}
+
+function steadyRows(now, pendulum, body) {
+  if (!now) return [];
+  const { tilt, swing } = now, rests = upliftMargin(parameters(scene, excitation(), pendulum)) > 0;
+  const reach = body ? reachOf(scene, body, swing.value + tilt.value * scene.nu) : NaN;
+  const error = body?.rod * (swing.error + tilt.error * scene.nu);
+  const clearance = { ...swing, value: scene.cavity / 2 - reach, error };
+  return [
+    ["tilt", "Steady tilt over the slenderness", textOf(tilt), tilt.source],
+    ["without", "Steady tilt without a pendulum", textOf(now.without), now.without.source],
+    ["swing", "Steady bob angle", textOf(swing, " rad"), swing.source],
+    ["rest", "Resting block", rests ? "stays at rest once the bob has settled" : "lifts", EXACT],
+    ...(scene.cavity ? [["clearance", "Clearance to the wall", textOf(clearance, " m"), clearance.source]] : []),
+  ];
+}
+
+function runRows(runs) {
+  const rows = [["overturned", "Share overturned (95 % interval)"], ["mean", "Mean tilt over the slenderness"]];
+  const reason = "no validation runs near this design and base motion";
+  if (!runs) return rows.map((row) => [...row, "not simulated", reason]);
+  const interval = ([mean, low, high]) => `${percent(mean)} (${percent(low)} to ${percent(high)})`;
+  const [share, alone] = runs.overturned.map(interval), [mean, meanAlone] = runs.mean.map((x) => format(x));
+  const reduction = interval([runs.benefit.mean, runs.benefit.low, runs.benefit.high]);
+  const means = `${mean}; without a pendulum ${meanAlone}: reduction ${reduction}`;
+  const texts = [`${share}; without a pendulum ${alone}`, means];
+  const verdict = runs.sentences.join(" ") || "no reason against this design";
+  const quoted = rows.map((row, i) => [...row, texts[i], `validation runs: ${runs.description}`]);
+  return [...quoted, ["validation", "Validation", verdict, "validation runs"]];
+}
+
+function showResults(now, shares, largest, alone, pendulum, body) {
+  const g = scene.gravity, { mass, length, damping } = pendulum;
+  const damper = 2 * damping * mass * length ** 1.5 * Math.sqrt(g), natural = Math.sqrt(g / length) / (2 * Math.PI);
+  const force = largest.tension * mass * g;
+  const source = `${SIMULATED}, ${ground ? "whole motion" : `first ${PERIODS} periods`}`;
+  const outcome = ({ overturned, stalled, tilt }) =>
+    stalled ? "no answer: too many events" : overturned ? "overturns" : `${format(tilt)} (${degrees(tilt)})`;
+  const size = body ? `${format(body.mass)} kg, ${format(2 * body.radius)} m wide` : "no body swings as this point";
+  fill("results", [
+    ...steadyRows(now, pendulum, body),
+    ...runRows(runsNear(pendulum)),
+    ["largest", "Largest tilt over the slenderness", outcome(largest), source],
+    ["largest-without", "Largest tilt without a pendulum", outcome(alone), source],
+    ["tension", "Largest force in the rod", force < 1000 ? `${format(force)} N` : `${format(force / 1000)} kN`, source],
+    ["moment", "Largest moment of the damper", `${format(damper * largest.rate)} N m`, source],
+    ["natural", "Natural frequency", `${format(natural)} Hz`, `${EXACT}, undamped, block at rest`],
+    ["damper", "Damping of the hinge", `${format(damper)} N m s/rad`, EXACT],
+    ["bob", "Bob as built", size, EXACT],
+    ["rod", "Rod to the centre of the bob", body ? `${format(body.rod)} m` : "–", EXACT],
+  ]);
+  fill("limits", shares.map(({ name, share }) => {
+    const source = data.still.includes(name) ? EXACT : now?.swing.source ?? "bob at rest";
+    return [name, data.limit_labels[name], `${format(100 * share)} %${share > 1 ? ": exceeded" : ""}`, source];
+  }));
+}
+
+// Figures
+
+function drawResponse(now) {
+  const view = cleared(byId("response")), { c } = view, values = without.axes[0].values;
+  const most = 1.1 * Math.max(tables.grid.fields.tilt.scale, tables.without.fields.tilt.scale);
+  const vertical = { low: 0, high: Math.min(1, most), label: "tilt / slenderness" };
+  const { px, py, top, bottom } = drawAxes(view, { ...ranges.frequency, label: "frequency (Hz)" }, vertical);
+  const alone = (f) => [f, state.amplitude], own = (f) => [state.mass, state.length, state.damping, f, state.amplitude];
+  const curve = (table, name, point) =>
+    values.map((f) => [px(f), py(lookUp(table, name, place(table, point(f))).value)]);
+  drawLine(c, curve(without, "tilt", alone), GREY, 5);
+  drawLine(c, curve(without, "unstable", alone), GREY, 3, [3, 5]);
+  if (recommended) drawLine(c, curve(recommended, "tilt", alone), INK, 1, [6, 4]);
+  drawLine(c, curve(grid, "tilt", own), BLUE, 2);
+  drawLine(c, curve(grid, "unstable", own), BLUE, 1.5, [2, 4]);
+  drawMarker(c, px(state.frequency), top, bottom);
+  if (Number.isFinite(now.tilt.value)) drawMark(c, px(state.frequency), py(now.tilt.value));
+}
+
+/** Return the samples of the map with their bodies, which no slider changes. */
+function samplesOfMap() {
+  const plane = { axes: grid.axes.slice(0, 2), strides: [grid.axes[1].values.length, 1] };
+  return Array.from({ length: COLUMNS * ROWS }, (_, n) => {
+    const mass = valueAt(ranges.mass, ((n % COLUMNS) + 0.5) / COLUMNS);
+    const length = valueAt(ranges.length, 1 - (Math.floor(n / COLUMNS) + 0.5) / ROWS);
+    const pendulum = { mass, length, damping: 0 };
+    return { pendulum, corners: place(plane, [mass, length]), body: bodyOf(scene, pendulum) };
+  });
+}
+const samples = ground ? [] : samplesOfMap();
+
+/** Return a field at all nodes of mass and length, interpolated in damping, frequency and amplitude. */
+function slice(name) {
+  const [masses, lengths] = grid.axes, rest = [state.damping, state.frequency, state.amplitude];
+  const at = (mass, length) => lookUp(grid, name, place(grid, [mass, length, ...rest])).value;
+  return masses.values.flatMap((mass) => lengths.values.map((length) => at(mass, length)));
+}
+
+function drawMap(now) {
+  const view = cleared(byId("map")), { c } = view, tilts = slice("tilt"), swings = slice("swing");
+  const finite = tilts.filter(Number.isFinite), [least, most] = [Math.min(...finite), Math.max(...finite)];
+  const pixels = new ImageData(COLUMNS, ROWS), regions = {};
+  const mean = (values, corners) => corners.reduce((sum, [index, weight]) => sum + weight * values[index], 0);
+  samples.forEach(({ pendulum, corners, body }, n) => {
+    const tilt = mean(tilts, corners), swing = mean(swings, corners);
+    const motion = Number.isFinite(tilt) ? { tilt, swing, without: now.without.value } : null;
+    // Light is the smallest tilt, dark the largest; a place without a value stays white.
+    const shade = 235 - (150 * (tilt - least)) / (most - least || 1);
+    pixels.data.set(motion ? [shade - 20, shade - 5, shade + 10, 255] : [255, 255, 255, 255], 4 * n);
+    const exceeded = limitShares(scene, limits, pendulum, motion, body).filter(({ share }) => share > 1);
+    if (exceeded.length) (regions[exceeded.reduce((a, b) => (b.share > a.share ? b : a)).name] ??= []).push(n);
+  });
+  const [x, y] = [{ ...ranges.mass, label: "mass of the bob (kg)" }, { ...ranges.length, label: "length (m)" }];
+  const { px, py, left, right, top, bottom } = drawAxes(view, x, y);
+  const picture = (drawMap.picture ??= create("canvas", { width: COLUMNS, height: ROWS }));
+  const [wide, tall] = [(right - left) / COLUMNS, (bottom - top) / ROWS];
+  picture.getContext("2d").putImageData(pixels, 0, 0);
+  c.drawImage(picture, left, top, right - left, bottom - top);
+  Object.entries(regions).forEach(([name, numbers], i) => {
+    const places = numbers.map((n) => [left + (n % COLUMNS) * wide, top + Math.floor(n / COLUMNS) * tall]);
+    // The label stands in the middle of the middle row of its region.
+    const row = places.filter(([, down]) => down === places[places.length >> 1][1]);
+    const [across, down] = row[row.length >> 1];
+    hatch(c, places, [wide, tall], i);
+    // A label on a very small region would hide its neighbours.
+    if (places.length > 0.02 * samples.length) writeOver(c, name.replace("_", " "), across, down);
+  });
+  const { mass, length } = data.space, corner = (i, j) => [px(mass[i]), py(length[j])];
+  drawLine(c, [corner(0, 0), corner(0, 1), corner(1, 1), corner(1, 0), corner(0, 0)], INK, 1, [5, 4]);
+  if (data.recommended) drawMark(c, px(data.recommended.mass), py(data.recommended.length), true);
+  drawMark(c, px(state.mass), py(state.length));
+  drawMap.area = { left, right, top, bottom };
+  byId("map-values").textContent = `${format(state.frequency, 4)} Hz, ${format(state.amplitude, 4)} m and a damping `
+    + `ratio of ${format(state.damping)}. Lightest: ${format(least)}, darkest: ${format(most)} of the slenderness`;
+}
+
+function drawDesign(now, largest, body) {
+  const { c, width, high } = cleared(byId("drawing")), isSteady = now && Number.isFinite(now.swing.value);
+  const angle = isSteady ? now.swing.value : Math.min(largest.swing, Math.PI / 2);
+  byId("angle-source").textContent = isSteady ? `steady motion (${now.swing.source})` : SIMULATED;
+  const whole = Math.min((high - 20) / height, (0.4 * width) / scene.width);
+  const depth = body ? 1.25 * (body.rod + body.half) : state.length;
+  const near = Math.min((high - 30) / depth, (0.5 * width) / scene.width);
+  const parts = [[0, 0.22 * width, high - 10, whole], [0.45 * width, 0.73 * width, 24 + near * height, near]];
+  for (const [left, middle, bottom, scale] of parts) {
+    c.save();
+    c.beginPath();
+    c.rect(left, 0, width, high);
+    c.clip();
+    c.translate(middle, bottom);
+    c.scale(scale, scale);
+    c.lineWidth = 1.5 / scale;
+    drawBlock(c, scene, body, 0, left ? [[-angle, PALE], [angle, PALE], [0, BLUE]] : [[0, BLUE]]);
+    c.restore();
+  }
+  [c.fillStyle, c.textAlign] = [INK, "center"];
+  if (body) c.fillText(`rod ${format(body.rod)} m, bob ${format(2 * body.radius)} m wide`, 0.73 * width, 16);
+}
+
+// The block that rocks
+
+let motions = [], traces = [[], []], clock = 0, before = 0, frames = [];
+
+function restart() {
+  [motions, traces, clock] = [[motionFrom(null), motionFrom(state)], [[], []], 0];
+}
+
+/** Show one frame of the animation; `time` is in ms. */
+function animate(time) {
+  frames = [...frames.filter((t) => t > time - 1000), time];
+  // A page that was hidden does not catch up.
+  const seconds = Math.min((time - before) / 1000, 0.1);
+  before = time;
+  if (state.play) {
+    clock += seconds * state.speed;
+    motions.forEach((motion, i) => traces[i].push([clock, motion.advance(clock * scene.rate).y[0] / scene.nu]));
+    if (ground && clock > base.duration + FREE) restart();
+    drawMotions();
+  }
+  requestAnimationFrame(animate);
+}
+
+function drawMotions() {
+  const body = bodyOf(scene, state), clamp = (x, most) => Math.max(-most, Math.min(most, x));
+  motions.forEach((motion, i) => {
+    const name = ["without", "with"][i], { c, width, high } = cleared(byId(`block-${name}`));
+    const tilt = clamp(motion.y[0], Math.PI / 2), floor = 0.4 * height + scene.width;
+    const scale = Math.min((high - 30) / height, width / (0.9 * height + scene.width));
+    const shift = ground ? 0 : -state.amplitude * Math.sin(2 * Math.PI * state.frequency * clock);
+    c.translate(width / 2 + shift * scale, high - 14);
+    c.scale(scale, scale);
+    c.lineWidth = 1.5 / scale;
+    drawBlock(c, scene, i ? body : null, tilt, [[motion.y[1], BLUE]]);
+    drawLine(c, [[-floor, 0], [floor, 0]], INK, 2.5 / scale);
+    const text = `Tilt ${((tilt * 180) / Math.PI).toFixed(2)}° at ${clock.toFixed(1)} s.`;
+    byId(`state-${name}`).textContent = motion.overturned ? "The block has overturned." : text;
+  });
+  const span = ground ? base.duration + FREE : PERIODS / state.frequency, from = Math.max(0, clock - span);
+  traces = traces.map((trace) => trace.filter(([t]) => t >= from));
+  const most = 1.1 * traces.flat().reduce((largest, [, tilt]) => Math.max(largest, Math.min(1.2, Math.abs(tilt))), 0.1);
+  const view = cleared(byId("trace")), vertical = { low: -most, high: most, label: "tilt" };
+  const { px, py } = drawAxes(view, { low: from, high: from + span, label: "time (s)" }, vertical);
+  const points = traces.map((trace) => trace.map(([t, tilt]) => [px(t), py(clamp(tilt, most))]));
+  drawLine(view.c, points[0], GREY, 2, [5, 3]);
+  drawLine(view.c, points[1], BLUE, 1.8);
+}
+
+// Everything together
+
+/** Return the largest values without a pendulum, which only a change of the base motion or of the start changes. */
+function simulateAlone() {
+  const key = JSON.stringify([excitation(), state.push]);
+  if (simulateAlone.key !== key) [simulateAlone.key, simulateAlone.values] = [key, simulate(null)];
+  return simulateAlone.values;
+}
+
+function update() {
+  const begin = performance.now(), { mass, length, damping } = state, pendulum = { mass, length, damping };
+  const body = bodyOf(scene, pendulum), now = steady(), hasOrbit = now && Number.isFinite(now.tilt.value);
+  const motion = hasOrbit ? { tilt: now.tilt.value, swing: now.swing.value, without: now.without.value } : null;
+  const shares = limitShares(scene, limits, pendulum, motion, body), largest = simulate(pendulum);
+  showResults(now, shares, largest, simulateAlone(), pendulum, body);
+  if (now) [drawResponse(now), drawMap(now)];
+  drawDesign(now, largest, body);
+  restart();
+  drawMotions();
+  const exceeded = shares.filter(({ share }) => share > 1).map(({ name }) => data.limit_labels[name]);
+  const verdict = exceeded.length ? `Limits exceeded: ${exceeded.join(", ")}.` : "No limit is exceeded.";
+  const tilts = now ? `Steady tilt ${textOf(now.tilt)} with your pendulum, ${textOf(now.without)} without. ` : "";
+  // A screen reader says the result once the slider has stopped.
+  clearTimeout(update.timer);
+  update.timer = setTimeout(() => (byId("summary").textContent = tilts + verdict), 400);
+  update.duration = performance.now() - begin;
+}
+
+function begin() {
+  byId("title").textContent = document.title = data.title ? `${data.title}: explore the design` : "Explore the design";
+  byId("verdict").textContent = data.verdict;
+  byId("ground").textContent = ground ? `(${ground.name})` : "";
+  byId("version").textContent = `Written by tpd ${data.version}.`;
+  const others = data.other_limits.join(", ");
+  byId("other-limits").textContent = others ? `Not evaluated on this page: ${others}.` : "";
+  for (const id of ["response-figure", "map-figure"]) byId(id).hidden = Boolean(ground);
+  controls.forEach(addControl);
+  const first = Object.fromEntries(controls.map(({ name, value }) => [name, value]));
+  byId("reset").addEventListener("click", () => set(first));
+  byId("play").addEventListener("click", ({ target }) => {
+    state.play = !state.play;
+    target.textContent = state.play ? "Pause" : "Play";
+  });
+  byId("restart").addEventListener("click", () => (restart(), drawMotions()));
+  byId("speed").addEventListener("change", ({ target }) => (state.speed = Number(target.value)));
+  byId("push").addEventListener("change", ({ target }) => {
+    target.value = state.push = Math.max(-0.9, Math.min(0.9, target.valueAsNumber || 0));
+    update();
+  });
+  byId("map").addEventListener("click", ({ offsetX, offsetY }) => {
+    const { left, right, top, bottom } = drawMap.area;
+    const [x, y] = [(offsetX - left) / (right - left), (bottom - offsetY) / (bottom - top)];
+    set({ mass: valueAt(ranges.mass, x), length: valueAt(ranges.length, y) });
+  });
+  window.addEventListener("resize", () => {
+    // The figures have another size, but the motion goes on.
+    const present = [motions, traces, clock];
+    update();
+    [motions, traces, clock] = present;
+  });
+  // Readers who want less motion start the animation themselves.
+  if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) byId("play").click();
+  set(first);
+  requestAnimationFrame(animate);
+}
+
+begin();
+// Tests and measurements read these.
+globalThis.tpdPage = {
+  state, set,
+  control: (name) => ranges[name],
+  area: () => drawMap.area,
+  clock: () => clock,
+  frames: () => frames.length,
+  duration: () => update.duration,
+};

@@ -1,0 +1,323 @@
+"""Content of the page as plain numbers and texts: block, limits, controls, orbits, and stored runs."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import tpd
+from tpd.core import checks
+from tpd.design.criteria import HEAVIEST_RATIO, LABELS, LONGEST_RATIO, STILL, bob_of
+from tpd.design.design import Design
+from tpd.design.ground_motion import motion_factors
+from tpd.design.harmonic import HarmonicProblem
+from tpd.design.job import Job
+from tpd.design.optimise import problem_of
+from tpd.design.problem import Problem
+from tpd.design.stored_design import StoredDesign
+from tpd.explore.tables import GridAxis, axis, solve
+from tpd.scene.impacts import heaviest_of_housner
+from tpd.scene.scene import LARGEST_DAMPING, Pendulum, Scene
+
+Subject = Design | StoredDesign | Job | Scene
+"""Objects that a page can show."""
+_COUNTS = {"mass": 10, "length": 16, "damping": 4, "frequency": 24, "amplitude": 3}
+"""Nodes along each axis of the large table, without the values of the design, which are nodes as well."""
+_QUANTITIES = {name: f"pendulum_{name}" for name in ("mass", "length", "damping")}
+"""Names of the quantities of a pendulum in `Scene.quantities`, by their names on the page."""
+_LABELS = {
+    "mass": ("Mass of the bob", "kg"),
+    "length": ("Length of the pendulum", "m"),
+    "damping": ("Damping ratio of the hinge", ""),
+    "frequency": ("Frequency", "Hz"),
+    "amplitude": ("Amplitude", "m"),
+    "scale": ("Factor on the ground motion", ""),
+}
+"""Labels and units of the controls."""
+_LINEAR = "damping", "amplitude"
+"""Quantities with evenly spaced nodes: a hinge may have no damping, and the tilt is almost linear in the
+amplitude. The nodes of the others are evenly spaced on the logarithm."""
+_FINE = {"frequency": 121, "amplitude": 5}
+"""Nodes of the tables without a pendulum and of the recommended design."""
+_FREQUENCIES, _AMPLITUDES = (0.6, 1.5), (0.5, 1.5)
+"""Range of the sliders over the scene's own frequency and amplitude; conditions may extend both."""
+_WIDER = 2.5
+"""Factor by which a slider can leave a value that the search keeps fixed."""
+_SHOWN = "stroke", "relative_stroke", "tilt", "mass", "offset", "clearance", "worsening"
+"""Limits that the page evaluates."""
+_NEAR = np.array([0.02, 0.02, 0.2])
+"""Relative distance in mass, length and damping within which stored runs hold for a design without a
+tolerance range of its own: the scatter of the validation runs."""
+_SCALES = 0.1, 5.0
+"""Range of the slider of the factor on a ground motion."""
+_LONGEST = 40_000
+"""Most pieces of a ground motion that the page simulates."""
+
+
+class Validation(NamedTuple):
+    """A validated design as the page needs it."""
+
+    design: np.ndarray
+    """(mu, lam, zeta)."""
+    pendulum: Pendulum
+    runs: Mapping[str, Any] | None
+    """Summary of the paired runs that the report quotes, with the keys of design.json; None without runs."""
+    sentences: list[str]
+    """Reasons against the design."""
+
+
+class Answer(NamedTuple):
+    """Answer of `optimise` as the page needs it; empty for a job or a scene."""
+
+    title: str = ""
+    verdict: str = ""
+    pendulum: Pendulum | None = None
+    """Recommended pendulum; None where no pendulum is recommended."""
+    validations: tuple[Validation, ...] = ()
+    equivalent: Any = None
+    """Least and largest (mu, lam, zeta) of designs that perform equally well, shape (2, 3), or None."""
+
+
+def content(subject: Subject) -> dict[str, Any]:
+    """Return everything that the page holds, ready for JSON.
+
+    Args:
+        subject: a design, the stored design of a report, a job, or a scene with the usual limits.
+
+    Raises:
+        ValueError: another object, or a problem that cannot be posed.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    checks.instance("design", subject, (Design, StoredDesign, Job, Scene))
+    problem, answer = _problem_and_answer(subject)
+    start = _first_pendulum(problem, answer)
+    # Each limit that the page evaluates has one number, or none: then its name is enough.
+    values = {limit.name: next(iter(vars(limit).values()), True) for limit in problem.limits}
+    limits = {
+        name: x if isinstance(x, (int, float)) else True for name, x in values.items() if name in _SHOWN
+    }
+    out = {
+        "version": tpd.__version__,
+        "title": answer.title,
+        "verdict": answer.verdict,
+        "scene": block_numbers(problem),
+        "limits": limits,
+        "other_limits": sorted(values.keys() - limits.keys()),
+        "limit_labels": LABELS,
+        "still": STILL,
+        "space": dict(zip(_QUANTITIES, _space(problem).tolist(), strict=True)),
+        "recommended": None if answer.pendulum is None else _values_of(answer.pendulum),
+        "runs": list(_stored_runs(problem, answer)),
+    }
+    # Only a harmonic has steady motions. Under a pulse or a record the browser simulates the motion alone.
+    if isinstance(problem, HarmonicProblem):
+        return out | _harmonic(problem, start, answer.pendulum)
+    return out | _ground_motion(problem, start)
+
+
+def _problem_and_answer(subject: Subject) -> tuple[Problem, Answer]:
+    """Problem of a subject, and what is known of its answer."""
+    match subject:
+        case Design():
+            validations = tuple(
+                Validation(v.design, v.pendulum, v.runs and v.runs.summary(), [*v.refusals])
+                for v in subject.validated
+            )
+            more = subject.pendulum, validations, subject.equivalent
+            return subject.problem, Answer("", subject.status.value, *more)
+        case StoredDesign():
+            # The file has the same numbers as a design, under the names of the fields.
+            validations = tuple(
+                Validation(
+                    design=np.array(v["design"]),
+                    pendulum=Pendulum(**v["pendulum"]),
+                    runs=v["quoted"] or v["decided"],
+                    sentences=[reason["sentence"] for reason in v["reasons"]],
+                )
+                for v in subject.content.get("validated", ())
+            )
+            verdict, equivalent = (subject.content.get(name) for name in ("verdict", "equivalent"))
+            job, answer = subject.job, Answer("", verdict or "", subject.pendulum, validations, equivalent)
+        case Job():
+            job, answer = subject, Answer()
+        case _:
+            return problem_of(subject), Answer()
+    title = str(job.tables.get("project", {}).get("name", ""))
+    return problem_of(job.scene, **job.settings), answer._replace(title=title)
+
+
+def block_numbers(problem: Problem) -> dict[str, Any]:
+    """Return block, gravity and bob as the page computes with them, in SI units."""
+    scene, block, bob = problem.scene, problem.scene.block, bob_of(problem.limits)
+    return {
+        "nu": float(block.slenderness),
+        "rho": float(block.inertia_ratio),
+        "k": float(block.friction),
+        "restitution": block.restitution if isinstance(block.restitution, str) else float(block.restitution),
+        "gravity": float(scene.gravity),
+        "rate": float(scene.rate),
+        "mass": float(block.mass),
+        "halfHeight": float(block.half_height),
+        "width": float(block.width),
+        # Without a cavity the search has no limit on the clearance, and the drawing no walls.
+        "cavity": None if block.cavity_width is None else float(block.cavity_width),
+        "bob": {
+            "shape": bob.shape,
+            "density": float(bob.density),
+            "aspect": float(bob.aspect),
+            "rodShare": bob.rod_share(1.0, float(scene.gravity)),
+        },
+    }
+
+
+def _space(problem: Problem) -> np.ndarray:
+    """Least and largest mass, length and damping of the search in SI units, shape (3, 2)."""
+    block = problem.scene.block
+    return problem.space.ends.T * np.array([[float(block.mass)], [float(block.half_height)], [1.0]])
+
+
+def _first_pendulum(problem: Problem, answer: Answer) -> Pendulum:
+    """Pendulum with which the page begins: the recommended one, else the last one that was validated, else
+    one in the middle of the space of the search."""
+    if answer.pendulum is not None:
+        return answer.pendulum
+    if answer.validations:
+        return answer.validations[-1].pendulum
+    low, high = _space(problem).T
+    # Ratios span decades: their geometric mean is in the middle.
+    mass, length = np.sqrt(low * high)[:2].tolist()
+    return Pendulum(mass=mass, length=length, damping_ratio=float(low[2] + high[2]) / 2.0)
+
+
+def _ranges(problem: Problem, start: Pendulum) -> dict[str, tuple[float, float]]:
+    """Ranges of the sliders of the pendulum, in SI units."""
+    block, (mass, length, damping) = problem.scene.block, _space(problem)
+    heaviest = HEAVIEST_RATIO
+    if isinstance(block.restitution, str):
+        # A heavier bob would throw the block back at an impact.
+        heaviest = min(heaviest, 0.99 * float(heaviest_of_housner(block.slenderness, block.inertia_ratio)))
+
+    def wide(ends: np.ndarray, own: float, most: float) -> tuple[float, float]:
+        low, high = float(ends[0]), float(ends[1])
+        # A value that the search keeps fixed can be explored as well.
+        if low == high:
+            low, high = low / _WIDER, high * _WIDER
+        return min(low, own), min(max(high, own), most)
+
+    zeta = float(start.damping_ratio)
+    # The names are those of the controls of the page.
+    return {
+        "mass": wide(mass, float(start.mass), heaviest * float(block.mass)),
+        "length": wide(length, float(start.length), LONGEST_RATIO * float(block.half_height)),
+        # A hinge without damping has a range as well.
+        "damping": wide(damping, zeta, LARGEST_DAMPING) if damping[1] > 0.0 else (0.0, 0.2),
+    }
+
+
+def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum | None) -> dict[str, Any]:
+    """Controls and tables of orbits under a harmonic."""
+    scene, motion = problem.scene, problem.scene.motion
+    own = _values_of(start) | {"frequency": float(motion.frequency), "amplitude": float(motion.amplitude)}
+    ranges = _ranges(problem, start)
+    # The sliders reach every condition of the design.
+    for name, share in (("frequency", _FREQUENCIES), ("amplitude", _AMPLITUDES)):
+        factors = np.append(problem.conditions.column(name), share)
+        ranges[name] = own[name] * float(factors.min()), own[name] * float(factors.max())
+
+    def axes_of(counts: Mapping[str, int]) -> list[GridAxis]:
+        return [
+            axis(_QUANTITIES.get(n, n), *ranges[n], count, [own[n]], log=n not in _LINEAR)
+            for n, count in counts.items()
+        ]
+
+    # Without a pendulum, or with a known one, only the base motion varies: these tables can be finer.
+    fine = axes_of(_FINE)
+    tables = {"grid": solve(scene, axes_of(_COUNTS), start).encoded()}
+    tables["without"] = solve(scene, fine).encoded("tilt", "unstable", "tilt_error")
+    if recommended is not None:
+        tables["recommended"] = solve(scene, fine, recommended).encoded("tilt", "unstable")
+    return {"controls": _controls(own, ranges), "tables": tables}
+
+
+def _ground_motion(problem: Problem, start: Pendulum) -> dict[str, Any]:
+    """Controls, and acceleration of the base under a pulse or a record, of which the page simulates the
+    beginning."""
+    conditions = problem.conditions
+    # The slider begins with the first condition of the design.
+    factor = float(motion_factors(problem.scene, conditions)[0])
+    motion = conditions.motions[int(np.asarray(conditions.which)[0])].scaled(factor)
+    pieces = np.asarray(motion.pieces())[:_LONGEST]
+    # A record is linear between its samples: its higher coefficients are zero and are left out.
+    order = int(max(np.flatnonzero(np.any(pieces != 0.0, axis=0)), default=0)) + 1
+    return {
+        "controls": _controls(
+            _values_of(start) | {"scale": 1.0}, _ranges(problem, start) | {"scale": _SCALES}
+        ),
+        "ground": {
+            "name": conditions.label(0),
+            "peak": float(motion.pga),
+            "piece": float(motion.piece),
+            "order": order,
+            "data": base64.b64encode(pieces[:, :order].astype("<f4").tobytes()).decode(),
+        },
+    }
+
+
+def _values_of(pendulum: Pendulum) -> dict[str, float]:
+    """Values of the controls of a pendulum."""
+    sizes = pendulum.mass, pendulum.length, pendulum.damping_ratio
+    return {name: float(x) for name, x in zip(_QUANTITIES, sizes, strict=True)}
+
+
+def _controls(own: Mapping[str, float], ranges: Mapping[str, tuple[float, float]]) -> list[dict[str, Any]]:
+    """Controls of the page: each with its name, label, unit, group, first value and range."""
+    return [
+        {
+            "name": name,
+            "label": _LABELS[name][0],
+            "unit": _LABELS[name][1],
+            "group": "pendulum" if name in _QUANTITIES else "excitation",
+            "value": value,
+            "low": ranges[name][0],
+            "high": ranges[name][1],
+            "log": name not in _LINEAR,
+        }
+        for name, value in own.items()
+    ]
+
+
+def _stored_runs(problem: Problem, answer: Answer) -> Iterator[dict[str, Any]]:
+    """Validation runs of each validated design, with the range of the pendulum in which they hold."""
+    block = problem.scene.block
+    si = np.array([float(block.mass), float(block.half_height), 1.0])
+    for i, (design, _, runs, sentences) in enumerate(answer.validations):
+        # A limit that needs no run can reject a design before its runs.
+        if runs is None:
+            continue
+        low, high = design * (1.0 - _NEAR), design * (1.0 + _NEAR)
+        # The tolerance range is that of the recommended design, which is the last one.
+        if answer.equivalent is not None and i == len(answer.validations) - 1:
+            low, high = np.asarray(answer.equivalent)
+        # In memory the parts of a summary are objects, and in a file they are dictionaries.
+        benefit, changes = _fields(runs["benefit"]), [_fields(change) for change in runs["changes"]]
+        mean = next(change for change in changes if change["name"] == "mean severity")
+        yield {
+            "low": (np.minimum(low, design) * si).tolist(),
+            "high": (np.maximum(high, design) * si).tolist(),
+            "description": runs["runs"],
+            "benefit": benefit,
+            "mean": [mean["with_pendulum"], mean["without_pendulum"]],
+            "overturned": [list(runs[case]["shares"]["overturned"]) for case in ("with", "without")],
+            "sentences": sentences,
+        }
+
+
+def _fields(x: Any) -> dict[str, Any]:
+    """Fields of a dictionary, a tuple with names, or a dataclass."""
+    if isinstance(x, dict):
+        return x
+    return x._asdict() if hasattr(x, "_asdict") else dict(vars(x))

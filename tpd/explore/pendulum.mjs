@@ -1,0 +1,89 @@
+// The pendulum of the sliders: dimensionless parameters, the body that can be built, and the limits that it keeps.
+//
+// The formulas are those of tpd/scene/scene.py, tpd/scene/bob.py, tpd/theory/no_uplift.py and
+// tpd/design/criteria.py. A pendulum is { mass, length, damping }, in kg, m and as a damping ratio.
+
+import { housner } from "./rocking.mjs";
+
+const TURNS = 50; // Steps of Newton's method for the rod of the body; it stops earlier where it has converged.
+
+/** Return the dimensionless parameters under a harmonic { amplitude, frequency }; without a pendulum mu is 0. */
+export function parameters(scene, motion, pendulum = null) {
+  const { nu, rho, k, restitution, gravity, rate, mass, halfHeight } = scene;
+  const mu = pendulum ? pendulum.mass / mass : 0, omega = 2 * Math.PI * motion.frequency;
+  return {
+    nu, rho, k, mu,
+    lam: pendulum ? pendulum.length / halfHeight : 1,
+    zeta: pendulum ? pendulum.damping : 0.3,
+    f: "peak" in motion ? motion.peak / gravity : (motion.amplitude * omega ** 2) / gravity,
+    xi: omega / rate,
+    e: restitution === "housner" ? housner(nu, rho, mu) : restitution,
+  };
+}
+
+/** Return 1 - |B| f/((1 + mu) nu + k): positive where the resting block stays at rest once the bob has settled. */
+export function upliftMargin(p) {
+  const c = 2 * p.zeta * Math.sqrt(p.lam * p.rho), square = p.lam * p.rho * p.xi ** 2;
+  const real = 1 - square, imaginary = p.xi * c, size = real ** 2 + imaginary ** 2;
+  const hReal = 2 * p.mu * square, hImaginary = -p.xi * p.mu * p.lam * c;
+  const bReal = 1 + 2 * p.mu + (hReal * real + hImaginary * imaginary) / size;
+  const bImaginary = (hImaginary * real - hReal * imaginary) / size;
+  return 1 - (p.f * Math.hypot(bReal, bImaginary)) / ((1 + p.mu) * p.nu + p.k);
+}
+
+/** Return the body that swings as the point of the pendulum does, in m and kg; null where there is none. */
+export function bodyOf(scene, pendulum) {
+  const { bob } = scene, ball = bob.shape === "ball";
+  const radius = (mass) => Math.cbrt(mass / (bob.density * Math.PI * (ball ? 4 / 3 : 2 * bob.aspect)));
+  const own = ball ? 0.4 * radius(1) ** 2 : ((3 + 4 * bob.aspect ** 2) / 12) * radius(1) ** 2;
+  const share = bob.rodShare, pull = pendulum.mass * pendulum.length;
+  let rod = 1.5 * pendulum.length;
+  for (let i = 0; i < TURNS; i++) {
+    // The value is a convex function of the rod: Newton's method comes to its root from above.
+    const lever = rod * (1 + 0.5 * share * rod), turn = 1 + share * rod;
+    const inertia = own * Math.cbrt(pull / lever) ** 2;
+    const value = rod ** 2 * (1 + (share * rod) / 3) + inertia - pendulum.length * lever;
+    const slope = rod * (1 + turn) - pendulum.length * turn - (inertia * turn) / (1.5 * lever);
+    if (!(slope > 0)) return null;
+    rod -= value / slope;
+    if (!(rod > 0)) return null;
+    if (Math.abs(value) < 1e-14 * slope * rod) break;
+  }
+  const mass = pull / (rod * (1 + 0.5 * share * rod));
+  return { mass, rod, radius: radius(mass), half: radius(mass) * (ball ? 1 : bob.aspect) };
+}
+
+/** Return the largest distance of a body from the block's axis at angles up to `angle` between rod and block. */
+export function reachOf(scene, body, angle) {
+  const ball = scene.bob.shape === "ball", tail = ball ? 0 : body.half;
+  const widest = Math.atan2(body.rod + tail, ball ? 0 : body.radius), at = Math.min(angle, widest);
+  return (body.rod + tail) * Math.sin(at) + (ball ? body.radius : body.radius * Math.cos(at));
+}
+
+/**
+ * Return the limited quantities over their limits, as { name, share }: a limit is exceeded above 1.
+ *
+ * @param motion { tilt, swing, without }: steady tilt over nu, bob angle in rad, and tilt over nu without a
+ *   pendulum; null keeps only the limits of the bob that hangs at rest
+ * @param body the body of the pendulum, if it is known already
+ */
+export function limitShares(scene, limits, pendulum, motion, body = bodyOf(scene, pendulum)) {
+  const shares = [], add = (name, share) => shares.push({ name, share });
+  const tilt = motion ? motion.tilt : 0, swing = motion ? motion.swing : 0, angle = swing + tilt * scene.nu;
+  const { rod, mass } = body ?? { rod: pendulum.length, mass: pendulum.mass };
+  if ("mass" in limits) add("mass", mass / limits.mass);
+  if ("clearance" in limits) {
+    add("thickness", body ? body.half / (0.6 * rod) : Infinity);
+    add("depth", body ? (rod + body.half) / (2 * scene.halfHeight) : 0);
+    add("clearance", body ? reachOf(scene, body, angle) / (0.5 * scene.cavity) : 0);
+  }
+  if (!motion) return shares;
+  if ("stroke" in limits) add("stroke", swing / limits.stroke);
+  if ("relative_stroke" in limits) add("relative_stroke", angle / limits.relative_stroke);
+  if ("tilt" in limits) add("tilt", tilt / limits.tilt);
+  if ("offset" in limits) add("offset", (rod * Math.sin(Math.min(angle, Math.PI / 2))) / limits.offset);
+  // Relative to a very small tilt every tilt would be a worsening: at least 0.02 of the slenderness is allowed.
+  const most = (1 + limits.worsening) * Math.max(motion.without, 0.02);
+  if ("worsening" in limits && Number.isFinite(most)) add("worsening", tilt / most);
+  return shares;
+}
