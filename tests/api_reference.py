@@ -19,13 +19,13 @@ HEAD = """\
 # Public names
 
 All names of `tpd`, by what you want to do, as `python -m tests.api_reference` writes them from the source.
-Units are SI where nothing else is said, angles are in rad. What is not on this page may change.
+Units are SI unless stated otherwise, and angles are in rad. Names that are not on this page may change.
 `Real` is a number, `Whole` a whole number, and `Vector` a list or an array of numbers. Numbers may be
 those of Python, NumPy or JAX, or arrays of one element.
 
 """
 GROUPS = {
-    "Describe the block and what shakes it": (
+    "Describe the block and its excitation": (
         "Block Pendulum Scene Harmonic Pulse Record records paper_scene Parameters Terms"
     ),
     "Design a pendulum": (
@@ -35,7 +35,7 @@ GROUPS = {
     "Show a result": "plot explore write_report",
     "Check a block or a pendulum": "assess check paired_runs Ensemble outcomes engines",
     "Pulses and earthquakes": ("transient critical_scale fragility overturning_spectrum rocking_spectrum"),
-    "Motions under harmonic shaking": (
+    "Motions under harmonic excitation": (
         "steady_state simulate Starts attractors settled_response branches symmetric_orbits periodic_orbit "
         "design_map theory"
     ),
@@ -55,7 +55,7 @@ BESIDE = {
 }
 """Classes that are not at the top, by the name that they stand below."""
 NOTES = {
-    "Describe the block and what shakes it": (
+    "Describe the block and its excitation": (
         "`Block`, `Pendulum`, `Harmonic`, `Scene`, `Pulse` and `Record` are pytrees of floats, so that a "
         "gradient with respect to a pendulum is a pendulum of slopes: `.mass` in rad/kg, `.length` in "
         "rad/m."
@@ -64,7 +64,7 @@ NOTES = {
         "`jit`, `vmap` and `grad` take `transient` and `critical_scale`; the others run many motions "
         "themselves. [Ground motion](ground_motion.md) explains them."
     ),
-    "Motions under harmonic shaking": (
+    "Motions under harmonic excitation": (
         "`jit`, `vmap` and `grad` take `steady_state`, `simulate` (in `times` forward mode only), "
         "`symmetric_orbits` and `periodic_orbit`, with any model but `Auto`; the others take plain numbers. "
         "A `subject` is `Parameters`, or a `Scene` with the `pendulum` beside it."
@@ -89,7 +89,7 @@ def cell(text: object) -> str:
 
 
 def sections(item: Item) -> list[str]:
-    """Arguments and errors of a docstring."""
+    """Arguments, errors and examples of a docstring."""
     lines: list[str] = []
     for section in item.docstring.parse("google", warnings=False) if item.docstring else ():
         if isinstance(section, griffe.DocstringSectionParameters):
@@ -97,6 +97,8 @@ def sections(item: Item) -> list[str]:
         if isinstance(section, griffe.DocstringSectionRaises):
             for entry in section.value:
                 lines += [f"Raises `{entry.annotation}`: {cell(entry.description)}", ""]
+        if isinstance(section, griffe.DocstringSectionAdmonition) and section.title == "Example":
+            lines += ["```pycon", section.value.contents, "```", ""]
     return lines
 
 

@@ -62,14 +62,18 @@ PARTICIPLES = frozenset(
     ]
 )
 """Words that no name consists of: they say what happened to a thing, and not what it is."""
-ALLOWED = frozenset[str]()
-"""Exceptions, as `place: word`."""
+ALLOWED = frozenset({"tpd.cli.options: parse_known_args", "tpd.scene.status: not_known"})
+"""Exceptions: a method that overrides one of argparse, and a public status."""
 VERBS = re.compile(
     r"\b(is|are|was|were|must|has|have|had|cannot|can|needs?|gives?|does|do|did|may|allowed|ends?|fails?|"
     r"failed|holds?|names?|takes?|reads?|lacks?|moves?|stands?|belongs?|contains?|exists?|"
     r"stopped|states?|follows?|leaves?|makes?|differs?|goes|means?)\b"
 )
 """Verbs of the sentences in error messages; a message needs one of them."""
+
+
+PREFIX = re.compile(r"(\[\w+\]|`[^`]*`:|x:) x")
+"""A message that only names the place of another one."""
 
 
 def words_of(name: str) -> set[str]:
@@ -153,7 +157,7 @@ def test_an_error_message_is_a_sentence_with_a_verb():
         f"{name_of(path)}:{line}: {text}"
         for path in FILES
         for line, text in messages(path)
-        if not VERBS.search(text)
+        if not VERBS.search(text) and not PREFIX.fullmatch(text)
     ]
     assert not found, "\n".join(found)
 

@@ -54,6 +54,7 @@ def test_nothing_rocks_below_the_threshold_and_the_first_crossing_is_named(found
     assert 0.8 < found.without_pendulum["rocking"].fit.median < 1.5
     assert all(0.0 <= share < 0.3 for share in found.changed)
     assert "the nonlinear equations change the outcome of" in str(found)
+    assert "fewer than 5 earthquakes" not in str(found)
     assert "rocking, without pendulum: median" in str(found)
 
 

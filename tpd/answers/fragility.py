@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.runs import CASE_KEYS, Cases, Progress, follow_scaled
-from tpd.answers.statistics import Lognormal, fit_lognormal, mcnemar, median_words
+from tpd.answers.statistics import LEAST_EARTHQUAKES, Lognormal, fit_lognormal, mcnemar, median_words
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
@@ -133,12 +133,17 @@ class Fragility(Cases):
             # The second line of a state is indented by the length of its name, so that the cases are aligned.
             for head, case in zip(heads, self.cases, strict=False):
                 lines.append(f"  {head} {case[name]}")
+        if self.earthquakes < LEAST_EARTHQUAKES:
+            lines.append(
+                f"  fewer than {LEAST_EARTHQUAKES} earthquakes: the medians describe these motions, and do "
+                "not predict other earthquakes"
+            )
         runs = len(self.motions) * len(self.stripes)
         # The outcomes without an answer are the same for all states, so that one curve of each case suffices.
         if text := _listed([int(next(iter(c.values())).undecided.sum()) for c in self.cases], runs):
             lines.append(f"  without an answer, and not counted: {text}")
         if self.changed is not None and self.unanswered is not None:
-            shares = " and ".join(f"{x:.1%}" for x in self.changed)
+            shares = " and ".join(f"{100.0 * x:.1f} %" for x in self.changed)
             lines.append(f"  the nonlinear equations change the outcome of {shares} of the runs")
             if text := _listed(self.unanswered, runs):
                 lines.append(f"  without an answer with these equations, and not compared: {text}")

@@ -148,7 +148,7 @@ class PairedRuns(Printed):
         return np.stack([runs.severity for runs in self._cases])
 
     @cached_property
-    def known(self) -> np.ndarray:
+    def is_answered(self) -> np.ndarray:
         """Whether each run has an answer in both cases."""
         return ~np.any([runs.is_unanswered for runs in self._cases], axis=0)
 
@@ -156,7 +156,7 @@ class PairedRuns(Printed):
     # The harm counts all answered runs, but the benefit may be restricted to some of them.
     def _rows(self) -> np.ndarray:
         """Whether each run is counted and has an answer in both cases."""
-        return self.known if self.counted is None else self.known & self.counted
+        return self.is_answered if self.counted is None else self.is_answered & self.counted
 
     @property
     def pairs(self) -> int:
@@ -166,7 +166,7 @@ class PairedRuns(Printed):
     @property
     def undecided(self) -> int:
         """Number of pairs of runs without an answer in at least one case."""
-        return int(np.sum(~self.known))
+        return int(np.sum(~self.is_answered))
 
     def _clusters(self, rows: np.ndarray) -> np.ndarray | None:
         return None if self.cluster is None else self.cluster[rows]
@@ -243,7 +243,7 @@ class PairedRuns(Printed):
     @cached_property
     def only(self) -> tuple[int, int]:
         """Numbers of runs that overturn only with, and only without the pendulum."""
-        return self._only(self.known)
+        return self._only(self.is_answered)
 
     def _only(self, rows: np.ndarray) -> tuple[int, int]:
         """Return these numbers for some of the runs."""
@@ -261,11 +261,11 @@ class PairedRuns(Printed):
             # Independent runs: only those with different outcomes count, see `chance_of`.
             worse, better = self.only
             is_harm = worse > better and chance_of(worse, better) < SIGNIFICANT
-            return Overturned("", worse, better, int(self.known.sum())) if is_harm else None
+            return Overturned("", worse, better, int(self.is_answered.sum())) if is_harm else None
         # Under earthquakes the interval of the difference accounts for runs of the same earthquake. An
         # increase in one part may be hidden in the sum, so that each part is tested as well.
         overturned = [runs.is_overturned.astype(float) for runs in self._cases]
-        for label, rows in (("", self.known), *((part.label, part.rows) for part in self.parts)):
+        for label, rows in (("", self.is_answered), *((part.label, part.rows) for part in self.parts)):
             if change(overturned[0][rows], overturned[1][rows], self._clusters(rows)).is_above:
                 return Overturned(label, *self._only(rows), int(rows.sum()))
         return None
@@ -289,7 +289,7 @@ class PairedRuns(Printed):
         least = -1.0 - self.worse * (1.0 + LEAST)
         parts = list[Part]()
         for label, of_part in selections:
-            rows = self.known & of_part
+            rows = self.is_answered & of_part
             is_worse = is_positive(excess[rows], least, self._clusters(rows))
             with_pendulum, without = (_size_of(np.mean, x[rows]) for x in self.severity)
             parts.append(Part(label, rows, with_pendulum, without, is_worse))
@@ -304,7 +304,7 @@ class PairedRuns(Printed):
     @property
     def rests_less(self) -> bool:
         """Whether significantly fewer runs come to rest with the pendulum, by more than the share `FEWER`."""
-        with_pendulum, without = (runs.is_at_rest[self.known].astype(float) for runs in self._cases)
+        with_pendulum, without = (runs.is_at_rest[self.is_answered].astype(float) for runs in self._cases)
         fewer, more = int(np.sum(without > with_pendulum)), int(np.sum(with_pendulum > without))
         # Two tests: the reduction exceeds the tolerance, and McNemar's test is significant.
         is_above_tolerance = is_positive((1.0 - FEWER) * without - with_pendulum)
@@ -317,7 +317,7 @@ class PairedRuns(Printed):
         The tuple is empty if all runs have an answer.
         """
         # The true outcome lies between these two extremes. A verdict is certain if it holds for both.
-        if self.known.all():
+        if self.is_answered.all():
             return ()
         return tuple(
             replace(

@@ -213,7 +213,7 @@ def _numbers_and_fields_jvp(primals: tuple, tangents: tuple) -> tuple[Any, Any]:
 
 
 # The derivatives of the slopes are NaN, because second derivatives are not computed.
-_SLOPES = {group: once(partial(slopes, asked=group)) for group in ASKED}
+_SLOPES = {group: once(partial(slopes, group=group)) for group in ASKED}
 
 
 def _orbits(fields: dict[str, Any]) -> Orbits:

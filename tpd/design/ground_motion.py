@@ -18,6 +18,7 @@ import numpy as np
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import PairedRuns
 from tpd.answers.runs import Runs, follow_runs
+from tpd.answers.statistics import LEAST_EARTHQUAKES
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
@@ -56,9 +57,6 @@ _USUAL = {
     "seed": 0,
 }
 """Default inputs."""
-LEAST_EARTHQUAKES = 5
-"""Smallest number of earthquakes in the search, and in the validation. With fewer, the variation between
-earthquakes cannot be estimated."""
 _MASSLESS = np.array([0.0, 1.0, 0.3])
 """Design with a bob without mass, which does not act on the block."""
 _EVENTS = 20_000

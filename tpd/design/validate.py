@@ -170,7 +170,7 @@ def _by_runs(
             share = float((over * stands + more) / max(stands + unknown, 1))
             verdicts.add(bool(_reasons(problem, end, share, limit, requirements)))
         if len(verdicts) > 1:
-            kind, total = ReasonKind.undecided, len(runs.known)
+            kind, total = ReasonKind.undecided, len(runs.is_answered)
             reasons = [Reason(kind=kind, value=float(runs.undecided), total=total)]
     return over, reasons
 
@@ -184,14 +184,14 @@ def _reasons(
     def add_reason(kind: ReasonKind, value: Any, reference: Any, **more: Any) -> None:
         out.append(Reason(kind=kind, value=float(value), reference=float(reference), **more))
 
-    total, harm = int(runs.known.sum()), runs.overturns_more
+    total, harm = int(runs.is_answered.sum()), runs.overturns_more
     if harm is not None:
         where = {"condition": harm.label, "total": harm.total}
         add_reason(ReasonKind.overturns_more, harm.only_with, harm.only_without, **where)
     if over > problem.allowed:
         add_reason(ReasonKind.touches_wall, over, problem.allowed, limit=limit)
     if runs.rests_less:
-        rests = (np.sum(o.is_at_rest[runs.known]) for o in (runs.with_pendulum, runs.without_pendulum))
+        rests = (np.sum(o.is_at_rest[runs.is_answered]) for o in (runs.with_pendulum, runs.without_pendulum))
         # The loss of one tenth of the runs that end at rest is tolerated, because single runs are chaotic.
         at_rest, without = rests
         add_reason(ReasonKind.rests_less, at_rest, without, total=total, low=float((1.0 - FEWER) * without))

@@ -86,16 +86,16 @@ def solved(x: Any) -> Any:
     return out
 
 
-def slopes(x: Any, orbits: Any, asked: tuple[int, int]) -> Any:
+def slopes(x: Any, orbits: Any, group: tuple[int, int]) -> Any:
     """Return the derivatives of the sizes of the orbits from `solved` in all parameters.
 
     The result has shape (3, 9, sizes).
 
-    `asked` is the group of sizes, see `orbit_slopes`.
+    `group` is the group of sizes, see `orbit_slopes`.
     """
     entry, n = ORBITS.entry(), len(NAMES)
     call = ORBITS.on_host if checks.namespace(x, orbits) is np else ORBITS
-    settings = _settings("DIFFERENTIATE", n, *asked)
+    settings = _settings("DIFFERENTIATE", n, *group)
     (out,) = call((shape(entry.ORBITS, n, entry.NUMBERS),), settings, x, orbits, np.eye(n))
     return out
 

@@ -83,8 +83,8 @@ def _runs(design: Design) -> Iterator[Note]:
             )
     if runs.undecided:
         yield note(
-            f"{runs.undecided} of {len(runs.known)} runs have no answer (too many events) and are left out. "
-            "A pendulum is recommended only if the verdict does not depend on their outcome."
+            f"{runs.undecided} of {len(runs.is_answered)} runs have no answer (too many events) and are left "
+            "out. A pendulum is recommended only if the verdict does not depend on their outcome."
         )
 
 

@@ -74,7 +74,9 @@ def over_runs(design: Design) -> list[Block]:
     # The bob angle without a pendulum has no meaning.
     rows.append(("largest bob angle (rad): 50, 90, 99 % quantiles", _quantiles(cases[0], "swing"), None))
     # The benefit counts the motions that were not used for the design. This table has all runs.
-    described = runs.description if runs.counted is None else f"All {len(runs.known)} runs of all groups"
+    described = (
+        runs.description if runs.counted is None else f"All {len(runs.is_answered)} runs of all groups"
+    )
     caption = (
         f"{described}.{_role(design)} Scatter: {words.scatter(design)}. In brackets: 95 % interval. ν is the "
         "slenderness, the tilt at which the block topples; overturned runs count as 100 % of ν."
