@@ -174,6 +174,8 @@ def test_where_nodes_differ_in_kind_no_number_is_shown(show):
         value, source = row(window, "tilt")
         found.add(source)
         assert (value == "–") == (source == "not interpolated")
+        at_rest = source in ("not interpolated", "exact orbits around this point")
+        assert (row(window, "clearance", "limits")[1] == "bob at rest") == at_rest
         assert ("±" in value) == (source == "interpolated")
     assert "not interpolated" in found
 

@@ -38,6 +38,7 @@ function forcingOf({ data: text, order, piece }) {
 
 // Controls: each quantity has a slider and a number field
 
+/** Add the slider and the number field of a quantity. */
 function addControl(control) {
   const { name, label, unit, low, high } = control, row = create("div", { className: "control" });
   const text = `${label} (${format(low)} to ${format(high)}${unit && ` ${unit}`})`;
@@ -67,6 +68,7 @@ function set(values) {
 
 // Values and their sources
 
+/** Return the base motion of the controls, as `parameters` takes it. */
 function excitation() {
   // Under a ground motion the frequency only sets the length of a step.
   if (ground) return { peak: ground.peak * state.scale, frequency: scene.rate / (2 * Math.PI) };
@@ -83,6 +85,7 @@ function steady() {
   return { tilt, swing, without: read(without, "tilt", alone) };
 }
 
+/** Return the motion with a pendulum, or with null without one, from the start of the controls. */
 function motionFrom(pendulum) {
   const p = parameters(scene, excitation(), pendulum), first = [state.push * scene.nu, 0, 0, 0];
   if (!ground) return new Motion(p, first);
@@ -111,6 +114,7 @@ function runsNear({ mass, length, damping }) {
   return isSame ? data.runs.findLast(holds) : undefined;
 }
 
+/** Return a value with the bound of its error, or the reason why there is no value. */
 function textOf({ value, error, source }, unit = "") {
   if (source === "none") return "no attracting symmetric orbit";
   if (source === "not interpolated") return "–";
@@ -130,12 +134,14 @@ function fill(id, rows) {
     const row = create("tr", { className: value.endsWith("exceeded") ? "exceeded" : "" });
     row.dataset.name = name;
     row.append(create("th", { scope: "row", textContent: label }));
-    for (const textContent of [value, source]) row.append(create("td", { textContent }));
+    const from = source === "none" ? "exact orbits around this point" : source;
+    for (const textContent of [value, from]) row.append(create("td", { textContent }));
     return row;
   });
   byId(id).tBodies[0].replaceChildren(...elements);
 }
 
+/** Return the rows of the steady motion. */
 function steadyRows(now, pendulum, body) {
   if (!now) return [];
   const { tilt, swing } = now, rests = upliftMargin(parameters(scene, excitation(), pendulum)) > 0;
@@ -151,6 +157,7 @@ function steadyRows(now, pendulum, body) {
   ];
 }
 
+/** Return the rows of stored validation runs. */
 function runRows(runs) {
   const rows = [["overturned", "Share overturned (95 % interval)"], ["mean", "Mean tilt over the slenderness"]];
   const reason = "no validation runs near this design and base motion";
@@ -165,6 +172,7 @@ function runRows(runs) {
   return [...quoted, ["validation", "Validation", verdict, "validation runs"]];
 }
 
+/** Show both tables of results. */
 function showResults(now, shares, largest, alone, pendulum, body) {
   const g = scene.gravity, { mass, length, damping } = pendulum;
   const damper = 2 * damping * mass * length ** 1.5 * Math.sqrt(g), natural = Math.sqrt(g / length) / (2 * Math.PI);
@@ -185,14 +193,17 @@ function showResults(now, shares, largest, alone, pendulum, body) {
     ["bob", "Bob as built", size, EXACT],
     ["rod", "Rod to the centre of the bob", body ? `${format(body.rod)} m` : "–", EXACT],
   ]);
+  // Without a steady motion the limits are those of the bob that hangs at rest.
+  const ofMotion = Number.isFinite(now?.tilt.value) ? now.swing.source : "bob at rest";
   fill("limits", shares.map(({ name, share }) => {
-    const source = data.still.includes(name) ? EXACT : now?.swing.source ?? "bob at rest";
+    const source = data.still.includes(name) ? EXACT : ofMotion;
     return [name, data.limit_labels[name], `${format(100 * share)} %${share > 1 ? ": exceeded" : ""}`, source];
   }));
 }
 
 // Figures
 
+/** Draw the steady tilt against frequency. */
 function drawResponse(now) {
   const view = cleared(byId("response")), { c } = view, values = without.axes[0].values;
   const most = 1.1 * Math.max(tables.grid.fields.tilt.scale, tables.without.fields.tilt.scale);
@@ -229,6 +240,7 @@ function slice(name) {
   return masses.values.flatMap((mass) => lengths.values.map((length) => at(mass, length)));
 }
 
+/** Draw the steady tilt over mass and length, the regions of exceeded limits, and both pendulums. */
 function drawMap(now) {
   const view = cleared(byId("map")), { c } = view, tilts = slice("tilt"), swings = slice("swing");
   const finite = tilts.filter(Number.isFinite), [least, most] = [Math.min(...finite), Math.max(...finite)];
@@ -267,6 +279,7 @@ function drawMap(now) {
     + `ratio of ${format(state.damping)}. Lightest: ${format(least)}, darkest: ${format(most)} of the slenderness`;
 }
 
+/** Draw the whole block, and its top with the bob at rest and at its largest angle. */
 function drawDesign(now, largest, body) {
   const { c, width, high } = cleared(byId("drawing")), isSteady = now && Number.isFinite(now.swing.value);
   const angle = isSteady ? now.swing.value : Math.min(largest.swing, Math.PI / 2);
@@ -294,6 +307,7 @@ function drawDesign(now, largest, body) {
 
 let motions = [], traces = [[], []], clock = 0, before = 0, frames = [];
 
+/** Start both motions again. */
 function restart() {
   [motions, traces, clock] = [[motionFrom(null), motionFrom(state)], [[], []], 0];
 }
@@ -313,6 +327,7 @@ function animate(time) {
   requestAnimationFrame(animate);
 }
 
+/** Draw both blocks as they are now, and the history of their tilts. */
 function drawMotions() {
   const body = bodyOf(scene, state), clamp = (x, most) => Math.max(-most, Math.min(most, x));
   motions.forEach((motion, i) => {
@@ -347,6 +362,7 @@ function simulateAlone() {
   return simulateAlone.values;
 }
 
+/** Compute and show everything that depends on the controls. */
 function update() {
   const begin = performance.now(), { mass, length, damping } = state, pendulum = { mass, length, damping };
   const body = bodyOf(scene, pendulum), now = steady(), hasOrbit = now && Number.isFinite(now.tilt.value);
@@ -366,6 +382,7 @@ function update() {
   update.duration = performance.now() - begin;
 }
 
+/** Fill the page for the first time, and listen to its controls. */
 function begin() {
   byId("title").textContent = document.title = data.title ? `${data.title}: explore the design` : "Explore the design";
   byId("verdict").textContent = data.verdict;
