@@ -3,12 +3,14 @@
 import html
 import json
 import re
+from importlib import resources
 
 import pytest
 
 import tpd
 from tests.designs import SCENE
 from tpd.design.job import job_of
+from tpd.explore import page as page_module
 from tpd.explore.page import Page, explore, link
 
 
@@ -75,3 +77,8 @@ def test_the_page_needs_64_bits(monkeypatch):
     monkeypatch.setattr("tpd.core.checks.require_x64", lambda: (_ for _ in ()).throw(RuntimeError("64")))
     with pytest.raises(RuntimeError, match="64"):
         explore(SCENE)
+
+
+def test_the_place_of_the_link_is_in_the_template_of_the_report():
+    template = resources.files("tpd.report").joinpath("page.html.j2").read_text(encoding="utf-8")
+    assert template.count(page_module._BELOW) == 1
