@@ -19,8 +19,10 @@ def public(names: ModuleType) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for name in getattr(names, "__all__", [name for name in dir(names) if not name.startswith("_")]):
         value = getattr(names, name)
-        path = f"{names.__name__}.{name}"
-        out |= public(value) if inspect.ismodule(value) else {path: value}
+        if not inspect.ismodule(value):
+            out[f"{names.__name__}.{name}"] = value
+        elif value.__name__.startswith("tpd"):
+            out |= public(value)
     # Constants have no docstring, and a module also shows what it imports.
     return {path: x for path, x in out.items() if str(getattr(x, "__module__", "")).startswith("tpd")}
 

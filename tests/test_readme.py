@@ -136,7 +136,7 @@ def test_the_reference_is_current_and_has_every_public_name():
     for part in (
         "paper_scene() -> Scene",
         "    free: Real = 20.0,\n    max_events: Whole = 200000,\n) -> Transient",
-        "Raises `ValueError`: fewer than two samples",
-        "- `swing: Number`: Largest |psi|, the rod's angle from the vertical; 0 without a pendulum.",
+        "Raises `ValueError`: there are fewer than two samples",
+        "- `swing: Number`: Largest |psi|, the angle of the rod from the vertical, rad; 0 without a pendulum.",
     ):
         assert part in text

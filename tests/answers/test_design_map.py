@@ -159,7 +159,7 @@ def test_a_picture_colours_what_moves_hatches_the_rest_and_names_its_axes():
     with pytest.raises(ValueError, match="`quantity` must be one of amplitude, swing, margin"):
         tpd.plot(m, "status")
     labels = {text.get_text() for text in ax.get_legend().get_texts()}
-    assert labels == {"rest, no attracting orbit found", "orbits found, none attracts"}
+    assert labels == {"rest; no attracting orbit", "unstable orbits only"}
     assert [t.get_text() for t in ax.texts] == ["uplift margin 0"]
     assert ax.figure.axes[1].get_ylabel() == r"largest tilt $|\varphi|$ (rad)"
 

@@ -61,9 +61,11 @@ def test_throw_raises_what_the_status_says():
     steady = steady_state(parameters(STILL.x), y0=np.array(REST), throw=True)
     assert (status_name(steady.status), float(steady.amplitude)) == ("rest", 0.0)
     assert status_name(steady_state(parameters(OVERTURNING)).status) == "overturned"
-    with pytest.raises(RuntimeError, match="the block overturns"):
+    with pytest.raises(RuntimeError, match="The block overturns"):
         steady_state(parameters(OVERTURNING), throw=True)
-    with pytest.raises(RuntimeError, match=r"Friction holds the block leaning.*Start from another state"):
+    with pytest.raises(
+        RuntimeError, match=r"Friction holds the block at a constant tilt.*Start from another state"
+    ):
         steady_state(parameters(LEANING[0]), y0=np.array(LEANING[1]), throw=True)
 
 

@@ -85,39 +85,39 @@ optimise OWN --width 0.3 | [block] `width` must be at most 0.5 of `height` (the 
 optimise --amplitude -0.1 | [motion] `amplitude` must be zero or positive, and finite, but is -0.1
 optimise --restitution 1.5 | [block] `restitution` must be between 0 and 1, but is 1.5
 optimise --mass-ratio 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
-optimise --mass-ratio 0.1 0.2 --pendulum-mass 2 | [space] `mass` and `mass_ratio` state the same: give one of
+optimise --mass-ratio 0.1 0.2 --pendulum-mass 2 | [space] `mass` and `mass_ratio` state the same quantity: gi
 optimise --pendulum-mass 20 | [space] `mass` must be between 0 and 16.224 kg in this block, but is 20
 optimise --pendulum-length 0.1 0.5 | [space] `length` must be between 0.0002 and 0.4 m in this block, but is
 optimise --pendulum-length long | `space.length` must be a number or a pair of numbers, but is 'long'
 optimise --pendulum-mass 1 --pendulum-length 0.1 | [space] a search needs two bounds for mass, length or
-optimise --pendulum-mass 1 --pareto | `search.pareto` goes with two bounds for the mass, `space.mass` or
+optimise --pendulum-mass 1 --pareto | `search.pareto` requires two bounds for the mass, `space.mass` or
 optimise --pendulum-mass 0 | [space] `mass` must be positive and finite, but is 0
 optimise --damping 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
 optimise --damping -1 | [space] `damping_ratio` must be between 0 and 2, but is -1
 optimise --bob cube | [bob] `shape` must be one of ball, cylinder, but is 'cube'
-optimise --cavity 0.2 | [block] `cavity_width` must be less than the outside width, 0.1 m (walls of no
-optimise --cavity 0.1 | [block] `cavity_width` must be less than the outside width, 0.1 m (walls of no thick
-optimise --exactly --band 2 3 | `conditions.exactly` goes with one motion: no band, no amplitudes and no scatt
+optimise --cavity 0.2 | [block] `cavity_width` must be less than the width of the block, 0.1 m, becaus
+optimise --cavity 0.1 | [block] `cavity_width` must be less than the width of the block, 0.1 m, because
+optimise --exactly --band 2 3 | `conditions.exactly` requires a single motion (no band, no amplitudes and no s
 optimise --starts 8 | `search.starts` requires a pulse or records, which this job does not have
 optimise --measure median | `risk.measure` must be one of cvar, expected, worst, but is 'median'
 optimise --amplitudes inf | [conditions] `amplitudes` must be positive and finite, but is inf
 optimise --scatter friction | `--scatter` must be NAME=WIDTH, such as friction=0.2, but is 'friction'
 optimise --scatter friction=0.6 | [scatter] `friction` must be between 0 and 0.5, but is 0.6
 optimise --scatter colour=0.1 | there is no key `colour` in [scatter]; allowed are amplitude, frequency
-optimise --width 0.2 | a block of your own must be whole, with a motion of its own, but `height` and `mass` in
-optimise SIZE --amplitude 0.02 | but `frequency` in [motion] is missing beside `width`, `height` and
+optimise --width 0.2 | a block of your own must be complete and have a motion of its own. The job has `width`,
+optimise SIZE --amplitude 0.02 | but `frequency` in [motion] is missing; without any of these keys t
 optimise --scene absent.toml | cannot read absent.toml: No such file or directory
 optimise --scene . | cannot read .: Is a directory
-optimise --scene /dev/null | /dev/null is empty: `tpd new` writes a job file to begin with
+optimise --scene /dev/null | /dev/null is empty: create a job file with `tpd new`
 optimise --stroke 1.6 | [limits] `stroke` must be at most 1.5708, a right angle in rad, but is 1.6
-optimise --friction 0.6 | [block] `friction` must be at most 0.25, width/height (a moment over M g b
-optimise --amplitude 0 | [motion] `amplitude` must be above 0 in a search, but is 0: nothing shakes the
+optimise --friction 0.6 | [block] `friction` must be at most 0.25, width/height (it is a moment over
+optimise --amplitude 0 | [motion] `amplitude` must be above 0 in a search, but is 0: the base does not
 optimise --mass-ratio 0.1 1.5 | [space] `mass_ratio` must be an interval low < high within 0 to 1
-optimise --exactly --measure cvar | `risk.measure` goes with several conditions, [conditions] or [scatter], wh
-optimise --friction 0 --scatter friction=0.1 | [scatter] `friction` cannot scatter by a share of it
+optimise --exactly --measure cvar | `risk.measure` requires several conditions, [conditions] or [scatter], whi
+optimise --friction 0 --scatter friction=0.1 | [scatter] `friction` cannot vary by a share of itsel
 optimise --scatter restitution=0.1 | [scatter] `restitution` can vary only if it is a number below
 job block.widht = 1.0 | there is no key `widht` in [block]; did you mean `width`?
-job blok.width = 1.0 | unknown table [blok]; did you mean `block`?
+job blok.width = 1.0 | there is no table [blok]; did you mean `blo
 job block.width = 2020-01-01 | `block.width` must be a number, but is datetime.date
 job block.restitution = true | `block.restitution` must be a number or a text, but is True
 job project.name = 3 | `project.name` must be a text in one line of at most 100 characters, but is 3
@@ -127,8 +127,8 @@ job search.budget = 8 | there is no key `budget` in [search]; allowed are model,
 job ensemble.any_phase = 1 | `ensemble.any_phase` must be true or false, but is 1
 job conditions.band = [2, 3]; conditions.frequencies = 1 | [conditions] `frequencies` must be a whole number,
 job conditions.band = [2, 3]; conditions.frequencies = 2000000 | a job must have at most 100000 conditions, bu
-job conditions.amplitudes = [] | [conditions] `amplitudes` must hold at least one number, but is empty
-job risk.share = 0.2 | `risk.share` goes with `risk.measure` cvar, which this job does not have
+job conditions.amplitudes = [] | [conditions] `amplitudes` must contain at least one number, but is em
+job risk.share = 0.2 | `risk.share` requires `risk.measure` cvar, which this job does not have
 job risk.measure = 'cvar'; risk.share = 0 | [risk] `share` must be between 1e-09 and 1, but is 0
 job bob.density = 10 | [bob] `density` must be between 100 and 25000 kg/m^3, but is 10
 job ensemble.ramps = [-1.0] | [ensemble] `ramps` must be zero or positive, and finite, but is -1
@@ -176,10 +176,10 @@ shake --free 1,5 | invalid float value: '1,5'; write 1.5 with a decimal point, n
 shake --free x | invalid float value: 'x' (see
 job [block]; [block] | is not valid TOML: Cannot declare
 job [[block]]; width = 1 | `block` must be a table, but is [{'width': 1}]
-shake | a harmonic has no end: give --record FILE or --pulse KIND
+shake | the motion must be a pulse or a record: give --record FIL
 shake SIZE --record nothing.csv | nothing.csv
 shake SIZE PULSE --pga 0 | [motion] `pga` must be positive
-fragility | a harmonic has no end: give --record FILE or --pulse KIND
+fragility | the motion must be a pulse or a record: give --record FIL
 new | required: KIND
 new tower --out /proc/nowhere/tower.toml | cannot write /proc/nowhere/tower.toml
 new towr | did you mean `tower`?
@@ -194,7 +194,7 @@ export --as csv BOB --file . | --file must name a file, but . is a directory
 """
 """Commands with a part of the message; `job` stands for `tpd optimise` with a file of these lines."""
 UNITS = r"""
-optimise --width 100 --height 400 --mass 16.2 --amplitude 15 --frequency 2.5 | [block] `mass` must make betwee
+optimise --width 100 --height 400 --mass 16.2 --amplitude 15 --frequency 2.5 | [block] `mass` must give a dens
 optimise OWN --mass 0.016 | are the lengths in m and the mass in kg?
 optimise --amplitude 50 --frequency 1 | [motion] `amplitude` and `frequency` must give an acceleration
 optimise --amplitudes 100 120 | [motion] `amplitude` and `frequency` must give an acceleration

@@ -191,12 +191,12 @@ def test_the_report_describes_every_record(on_records):
     expected = {"quake.csv": facts(quake) | {"earthquake": "mine"}, "loma-prieta": facts(quakes)}
     assert {r.pop("group") for r in content["records"]} == {"tuned to", "validation"}
     assert {r["source"]: r for r in content["records"]} == expected
-    assert any("1 state no orientation" in note for note in content["notes"])
+    assert any("records state no orientation" in note for note in content["notes"])
     text, page = (first.files[f"report.{kind}"].read_text(encoding="utf-8") for kind in ("txt", "html"))
     for report in (text, page):
         assert "quake.csv" in report
         assert "offset: the mean, " in report
-        assert "1 state no orientation" in " ".join(report.split())
+        assert "records state no orientation" in " ".join(report.split())
 
 
 def test_the_terminal_shows_many_records_in_one_line(run_with, tmp_path):

@@ -36,7 +36,7 @@ def test_a_settled_motion_has_the_sizes_and_state_of_fifty_digits(row):
     s = SETTLE(x, np.array(row["y0"]))
     assert status_name(s.status) in ("rocking", "sticking", "rest")
     assert float(s.amplitude) == pytest.approx(float(row["amplitude"]), rel=REACH)
-    assert float(s.swing) == pytest.approx(float(row["stroke"]), rel=REACH)
+    assert float(s.swing) == pytest.approx(float(row["swing"]), rel=REACH)
     end = np.array([float(v) for v in row["end"]])
     # On any of the forcing periods of its motion: on which one it is depends on how long it was followed.
     begins = np.array([0.0, *2.0 * np.pi / x[6] * np.arange(1, int(s.periods) + 1)])

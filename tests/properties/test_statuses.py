@@ -68,7 +68,7 @@ REACHED: dict[str, Callable[[], Any]] = {
 }
 
 GOOD = (*names_of(SETTLED), "stood", "rocked")
-REMEDIES = ("Start", "Change", "Judge", "Raise", "Move", "Add", "Reduce", "reduce")
+REMEDIES = ("Start", "Change", "Evaluate", "Increase", "Move", "Add", "Run", "reduce")
 
 
 def test_the_scenes_are_of_all_statuses():

@@ -10,7 +10,7 @@ from tests.formats.synthetic import cosmos, csmip_v1, csmip_v2, esm, geonet, kne
 from tpd import Record
 from tpd.design.ground_motion import Role, grouped
 from tpd.formats.channel import UNKNOWN
-from tpd.records import el_centro
+from tpd.records import el_centro, read
 from tpd.records.read import described, facts, read_motions, same_earthquakes, summary
 from tpd.scene.ground_motion import events_of
 

@@ -167,8 +167,8 @@ def _status_of(buffers, residual, y):
     # Without a residual the first cycle did not reach its end, and its record is still in the second place.
     if not math.isfinite(residual):
         ending = buffers.cycles[LATEST].ending
-        ending = repetition.EVENT_BOUND if ending == EXHAUSTED else repetition.FAILED
-        return repetition.OVERTURNED if ending == BEYOND else ending
+        failure = repetition.EVENT_BOUND if ending == EXHAUSTED else repetition.FAILED
+        return repetition.OVERTURNED if ending == BEYOND else failure
     if not (residual < RESIDUAL and c.step < LAST_STEP):
         return repetition.NOT_SETTLED
     # A block that is held all the time keeps its tilt.
@@ -284,7 +284,8 @@ def steady_state(x, y0, s, near, buffers, out):
     out.lyapunov = separation
     if periodic:
         out.lyapunov = math.log(multiplier) / span if multiplier > 0.0 else -math.inf
-    out.symmetric = 1.0 if periodic & (periods % 2 == 1) & (c.asymmetry < SYMMETRIC) else 0.0
+    symmetric = periodic & (periods % 2 == 1) & (c.asymmetry < SYMMETRIC)
+    out.symmetric = 1.0 if symmetric else 0.0
     if periodic or status == repetition.HELD or singular:
         out.multiplier, out.fold = multiplier, fold
     else:
