@@ -36,7 +36,8 @@ compiling = import_module("tpd.exact.compiling")
 # The hook parses what is imported, and Python 3.11 cannot parse in two threads at once. A thread of the
 # package loads compiled code: everything else is imported before.
 for module in pkgutil.walk_packages(import_module("tpd").__path__, "tpd."):
-    if not module.name.startswith("tpd.exact.") and not module.name.endswith("__main__"):
+    # An entrance compiles its code when it is imported.
+    if not module.name.endswith(("_entry", "__main__")):
         import_module(module.name)
 
 

