@@ -280,7 +280,7 @@ def details(
         >>> block = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4)
         >>> pulse = tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0)
         >>> conditions = tpd.Conditions.records([pulse], [0.5])
-        >>> design = tpd.optimise(block, conditions=conditions, validation_share=0)
+        >>> design = tpd.optimise(block, conditions=conditions, validation_share=0.0)
         >>> tpd.details(design).build is None
         True
     """

@@ -105,7 +105,7 @@ def write_report(
         >>> statue = tpd.Block(width=0.5, height=1.5, mass=900.0, cavity_width=0.4, restitution=0.9)
         >>> pulse = tpd.Pulse(kind="one-sine", acceleration=1.0, frequency=2.0)
         >>> weak = tpd.Conditions.records([pulse], [0.5])
-        >>> design = tpd.optimise(statue, conditions=weak, validation_share=0)
+        >>> design = tpd.optimise(statue, conditions=weak, validation_share=0.0)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     paths = tpd.write_report(design, folder)
         >>> [path.name for path in paths]
