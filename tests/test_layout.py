@@ -53,10 +53,10 @@ LAST = {
     "code lines of these": 16_487,
     "floors, all imports counted": 22,
     "functions of ten or more arguments": 0,
-    "functions of eight lines or fewer, called once": 50,
+    "functions of eight lines or fewer, called once": 42,
     "columns by number in compiled code": 105,
     "imports by string": 0,
-    COMMENTS: 5.51,
+    COMMENTS: 10.2,
 }
 """Measures of the last version. Store a better value when a measure improves, and never a worse one."""
 

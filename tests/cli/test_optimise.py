@@ -225,3 +225,84 @@ def test_validation_records_of_the_same_earthquake_are_reported(tmp_path):
     assert job.validation_notes == (
         "validation, b.AT2: left out, because the search uses the same earthquakes: b.AT2",
     )
+
+
+FEW = "\n[ensemble]\nsize = 32\nperiods = 30\n"
+"""Table of a job with few and short validation runs."""
+FIRST_LINES = {
+    "tower": ("2 m wide, 9 m high, 41500 kg", "at 0.242 g; the excitation reaches 0.375 g", "0.24"),
+    "chimney": ("1.3 m wide, 10 m high, 16280 kg", "at 0.13 g; the excitation reaches 0.286 g", "0.13"),
+    "column": ("1 m wide, 6 m high, 5770 kg", "at 0.187 g; the excitation reaches 0.244 g", "0.19"),
+    "statue": ("0.5 m wide, 1.8 m high, 400 kg", "at 0.308 g; the excitation reaches 0.395 g", "0.31"),
+    "paper": ("0.1 m wide, 0.4 m high, 16.22 kg", "at 0.3 g; the excitation reaches 0.458 g", "0.3"),
+}
+"""Beginning of the answer for each template: block, uplift and excitation, and the friction that is needed."""
+
+
+@pytest.mark.parametrize("kind", FIRST_LINES)
+def test_every_answer_begins_with_the_block_alone(kind, tmp_path):
+    path = tmp_path / "job.toml"
+    path.write_text(template(kind) + FEW)
+    done = call("assess", str(path))
+    assert done.status == 0
+    block, lifts, friction = FIRST_LINES[kind]
+    header, answer = (" ".join(part.split()) for part in done.out.split("\n\n"))
+    assert f"block {block}" in header
+    assert f"lifts {lifts}" in header
+    assert f"the coefficient of friction of the base is at least {friction}" in header
+    assert answer.startswith(("OVERTURNS in ", "ROCKS, AND DOES NOT OVERTURN "))
+
+
+STATUE = "--width 0.5 --height 1.5333 --mass 900 --cavity 0.3"
+NOT_NEEDED = "NOT NEEDED: under all conditions the block without a pendulum stays at rest"
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "first"),
+    [
+        (f"{STATUE} --amplitude 0.0036 --frequency 2", 0, NOT_NEEDED),
+        (f"{STATUE} --records el-centro --pga 0.25", 0, NOT_NEEDED),
+        ("--base-friction 0.1", 3, "NOT APPLICABLE: the block slides on its base before it lifts"),
+    ],
+    ids=["weak harmonic", "el centro at 0.25 g", "sliding"],
+)
+def test_a_block_that_does_not_rock_needs_no_search(words, status, first, tmp_path):
+    done = call("optimise", words, out=tmp_path / "out")
+    assert done.status == status
+    assert done.out.split("\n\n")[1].startswith(first)
+    assert done.json("design.json")["pendulum"] is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", FIRST_LINES)
+def test_the_answer_for_every_template(kind, tmp_path):
+    """Only the chimney gets a pendulum, whose numbers the README states."""
+    path = tmp_path / "job.toml"
+    path.write_text(template(kind))
+    done = call("optimise", str(path), out=tmp_path / "out")
+    verdict = " ".join(done.out.split("\n\n")[1].split())
+    assert done.status == (0 if kind == "chimney" else 3)
+    assert verdict.startswith("RECOMMENDED" if kind == "chimney" else "NOT RECOMMENDED")
+    if kind == "chimney":
+        content = done.json("design.json")
+        assert 0.5 < content["overturning_reduction"]["mean"] < 0.7
+        assert content["build"]["mass"] < 0.1 * 16280.0
+
+
+@pytest.mark.slow
+def test_a_fixed_rod_and_a_limit_on_the_mass_bind_the_answer(tmp_path):
+    path = tmp_path / "job.toml"
+    path.write_text(template("chimney").replace("# mass = 800.0 ", "mass = 500.0 "))
+    done = call("optimise", str(path), "--pendulum-length 0.5", out=tmp_path / "out")
+    content = done.json("design.json")
+    for validated in content["validated"]:
+        assert validated["pendulum"]["length"] == pytest.approx(0.5, rel=1e-9)
+    if content["pendulum"] is not None:
+        assert content["build"]["mass"] <= 500.0
+
+
+@pytest.mark.slow
+def test_the_statue_in_the_earthquakes_of_fema_p695(tmp_path):
+    done = call("optimise", STATUE, "--records fema-p695 --scales 1.5 2 3 4", out=tmp_path / "out")
+    assert done.status in (0, 3)
+    assert "lifts   at 0.326 g; the excitation reaches 1.3 g" in done.out

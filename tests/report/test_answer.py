@@ -29,7 +29,7 @@ def test_the_answer_has_at_most_24_lines_and_ends_with_the_report(kind):
     design = against(*MANY) if kind == "many reasons" else DESIGNS[kind]()
     about = Details() if kind == "many reasons" else details(kind)
     said = answer(design, about, Path("a folder")).splitlines()
-    assert len(said) <= MOST == 24
+    assert len(said) <= MOST == 22
     assert max(map(len, said)) <= 100
     assert said[-1] == "  repeat      tpd optimise --scene 'a folder'/scene.toml --out 'a folder'-again"
     assert said[-2] == "  report      a folder/report.html"

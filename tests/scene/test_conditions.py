@@ -23,7 +23,7 @@ def test_a_product_combines_every_condition_with_every_other():
     np.testing.assert_allclose(both.column("frequency"), [0.8, 0.8, 0.8, 1.6, 1.6, 1.6])
     np.testing.assert_allclose(both.column("amplitude"), [0.5, 1.0, 2.0, 0.5, 1.0, 2.0])
     np.testing.assert_array_equal(both.column("mass"), 1.0)
-    assert both.description == ("2 frequencies from 2 to 4 Hz", "amplitudes 0.5, 1, 2 times the scene's")
+    assert both.description == ("2 frequencies from 2 to 4 Hz", "amplitude factors 0.5, 1, 2")
     assert np.asarray(both.factor_rows()).shape == (6, len(FACTORS))
 
 
@@ -135,7 +135,7 @@ def test_a_neighbourhood_holds_the_scenes_own_shaking_and_stronger_ones():
     np.testing.assert_allclose(np.unique(near.column("frequency")), [0.95, 0.975, 1.0, 1.025, 1.05])
     np.testing.assert_allclose(np.unique(near.column("amplitude")), [1.0, 1.1])
     assert (1.0,) * len(FACTORS) in rows(near)
-    assert near.description == ("5 frequencies from 2.38 to 2.62 Hz", "amplitudes 1, 1.1 times the scene's")
+    assert near.description == ("5 frequencies from 2.38 to 2.62 Hz", "amplitude factors 1, 1.1")
     other = Conditions.around(SCENE, frequency=0.2, amplitude=0.0, count=3)
     np.testing.assert_allclose(other.column("frequency"), [0.8, 1.0, 1.2])
     assert other.axis == "frequency"

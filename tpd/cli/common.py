@@ -16,6 +16,7 @@ from tpd.design.criteria import check_cavity
 from tpd.design.stored_design import read_design
 from tpd.records.read import summary
 from tpd.report import words
+from tpd.report.blocks import wrapped
 from tpd.scene.scene import Block, Pendulum, Scene, check_damping
 
 LARGEST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as long as the block is high")}
@@ -161,9 +162,11 @@ def print_header(
         at_rest: `tpd.theory.no_uplift.AtRest` with the accelerations of uplift and sliding; None if the
             command varies the motion.
     """
-    rest = () if at_rest is None else (str(at_rest),)
+    rest = () if at_rest is None else str(at_rest).splitlines()
     point = () if pendulum is None else (words.pendulum_line(scene, pendulum),)
-    progress.say("\n".join((*notes, *words.scene_lines(scene, motion), *rest, *point)), sys.stdout)
+    rows = (*words.scene_lines(scene, motion), *rest, *point)
+    lines = (line for row in rows for line in wrapped(row, rest=" " * 10))
+    progress.say("\n".join((*notes, *lines)), sys.stdout)
 
 
 def read_pendulum(options: argparse.Namespace, block: Block) -> Pendulum | None:

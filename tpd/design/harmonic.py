@@ -221,7 +221,7 @@ class HarmonicProblem(Problem):
         table: dict[str, Any] = {}
         if match := re.search(r"(\d+) frequencies from (\S+) to (\S+) Hz", phrases):
             table |= {"band": [float(match[2]), float(match[3])], "frequencies": int(match[1])}
-        if match := re.search(r"amplitudes ([^a-z]+) times", phrases):
+        if match := re.search(r"amplitude factors ([\d.,e+ -]+)", phrases):
             table["amplitudes"] = [float(x) for x in match[1].split(",")]
         scatter = {}
         if match := re.search(r"(\d+) samples of", phrases):

@@ -17,9 +17,9 @@ from tpd.report import words
 from tpd.report.blocks import Note, Severity, danger, note, wrapped
 from tpd.report.notes import notes
 
-MOST = 24
-"""Largest number of lines. The command prints six more lines on block and motion before the search, so that
-the whole output has about thirty lines."""
+MOST = 22
+"""Largest number of lines. The command prints up to eight lines on block and motion before the search, so
+that the whole output has at most thirty lines."""
 _NAME = 14
 """Width of the column with the names of the rows."""
 _USED = 0.95

@@ -289,7 +289,7 @@ def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
     """Return lines for the terminal that describe a scene: block, energy losses and excitation.
 
     Args:
-        scene: the scene; under harmonic excitation the first line describes the origin of the block.
+        scene: the scene; under harmonic excitation a title names the block of the paper.
         motion: description of the excitation; by default the function writes one.
     """
     shape = f"slenderness {number(float(scene.block.slenderness))}; topples at {_toppling(scene)}"
@@ -298,7 +298,9 @@ def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
     if motion or not isinstance(scene.motion, Harmonic):
         return block, damping, f"  motion  {motion or in_words((scene.motion,))}"
     motion = f"  motion  {_motion(scene)}, {number(float(scene.peak))} g"
-    return f"Scene: {origin(scene)}.", block, motion, damping
+    # A block of the user needs no title; the paper's block may be a wrong default.
+    title = origin(scene)
+    return (*((f"Scene: {title}.",) if title.startswith(_PAPER) else ()), block, motion, damping)
 
 
 def block_of(scene: Scene) -> str:

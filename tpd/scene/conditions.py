@@ -250,7 +250,7 @@ class Conditions:
         if not factors:
             raise ValueError("`factors` must contain at least one number, but is empty")
         factors = tuple(checks.positive("factors", factor) for factor in factors)
-        phrase = f"amplitudes {', '.join(f'{x:g}' for x in factors)} times the scene's"
+        phrase = f"amplitude factors {', '.join(f'{x:g}' for x in factors)}"
         return Conditions({"amplitude": np.array(factors, dtype=float)}, (phrase,))
 
     @staticmethod
@@ -306,7 +306,8 @@ class Conditions:
         each = np.repeat(each, samples)
         factors = {"amplitude": np.tile(each, len(listed))}
         stripes = ", ".join(f"{x:g}" for x in stated)
-        phrase = f"{len(listed)} ground motions, each at {stripes} ({MEASURES[intensity]})"
+        motions = "1 ground motion" if len(listed) == 1 else f"{len(listed)} ground motions, each"
+        phrase = f"{motions} at {stripes} ({MEASURES[intensity]})"
         if scatter:
             sample = Conditions.scatter(len(factors["amplitude"]), seed, **scatter)
             amplitude = factors["amplitude"] * sample.column("amplitude")

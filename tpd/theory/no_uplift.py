@@ -54,6 +54,8 @@ class AtRest(NamedTuple):
     """Smallest coefficient of friction of the base with which the block does not slide before it lifts, over
     all conditions. The friction force must equal the mass times the base acceleration, which increases up to
     the peak or up to the uplift, whichever is smaller."""
+    conditions: int = 1
+    """Number of conditions."""
 
     @staticmethod
     def of(nu: Any, k: Any, f: Any, base_friction: float | None = None) -> AtRest:
@@ -62,7 +64,7 @@ class AtRest(NamedTuple):
         # all.
         uplift, peak = np.broadcast_arrays(np.asarray(nu) + np.asarray(k), np.abs(f))
         worst, needed = np.argmax(peak / uplift), float(np.max(np.minimum(uplift, peak)))
-        return AtRest(float(uplift.flat[worst]), float(peak.flat[worst]), base_friction, needed)
+        return AtRest(float(uplift.flat[worst]), float(peak.flat[worst]), base_friction, needed, peak.size)
 
     @staticmethod
     def under(scene: Scene) -> AtRest:
@@ -98,7 +100,8 @@ class AtRest(NamedTuple):
     def lifting_in_words(self) -> str:
         """Text that says when the block at rest lifts, and whether the excitation is large enough."""
         ratio, lifts = number(1.0 / self.margin, 3), "lifts" if self.margin < 1.0 else "does not lift"
-        reaches = f"the excitation reaches {number(self.peak, 3)} g, {ratio} times as much"
+        where = " under the strongest condition" if self.conditions > 1 else ""
+        reaches = f"the excitation reaches {number(self.peak, 3)} g{where}, {ratio} times as much"
         return f"at {number(self.uplift, 3)} g; {reaches}: the block {lifts}"
 
     def __str__(self) -> str:
