@@ -28,9 +28,9 @@ def test_a_bare_block_rocks_rests_or_overturns(without):
 def test_an_attractor_prints_on_one_line(without):
     rocking = next(a for a in without if a.status == "rocking")
     lost = next(a for a in without if a.status == "overturned")
-    assert str(lost) == repr(lost) == f"overturned: {lost.share:.1%} of the starts"
+    assert str(lost) == repr(lost) == f"overturned: {100.0 * lost.share:.1f} % of the starts"
     kind = "symmetric, 1 period, amplitude 0.06372 rad, swing"
-    assert str(rocking).startswith(f"rocking: {rocking.share:.1%} of the starts, {kind}")
+    assert str(rocking).startswith(f"rocking: {100.0 * rocking.share:.1f} % of the starts, {kind}")
 
 
 def test_an_attractor_is_the_steady_state_of_its_starts(without):

@@ -41,7 +41,7 @@ def test_a_bob_that_swings_at_the_start_leaves_less_in_reserve():
     for swing in (0.0, 0.01, 0.02):
         found = steady_state(parameters(LOW), model=Auto(), y0=jnp.array([0.0, swing, 0.0, 0.0]))
         (share,) = re.findall(
-            r"(\S+)% of the moment that would lift the block remains in reserve", found.reason
+            r"(\S+) % of the moment that would lift the block remains in reserve", found.reason
         )
         reserves.append(float(share))
     assert reserves[0] > reserves[1] > reserves[2] > 0.0

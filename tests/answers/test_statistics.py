@@ -28,8 +28,8 @@ def test_shares_have_wilsons_interval():
         share = Share.of(np.arange(n) < hits)
         known = binomtest(hits, n).proportion_ci(method="wilson")
         assert share == pytest.approx((hits / n, known.low, known.high), abs=1e-12)
-    assert str(Share.of(np.arange(100) < 10)) == "10.0% (5.5% to 17.4%)"
-    assert str(Share.of(np.zeros(0, bool))) == "nan% (0.0% to 100.0%)"
+    assert str(Share.of(np.arange(100) < 10)) == "10.0 % (5.5 to 17.4 %)"
+    assert str(Share.of(np.zeros(0, bool))) == "nan % (0.0 to 100.0 %)"
 
 
 def test_the_chance_of_a_difference_is_the_binomials():

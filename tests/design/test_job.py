@@ -138,7 +138,7 @@ def test_defaults_without_effect_and_whole_numbers_are_taken_where_any_number_is
 def test_keys_without_effect_are_not_written():
     tables = jobs.job_of(EXACTLY).tables
     assert not {"scatter", "risk"} & set(tables)
-    assert set(tables["conditions"]) == {"amplitudes", "exactly"}
+    assert set(tables["conditions"]) == {"exactly"}
     assert set(tables["bob"]) == {"shape", "density"}
     assert set(tables["starts"]) == {"kind"}
     assert tables["motion"] == {"kind": "harmonic", "amplitude": 0.015, "frequency": 2.5}
@@ -364,3 +364,11 @@ def test_the_options_that_read_a_table_work_as_they_are_written(tmp_path):
     assert shlex.split(said) == [
         *("--skip", "1", "--columns", "time (s)=1", "acc=2", "--scale", "1.2345678", "--unit", "cm/s2")
     ]
+
+
+@pytest.mark.mends("a stated factor of 1 had no effect, because it was the default")
+def test_a_stated_amplitude_factor_of_one_is_the_only_condition():
+    job = jobs.job_of({"conditions": {"amplitudes": [1.0]}})
+    assert len(job.conditions) == 1
+    assert job.conditions.description == ("amplitude factors 1",)
+    assert jobs.job_of({}).conditions is None

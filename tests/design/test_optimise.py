@@ -190,7 +190,7 @@ def test_a_rejected_design_says_why(rejected):
     assert (rejected.pendulum, rejected.benefit) == (None, None)
     assert {r.kind for v in rejected.validated for r in v.reasons} == {ReasonKind.too_little_benefit}
     assert (
-        "a significant reduction of at least 97.0% is required, with an interval that begins above 48.5%"
+        "a significant reduction of at least 97.0 % is required, with an interval that begins above 48.5 %"
         in rejected.refusals[0]
     )
     seeds = [v.decided.with_pendulum.seed for v in rejected.validated]

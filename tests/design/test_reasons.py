@@ -13,8 +13,8 @@ SENTENCES = {
     ),
     ReasonKind.touches_wall: (
         {"value": 0.03, "reference": 0.01, "limit": "clearance"},
-        "the pendulum exceeds the limit on clearance (bob to the wall) in 3.0% of the runs in which the "
-        "block stands; at most 1.0% are allowed",
+        "the pendulum exceeds the limit on clearance (bob to the wall) in 3.0 % of the runs in which the "
+        "block stands; at most 1.0 % are allowed",
     ),
     ReasonKind.breaks_limit: (
         {"limit": "offset", "value": 1.0364},
@@ -22,8 +22,8 @@ SENTENCES = {
     ),
     ReasonKind.worse_condition: (
         {"value": 0.3, "reference": 0.2, "total": 3},
-        "the mean tilt is 30.0% of the slenderness with the pendulum, and 20.0% without it, for 2.5 Hz, and "
-        "higher under 2 other conditions",
+        "the mean tilt is 30.0 % of the slenderness with the pendulum, and 20.0 % without it, for 2.5 Hz, "
+        "and higher under 2 other conditions",
     ),
     ReasonKind.rests_less: (
         {"value": 3.0, "reference": 19.0, "total": 64},
@@ -32,8 +32,8 @@ SENTENCES = {
     ),
     ReasonKind.too_little_benefit: (
         {"value": 0.034, "low": -0.01, "reference": 0.1},
-        "the mean tilt falls by 3.4% (95 % interval from -1.0%), but a significant reduction of at least "
-        "10.0% is required, with an interval that begins above 5.0%",
+        "the mean tilt falls by 3.4 % (95 % interval from -1.0 %), but a significant reduction of at least "
+        "10.0 % is required, with an interval that begins above 5.0 %",
     ),
     ReasonKind.slides: (
         {"value": 0.517, "reference": 0.4},
@@ -62,12 +62,12 @@ def test_a_sentence_has_no_number_that_is_none():
     """Of one earthquake there is no interval."""
     few = {"kind": ReasonKind.too_little_benefit, "reference": 0.1}
     assert "inf" not in str(Reason(value=0.73, low=-math.inf, **few))
-    assert "the share of runs that overturn falls by 8.0% (95 % interval from -4.0%), but" in str(
+    assert "the share of runs that overturn falls by 8.0 % (95 % interval from -4.0 %), but" in str(
         Reason(value=0.08, low=-0.04, measure="overturning", **few)
     )
     unknown = "share of runs that overturn is unknown (no run overturns without the pendulum)"
     assert unknown in str(Reason(measure="overturning", **few))
-    assert "increases by 10.0% (" in str(Reason(value=-0.1, low=-0.3, **few))
+    assert "increases by 10.0 % (" in str(Reason(value=-0.1, low=-0.3, **few))
     # All runs have no name.
     every = {"kind": ReasonKind.overturns_more, "value": 2.0, "reference": 1.0, "total": 9}
     assert "in 2 of 9 runs only with" in str(Reason(**every))

@@ -59,9 +59,13 @@ def test_the_threshold_of_uplift_is_that_of_the_closed_form():
 
 def test_sliding_before_uplift_is_named():
     for own, reach, said in (
-        (None, 0.2, "not before it lifts, if the coefficient of friction of the base is at least 0.2"),
-        (None, 0.4, "at least 0.35. A dry base may have only 0.3: state `base_friction`"),
-        (0.5, 0.4, "not before it lifts: a coefficient of friction of 0.35 is needed, the base has 0.5"),
+        (
+            None,
+            0.2,
+            "the coefficient of friction of the base is at least 0.2; while it rocks it may need more",
+        ),
+        (None, 0.4, "it may need more. A dry base may have only 0.3: state `base_friction`"),
+        (0.5, 0.4, "0.35 is needed, the base has 0.5; while it rocks it may need more"),
         (0.1, 0.4, "at 0.1 g, BEFORE IT LIFTS: a coefficient of friction of 0.35 is needed"),
     ):
         assert AtRest.of(0.3, 0.05, reach, own).sliding_in_words.endswith(said)

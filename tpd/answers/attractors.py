@@ -69,7 +69,7 @@ class Attractor(Printed):
     state."""
 
     def __str__(self) -> str:
-        share = f"{self.status.replace('_', ' ')}: {self.share:.1%} of the starts"
+        share = f"{self.status.replace('_', ' ')}: {100.0 * self.share:.1f} % of the starts"
         # Only moving blocks have a symmetry, a period and sizes worth printing.
         if not is_one_of(self.steady.status, *MOVING):
             return share

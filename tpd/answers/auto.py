@@ -80,7 +80,9 @@ class Auto(AbstractChoice):
         # closed form neglects.
         steady, reserve, share = _at_rest(fixed, y0)
         if float(share) <= min(self.tolerance, float(reserve)):
-            remaining = f"{float(reserve):.1%} of the moment that would lift the block remains in reserve"
+            remaining = (
+                f"{100.0 * float(reserve):.1f} % of the moment that would lift the block remains in reserve"
+            )
             why = f"the block never lifts: {remaining} at all times"
             return replace(steady, model="uplift", estimate=share, reason=why)
         # The second model: the exact solution of the linear equations.

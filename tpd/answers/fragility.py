@@ -128,15 +128,18 @@ class Fragility(Cases):
     def __str__(self) -> str:
         quakes = "one earthquake" if self.earthquakes == 1 else f"{self.earthquakes} earthquakes"
         lines = [f"fragility over {self.intensity} ({self.unit}), {len(self.motions)} motions of {quakes}"]
+        is_few = self.earthquakes < LEAST_EARTHQUAKES
         for name in self.without_pendulum:
             heads = f"{name}, {_LABELS[0]}:", f"{' ' * len(name)}  {_LABELS[1]}:"
             # The second line of a state is indented by the length of its name, so that the cases are aligned.
             for head, case in zip(heads, self.cases, strict=False):
-                lines.append(f"  {head} {case[name]}")
-        if self.earthquakes < LEAST_EARTHQUAKES:
+                curve = case[name]
+                # A curve through so few earthquakes would rank the cases by chance.
+                counted = f"{int(curve.counts.sum())} of {int(curve.total.sum())} runs"
+                lines.append(f"  {head} {counted if is_few else curve}")
+        if is_few:
             lines.append(
-                f"  fewer than {LEAST_EARTHQUAKES} earthquakes: the medians describe these motions, and do "
-                "not predict other earthquakes"
+                f"  fewer than {LEAST_EARTHQUAKES} earthquakes: these counts do not predict other earthquakes"
             )
         runs = len(self.motions) * len(self.stripes)
         # The outcomes without an answer are the same for all states, so that one curve of each case suffices.

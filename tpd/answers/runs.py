@@ -206,7 +206,9 @@ class Runs(Printed, Tabular):
     def rows(self) -> list[tuple[str, str]]:
         """Return the rows of a table: a label, and a share or quantiles as text."""
         out = [("overturned", str(self.share_overturned))]
-        out += [(f"  {label_of_ramp(r)}", f"{x.value:.1%}") for r, x in self.share_by_ramp().items()]
+        out += [
+            (f"  {label_of_ramp(r)}", f"{100.0 * x.value:.1f} %") for r, x in self.share_by_ramp().items()
+        ]
         # The report shows the same rows.
         out.append(("at rest in the end", str(self.share_at_rest)))
         for name, angle in _QUANTILES.items():

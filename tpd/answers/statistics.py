@@ -63,7 +63,7 @@ class Share(NamedTuple):
         return Share(s, max(0.0, middle - half), min(1.0, middle + half))
 
     def __str__(self) -> str:
-        return f"{self.value:.1%} ({self.low:.1%} to {self.high:.1%})"
+        return f"{100.0 * self.value:.1f} % ({100.0 * self.low:.1f} to {100.0 * self.high:.1f} %)"
 
 
 @dataclass(frozen=True)

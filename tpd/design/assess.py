@@ -43,14 +43,21 @@ class Alternatives(NamedTuple):
     enough."""
 
     def __str__(self) -> str:
-        force = f"{number(self.tie / 1e3, 2)} kN" if self.tie >= 1e3 else f"{number(self.tie, 2)} N"
-        tie = f"a tie at the top for {force}"
-        least = f"with a coefficient of friction of at least {number(self.friction, 2)}"
-        width = f"a base {number(self.width, 2)} m wide {least}"
+        force = f"{_at_least(self.tie / 1e3)} kN" if self.tie >= 1e3 else f"{_at_least(self.tie)} N"
+        tie = f"a tie at the top for at least {force}"
+        least = f"with a coefficient of friction of at least {_at_least(self.friction)}"
+        width = f"a base at least {_at_least(self.width)} m wide {least}"
         if not math.isfinite(self.isolation):
             return f"{tie}, or {width}; no base isolation of up to 8 s is enough (static estimates)"
-        period = f"a base isolation with a period of at least {number(self.isolation, 2)} s"
+        period = f"a base isolation with a period of at least {_at_least(self.isolation)} s"
         return f"{tie}, {width}, or {period} (static estimates)"
+
+
+def _at_least(x: float) -> str:
+    """Format a required value with two significant digits, rounded up."""
+    place = 10.0 ** (math.floor(math.log10(x)) - 1) if x > 0.0 else 1.0
+    # Rounding must not raise a value that already has two digits.
+    return number(math.ceil(x / place - 1e-9) * place, 2)
 
 
 def alternatives(problem: Problem) -> Alternatives:

@@ -484,6 +484,7 @@ class Limit(ABC):
         ... class LongestRod(tpd.limits.Limit):
         ...     length: float
         ...     name: ClassVar[str] = "rod"
+        ...
         ...     def sizes(self, e, g):
         ...         value = g.rod(e.design) / self.length
         ...         slope = value[..., None] * [0.0, 1.0, 0.0] / e.design[:, None, 1:2]
@@ -533,6 +534,7 @@ class Objective(ABC):
         >>> @dataclasses.dataclass(frozen=True)
         ... class Swing(tpd.limits.Objective):
         ...     name: ClassVar[str] = "swing"
+        ...
         ...     def values(self, e, g):
         ...         return tpd.limits.Size(self.name, e.swing / 1.5, e.swing_slope / 1.5)
         >>> Swing().name

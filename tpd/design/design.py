@@ -231,7 +231,7 @@ class Design(Printed):
             )
         if runs is not None:
             share = runs.change("overturned")
-            shares = f"{share.with_pendulum:.1%} with the pendulum, {share.without_pendulum:.1%} without it"
+            shares = " with the pendulum, ".join(f"{100.0 * x:.1f} %" for x in share[1:3]) + " without it"
             lines.append(f"  benefit     {runs.benefit_in_words}; {runs.description}")
             lines.append(f"  overturned  {shares}")
         lines += [f"  reason      {refusal}" for refusal in self.refusals[:_MOST_REASONS]]

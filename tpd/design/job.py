@@ -455,7 +455,7 @@ class HarmonicJob(Job):
                 low, high = keys["band"]
                 out = out * Conditions.band(self.scene, low, high, keys["frequencies"])
             # A single factor of one is the scene itself, and would only lengthen the description.
-            if keys["amplitudes"] != (1.0,):
+            if keys["amplitudes"] is not None:
                 out = out * Conditions.amplitudes(*keys["amplitudes"])
         with naming("scatter", size="samples"):
             if widths := widths_of(self.full):

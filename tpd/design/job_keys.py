@@ -192,7 +192,7 @@ TABLES: dict[str, dict[str, Key]] = {
             inspect.signature(Conditions.band).parameters["count"].default,
             "number of frequencies in the band",
         ),
-        "amplitudes": Key(tuple[float, ...], (1.0,), "factors on the amplitude of the base motion"),
+        "amplitudes": Key(tuple[float, ...], None, "factors on the amplitude of the base motion"),
         "samples": Key(_Whole, 64, "number of samples of the quantities in [scatter]"),
     },
     "scatter": {name: Key(float, None, (Ensemble, name)) for name in FACTORS},
@@ -312,7 +312,7 @@ def widths_of(full: Tables) -> dict[str, float]:
 def is_around(full: Tables) -> bool:
     """Whether the conditions are the neighbourhood of the motion, which is the default."""
     conditions = full["conditions"]
-    is_many = conditions["band"] is not None or conditions["amplitudes"] != (1.0,) or widths_of(full)
+    is_many = conditions["band"] is not None or conditions["amplitudes"] is not None or widths_of(full)
     return not (conditions["exactly"] or is_many)
 
 
@@ -323,7 +323,11 @@ def size_of(full: Tables) -> int:
     if is_around(full):
         return len(Conditions.around(PAPER))
     frequencies = 1 if conditions["band"] is None else conditions["frequencies"]
-    return frequencies * len(conditions["amplitudes"]) * (conditions["samples"] if widths_of(full) else 1)
+    return (
+        frequencies
+        * len(conditions["amplitudes"] or (1.0,))
+        * (conditions["samples"] if widths_of(full) else 1)
+    )
 
 
 def _names_files(full: Tables) -> bool:

@@ -206,9 +206,9 @@ def front(
 
     Args:
         design: a result of `tpd.optimise`.
-        most: largest masses of the bob over the mass of the block, increasing. By default three masses in
-            equal ratios, from one sixteenth of the largest mass of the design space. The design itself comes
-            last.
+        most: largest masses of the bob over the mass of the block, increasing. By default an eighth, a
+            quarter and a half of the largest mass of the design space (larger if its smallest mass is above a
+            sixteenth). The design itself comes last.
         method: settings of each search; default those of the design.
         progress: function of ("front", bobs done, total).
 

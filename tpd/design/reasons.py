@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -167,13 +168,15 @@ class Reason:
         return f"{of} {falls} (95 % interval {low})"
 
     def __str__(self) -> str:
-        return self.kind.value.format(
+        sentence = self.kind.value.format(
             **vars(self) | {"limit": LABELS.get(self.limit, self.limit)},
             falls=self._fall_in_words,
             certain=CERTAIN * self.reference,
             of=f" ({self.condition})" if self.condition else "",
             others=f", and higher under {self.total - 1} other conditions" if self.total > 1 else "",
         )
+        # The format of a share has no space before its sign.
+        return re.sub(r"(?<=\d)%", " %", sentence)
 
 
 GRAVE = (ReasonKind.overturns_more, ReasonKind.touches_wall, ReasonKind.slides)

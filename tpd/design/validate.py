@@ -1,7 +1,9 @@
 """Validation: check a design with the exact solution, then with paired nonlinear runs.
 
 Every design that is validated has new runs of its own, which no other stage has used. One half of the runs
-decides. The other half takes no part in any decision, so that the benefit that is reported is unbiased.
+decides. The other half is simulated only if the design passes. It must confirm a significant benefit without
+harm, and the report quotes it. Its benefit is not used to choose between designs, so that the choice changes
+it very little.
 """
 
 from __future__ import annotations
@@ -34,10 +36,11 @@ class Validated:
     exact: Any
     """`ExactMotions` under harmonic excitation, else None."""
     decided: PairedRuns | None
-    """Runs that decide; None if a limit that needs no run rejects the design."""
+    """Runs that decide; None if a limit that needs no run, the exact model from rest, or sliding rejects the
+    design."""
     quoted: PairedRuns | None
-    """Runs that no decision has used. None if the design was rejected before, or if there are too few motions
-    to keep some for this purpose."""
+    """Runs that confirm the decision, and that the report quotes. None if the design was rejected before, or
+    if there are too few motions to keep some for this purpose."""
     measure: str
     """Measure that had to fall, "overturning" or "tilt"; empty if there are no runs."""
     over_limit: float

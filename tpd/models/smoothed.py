@@ -130,9 +130,9 @@ class Smoothed(AbstractFlow):
         With linear and parametric terms these are impacts that stop the block (e = 0). With the equations (4)
         these are all impacts with loss, because the law of an impact then depends on psi.
         """
-        least, advice = 1e-3, " in the smoothed model: take `Piecewise`"
+        least, advice = 1e-3, " in the smoothed model: use `Piecewise`"
         if self.terms is Terms.nonlinear:
-            least, advice = 1.0, " in the smoothed equations (4): take `Nonlinear`"
+            least, advice = 1.0, " in the smoothed equations (4): use `Nonlinear`"
         checks.within("e", p.velocity_ratio, least, 1.0, advice, every=True)
 
     def settle(self, p: Parameters, y0: State) -> Settled:

@@ -17,8 +17,8 @@ from tpd.report import words
 from tpd.report.blocks import Note, Severity, danger, note, wrapped
 from tpd.report.notes import notes
 
-MOST = 22
-"""Largest number of lines. The command prints up to eight lines on block and motion before the search, so
+MOST = 21
+"""Largest number of lines. The command prints up to nine lines on block and motion before the search, so
 that the whole output has at most thirty lines."""
 _NAME = 14
 """Width of the column with the names of the rows."""

@@ -86,22 +86,24 @@ class AtRest(NamedTuple):
     def sliding_in_words(self) -> str:
         """Text that says whether the block at rest slides before it lifts."""
         least, base = number(self.needed_friction, 2), self.base_friction
+        more = "; while it rocks it may need more"
         if base is None:
             # Only friction that a dry base may lack is worth a hint.
-            more = f". A dry base may have only {DRY:g}: state `base_friction`"
-            least += more if self.needed_friction > DRY else ""
+            hint = f". A dry base may have only {DRY:g}: state `base_friction`"
+            least += more + (hint if self.needed_friction > DRY else "")
             return f"not before it lifts, if the coefficient of friction of the base is at least {least}"
         if self.slides:
             return f"at {number(base, 2)} g, BEFORE IT LIFTS: a coefficient of friction of {least} is needed"
         has = f"the base has {number(base, 2)}"
-        return f"not before it lifts: a coefficient of friction of {least} is needed, {has}"
+        needed = f"a coefficient of friction of {least} is needed, {has}"
+        return f"not before it lifts: {needed}{more}"
 
     @property
     def lifting_in_words(self) -> str:
         """Text that says when the block at rest lifts, and whether the excitation is large enough."""
         ratio, lifts = number(1.0 / self.margin, 3), "lifts" if self.margin < 1.0 else "does not lift"
-        where = " under the strongest condition" if self.conditions > 1 else ""
-        reaches = f"the excitation reaches {number(self.peak, 3)} g{where}, {ratio} times as much"
+        strongest = "the strongest condition" if self.conditions > 1 else "the excitation"
+        reaches = f"{strongest} reaches {number(self.peak, 3)} g, {ratio} times as much"
         return f"at {number(self.uplift, 3)} g; {reaches}: the block {lifts}"
 
     def __str__(self) -> str:
