@@ -42,7 +42,7 @@ LAYERS = (
     "cli",
 )
 LAST = {
-    "code lines": 19_395,
+    "code lines": 19_396,
     "modules": 172,
     # Modules that are loaded by name count.
     "modules that the main job may import": 126,

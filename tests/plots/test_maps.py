@@ -94,6 +94,10 @@ FRAGILITY = Fragility(
 def test_a_fragility_draws_a_state_and_has_a_row_for_every_stripe():
     ax = tpd.plot(FRAGILITY)
     assert ax.get_xlabel() == "PGA (m/s^2)"
+    few = dataclasses.replace(FRAGILITY, earthquakes=4)
+    many = dataclasses.replace(FRAGILITY, earthquakes=5)
+    curves = [sum(len(line.get_xdata()) == 300 for line in tpd.plot(f).lines) for f in (few, many)]
+    assert curves == [0, 2]
     with pytest.raises(ValueError, match="`state` must be one of overturned, but is 'half'"):
         tpd.plot(FRAGILITY, "half")
     table = FRAGILITY.to_dataframe()

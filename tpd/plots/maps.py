@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 from tpd.answers.design_map import DesignMap
 from tpd.answers.fragility import Curve, Fragility
 from tpd.answers.spectra import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum, RockingSpectrum
+from tpd.answers.statistics import LEAST_EARTHQUAKES
 from tpd.core import checks
 from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.plots.style import CASES, GREY, INK, LABELS, LINES, edge, legend, new_axes, own_style
@@ -182,8 +183,8 @@ def plot_rocking_spectrum(spectrum: RockingSpectrum, ax: Any = None) -> Any:
 def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = None) -> Any:
     """Draw the fragility for one damage state: shares at the intensity levels, and fitted lognormal curves.
 
-    The curves have 95 % confidence intervals. A bar at an intensity level is the range of shares that motions
-    without an answer could have.
+    The curves have 95 % confidence intervals. Fewer than five earthquakes get no curve. A bar at an intensity
+    level is the range of shares that motions without an answer could have.
 
     Args:
         fragility: the answer of `tpd.fragility`.
@@ -200,6 +201,8 @@ def plot_fragility(fragility: Fragility, state: str = "overturned", ax: Any = No
     ax = new_axes() if ax is None else ax
     # The curve continues a little beyond the intensity levels.
     fine = np.linspace(0.5 * fragility.stripes[0], 1.1 * fragility.stripes[-1], 300)
+    # Through a few earthquakes a curve would rank the cases by chance, so that only their shares are drawn.
+    fine = fine if fragility.earthquakes >= LEAST_EARTHQUAKES else fine[:0]
     for case, style in zip(fragility.cases, CASES, strict=False):
         _curve(ax, fragility.stripes, case[state], fine, style)
     unit = "" if fragility.unit == "-" else f" ({fragility.unit})"
@@ -224,7 +227,7 @@ def _curve(ax: Any, stripes: np.ndarray, curve: Curve, fine: np.ndarray, style: 
         ax.vlines(stripes[is_open], *ends, colors=style["color"], lw=5, alpha=0.35, label=label)
     # No curve can be fitted if all runs, or no runs, reach the state.
     fit = curve.fit
-    if 0.0 < fit.median < np.inf:
+    if fine.size and 0.0 < fit.median < np.inf:
         ax.fill_between(fine, *fit.band(fine), color=style["color"], alpha=0.2, lw=0)
         label = f"{style['label']}: median {fit.median:.3g}"
         ax.plot(fine, fit.probability(fine), color=style["color"], ls=style["ls"], lw=1.6, label=label)
