@@ -24,7 +24,7 @@ _MANY = 1.5
 """Factor on the half width of a 95 % interval for a comparison at many frequencies: a dozen differences that
 share no runs then all lie within their intervals with a probability of 96 %."""
 SLOW = 0.95
-"""Floquet multiplier above which an orbit is said to attract slowly."""
+"""Floquet multiplier above which the report notes that an orbit attracts slowly."""
 
 
 def notes(design: Design, details: Details) -> tuple[Note, ...]:
