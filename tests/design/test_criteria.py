@@ -14,14 +14,15 @@ from tpd.design.criteria import (
     Evaluation,
     Geometry,
     Limit,
+    Ratios,
     Requirements,
-    Size,
     check_limits,
     limit_of,
     stroke_limit,
 )
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.search import search
+from tpd.design.sizes import evaluate_sizes
 from tpd.report import words
 from tpd.scene.bob import Bob
 
@@ -69,11 +70,8 @@ class Lighter(Limit):
     name = "lighter"
     of_motion = False
 
-    def sizes(self, e, g):
-        mass = g.mass(e.design)
-        slope = np.zeros((*mass.shape, 3))
-        slope[..., 0] = mass / e.design[:, 0, None]
-        yield Size(self.name, mass / self.kg, slope / self.kg)
+    def size(self, motion, design, geometry):
+        return geometry.mass(design) / self.kg
 
 
 class Nameless(Lighter):
@@ -102,7 +100,7 @@ def geometry() -> Geometry:
 
 
 def sizes(limit, design, geometry):
-    return {size.name: size for size in limit.sizes(evaluation(design), geometry)}
+    return {size.name: size for size in evaluate_sizes([limit], evaluation(design), geometry, slopes=True)}
 
 
 @pytest.mark.parametrize("design", [DESIGN, LONG], ids=["no body", "body"])
@@ -124,7 +122,7 @@ def test_limits_on_angles_are_what_they_say(geometry):
     e, nu = evaluation(DESIGN), SCENE.block.slenderness * np.array(FACTORS["slenderness"])
     np.testing.assert_allclose(geometry.slenderness, nu)
     swing, relative, tilt, _, _, _, _, multiplier, reserve = (
-        next(iter(limit.sizes(e, geometry)), None) for limit in ONE_OF_EACH
+        evaluate_sizes([limit], e, geometry)[0] for limit in ONE_OF_EACH
     )
     np.testing.assert_allclose(swing.value, e.swing / 0.4)
     np.testing.assert_allclose(relative.value, (e.swing + e.tilt * nu) / 0.6)
@@ -162,30 +160,30 @@ def test_the_room_is_that_of_the_cavity():
 
 def test_a_worsening_is_relative_to_the_bare_block(geometry):
     e, worsening = evaluation(DESIGN), tpd.limits.Worsening(0.25)
-    (size,) = worsening.sizes(e, geometry)
+    (size,) = evaluate_sizes([worsening], e, geometry, slopes=True)
     np.testing.assert_allclose(size.value, e.tilt / (1.25 * np.array([0.4, 0.1])))
     calm = dataclasses.replace(geometry, tilt_without_pendulum=np.array([0.0, np.nan]))
-    (size,) = worsening.sizes(e, calm)
+    (size,) = evaluate_sizes([worsening], e, calm, slopes=True)
     assert size.value[0, 0] == pytest.approx(e.tilt[0, 0] / (1.25 * 0.02))
     assert size.value[0, 1] == 0.0
-    (size,) = worsening.sizes(e, Geometry.of(SCENE, SCATTERED))
+    (size,) = evaluate_sizes([worsening], e, Geometry.of(SCENE, SCATTERED), slopes=True)
     np.testing.assert_array_equal(size.value, 0.0)
     np.testing.assert_array_equal(size.slope, 0.0)
     lost = e._replace(tilt=np.full((1, 2), np.inf))
-    np.testing.assert_array_equal(next(iter(worsening.sizes(lost, calm))).value, [[np.inf, 0.0]])
+    np.testing.assert_array_equal(evaluate_sizes([worsening], lost, calm)[0].value, [[np.inf, 0.0]])
 
 
 def test_beyond_a_right_angle_the_bob_is_a_rods_length_away(geometry):
     e = evaluation(DESIGN)._replace(swing=np.array([[1.6, 3.0]]))
-    (size,) = tpd.limits.Offset(0.03).sizes(e, geometry)
-    np.testing.assert_allclose(size.value, geometry.rod(DESIGN[None]) / 0.03)
+    (size,) = evaluate_sizes([tpd.limits.Offset(0.03)], e, geometry, slopes=True)
+    np.testing.assert_allclose(size.value, geometry.rod(Ratios(*DESIGN))[None] / 0.03)
     np.testing.assert_allclose(size.slope[..., [0, 2]], 0.0)
 
 
 def test_no_bob_takes_no_room_and_has_a_slope_that_is_a_number(geometry):
     e = evaluation(DESIGN)._replace(design=np.array([[0.0, 0.26, 0.35]]))
     for limit in (tpd.limits.Clearance(), tpd.limits.Clearance(CYLINDERS[1]), tpd.limits.Offset(0.03)):
-        for size in limit.sizes(e, geometry):
+        for size in evaluate_sizes([limit], e, geometry, slopes=True):
             assert np.isfinite(size.value).all()
             assert np.isfinite(size.slope).all()
             if size.name == "thickness":
@@ -297,17 +295,17 @@ def test_what_makes_no_sense_is_refused(make, message):
 def test_a_limit_on_the_mass_is_on_the_body_as_built(geometry):
     design, mass = np.array([0.15, 0.6, 0.35]), 0.15 * SCENE.block.mass
     body, _ = Bob().built(mass, 0.6 * SCENE.block.half_height, float(SCENE.gravity))
-    (size,) = tpd.limits.Mass(2.0).sizes(evaluation(design), geometry)
+    (size,) = evaluate_sizes([tpd.limits.Mass(2.0)], evaluation(design), geometry, slopes=True)
     assert size.value.shape == (1, 2)
     np.testing.assert_allclose(size.value, body / 2.0, rtol=1e-12)
     assert body > 1.02 * mass
     light = Bob(density=1000.0)
     other = Geometry.of(SCENE, SCATTERED, (tpd.limits.Clearance(light), tpd.limits.Mass(2.0)))
-    (lighter,) = tpd.limits.Mass(2.0).sizes(evaluation(design), other)
+    (lighter,) = evaluate_sizes([tpd.limits.Mass(2.0)], evaluation(design), other)
     assert lighter.value[0, 0] != size.value[0, 0]
     # Where no body swings as the point does, the mass of the point counts.
     short = np.array([0.15, 0.01, 0.35])
-    (size,) = tpd.limits.Mass(2.0).sizes(evaluation(short), geometry)
+    (size,) = evaluate_sizes([tpd.limits.Mass(2.0)], evaluation(short), geometry, slopes=True)
     np.testing.assert_allclose(size.value, 0.15 * SCENE.block.mass / 2.0)
 
 

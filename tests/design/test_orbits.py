@@ -3,6 +3,7 @@ lost, as designs move."""
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -11,6 +12,7 @@ from tests.design.conftest import BAND, SCENE, WIDE
 from tests.reference import orbits_of
 from tpd.design.criteria import NONE, REST, ROCKING, Geometry
 from tpd.design.orbits import BACK_OFF, KINDS, SMOOTHED, Orbits, SmoothedOrbits, margins
+from tpd.design.sizes import evaluate_sizes
 from tpd.scene.parameters import as_arrays
 
 GOOD = np.array([[0.15, 0.26, 0.35]])
@@ -67,7 +69,7 @@ def test_slopes_are_those_of_differences(objective):
 def test_constraints_have_names_and_are_tightened_for_a_search(objective):
     e, n = objective.evaluate(GOOD), len(BAND)
     names = ["stroke", "relative_stroke", "tilt", "offset", "clearance", "thickness", "depth", "reserve"]
-    assert [size.name for size in objective.sizes(e)] == names
+    assert [size.name for size in evaluate_sizes(objective.limits, e, objective.geometry)] == names
     value, slope = objective.constraints(e)
     assert value.shape == (1, n * len(names))
     assert slope.shape == (*value.shape, 3)
@@ -140,9 +142,8 @@ class Both(tpd.limits.Objective):
     weight: float
     name = "tilt and swing"
 
-    def values(self, e, g):
-        w = self.weight
-        return tpd.limits.Size(self.name, e.tilt + w * e.swing, e.tilt_slope + w * e.swing_slope)
+    def size(self, motion, design, geometry):
+        return motion.tilt + self.weight * motion.swing
 
 
 def test_an_objective_of_the_user_applies_where_the_block_rocks():
@@ -159,14 +160,15 @@ def test_an_objective_of_the_user_applies_where_the_block_rocks():
         np.testing.assert_allclose(of_user.at(UNIT).slope[..., i], (up - down) / 2e-5, rtol=1e-5, atol=1e-7)
 
 
-def test_values_of_another_shape_are_rejected():
+@pytest.mark.parametrize("wrong", [lambda x: jnp.ones(3) * x, float, lambda x: x if x > 0.0 else 0.0])
+def test_an_objective_that_is_no_differentiable_number_is_rejected(wrong):
     @dataclasses.dataclass(frozen=True)
-    class Flat(Both):
-        def values(self, e, g):
-            return tpd.limits.Size(self.name, e.tilt[0], e.tilt_slope)
+    class Wrong(Both):
+        def size(self, motion, design, geometry):
+            return wrong(motion.tilt)
 
-    with pytest.raises(ValueError, match=r"must have a value of shape \(1, 5\) and a slope"):
-        orbits(objective=Flat(1.0)).evaluate(GOOD)
+    with pytest.raises(ValueError, match="`size` of each of tilt and swing must be one number that JAX can"):
+        orbits(objective=Wrong(1.0)).evaluate(GOOD)
 
 
 @pytest.fixture

@@ -128,8 +128,8 @@ def test_the_job_of_a_design_asks_its_question(asked):
 class Own(limits.Limit):
     name = "own"
 
-    def sizes(self, e, g):
-        return ()
+    def size(self, motion, design, geometry):
+        return 0.0
 
 
 @pytest.mark.parametrize(

@@ -100,8 +100,8 @@ def test_an_objective_of_the_user_moves_the_optimum_its_way():
 def test_values_that_are_not_divided_by_a_size_of_reference_are_rejected():
     @dataclasses.dataclass(frozen=True)
     class Newtons(Both):
-        def values(self, e, g):
-            return tpd.limits.Size("force", 1e3 * (1.0 + e.tilt), 1e3 * e.tilt_slope)
+        def size(self, motion, design, geometry):
+            return 1e3 * (1.0 + motion.tilt)
 
     with pytest.raises(ValueError, match="objective tilt and swing must be between 0 and 1"):
         search_designs(orbits(objective=Newtons(0.0)), tpd.Descent(screening=16), 0)

@@ -4,9 +4,9 @@ A limit is stated by a size, a quantity over its largest allowed value, which mu
 condition. The search accepts any list of limits, because it uses only their sizes and the derivatives of the
 sizes with respect to (mu, lam, zeta).
 
-A limit of your own is a frozen dataclass that is a subclass of `Limit`, with a `name` and a method `sizes`.
-If it uses more than the tilt, the bob angle and the design, it also has `of_motion = False`. An objective of
-your own is a subclass of `Objective`.
+A limit of a user is a frozen dataclass that is a subclass of `Limit`, with a `name` and one method `size`.
+JAX differentiates the method. If it uses more than the tilt, the angles of the bob and the design, the class
+also has `of_motion = False`. An objective of a user is a subclass of `Objective` with the same method.
 """
 
 from __future__ import annotations
@@ -38,14 +38,15 @@ __all__ = [
     "Clearance",
     "Limit",
     "Mass",
+    "Motion",
     "Multiplier",
     "Objective",
     "Offset",
+    "Ratios",
     "RelativeStroke",
     "Requirements",
     "Reserve",
     "Risk",
-    "Size",
     "SteadyTilt",
     "Stroke",
     "Tilt",
@@ -316,26 +317,29 @@ class Requirements:
 
 @dataclass(frozen=True, kw_only=True)
 class Geometry:
-    """Lengths and masses of the block under n conditions, for limits in SI units."""
+    """Lengths and masses of the block under n conditions, for limits in SI units.
 
-    half_height: float
+    A limit gets the geometry of one condition, in which each field is one number.
+    """
+
+    half_height: Any
     """Half the height of the block, b, m."""
-    block_mass: float
+    block_mass: Any
     """Mass of the block, M, kg."""
-    wall: np.ndarray
+    wall: Any
     """Half the distance between the walls, m, shape (n,)."""
-    slenderness: np.ndarray
+    slenderness: Any
     """Slenderness nu of the block, shape (n,)."""
-    mass_factor: np.ndarray
+    mass_factor: Any
     """Factor on the mass of the bob, shape (n,)."""
-    length_factor: np.ndarray
+    length_factor: Any
     """Factor on the length of the pendulum, shape (n,)."""
-    tilt_without_pendulum: np.ndarray | float = np.nan
+    tilt_without_pendulum: Any = np.nan
     """Settled tilt over nu without a pendulum in the model of the search, shape (n,); NaN if it is not
     known."""
     bob: Bob = field(default_factory=Bob)
     """Shape and density of the bob."""
-    gravity: float = STANDARD_GRAVITY
+    gravity: Any = STANDARD_GRAVITY
     """Acceleration of gravity, m/s^2."""
 
     @staticmethod
@@ -353,46 +357,82 @@ class Geometry:
             gravity=float(scene.gravity),
         )
 
-    def rod(self, designs: np.ndarray) -> np.ndarray:
-        """Return the length of the point pendulum, m, (m, n), for designs (m, 3)."""
-        return self.half_height * designs[:, 1, None] * self.length_factor
+    def rod(self, design: Ratios) -> Any:
+        """Return the length of the point pendulum, m."""
+        return self.half_height * design.lam * self.length_factor
 
-    def mass(self, designs: np.ndarray) -> np.ndarray:
-        """Return the mass of the point pendulum, kg, (m, n), for designs (m, 3)."""
-        return self.block_mass * designs[:, 0, None] * self.mass_factor
+    def mass(self, design: Ratios) -> Any:
+        """Return the mass of the point pendulum, kg."""
+        return self.block_mass * design.mu * self.mass_factor
 
-    def body(self, designs: np.ndarray) -> Body:
-        """Return the bob as built for designs (m, 3). It swings like the point `mass` at the distance
-        `rod`."""
-        mass, length = self.block_mass * designs[:, 0, None], self.half_height * designs[:, 1, None]
-        body, rod, of_body, of_rod = self.bob.built_and_slopes(mass, length, self.gravity)
-        exists, out = np.isfinite(body), []
-        # If no body of this shape swings like the point, the values and derivatives of the point itself are
-        # used.
-        for value, slopes, point, of_point, factor in (
-            (body, of_body, mass, (1.0, 0.0), self.mass_factor),
-            (rod, of_rod, length, (0.0, 1.0), self.length_factor),
-        ):
-            by_mass, by_length = (np.where(exists, *pair) for pair in zip(slopes, of_point, strict=True))
-            slope = np.stack([self.block_mass * by_mass, self.half_height * by_length, 0.0 * mass], axis=-1)
-            out += [np.where(exists, value, point) * factor, slope * factor[:, None]]
-        return Body(exists, *out)
+    def body(self, design: Ratios) -> Body:
+        """Return the bob as built. It swings like the point `mass` at the distance `rod`."""
+        mass, length = self.block_mass * design.mu, self.half_height * design.lam
+        body, rod = self.bob.built(mass, length, self.gravity)
+        xp = checks.namespace(body)
+        exists = xp.isfinite(body)
+        # If no body of this shape swings like the point, the values of the point itself are used.
+        return Body(
+            exists,
+            xp.where(exists, body, mass) * self.mass_factor,
+            xp.where(exists, rod, length) * self.length_factor,
+        )
 
 
 class Body(NamedTuple):
-    """Bob as built, for m designs under n conditions. If no body swings like the point pendulum, the point
-    itself."""
+    """Bob as built. If no body swings like the point pendulum, the point itself."""
 
-    exists: np.ndarray
-    """Whether a body swings like the point pendulum, (m, 1)."""
-    mass: np.ndarray
-    """Mass of the body, kg, (m, n)."""
-    mass_slope: np.ndarray
-    """Derivatives of the mass with respect to (mu, lam, zeta), (m, n, 3)."""
-    rod: np.ndarray
-    """Distance from the hinge to the centre of the bob, m, (m, n)."""
-    rod_slope: np.ndarray
-    """Derivatives of this distance with respect to (mu, lam, zeta), (m, n, 3)."""
+    exists: Any
+    """Whether a body swings like the point pendulum."""
+    mass: Any
+    """Mass of the body, kg."""
+    rod: Any
+    """Distance from the hinge to the centre of the bob, m."""
+
+
+class Ratios(NamedTuple):
+    """Design of a pendulum, for limits: numbers.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Ratios(mu=0.05, lam=0.4, zeta=0.1).lam
+        0.4
+    """
+
+    mu: Any
+    """Mass ratio m/M."""
+    lam: Any
+    """Length ratio l/b."""
+    zeta: Any
+    """Damping ratio of the hinge."""
+
+
+class Motion(NamedTuple):
+    """Settled motion of one design under one condition, for limits: numbers.
+
+    Tilt, swing, rod angle and reserve have exact derivatives with respect to the design. The margin and the
+    multiplier have none: a search stops at a limit on them and does not move along it.
+
+    Example:
+        >>> import tpd
+        >>> motion = tpd.limits.Motion(0.3, 0.2, 0.25, -0.1, 0.8, 0.1)
+        >>> motion.rod_angle
+        0.25
+    """
+
+    tilt: Any
+    """Largest |phi| over nu; 0 at rest."""
+    swing: Any
+    """Largest |psi|, rad."""
+    rod_angle: Any
+    """Largest angle |psi - phi| between rod and block, rad. In the search it is the sum of the largest swing
+    and the largest tilt, which is an upper bound."""
+    margin: Any
+    """Uplift margin: positive if the settled block stays at rest."""
+    multiplier: Any
+    """Largest modulus of the Floquet multipliers; 0 at rest."""
+    reserve: Any
+    """Distance of the orbit from the bifurcation at which it stops attracting; 1 at rest."""
 
 
 class Evaluation(NamedTuple):
@@ -430,7 +470,7 @@ class Evaluation(NamedTuple):
     4)."""
     design: np.ndarray
     """Designs (mu, lam, zeta), (m, 3)."""
-    relative: np.ndarray | None = None
+    rod_angle: np.ndarray | None = None
     """Largest |psi - phi|, rad, if it was computed; else None."""
 
     @staticmethod
@@ -453,29 +493,41 @@ class Evaluation(NamedTuple):
 
 class Size(NamedTuple):
     """Quantity over its limit, or over its reference value, under every condition. A limit is kept if the
-    value is at most 1.
-
-    Example:
-        >>> import numpy as np
-        >>> import tpd
-        >>> size = tpd.limits.Size("rod", np.array([[0.8]]), np.zeros((1, 1, 3)))
-        >>> bool(size.value.max() <= 1.0)
-        True
-    """
+    value is at most 1."""
 
     name: str
     """Name in reports."""
     value: np.ndarray
     """Quantity over its limit, (m, n)."""
     slope: np.ndarray
-    """Derivatives with respect to (mu, lam, zeta), (m, n, 3)."""
+    """Derivatives with respect to (mu, lam, zeta), (m, n, 3); zero where a derivative does not exist."""
+
+
+class _Sized(ABC):
+    """Base class of limits and objectives: a name, and a function of one motion that JAX differentiates."""
+
+    name: ClassVar[str]
+    """Key in a job file and in reports."""
+    of_motion: ClassVar[bool] = True
+    """Whether the function uses only tilt, angles of the bob and design, and not margin, multiplier and
+    reserve. Only then the runs of all models have a value."""
+
+    @abstractmethod
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the quantity over its limit or over its reference value, one number."""
+
+    def sizes(self, motion: Motion, design: Ratios, geometry: Geometry) -> dict[str, Any]:
+        """Return all quantities by their names; by default the only one."""
+        return {self.name: self.size(motion, design, geometry)}
 
 
 @dataclass(frozen=True)
-class Limit(ABC):
+class Limit(_Sized):
     """Inequality constraint on a design under every condition; base class of all limits.
 
-    A subclass is a frozen dataclass with a class attribute `name` and a method `sizes`.
+    A subclass is a frozen dataclass with a class attribute `name` and a method `size` of one motion, one
+    design and the geometry of one condition. Its result is the quantity over its largest allowed value. All
+    arguments are numbers, and the method is differentiated by JAX: use `jax.numpy`, and no `if` on them.
 
     Example:
         >>> import dataclasses, tpd
@@ -485,27 +537,16 @@ class Limit(ABC):
         ...     length: float
         ...     name: ClassVar[str] = "rod"
         ...
-        ...     def sizes(self, e, g):
-        ...         value = g.rod(e.design) / self.length
-        ...         slope = value[..., None] * [0.0, 1.0, 0.0] / e.design[:, None, 1:2]
-        ...         yield tpd.limits.Size(self.name, value, slope)
+        ...     def size(self, motion, design, geometry):
+        ...         return geometry.rod(design) / self.length
         >>> LongestRod(0.5).name
         'rod'
     """
 
-    name: ClassVar[str]
-    """Key in a job file and in reports."""
     label: ClassVar[str] = ""
     """Words for the limit in a report; if empty, the name itself."""
     unit: ClassVar[str] = ""
     """Unit of the number in a report."""
-    of_motion: ClassVar[bool] = True
-    """Whether the limit depends only on tilt, bob angle and design, so that the results of any model can be
-    checked."""
-
-    @abstractmethod
-    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """Return the limited quantities of m designs under n conditions, over their limits."""
 
     def set_number(self, field: str, check: Callable[[str, object], Any] = checks.positive) -> float:
         """Replace the value of a field by the result of a check, and return it. Messages use the name of the
@@ -519,14 +560,14 @@ class Limit(ABC):
 
 
 @dataclass(frozen=True)
-class Objective(ABC):
+class Objective(_Sized):
     """Quantity of a settled motion that a search minimises, under every condition; base class of all
     objectives.
 
-    The values of the objective apply where a motion attracts and the block rocks. Elsewhere the search uses
-    its own values: minus the uplift margin where the block rests, and more than 1 where no motion attracts.
-    The quantity must therefore be divided by a reference value, so that it is between 0 and 1 for every
-    acceptable motion. Limits, penalties and tolerances are scaled for such values as well.
+    A subclass has the form of a `Limit`. Its values apply where a motion attracts and the block rocks.
+    Elsewhere the search uses other values: minus the uplift margin where the block rests, and more than 1
+    where no motion attracts. The quantity must therefore be divided by a reference value, and be between 0
+    and 1 for every acceptable motion. Limits, penalties and tolerances are scaled for such values as well.
 
     Example:
         >>> import dataclasses, tpd
@@ -535,22 +576,11 @@ class Objective(ABC):
         ... class Swing(tpd.limits.Objective):
         ...     name: ClassVar[str] = "swing"
         ...
-        ...     def values(self, e, g):
-        ...         return tpd.limits.Size(self.name, e.swing / 1.5, e.swing_slope / 1.5)
+        ...     def size(self, motion, design, geometry):
+        ...         return motion.swing / 1.5
         >>> Swing().name
         'swing'
     """
-
-    name: ClassVar[str]
-    """Words for the quantity in reports."""
-    of_motion: ClassVar[bool] = True
-    """Whether the values depend only on tilt, bob angle and design, so that a run of any model has a
-    value."""
-
-    @abstractmethod
-    def values(self, e: Evaluation, g: Geometry) -> Size:
-        """Return the quantity of m designs under n conditions over its reference value, with its
-        derivatives."""
 
 
 @dataclass(frozen=True)
@@ -565,9 +595,9 @@ class SteadyTilt(Objective):
 
     name: ClassVar[str] = "tilt"
 
-    def values(self, e: Evaluation, g: Geometry) -> Size:
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the tilt over nu."""
-        return Size(self.name, e.tilt, e.tilt_slope)
+        return motion.tilt
 
 
 @dataclass(frozen=True)
@@ -589,9 +619,9 @@ class Stroke(Limit):
     def __post_init__(self) -> None:
         self.set_angle()
 
-    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the bob angle over the limit."""
-        yield Size(self.name, e.swing / self.angle, e.swing_slope / self.angle)
+        return motion.swing / self.angle
 
 
 @dataclass(frozen=True)
@@ -614,10 +644,9 @@ class RelativeStroke(Limit):
     def __post_init__(self) -> None:
         self.set_angle()
 
-    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """Return the sum of both angles over the limit."""
-        angle, slope = _relative(e, g)
-        yield Size(self.name, angle / self.angle, slope / self.angle)
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the angle between rod and block over the limit."""
+        return motion.rod_angle / self.angle
 
 
 @dataclass(frozen=True)
@@ -638,9 +667,9 @@ class Tilt(Limit):
     def __post_init__(self) -> None:
         checks.at_most(self.name, self.set_number("share"), 1.0, "a block that stands on its corner")
 
-    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the tilt over the limit."""
-        yield Size(self.name, e.tilt / self.share, e.tilt_slope / self.share)
+        return motion.tilt / self.share
 
 
 @dataclass(frozen=True)
@@ -662,11 +691,10 @@ class Mass(Limit):
     def __post_init__(self) -> None:
         self.set_number("kg")
 
-    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the mass of the body over the limit, with the nominal mass under all conditions."""
         # The tolerance of the mass is not part of the limit.
-        body = replace(g, mass_factor=np.ones_like(g.mass_factor)).body(e.design)
-        yield Size(self.name, body.mass / self.kg, body.mass_slope / self.kg)
+        return geometry.body(design).mass / geometry.mass_factor / self.kg
 
 
 @dataclass(frozen=True)
@@ -688,17 +716,13 @@ class Offset(Limit):
     def __post_init__(self) -> None:
         self.set_number("distance")
 
-    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the distance l sin(angle) from the axis over the limit."""
-        angle, angle_slope = _relative(e, g)
-        rod, rod_slope = g.body(e.design)[-2:]
         # Beyond a right angle the bob comes back towards the axis, but on the way it was a rod's length from
         # the axis.
-        inside = angle < 0.5 * np.pi
-        sine = np.sin(np.minimum(angle, 0.5 * np.pi))
-        across = np.where(inside, rod * np.cos(np.where(inside, angle, 0.0)), 0.0)
-        slope = across[..., None] * angle_slope + sine[..., None] * rod_slope
-        yield Size(self.name, rod * sine / self.distance, slope / self.distance)
+        xp = checks.namespace(*motion, *design)
+        across = xp.sin(xp.minimum(motion.rod_angle, 0.5 * np.pi))
+        return geometry.body(design).rod * across / self.distance
 
 
 @dataclass(frozen=True)
@@ -721,28 +745,25 @@ class Clearance(Limit):
     def __post_init__(self) -> None:
         checks.instance("bob", self.bob, Bob)
 
-    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
-        """Return three sizes of the bob: distance from the axis, thickness and depth, each over its limit.
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the largest distance of the bob from the axis over half the distance between the walls."""
+        _, mass, rod = replace(geometry, bob=self.bob).body(design)
+        return self.bob.reach(mass, rod, motion.rod_angle) / geometry.wall
 
-        The first is the largest distance of the bob from the axis over half the distance between the walls.
+    def sizes(self, motion: Motion, design: Ratios, geometry: Geometry) -> dict[str, Any]:
+        """Return the sizes of the bob: distance from the axis, thickness and depth, each over its limit.
+
         The second is half the height of the bob over the largest value that the rod allows. The third is the
         depth of the lower end below the hinge over the height of the block.
         """
-        exists, mass, mass_slope, rod, longer = replace(g, bob=self.bob).body(e.design)
-        radius, (angle, angle_slope) = np.asarray(self.bob.radius(mass)), _relative(e, g)
-        reach, by_radius, by_rod, by_angle = self.bob.reach_and_slopes(radius, rod, angle)
-        # The radius of a bob without mass has no derivative. The denominator avoids a division by zero; a
-        # search never starts at such a design.
-        growing = (radius / np.maximum(3.0 * mass, 1e-9 * g.block_mass))[..., None] * mass_slope
-        by_all = (by_angle, angle_slope), (by_radius, growing), (by_rod, longer)
-        slope = sum(by[..., None] * of for by, of in by_all)
-        yield Size(self.name, reach / g.wall, slope / g.wall[:, None])
-        high, most = self.bob.slimness * radius, THICKEST * rod
-        bulk = (self.bob.slimness * growing - (high / rod)[..., None] * longer) / most[..., None]
-        # If no body swings like the point pendulum, `~exists` adds 1, so that the bob counts as too thick.
-        yield Size(THICKNESS, high / most + ~exists, bulk)
-        tall = 2.0 * g.half_height
-        yield Size(DEPTH, (rod + high) / tall, (longer + self.bob.slimness * growing) / tall)
+        exists, mass, rod = replace(geometry, bob=self.bob).body(design)
+        high = self.bob.half_height(mass)
+        # If no body swings like the point pendulum, `~exists` adds 1, and the bob counts as too thick.
+        sizes = {
+            THICKNESS: high / (THICKEST * rod) + ~exists,
+            DEPTH: (rod + high) / (2.0 * geometry.half_height),
+        }
+        return super().sizes(motion, design, geometry) | sizes
 
 
 @dataclass(frozen=True)
@@ -767,16 +788,14 @@ class Worsening(Limit):
     def __post_init__(self) -> None:
         self.set_number("share", checks.not_negative)
 
-    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the tilt over the largest tilt that the limit allows."""
-        without = np.broadcast_to(g.tilt_without_pendulum, e.tilt.shape[1:])
+        xp = checks.namespace(*motion, *design, geometry.tilt_without_pendulum)
+        without = geometry.tilt_without_pendulum
         # Compared with a tilt close to zero every tilt would be a large increase, hence the lower bound.
-        most = (1.0 + self.share) * np.maximum(np.where(np.isfinite(without), without, np.inf), _LEAST_TILT)
-        with np.errstate(invalid="ignore"):
-            # Where the reference is unknown the quotient of two infinite values is NaN: the limit is kept
-            # there.
-            value = np.where(np.isfinite(most), e.tilt / most, 0.0)
-        yield Size(self.name, value, e.tilt_slope / most[:, None])
+        most = (1.0 + self.share) * xp.maximum(without, _LEAST_TILT)
+        # Where the reference is unknown the limit has no effect.
+        return xp.where(xp.isfinite(without), motion.tilt / most, 0.0)
 
 
 @dataclass(frozen=True)
@@ -798,9 +817,9 @@ class Multiplier(Limit):
     def __post_init__(self) -> None:
         self.set_number("largest", lambda name, value: checks.within(name, value, 1e-6, 1.0))
 
-    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return the modulus over the limit."""
-        yield Size(self.name, e.multiplier / self.largest, np.zeros_like(e.tilt_slope))
+        return motion.multiplier / self.largest
 
 
 @dataclass(frozen=True)
@@ -822,11 +841,11 @@ class Reserve(Limit):
     def __post_init__(self) -> None:
         self.set_number("least")
 
-    def sizes(self, e: Evaluation, g: Geometry) -> Iterable[Size]:
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
         """Return a size that is at most 1 if the reserve is at least `least`."""
         # A size has an upper bound, but a reserve has a lower bound: 2 - x/least is at most 1 if x is at
         # least `least`.
-        yield Size(self.name, 2.0 - e.reserve / self.least, -e.reserve_slope / self.least)
+        return 2.0 - motion.reserve / self.least
 
 
 KINDS: tuple[type[Limit], ...] = (
@@ -913,19 +932,6 @@ def check_objective(objective: object) -> Objective:
         "`objective` must be an object of a dataclass with a `name` that is a subclass of "
         f"`tpd.limits.Objective`, but is {checks.shown(objective)}"
     )
-
-
-def _relative(e: Evaluation, g: Geometry) -> tuple[np.ndarray, np.ndarray]:
-    """Return the largest angle between bob and block, rad, and its derivatives.
-
-    If it was not computed, the result is the sum of the largest bob angle and the largest tilt. They need not
-    occur at the same time, so that the sum is an upper bound.
-    """
-    if e.relative is not None:
-        return e.relative, np.zeros((*e.relative.shape, 3))
-    # The tilt is stored over nu, so multiply by nu to get an angle.
-    nu = g.slenderness[None, :]
-    return e.swing + e.tilt * nu, e.swing_slope + e.tilt_slope * nu[..., None]
 
 
 def check_moves(scene: Scene, conditions: Conditions) -> None:

@@ -33,6 +33,7 @@ from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
 from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent
+from tpd.design.sizes import evaluate_sizes
 from tpd.exact.calling import load_compiled
 from tpd.exact.rows import row_of
 from tpd.exact.runs import HarmonicForcing, follow
@@ -286,7 +287,7 @@ class HarmonicProblem(Problem):
         """See `Problem.fixed_sizes`."""
         out, e = super().fixed_sizes(designs), self.orbits.evaluate(designs)
         for limit in self.limits:
-            for size in limit.sizes(e, self.orbits.geometry):
+            for size in evaluate_sizes([limit], e, self.orbits.geometry):
                 # Without an attracting orbit there is no settled motion to limit: the trial runs show what
                 # happens.
                 value = np.where(e.attracts | (not limit.of_motion), size.value, 0.0).max(axis=1)

@@ -32,10 +32,10 @@ from tpd.design.criteria import (
     Limit,
     Objective,
     Risk,
-    Size,
     SteadyTilt,
     Worsening,
 )
+from tpd.design.sizes import evaluate_sizes
 from tpd.exact.orbits import orbit_slopes, solve_orbits
 from tpd.exact.rows import row_of
 from tpd.exact.terms import LAM, MU, SIZES, ZETA, E
@@ -131,21 +131,13 @@ class Orbits:
         """Return the evaluation with the values of the objective as merits where the block rocks.
 
         Raises:
-            ValueError: the values or slopes of the user's objective have another shape.
+            ValueError: the objective cannot be differentiated.
         """
-        with np.errstate(all="ignore"):
-            # Where the block does not rock an orbit may be infinite or absent. These values are replaced
-            # below.
-            size = self.objective.values(e, self.geometry)
-        value, slope = np.asarray(size.value), np.asarray(size.slope)
-        if value.shape != e.tilt.shape or slope.shape != e.tilt_slope.shape:
-            raise ValueError(
-                f"`values` of the objective {self.objective.name} must have a value of shape {e.tilt.shape} "
-                f"and a slope of shape {e.tilt_slope.shape}, but has {value.shape} and {slope.shape}"
-            )
+        (size,) = evaluate_sizes([self.objective], e, self.geometry, slopes=True)
+        # Where the block does not rock an orbit may be infinite or absent.
         rocks = e.kind <= NEAR
-        slope = np.where(rocks[..., None], _finite(slope), e.merit_slope)
-        return e._replace(merit=np.where(rocks, value, e.merit), merit_slope=slope)
+        slope = np.where(rocks[..., None], size.slope, e.merit_slope)
+        return e._replace(merit=np.where(rocks, size.value, e.merit), merit_slope=slope)
 
     def compared_without_pendulum(self) -> Orbits:
         """Return this objective with the tilts of the block without a pendulum, for limits that compare with
@@ -161,19 +153,14 @@ class Orbits:
         """Return the risk of the merits, (m,)."""
         return self.risk.of(e.merit)
 
-    def sizes(self, e: Evaluation) -> list[Size]:
-        """Return the limited quantities over their limits."""
-        return [size for limit in self.limits for size in limit.sizes(e, self.geometry)]
-
     def constraints(self, e: Evaluation) -> tuple[np.ndarray, np.ndarray]:
         """Return constraints (<= 0), shape (m, l), and their derivatives; l is n times the number of
         sizes."""
-        m = len(e.kind)
-        sizes = self.sizes(e)
+        m, sizes = len(e.kind), evaluate_sizes(self.limits, e, self.geometry, slopes=True)
         value = np.concatenate([np.zeros((m, 0)), *(s.value - 1.0 for s in sizes)], axis=1)
         slope = np.concatenate([np.zeros((m, 0, 3)), *(s.slope for s in sizes)], axis=1)
         # A quantity that is not finite breaks its limit, but has no derivative that shows the direction back.
-        return np.where(np.isfinite(value), value, 10.0), np.where(np.isfinite(slope), slope, 0.0)
+        return np.where(np.isfinite(value), value, 10.0), slope
 
     def linearised(self, e: Evaluation) -> Linearisation:
         """Return merits, tightened constraints and their derivatives along the searched shares of the

@@ -39,6 +39,7 @@ from tpd.design.criteria import (
 from tpd.design.job import Job, job_of
 from tpd.design.job_keys import TABLES
 from tpd.design.reasons import DesignStatus
+from tpd.design.sizes import evaluate_sizes
 from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Pendulum, Scene
@@ -307,9 +308,7 @@ class Problem(ABC):
         at_rest = Evaluation.blank(m, n)._replace(tilt=zeros, swing=zeros, design=designs)
         return {
             size.name: np.max(size.value, axis=1)
-            for limit in self.limits
-            if limit.of_motion
-            for size in limit.sizes(at_rest, self.geometry)
+            for size in evaluate_sizes(self.run_limits, at_rest, self.geometry)
         }
 
     def sizes_in_runs(self, design: np.ndarray, runs: Runs) -> dict[str, np.ndarray]:
@@ -326,21 +325,17 @@ class Problem(ABC):
             length_factor=lam / design[1],
         )
 
-        def motion(tilt: np.ndarray, swing: np.ndarray, relative: np.ndarray) -> Evaluation:
-            shaped = {"tilt": tilt / runs.nu, "swing": swing, "relative": relative}
-            rows = {k: x[stands][None] for k, x in shaped.items()}
-            return Evaluation.blank(1, len(nu))._replace(**rows, design=design[None])
+        def sizes(limit: Limit, before: str) -> dict[str, np.ndarray]:
+            angles = (getattr(runs, before + name) for name in ("tilt", "swing", "rod_angle"))
+            tilt, swing, rod_angle = (x[stands][None] for x in angles)
+            e = Evaluation.blank(1, len(nu))._replace(tilt=tilt / nu, swing=swing, rod_angle=rod_angle)
+            every = evaluate_sizes([limit], e._replace(design=design[None]), own)
+            return {size.name: size.value[0] for size in every}
 
-        # Every limit applies to the settled motion, except the clearance.
-        settled = motion(runs.settled_tilt, runs.settled_swing, runs.settled_rod_angle)
-        # The bob must not touch the walls during the transient either, so the clearance applies to the whole
-        # run.
-        largest = motion(runs.tilt, runs.swing, runs.rod_angle)
-        return {
-            size.name: size.value[0]
-            for limit in self.run_limits
-            for size in limit.sizes(largest if isinstance(limit, Clearance) else settled, own)
-        }
+        # The bob must not touch the walls during the transient either: the clearance applies to the whole
+        # run. Every other limit applies to the settled motion.
+        parts = [sizes(x, "" if isinstance(x, Clearance) else "settled_") for x in self.run_limits]
+        return {name: size for part in parts for name, size in part.items()}
 
     def over_limit(self, design: np.ndarray, runs: Runs) -> tuple[float, str]:
         """Return the share of the runs that exceed a limit, and the name of the limit that most of them

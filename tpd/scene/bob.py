@@ -8,6 +8,7 @@ motion.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -73,7 +74,7 @@ class Bob:
     def radius(self, mass: Any) -> Any:
         """Return the radius (m) for a mass in kg; numbers or arrays."""
         solid = 4.0 / 3.0 if self.shape == "ball" else 2.0 * self.aspect
-        return np.cbrt(mass / (self.density * math.pi * solid))
+        return checks.namespace(mass).cbrt(mass / (self.density * math.pi * solid))
 
     def half_height(self, mass: Any) -> Any:
         """Return half the height along the rod (m) for a mass in kg."""
@@ -82,23 +83,15 @@ class Bob:
     def reach(self, mass: Any, length: Any, angle: Any) -> Any:
         """Return the largest distance (m) of the body from the axis of the block, up to `angle`.
 
-        The angle (rad) is that between rod and block.
+        The angle (rad) is that between rod and block. Arguments are numbers or arrays.
         """
-        return self.reach_and_slopes(self.radius(mass), length, angle)[0]
-
-    def reach_and_slopes(self, radius: Any, length: Any, angle: Any) -> tuple[Any, Any, Any, Any]:
-        """Return `reach` and its derivatives with respect to radius, length and angle; arrays."""
         # The distance is l sin(angle) + r for a ball, and (l + h) sin(angle) + r cos(angle) for the lower
         # edge of a cylinder. The latter has its maximum below 90 degrees, and a body at a larger angle has
         # passed the maximum.
-        ball = self.shape == "ball"
-        tail = 0.0 if ball else self.slimness * radius
-        widest = np.arctan2(length + tail, 0.0 if ball else radius)
-        sine, cosine = np.sin(np.minimum(angle, widest)), np.cos(np.minimum(angle, widest))
-        reach = (length + tail) * sine + (radius if ball else radius * cosine)
-        by_radius = np.ones_like(reach) if ball else cosine + self.slimness * sine
-        turning = (length + tail) * cosine - (0.0 if ball else radius * sine)
-        return reach, by_radius, sine * np.ones_like(reach), np.where(angle < widest, turning, 0.0)
+        xp, radius, ball = checks.namespace(mass, length, angle), self.radius(mass), self.shape == "ball"
+        tail, width = (0.0, 0.0) if ball else (self.slimness * radius, radius)
+        least = xp.minimum(angle, xp.arctan2(length + tail, width))
+        return (length + tail) * xp.sin(least) + (radius if ball else radius * xp.cos(least))
 
     def inertia_share(self, mass: float, length: float) -> float:
         """Return the moment of inertia of the bob about its centre over m l^2, that of the point."""
@@ -108,12 +101,12 @@ class Bob:
         height = 2.0 * self.aspect * radius
         return (3.0 * radius**2 + height**2) / (12.0 * length**2)
 
-    def rod_share(self, length: float, gravity: float) -> float:
+    def rod_share(self, length: Any, gravity: Any) -> Any:
         """Return the mass of a steel rod that carries ten times the weight of the bob, over the mass of the
         bob."""
         return STEEL * length * 10.0 * gravity / _STRESS
 
-    def built(self, mass: Any, length: Any, gravity: float) -> tuple[Any, Any]:
+    def built(self, mass: Any, length: Any, gravity: Any) -> tuple[Any, Any]:
         """Return the mass (kg) of a body and the distance (m) from the hinge to its centre that replace a
         point.
 
@@ -123,37 +116,40 @@ class Bob:
         A body with its rod has the moments S = m d (1 + r/2) and I = m d^2 (1 + i + r/3) about the hinge. It
         moves like a point of mass S/l at l = I/S. The rest of its mass moves with the hinge.
         """
-        return self.built_and_slopes(mass, length, gravity)[:2]
-
-    def built_and_slopes(
-        self, mass: Any, length: Any, gravity: float
-    ) -> tuple[Any, Any, tuple[Any, Any], tuple[Any, Any]]:
-        """Return `built`, and the derivatives of the mass and of the distance of the body.
-
-        The derivatives are with respect to mass and length of the point.
-        """
         # A body has the same pull m l as the point, for any distance of its centre.
-        pull, share = np.asarray(mass * length, dtype=float), self.rod_share(1.0, gravity)
-        own, at = self.inertia_share(1.0, float(self.radius(1.0))), 1.5 * length + 0.0 * pull
+        xp, pull, share = checks.namespace(mass, length), mass * length, self.rod_share(1.0, gravity)
+        own = self.inertia_share(1.0, float(self.radius(1.0)))
 
-        def terms(at: Any) -> tuple[Any, ...]:
-            lever, turn = at * (1.0 + 0.5 * share * at), 1.0 + share * at
-            inertia = own * self.radius(pull / lever) ** 2
-            value = at**2 * (1.0 + share * at / 3.0) + inertia - length * lever
-            slope = at * (1.0 + turn) - length * turn - inertia * turn / (1.5 * lever)
-            return lever, turn, inertia, value, slope
+        def lever(at: Any) -> Any:
+            return at * (1.0 + 0.5 * share * at)
 
+        def improve(at: Any, pull: Any, length: Any) -> Any:
+            inertia, turn = own * self.radius(pull / lever(at)) ** 2, 1.0 + share * at
+            value = at**2 * (1.0 + share * at / 3.0) + inertia - length * lever(at)
+            slope = at * (1.0 + turn) - length * turn - inertia * turn / (1.5 * lever(at))
+            return xp.where((slope > 0.0) & (at > 0.0), at - value / slope, np.nan)
+
+        # The distance is a root of a convex function, and Newton's method approaches the root from above.
         # Arguments without a solution become NaN, without warnings of NumPy.
         with np.errstate(all="ignore"):
-            # The distance is a root of a convex function, and Newton's method approaches the root from above.
-            for _ in range(_TURNS):
-                *_, value, slope = terms(at)
-                at = np.where((slope > 0.0) & (at > 0.0), at - value / slope, np.nan)
-            lever, turn, inertia, _, slope = terms(at)
-            # Derivatives by the implicit function theorem at the root.
-            by_size = inertia / (1.5 * slope)
-            by_pull = (1.0 + turn * by_size / lever) / lever
-            of_body = by_pull * length, by_pull * mass - pull * turn / (lever * slope)
-            # For a bob without mass the rod has no derivative; it counts as zero.
-            of_rod = -by_size / np.maximum(mass, np.finfo(float).tiny), lever / slope - by_size / length
-        return (pull / lever)[()], at[()], of_body, of_rod
+            at = _repeat(improve, 1.5 * length + 0.0 * pull, pull, length)
+            # At the root the derivative of one more step is that of the root.
+            at = improve(at, pull, length)
+            return (pull / lever(at))[()], at[()]
+
+
+def _repeat(step: Callable[..., Any], x: Any, *fixed: Any) -> Any:
+    """Return `x` after many steps x = step(x, *fixed), without derivatives."""
+    if checks.namespace(x, *fixed) is np:
+        for _ in range(_TURNS):
+            x = step(x, *fixed)
+        return x
+    from jax import lax
+
+    x, *fixed = map(lax.stop_gradient, (x, *fixed))
+
+    def moves(state: tuple[Any, Any, Any]) -> Any:
+        i, before, now = state
+        return (i < _TURNS) & (abs(now - before) > 1e-16 * now)
+
+    return lax.while_loop(moves, lambda s: (s[0] + 1, s[2], step(s[2], *fixed)), (0, 2.0 * x, x))[2]
