@@ -63,7 +63,6 @@ LONGEST = (
     "models/test_compiled",
     "cli/test_optimise",
     "exact/test_linear",
-    "test_segmented",
 )
 """Modules that go first, so that no worker is left alone with one at the end."""
 

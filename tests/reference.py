@@ -23,7 +23,7 @@ from tpd.answers.symmetric_orbits import Orbits, all_symmetric_orbits
 from tpd.exact.rows import row_of
 from tpd.exact.runs import HarmonicForcing, Settled, follow
 from tpd.models.base import AbstractModel
-from tpd.theory.equations import Terms
+from tpd.theory.equations import Linear, Terms
 
 NAMES = ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e")
 """The order of a vector of parameters; e may be left out, and rho is tied to nu."""
@@ -219,6 +219,13 @@ def assert_overturned(answer: Answer) -> None:
     assert np.isnan(answer.steady.multiplier)
 
 
+def matrices(linear: Linear) -> tuple[np.ndarray, ...]:
+    """Mass, damping and stiffness matrices of (25)."""
+    mass = [[linear.m11, linear.m12], [linear.m21, linear.m22]]
+    damping = [[linear.c1, -linear.c1], [-linear.c2, linear.c2]]
+    return tuple(np.array(x, dtype=float) for x in (mass, damping, [[-linear.tilt, 0.0], [0.0, 1.0]]))
+
+
 exact = solver(Piecewise(), 8)
 """(parameters, y0) to the answer of `Piecewise()`; e = 1 unless given."""
 
@@ -276,18 +283,27 @@ class EventDriven:
         onset: float = 0.0,
         growth: float = 0.0,
         nonlinear: bool = False,
+        parametric: bool = False,
         samples: tuple[np.ndarray, float] | None = None,
     ) -> None:
-        """Equations (25), or (4) if `nonlinear`, under a harmonic of full size or, from `onset` on, growing
-        linearly for the time `growth`; or under eta = `samples` of an interval in tau, and then none."""
+        """Equations (25), with the parametric term if `parametric`, or (4) if `nonlinear`.
+
+        The excitation is a harmonic of full size or, from `onset` on, one that grows linearly for the time
+        `growth`; or eta = `samples` of an interval in tau, and zero afterwards."""
         self.nu, self.mu, self.lam, zeta, self.k, self.f, self.xi = x[:7]
         self.e = x[7] if len(x) > 7 else 1.0
         self.onset, self.growth, self.nonlinear, self.samples = onset, growth, nonlinear, samples
+        self.parametric = parametric
         self.rho = 3.0 / (4.0 * (1.0 + self.nu**2))
         self.hinge = 2.0 * zeta * np.sqrt(self.lam * self.rho)
         self.knots = [] if samples is None else list(samples[1] * np.arange(1, len(samples[0])))
         self.kinds: list[str] = []
         self.fell = np.inf
+
+    @property
+    def period_of_excitation(self) -> float:
+        """Period of the harmonic in tau."""
+        return 2.0 * np.pi / self.xi
 
     def run(self, y0: Any, times: np.ndarray, *, quiet: float = 2e-8) -> np.ndarray:
         """The states at `times`, as many as there are before an overturning."""
@@ -306,6 +322,18 @@ class EventDriven:
                 mode = self._mode(t, y)
         return np.array(out)
 
+    def period(self, y0: Any, periods: int = 1) -> tuple[np.ndarray, np.ndarray]:
+        """Return the largest |phi| and |psi| within so many periods of the excitation, and the last state.
+
+        A parabola through the largest sample and its neighbours gives each extremum."""
+        times = np.linspace(0.0, periods * self.period_of_excitation, 2001 * periods)
+        sizes, ys = [], self.run(y0, times)
+        for x in np.abs(ys[:, :2]).T:
+            i = int(np.clip(np.argmax(x), 1, len(x) - 2))
+            slope, bend = 0.5 * (x[i + 1] - x[i - 1]), x[i + 1] - 2.0 * x[i] + x[i - 1]
+            sizes.append(max(x[i] - 0.5 * slope**2 / bend if bend < 0.0 else x[i], x.max()))
+        return np.array(sizes), ys[-1]
+
     def _shaking(self, t: float) -> float:
         if self.samples is not None:
             eta, dt = self.samples
@@ -320,6 +348,7 @@ class EventDriven:
         slide, up, weight, lam = self.hinge * (dphi - dpsi), 1.0 + 2.0 * mu, (1.0 + mu) * nu, self.lam
         if not self.nonlinear:
             arm, block, bob = 2.0, up * (phi - eta) - s * weight, eta - psi
+            block -= s * eta * weight * phi if self.parametric else 0.0
         else:
             # Lagrange's equations of T = a phi'^2/2 - mu rho lam arm phi' psi' + mu rho lam^2 psi'^2/2.
             arm = 2.0 * np.cos(phi - psi) + s * nu * np.sin(phi - psi)
@@ -336,11 +365,11 @@ class EventDriven:
         p, q = right[0] - sigma * self.k, right[1]
         return np.array([y[2], y[3], (d * p - b * q) / (a * d - b * c), (a * q - c * p) / (a * d - b * c)])
 
-    def _held(self, t: float, y: np.ndarray) -> np.ndarray:
+    def held(self, t: float, y: np.ndarray) -> np.ndarray:
         mass, right = self._forces(t, y, 1.0)
         return np.array([0.0, y[3], 0.0, right[1] / mass[1, 1]])
 
-    def _excess(self, t: float, y: np.ndarray, s: float) -> float:
+    def excess(self, t: float, y: np.ndarray, s: float) -> float:
         """What friction must balance while the block is held."""
         mass, right = self._forces(t, y, s)
         return right[0] - mass[0, 1] * right[1] / mass[1, 1]
@@ -349,7 +378,7 @@ class EventDriven:
         s, sigma = np.sign(y[0]), np.sign(y[2])
         if sigma:
             return "slip", s or sigma, sigma
-        up, down = self._excess(t, y, s or 1.0), self._excess(t, y, s or -1.0)
+        up, down = self.excess(t, y, s or 1.0), self.excess(t, y, s or -1.0)
         way = 1.0 if up > self.k else (-1.0 if down < -self.k else 0.0)
         return ("slip", s or way, way) if way else ("stick" if s else "rest", s, 0.0)
 
@@ -369,10 +398,10 @@ class EventDriven:
                 step = max(0.5 * abs(y[2] / pull), 1e-11)
                 end = min(end, t + 20.0 * step)
         else:
-            rates = self._held
+            rates = self.held
             signals = [
-                lambda t, y: self.k - self._excess(t, y, s or 1.0),
-                lambda t, y: self.k + self._excess(t, y, s or -1.0),
+                lambda t, y: self.k - self.excess(t, y, s or 1.0),
+                lambda t, y: self.k + self.excess(t, y, s or -1.0),
             ]
         signals.append(lambda t, y: self.GONE - abs(y[0]))
         for signal in signals:

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm
 
-from tests.contact import matrices
 from tests.exact.plants import entry, plants_of
-from tests.reference import parameters
+from tests.reference import matrices, parameters
 from tpd.exact import arcs
 from tpd.exact.arcs import Forcing, Load, forcing_at, instant, launch, load_at, state_at
 from tpd.exact.motion import NO, YES

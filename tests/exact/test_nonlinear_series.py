@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.contact import held_rates
 from tests.exact.plants import entry
-from tests.reference import parameters
+from tests.reference import NAMES, EventDriven, parameters
 from tpd.exact import nonlinear_series as series
 from tpd.exact.arcs import Load
 from tpd.exact.motion import MOTION
@@ -75,7 +74,9 @@ def test_a_series_solves_the_equations(held, growth):
             sine = (growth[0] + growth[1] * later) * math.sin(p.xi * later)
             equations, side = Equations(p, tpd.Terms.nonlinear), math.copysign(1.0, y[0])
             if held:
-                expected = held_rates(equations, state, sine)
+                loop = EventDriven([float(getattr(p, name)) for name in NAMES[:7]], nonlinear=True)
+                loop.f *= growth[0] + growth[1] * later
+                expected = loop.held(later, state)
             else:
                 expected = equations.rates(state, side, math.copysign(1.0, y[2]), sine)
             np.testing.assert_allclose(slope, expected, atol=2e-10)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.contact import matrices
 from tests.exact.plants import plants_of, slopes_of
-from tests.reference import differences, parameters
+from tests.reference import differences, matrices, parameters
 from tpd.theory.equations import Linear
 
 

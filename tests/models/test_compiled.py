@@ -17,16 +17,17 @@ from tests.reference import (
     LEANING,
     NAMES,
     OVERTURNING,
+    REST,
     STILL,
     WITH,
     WITHOUT,
+    EventDriven,
     assert_overturned,
     differences,
     exact,
     named,
     parameters,
 )
-from tests.segmented import Segmented
 from tpd import (
     Block,
     Harmonic,
@@ -39,7 +40,7 @@ from tpd import (
     status_name,
     steady_state,
 )
-from tpd.scene.parameters import as_arrays
+from tpd.scene.impacts import housner
 from tpd.scene.status import SETTLED, names_of
 
 NU, MU, LAM, ZETA, K, F, XI, E = range(8)
@@ -214,18 +215,69 @@ def test_neither_millimetres_nor_kilometres_change_a_dimensionless_answer(height
 
 @pytest.mark.parametrize("x", [WITH[0].x, WITH[3].x, STICKING, STILL.x, OVERTURNING], ids=str)
 def test_a_steady_state_is_that_of_integration(x):
-    ours = steady_state(parameters(x), model=Nonlinear())
-    theirs = jax.jit(lambda p: steady_state(p, model=Segmented()))(as_arrays(parameters(x)))
-    name = status_name(ours.status)
-    assert name == status_name(theirs.status)
+    ours, loop = steady_state(parameters(x), model=Nonlinear()), EventDriven(x, nonlinear=True)
     assert math.isnan(ours.multiplier)
     assert math.isnan(ours.lyapunov)
-    assert ours.amplitude == pytest.approx(float(theirs.amplitude), rel=2e-7, abs=1e-8 * x[0])
-    if name in ("rocking", "sticking"):
-        assert ours.swing == pytest.approx(float(theirs.swing), rel=1e-6)
-        # What capture at rest leaves out is of the square of its speed.
-        np.testing.assert_allclose(ours.state, theirs.state, rtol=0, atol=1e-6)
-        assert (ours.periods, bool(ours.symmetric)) == (int(theirs.periods), bool(theirs.symmetric))
+    times = np.linspace(0.0, 40.0 * loop.period_of_excitation, 41)
+    if status_name(ours.status) == "overturned":
+        assert len(loop.run(REST, times)) < len(times)
+        return
+    sizes, end = loop.period(ours.state, int(ours.periods))
+    np.testing.assert_allclose([ours.amplitude, ours.swing], sizes, rtol=2e-6, atol=2e-8 * x[0])
+    # Capture at rest neglects a motion whose size is the square of the capture speed.
+    np.testing.assert_allclose(end, ours.state, rtol=0, atol=1e-6)
+    held = {kind for kind in loop.kinds if kind != "slip"}
+    assert bool(held) == (status_name(ours.status) != "rocking")
+
+
+SETTLED_AMPLITUDE = 0.0659875
+"""rad; of WITH[3] by equations (4). SciPy's LSODA with tanh for the signs, of width 1e-3, 3e-4 and 1e-4,
+gives 0.066007, 0.066000 and 0.065997."""
+
+
+def test_the_settled_nonlinear_amplitude_is_the_known_one_and_near_the_linear_one():
+    found = steady_state(parameters(WITH[3].x), model=Nonlinear())
+    assert status_name(found.status) == "rocking"
+    assert found.amplitude == pytest.approx(SETTLED_AMPLITUDE, rel=1e-5)
+    assert found.amplitude == pytest.approx(WITH[3].amplitude, rel=0.01)
+    assert found.amplitude != pytest.approx(WITH[3].amplitude, rel=1e-3)
+
+
+def test_the_distance_of_the_linear_model_falls_as_the_square_of_the_angles():
+    """Proportional nu, k and f scale the linear motion only; rho stays."""
+    scales, apart = np.geomspace(0.5, 0.01, 4), []
+    for s in scales:
+        x = np.array(WITH[3].x) * np.array([s, 1, 1, 1, s, s, 1])
+        x = np.array([*x, housner(x[0], 0.75 / (1.0 + x[0] ** 2), x[1])])
+        nonlinear = steady_state(parameters(x), model=Nonlinear())
+        apart.append(abs(nonlinear.amplitude / exact(x).amplitude - 1.0))
+    slopes = np.diff(np.log(apart)) / np.diff(np.log(scales))
+    assert np.polyfit(np.log(scales), np.log(apart), 1)[0] == pytest.approx(2.0, abs=0.1)
+    assert np.all(np.abs(slopes - 2.0) < 0.2)
+
+
+@pytest.mark.parametrize(
+    ("x", "y0", "periods"),
+    [
+        (WITH[3].x, REST, 5),
+        ((0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 2.0), (0.16, 0.0, 0.0, 0.0), 5),
+        ((0.2, 0.1, 0.5, 0.1, 0.08, 0.3, 3.0, 0.7), (0.1, 0.1, 0.0, 0.3), 4),
+        ((0.25, 0.05, 0.8, 0.1, 0.2, 0.5, 3.5), (0.08, 0.1, 0.0, 0.0), 4),
+    ],
+    ids=["pendulum", "no pendulum", "impacts", "sticking"],
+)
+def test_motions_of_both_equations_are_those_of_the_event_loop(x, y0, periods):
+    felt = [0, 2] if x[1] == 0 else [0, 1, 2, 3]
+    for nonlinear, model in ((False, Piecewise()), (True, Nonlinear())):
+        loop = EventDriven(x, nonlinear=nonlinear)
+        times = np.linspace(0.0, periods * loop.period_of_excitation, 11)
+        motion, known = (
+            simulate(parameters(x), np.array(y0), times, model=model),
+            loop.run(y0, times, quiet=1e-7),
+        )
+        assert (status_name(motion.status) == "overturned") == (len(known) < len(times))
+        ys = np.asarray(motion.ys)[: len(known), felt]
+        np.testing.assert_allclose(ys, known[:, felt], rtol=0, atol=2e-6 * x[0])
 
 
 def test_a_block_that_friction_holds_is_held():
@@ -251,9 +303,10 @@ def test_states_over_time_are_those_of_integration(count):
     p, y0 = parameters(STICKING), np.array([0.02, 0.1, 0.0, -0.1])
     times = (count + np.array([0.3, 0.31, 1.0, 1.7, 4.25])) * 2.0 * np.pi / STICKING[6]
     ours = simulate(p, y0, times, model=Nonlinear())
-    theirs = simulate(p, y0, times, model=Segmented(rtol=1e-11, rest_rate=1e-4))
-    assert status_name(ours.status) == status_name(theirs.status)
-    np.testing.assert_allclose(ours.ys, theirs.ys, rtol=0, atol=1e-8)
+    assert status_name(ours.status) == "rocking"
+    loop = EventDriven(STICKING, nonlinear=True)
+    known = loop.run(y0, times, quiet=1e-7)
+    np.testing.assert_allclose(ours.ys, known, rtol=0, atol=1e-7)
     slope = jax.jacfwd(lambda y: simulate(p, y, times, model=Nonlinear()).ys)(y0)
     assert np.all(np.isnan(slope))
 

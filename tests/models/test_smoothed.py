@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tests.exact.test_trajectory import STICKING
 from tests.models.test_compiled import E, moved
 from tests.reference import (
     MOVING,
@@ -13,6 +14,7 @@ from tests.reference import (
     REST,
     STILL,
     WITH,
+    EventDriven,
     assert_overturned,
     differences,
     exact,
@@ -20,7 +22,6 @@ from tests.reference import (
     parameters,
     smoothed,
 )
-from tests.segmented import Segmented
 from tpd import Nonlinear, Parameters, Smoothed, Terms, simulate, status_name, steady_state
 from tpd.models.smoothed import rocking_scale
 from tpd.scene.impacts import housner
@@ -116,18 +117,43 @@ def test_widths_follow_the_orbit_that_is_expected():
     assert rocking_scale(without) == pytest.approx(0.2 * (1 - 1 / np.cosh(np.pi / 2 / 4.0)), rel=0.05)
 
 
-@pytest.mark.parametrize("model", [Smoothed, Segmented])
-def test_with_parametric_terms_and_housner_s_impacts_smoothed_and_true_signs_agree(model):
+def test_with_parametric_terms_and_housner_s_impacts_the_smoothed_orbit_is_that_of_the_event_loop():
     x = (0.2, 0.1, 0.5, 0.2, 0.02, 0.3, 4.0)
     p = as_arrays(Parameters(**dict(zip(NAMES, x, strict=False)), e=None))
-    s = jax.jit(lambda p: steady_state(p, model=model(terms=Terms.parametric)))(p)
+    s = jax.jit(lambda p: steady_state(p, model=Smoothed(terms=Terms.parametric)))(p)
     assert status_name(s.status) == "rocking"
-    # Either model is the source for the other: 0.03365875 and 0.03365845.
-    known = 0.0336586
-    assert float(s.amplitude) == pytest.approx(known, rel=2e-5)
-    # Without the parametric term it is another motion.
     e = float(housner(x[0], uniform_inertia_ratio(x[0]), x[1]))
-    assert abs(exact((*x, e)).amplitude / known - 1.0) > 1e-3
+    loop, y = EventDriven((*x, e), parametric=True), np.asarray(s.state)
+    for _ in range(12):
+        (amplitude, _), y = loop.period(y)
+    assert amplitude == pytest.approx(0.0336586, rel=5e-6)
+    assert float(s.amplitude) == pytest.approx(amplitude, rel=2e-5)
+    # Without the parametric term the motion is another one.
+    assert abs(exact((*x, e)).amplitude / amplitude - 1.0) > 1e-3
+
+
+def test_the_smoothed_nonlinear_orbit_and_its_gradient_are_those_of_true_signs():
+    x, columns = WITH[3].x, (1, 2, 4)
+    model = Smoothed(terms=Terms.nonlinear)
+    sizes = jax.jit(jax.value_and_grad(lambda x: steady_state(parameters(x), model=model).amplitude))
+    amplitude, slopes = sizes(np.array(x))
+    known = steady_state(parameters(x), model=Nonlinear())
+    assert float(amplitude) == pytest.approx(float(known.amplitude), rel=1e-4)
+    for i in columns:
+        expected = differences(
+            lambda x: float(steady_state(parameters(x), model=Nonlinear()).amplitude), x, i, share=0.02
+        )
+        assert float(slopes[i]) == pytest.approx(expected, rel=5e-3, abs=1e-4), NAMES[i]
+
+
+def test_a_period_that_begins_late_is_the_first_one():
+    x = STICKING[:7]
+    y0, period = np.asarray(exact(x).steady.state), 2.0 * np.pi / x[6]
+    solve = jax.jit(lambda times: simulate(parameters(x), y0, times, model=Smoothed(rtol=1e-9)).ys)
+    first = solve(np.array([0.0, 0.4, 1.0]) * period)
+    for count in (1, 1_000, 1_000_000):
+        ys = solve((count + np.array([0.0, 0.4, 1.0])) * period)
+        np.testing.assert_allclose(ys, first, rtol=0, atol=1e-5)
 
 
 # Where impacts all but stop

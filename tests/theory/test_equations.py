@@ -1,5 +1,6 @@
 """The equations of motion (4) and (25), derived again from the Lagrangian."""
 
+import math
 from functools import cache, partial
 from itertools import pairwise
 from types import SimpleNamespace
@@ -10,8 +11,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from tests.contact import excess as excess_of
-from tests.contact import held_rates, matrices
+from tests.reference import EventDriven, matrices, parameters
 from tpd import Parameters
 from tpd.exact.contact_kernel import moment as moment_of
 from tpd.theory.equations import Equations, Linear, Terms, smoothed_rates
@@ -144,13 +144,14 @@ def test_rates_of_the_larger_models_are_those_of_the_lagrangian(s, sigma, terms)
 @pytest.mark.parametrize("terms", list(Terms))
 @pytest.mark.parametrize("s", SIGNS)
 def test_a_block_is_held_by_what_would_else_accelerate_it(s, terms):
-    equations, rng = Equations(P, terms), np.random.default_rng(9)
-    for y in rng.normal(scale=0.3, size=(5, 4)):
-        y, sine = jnp.asarray(y).at[2].set(0.0), 0.6
-        held, excess = held_rates(equations, y, sine), excess_of(equations, y, float(s), sine)
+    x, t = (0.23, 0.17, 0.6, 0.15, 0.04, 0.3, 2.3), 0.4
+    kind = {"nonlinear": terms is Terms.nonlinear, "parametric": terms is Terms.parametric}
+    loop, equations = EventDriven(x, **kind), Equations(parameters(x), terms)
+    for y in np.random.default_rng(9).normal(scale=0.3, size=(5, 4)) * [1.0, 1.0, 0.0, 1.0]:
         # Friction of just this size leaves the block as it is.
-        rates = equations.rates(y, float(s), float(excess) / P.k, sine)
-        np.testing.assert_allclose(rates, held, atol=1e-13)
+        friction = loop.excess(t, y, float(s)) / loop.k
+        rates = equations.rates(jnp.asarray(y), float(s), friction, math.sin(loop.xi * t))
+        np.testing.assert_allclose(rates, loop.held(t, y), atol=1e-13)
 
 
 def test_the_hinge_is_critical_at_zeta_one_of_the_pendulum_hung_from_a_fixed_point():
