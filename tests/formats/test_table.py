@@ -46,12 +46,12 @@ def test_a_column_needs_its_step_and_its_unit(tmp_path):
 
 REFUSED = r"""
 unequal steps | t,a (g)\n0,0\n0.02,1\n0.07,1\n0.09,0\n | steps, but the step after line 3 is 0.05 s
-time backwards | t,a (g)\n0,0\n-0.02,1\n | equal steps
+time backwards | t,a (g)\n0,0\n-0.02,1\n | line 3 has an earlier time than line 2, but the times must grow
 coarse times | t,a (g)\n0.000,0\n0.003,1\n0.007,1\n0.010,1\n | too few digits to show equal steps
 minutes | t (min),a (g)\n0,0\n20,1\n | line 1 has '.min.', which is not understood
 step in minutes | a (g), dt = 5 min\n0\n1\n | line 1 has .*dt.*not understood
 two units | t,a (g),(m/s2)\n0,0\n0.02,1\n | several units
-three columns | t,a (g),acc (g)\n0,0,1\n0.02,1,1\n | channels 0: column 2 .*choose one by `channel`
+three columns | t,a (g),acc (g)\n0,0,1\n0.02,1,1\n | one channel: choose; .* columns={'t': 1, 'acc .g.': 3}
 the first row damaged | t,a (g)\nNaN,0\n0.02,1\n0.04,1\n | line 2 has 'NaN', which is not understood
 the first sample damaged | # a [g], dt=0.01\nabc\n0.1\n0.2\n | line 2 has 'abc', which is not understood
 a row too short | t,a (g)\n0,0\n0.02\n0.04,1\n | line 3 must have 2 numbers, but has '0.02'

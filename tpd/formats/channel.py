@@ -28,6 +28,9 @@ FACTORS = {
 """Factors that convert a unit to m/s^2."""
 _SHOWN = ", ".join(FACTORS)
 """Units as a message lists them."""
+TIMES = dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0)
+"""Seconds per unit of time."""
+TIMES |= dict.fromkeys(("ms", "msec", "msecs", "millisecond", "milliseconds"), 1e-3)
 VERTICAL = "vertical component"
 """Note on a vertical channel."""
 UNKNOWN = "orientation not stated: used as a horizontal component"

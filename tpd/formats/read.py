@@ -122,10 +122,9 @@ def channels(file: Path, how: Options) -> list[Channel]:
                 raise UnreadableRecord(f"the file states a step of {channel.dt:g} s, but `dt` is {dt:g} s")
             channel = note_direction(check_channel(scale_channel(channel, how.scale), how.baseline), named)
             channels.append(replace(channel, source=label))
-    except NoAcceleration as error:
-        raise NoAcceleration(f"{label}: {error}", error.content) from None
     except UnreadableRecord as error:
-        raise UnreadableRecord(f"{label}: {error.args[0]}", **error.options) from None
+        error.args = (f"{label}: {error.args[0]}",)
+        raise
     return channels
 
 
@@ -194,7 +193,7 @@ def _content(file: Path) -> bytes:
     if len(data) > _MOST:
         raise UnreadableRecord(f"a file must have at most {_MOST} bytes")
     if not data.strip():
-        raise UnreadableRecord("the file is empty")
+        raise NoAcceleration("the file is empty", "an empty file")
     return data
 
 
@@ -264,7 +263,7 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
             warnings.simplefilter("ignore")
             obspy = import_module("obspy")
     except ImportError:
-        raise UnreadableRecord(
+        raise NoAcceleration(
             "the file is not a text; miniSEED and other formats of seismology need the extra tpd[obspy]: "
             "pip install 'tpd[obspy]'"
         ) from None
@@ -274,7 +273,7 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
             stream = obspy.read(io.BytesIO(data))
     except Exception:
         # Each format of ObsPy raises other exceptions for a damaged file.
-        raise UnreadableRecord("the file is not a text, and ObsPy cannot read it") from None
+        raise NoAcceleration("the file is not a text, and ObsPy cannot read it") from None
     if len(stream) == 0:
         raise UnreadableRecord("the file contains no trace")
     identities = [trace.id for trace in stream]

@@ -19,6 +19,7 @@ from typing import Any
 from tpd.formats.channel import (
     FACTORS,
     STEPS,
+    TIMES,
     Channel,
     agree,
     agree_on_count,
@@ -49,13 +50,10 @@ _MARK = re.compile(r"^(?:[#%!*]+|/+)(?!\s*[,;])\s*")
 _RULE = re.compile(r"[\s\-=_+|~.*#]*")
 _CLOCK = re.compile(r"\D?\d{1,2}:\d{2}|\D?\d{4}[-/]\d{1,2}[-/]\d{1,2}")
 _TWO_WORDS = re.compile(r"(?<=[a-z])(?=[A-Z](?:[^a-z]|$))|(?<=^a)(?=[xyz]$)")
+_DECIMAL = re.compile(r"[+-]?\d*(?:,\d+(?:[EeDd][+-]?\d{1,3})?)?")
+"""Pattern of a number that may have a decimal comma."""
 _BRACKET = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
-_TIMES = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0}
-"""Seconds per unit of time."""
-_TIMES |= {"ms": 1e-3, "msec": 1e-3, "msecs": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3}
-"""Seconds of a unit of time."""
-_QUANTITIES = dict.fromkeys(_TIMES, "time") | dict.fromkeys(FACTORS, "acceleration")
-"""Quantity that a unit measures."""
+_QUANTITIES = dict.fromkeys(TIMES, "time") | dict.fromkeys(FACTORS, "acceleration")
 for _length in ("m", "cm", "mm", "in", "ft"):
     _QUANTITIES |= {_length: "displacement", f"{_length}/s": "velocity"}
 """The quantity that a unit measures."""
@@ -93,7 +91,7 @@ _SCALED = r"factor|scal|multipl|divi|gain|[%‰µ]|pct|milli|micro|per ?cent|ten
 """Words that may change the size of samples."""
 _NO_SOURCE = re.compile(
     rf"x[\d.]*|(?i:.*(?:{_SCALED}|spectr).*|dt|fs|step|rate|interval|[\d.]*(?:hz|sps)"
-    rf"|{'|'.join(_TIMES)}|{_NAMES['velocity']}|{_NAMES['displacement']}|{_NAMES['spectrum']})"
+    rf"|counts?|volts?|{'|'.join(TIMES)}|{_NAMES['velocity']}|{_NAMES['displacement']}|{_NAMES['spectrum']})"
 )
 """Words that are more than a description of the source of a record."""
 
@@ -119,6 +117,8 @@ class _Column:
     quantity: str
     component: str
     unit: str | None
+    number: str = ""
+    """Digits in the name of an acceleration."""
 
 
 @dataclass
@@ -159,7 +159,17 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
         why = f"commas, semicolons, tabs or blanks must separate numbers after line {how.skip}"
         why = f"no line has numbers in the columns {how.columns}" if used else why
         clock = (f"line {i} has a time of day, {shown(x)}" for i, x in lines if _CLOCK.match(x))
-        raise UnreadableRecord(f"the file has no known format and no row of numbers: {next(clock, why)}")
+        wrong = f"the file has no known format and no row of numbers: {next(clock, why)}"
+        raise NoAcceleration(wrong, "no motion")
+    # One comma in every row separates two columns only if the header or the user names two.
+    printed = [line for _, line in lines[first:]]
+    names = [line for _, line in head if _cells(line, 2, _Header()) or re.fullmatch(r"[^=:,]+,[^=:,]+", line)]
+    is_single = len(used) < 2 and not names
+    if is_single and "," in printed[-1] and all(map(_DECIMAL.fullmatch, printed)):
+        raise UnreadableRecord(
+            f"{shown(printed[-1])} in line {lines[-1][0]} may be one number with a decimal comma: write the "
+            "numbers with decimal points"
+        )
     header, rows = _read_count(_rows(cursor, lines[first][0], split), used)
     for i, line in head:
         try:
@@ -167,14 +177,20 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
         except _Unknown as error:
             where = "" if _unknown_word([str(error)]) else f" above rows of {len(rows[0][1])} numbers"
             message = f"line {i} has {shown(str(error))}, which is not understood{where}"
-            raise UnreadableRecord(message, **_remedy(head, rows, how, i, str(error))) from None
+            raise NoAcceleration(message, **_remedy(head, rows, how, i, str(error))) from None
     # If the stated number of samples is not the number of rows, it must be the number of all cells.
     size = sum(len(cells) for _, cells in rows)
     in_rows = size == len(rows) or size in header.stated["count"]
     if not (in_rows or header.cells or how.columns):
         message = f"line {rows[0][0]} has {len(rows[0][1])} numbers, but no line above names the columns"
-        raise UnreadableRecord(message, **_remedy(head, rows, how, rows[0][0] - 1, ""))
-    return _channels(header, rows, how)
+        raise NoAcceleration(message, **_remedy(head, rows, how, rows[0][0] - 1, ""))
+    try:
+        return _channels(header, rows, how)
+    except UnreadableRecord as error:
+        if header.cells or any(header.stated.values()) or how.columns:
+            raise
+        # Numbers without a word may be anything.
+        raise NoAcceleration(error.args[0], **error.options) from None
 
 
 def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
@@ -211,6 +227,16 @@ def _read_count(rows: list[_Row], used: Sequence[int]) -> tuple[_Header, list[_R
     is_step = len(cells) == 1 or (len(cells) == 2 and STEPS[0] <= values[1] <= STEPS[1])
     if values[0] in (len(rest), total) and is_step:
         return _Header(stated=defaultdict(list, count=values[:1], step=values[1:])), rest
+    # The count and the step may be in two lines, but the second number may also be a sample.
+    if len(cells) == len(rest[0][1]) == 1:
+        pair = sorted([values[0], number(rest[0][1][0], rest[0][0])])
+        if pair[1] in (len(rest) - 1, total - 1) and STEPS[0] <= pair[0] <= _LONGEST_STEP:
+            raise UnreadableRecord(
+                f"lines {line} and {rest[0][0]} may be the number of samples, {pair[1]:g}, and the step, "
+                f"{pair[0]:g} s",
+                skip=rest[0][0],
+                dt=pair[0],
+            )
     # A whole number above decimals is not a sample.
     decimals = sum("." in row[0] for _, row in rest)
     odd = len(cells) == 1 and values[0] and "." not in cells[0] and 2 * decimals > len(rest)
@@ -288,8 +314,8 @@ def _statement(part: str) -> tuple[str, Any] | None:
         if what == "step":
             units, step = {word.lower() for word in (match[1], match[3]) if word}, Decimal.of(match[2]).value
             # Without a unit a short step is assumed to be in s.
-            has_unit = units <= {*_TIMES} and len(units) == 1 if units else step <= _LONGEST_STEP
-            return (what, step * _TIMES[units.pop() if units else "s"]) if has_unit and step > 0.0 else None
+            has_unit = units <= {*TIMES} and len(units) == 1 if units else step <= _LONGEST_STEP
+            return (what, step * TIMES[units.pop() if units else "s"]) if has_unit and step > 0.0 else None
         if what == "source":
             for word in value.split():
                 is_up = orientation(word.replace("up", ""))
@@ -304,7 +330,7 @@ def _column(cell: str, *, first: bool) -> _Column:
     # AccZ and acc-NS consist of two words, but N-S is one word.
     title = _TWO_WORDS.sub(" ", _BRACKET.sub(" ", cell).strip(" :\"'"))
     words = [w for x in re.findall(r"[^\s_]+", title) for w in ([x] if is_component(x) else x.split("-"))]
-    quantities, units, names = set(), [], []
+    quantities, units, names, digits = set(), [], [], ""
     pieces = [*words, *_BRACKET.findall(cell)]
     if not pieces:
         raise _Unknown("an empty name")
@@ -317,15 +343,16 @@ def _column(cell: str, *, first: bool) -> _Column:
     for i, word in enumerate(pieces):
         low, unit, bracketed = word.strip(" .").lower(), plain(word), i >= len(words)
         named = next((quantity for quantity, form in _NAMES.items() if re.fullmatch(form, low)), "")
-        if low in _TIMES and (bracketed or first or "time" in quantities):
+        if low in TIMES and (bracketed or first or "time" in quantities):
             units.append(low)
-        elif unit in FACTORS or (unit in _QUANTITIES and unit not in _TIMES and (bracketed or "/" in unit)):
+        elif unit in FACTORS or (unit in _QUANTITIES and unit not in TIMES and (bracketed or "/" in unit)):
             units.append(unit)
         elif re.fullmatch(_PROCESSING, low) and "acceleration" in quantities:
             continue
         elif named and not bracketed and (not is_component(word) or word == "t" or (first and word in "Tn")):
             quantities.add(named)
-        elif is_component(word.strip(" .")) or (len(words) == 1 and re.fullmatch(r"(?!100)[0-3]\d\d", word)):
+            digits += re.sub(r"\D", "", word)
+        elif (is_component(word.strip(" .")) and not (bracketed and low == "v")) or (len(words) == 1 and re.fullmatch(r"(?!100)[0-3]\d\d", word)):
             names.append(word.strip())
         elif low != "in" or plain("".join(pieces[i + 1 : i + 2])) not in FACTORS:
             raise _Unknown(f"({word})" if bracketed else next(w for w in cell.split() if word in w))
@@ -334,7 +361,7 @@ def _column(cell: str, *, first: bool) -> _Column:
     quantity = next(iter(quantities), "acceleration")
     if len(units) > 1 or len(quantities) > 1 or (names and quantity in ("time", "number")):
         raise _Unknown(cell)
-    return _Column(quantity, " ".join(names), units[0] if units else None)
+    return _Column(quantity, " ".join(names), units[0] if units else None, digits)
 
 
 def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Channel]:
@@ -357,10 +384,14 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
     for line, cells in () if in_rows else rows:
         if len(cells) < width or (how.columns is None and len(cells) > width):
             raise UnreadableRecord(f"line {line} must have {width} numbers, but has {shown(' '.join(cells))}")
+    line, (cell, *more) = rows[0]
+    if not (more or header.stated["count"] or how.columns == ROWS) and number(cell, line) == step:
+        wrong = f"line {line} has {shown(cell)}, which is the step: columns={ROWS!r} reads it as a sample"
+        raise UnreadableRecord(wrong, skip=line)
     times = [i for i, column in columns.items() if column.quantity == "time"]
     for i in times[:1]:
         unit = columns[i].unit
-        step = step_of([(line, cells[i]) for line, cells in rows], _TIMES[unit or "s"], step)
+        step = step_of([(line, cells[i]) for line, cells in rows], TIMES[unit or "s"], step)
         if unit is None and step > _LONGEST_STEP:
             raise UnreadableRecord(
                 f"times with steps of {step:g} need a unit: name them 'time (s)' or 'time (ms)' in `columns`"
@@ -371,6 +402,8 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
     if not accelerations or len(times) > 1:
         content = ", ".join(column.quantity for column in columns.values())
         raise NoAcceleration(f"the table must have one time and accelerations, but has {content}", content)
+    if header.cells and how.columns is None:
+        _check_twice(header, times, accelerations)
     lone = [cell for cell in header.cells if re.fullmatch(r"(?i)[vxyz]", cell)]
     if lone and how.columns is None and not all(column.component for column in accelerations.values()):
         raise UnreadableRecord(f"{shown(lone[0])} next to an acceleration may be a velocity: give `columns`")
@@ -388,6 +421,15 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
     return channels
 
 
+def _check_twice(header: _Header, times: Sequence[int], accelerations: Mapping[int, _Column]) -> None:
+    """Raise `UnreadableRecord` if two columns may be one channel, for example raw and corrected."""
+    last = {(column.component.lower(), column.number): i for i, column in accelerations.items()}
+    if len(last) < len(accelerations):
+        names = ", ".join(shown(header.cells[i]) for i in accelerations)
+        columns = {header.cells[i]: i + 1 for i in (*times, *last.values())}
+        raise UnreadableRecord(f"some of the columns {names} may be one channel: choose", columns=columns)
+
+
 def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Column]:
     """Return the columns that the user names. They must agree with the header."""
     columns: dict[int, _Column] = {}
@@ -399,7 +441,7 @@ def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Co
             )
         column = _column(name, first=at == 1)
         says = _column(header.cells[at - 1], first=at == 1) if at <= len(header.cells) else column
-        units = {FACTORS.get(u) or _TIMES.get(u, u) for u in (column.unit, says.unit) if u}
+        units = {FACTORS.get(u) or TIMES.get(u, u) for u in (column.unit, says.unit) if u}
         # North and south are the same axis, and so are east and west.
         axes = {c.component.lower()[0].translate(_OPPOSITE) for c in (column, says) if c.component}
         if column.quantity != says.quantity or len(units) > 1 or len(axes) > 1:

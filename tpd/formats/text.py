@@ -46,11 +46,11 @@ class UnreadableRecord(ValueError):
 
 
 class NoAcceleration(UnreadableRecord):
-    """File without an acceleration, which agencies deliver together with the files of accelerations."""
+    """File that states no acceleration. A folder may contain such files beside those of accelerations."""
 
-    def __init__(self, message: str, content: str) -> None:
-        super().__init__(message)
-        self.content = content
+    def __init__(self, message: str, content: str = "", **options: Any) -> None:
+        super().__init__(message, **options)
+        self.content = content or message
         """Content of the file, such as velocity, displacement or response spectrum."""
 
 
@@ -161,10 +161,16 @@ def step_of(times: Sequence[tuple[int, str]], scale: float, stated: float | None
     i = np.arange(1, len(t))
     if len(t) < 2:
         return 1.0 if stated is None else stated
+    if (back := np.flatnonzero(np.diff(t) <= 0.0)).size:
+        (before, first), (line, second) = times[back[0]], times[back[0] + 1]
+        equal = Decimal.of(first).value == Decimal.of(second).value
+        why = "the same time as" if equal else "an earlier time than"
+        remedy = "remove a repeated row, or print the times with more digits" if equal else "sort the rows"
+        raise UnreadableRecord(f"line {line} has {why} line {before}, but the times must grow: {remedy}")
     # Round to twelve digits, so that 31.18/1559 becomes 0.02.
     noise = 1e-9 * float(np.max(np.abs(t)))
     step = low = high = float(f"{(t[-1] - t[0]) / i[-1]:.12g}")
-    if step <= 0.0 or (np.abs(t[1:] - t[0] - step * i) > noise).any():
+    if (np.abs(t[1:] - t[0] - step * i) > noise).any():
         # Programs print a fixed number of decimals or, as with %g, of significant digits, and may omit zeros
         # at the end. Times in single precision have an error of two units of 24 binary digits.
         last = scale * np.array([Decimal.of(cell).unit for _, cell in times])
@@ -307,9 +313,15 @@ class Cursor:
         """Return all numbers up to the end of the file, which are separated by blanks or by their signs."""
         values: list[tuple[int, str]] = []
         while not self.only_blank_lines_follow():
+            # Fortran omits the letter of an exponent of three digits: .1234500-100 is one number.
+            line = re.sub(r"(\.\d*)([+-]\d{3})(?![\d.])", r"\1E\2", self.next(what))
+            if odd := re.search(r"\S*\.\d*[+-]\d+(?![\d.])\S*", line):
+                raise UnreadableRecord(
+                    f"line {self.at} has {shown(odd[0])}, which may be one number without the letter of its "
+                    "exponent, or two numbers"
+                )
             # In columns of Fortran a negative number may follow the previous number without a blank.
-            line = re.sub(r"(?<=[\d.])(?=[+-])", " ", self.next(what))
-            values += [(self.at, token) for token in line.split()]
+            values += [(self.at, token) for token in re.sub(r"(?<=[\d.])(?=[+-])", " ", line).split()]
         return numbers(values)
 
 
