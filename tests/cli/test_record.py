@@ -49,8 +49,8 @@ def test_a_record_is_described_in_a_few_lines_without_a_picture(table, monkeypat
 def test_an_implausible_size_is_a_warning(table, unit, shown):
     done = call("record", table(unit))
     assert done.status == 0
-    assert done.out.splitlines()[-1] == (
-        "warning: the PGA is implausible (usual are 0.001 to 2 g), check the unit (--unit): "
+    assert done.out.splitlines()[1] == (
+        "warning: the PGA is implausible (usual are 0.001 to 2 g), check the unit and the samples: "
         f"quake.csv ({shown})"
     )
 

@@ -50,8 +50,10 @@ def test_built_in_records_and_sets_go_by_name(monkeypatch):
 def test_of_a_folder_all_that_is_horizontal_is_read(tmp_path):
     folder = put(tmp_path / "quakes", ns=NS, up=NS.replace("HNE", "HNZ"))
     (tmp_path / "quakes" / "inner").mkdir()
-    for other in ("RSN1.VT2", "readme.pdf", "_SearchResults.csv"):
+    for other in ("readme.pdf", "_SearchResults.csv"):
         (tmp_path / "quakes" / other).write_text("x")
+    velocity = peer(0.3 * shaking(100), 0.01).replace("ACCELERATION TIME", "VELOCITY TIME")
+    (tmp_path / "quakes" / "RSN1.VT2").write_text(velocity)
     found, said = read_motions([folder])
     assert len(found) == 1
     left = said[0].removeprefix("left out: ").split("; ")

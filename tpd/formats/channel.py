@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tpd.formats.text import Decimal, UnreadableRecord, shown
+from tpd.formats.text import Decimal, StatedByFile, UnreadableRecord, shown
 
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity, m/s^2."""
@@ -266,7 +266,7 @@ def choose_unit(stated: str | None, unit: str | None) -> str:
         return stated or ""
     # Units with equal factors are the same unit, such as gal and cm/s2.
     if stated is not None and FACTORS[check_unit(unit)] != FACTORS[stated]:
-        raise UnreadableRecord(f"the header states the unit {stated}, but `unit` is {unit!r}")
+        raise StatedByFile(f"the header states the unit {stated}, but `unit` is {unit!r}", "unit")
     return check_unit(unit)
 
 

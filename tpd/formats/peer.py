@@ -60,7 +60,7 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
         head.append(cursor.next("NPTS and DT"))
     line, stated = _unit(head)
     numbers = _COUNT_AND_STEP.fullmatch(head[-1])
-    units = [(numbers and numbers[i] or "s").lower() for i in (3, 7)]
+    units = [((numbers and numbers[i]) or "s").lower() for i in (3, 7)]
     if numbers is None or not {*units} <= {*TIMES}:
         raise UnreadableRecord(f"line {len(head)} must state NPTS and DT in s, but is {shown(head[-1])}")
     count, dt = int(numbers[1] or numbers[4]), float(numbers[2] or numbers[5]) * TIMES[units[0]]

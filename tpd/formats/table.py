@@ -352,7 +352,10 @@ def _column(cell: str, *, first: bool) -> _Column:
         elif named and not bracketed and (not is_component(word) or word == "t" or (first and word in "Tn")):
             quantities.add(named)
             digits += re.sub(r"\D", "", word)
-        elif (is_component(word.strip(" .")) and not (bracketed and low == "v")) or (len(words) == 1 and re.fullmatch(r"(?!100)[0-3]\d\d", word)):
+        elif bracketed and low == "v":
+            # A lone V in brackets may be volts.
+            raise _Unknown("(V)")
+        elif is_component(word.strip(" .")) or (len(words) == 1 and re.fullmatch(r"(?!100)[0-3]\d\d", word)):
             names.append(word.strip())
         elif low != "in" or plain("".join(pieces[i + 1 : i + 2])) not in FACTORS:
             raise _Unknown(f"({word})" if bracketed else next(w for w in cell.split() if word in w))

