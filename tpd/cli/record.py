@@ -16,7 +16,7 @@ from tpd.core import files
 from tpd.core.formatting import aligned, number
 from tpd.design.job import job_of
 from tpd.formats.channel import STANDARD_GRAVITY
-from tpd.records.intensity import base_motion, significant_times, spectral_acceleration
+from tpd.records.intensity import base_motion, peak_velocity, significant_times, spectral_acceleration
 from tpd.records.read import facts
 from tpd.scene.record import Record
 
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
     job, rows, out = job_of(tables_of(options)), [], options.out
     for record in job.motions:
         # Velocity and displacement are exact integrals of the record. They show a wrong baseline first.
-        v, d = (float(np.max(np.abs(x))) for x in base_motion(record)[1:])
+        v, d = peak_velocity(record), float(np.max(np.abs(base_motion(record)[3])))
         first, last = significant_times(record)
         sizes = {"pgv_m_s": v, "pgd_m": d, "significant_s": last - first, "significant_from_s": first}
         rows.append(facts(record) | sizes)
