@@ -23,7 +23,7 @@ from tpd.formats.channel import (
     choose_unit,
     unit_of,
 )
-from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord, fortran, shown
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord, fortran, real, shown
 
 _FIRST = re.compile(r"^\s*(un)?corrected accelerogram\b(?!.*GNS)", re.IGNORECASE)
 _V2_TEXT, _V2_INTEGERS, _V2_REALS = 25, 7, 13
@@ -64,7 +64,7 @@ def _volume_2(cursor: Cursor, unit: str | None) -> Channel:
     text = cursor.header(_V2_TEXT)
     component, event, name = _words(text, at=8)
     count = int(text.match(16, rf"^\s*({WHOLE})\s+points of", "the number of points")[1])
-    dt = float(text.match(17, rf"intervals? of\s+({NUMBER})\s+sec", "the step")[1])
+    dt = real(text.match(17, rf"intervals? of\s+({NUMBER})\s+sec", "the step")[1])
     peak = text.match(
         18, rf"peak\s+acceleration\s*=\s*({NUMBER})\s+(\S+)\s+at\s+({NUMBER})", "the peak acceleration"
     )
@@ -128,7 +128,7 @@ def _read_description(cursor: Cursor) -> tuple[int, float, _Description]:
     match = cursor.match(
         rf"^\s*({WHOLE})\s+(?:{by_rate}|{by_step})\W*$", "number, step and unit of the samples"
     )
-    rate_or_step = float(match[2] or match[4])
+    rate_or_step = real(match[2] or match[4])
     if rate_or_step <= 0.0:
         raise UnreadableRecord(f"line {cursor.at} must state a rate or a step above zero")
     # Digitised films have a fixed format of columns, which the line does not state.
@@ -190,7 +190,7 @@ def _block(cursor: Cursor, kind: str, count: int, dt: float) -> tuple[np.ndarray
     )
     at = cursor.at
     agree_on_count(count, int(match[1]), f"line {at}")
-    agree(dt, float(match[2]), "the step in s")
+    agree(dt, real(match[2]), "the step in s")
     # Old files state no format. All of them have the same one.
     data = _Description(match[3] or match[4] or "", at, *(fortran(match[5], at) if match[5] else (8, 10, 3)))
     return cursor.fixed(count, data.columns, data.width, "samples"), data

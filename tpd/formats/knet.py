@@ -22,7 +22,7 @@ from tpd.formats.channel import (
     choose_unit,
     unit_of,
 )
-from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, number, shown
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, number, real, shown
 
 _KEYS = (
     "Origin Time",
@@ -72,9 +72,9 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     """
     head = _head(cursor)
     rate = int(_stated(head, "Sampling Freq(Hz)", rf"({WHOLE})\s*Hz")[1])
-    length = float(_stated(head, "Duration Time(s)", rf"({NUMBER})")[1])
+    length = real(_stated(head, "Duration Time(s)", rf"({NUMBER})")[1])
     scale = _stated(head, "Scale Factor", rf"({NUMBER})\((\w+)\)/({NUMBER})")
-    if rate == 0 or float(scale[3]) == 0.0 or length > 1e6:
+    if rate == 0 or real(scale[3]) == 0.0 or length > 1e6:
         raise UnreadableRecord("sampling frequency, duration and scale factor must be those of a record")
     # The file states no number of samples, but a duration in whole seconds.
     numbers: list[float] = []
@@ -92,7 +92,7 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     counts = np.array(numbers)
     agree_on_count(round(length * rate), len(counts), "the header (frequency and duration)")
     # Samples are integers: the scale factor converts them to the unit of acceleration.
-    values = counts * (float(scale[1]) / float(scale[3]))
+    values = counts * (real(scale[1]) / real(scale[3]))
     stated = unit_of(scale[2], _KEYS.index("Scale Factor") + 1)
     # The stated peak is that of the samples without their mean.
     gal = (values - values.mean()) * (FACTORS[stated] / FACTORS["gal"])

@@ -15,7 +15,7 @@ from tpd.formats.channel import (
     orientation,
     unit_of,
 )
-from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, NoAcceleration, UnreadableRecord, shown
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, NoAcceleration, UnreadableRecord, real, shown
 
 _QUANTITY = re.compile(r"\s*(.*?)\s+TIME\s+(?:HISTORY|SERIES)\b(?:\s+IN\s+UNITS?\s+OF\b)?(.*)", re.IGNORECASE)
 _FILTER = re.compile(rf"\bFILTER\s+POINTS?\s*:?(?:\s*[HL]P\s*=\s*{NUMBER}\s*(?:HZ)?[\s,;]*)*$", re.IGNORECASE)
@@ -31,7 +31,7 @@ _TITLE = re.compile(
 """Pattern of the line with the quantity. The words "time history" alone also occur above other tables."""
 _NO_NAME = re.compile(
     r"\b(?:scaled|normali[sz]ed|counts?|volts?|veloc\w+|displac\w+|(?:scale|factor)\W{0,3}\d[\d.]*"
-    r"|spectr\w+(?!.*(?:compatible|match)))\b|\(\s*(?:x|times|by|[*])\s*\d[\d.]*",
+    r"|spectr\w+(?!.*(?:compatible|match)))\b|\(\s*(?:x|times|by|[*])\s*\d[\d.]*\s*\)",
     re.IGNORECASE,
 )
 """Words that are more than the name of a place or an earthquake."""
@@ -63,7 +63,7 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
     units = [((numbers and numbers[i]) or "s").lower() for i in (3, 7)]
     if numbers is None or not {*units} <= {*TIMES}:
         raise UnreadableRecord(f"line {len(head)} must state NPTS and DT in s, but is {shown(head[-1])}")
-    count, dt = int(numbers[1] or numbers[4]), float(numbers[2] or numbers[5]) * TIMES[units[0]]
+    count, dt = int(numbers[1] or numbers[4]), real(numbers[2] or numbers[5]) * TIMES[units[0]]
     # The numbers are usually in columns of Fortran, but some programs separate them by blanks.
     values = cursor.free("the samples")
     agree_on_count(count, len(values), f"line {len(head)}")

@@ -37,6 +37,7 @@ from tpd.formats.text import (
     no_thousands,
     number,
     numbers,
+    real,
     shown,
     splitter,
     step_of,
@@ -143,8 +144,9 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
     """Return the channels of a table. Columns of velocities and displacements are left out.
 
     Raises:
-        UnreadableRecord: the grammar does not explain a part of the header, the table contradicts itself, a
-            cell is not a number, or the times have unequal steps.
+        NoAcceleration: no line above the numbers states that they are a motion.
+        UnreadableRecord: the table contradicts itself, a cell is not a number, or the times have unequal
+            steps.
     """
     split = splitter(cursor.lines[how.skip :])
     # Columns are numbered from 1 for users.
@@ -161,36 +163,62 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
         clock = (f"line {i} has a time of day, {shown(x)}" for i, x in lines if _CLOCK.match(x))
         wrong = f"the file has no known format and no row of numbers: {next(clock, why)}"
         raise NoAcceleration(wrong, "no motion")
+    try:
+        return _of_rows(cursor, how, head, used, split)
+    except UnreadableRecord as error:
+        if how.columns or _is_motion(head, len(split(lines[first][1]))):
+            raise
+        # Numbers without a word may be anything.
+        raise NoAcceleration(error.args[0], **error.options) from None
+
+
+def _is_motion(head: Sequence[tuple[int, str]], width: int) -> bool:
+    """Return whether the lines above rows of numbers are understood, and state a unit, a step or times."""
+    header = _Header()
+    try:
+        for _, line in head:
+            _understand(header, line, width)
+    except (_Unknown, UnreadableRecord):
+        return False
+    columns = [_column(cell, first=i == 0) for i, cell in enumerate(header.cells)]
+    stated = any(column.unit or column.quantity == "time" for column in columns)
+    return stated or bool(header.stated["unit"] or header.stated["step"])
+
+
+def _of_rows(
+    cursor: Cursor,
+    how: Options,
+    head: Sequence[tuple[int, str]],
+    used: Sequence[int],
+    split: Callable[[str], list[str]],
+) -> list[Channel]:
+    """Return the channels of the rows below the lines `head`."""
     # One comma in every row separates two columns only if the header or the user names two.
-    printed = [line for _, line in lines[first:]]
-    names = [line for _, line in head if _cells(line, 2, _Header()) or re.fullmatch(r"[^=:,]+,[^=:,]+", line)]
-    is_single = len(used) < 2 and not names
-    if is_single and "," in printed[-1] and all(map(_DECIMAL.fullmatch, printed)):
+    start = head[-1][0] if head else how.skip
+    printed = [(i, text.strip()) for i, text in enumerate(cursor.lines, 1) if i > start and text.strip()]
+    names = [x for _, x in head if _cells(x, 2, _Header()) or re.fullmatch(r"[^=:,]+,[^=:,]+", x)]
+    is_single = len(used) < 2 and not names and "," in printed[-1][1]
+    if is_single and all(_DECIMAL.fullmatch(text) for _, text in printed):
         raise UnreadableRecord(
-            f"{shown(printed[-1])} in line {lines[-1][0]} may be one number with a decimal comma: write the "
-            "numbers with decimal points"
+            f"line {printed[-1][0]} has {shown(printed[-1][1])}, which may be one number with a decimal "
+            "comma: write the numbers with decimal points"
         )
-    header, rows = _read_count(_rows(cursor, lines[first][0], split), used)
+    header, rows = _read_count(_rows(cursor, printed[0][0], split), used)
+    counted = {kind: [*values] for kind, values in header.stated.items()}
     for i, line in head:
         try:
             _understand(header, line, len(rows[0][1]))
         except _Unknown as error:
             where = "" if _unknown_word([str(error)]) else f" above rows of {len(rows[0][1])} numbers"
             message = f"line {i} has {shown(str(error))}, which is not understood{where}"
-            raise NoAcceleration(message, **_remedy(head, rows, how, i, str(error))) from None
+            raise UnreadableRecord(message, **_remedy(head, rows, how, i, str(error), counted)) from None
     # If the stated number of samples is not the number of rows, it must be the number of all cells.
     size = sum(len(cells) for _, cells in rows)
     in_rows = size == len(rows) or size in header.stated["count"]
     if not (in_rows or header.cells or how.columns):
         message = f"line {rows[0][0]} has {len(rows[0][1])} numbers, but no line above names the columns"
-        raise NoAcceleration(message, **_remedy(head, rows, how, rows[0][0] - 1, ""))
-    try:
-        return _channels(header, rows, how)
-    except UnreadableRecord as error:
-        if header.cells or any(header.stated.values()) or how.columns:
-            raise
-        # Numbers without a word may be anything.
-        raise NoAcceleration(error.args[0], **error.options) from None
+        raise UnreadableRecord(message, **_remedy(head, rows, how, rows[0][0] - 1, "", counted))
+    return _channels(header, rows, how)
 
 
 def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
@@ -244,7 +272,8 @@ def _read_count(rows: list[_Row], used: Sequence[int]) -> tuple[_Header, list[_R
         raise UnreadableRecord(
             f"line {line} has {shown(' '.join(cells))}, which is neither a row like the others nor the "
             f"number of samples ({total} samples in {len(rest)} rows) with the step in s",
-            skip=line,
+            # The next line may be a step in another unit, or a sample.
+            **({} if values[0] in (len(rest) - 1, total - 1) else {"skip": line}),
         )
     return _Header(), rows
 
@@ -456,10 +485,19 @@ def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Co
 
 
 def _remedy(
-    head: Sequence[tuple[int, str]], rows: Sequence[_Row], how: Options, line: int, piece: str
+    head: Sequence[tuple[int, str]],
+    rows: Sequence[_Row],
+    how: Options,
+    line: int,
+    piece: str,
+    counted: dict[str, list[Any]],
 ) -> dict[str, Any]:
-    """Return the options that may read a table in which a part of a line is not understood."""
+    """Return the options that may read a table in which a part of a line is not understood.
+
+    The statements of a first row of numbers are `counted`.
+    """
     width, below, above = len(rows[0][1]), _Header(), dict(head).get(line, "")
+    below.stated |= counted
     ways = ((text, cells) for _, text in head[::-1] for cells in _split_names(text) if len(cells) == width)
     named, names = next(ways, ("", [""] * width))
     # A line above the names may state that all columns are vertical.
@@ -477,7 +515,7 @@ def _remedy(
             name, says = f"NAME{k + 1}", replace(says, unit=None)
         columns[name] = k + 1
         meanings.append(says)
-    first = [float(row[0]) for _, row in rows if re.fullmatch(NUMBER, row[0])]
+    first = [real(row[0]) for _, row in rows if re.fullmatch(NUMBER, row[0])]
     # Whole numbers may be the numbers of the samples, and times in another unit are left out.
     is_time = width > 1 and len(first) > 2 and first == sorted({*first}) and first[1] - first[0] != 1.0
     if is_time and 1 not in columns.values() and not _BRACKET.search(names[0]):
@@ -494,15 +532,20 @@ def _remedy(
     rest = [word for word in _GAPS.split(used if above == named else above) if plain(word) not in FACTORS]
     match = _FACTOR.fullmatch(piece)
     if match and plain(match[2] or match[3]) in FACTORS:
-        options["scale"] = 10.0 ** int(match[1] or 0) * float(match[4] or 1)
+        options["scale"] = 10.0 ** int(match[1] or 0) * real(match[4] or "1")
     elif (piece[:1] == "(" and not stated_units) or re.search(rf"(?i)\d|{_SCALED}", " ".join(rest)):
         options["scale"] = "FACTOR"
     with contextlib.suppress(_Unknown, UnreadableRecord):
         for _, text in (x for x in head if x[0] > line):
             _understand(below, text, width)
-        # If the lines below are sufficient, it is enough to skip this line and all lines above it.
-        if (width == 1 or below.cells) and not is_up and _channels(below, rows, how):
-            return {"skip": line} | options
+        # If the lines below are sufficient, except for a unit, it is enough to skip this line and all lines
+        # above it.
+        size = sum(len(cells) for _, cells in rows)
+        fits = width == 1 or below.cells or size in below.stated["count"]
+        for unit in (how.unit, "g") if fits and not is_up else ():
+            with contextlib.suppress(UnreadableRecord):
+                if _channels(below, rows, replace(how, unit=unit)):
+                    return {"skip": line} | options | ({} if unit == how.unit else {"unit": "UNIT"})
     options = ({"skip": rows[0][0] - 1} if head else {}) | {"columns": columns or ROWS} | options
     if not units or not all(units):
         options["unit"] = how.unit or (stated_units.pop() if len(stated_units) == 1 else "UNIT")

@@ -80,7 +80,7 @@ class Decimal:
         decimals = len(mantissa.partition(".")[2])
         # Convert from text, because `10.0**n` raises an error for numbers beyond the largest float. Here the
         # result is infinite.
-        return Decimal(float(text.lower().replace("d", "e")), float(f"1e{int(exponent or 0) - decimals}"))
+        return Decimal(real(text), float(f"1e{int(exponent or 0) - decimals}"))
 
 
 def shown(text: str) -> str:
@@ -89,11 +89,16 @@ def shown(text: str) -> str:
     return repr(clean if len(clean) <= _LONGEST else clean[:_LONGEST] + "...")
 
 
+def real(text: str) -> float:
+    """Return the number from a text that matches `NUMBER`."""
+    # Fortran writes exponents of double precision with a D.
+    return float(text.lower().replace("d", "e"))
+
+
 def number(text: str, line: int) -> float:
     """Return a finite number from a text. Python's `float` would also accept "nan", "1_000" and other
     texts."""
-    # Fortran writes exponents of double precision with a D.
-    value = float(text.lower().replace("d", "e")) if _NUMBER.fullmatch(text.strip()) else math.nan
+    value = real(text) if _NUMBER.fullmatch(text.strip()) else math.nan
     if not math.isfinite(value):
         raise UnreadableRecord(f"line {line} must contain numbers, but has {shown(text)}")
     return value
