@@ -159,6 +159,11 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
     if rate.value <= 0.0:
         raise UnreadableRecord(f"the sampling frequency must be positive, but is {rate.value:g} Hz")
     dt = 1.0 / rate.value
+    # Times have two decimals, so that they may be equal at higher rates.
+    equal = np.flatnonzero(np.diff(values[:, 0]) == 0.0) if dt > 0.0099 else np.empty(0)
+    if equal.size:
+        line = first + int(equal[0])
+        raise UnreadableRecord(f"line {line + 1} has the same time as line {line}")
     agree_on_count(round(length.value * rate.value), len(values), "the header (frequency and duration)")
     # Times have two decimals, so that they may differ from the step by rounding.
     wrong = np.flatnonzero(np.abs(np.diff(values[:, 0]) - dt) > 0.011)

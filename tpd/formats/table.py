@@ -84,15 +84,16 @@ _STATEMENTS = {
     r"(?:\d{1,4}[-/]\d{1,2}[-/]\d{1,4}|[^\W_][\w.\-]*))*)",
 }
 """Forms of statements. The value is in the first group that matches."""
-_OPPOSITE = str.maketrans("swovd", "neezz")
+_OPPOSITE = str.maketrans("swovdu", "neezzz")
 _GAPS = re.compile(r"[\s,;:()\[\]]+")
 _FACTOR = re.compile(rf"\(10\s*(?:\^|\*\*)\s*([+-]?\d+)\s*(\D.*)\)|\((.+?)\s*[x*×]\s*({NUMBER})\)")
 """Pattern of a power of ten before a unit, or of a factor after it."""
 _SCALED = r"factor|scal|multipl|divi|gain|[%‰µ]|pct|milli|micro|per ?cent|tenth|hundred|thousand"
+_SCALED += r"|\bcounts?\b|\bvolts?\b"
 """Words that may change the size of samples."""
 _NO_SOURCE = re.compile(
     rf"x[\d.]*|(?i:.*(?:{_SCALED}|spectr).*|dt|fs|step|rate|interval|[\d.]*(?:hz|sps)"
-    rf"|counts?|volts?|{'|'.join(TIMES)}|{_NAMES['velocity']}|{_NAMES['displacement']}|{_NAMES['spectrum']})"
+    rf"|{'|'.join(TIMES)}|{_NAMES['velocity']}|{_NAMES['displacement']}|{_NAMES['spectrum']})"
 )
 """Words that are more than a description of the source of a record."""
 
@@ -455,11 +456,21 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
 
 def _check_twice(header: _Header, times: Sequence[int], accelerations: Mapping[int, _Column]) -> None:
     """Raise `UnreadableRecord` if two columns may be one channel, for example raw and corrected."""
-    last = {(column.component.lower(), column.number): i for i, column in accelerations.items()}
+    last = {(_axis(column.component), column.number): i for i, column in accelerations.items()}
     if len(last) < len(accelerations):
         names = ", ".join(shown(header.cells[i]) for i in accelerations)
         columns = {header.cells[i]: i + 1 for i in (*times, *last.values())}
         raise UnreadableRecord(f"some of the columns {names} may be one channel: choose", columns=columns)
+
+
+def _axis(component: str) -> str:
+    """Return the first letter of an axis, which is the third one of a SEED code; a name with digits as it is.
+
+    North and south are the same axis, and so are east and west.
+    """
+    name = component.lower()
+    letter = name[2:] if re.fullmatch(r"[a-z][hlgn][zne]", name) else name[:1]
+    return name if re.search(r"\d", name) else letter.translate(_OPPOSITE)
 
 
 def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Column]:
@@ -474,8 +485,7 @@ def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Co
         column = _column(name, first=at == 1)
         says = _column(header.cells[at - 1], first=at == 1) if at <= len(header.cells) else column
         units = {FACTORS.get(u) or TIMES.get(u, u) for u in (column.unit, says.unit) if u}
-        # North and south are the same axis, and so are east and west.
-        axes = {c.component.lower()[0].translate(_OPPOSITE) for c in (column, says) if c.component}
+        axes = {_axis(c.component) for c in (column, says) if c.component}
         if column.quantity != says.quantity or len(units) > 1 or len(axes) > 1:
             raise UnreadableRecord(
                 f"the header names column {at} {shown(header.cells[at - 1])}, but `columns` names it {name!r}"
@@ -523,7 +533,11 @@ def _remedy(
         meanings.append(_Column("time", "", None))
     units = [column.unit for column in meanings if column.quantity == "acceleration"]
     if not units and (named or width < 5 or is_time):
+        others = "|".join(_NAMES[kind] for kind in ("velocity", "displacement", "spectrum"))
         unnamed = {*range(2 if is_time else 1, width + 1)} - {*columns.values()}
+        unnamed -= {k for k in unnamed for x in _GAPS.split(names[k - 1].lower()) if re.fullmatch(others, x)}
+        if not unnamed:
+            return {}
         columns |= {f"NAME{k}" if len(unnamed) > 1 or is_up else "acceleration": k for k in unnamed}
     # Look for a unit and a factor in the names of the used columns, or in the line.
     used = " ".join(cell for k, cell in enumerate(names, 1) if k in columns.values()).strip() or above

@@ -34,9 +34,9 @@ _FEW = 3
 """Largest number of records that are described one by one."""
 _USUAL = (0.001, 2.0)
 """Plausible range of the PGA, g. People feel about 0.001 g, and the strongest records have about 3 g."""
-_SAME, _ALIKE = 0.9999, 0.75
-"""Correlation of two copies of a motion, and likeness of two processings of one channel. Two components of
-one station, or two stations, have at most 0.55."""
+_ROUNDING, _SAME, _ALIKE = 0.01, 0.9999, 0.75
+"""Largest difference of two copies over their peak, and smallest correlations of two scaled copies and of two
+processings of one channel. Two components of one station have at most 0.55."""
 
 
 def read_motions(
@@ -113,9 +113,8 @@ def read_motions(
                     read.append((replace(record, event=named), name if assumed else ""))
                     # An assumed earthquake does not distinguish two files of one channel.
                     compared.append(record if events is None else read[-1][0])
-    if stated:
-        many = ", ".join(f"`{option}` to {count}" for option, count in sorted(Counter(stated).items()))
-        messages.append(f"note: options do not apply to files of folders that state their own: {many} files")
+    for option, count in sorted(Counter(stated).items()):
+        messages.append(f"note: `{option}` does not apply to {count} of the files in folders: they state it")
     # Agencies deliver one channel in several files. Only the best of them counts.
     reasons = _repeated(compared)
     omitted += [f"{record.source} ({why})" for (record, _), why in zip(read, reasons, strict=True) if why]
@@ -203,18 +202,19 @@ def _differ(first: Record, second: Record, *places: tuple[str, ...]) -> bool:
 
 
 def _likeness(first: Record, second: Record) -> float:
-    """Return 1 for two copies of one motion, the likeness of two processings of one channel, and 0 for two
+    """Return 1 for two copies of one motion, 0.5 for two processings of one channel, and 0 for two
     motions."""
     if abs(first.dt - second.dt) > 1e-6 * first.dt:
         return 0.0
     n = min(len(first.acceleration), len(second.acceleration))
-    a, b = (x.acceleration[:n] - np.mean(x.acceleration[:n]) for x in (first, second))
-    energies = a @ a, b @ b
-    likeness = float(a @ b) / max(*energies, 1e-300)
-    # A copy that is scaled on purpose is another motion.
-    if a @ b > _SAME * np.sqrt(energies[0] * energies[1]):
-        return float(likeness > 0.99)
-    return likeness if likeness > _ALIKE else 0.0
+    a, b = (x.acceleration[:n] for x in (first, second))
+    if np.max(np.abs(a - b)) <= _ROUNDING * np.max(np.abs(a)):
+        return 1.0
+    # An offset of the instrument and a filter change a channel, and a factor makes another motion.
+    a, b = a - a.mean(), b - b.mean()
+    likeness, energies = float(a @ b), (float(a @ a), float(b @ b))
+    is_scaled = likeness > _SAME * np.sqrt(energies[0] * energies[1]) and likeness < 0.99 * max(energies)
+    return 0.5 if likeness > _ALIKE * max(energies) and not is_scaled else 0.0
 
 
 def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[str, ...]) -> str:
