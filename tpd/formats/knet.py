@@ -25,23 +25,9 @@ from tpd.formats.channel import (
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, number, real, shown
 
 _KEYS = (
-    "Origin Time",
-    "Lat.",
-    "Long.",
-    "Depth. (km)",
-    "Mag.",
-    "Station Code",
-    "Station Lat.",
-    "Station Long.",
-    "Station Height(m)",
-    "Record Time",
-    "Sampling Freq(Hz)",
-    "Duration Time(s)",
-    "Dir.",
-    "Scale Factor",
-    "Max. Acc. (gal)",
-    "Last Correction",
-    "Memo.",
+    *("Origin Time", "Lat.", "Long.", "Depth. (km)", "Mag.", "Station Code", "Station Lat."),
+    *("Station Long.", "Station Height(m)", "Record Time", "Sampling Freq(Hz)", "Duration Time(s)", "Dir."),
+    *("Scale Factor", "Max. Acc. (gal)", "Last Correction", "Memo."),
 )
 _WIDTH = 18
 """Number of characters of a key."""
@@ -159,11 +145,10 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
     if rate.value <= 0.0:
         raise UnreadableRecord(f"the sampling frequency must be positive, but is {rate.value:g} Hz")
     dt = 1.0 / rate.value
-    # Times have two decimals, so that they may be equal at higher rates.
-    equal = np.flatnonzero(np.diff(values[:, 0]) == 0.0) if dt > 0.0099 else np.empty(0)
-    if equal.size:
-        line = first + int(equal[0])
-        raise UnreadableRecord(f"line {line + 1} has the same time as line {line}")
+    # Times have two decimals, and may therefore be equal at rates above 100 Hz.
+    equal = np.flatnonzero(np.diff(values[:, 0]) == 0.0)
+    if equal.size and dt > 0.0099:
+        raise UnreadableRecord(f"line {first + equal[0] + 1} has the same time as line {first + equal[0]}")
     agree_on_count(round(length.value * rate.value), len(values), "the header (frequency and duration)")
     # Times have two decimals, so that they may differ from the step by rounding.
     wrong = np.flatnonzero(np.abs(np.diff(values[:, 0]) - dt) > 0.011)

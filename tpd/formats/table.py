@@ -14,6 +14,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from statistics import mode
 from typing import Any
 
 from tpd.formats.channel import (
@@ -53,6 +54,8 @@ _CLOCK = re.compile(r"\D?\d{1,2}:\d{2}|\D?\d{4}[-/]\d{1,2}[-/]\d{1,2}")
 _TWO_WORDS = re.compile(r"(?<=[a-z])(?=[A-Z](?:[^a-z]|$))|(?<=^a)(?=[xyz]$)")
 _DECIMAL = re.compile(r"[+-]?\d*(?:,\d+(?:[EeDd][+-]?\d{1,3})?)?")
 """Pattern of a number that may have a decimal comma."""
+_PAIR = r"[^=:,]+,[^=:,]+"
+"""Pattern of the names of two columns."""
 _BRACKET = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
 _QUANTITIES = dict.fromkeys(TIMES, "time") | dict.fromkeys(FACTORS, "acceleration")
 for _length in ("m", "cm", "mm", "in", "ft"):
@@ -132,9 +135,18 @@ class _Header:
     stated: dict[str, list[Any]] = field(default_factory=lambda: defaultdict(list))
     """Values of the statements, by kind: unit, step (s), count, source."""
 
+    @property
+    def is_motion(self) -> bool:
+        """Whether the lines state a unit, a step or times."""
+        columns = [_column(cell, first=i == 0) for i, cell in enumerate(self.cells)]
+        own = any(column.unit or column.quantity == "time" for column in columns)
+        return own or bool(self.stated["unit"] or self.stated["step"])
+
 
 _Row = tuple[int, list[str]]
 """Number of a line in the file, and its cells."""
+_Line = tuple[int, str]
+"""Number of a line in the file, and its text."""
 
 
 class _Unknown(Exception):
@@ -164,62 +176,35 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
         clock = (f"line {i} has a time of day, {shown(x)}" for i, x in lines if _CLOCK.match(x))
         wrong = f"the file has no known format and no row of numbers: {next(clock, why)}"
         raise NoAcceleration(wrong, "no motion")
+    header, below, problem = _Header(), _Header(), None
+    # The first row may state the number of samples, and a row may be damaged.
+    width = mode(len(split(line)) for _, line in lines[first : first + 9])
+    for i, line in head:
+        try:
+            _understand(header, line, width)
+        except _Unknown as error:
+            problem = i, str(error)
+            break
+    is_table = len(used) > 1 or len(header.cells) > 1 or any(re.fullmatch(_PAIR, x) for _, x in head)
     try:
-        return _of_rows(cursor, how, head, used, split)
+        rows = _read_count(below, _rows(cursor, lines[first:], split, is_table), used)
+        if problem is not None:
+            where = "" if _unknown_word([problem[1]]) else f" above rows of {width} numbers"
+            message = f"line {problem[0]} has {shown(problem[1])}, which is not understood{where}"
+            raise UnreadableRecord(message, **_remedy(head, rows, how, problem, below))
+        for kind, values in below.stated.items():
+            header.stated[kind] += values
+        # If the stated number of samples is not the number of rows, it must be the number of all cells.
+        size = sum(len(cells) for _, cells in rows)
+        if not (size == len(rows) or size in header.stated["count"] or header.cells or how.columns):
+            message = f"line {rows[0][0]} has {len(rows[0][1])} numbers, but no line above names the columns"
+            raise UnreadableRecord(message, **_remedy(head, rows, how, (rows[0][0] - 1, ""), below))
+        return _channels(header, rows, how)
     except UnreadableRecord as error:
-        if how.columns or _is_motion(head, len(split(lines[first][1]))):
+        if how.columns or (header.is_motion and problem is None):
             raise
         # Numbers without a word may be anything.
         raise NoAcceleration(error.args[0], **error.options) from None
-
-
-def _is_motion(head: Sequence[tuple[int, str]], width: int) -> bool:
-    """Return whether the lines above rows of numbers are understood, and state a unit, a step or times."""
-    header = _Header()
-    try:
-        for _, line in head:
-            _understand(header, line, width)
-    except (_Unknown, UnreadableRecord):
-        return False
-    columns = [_column(cell, first=i == 0) for i, cell in enumerate(header.cells)]
-    stated = any(column.unit or column.quantity == "time" for column in columns)
-    return stated or bool(header.stated["unit"] or header.stated["step"])
-
-
-def _of_rows(
-    cursor: Cursor,
-    how: Options,
-    head: Sequence[tuple[int, str]],
-    used: Sequence[int],
-    split: Callable[[str], list[str]],
-) -> list[Channel]:
-    """Return the channels of the rows below the lines `head`."""
-    # One comma in every row separates two columns only if the header or the user names two.
-    start = head[-1][0] if head else how.skip
-    printed = [(i, text.strip()) for i, text in enumerate(cursor.lines, 1) if i > start and text.strip()]
-    names = [x for _, x in head if _cells(x, 2, _Header()) or re.fullmatch(r"[^=:,]+,[^=:,]+", x)]
-    is_single = len(used) < 2 and not names and "," in printed[-1][1]
-    if is_single and all(_DECIMAL.fullmatch(text) for _, text in printed):
-        raise UnreadableRecord(
-            f"line {printed[-1][0]} has {shown(printed[-1][1])}, which may be one number with a decimal "
-            "comma: write the numbers with decimal points"
-        )
-    header, rows = _read_count(_rows(cursor, printed[0][0], split), used)
-    counted = {kind: [*values] for kind, values in header.stated.items()}
-    for i, line in head:
-        try:
-            _understand(header, line, len(rows[0][1]))
-        except _Unknown as error:
-            where = "" if _unknown_word([str(error)]) else f" above rows of {len(rows[0][1])} numbers"
-            message = f"line {i} has {shown(str(error))}, which is not understood{where}"
-            raise UnreadableRecord(message, **_remedy(head, rows, how, i, str(error), counted)) from None
-    # If the stated number of samples is not the number of rows, it must be the number of all cells.
-    size = sum(len(cells) for _, cells in rows)
-    in_rows = size == len(rows) or size in header.stated["count"]
-    if not (in_rows or header.cells or how.columns):
-        message = f"line {rows[0][0]} has {len(rows[0][1])} numbers, but no line above names the columns"
-        raise UnreadableRecord(message, **_remedy(head, rows, how, rows[0][0] - 1, "", counted))
-    return _channels(header, rows, how)
 
 
 def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
@@ -228,8 +213,20 @@ def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
     return len(wanted) >= max(1, len(used)) and all(re.fullmatch(NUMBER, cell) for cell in wanted)
 
 
-def _rows(cursor: Cursor, first: int, split: Callable[[str], list[str]]) -> list[_Row]:
-    """Return the rows from line `first` to the end of the file."""
+def _rows(
+    cursor: Cursor, printed: Sequence[_Line], split: Callable[[str], list[str]], is_table: bool
+) -> list[_Row]:
+    """Return the rows from the first line of `printed` to the end of the file.
+
+    `is_table` states that the header or the user names several columns.
+    """
+    first, (line, text) = printed[0][0], printed[-1]
+    # One comma in every row separates two columns only if there are several.
+    if not is_table and "," in text and all(_DECIMAL.fullmatch(x) for _, x in printed):
+        raise UnreadableRecord(
+            f"line {line} has {shown(text)}, which may be one number with a decimal comma: write the numbers "
+            "with decimal points"
+        )
     no_thousands("\n".join(cursor.lines[first - 1 :]), split)
     lines = [(i, split(line)) for i, line in enumerate(cursor.lines[first - 1 :], first)]
     while not lines[-1][1]:
@@ -246,26 +243,24 @@ def _rows(cursor: Cursor, first: int, split: Callable[[str], list[str]]) -> list
     return [(i, cells or [""]) for i, cells in lines if cells or len(lines[0][1]) == 1]
 
 
-def _read_count(rows: list[_Row], used: Sequence[int]) -> tuple[_Header, list[_Row]]:
-    """Return a header with the statements of a first row of numbers, and the rows of samples."""
+def _read_count(header: _Header, rows: list[_Row], used: Sequence[int]) -> list[_Row]:
+    """Return the rows of samples, and add the statements of a first row of numbers to a header."""
     (line, cells), rest = rows[0], rows[1:]
     if used or len(rest) < 2:
-        return _Header(), rows
+        return rows
     values, total = [number(cell, line) for cell in cells], sum(len(row) for _, row in rest)
     wide = len(cells) != len(rest[0][1]) == len(rest[1][1])
     is_step = len(cells) == 1 or (len(cells) == 2 and STEPS[0] <= values[1] <= STEPS[1])
     if values[0] in (len(rest), total) and is_step:
-        return _Header(stated=defaultdict(list, count=values[:1], step=values[1:])), rest
+        header.stated |= {"count": values[:1], "step": values[1:]}
+        return rest
     # The count and the step may be in two lines, but the second number may also be a sample.
-    if len(cells) == len(rest[0][1]) == 1:
-        pair = sorted([values[0], number(rest[0][1][0], rest[0][0])])
-        if pair[1] in (len(rest) - 1, total - 1) and STEPS[0] <= pair[0] <= _LONGEST_STEP:
-            raise UnreadableRecord(
-                f"lines {line} and {rest[0][0]} may be the number of samples, {pair[1]:g}, and the step, "
-                f"{pair[0]:g} s",
-                skip=rest[0][0],
-                dt=pair[0],
-            )
+    step, count = sorted([values[0], number(rest[0][1][0], rest[0][0])])
+    if len(cells) == 1 and count in (len(rest) - 1, total - 1) and STEPS[0] <= step <= _LONGEST_STEP:
+        wrong = (
+            f"lines {line} and {rest[0][0]} may be the number of samples, {count:g}, and the step, {step:g} s"
+        )
+        raise UnreadableRecord(wrong, skip=rest[0][0], dt=step)
     # A whole number above decimals is not a sample.
     decimals = sum("." in row[0] for _, row in rest)
     odd = len(cells) == 1 and values[0] and "." not in cells[0] and 2 * decimals > len(rest)
@@ -276,7 +271,7 @@ def _read_count(rows: list[_Row], used: Sequence[int]) -> tuple[_Header, list[_R
             # The next line may be a step in another unit, or a sample.
             **({} if values[0] in (len(rest) - 1, total - 1) else {"skip": line}),
         )
-    return _Header(), rows
+    return rows
 
 
 def _understand(header: _Header, line: str, width: int) -> None:
@@ -435,8 +430,12 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
     if not accelerations or len(times) > 1:
         content = ", ".join(column.quantity for column in columns.values())
         raise NoAcceleration(f"the table must have one time and accelerations, but has {content}", content)
-    if header.cells and how.columns is None:
-        _check_twice(header, times, accelerations)
+    last = {(_axis(column.component), column.number): i for i, column in accelerations.items()}
+    if len(last) < len(accelerations) and how.columns is None:
+        names = ", ".join(shown(header.cells[i]) for i in accelerations)
+        chosen = {header.cells[i]: i + 1 for i in (*times, *last.values())}
+        wrong = f"some of the columns {names} may be one channel: `columns` must choose"
+        raise UnreadableRecord(wrong, columns=chosen)
     lone = [cell for cell in header.cells if re.fullmatch(r"(?i)[vxyz]", cell)]
     if lone and how.columns is None and not all(column.component for column in accelerations.values()):
         raise UnreadableRecord(f"{shown(lone[0])} next to an acceleration may be a velocity: give `columns`")
@@ -452,15 +451,6 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
         factor = FACTORS[choose_unit(next(iter(units), None), how.unit)]
         channels.append(Channel(numbers(read) * factor, step, name, name, notes=notes))
     return channels
-
-
-def _check_twice(header: _Header, times: Sequence[int], accelerations: Mapping[int, _Column]) -> None:
-    """Raise `UnreadableRecord` if two columns may be one channel, for example raw and corrected."""
-    last = {(_axis(column.component), column.number): i for i, column in accelerations.items()}
-    if len(last) < len(accelerations):
-        names = ", ".join(shown(header.cells[i]) for i in accelerations)
-        columns = {header.cells[i]: i + 1 for i in (*times, *last.values())}
-        raise UnreadableRecord(f"some of the columns {names} may be one channel: choose", columns=columns)
 
 
 def _axis(component: str) -> str:
@@ -495,19 +485,14 @@ def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Co
 
 
 def _remedy(
-    head: Sequence[tuple[int, str]],
-    rows: Sequence[_Row],
-    how: Options,
-    line: int,
-    piece: str,
-    counted: dict[str, list[Any]],
+    head: Sequence[_Line], rows: Sequence[_Row], how: Options, problem: _Line, below: _Header
 ) -> dict[str, Any]:
-    """Return the options that may read a table in which a part of a line is not understood.
+    """Return the options that may read a table in which a part of a line, `problem`, is not understood.
 
-    The statements of a first row of numbers are `counted`.
+    The header `below` has the statements of a first row of numbers.
     """
-    width, below, above = len(rows[0][1]), _Header(), dict(head).get(line, "")
-    below.stated |= counted
+    line, piece = problem
+    width, above = len(rows[0][1]), dict(head).get(line, "")
     ways = ((text, cells) for _, text in head[::-1] for cells in _split_names(text) if len(cells) == width)
     named, names = next(ways, ("", [""] * width))
     # A line above the names may state that all columns are vertical.

@@ -63,64 +63,72 @@ def read_motions(
             f"`event` must have one name, or one for each of the {len(names)} of `records`, but has "
             f"{len(events)}"
         )
-    read: list[tuple[Any, str]] = []
-    compared: list[Record] = []
-    omitted: list[str] = []
-    messages: list[str] = []
-    stated: list[str] = []
+    # Records with the earthquake of each, and with the folder that is assumed to be one earthquake.
+    read: list[tuple[Record, str, str]] = []
+    omitted, messages, stated = list[str](), list[str](), list[str]()
     for i, name in enumerate(names):
         if not name.strip():
             raise ValueError("the name of a record must not be empty, but is")
         if name in SETS:
             try:
-                compared += (whole := fema_p695(SETS[name]))
-                read += [(record, "") for record in whole]
+                read += [(record, record.event, "") for record in fema_p695(SETS[name])]
             except ImportError as error:
                 raise ValueError(str(error)) from None
-        elif name in BUILT_IN:
-            compared.append(BUILT_IN[name]())
-            read.append((compared[-1], ""))
-        else:
-            path = path_of(name)
-            files, others = _files_of(path)
-            omitted += others
-            # Without stated earthquakes a folder is one earthquake, and its name is the name of the
-            # earthquake.
-            event = readable(path.resolve().name) if path.is_dir() else ""
-            event = event if events is None else events[i if len(events) > 1 else 0]
-            for file in files:
+            continue
+        if name in BUILT_IN:
+            record = BUILT_IN[name]()
+            read.append((record, record.event, ""))
+            continue
+        path = path_of(name)
+        files, others = _files_of(path)
+        omitted += others
+        # Without stated earthquakes a folder is one earthquake, and its name is the name of the earthquake.
+        event = readable(path.resolve().name) if path.is_dir() else ""
+        event = event if events is None else events[i if len(events) > 1 else 0]
+        for file in files:
+            records, options = None, dict(how)
+            while records is None:
                 try:
-                    records = _read(file, channel, how, stated if path.is_dir() else None)
+                    one = channel is not None
+                    records = (
+                        [Record.read(file, channel=channel, **options)]
+                        if one
+                        else Record.read_all(file, **options)
+                    )
+                # A file that the user names must be a motion and agree with all options. In a folder a file
+                # without a motion is left out, and an option does not apply to a file that states its own.
+                except StatedByFile as error:
+                    if not path.is_dir() or options.pop(error.option, None) is None:
+                        raise
+                    stated.append(error.option)
                 except NoAcceleration as error:
-                    # A file that the user names must be a motion. In a folder files without a motion are left
-                    # out.
                     if not path.is_dir():
                         raise
                     omitted.append(f"{file.name} ({error.content})")
+                    records = []
+            for record in records:
+                vertical = VERTICAL in record.notes
+                if vertical and channel is None:
+                    omitted.append(f"{record.source} ({VERTICAL})")
                     continue
-                for record in records:
-                    vertical = VERTICAL in record.notes
-                    if vertical and channel is None:
-                        omitted.append(f"{record.source} ({VERTICAL})")
-                        continue
-                    if vertical:
-                        messages.append(
-                            f"note: {record.source} is a {VERTICAL}, but is used as a horizontal motion here"
-                        )
-                    # The channels of one file belong to one earthquake.
-                    named = record.event or event or (str(file) if len(records) > 1 else "")
-                    assumed = path.is_dir() and events is None and not record.event
-                    read.append((replace(record, event=named), name if assumed else ""))
-                    # An assumed earthquake does not distinguish two files of one channel.
-                    compared.append(record if events is None else read[-1][0])
+                if vertical:
+                    messages.append(
+                        f"note: {record.source} is a {VERTICAL}, but is used as a horizontal motion here"
+                    )
+                # The channels of one file belong to one earthquake.
+                named = record.event or event or (str(file) if len(records) > 1 else "")
+                assumed = path.is_dir() and events is None and not record.event
+                # An assumed earthquake does not distinguish two files of one channel.
+                record = record if events is None else replace(record, event=named)
+                read.append((record, named, name if assumed else ""))
     for option, count in sorted(Counter(stated).items()):
         messages.append(f"note: `{option}` does not apply to {count} of the files in folders: they state it")
     # Agencies deliver one channel in several files. Only the best of them counts.
-    reasons = _repeated(compared)
-    omitted += [f"{record.source} ({why})" for (record, _), why in zip(read, reasons, strict=True) if why]
+    reasons = _repeated([record for record, _, _ in read])
+    omitted += [f"{record.source} ({why})" for (record, _, _), why in zip(read, reasons, strict=True) if why]
     unique = [one for one, why in zip(read, reasons, strict=True) if not why]
     # The user may not know that a folder counts as one earthquake.
-    for name, count in Counter(folder for _, folder in unique if folder).items():
+    for name, count in Counter(folder for _, _, folder in unique if folder).items():
         if count > 1:
             messages.append(
                 f"note: {count} records of the folder {name} state no earthquake and count as one; "
@@ -132,32 +140,13 @@ def read_motions(
         hint = "; `channel` selects a vertical one" if any(VERTICAL in why for why in omitted) else ""
         others = f" ({messages[0]})" if omitted else ""
         raise ValueError(f"there is no horizontal record in {', '.join(names)}{others}{hint}")
-    motions = [record for record, _ in unique]
+    motions = [replace(record, event=named) for record, named, _ in unique]
     sizes = [(m.source or m.name, facts(m)["pga_g"]) for m in motions]
-    low, high = _USUAL
-    if odd := [f"{name} ({number(size)} g)" for name, size in sizes if not low <= size <= high]:
-        usual = f"usual are {low:g} to {high:g} g"
-        messages.append(
-            f"warning: the PGA is implausible ({usual}), check the unit and the samples: {'; '.join(odd)}"
-        )
+    if odd := [f"{name} ({number(x)} g)" for name, x in sizes if not _USUAL[0] <= x <= _USUAL[1]]:
+        usual = f"usual are {_USUAL[0]:g} to {_USUAL[1]:g} g"
+        wrong = f"the PGA is implausible ({usual}), check the unit and the samples: {'; '.join(odd)}"
+        messages.append(f"warning: {wrong}")
     return motions, messages + _unknown(motions) + same_earthquakes(motions)
-
-
-def _read(file: Path, channel: int | None, how: dict[str, Any], stated: list[str] | None) -> list[Record]:
-    """Return the records of a file.
-
-    An option that contradicts a file of a folder does not apply to it, and its name is added to `stated`. If
-    the user names the file, `stated` is None.
-    """
-    try:
-        return (
-            Record.read_all(file, **how) if channel is None else [Record.read(file, channel=channel, **how)]
-        )
-    except StatedByFile as error:
-        if stated is None or how.get(error.option) is None:
-            raise
-        stated.append(error.option)
-        return _read(file, channel, how | {error.option: None}, stated)
 
 
 def _repeated(records: Sequence[Record]) -> list[str]:
@@ -179,9 +168,11 @@ def _repeated(records: Sequence[Record]) -> list[str]:
         better = (why for other, its in pairs if (why := _better(record, other, place, its)))
         reasons.append(f"the same as {first.source}" if first is not record else next(better, ""))
     for i, j in combinations(range(len(records)), 2):
-        if reasons[i] or reasons[j] or _differ(records[i], records[j], places[i], places[j]):
-            continue
-        if not (likeness := _likeness(records[i], records[j])):
+        if (
+            reasons[i]
+            or reasons[j]
+            or not (likeness := _likeness(records[i], records[j], places[i], places[j]))
+        ):
             continue
         if likeness < 1.0:
             raise ValueError(
@@ -194,17 +185,14 @@ def _repeated(records: Sequence[Record]) -> list[str]:
     return reasons
 
 
-def _differ(first: Record, second: Record, *places: tuple[str, ...]) -> bool:
-    """Return whether the files of two records state different stations, components or earthquakes."""
-    pairs = zip(places[0][:2], places[1][:2], strict=True)
-    named = any(x and y and x != y and "column" not in x + y for x, y in pairs)
-    return named or bool(first.event and second.event and not is_one(first.event, second.event))
-
-
-def _likeness(first: Record, second: Record) -> float:
+def _likeness(first: Record, second: Record, *places: tuple[str, ...]) -> float:
     """Return 1 for two copies of one motion, 0.5 for two processings of one channel, and 0 for two
     motions."""
-    if abs(first.dt - second.dt) > 1e-6 * first.dt:
+    # Files that state different stations, components or earthquakes contain two motions.
+    words = zip(places[0][:2], places[1][:2], strict=True)
+    named = any(x and y and x != y and "column" not in x + y for x, y in words)
+    named |= bool(first.event and second.event and not is_one(first.event, second.event))
+    if named or abs(first.dt - second.dt) > 1e-6 * first.dt:
         return 0.0
     n = min(len(first.acceleration), len(second.acceleration))
     a, b = (x.acceleration[:n] for x in (first, second))
