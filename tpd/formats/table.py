@@ -368,6 +368,8 @@ def _column(cell: str, *, first: bool) -> _Column:
     for i, word in enumerate(pieces):
         low, unit, bracketed = word.strip(" .").lower(), plain(word), i >= len(words)
         named = next((quantity for quantity, form in _NAMES.items() if re.fullmatch(form, low)), "")
+        # A lone V in brackets may be volts.
+        is_name = is_component(word.strip(" .")) and not (bracketed and low == "v")
         if low in TIMES and (bracketed or first or "time" in quantities):
             units.append(low)
         elif unit in FACTORS or (unit in _QUANTITIES and unit not in TIMES and (bracketed or "/" in unit)):
@@ -377,10 +379,7 @@ def _column(cell: str, *, first: bool) -> _Column:
         elif named and not bracketed and (not is_component(word) or word == "t" or (first and word in "Tn")):
             quantities.add(named)
             digits += re.sub(r"\D", "", word)
-        elif bracketed and low == "v":
-            # A lone V in brackets may be volts.
-            raise _Unknown("(V)")
-        elif is_component(word.strip(" .")) or (len(words) == 1 and re.fullmatch(r"(?!100)[0-3]\d\d", word)):
+        elif is_name or (len(words) == 1 and re.fullmatch(r"(?!100)[0-3]\d\d", word)):
             names.append(word.strip())
         elif low != "in" or plain("".join(pieces[i + 1 : i + 2])) not in FACTORS:
             raise _Unknown(f"({word})" if bracketed else next(w for w in cell.split() if word in w))
