@@ -1,11 +1,15 @@
 """`tpd record`: description of ground motion records before they are used."""
 
+import contextlib
+import io
+
 import numpy as np
 import pytest
 
 from tests.cli.conftest import call
 from tests.formats.reader import DATA
 from tpd import Record
+from tpd.cli import main
 from tpd.records import el_centro
 from tpd.records.intensity import spectral_acceleration
 
@@ -49,8 +53,8 @@ def test_a_record_is_described_in_a_few_lines_without_a_picture(table, monkeypat
 def test_an_implausible_size_is_a_warning(table, unit, shown):
     done = call("record", table(unit))
     assert done.status == 0
-    assert done.out.splitlines()[-1] == (
-        "warning: the PGA is implausible (usual are 0.001 to 2 g), check the unit (--unit): "
+    assert done.out.splitlines()[1] == (
+        "warning: the PGA is implausible (usual are 0.001 to 2 g), check the unit and the samples: "
         f"quake.csv ({shown})"
     )
 
@@ -88,3 +92,36 @@ def test_invalid_input_gets_one_sentence(words, message, tmp_path):
     assert (done.status, done.out, done.files) == (2, "", {})
     assert message in done.err
     assert len(done.err.splitlines()) == 1
+
+
+@pytest.mark.mends("a record named with $ had no picture, and no reason was given")
+def test_a_name_with_dollars_has_a_picture(table, tmp_path):
+    path = tmp_path / "$1_$2.csv"
+    table("m/s2", name=path.name)
+    # Without a component the name of the file is the title.
+    path.write_text(path.read_text().replace(",N (", ",acc ("))
+    done = call("record", str(path), out=tmp_path / "out")
+    assert (done.status, done.err) == (0, "")
+    assert done.files.keys() == {"records.csv", "record_1.png"}
+
+
+@pytest.mark.mends("the peaks that are printed were those of the samples")
+def test_peaks_between_the_samples_are_printed(tmp_path):
+    (tmp_path / "a.csv").write_text("time (s),acc (m/s2)\n0.00,0\n0.02,1.2\n0.04,-0.8\n0.06,0\n")
+    assert "peak velocity (PGV)      0.0192 m/s" in call("record", str(tmp_path / "a.csv")).out
+
+
+@pytest.mark.mends("an empty name stood for all files of the current folder")
+def test_an_empty_name_is_an_error(table, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    table("m/s2")
+    with contextlib.redirect_stderr(io.StringIO()) as stderr:
+        assert main(["record", ""]) == 2
+    assert "the name of a record must not be empty" in stderr.getvalue()
+
+
+@pytest.mark.mends("only `tpd record` warned of an implausible peak")
+def test_other_commands_warn_of_an_implausible_peak(table, tmp_path):
+    block = "--width 0.5 --height 2.5 --mass 1000 --restitution 0.9"
+    done = call("shake", block, "--record", table("g"), "--free", "1", out=tmp_path / "out")
+    assert "warning: the PGA is implausible (usual are 0.001 to 2 g)" in done.out

@@ -59,6 +59,14 @@ def test_directions_by_words_and_by_names_of_files():
         assert [name for name in names.split("|") if of_file(name) is not vertical] == []
 
 
+@pytest.mark.mends("a name such as scaled_up made a record vertical, and left it out")
+def test_a_word_in_a_name_decides_only_where_components_stand():
+    ordinary = "scaled_up.csv|made-up.txt|start up.csv|a_ver2.csv|cut_down.csv|GROUP.AT2|RIVER.AT2|CLOUD.AT2"
+    upward = "up.csv|STN.UP.csv|X01_up.csv|x.UP|RSN1_HECVER.AT2|TCU045-V.AT2|a_vertical.csv|A_UD.csv|b_z.txt"
+    assert [name for name in ordinary.split("|") if of_file(name) is not None] == []
+    assert [name for name in upward.split("|") if of_file(name) is not True] == []
+
+
 def test_baselines_are_removed_on_request():
     path = DATA / "ridgecrest_2019_cut.RAW"
     given, mean, line = (Record.read(path, channel=1, baseline=b) for b in ("none", "mean", "linear"))

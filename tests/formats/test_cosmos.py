@@ -28,3 +28,18 @@ def test_a_block_of_velocities_is_checked_and_left_out(tmp_path):
     path.write_text(other)
     with pytest.raises(UnreadableRecord, match="an acceleration, but has only velocity"):
         Record.read_all(path)
+
+
+@pytest.mark.mends("the code of the unit, and words beside the title and the format, were passed over")
+def test_the_whole_line_of_the_unit_counts(tmp_path):
+    text, path = FORM["cosmos"].write(400.0 * shaking(100), 0.01), tmp_path / "a.V2c"
+    for old, new in (
+        ("cm/sec2(04)", "cm/sec2(02)"),
+        ("cm/sec2(04)", "cm/sec2(05)"),
+        ("Format=(8F10.5)", "Format=(8F10.5) x 10"),
+        ("Corrected acceleration ", "Corrected acceleration x 10 "),
+        ("Corrected acceleration ", "Corrected velocity "),
+    ):
+        path.write_text(text.replace(old, new))
+        with pytest.raises(UnreadableRecord):
+            Record.read_all(path)

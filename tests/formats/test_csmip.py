@@ -3,8 +3,9 @@
 import pytest
 
 from tests.formats.reader import DATA, check
-from tests.formats.synthetic import G
+from tests.formats.synthetic import G, csmip_v1, csmip_v2, shaking
 from tpd import Record
+from tpd.formats.text import UnreadableRecord
 
 
 def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path):
@@ -41,3 +42,18 @@ def test_words_of_a_real_file():
     assert any(
         note.startswith("baseline removed: the mean, 0.0443 m/s^2, 1.0% of the peak") for note in raw.notes
     )
+
+
+@pytest.mark.mends("words beside the unit and the format of the samples were passed over")
+def test_the_whole_line_of_the_unit_counts(tmp_path):
+    path = tmp_path / "a.V2"
+    for text, old, new in (
+        (csmip_v2(300.0 * shaking(100), 0.01), "(UNITS: CM/SEC/SEC)", "(UNITS: CM/SEC/SEC) X 10"),
+        (csmip_v2(300.0 * shaking(100), 0.01), "(UNITS: CM/SEC/SEC)", ", IN CM/SEC2 (X 10)"),
+        (csmip_v1(0.3 * shaking(100), 0.01), "Format: (8f9.6)", "Format: (8f9.6) x 10"),
+    ):
+        path.write_text(text)
+        assert len(Record.read_all(path)) == 2
+        path.write_text(text.replace(old, new))
+        with pytest.raises(UnreadableRecord, match=r"line .* must state"):
+            Record.read_all(path)

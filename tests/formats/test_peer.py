@@ -67,3 +67,59 @@ def test_negative_numbers_may_touch_the_one_before(tmp_path):
         assert re.search(r"\d-", digits.replace("E-", ""))
         text = f"PEER\nX, A, 000\nACCELERATION TIME SERIES IN UNITS OF G\nNPTS= 6, DT= .01 SEC\n{digits}\n"
         np.testing.assert_allclose(read(tmp_path, text).acceleration, G * np.array(values), rtol=1e-4)
+
+
+@pytest.mark.mends("a step in ms was read as one in s, a thousand times too slow")
+def test_a_unit_behind_the_step_counts(tmp_path):
+    text = AT2.format("ACCELERATION", "") + SAMPLES + "\n"
+    for step, dt in (("0.5 MSEC", 5e-4), ("10ms", 0.01), ("10 milliseconds,", 0.01), ("1D-2 S", 0.01)):
+        assert read(tmp_path, text.replace(".01 SEC", step)).dt == pytest.approx(dt, rel=1e-12)
+    assert read(tmp_path, text.replace(".01 SEC", "10 MSEC, DURATION= 20 MSEC")).dt == 0.01
+    for step in ("0.01 MIN", "100 HZ", "10 MSEC, DURATION= 20 SEC", ".01 SEC, DURATION= 1 MIN"):
+        with pytest.raises(UnreadableRecord, match=r"line 4 must state NPTS and DT|the length in s twice"):
+            read(tmp_path, text.replace(".01 SEC", step))
+
+
+WORDS = {
+    "UNITS OF G": (
+        *("UNITS OF G (x 10)", "UNITS OF G * 10", "UNITS OF G, SCALED", "UNITS OF 0.1 G", "UNITS OF G/10"),
+        *("UNITS OF VOLTS", "UNITS OF G (COUNTS)"),
+    ),
+    "ACCELERATION TIME": ("SCALED ACCELERATION TIME", "PSEUDO ACCELERATION TIME", "STRAIN TIME"),
+    "PLACE": ("PLACE (x 10)", "scaled by 2", "PLACE, scale factor 2.0", "volts", "velocity"),
+    ".01 SEC": (".01 SEC (raw)", ".01 SEC, GAIN= 2"),
+}
+
+
+@pytest.mark.mends("a factor, or another word that is not understood, was passed over in silence")
+@pytest.mark.parametrize("place", WORDS)
+def test_a_word_in_the_header_that_is_not_understood_refuses_the_file(tmp_path, place):
+    text = AT2.format("ACCELERATION", "") + SAMPLES + "\n"
+    for words in WORDS[place]:
+        with pytest.raises(UnreadableRecord, match=r"not understood|must state") as caught:
+            read(tmp_path, text.replace(place, words), unit=None if "VOLT" in words else "g")
+        # The message quotes the word.
+        quoted = re.search("'(.*)'", str(caught.value))[1]
+        assert quoted in words or words in quoted
+    sound = "UNITS OF G. FILTER POINTS: HP=0.1 Hz LP=30.0 Hz"
+    assert read(tmp_path, text.replace("UNITS OF G", sound).replace("PLACE", "Millikan Library")).dt == 0.01
+
+
+@pytest.mark.mends("a table with NPTS and DT, but without a title of PEER, could not be read with options")
+def test_a_step_and_a_count_without_a_title_are_those_of_a_table(tmp_path):
+    count = "NPTS= 4, DT= .01 SEC\n .1 -.2 .3 .4\n"
+    assert read(tmp_path, count, unit="g").dt == 0.01
+    assert read(tmp_path, f"Nowhere quake\n{count}", unit="g", skip=1).acceleration.shape == (4,)
+    with pytest.raises(UnreadableRecord, match=r"'Nowhere', .*try these options: skip=1, unit='UNIT'$"):
+        read(tmp_path, f"Nowhere quake\n{count}")
+    # A title above a table with times does not make it a file of PEER either.
+    table = "Acceleration time history\ntime (s),acc (g)\n0.00,.1\n0.01,.2\n0.02,.3\n"
+    assert read(tmp_path, table, skip=1).dt == 0.01
+
+
+@pytest.mark.mends("a number without the letter of its exponent was split, and the count called wrong")
+def test_an_exponent_of_three_digits_has_no_letter(tmp_path):
+    text = AT2.format("ACCELERATION", "")
+    assert read(tmp_path, text + " .1234500-100-.2000000E-01\n .3000000E-01\n").acceleration[0] < 1e-90
+    with pytest.raises(UnreadableRecord, match=r"line 5 has '.1234500-10', which may be one number without"):
+        read(tmp_path, text + " .1234500-10 -.2000000E-01\n .3000000E-01\n")

@@ -223,3 +223,29 @@ def test_a_message_names_the_channel_that_it_is_about(tmp_path):
     ):
         with pytest.raises(UnreadableRecord, match=said):
             reads(file)
+
+
+@pytest.mark.mends(
+    "what the header of a waveform calls a velocity was an acceleration in the unit of the user"
+)
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ({"sac": {"idep": 6}}, "its header states displacement"),
+        ({"sac": {"idep": 7}}, "its header states velocity"),
+        ({"sac": {"idep": 50}}, "its header states volts"),
+        ({"sac": {"idep": 8, "iftype": 3}}, "its header states spectrum"),
+        ({"segy": {"trace_header": types.SimpleNamespace(trace_value_measurement_unit=6)}}, "velocity"),
+        ({"calib": 1e9}, "the factor 1e\\+09, which may be missing in the samples"),
+    ],
+)
+def test_the_header_of_a_waveform_decides(monkeypatch, header, message):
+    trace = Trace(np.array([0.0, 0.5]))
+    vars(trace.stats).update(header)
+    with pytest.raises(UnreadableRecord, match=message):
+        read_as(monkeypatch, trace)
+    # An acceleration, or no statement, is read.
+    for sound in ({"sac": {"idep": 8, "iftype": 1}}, {"sac": {"idep": 5}}, {"calib": 1.0}):
+        trace = Trace(np.array([0.0, 0.5]))
+        vars(trace.stats).update(sound)
+        assert read_as(monkeypatch, trace)[0].peak == 0.5

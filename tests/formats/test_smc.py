@@ -1,7 +1,19 @@
 """Files of SMC of the USGS."""
 
-from tests.formats.reader import check
+import pytest
+
+from tests.formats.reader import check, read
+from tests.formats.synthetic import shaking, smc
+from tpd.formats.text import UnreadableRecord
 
 
 def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path):
     check(tmp_path, "smc", "loma_prieta_1989_0111a.smc.gz")
+
+
+@pytest.mark.mends("words after the title were passed over in silence")
+def test_a_title_has_no_other_words(tmp_path):
+    text = smc(300.0 * shaking(100), 0.01)
+    for words in ("IN G", "(x 10)", "VELOCITY"):
+        with pytest.raises(UnreadableRecord, match=r"line 1 must be an accelerogram, .* but is '2 CORRECTED"):
+            read(tmp_path, text.replace("2 CORRECTED ACCELEROGRAM", f"2 CORRECTED ACCELEROGRAM {words}"))

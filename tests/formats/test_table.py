@@ -46,12 +46,12 @@ def test_a_column_needs_its_step_and_its_unit(tmp_path):
 
 REFUSED = r"""
 unequal steps | t,a (g)\n0,0\n0.02,1\n0.07,1\n0.09,0\n | steps, but the step after line 3 is 0.05 s
-time backwards | t,a (g)\n0,0\n-0.02,1\n | equal steps
+time backwards | t,a (g)\n0,0\n-0.02,1\n | line 3 has an earlier time than line 2, but the times must grow
 coarse times | t,a (g)\n0.000,0\n0.003,1\n0.007,1\n0.010,1\n | too few digits to show equal steps
 minutes | t (min),a (g)\n0,0\n20,1\n | line 1 has '.min.', which is not understood
 step in minutes | a (g), dt = 5 min\n0\n1\n | line 1 has .*dt.*not understood
 two units | t,a (g),(m/s2)\n0,0\n0.02,1\n | several units
-three columns | t,a (g),acc (g)\n0,0,1\n0.02,1,1\n | channels 0: column 2 .*choose one by `channel`
+three columns | t,a (g),acc (g)\n0,0,1\n0.02,1,1\n | must choose; .* columns={'t': 1, 'acc .g.': 3}
 the first row damaged | t,a (g)\nNaN,0\n0.02,1\n0.04,1\n | line 2 has 'NaN', which is not understood
 the first sample damaged | # a [g], dt=0.01\nabc\n0.1\n0.2\n | line 2 has 'abc', which is not understood
 a row too short | t,a (g)\n0,0\n0.02\n0.04,1\n | line 3 must have 2 numbers, but has '0.02'
@@ -541,3 +541,88 @@ def test_a_title_of_a_filter_or_of_matching_is_no_spectrum(tmp_path):
     for title in ("Corner frequency", "Spectrum compatible", "Response spectrum compatible motion"):
         with pytest.raises(UnreadableRecord, match=r"line 1 has .*: skip=1$"):
             found(tmp_path, in_table(title, "t (s),a (g)"))
+
+
+@pytest.mark.mends("equal times and times that decrease were called unequal steps or times of few digits")
+def test_equal_times_are_named_as_equal_times(tmp_path):
+    rows = [f"{0.01 * i:.2f},{x:.5f}\n" for i, x in enumerate(0.1 * shaking(200))]
+    twice = "time (s),acc (m/s2)\n" + "".join(row * 2 for row in rows)
+    with pytest.raises(UnreadableRecord, match="line 3 has the same time as line 2, but the times must grow"):
+        read(tmp_path, twice)
+    one = "time (s),acc (m/s2)\n" + "".join([*rows[:50], rows[49], *rows[50:]])
+    with pytest.raises(UnreadableRecord, match="line 52 has the same time as line 51"):
+        read(tmp_path, one)
+    with pytest.raises(UnreadableRecord, match="line 3 has an earlier time than line 2"):
+        read(tmp_path, "time (s),acc (m/s2)\n" + "".join(reversed(rows)))
+
+
+FIRST_LINES = (
+    "0.01",
+    "200",
+    "200\n0.01",
+    "0.01\n200",
+    "200 0.01",
+    "0.01 200",
+    "200\n5",
+    "200 0.01 1",
+    "1e-2",
+)
+
+
+@pytest.mark.mends("a step above a column was read as its first sample, and the advice read it as well")
+@pytest.mark.parametrize("lines", FIRST_LINES)
+@pytest.mark.parametrize("head", ["", "# acc (g)\n", "Some quake\n"])
+def test_a_step_above_a_column_is_no_sample(tmp_path, lines, head):
+    how, text = {"dt": 0.01, "unit": "g"}, head + in_a_column(lines, *(f"{x:.4f}" for x in shaking(100)))
+    for _ in range(3):
+        try:
+            record = read(tmp_path, text, **how)
+        except UnreadableRecord as error:
+            # The advised options read the file.
+            how |= {key: value for key, value in error.options.items() if value not in ("UNIT", "STEP")}
+            if not error.options:
+                return
+        else:
+            assert record.acceleration.shape == (200,)
+            assert record.dt == 0.01
+            return
+    raise AssertionError(how)
+
+
+@pytest.mark.mends("decimal commas in a file of one column were read as two columns without names")
+@pytest.mark.parametrize("head", ["", "# acc (g)\n", "200\n", "0\n", "dt = 0,01 s\n"])
+def test_decimal_commas_in_one_column_are_named(tmp_path, head):
+    text = head + "".join(f"{x:.5f}\n" for x in 0.1 * shaking(200)).replace(".", ",")
+    for columns in (None, "rows", {"a (g)": 1}):
+        with pytest.raises(UnreadableRecord, match=r"has '[-\d,]+', which may be one number with a decimal"):
+            read(tmp_path, text, dt=0.01, unit="g", columns=columns)
+    assert read(tmp_path, "t (s),a (g)\n0,1\n1,2\n2,0\n3,1\n").dt == 1.0
+
+
+@pytest.mark.mends("the raw and the corrected column of one channel were two motions")
+@pytest.mark.parametrize(
+    "names",
+    [
+        *("acc V1 (g),acc V2 (g)", "acc raw (g),acc filtered (g)", "a (g),acc (cm/s2)", "N (g),N-S (m/s2)"),
+        *("acc N raw (g),acc N corrected (g)", "HNN (g),N (g)"),
+    ],
+)
+def test_a_channel_that_is_given_twice_is_a_choice(tmp_path, names):
+    text = in_table(f"time (s),{names}", columns=2)
+    with pytest.raises(UnreadableRecord, match="may be one channel: `columns` must choose") as caught:
+        found(tmp_path, text)
+    assert len(found(tmp_path, text, **caught.value.options)) == 1
+    for two in ("N (g),E (g)", "acc1 (g),acc2 (g)", "HNN (g),HNE (g)", "ch1 (g),ch2 (g)", "NS1 (g),NS2 (g)"):
+        assert len(found(tmp_path, in_table(f"time (s),{two}", columns=2))) == 2
+
+
+@pytest.mark.mends("volts were a vertical acceleration in any unit of the user")
+def test_volts_counts_and_velocities_are_no_accelerations(tmp_path):
+    for header in ("t (s),acc (V)", "t (s),a [V]", "t (s),acc (counts)", "Record: raw counts\nt (s),a"):
+        with pytest.raises(UnreadableRecord, match=r"not understood.*scale='FACTOR'"):
+            found(tmp_path, in_table(*header.splitlines()), unit="g")
+    # No option makes an acceleration of a velocity.
+    for header in ("t (s),vel (g)", "t (s),velocity x2", "t (s),displacement (g)"):
+        with pytest.raises(UnreadableRecord, match=r"not understood|but has time, velocity") as caught:
+            found(tmp_path, in_table(header), unit="g")
+        assert caught.value.options == {}

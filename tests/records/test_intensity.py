@@ -152,12 +152,32 @@ def test_measures_that_do_not_exist():
 def test_velocity_and_displacement_are_those_of_the_exact_integral_and_the_energy_is_timed():
     # Two triangles of an area of 0.1 m/s each, one up and one down.
     record = Record([0.0, 1.0, 0.0, -1.0, 0.0], 0.1, scale=2.0)
-    a, v, d = base_motion(record)
-    assert a.tolist() == [0.0, 2.0, 0.0, -2.0, 0.0]
-    assert v == pytest.approx([0.0, 0.1, 0.2, 0.1, 0.0])
+    times, *motion = base_motion(record)
+    a, v, d = (np.interp(0.1 * np.arange(5), times, x) for x in motion)
+    assert a == pytest.approx([0.0, 2.0, 0.0, -2.0, 0.0], abs=1e-12)
+    assert v == pytest.approx([0.0, 0.1, 0.2, 0.1, 0.0], abs=1e-12)
     # The base moves 0.2 m/s times 0.2 s.
     assert d == pytest.approx([0.0, 1 / 300, 0.02, 11 / 300, 0.04], rel=1e-12)
     # Half of the energy in each triangle, so that times are symmetric about the middle.
     constant = Record(np.ones(101), 0.1)
     assert significant_times(constant) == pytest.approx((0.5, 9.5), rel=1e-12)
     assert sum(significant_times(record)) == pytest.approx(0.4, rel=1e-12)
+
+
+@pytest.mark.mends("a velocity or a displacement between two samples did not count everywhere")
+def test_peaks_between_the_samples_are_the_same_everywhere():
+    rng = np.random.default_rng(3)
+    waves = [rng.standard_normal(n) for n in (2, 3, 7, 40)] + [np.zeros(4), np.array([0.0, 1.2, -0.8, 0.0])]
+    for wave in waves:
+        record = Record(wave, 0.02, scale=-1.5)
+        times, a, v, d = base_motion(record)
+        assert np.max(np.abs(v)) == pytest.approx(record.pgv, rel=1e-12)
+        assert peak_velocity(record) == record.pgv
+        assert np.max(np.abs(a)) == pytest.approx(record.pga, rel=1e-12)
+        # A fine grid has no larger displacement.
+        fine = np.linspace(0.0, times[-1], 4001)
+        velocity = np.concatenate([[0.0], np.cumsum(np.diff(fine) * record.acceleration_at(fine[:-1]))])
+        displacement = np.concatenate([[0.0], np.cumsum(np.diff(fine) * velocity[:-1])])
+        assert np.max(np.abs(d)) == pytest.approx(np.max(np.abs(displacement)), rel=5e-3, abs=1e-12)
+    pulse = Pulse.ricker(acceleration=3.0, frequency=1.5)
+    assert peak_velocity(pulse) == np.max(np.abs(base_motion(pulse)[2]))

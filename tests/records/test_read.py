@@ -50,8 +50,10 @@ def test_built_in_records_and_sets_go_by_name(monkeypatch):
 def test_of_a_folder_all_that_is_horizontal_is_read(tmp_path):
     folder = put(tmp_path / "quakes", ns=NS, up=NS.replace("HNE", "HNZ"))
     (tmp_path / "quakes" / "inner").mkdir()
-    for other in ("RSN1.VT2", "readme.pdf", "_SearchResults.csv"):
+    for other in ("readme.pdf", "_SearchResults.csv"):
         (tmp_path / "quakes" / other).write_text("x")
+    velocity = peer(0.3 * shaking(100), 0.01).replace("ACCELERATION TIME", "VELOCITY TIME")
+    (tmp_path / "quakes" / "RSN1.VT2").write_text(velocity)
     found, said = read_motions([folder])
     assert len(found) == 1
     left = said[0].removeprefix("left out: ").split("; ")
@@ -313,3 +315,98 @@ def test_records_made_in_python_are_compared_as_well():
     one = "2023-02-07 Nowhere = Elsewhere, 2/6/2023 = Nowhere 2023-02-06"
     assert said == f"note: these count as one earthquake by their dates, names or samples: {one}"
     assert same_earthquakes(found[1:4]) == []
+
+
+BESIDE = {
+    "LICENSE": "Permission is hereby granted to nobody.\n",
+    "plot.py": "import numpy as np\nx = 1\n1\n2\n",
+    "results.csv": "case,tilt\nA,0.1\nB,0.2\n",
+    "share.csv": "scale,share\n0.1,0.2\n0.2,0.3\n",
+    "bare.csv": "0.1,0.2\n0.2,0.3\n0.2,0.4\n",
+    "xy.csv": "x,y\n1,2\n3,4",
+    "ids.txt": "1\n2\n3\n",
+    "mesh.dat": "5\n1 2\n3 4\n5 6\n",
+    "pairs.txt": "0,1\n1,2\n2,3\n",
+    "empty.txt": "",
+    "noise.bin": "\x00\x01\x02abc",
+    "job.toml": "[block]\nwidth = 1\n",
+}
+"""Files that people have beside their records."""
+
+
+@pytest.mark.mends("a folder stopped at a LICENSE, a program or a table of results")
+def test_a_folder_lists_what_it_does_not_use_and_never_stops_at_it(tmp_path):
+    folder = tmp_path / "quake"
+    folder.mkdir()
+    for name, text in BESIDE.items():
+        (folder / name).write_text(text)
+    for name in ("a.csv", "threadmeasured.csv"):
+        (folder / name).write_text(nameless(len(name)))
+    (folder / "broken.csv").symlink_to(tmp_path / "nothing")
+    found, said = read_motions([str(folder)])
+    assert [m.source for m in found] == ["a.csv", "threadmeasured.csv"]
+    assert [name for name in (*BESIDE, "broken.csv") if f"{name} (" not in said[0]] == []
+    # A damaged record is an error, also in a folder.
+    (folder / "bad.csv").write_text("time (s),acc (g)\n0.00,0.1\n0.01,x\n")
+    with pytest.raises(ValueError, match=r"^bad.csv: line 3 must contain numbers"):
+        read_motions([str(folder)])
+
+
+@pytest.mark.mends("`unit` and `dt` stopped at the first file of a folder that states its own")
+def test_options_apply_to_the_files_of_a_folder_that_state_none(tmp_path):
+    column = "".join(f"{a:.5f}\n" for a in 30.0 * shaking(100, 5))
+    texts = {"a": nameless(1), "b": nameless(2).replace(" (g)", ""), "c": f"acc\n{column}"}
+    folder = put(tmp_path / "quake", **texts)
+    found, said = read_motions([folder], unit="cm/s2", dt=0.02)
+    assert [m.dt for m in found] == [0.01, 0.01, 0.02]
+    assert [m.source for m in found if m.pga > 1.0] == ["a.asc"]
+    assert "note: `unit` does not apply to 1 of the files in folders: they state it" in said
+    assert "note: `dt` does not apply to 2 of the files in folders: they state it" in said
+    # A file that the user names must agree with all options.
+    with pytest.raises(ValueError, match="states the unit g, but `unit` is 'cm/s2'"):
+        read_motions([f"{folder}/a.asc"], unit="cm/s2")
+
+
+def in_table(wave, unit="g", digits=5):
+    rows = (f"{0.01 * i:.2f},{a:.{digits}f}\n" for i, a in enumerate(wave))
+    return f"time (s),acc ({unit})\n" + "".join(rows)
+
+
+@pytest.mark.mends("one channel in two units, or raw and filtered, was two motions")
+def test_a_channel_that_is_given_twice_is_one_motion_or_an_error(tmp_path):
+    noise = np.convolve(shaking(2000, 3), np.hanning(9) / 4, "same")
+    wave, smooth = 0.2 * noise, 0.2 * np.convolve(noise, [0.2, 0.6, 0.2], "same")
+    folder = put(tmp_path / "units", a=in_table(wave), b=in_table(980.665 * wave, "cm/s2"))
+    one, said = read_motions([folder])
+    assert len(one) == 1
+    assert "(the same motion as " in said[0]
+    # The order of the names does not decide.
+    files = [f"{folder}/a.asc", f"{folder}/b.asc"]
+    assert read_motions(files)[0] == read_motions(files[::-1])[0]
+    for name, other in {"filtered": smooth, "offset": wave + 0.02}.items():
+        folder = put(tmp_path / name, a=in_table(wave), b=in_table(other))
+        with pytest.raises(ValueError, match="may be one channel that was processed in two ways: name only"):
+            read_motions([folder])
+    # Copies that are scaled on purpose, and other components, are other motions.
+    folder = put(tmp_path / "scaled", a=in_table(wave), b=in_table(0.5 * wave), c=in_table(noise[::-1] / 5))
+    assert len(read_motions([folder])[0]) == 3
+
+
+@pytest.mark.mends("only one command warned of an implausible peak")
+def test_an_implausible_peak_is_a_message_of_every_command(tmp_path):
+    wave = 100.0 * shaking(200)
+    wave[50] = 9999.999
+    folder = put(tmp_path / "quake", a=in_table(wave, "gal", 3), b=nameless(2))
+    _, said = read_motions([folder, "el-centro"])
+    assert (
+        "warning: the PGA is implausible (usual are 0.001 to 2 g), check the unit and the samples: "
+        "a.asc (10.2 g)" in said
+    )
+
+
+@pytest.mark.mends("an empty name stood for all files of the current folder")
+def test_an_empty_name_is_an_error(tmp_path, monkeypatch):
+    monkeypatch.chdir(put(tmp_path / "quake", a=nameless(1)))
+    for name in ("", " "):
+        with pytest.raises(ValueError, match="the name of a record must not be empty"):
+            read_motions([name])

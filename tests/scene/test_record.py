@@ -105,3 +105,15 @@ def test_a_path_begins_at_home(tmp_path, monkeypatch):
         "time (s),acc (m/s2)\n" + "".join(f"{0.01 * i:.2f},{i % 5}\n" for i in range(50))
     )
     assert Record.read("~/a.csv") == Record.read_all("~/a.csv")[0] == Record.read(tmp_path / "a.csv")
+
+
+@pytest.mark.mends("the peak velocity of a record was that at a sample")
+def test_the_peak_velocity_may_lie_between_two_samples():
+    record = Record([0.0, 1.2, -0.8, 0.0], 0.02)
+    assert record.pgv == pytest.approx(0.0192, rel=1e-12)
+    gradient = jax.grad(lambda r: r.pgv)(record)
+    # Compare with differences.
+    for i, slope in enumerate(gradient.acceleration):
+        step = 1e-6 * np.eye(4)[i]
+        high, low = (Record(record.acceleration + s, 0.02).pgv for s in (step, -step))
+        assert slope == pytest.approx((high - low) / 2e-6, rel=1e-6, abs=1e-9)

@@ -26,8 +26,10 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError(f"--out must name a file, but {out} is a directory")
     if out.exists() and not options.overwrite:
         raise ValueError(f"{out} exists already: choose another name with --out, or pass --overwrite")
+    job = subject.job if isinstance(subject, StoredDesign) else subject
+    print("\n".join(job.all_messages), end="\n" if job.all_messages else "")
     with interrupts.announced(f"computing the orbits of the page {out}"):
-        common.set_up_jax(subject.job if isinstance(subject, StoredDesign) else subject)
+        common.set_up_jax(job)
         # JAX must be set up before a module imports it.
         from tpd.explore.page import explore, link
 

@@ -16,12 +16,10 @@ from tpd.core import files
 from tpd.core.formatting import aligned, number
 from tpd.design.job import job_of
 from tpd.formats.channel import STANDARD_GRAVITY
-from tpd.records.intensity import base_motion, significant_times, spectral_acceleration
+from tpd.records.intensity import base_motion, peak_velocity, significant_times, spectral_acceleration
 from tpd.records.read import facts
 from tpd.scene.record import Record
 
-_USUAL = (0.001, 2.0)
-"""Plausible range of the PGA, g. People feel about 0.001 g, and the strongest records have about 3 g."""
 _PERIODS = (0.2, 0.5, 1.0, 2.0)
 """Periods (s) for which the spectral acceleration is printed."""
 _TABLE = {
@@ -43,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
     job, rows, out = job_of(tables_of(options)), [], options.out
     for record in job.motions:
         # Velocity and displacement are exact integrals of the record. They show a wrong baseline first.
-        v, d = (float(np.max(np.abs(x))) for x in base_motion(record)[1:])
+        v, d = peak_velocity(record), float(np.max(np.abs(base_motion(record)[3])))
         first, last = significant_times(record)
         sizes = {"pgv_m_s": v, "pgd_m": d, "significant_s": last - first, "significant_from_s": first}
         rows.append(facts(record) | sizes)
@@ -60,15 +58,6 @@ def run(options: argparse.Namespace) -> int:
         table = [[name, *x, note] for name, x, note in zip(names, cells, notes, strict=True)]
         lines = aligned([["record", *_TABLE.values(), "notes"], *table])
     print("\n".join([*job.messages, *lines]))
-    low, high = _USUAL
-    implausible = [
-        f"{name} ({number(row['pga_g'])} g)"
-        for name, row in zip(names, rows, strict=True)
-        if not low <= row["pga_g"] <= high
-    ]
-    if implausible:
-        usual = f"usual are {low:g} to {high:g} g"
-        print(f"warning: the PGA is implausible ({usual}), check the unit (--unit): {'; '.join(implausible)}")
     if out is not None:
         table = files.as_csv(rows[0], (row.values() for row in rows))
         pictures = {f"record_{i + 1}.png": partial(outputs.plot, r) for i, r in enumerate(job.motions)}

@@ -122,7 +122,8 @@ def place(path: Path, content: str | bytes) -> Path:
 
 def missing_picture(name: str, error: Exception) -> str:
     """Return a sentence about a plot that cannot be drawn."""
-    return f"{name} is not drawn: {next(iter(str(error).splitlines()), type(error).__name__)}"
+    why = next((line for line in str(error).splitlines() if line.strip()), type(error).__name__)
+    return f"{name} is not drawn: {why}"
 
 
 def sealed(data: bytes, of: str = "") -> bytes:

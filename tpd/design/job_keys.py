@@ -345,10 +345,11 @@ def placed(table: str, values: Any, folder: Path) -> Any:
     def place(value: Any) -> Any:
         # Values of a wrong type are left as they are: their check comes later.
         is_list = isinstance(value, (list, tuple)) and all(isinstance(name, str) for name in value)
-        built_in = {*BUILT_IN, *SETS}
+        # An empty name would become the folder, and the reader rejects it.
+        kept = {*BUILT_IN, *SETS, ""}
         if not is_list:
             return value
-        return [x if x in built_in else readable(str(folder.resolve() / path_of(x))) for x in value]
+        return [x if x in kept else readable(str(folder.resolve() / path_of(x))) for x in value]
 
     return {key: place(x) if key in ("records", "validation_share") else x for key, x in values.items()}
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tpd.formats.text import Decimal, UnreadableRecord, shown
+from tpd.formats.text import Decimal, StatedByFile, UnreadableRecord, shown
 
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity, m/s^2."""
@@ -28,6 +28,9 @@ FACTORS = {
 """Factors that convert a unit to m/s^2."""
 _SHOWN = ", ".join(FACTORS)
 """Units as a message lists them."""
+TIMES = dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0)
+"""Seconds per unit of time."""
+TIMES |= dict.fromkeys(("ms", "msec", "msecs", "millisecond", "milliseconds"), 1e-3)
 VERTICAL = "vertical component"
 """Note on a vertical channel."""
 UNKNOWN = "orientation not stated: used as a horizontal component"
@@ -40,11 +43,13 @@ UNSTATED = "correction not stated: it may contain a drift and the response of th
 """Note on a channel in a format for uncorrected data, if the file does not state whether it is corrected."""
 RAW = UNCORRECTED, UNSTATED
 """Notes on channels whose mean is removed by default."""
-_UPRIGHT = (
-    r"(?:up|down|dwn|dn|ud|du|ver|vrt|vert\w*|updown|upward\w*|arriba|haut|lotrecht|senkrecht|d[uü][sş]ey|"
-    r"pionow\w*|svisl\w*|zvisl\w*|вертик\w*|上下|鉛直|z|v)[12]?"
+_VERTICAL = (
+    r"dwn|ud|vrt|vert\w*|updown|upward\w*|arriba|haut|lotrecht|senkrecht|d[uü][sş]ey|"
+    r"pionow\w*|svisl\w*|zvisl\w*|вертик\w*|上下|鉛直"
 )
-"""Names of vertical components, in many languages."""
+"""Names of vertical components, in many languages, that mean nothing else."""
+_UPRIGHT = rf"(?:up|down|dn|du|ver|{_VERTICAL}|z|v)[12]?"
+"""Names of vertical components."""
 _LEVEL = (
     r"(?:ns|sn|ew|we|north|south|east|west|nord|s[uü]d|ost|est|ouest|norte|sur|sul|leste|oeste|[nsew]|[xy]|"
     r"[lt]|h[12]?|long|longitudinal|tran|trans|transverse|transversal|radial|horizontal|horiz|hor)[12]?|[ns]\d{1,2}[ew]"
@@ -52,8 +57,12 @@ _LEVEL = (
 """Names of horizontal components."""
 _SEED = r"[a-z][hlgn]"
 """Band and instrument of a SEED code. Its third letter is the direction."""
-_AT_THE_END = rf"(?:^|[-_. ])(?:{_UPRIGHT[: -len('|z|v)[12]?')]}|z)[12]?|u-d|{_SEED}z)$"
-"""Names of vertical components that are recognised at the end of the name of a file."""
+_AT_THE_END = (
+    rf"(?:^|[-_. ])(?:(?:{_VERTICAL}|z)[12]?|u-d|{_SEED}z)$"
+    r"|(?:^|\.)(?:up|down|dn|du|ver)$|\d[^-_. ]*[-_ ](?:up|down)$"
+)
+"""Names of vertical components that are recognised at the end of the name of a file. Words with another
+meaning, as in scaled_up, count only alone, after a point, or after a station with a number."""
 STEPS = (1e-5, 1.0)
 """Shortest and longest time step (s) of a record. A step beyond them is probably in another unit."""
 OFFSET = 0.005
@@ -263,7 +272,7 @@ def choose_unit(stated: str | None, unit: str | None) -> str:
         return stated or ""
     # Units with equal factors are the same unit, such as gal and cm/s2.
     if stated is not None and FACTORS[check_unit(unit)] != FACTORS[stated]:
-        raise UnreadableRecord(f"the header states the unit {stated}, but `unit` is {unit!r}")
+        raise StatedByFile(f"the header states the unit {stated}, but `unit` is {unit!r}", "unit")
     return check_unit(unit)
 
 
@@ -301,14 +310,14 @@ def of_file(name: str) -> bool | None:
     """Return whether the name of a file describes a vertical component; None if it does not show it.
 
     Examples are RSN1_AA-UP.AT2, XXX.UD2 and STATION.HNZ.csv. Words other than the last may be anything. PEER
-    also writes the direction without a separator: MYG004UD.AT2.
+    also writes the direction without a separator: RSN1_MYG004UD.AT2, RSN1_HECVER.AT2.
     """
     stem, _, ending = name.lower().removesuffix(".gz").rpartition(".")
-    if re.fullmatch(r"(?:ud|ns|ew)[12]?", ending):
-        return ending.startswith("ud")
-    if re.search(_AT_THE_END, stem):
-        return True
-    if ending == "at2" and re.search(r"(?:up|ud|dwn|vert|ver|[-_\d]v|\dz)$", stem):
+    if re.fullmatch(r"(?:ud|up|ns|ew)[12]?", ending):
+        return ending.startswith("u")
+    before = "" if re.match(r"rsn\d", stem) else r"[-\d]"
+    in_peer = rf"(?:{before}(?:up|ud|dwn|vert|ver)|[-_\d]v|\dz)$"
+    if re.search(_AT_THE_END, stem) or (ending == "at2" and re.search(in_peer, stem)):
         return True
     level = r"(?:^|[-_. ])(?:ns|ew|n-s|e-w|north|east|n|e|x|y|[ns]\d\d[ew]|[a-z][hlgn][ne12])$"
     digits = ending == "at2" and re.search(r"(?:\d{3}|[ns]\d\d[ew]|ns|ew|[-_][nelth][12]?)$", stem)

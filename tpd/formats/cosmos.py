@@ -22,11 +22,15 @@ from tpd.formats.channel import (
 )
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, NoAcceleration, UnreadableRecord, fortran, number
 
-_FIRST = r"^\s*(corrected|uncorrected|raw)\s+(\w+).*\(format v\S+ with (\d{1,3}) text lines\)"
+_FIRST = (
+    r"^\s*(corrected|uncorrected|raw)\s+(\w+)\s*(?:counts|data)?\s*\(format v\S+ with (\d{1,3}) text lines\)"
+)
 _DATA = (
     rf"^\s*({WHOLE})\s+(accel\w*|veloc\w*|displ\w*|raw accel\w*)\.?\s+pts,\s*approx\s+({NUMBER})\s+secs?,"
-    r"\s*units\s*=\s*(.*?)\s*\(\s*\d+\s*\),\s*format\s*="
+    r"\s*units\s*=\s*(.*?)\s*\(\s*(\d+)\s*\),\s*format\s*=\s*\([^()]*\)[\s.]*$"
 )
+_CODES = {2: "g", 4: "cm/s2", 7: "in/s2", 10: "gal", 11: "mg"}
+"""Units of acceleration by their code. Other codes are those of other quantities."""
 _PEAK = rf"\bmax\s*=\s*({NUMBER})\s+(\S+?),?\s+at\s+({NUMBER})\s*sec"
 # Indices in the header of reals.
 _STEP, _LENGTH, _PEAK_VALUE, _PEAK_TIME = 61, 62, 63, 64
@@ -65,10 +69,12 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | str:
     _header(cursor, "integer")
     reals = _header(cursor, "real")
     cursor.comments(int(cursor.match(rf"^\s*({WHOLE})\s+comment line", "the number of comment lines")[1]))
-    quantity, own, values = _samples(cursor)
+    quantity, own, code, values = _samples(cursor)
     # Velocities and displacements are read as well, so that a file that is damaged there is rejected.
     if not quantity.lower().startswith("accel"):
         return "velocity" if quantity.lower().startswith("veloc") else "displacement"
+    if not first[2].lower().startswith("accel"):
+        raise UnreadableRecord(f"{text.where(1)} states {first[2]}, but the samples are {quantity}")
     if not _is_stated(reals[_STEP]) or reals[_STEP] <= 0.0:
         raise UnreadableRecord(f"real number {_STEP + 1} must be the step in ms, but is {reals[_STEP]:g}")
     dt = float(reals[_STEP]) / 1000.0
@@ -76,7 +82,8 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | str:
     if _is_stated(reals[_LENGTH]):
         agree(len(values) * dt, float(reals[_LENGTH]), "the length in s", tolerance=1.5 * dt)
     stated = text.match(11, _PEAK, "the peak and its time")
-    if FACTORS[unit_of(stated[2], text.start + 11)] != FACTORS[unit_of(own, text.start + 11)]:
+    units = stated[2], own, _CODES.get(code, f"of code {code}")
+    if len({FACTORS[unit_of(x, text.start + 11)] for x in units}) > 1:
         raise UnreadableRecord(f"{text.where(11)} and the line above the samples state different units")
     peak, time = Decimal.of(stated[1]), Decimal.of(stated[3])
     # Samples have more digits than the statement.
@@ -97,8 +104,8 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | str:
     return Channel(values * factor, dt, component, f"{name}/{component}".strip("/"), event, notes)
 
 
-def _samples(cursor: Cursor) -> tuple[str, str, np.ndarray]:
-    """Return quantity, unit and numbers of a block."""
+def _samples(cursor: Cursor) -> tuple[str, str, int, np.ndarray]:
+    """Return quantity, unit, code of the unit, and numbers of a block."""
     line = cursor.peek()
     data = cursor.match(_DATA, "number, length, unit and format of the samples")
     if "count" in data[4].lower() or data[2].lower().startswith("raw"):
@@ -109,7 +116,7 @@ def _samples(cursor: Cursor) -> tuple[str, str, np.ndarray]:
     columns, width, _ = fortran(line, cursor.at)
     values = cursor.fixed(int(data[1]), columns, width, "samples")
     cursor.match(r"^\W*end-?\s?of-?\s?data", "the end of the data")
-    return data[2], data[4], values
+    return data[2], data[4], int(data[5]), values
 
 
 def _header(cursor: Cursor, what: str) -> np.ndarray:

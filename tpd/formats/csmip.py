@@ -23,7 +23,7 @@ from tpd.formats.channel import (
     choose_unit,
     unit_of,
 )
-from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord, fortran, shown
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord, fortran, real, shown
 
 _FIRST = re.compile(r"^\s*(un)?corrected accelerogram\b(?!.*GNS)", re.IGNORECASE)
 _V2_TEXT, _V2_INTEGERS, _V2_REALS = 25, 7, 13
@@ -64,7 +64,7 @@ def _volume_2(cursor: Cursor, unit: str | None) -> Channel:
     text = cursor.header(_V2_TEXT)
     component, event, name = _words(text, at=8)
     count = int(text.match(16, rf"^\s*({WHOLE})\s+points of", "the number of points")[1])
-    dt = float(text.match(17, rf"intervals? of\s+({NUMBER})\s+sec", "the step")[1])
+    dt = real(text.match(17, rf"intervals? of\s+({NUMBER})\s+sec", "the step")[1])
     peak = text.match(
         18, rf"peak\s+acceleration\s*=\s*({NUMBER})\s+(\S+)\s+at\s+({NUMBER})", "the peak acceleration"
     )
@@ -121,10 +121,14 @@ def _read_description(cursor: Cursor) -> tuple[int, float, _Description]:
         )
     line = cursor.peek()
     # Digital instruments have a sampling rate, and digitised films have a step.
-    by_rate = rf"accelerogram points at\s+({NUMBER})\s+pts/sec,? in units of\s+(.+?)\s*\.?\s+format"
+    by_rate = (
+        rf"accelerogram points at\s+({NUMBER})\s+pts/sec,? in units of\s+(.+?)\s*\.?\s+format:?\s*\([^()]*\)"
+    )
     by_step = rf"points of accel data equally spaced at\s+({NUMBER})\s+sec\.?\s+\(units:\s*([^)]*)\)"
-    match = cursor.match(rf"^\s*({WHOLE})\s+(?:{by_rate}|{by_step})", "number, step and unit of the samples")
-    rate_or_step = float(match[2] or match[4])
+    match = cursor.match(
+        rf"^\s*({WHOLE})\s+(?:{by_rate}|{by_step})\W*$", "number, step and unit of the samples"
+    )
+    rate_or_step = real(match[2] or match[4])
     if rate_or_step <= 0.0:
         raise UnreadableRecord(f"line {cursor.at} must state a rate or a step above zero")
     # Digitised films have a fixed format of columns, which the line does not state.
@@ -179,17 +183,14 @@ def _headers(cursor: Cursor, integers: int, reals: int) -> None:
 
 def _block(cursor: Cursor, kind: str, count: int, dt: float) -> tuple[np.ndarray, _Description]:
     """Return the numbers of one block of a Volume 2, and the statements of the line above them."""
-    line = cursor.peek()
     match = cursor.match(
-        rf"^\s*({WHOLE})\s+points of {kind} data equally spaced at\s+({NUMBER})\s+sec", f"the {kind} data"
+        rf"^\s*({WHOLE})\s+points of {kind} data equally spaced at\s+({NUMBER})\s+sec\W*?"
+        r"(?:\(units:\s*([^)]*)\)|\bin\s+(\S+))[\s.]*(\(\s*\d+\s*f\d+\.\d+\s*\))?\W*$",
+        f"the {kind} data, their step and their unit",
     )
     at = cursor.at
     agree_on_count(count, int(match[1]), f"line {at}")
-    agree(dt, float(match[2]), "the step in s")
-    unit = re.search(r"units:\s*([^)]*)\)|,\s*in\s+(\S+)", line, flags=re.IGNORECASE)
-    if unit is None:
-        raise UnreadableRecord(f"line {at} must state the unit of the {kind} data")
-    columns = re.search(r"\(\s*\d+\s*f\d+\.\d+\s*\)", line, flags=re.IGNORECASE)
+    agree(dt, real(match[2]), "the step in s")
     # Old files state no format. All of them have the same one.
-    data = _Description(unit[1] or unit[2] or "", at, *(fortran(columns[0], at) if columns else (8, 10, 3)))
+    data = _Description(match[3] or match[4] or "", at, *(fortran(match[5], at) if match[5] else (8, 10, 3)))
     return cursor.fixed(count, data.columns, data.width, "samples"), data

@@ -23,6 +23,8 @@ from tpd.formats.text import NUMBER, Cursor, Decimal, NoAcceleration, Unreadable
 
 _KEYS = ("EVENT_NAME:", "SAMPLING_INTERVAL_S:", "NDATA:", "DATA_TYPE:", "STATION_CODE:")
 _EVENT = ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "EVENT_TIME_HHMMSS")
+_FACTOR = re.compile("SCALE|SCALING|FACTOR|GAIN|CALIB|MULTIPL|NORMALI")
+"""Parts of keys that may change the size of samples."""
 _KEY = re.compile(r"^([A-Z][A-Z0-9_/^]*):(.*)$")
 
 
@@ -83,6 +85,8 @@ def _head(cursor: Cursor) -> dict[str, tuple[int, str]]:
         cursor.next("a key")
         if match[1] in head:
             raise UnreadableRecord(f"line {cursor.at} states {match[1]} a second time")
+        if match[2].strip() and _FACTOR.search(match[1].replace("FULL_SCALE", "")):
+            raise UnreadableRecord(f"line {cursor.at} has {shown(match[0])}, which is not understood")
         head[match[1]] = (cursor.at, match[2].strip())
     return head
 

@@ -16,7 +16,7 @@ from tpd.formats.channel import (
     choose_unit,
     unit_of,
 )
-from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, real
 
 _FIRST = re.compile(r"^\s*(un)?corrected accelerogram\b.*\b(GNS|GeoNet)\b", re.IGNORECASE)
 _TEXT, _COLUMNS, _WIDTH = 16, 10, 8
@@ -64,7 +64,7 @@ def _block(cursor: Cursor, unit: str | None) -> Channel:
     values, what = blocks[0], rf"number of points\s+({WHOLE})\s+duration\s+({NUMBER})\s*s"
     number = text.match(10, what, "points and duration")
     agree_on_count(int(number[1]), len(values), text.where(10))
-    dt = float(text.match(11, rf"at\s+(?:intervals of\s+)?({NUMBER})\s+s(?:ec)?\b", "the step")[1])
+    dt = real(text.match(11, rf"at\s+(?:intervals of\s+)?({NUMBER})\s+s(?:ec)?\b", "the step")[1])
     agree(dt, float(reals[_STEP]), "the step in s")
     length = Decimal.of(number[2])
     # For n samples some files state the time from the first to the last sample, and others n steps.
@@ -77,7 +77,7 @@ def _block(cursor: Cursor, unit: str | None) -> Channel:
     if not corrected:
         # Uncorrected files also state the unit of the samples, as a number and a unit.
         raw = text.match(11, rf"in units of\s+({NUMBER})\s+(\S+)\s+at", "the unit of the samples")
-        agree(float(raw[1]) * FACTORS[unit_of(raw[2], text.start + 11)], FACTORS[own], "the unit in m/s^2")
+        agree(real(raw[1]) * FACTORS[unit_of(raw[2], text.start + 11)], FACTORS[own], "the unit in m/s^2")
     notes = () if corrected else (UNCORRECTED,)
     name, event = " ".join(text.lines[1].split()[1:2]), " ".join(text.lines[7].split())
     factor = FACTORS[choose_unit(own, unit)]

@@ -22,26 +22,12 @@ from tpd.formats.channel import (
     choose_unit,
     unit_of,
 )
-from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, number, shown
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, number, real, shown
 
 _KEYS = (
-    "Origin Time",
-    "Lat.",
-    "Long.",
-    "Depth. (km)",
-    "Mag.",
-    "Station Code",
-    "Station Lat.",
-    "Station Long.",
-    "Station Height(m)",
-    "Record Time",
-    "Sampling Freq(Hz)",
-    "Duration Time(s)",
-    "Dir.",
-    "Scale Factor",
-    "Max. Acc. (gal)",
-    "Last Correction",
-    "Memo.",
+    *("Origin Time", "Lat.", "Long.", "Depth. (km)", "Mag.", "Station Code", "Station Lat."),
+    *("Station Long.", "Station Height(m)", "Record Time", "Sampling Freq(Hz)", "Duration Time(s)", "Dir."),
+    *("Scale Factor", "Max. Acc. (gal)", "Last Correction", "Memo."),
 )
 _WIDTH = 18
 """Number of characters of a key."""
@@ -72,9 +58,9 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     """
     head = _head(cursor)
     rate = int(_stated(head, "Sampling Freq(Hz)", rf"({WHOLE})\s*Hz")[1])
-    length = float(_stated(head, "Duration Time(s)", rf"({NUMBER})")[1])
+    length = real(_stated(head, "Duration Time(s)", rf"({NUMBER})")[1])
     scale = _stated(head, "Scale Factor", rf"({NUMBER})\((\w+)\)/({NUMBER})")
-    if rate == 0 or float(scale[3]) == 0.0 or length > 1e6:
+    if rate == 0 or real(scale[3]) == 0.0 or length > 1e6:
         raise UnreadableRecord("sampling frequency, duration and scale factor must be those of a record")
     # The file states no number of samples, but a duration in whole seconds.
     numbers: list[float] = []
@@ -92,7 +78,7 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     counts = np.array(numbers)
     agree_on_count(round(length * rate), len(counts), "the header (frequency and duration)")
     # Samples are integers: the scale factor converts them to the unit of acceleration.
-    values = counts * (float(scale[1]) / float(scale[3]))
+    values = counts * (real(scale[1]) / real(scale[3]))
     stated = unit_of(scale[2], _KEYS.index("Scale Factor") + 1)
     # The stated peak is that of the samples without their mean.
     gal = (values - values.mean()) * (FACTORS[stated] / FACTORS["gal"])
@@ -159,6 +145,10 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
     if rate.value <= 0.0:
         raise UnreadableRecord(f"the sampling frequency must be positive, but is {rate.value:g} Hz")
     dt = 1.0 / rate.value
+    # Times have two decimals, and may therefore be equal at rates above 100 Hz.
+    equal = np.flatnonzero(np.diff(values[:, 0]) == 0.0)
+    if equal.size and dt > 0.0099:
+        raise UnreadableRecord(f"line {first + equal[0] + 1} has the same time as line {first + equal[0]}")
     agree_on_count(round(length.value * rate.value), len(values), "the header (frequency and duration)")
     # Times have two decimals, so that they may differ from the step by rounding.
     wrong = np.flatnonzero(np.abs(np.diff(values[:, 0]) - dt) > 0.011)

@@ -5,26 +5,45 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from tpd.formats.channel import FACTORS, Channel, agree_on_count, choose_unit, orientation, unit_of
-from tpd.formats.text import NUMBER, WHOLE, Cursor, NoAcceleration, UnreadableRecord, shown
+from tpd.formats.channel import (
+    FACTORS,
+    TIMES,
+    Channel,
+    agree,
+    agree_on_count,
+    choose_unit,
+    orientation,
+    unit_of,
+)
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, NoAcceleration, UnreadableRecord, real, shown
 
-_QUANTITY = re.compile(r"(\w+)\s+TIME\s+(?:HISTORY|SERIES)(?:\s+IN\s+UNITS?\s+OF\s*(\S*))?", re.IGNORECASE)
+_QUANTITY = re.compile(r"\s*(.*?)\s+TIME\s+(?:HISTORY|SERIES)\b(?:\s+IN\s+UNITS?\s+OF\b)?(.*)", re.IGNORECASE)
+_FILTER = re.compile(rf"\bFILTER\s+POINTS?\s*:?(?:\s*[HL]P\s*=\s*{NUMBER}\s*(?:HZ)?[\s,;]*)*$", re.IGNORECASE)
 _COUNT_AND_STEP = re.compile(
-    rf"NPTS\s*=\s*({WHOLE})\s*,?\s*DT\s*=\s*({NUMBER})\s*(?:SECS?|S)?\b\.?(?=[\s,;]|$)"
-    rf"|^\s*({WHOLE})\s+({NUMBER})\s+NPTS\s*,\s*DT\s*$",
+    rf"\s*(?:NPTS\s*=\s*({WHOLE})\s*,?\s*DT\s*=\s*({NUMBER})\s*([A-Z]*)"
+    rf"|({WHOLE})\s+({NUMBER})\s+NPTS\s*,\s*DT)\b[\s.,;]*(?:DURATION\s*=\s*({NUMBER})\s*([A-Z]*)[\s.,;]*)?"
+    r"(?:\((?:corrected|processed|filtered)\))?[\s.,;]*",
     re.IGNORECASE,
 )
 _TITLE = re.compile(
     r"(?:ACCEL|VELOC|DISPL)\w*\s+TIME\s+(?:HISTORY|SERIES)|\w+ TIME (?:HISTORY|SERIES) IN UNIT"
 )
 """Pattern of the line with the quantity. The words "time history" alone also occur above other tables."""
+_NO_NAME = re.compile(
+    r"\b(?:scaled|normali[sz]ed|counts?|volts?|veloc\w+|displac\w+|(?:scale|factor)\W{0,3}\d[\d.]*"
+    r"|spectr\w+(?!.*(?:compatible|match)))\b|\(\s*(?:x|times|by|[*])\s*\d[\d.]*\s*\)",
+    re.IGNORECASE,
+)
+"""Words that are more than the name of a place or an earthquake."""
 _HEAD = 6
 
 
 def is_peer(lines: Sequence[str]) -> bool:
     """Return whether lines are those of an AT2 file, also if it is damaged."""
     head = "\n".join(lines[:_HEAD]).upper()
-    return "NPTS" in head or bool(_TITLE.search(head)) or bool(re.search(r"\bPEER\b", lines[0].upper()))
+    # Each mark alone also occurs above tables.
+    marks = "NPTS" in head, _TITLE.search(head), re.search(r"\bPEER\b", lines[0].upper())
+    return sum(map(bool, marks)) >= 2
 
 
 def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
@@ -40,13 +59,17 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
             raise UnreadableRecord(f"the first {_HEAD} lines must state NPTS and DT, but do not")
         head.append(cursor.next("NPTS and DT"))
     line, stated = _unit(head)
-    numbers = _COUNT_AND_STEP.search(head[-1])
-    if numbers is None:
+    numbers = _COUNT_AND_STEP.fullmatch(head[-1])
+    units = [((numbers and numbers[i]) or "s").lower() for i in (3, 7)]
+    if numbers is None or not {*units} <= {*TIMES}:
         raise UnreadableRecord(f"line {len(head)} must state NPTS and DT in s, but is {shown(head[-1])}")
-    count, dt = int(numbers[1] or numbers[3]), float(numbers[2] or numbers[4])
+    count, dt = int(numbers[1] or numbers[4]), real(numbers[2] or numbers[5]) * TIMES[units[0]]
     # The numbers are usually in columns of Fortran, but some programs separate them by blanks.
     values = cursor.free("the samples")
     agree_on_count(count, len(values), f"line {len(head)}")
+    if numbers[6]:
+        length, scale = Decimal.of(numbers[6]), TIMES[units[1]]
+        agree(count * dt, length.value * scale, "the length in s", 1.01 * dt + length.unit * scale)
     # Programs write numbers of one width, so that a last number as long as the others was not cut.
     tokens = [re.sub(r"^[+-]", "", token) for line in cursor.lines[-2:] for token in line.split()]
     cursor.require_end(whole=len(tokens) > 1 and len(tokens[-1]) == len(tokens[-2]))
@@ -64,8 +87,11 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
 
 
 def _unit(head: Sequence[str]) -> tuple[int, str]:
-    """Return the number of the line with the quantity, from 1, and the unit that the line states."""
-    matches = [(i, match) for i, line in enumerate(head, 1) if (match := _QUANTITY.search(line))]
+    """Return the number of the line with the quantity, from 1, and the unit that the line states.
+
+    The lines above the number of samples may name places and earthquakes, and nothing else.
+    """
+    matches = [(i, match) for i, line in enumerate(head, 1) if (match := _QUANTITY.fullmatch(line))]
     if not matches:
         raise UnreadableRecord(
             "the header must state ACCELERATION TIME SERIES IN UNITS OF a unit, but does not"
@@ -73,7 +99,10 @@ def _unit(head: Sequence[str]) -> tuple[int, str]:
     line, quantity = matches[0]
     if quantity[1].upper() != "ACCELERATION":
         wrong = f"line {line} must state an ACCELERATION, but is {shown(head[line - 1])}"
-        if re.fullmatch(r"VELOCITY|DISPLACEMENT", quantity[1], re.IGNORECASE):
-            raise NoAcceleration(wrong, quantity[1].lower())
+        if other := re.search(r"VELOCITY|DISPLACEMENT", quantity[1], re.IGNORECASE):
+            raise NoAcceleration(wrong, other[0].lower())
         raise UnreadableRecord(wrong)
-    return line, unit_of(quantity[2] or "", line)
+    for i, text in enumerate(head[:-1], 1):
+        if i != line and (word := _NO_NAME.search(text)):
+            raise UnreadableRecord(f"line {i} has {shown(word[0])}, which is not understood")
+    return line, unit_of(_FILTER.sub("", quantity[2]), line)

@@ -34,7 +34,7 @@ from tpd.formats.channel import (
 )
 from tpd.formats.table import ROWS, read_table
 from tpd.formats.table import Options as Options
-from tpd.formats.text import Cursor, NoAcceleration, UnreadableRecord, shown
+from tpd.formats.text import Cursor, NoAcceleration, StatedByFile, UnreadableRecord, shown
 
 _MOST = 200_000_000
 """Largest number of bytes of a file, also after decompression."""
@@ -84,6 +84,13 @@ _SPECTRA = re.compile(
     r"\s*(?:\d\s+)?(?:response|fourier)\b.*\bspectr(?:a|um)\b(?!.*(?:compatible|match))", re.IGNORECASE
 )
 """Pattern of the first line of a file with spectra, which agencies deliver together with accelerations."""
+_SAC = {
+    "idep": {6: "displacement", 7: "velocity", 50: "volts"},
+    "iftype": {2: "spectrum", 3: "spectrum", 4: "graph of two quantities", 51: "volume"},
+}
+"""Contents of a SAC file other than an acceleration, by field of the header and by its value."""
+_SEG_Y = {1: "pressure", 2: "volts", 3: "volts", 4: "current", 5: "displacement", 6: "velocity", 8: "force"}
+"""Contents of a SEG-Y file other than an acceleration, by the code of its unit."""
 Reader = Callable[[Cursor, str | None], list[Channel]]
 _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
     (cosmos.is_cosmos, cosmos.read_cosmos),
@@ -119,13 +126,13 @@ def channels(file: Path, how: Options) -> list[Channel]:
                 component = f" ({channel.component})" if channel.component else ""
                 label = f"{file.name}, channel {i}{component}"
             if dt is not None and abs(dt - channel.dt) > 1e-6 * channel.dt:
-                raise UnreadableRecord(f"the file states a step of {channel.dt:g} s, but `dt` is {dt:g} s")
+                wrong = f"the file states a step of {channel.dt:g} s, but `dt` is {dt:g} s"
+                raise StatedByFile(wrong, "dt")
             channel = note_direction(check_channel(scale_channel(channel, how.scale), how.baseline), named)
             channels.append(replace(channel, source=label))
-    except NoAcceleration as error:
-        raise NoAcceleration(f"{label}: {error}", error.content) from None
     except UnreadableRecord as error:
-        raise UnreadableRecord(f"{label}: {error.args[0]}", **error.options) from None
+        error.args = (f"{label}: {error.args[0]}",)
+        raise
     return channels
 
 
@@ -194,7 +201,7 @@ def _content(file: Path) -> bytes:
     if len(data) > _MOST:
         raise UnreadableRecord(f"a file must have at most {_MOST} bytes")
     if not data.strip():
-        raise UnreadableRecord("the file is empty")
+        raise NoAcceleration("the file is empty", "an empty file")
     return data
 
 
@@ -264,7 +271,7 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
             warnings.simplefilter("ignore")
             obspy = import_module("obspy")
     except ImportError:
-        raise UnreadableRecord(
+        raise NoAcceleration(
             "the file is not a text; miniSEED and other formats of seismology need the extra tpd[obspy]: "
             "pip install 'tpd[obspy]'"
         ) from None
@@ -274,7 +281,7 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
             stream = obspy.read(io.BytesIO(data))
     except Exception:
         # Each format of ObsPy raises other exceptions for a damaged file.
-        raise UnreadableRecord("the file is not a text, and ObsPy cannot read it") from None
+        raise NoAcceleration("the file is not a text, and ObsPy cannot read it") from None
     if len(stream) == 0:
         raise UnreadableRecord("the file contains no trace")
     identities = [trace.id for trace in stream]
@@ -297,14 +304,24 @@ def _channel(trace: Any, unit: str | None) -> Channel:
             "acceleration as a table in m/s2",
             "counts of the instrument",
         )
+    stats, sac = trace.stats, getattr(trace.stats, "sac", {})
+    seg_y = (getattr(stats, name, {}).get("trace_header") for name in ("segy", "su"))
+    contents = [values.get(sac.get(field)) for field, values in _SAC.items()]
+    contents += [_SEG_Y.get(getattr(header, "trace_value_measurement_unit", 0)) for header in seg_y]
+    if content := next(filter(None, contents), ""):
+        raise NoAcceleration(f"{trace.id} contains no acceleration: its header states {content}", content)
+    if (factor := getattr(stats, "calib", 1.0)) != 1.0:
+        raise UnreadableRecord(
+            f"the header of {trace.id} states the factor {factor:g}, which may be missing in the samples: "
+            "apply it with ObsPy and save the acceleration as a table in m/s2"
+        )
     values = np.array(samples, dtype=float)
     if not np.isfinite(values).all():
         raise UnreadableRecord(f"{trace.id} contains numbers that are not finite")
     # Such files state no unit, so that the user must pass it.
     factor = FACTORS[choose_unit(None, unit)]
-    event = str(trace.stats.starttime)[:10]
-    component = trace.stats.channel
+    event, component = str(stats.starttime)[:10], stats.channel
     # SAC files also state the angle between a component and the vertical.
-    if orientation(component) is None and getattr(trace.stats, "sac", {}).get("cmpinc") in (0.0, 180.0):
+    if orientation(component) is None and sac.get("cmpinc") in (0.0, 180.0):
         component = f"{component} up".strip()
-    return Channel(values * factor, float(trace.stats.delta), component, trace.id, event, (UNSTATED,))
+    return Channel(values * factor, float(stats.delta), component, trace.id, event, (UNSTATED,))

@@ -10,7 +10,7 @@ import numpy as np
 from tpd.formats.channel import FACTORS, UNCORRECTED, Channel, agree_on_peak, agree_on_peak_time, choose_unit
 from tpd.formats.text import Cursor, Decimal, NoAcceleration, UnreadableRecord, shown
 
-_KINDS = re.compile(r"^\s*(\d?)\s*(UN)?CORRECTED\s+ACCELEROGRAM", re.IGNORECASE)
+_KINDS = re.compile(r"^\s*(\d?)\s*(UN)?CORRECTED\s+ACCELEROGRAM(.*)", re.IGNORECASE)
 _OTHER = re.compile(r"^\s*\d\s+(VELOCITY|DISPLACEMENT|RESPONSE|FOURIER)", re.IGNORECASE)
 _CONTENTS = {"response": "response spectrum", "fourier": "Fourier spectrum"}
 _TEXT, _INTEGERS, _REALS = 11, 6, 10
@@ -38,7 +38,7 @@ def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
     """
     text = cursor.skip(_TEXT, "the end of the text header")
     kind = _KINDS.match(text[0])
-    if kind is None:
+    if kind is None or kind[3].strip():
         wrong = f"line 1 must be an accelerogram, corrected or not, but is {shown(text[0])}"
         if other := _OTHER.match(text[0]):
             raise NoAcceleration(wrong, _CONTENTS.get(other[1].lower(), other[1].lower()))

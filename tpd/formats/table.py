@@ -14,11 +14,13 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from statistics import mode
 from typing import Any
 
 from tpd.formats.channel import (
     FACTORS,
     STEPS,
+    TIMES,
     Channel,
     agree,
     agree_on_count,
@@ -36,6 +38,7 @@ from tpd.formats.text import (
     no_thousands,
     number,
     numbers,
+    real,
     shown,
     splitter,
     step_of,
@@ -49,13 +52,12 @@ _MARK = re.compile(r"^(?:[#%!*]+|/+)(?!\s*[,;])\s*")
 _RULE = re.compile(r"[\s\-=_+|~.*#]*")
 _CLOCK = re.compile(r"\D?\d{1,2}:\d{2}|\D?\d{4}[-/]\d{1,2}[-/]\d{1,2}")
 _TWO_WORDS = re.compile(r"(?<=[a-z])(?=[A-Z](?:[^a-z]|$))|(?<=^a)(?=[xyz]$)")
+_DECIMAL = re.compile(r"[+-]?\d*(?:,\d+(?:[EeDd][+-]?\d{1,3})?)?")
+"""Pattern of a number that may have a decimal comma."""
+_PAIR = r"[^=:,]+,[^=:,]+"
+"""Pattern of the names of two columns."""
 _BRACKET = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
-_TIMES = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0}
-"""Seconds per unit of time."""
-_TIMES |= {"ms": 1e-3, "msec": 1e-3, "msecs": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3}
-"""Seconds of a unit of time."""
-_QUANTITIES = dict.fromkeys(_TIMES, "time") | dict.fromkeys(FACTORS, "acceleration")
-"""Quantity that a unit measures."""
+_QUANTITIES = dict.fromkeys(TIMES, "time") | dict.fromkeys(FACTORS, "acceleration")
 for _length in ("m", "cm", "mm", "in", "ft"):
     _QUANTITIES |= {_length: "displacement", f"{_length}/s": "velocity"}
 """The quantity that a unit measures."""
@@ -85,15 +87,16 @@ _STATEMENTS = {
     r"(?:\d{1,4}[-/]\d{1,2}[-/]\d{1,4}|[^\W_][\w.\-]*))*)",
 }
 """Forms of statements. The value is in the first group that matches."""
-_OPPOSITE = str.maketrans("swovd", "neezz")
+_OPPOSITE = str.maketrans("swovdu", "neezzz")
 _GAPS = re.compile(r"[\s,;:()\[\]]+")
 _FACTOR = re.compile(rf"\(10\s*(?:\^|\*\*)\s*([+-]?\d+)\s*(\D.*)\)|\((.+?)\s*[x*×]\s*({NUMBER})\)")
 """Pattern of a power of ten before a unit, or of a factor after it."""
 _SCALED = r"factor|scal|multipl|divi|gain|[%‰µ]|pct|milli|micro|per ?cent|tenth|hundred|thousand"
+_SCALED += r"|\bcounts?\b|\bvolts?\b"
 """Words that may change the size of samples."""
 _NO_SOURCE = re.compile(
     rf"x[\d.]*|(?i:.*(?:{_SCALED}|spectr).*|dt|fs|step|rate|interval|[\d.]*(?:hz|sps)"
-    rf"|{'|'.join(_TIMES)}|{_NAMES['velocity']}|{_NAMES['displacement']}|{_NAMES['spectrum']})"
+    rf"|{'|'.join(TIMES)}|{_NAMES['velocity']}|{_NAMES['displacement']}|{_NAMES['spectrum']})"
 )
 """Words that are more than a description of the source of a record."""
 
@@ -119,6 +122,8 @@ class _Column:
     quantity: str
     component: str
     unit: str | None
+    number: str = ""
+    """Digits in the name of an acceleration."""
 
 
 @dataclass
@@ -130,9 +135,18 @@ class _Header:
     stated: dict[str, list[Any]] = field(default_factory=lambda: defaultdict(list))
     """Values of the statements, by kind: unit, step (s), count, source."""
 
+    @property
+    def is_motion(self) -> bool:
+        """Whether the lines state a unit, a step or times."""
+        columns = [_column(cell, first=i == 0) for i, cell in enumerate(self.cells)]
+        own = any(column.unit or column.quantity == "time" for column in columns)
+        return own or bool(self.stated["unit"] or self.stated["step"])
+
 
 _Row = tuple[int, list[str]]
 """Number of a line in the file, and its cells."""
+_Line = tuple[int, str]
+"""Number of a line in the file, and its text."""
 
 
 class _Unknown(Exception):
@@ -143,8 +157,9 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
     """Return the channels of a table. Columns of velocities and displacements are left out.
 
     Raises:
-        UnreadableRecord: the grammar does not explain a part of the header, the table contradicts itself, a
-            cell is not a number, or the times have unequal steps.
+        NoAcceleration: no line above the numbers states that they are a motion.
+        UnreadableRecord: the table contradicts itself, a cell is not a number, or the times have unequal
+            steps.
     """
     split = splitter(cursor.lines[how.skip :])
     # Columns are numbered from 1 for users.
@@ -159,22 +174,37 @@ def read_table(cursor: Cursor, how: Options) -> list[Channel]:
         why = f"commas, semicolons, tabs or blanks must separate numbers after line {how.skip}"
         why = f"no line has numbers in the columns {how.columns}" if used else why
         clock = (f"line {i} has a time of day, {shown(x)}" for i, x in lines if _CLOCK.match(x))
-        raise UnreadableRecord(f"the file has no known format and no row of numbers: {next(clock, why)}")
-    header, rows = _read_count(_rows(cursor, lines[first][0], split), used)
+        wrong = f"the file has no known format and no row of numbers: {next(clock, why)}"
+        raise NoAcceleration(wrong, "no motion")
+    header, below, problem = _Header(), _Header(), None
+    # The first row may state the number of samples, and a row may be damaged.
+    width = mode(len(split(line)) for _, line in lines[first : first + 9])
     for i, line in head:
         try:
-            _understand(header, line, len(rows[0][1]))
+            _understand(header, line, width)
         except _Unknown as error:
-            where = "" if _unknown_word([str(error)]) else f" above rows of {len(rows[0][1])} numbers"
-            message = f"line {i} has {shown(str(error))}, which is not understood{where}"
-            raise UnreadableRecord(message, **_remedy(head, rows, how, i, str(error))) from None
-    # If the stated number of samples is not the number of rows, it must be the number of all cells.
-    size = sum(len(cells) for _, cells in rows)
-    in_rows = size == len(rows) or size in header.stated["count"]
-    if not (in_rows or header.cells or how.columns):
-        message = f"line {rows[0][0]} has {len(rows[0][1])} numbers, but no line above names the columns"
-        raise UnreadableRecord(message, **_remedy(head, rows, how, rows[0][0] - 1, ""))
-    return _channels(header, rows, how)
+            problem = i, str(error)
+            break
+    is_table = len(used) > 1 or len(header.cells) > 1 or any(re.fullmatch(_PAIR, x) for _, x in head)
+    try:
+        rows = _read_count(below, _rows(cursor, lines[first:], split, is_table), used)
+        if problem is not None:
+            where = "" if _unknown_word([problem[1]]) else f" above rows of {width} numbers"
+            message = f"line {problem[0]} has {shown(problem[1])}, which is not understood{where}"
+            raise UnreadableRecord(message, **_remedy(head, rows, how, problem, below))
+        for kind, values in below.stated.items():
+            header.stated[kind] += values
+        # If the stated number of samples is not the number of rows, it must be the number of all cells.
+        size = sum(len(cells) for _, cells in rows)
+        if not (size == len(rows) or size in header.stated["count"] or header.cells or how.columns):
+            message = f"line {rows[0][0]} has {len(rows[0][1])} numbers, but no line above names the columns"
+            raise UnreadableRecord(message, **_remedy(head, rows, how, (rows[0][0] - 1, ""), below))
+        return _channels(header, rows, how)
+    except UnreadableRecord as error:
+        if how.columns or (header.is_motion and problem is None):
+            raise
+        # Numbers without a word may be anything.
+        raise NoAcceleration(error.args[0], **error.options) from None
 
 
 def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
@@ -183,8 +213,20 @@ def _is_row(cells: Sequence[str], used: Sequence[int]) -> bool:
     return len(wanted) >= max(1, len(used)) and all(re.fullmatch(NUMBER, cell) for cell in wanted)
 
 
-def _rows(cursor: Cursor, first: int, split: Callable[[str], list[str]]) -> list[_Row]:
-    """Return the rows from line `first` to the end of the file."""
+def _rows(
+    cursor: Cursor, printed: Sequence[_Line], split: Callable[[str], list[str]], is_table: bool
+) -> list[_Row]:
+    """Return the rows from the first line of `printed` to the end of the file.
+
+    `is_table` states that the header or the user names several columns.
+    """
+    first, (line, text) = printed[0][0], printed[-1]
+    # One comma in every row separates two columns only if there are several.
+    if not is_table and "," in text and all(_DECIMAL.fullmatch(x) for _, x in printed):
+        raise UnreadableRecord(
+            f"line {line} has {shown(text)}, which may be one number with a decimal comma: write the numbers "
+            "with decimal points"
+        )
     no_thousands("\n".join(cursor.lines[first - 1 :]), split)
     lines = [(i, split(line)) for i, line in enumerate(cursor.lines[first - 1 :], first)]
     while not lines[-1][1]:
@@ -201,16 +243,24 @@ def _rows(cursor: Cursor, first: int, split: Callable[[str], list[str]]) -> list
     return [(i, cells or [""]) for i, cells in lines if cells or len(lines[0][1]) == 1]
 
 
-def _read_count(rows: list[_Row], used: Sequence[int]) -> tuple[_Header, list[_Row]]:
-    """Return a header with the statements of a first row of numbers, and the rows of samples."""
+def _read_count(header: _Header, rows: list[_Row], used: Sequence[int]) -> list[_Row]:
+    """Return the rows of samples, and add the statements of a first row of numbers to a header."""
     (line, cells), rest = rows[0], rows[1:]
     if used or len(rest) < 2:
-        return _Header(), rows
+        return rows
     values, total = [number(cell, line) for cell in cells], sum(len(row) for _, row in rest)
     wide = len(cells) != len(rest[0][1]) == len(rest[1][1])
     is_step = len(cells) == 1 or (len(cells) == 2 and STEPS[0] <= values[1] <= STEPS[1])
     if values[0] in (len(rest), total) and is_step:
-        return _Header(stated=defaultdict(list, count=values[:1], step=values[1:])), rest
+        header.stated |= {"count": values[:1], "step": values[1:]}
+        return rest
+    # The count and the step may be in two lines, but the second number may also be a sample.
+    step, count = sorted([values[0], number(rest[0][1][0], rest[0][0])])
+    if len(cells) == 1 and count in (len(rest) - 1, total - 1) and STEPS[0] <= step <= _LONGEST_STEP:
+        wrong = (
+            f"lines {line} and {rest[0][0]} may be the number of samples, {count:g}, and the step, {step:g} s"
+        )
+        raise UnreadableRecord(wrong, skip=rest[0][0], dt=step)
     # A whole number above decimals is not a sample.
     decimals = sum("." in row[0] for _, row in rest)
     odd = len(cells) == 1 and values[0] and "." not in cells[0] and 2 * decimals > len(rest)
@@ -218,9 +268,10 @@ def _read_count(rows: list[_Row], used: Sequence[int]) -> tuple[_Header, list[_R
         raise UnreadableRecord(
             f"line {line} has {shown(' '.join(cells))}, which is neither a row like the others nor the "
             f"number of samples ({total} samples in {len(rest)} rows) with the step in s",
-            skip=line,
+            # The next line may be a step in another unit, or a sample.
+            **({} if values[0] in (len(rest) - 1, total - 1) else {"skip": line}),
         )
-    return _Header(), rows
+    return rows
 
 
 def _understand(header: _Header, line: str, width: int) -> None:
@@ -288,8 +339,8 @@ def _statement(part: str) -> tuple[str, Any] | None:
         if what == "step":
             units, step = {word.lower() for word in (match[1], match[3]) if word}, Decimal.of(match[2]).value
             # Without a unit a short step is assumed to be in s.
-            has_unit = units <= {*_TIMES} and len(units) == 1 if units else step <= _LONGEST_STEP
-            return (what, step * _TIMES[units.pop() if units else "s"]) if has_unit and step > 0.0 else None
+            has_unit = units <= {*TIMES} and len(units) == 1 if units else step <= _LONGEST_STEP
+            return (what, step * TIMES[units.pop() if units else "s"]) if has_unit and step > 0.0 else None
         if what == "source":
             for word in value.split():
                 is_up = orientation(word.replace("up", ""))
@@ -304,7 +355,7 @@ def _column(cell: str, *, first: bool) -> _Column:
     # AccZ and acc-NS consist of two words, but N-S is one word.
     title = _TWO_WORDS.sub(" ", _BRACKET.sub(" ", cell).strip(" :\"'"))
     words = [w for x in re.findall(r"[^\s_]+", title) for w in ([x] if is_component(x) else x.split("-"))]
-    quantities, units, names = set(), [], []
+    quantities, units, names, digits = set(), [], [], ""
     pieces = [*words, *_BRACKET.findall(cell)]
     if not pieces:
         raise _Unknown("an empty name")
@@ -317,15 +368,18 @@ def _column(cell: str, *, first: bool) -> _Column:
     for i, word in enumerate(pieces):
         low, unit, bracketed = word.strip(" .").lower(), plain(word), i >= len(words)
         named = next((quantity for quantity, form in _NAMES.items() if re.fullmatch(form, low)), "")
-        if low in _TIMES and (bracketed or first or "time" in quantities):
+        # A lone V in brackets may be volts.
+        is_name = is_component(word.strip(" .")) and not (bracketed and low == "v")
+        if low in TIMES and (bracketed or first or "time" in quantities):
             units.append(low)
-        elif unit in FACTORS or (unit in _QUANTITIES and unit not in _TIMES and (bracketed or "/" in unit)):
+        elif unit in FACTORS or (unit in _QUANTITIES and unit not in TIMES and (bracketed or "/" in unit)):
             units.append(unit)
         elif re.fullmatch(_PROCESSING, low) and "acceleration" in quantities:
             continue
         elif named and not bracketed and (not is_component(word) or word == "t" or (first and word in "Tn")):
             quantities.add(named)
-        elif is_component(word.strip(" .")) or (len(words) == 1 and re.fullmatch(r"(?!100)[0-3]\d\d", word)):
+            digits += re.sub(r"\D", "", word)
+        elif is_name or (len(words) == 1 and re.fullmatch(r"(?!100)[0-3]\d\d", word)):
             names.append(word.strip())
         elif low != "in" or plain("".join(pieces[i + 1 : i + 2])) not in FACTORS:
             raise _Unknown(f"({word})" if bracketed else next(w for w in cell.split() if word in w))
@@ -334,7 +388,7 @@ def _column(cell: str, *, first: bool) -> _Column:
     quantity = next(iter(quantities), "acceleration")
     if len(units) > 1 or len(quantities) > 1 or (names and quantity in ("time", "number")):
         raise _Unknown(cell)
-    return _Column(quantity, " ".join(names), units[0] if units else None)
+    return _Column(quantity, " ".join(names), units[0] if units else None, digits)
 
 
 def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Channel]:
@@ -357,10 +411,14 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
     for line, cells in () if in_rows else rows:
         if len(cells) < width or (how.columns is None and len(cells) > width):
             raise UnreadableRecord(f"line {line} must have {width} numbers, but has {shown(' '.join(cells))}")
+    line, (cell, *more) = rows[0]
+    if not (more or header.stated["count"] or how.columns == ROWS) and number(cell, line) == step:
+        wrong = f"line {line} has {shown(cell)}, which is the step: columns={ROWS!r} reads it as a sample"
+        raise UnreadableRecord(wrong, skip=line)
     times = [i for i, column in columns.items() if column.quantity == "time"]
     for i in times[:1]:
         unit = columns[i].unit
-        step = step_of([(line, cells[i]) for line, cells in rows], _TIMES[unit or "s"], step)
+        step = step_of([(line, cells[i]) for line, cells in rows], TIMES[unit or "s"], step)
         if unit is None and step > _LONGEST_STEP:
             raise UnreadableRecord(
                 f"times with steps of {step:g} need a unit: name them 'time (s)' or 'time (ms)' in `columns`"
@@ -371,6 +429,12 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
     if not accelerations or len(times) > 1:
         content = ", ".join(column.quantity for column in columns.values())
         raise NoAcceleration(f"the table must have one time and accelerations, but has {content}", content)
+    last = {(_axis(column.component), column.number): i for i, column in accelerations.items()}
+    if len(last) < len(accelerations) and how.columns is None:
+        names = ", ".join(shown(header.cells[i]) for i in accelerations)
+        chosen = {header.cells[i]: i + 1 for i in (*times, *last.values())}
+        wrong = f"some of the columns {names} may be one channel: `columns` must choose"
+        raise UnreadableRecord(wrong, columns=chosen)
     lone = [cell for cell in header.cells if re.fullmatch(r"(?i)[vxyz]", cell)]
     if lone and how.columns is None and not all(column.component for column in accelerations.values()):
         raise UnreadableRecord(f"{shown(lone[0])} next to an acceleration may be a velocity: give `columns`")
@@ -388,6 +452,16 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
     return channels
 
 
+def _axis(component: str) -> str:
+    """Return the first letter of an axis, which is the third one of a SEED code; a name with digits as it is.
+
+    North and south are the same axis, and so are east and west.
+    """
+    name = component.lower()
+    letter = name[2:] if re.fullmatch(r"[a-z][hlgn][zne]", name) else name[:1]
+    return name if re.search(r"\d", name) else letter.translate(_OPPOSITE)
+
+
 def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Column]:
     """Return the columns that the user names. They must agree with the header."""
     columns: dict[int, _Column] = {}
@@ -399,9 +473,8 @@ def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Co
             )
         column = _column(name, first=at == 1)
         says = _column(header.cells[at - 1], first=at == 1) if at <= len(header.cells) else column
-        units = {FACTORS.get(u) or _TIMES.get(u, u) for u in (column.unit, says.unit) if u}
-        # North and south are the same axis, and so are east and west.
-        axes = {c.component.lower()[0].translate(_OPPOSITE) for c in (column, says) if c.component}
+        units = {FACTORS.get(u) or TIMES.get(u, u) for u in (column.unit, says.unit) if u}
+        axes = {_axis(c.component) for c in (column, says) if c.component}
         if column.quantity != says.quantity or len(units) > 1 or len(axes) > 1:
             raise UnreadableRecord(
                 f"the header names column {at} {shown(header.cells[at - 1])}, but `columns` names it {name!r}"
@@ -411,10 +484,14 @@ def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Co
 
 
 def _remedy(
-    head: Sequence[tuple[int, str]], rows: Sequence[_Row], how: Options, line: int, piece: str
+    head: Sequence[_Line], rows: Sequence[_Row], how: Options, problem: _Line, below: _Header
 ) -> dict[str, Any]:
-    """Return the options that may read a table in which a part of a line is not understood."""
-    width, below, above = len(rows[0][1]), _Header(), dict(head).get(line, "")
+    """Return the options that may read a table in which a part of a line, `problem`, is not understood.
+
+    The header `below` has the statements of a first row of numbers.
+    """
+    line, piece = problem
+    width, above = len(rows[0][1]), dict(head).get(line, "")
     ways = ((text, cells) for _, text in head[::-1] for cells in _split_names(text) if len(cells) == width)
     named, names = next(ways, ("", [""] * width))
     # A line above the names may state that all columns are vertical.
@@ -432,7 +509,7 @@ def _remedy(
             name, says = f"NAME{k + 1}", replace(says, unit=None)
         columns[name] = k + 1
         meanings.append(says)
-    first = [float(row[0]) for _, row in rows if re.fullmatch(NUMBER, row[0])]
+    first = [real(row[0]) for _, row in rows if re.fullmatch(NUMBER, row[0])]
     # Whole numbers may be the numbers of the samples, and times in another unit are left out.
     is_time = width > 1 and len(first) > 2 and first == sorted({*first}) and first[1] - first[0] != 1.0
     if is_time and 1 not in columns.values() and not _BRACKET.search(names[0]):
@@ -440,7 +517,11 @@ def _remedy(
         meanings.append(_Column("time", "", None))
     units = [column.unit for column in meanings if column.quantity == "acceleration"]
     if not units and (named or width < 5 or is_time):
+        others = "|".join(_NAMES[kind] for kind in ("velocity", "displacement", "spectrum"))
         unnamed = {*range(2 if is_time else 1, width + 1)} - {*columns.values()}
+        unnamed -= {k for k in unnamed for x in _GAPS.split(names[k - 1].lower()) if re.fullmatch(others, x)}
+        if not unnamed:
+            return {}
         columns |= {f"NAME{k}" if len(unnamed) > 1 or is_up else "acceleration": k for k in unnamed}
     # Look for a unit and a factor in the names of the used columns, or in the line.
     used = " ".join(cell for k, cell in enumerate(names, 1) if k in columns.values()).strip() or above
@@ -449,15 +530,20 @@ def _remedy(
     rest = [word for word in _GAPS.split(used if above == named else above) if plain(word) not in FACTORS]
     match = _FACTOR.fullmatch(piece)
     if match and plain(match[2] or match[3]) in FACTORS:
-        options["scale"] = 10.0 ** int(match[1] or 0) * float(match[4] or 1)
+        options["scale"] = 10.0 ** int(match[1] or 0) * real(match[4] or "1")
     elif (piece[:1] == "(" and not stated_units) or re.search(rf"(?i)\d|{_SCALED}", " ".join(rest)):
         options["scale"] = "FACTOR"
     with contextlib.suppress(_Unknown, UnreadableRecord):
         for _, text in (x for x in head if x[0] > line):
             _understand(below, text, width)
-        # If the lines below are sufficient, it is enough to skip this line and all lines above it.
-        if (width == 1 or below.cells) and not is_up and _channels(below, rows, how):
-            return {"skip": line} | options
+        # If the lines below are sufficient, except for a unit, it is enough to skip this line and all lines
+        # above it.
+        size = sum(len(cells) for _, cells in rows)
+        fits = width == 1 or below.cells or size in below.stated["count"]
+        for unit in (how.unit, "g") if fits and not is_up else ():
+            with contextlib.suppress(UnreadableRecord):
+                if _channels(below, rows, replace(how, unit=unit)):
+                    return {"skip": line} | options | ({} if unit == how.unit else {"unit": "UNIT"})
     options = ({"skip": rows[0][0] - 1} if head else {}) | {"columns": columns or ROWS} | options
     if not units or not all(units):
         options["unit"] = how.unit or (stated_units.pop() if len(stated_units) == 1 else "UNIT")

@@ -46,12 +46,21 @@ class UnreadableRecord(ValueError):
 
 
 class NoAcceleration(UnreadableRecord):
-    """File without an acceleration, which agencies deliver together with the files of accelerations."""
+    """File that states no acceleration. A folder may contain such files beside those of accelerations."""
 
-    def __init__(self, message: str, content: str) -> None:
-        super().__init__(message)
-        self.content = content
+    def __init__(self, message: str, content: str = "", **options: Any) -> None:
+        super().__init__(message, **options)
+        self.content = content or message
         """Content of the file, such as velocity, displacement or response spectrum."""
+
+
+class StatedByFile(UnreadableRecord):
+    """Option of a user that contradicts what the file states."""
+
+    def __init__(self, message: str, option: str) -> None:
+        super().__init__(message)
+        self.option = option
+        """Name of the option."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +80,7 @@ class Decimal:
         decimals = len(mantissa.partition(".")[2])
         # Convert from text, because `10.0**n` raises an error for numbers beyond the largest float. Here the
         # result is infinite.
-        return Decimal(float(text.lower().replace("d", "e")), float(f"1e{int(exponent or 0) - decimals}"))
+        return Decimal(real(text), float(f"1e{int(exponent or 0) - decimals}"))
 
 
 def shown(text: str) -> str:
@@ -80,11 +89,16 @@ def shown(text: str) -> str:
     return repr(clean if len(clean) <= _LONGEST else clean[:_LONGEST] + "...")
 
 
+def real(text: str) -> float:
+    """Return the number from a text that matches `NUMBER`."""
+    # Fortran writes exponents of double precision with a D.
+    return float(text.lower().replace("d", "e"))
+
+
 def number(text: str, line: int) -> float:
     """Return a finite number from a text. Python's `float` would also accept "nan", "1_000" and other
     texts."""
-    # Fortran writes exponents of double precision with a D.
-    value = float(text.lower().replace("d", "e")) if _NUMBER.fullmatch(text.strip()) else math.nan
+    value = real(text) if _NUMBER.fullmatch(text.strip()) else math.nan
     if not math.isfinite(value):
         raise UnreadableRecord(f"line {line} must contain numbers, but has {shown(text)}")
     return value
@@ -161,10 +175,16 @@ def step_of(times: Sequence[tuple[int, str]], scale: float, stated: float | None
     i = np.arange(1, len(t))
     if len(t) < 2:
         return 1.0 if stated is None else stated
+    if (back := np.flatnonzero(np.diff(t) <= 0.0)).size:
+        (before, first), (line, second) = times[back[0]], times[back[0] + 1]
+        equal = Decimal.of(first).value == Decimal.of(second).value
+        why = "the same time as" if equal else "an earlier time than"
+        remedy = "remove a repeated row, or print the times with more digits" if equal else "sort the rows"
+        raise UnreadableRecord(f"line {line} has {why} line {before}, but the times must grow: {remedy}")
     # Round to twelve digits, so that 31.18/1559 becomes 0.02.
     noise = 1e-9 * float(np.max(np.abs(t)))
     step = low = high = float(f"{(t[-1] - t[0]) / i[-1]:.12g}")
-    if step <= 0.0 or (np.abs(t[1:] - t[0] - step * i) > noise).any():
+    if (np.abs(t[1:] - t[0] - step * i) > noise).any():
         # Programs print a fixed number of decimals or, as with %g, of significant digits, and may omit zeros
         # at the end. Times in single precision have an error of two units of 24 binary digits.
         last = scale * np.array([Decimal.of(cell).unit for _, cell in times])
@@ -189,7 +209,8 @@ def step_of(times: Sequence[tuple[int, str]], scale: float, stated: float | None
         rounded = [1.0 / max(1, round(1.0 / step)), *(float(f"{step:.{n}g}") for n in range(1, 12))]
         step = next((x for x in rounded if low <= x <= high), step)
     if stated is not None and not low * (1.0 - 1e-6) <= stated <= high * (1.0 + 1e-6):
-        raise UnreadableRecord(f"the stated step is {stated:g} s, but the step of the times is {step:g} s")
+        wrong = f"the stated step is {stated:g} s, but the step of the times is {step:g} s"
+        raise StatedByFile(wrong, "dt")
     return step if stated is None else stated
 
 
@@ -307,9 +328,15 @@ class Cursor:
         """Return all numbers up to the end of the file, which are separated by blanks or by their signs."""
         values: list[tuple[int, str]] = []
         while not self.only_blank_lines_follow():
+            # Fortran omits the letter of an exponent of three digits: .1234500-100 is one number.
+            line = re.sub(r"(\.\d*)([+-]\d{3})(?![\d.])", r"\1E\2", self.next(what))
+            if odd := re.search(r"\S*\.\d*[+-]\d+(?![\d.])\S*", line):
+                raise UnreadableRecord(
+                    f"line {self.at} has {shown(odd[0])}, which may be one number without the letter of its "
+                    "exponent, or two numbers"
+                )
             # In columns of Fortran a negative number may follow the previous number without a blank.
-            line = re.sub(r"(?<=[\d.])(?=[+-])", " ", self.next(what))
-            values += [(self.at, token) for token in line.split()]
+            values += [(self.at, token) for token in re.sub(r"(?<=[\d.])(?=[+-])", " ", line).split()]
         return numbers(values)
 
 

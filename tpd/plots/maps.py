@@ -251,8 +251,7 @@ def plot_record(record: Record, axes: Any = None) -> Any:
         figure.clear()
         axes = figure.subplot_mosaic("as;vs;ds", width_ratios=[3, 2])
         axes = [axes[name] for name in "avds"]
-    times = float(record.dt) * np.arange(len(record.acceleration))
-    acceleration, velocity, displacement = base_motion(record)
+    times, acceleration, velocity, displacement = base_motion(record)
     shown = (
         ("acceleration (g)", acceleration / STANDARD_GRAVITY, "PGA {:.3g} g"),
         ("velocity (m/s)", velocity, "PGV {:.3g} m/s"),
@@ -265,7 +264,7 @@ def plot_record(record: Record, axes: Any = None) -> Any:
         ax.plot(times[at], values[at], ls="", marker="o", ms=5, mfc="white", mec=INK)
         ax.set(ylabel=label, xlim=(0.0, times[-1]))
         ax.set_title(peak.format(abs(values[at])), fontsize=9, loc="right")
-    axes[0].set_title(record.name or record.source, fontsize=9, loc="left")
+    axes[0].set_title(record.name or record.source, fontsize=9, loc="left", parse_math=False)
     axes[2].set_xlabel("time (s), shaded: 5 to 95 % of the energy")
     # Periods from stiff to tall structures.
     periods = np.geomspace(0.05, 5.0, 40)

@@ -71,17 +71,22 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
     return measures[name]
 
 
-def base_motion(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return acceleration (m/s^2), velocity (m/s) and displacement (m) of the base at the samples of a
-    record.
+def base_motion(motion: GroundMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return times (s), and acceleration (m/s^2), velocity (m/s) and displacement (m) of the base.
 
-    The values are exact, because the acceleration is linear between samples. The base is at rest before the
-    record.
+    The times are the ends of the pieces, and those at which the velocity or the displacement has an extreme
+    value. The base is at rest before the motion.
     """
-    a, h = float(record.scale) * np.asarray(record.acceleration, dtype=float), float(record.dt)
-    v = np.cumsum([0.0, *(0.5 * h * (a[:-1] + a[1:]))])
-    d = np.cumsum([0.0, *(h * v[:-1] + h**2 * (2.0 * a[:-1] + a[1:]) / 6.0)])
-    return a, v, d
+    from scipy.interpolate import PPoly
+
+    c, h = float(motion.pga) * np.asarray(motion.pieces(), dtype=float), float(motion.piece)
+    ends = h * np.arange(len(c) + 1)
+    acceleration = PPoly((c / h ** np.arange(4)).T[::-1], ends)
+    velocity = acceleration.antiderivative()
+    turns = [x.roots(discontinuity=False, extrapolate=False) for x in (acceleration, velocity)]
+    times = np.unique(np.concatenate([ends, *turns]))
+    times = times[np.isfinite(times)]
+    return times, acceleration(times), velocity(times), velocity.antiderivative()(times)
 
 
 def significant_times(record: Record) -> tuple[float, float]:
@@ -99,15 +104,7 @@ def significant_times(record: Record) -> tuple[float, float]:
 
 def peak_velocity(motion: GroundMotion) -> float:
     """Return the largest velocity of the base (m/s), which is at rest before the motion."""
-    from scipy.interpolate import PPoly
-
-    c, h = np.asarray(motion.pieces(), dtype=float), float(motion.piece)
-    ends = h * np.arange(len(c) + 1)
-    acceleration = PPoly((c / h ** np.arange(4)).T[::-1], ends)
-    # The velocity is largest at the end of a piece, or where the acceleration vanishes within a piece.
-    turns = acceleration.roots(discontinuity=False, extrapolate=False)
-    velocities = acceleration.antiderivative()(np.concatenate([ends, turns[np.isfinite(turns)]]))
-    return float(np.max(np.abs(velocities))) * float(motion.pga)
+    return float(motion.pgv if isinstance(motion, Record) else np.max(np.abs(base_motion(motion)[2])))
 
 
 def spectral_acceleration(

