@@ -198,6 +198,21 @@ def test_time_histories_are_from_rest_with_and_without_the_pendulum():
     assert [h.with_pendulum for h in time_histories(SCENE, None)] == [False]
 
 
+@pytest.mark.mends("the pictures of a chimney that overturned after 35 s showed 30 s, and it stood")
+def test_a_time_history_lasts_until_the_block_overturns():
+    block = tpd.Block(width=1.3, height=10.0, mass=16280.0, radius_of_gyration=2.92)
+    scene = tpd.Scene(block, tpd.Harmonic(amplitude=0.09, frequency=0.8))
+    pendulum = tpd.Pendulum(mass=617.3, length=0.5329, damping_ratio=0.6)
+    without, with_pendulum = time_histories(scene, pendulum)
+    assert (without.overturned, with_pendulum.overturned) == (True, False)
+    # 24 periods are 30 s.
+    fall = without.time[np.isfinite(without.tilt)][-1]
+    assert 35.0 < fall < without.time[-1] < 38.0
+    # The tables and pictures have one axis of time for both cases.
+    assert (without.time == with_pendulum.time).all()
+    assert np.isfinite(with_pendulum.tilt).all()
+
+
 def test_losses_of_a_block_do_not_depend_on_the_kind_of_its_motion():
     scene = free_block(restitution=0.95)
     in_earthquake = Scene(scene.block, tpd.records.el_centro())

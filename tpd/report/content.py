@@ -28,7 +28,8 @@ CAPTIONS = {
     ),
     "animation.gif": (
         "Animation of the block on its moving base, without and with the pendulum",
-        "First seconds from rest under the scene's own excitation, by the linear equations.",
+        "Motion from rest under the scene's own excitation, by the linear equations: the seconds around the "
+        "last overturning, or the first seconds if the block overturns in neither case.",
     ),
     "benefit.svg": (
         "Mean tilt with the pendulum (filled) and without it (open), over all runs and for each condition",
@@ -44,9 +45,9 @@ CAPTIONS = {
     ),
     "motion.svg": (
         "Tilt of the block without and with the pendulum, and angle of the rod, against time from rest",
-        "First periods from rest under the scene's own excitation, by the linear equations, without the "
-        "pendulum (grey) and with it (blue). The block may still overturn later. The stroke limit (dotted) "
-        "applies to the settled motion only.",
+        "Motion from rest under the scene's own excitation, by the linear equations, without the pendulum "
+        "(grey) and with it (blue). The block was followed over 100 periods. The picture ends after 24 "
+        "periods or after the last overturning. The stroke limit (dotted) applies to the settled motion only.",
     ),
     "search.png": (
         "Tilt over mass ratio and length ratio as a shaded field, with the edges of the limits and the "
