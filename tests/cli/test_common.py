@@ -190,7 +190,7 @@ optimise --scatter frcition=0.1 | there is no key `frcition` in [scatter]; did y
 export --as csv --pulse ricker --amplitude 1 | has keys of a pulse (`pulse`) and of a harm
 export --as csv BOB --scale 5 | `motion.scales` requires a pulse or records
 export --as csv BOB --sliding 0.5 | --sliding has an effect on models for MuJoCo and OpenSees
-export --as csv BOB --file . | --file must name a file, but . is a directory
+export --as csv BOB --out . | --out must name a file, but . is a directory
 """
 """Commands with a part of the message; `job` stands for `tpd optimise` with a file of these lines."""
 UNITS = r"""
@@ -324,7 +324,7 @@ def test_every_command_describes_the_records_that_it_reads(run, tmp_path, comman
         "shake": "--free 0.1",
         "spectrum": "--points 2",
         "fragility": "--scales 1 2",
-        "export": f"--as csv --file {tmp_path / 'a.csv'}",
+        "export": f"--as csv --out {tmp_path / 'a.csv'}",
         "check": "",
     }[command]
     done = call(words) if command in ("export", "check") else run(words)

@@ -91,7 +91,9 @@ def test_overturning_from_rest_is_counted_and_a_danger_where_it_is_not_outweighe
     assert only(changed(exact={"status": worst}), "OVERTURNS").severity is Severity.danger
 
 
-@pytest.mark.mends("conditions under which the block overturns with and without the pendulum were not counted")
+@pytest.mark.mends(
+    "conditions under which the block overturns with and without the pendulum were not counted"
+)
 def test_all_conditions_that_overturn_with_the_pendulum_are_counted_the_stated_one_by_name():
     design = harmonic()
     conditions, without = design.conditions, design.problem.without_pendulum

@@ -87,7 +87,8 @@ def check_inputs(options: argparse.Namespace) -> Case:
     _ = getattr(case.job, _REQUIRED.get(options.command, "scene"))
     if options.command == "optimise":
         check_cavity(case.job.block, case.job.limits)
-    if (out := getattr(options, "out", None)) is not None:
+    # The commands without an activity write a single file, and check it themselves.
+    if options.activity and (out := getattr(options, "out", None)) is not None:
         files.claim(out, overwrite=options.overwrite)
     return case
 

@@ -22,17 +22,14 @@ def run(options: argparse.Namespace) -> int:
     folder = subject.path.parent if isinstance(subject, StoredDesign) else Path()
     out = folder / _NAME if options.out is None else options.out
     # Before the work: a page takes seconds.
-    if out.is_dir() or not out.name:
-        raise ValueError(f"--out must name a file, but {out} is a directory")
-    if out.exists() and not options.overwrite:
-        raise ValueError(f"{out} exists already: choose another name with --out, or pass --overwrite")
+    files.claim_file(out, overwrite=options.overwrite)
     with interrupts.announced(f"computing the orbits of the page {out}"):
         common.set_up_jax(subject.job if isinstance(subject, StoredDesign) else subject)
         # JAX must be set up before a module imports it.
         from tpd.explore.page import explore, link
 
         page = explore(subject)
-    print(f"written: {files.place(out, page.html)}")
+    print(f"written: {page.write(out)}")
     if (report := link(out)) is not None:
         print(f"linked from: {report}")
     if options.open and not webbrowser.open(out.resolve().as_uri()):

@@ -37,8 +37,10 @@ def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, C
         pictures: drawing functions by the names of the files. Each returns axes, or the content of the file.
     """
     # All tables are computed before the first one is written, so that an interruption leaves all or none.
-    for name, table in list(tables):
-        progress.say(f"written: {files.place(out / name, table)}", sys.stdout)
+    contents = dict(tables)
+    results = files.Results(out, next(iter(contents)))
+    for name, table in contents.items():
+        progress.say(f"written: {results.place(name, table)}", sys.stdout)
     for name, draw in pictures.items():
         try:
             # Matplotlib is imported here, because its import may fail: it rejects some settings of users.
@@ -51,4 +53,6 @@ def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, C
         except Exception as error:
             progress.say(f"tpd: {files.missing_picture(name, error)}")
         else:
-            progress.say(f"written: {files.place(out / name, content)}", sys.stdout)
+            progress.say(f"written: {results.place(name, content)}", sys.stdout)
+    if remaining := results.remaining:
+        progress.say(f"tpd: {remaining}")

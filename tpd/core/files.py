@@ -28,9 +28,15 @@ try:
 except ImportError:  # Windows
     fcntl = None
 
-_PART = ".tpd-part-"
-"""Prefix of the names of files that are being written. Files that a killed run leaves with this prefix are
-ignored."""
+_OWN = ".tpd-"
+"""Prefix of the names of hidden files, which do not count as results."""
+_PART, _LIST = f"{_OWN}part-", f"{_OWN}files"
+"""Prefix of the names of files that are being written, and which a killed run leaves. Name of the list of the
+files of results in a folder, with their checksums."""
+REPORT = "design.json"
+"""Main file of a report of `tpd optimise`."""
+_FEW = 9
+"""Largest number of files that a message lists."""
 _WARNINGS: set[str] = set()
 """Reasons why compiled code is not stored, of which the user was warned already."""
 PACKAGES = ("jax", "jaxlib", "diffrax", "optax", "equinox", "numpy", "numba")
@@ -45,18 +51,35 @@ def claim(directory: Path, *, overwrite: bool) -> None:
     """
     if os.path.lexists(directory) and not directory.is_dir():
         raise ValueError(f"cannot write the report: {directory} is a file, not a directory")
-    files = (p for p in directory.glob("*") if not p.name.startswith(_PART))
-    if not overwrite and any(files):
+    if not overwrite and any(_visible(directory)):
         raise ValueError(
             f"{directory} already contains files: choose another directory with --out, or pass --overwrite"
         )
+    # Folders are created when the results are written: invalid input leaves no folder behind.
+    nearest = next(folder for folder in (directory, *directory.parents) if os.path.lexists(folder))
     try:
-        make_folder(directory.parent)
-        with tempfile.TemporaryFile(dir=directory if directory.exists() else directory.parent) as file:
+        with tempfile.TemporaryFile(dir=nearest) as file:
             # Write a byte, because a full disk may still accept the name of a file.
             file.write(b" ")
     except OSError as error:
         raise ValueError(f"cannot write to {directory}: {error.strerror or error}") from None
+
+
+def _visible(folder: Path) -> list[str]:
+    """Return the names in a folder, without the hidden files of this package."""
+    return sorted(p.name for p in folder.glob("*") if not p.name.startswith(_OWN))
+
+
+def claim_file(path: Path, *, overwrite: bool) -> None:
+    """Check before any work that the file of --out can be written.
+
+    Raises:
+        ValueError: the path is a directory, or the file exists and may not be overwritten.
+    """
+    if path.is_dir() or not path.name:
+        raise ValueError(f"--out must name a file, but {path} is a directory")
+    if path.exists() and not overwrite:
+        raise ValueError(f"{path} exists already: choose another name with --out, or pass --overwrite")
 
 
 def path_of(name: str | os.PathLike[str]) -> Path:
@@ -92,32 +115,114 @@ def make_folder(folder: Path) -> None:
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder)) from None
 
 
-def place(path: Path, content: str | bytes) -> Path:
+def place(path: Path, content: str | bytes, of: str = "") -> Path:
     """Write a file, and create its directory, so that the file appears completely or not at all; return
     `path`.
 
+    Args:
+        path: the file.
+        content: text or bytes.
+        of: main file of the result to which the file belongs. A folder of results then lists the file.
+
     Raises:
-        OSError: the file cannot be written; the error contains `path`.
+        OSError: the file cannot be written; the error contains `path`. No new folder is left behind.
     """
     data = readable(content).encode(errors="replace") if isinstance(content, str) else content
+    made, listed = [folder for folder in path.parents if not folder.exists()], path.parent / _LIST
     try:
         make_folder(path.parent)
-        # A rename within one directory is atomic, so that an interrupted run leaves no incomplete file.
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PART)
-        try:
-            with open(handle, "wb") as file:
-                file.write(data)
-            # Temporary files are readable only by their owner, so change the mode.
-            Path(name).chmod(0o644)
-            Path(name).replace(path)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                Path(name).unlink()
-            raise
+        if of and listed.exists():
+            _write(listed, as_json(_listed(path.parent) | {path.name: [of, _digest(data)]}).encode())
+        _write(path, data)
     except OSError as error:
+        _remove(made)
         # The error of the system contains the name of the temporary file, or no name.
         raise OSError(error.errno, error.strerror or str(error), str(path)) from None
     return path
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write a file in a folder that exists. A rename within one directory is atomic, so that an interrupted
+    run leaves no incomplete file."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PART)
+    try:
+        with open(handle, "wb") as file:
+            file.write(data)
+        # Temporary files are readable only by their owner, so change the mode.
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except BaseException:
+        _remove([Path(name)])
+        raise
+
+
+def _remove(paths: Iterable[Path]) -> None:
+    """Remove files, and folders that are empty, as far as possible."""
+    for path in paths:
+        with contextlib.suppress(OSError):
+            path.rmdir() if path.is_dir() else path.unlink()
+
+
+def _listed(folder: Path) -> dict[str, list[str]]:
+    """Return the listed files of a folder: main file of the result and checksum of the file, by name."""
+    try:
+        return json.loads((folder / _LIST).read_bytes())
+    except (OSError, ValueError):
+        return {}
+
+
+def _digest(data: bytes) -> str:
+    """Return the checksum of a file in a list."""
+    return hashlib.sha256(data).hexdigest()
+
+
+class Results:
+    """Files of one result in a folder. They replace those of an earlier result of the same kind.
+
+    Files of the earlier result are removed first if they are as they were written. Files that were changed,
+    files of other results, and files of other programs remain, and `remaining` names them.
+    """
+
+    def __init__(self, folder: Path, main: str) -> None:
+        """Remove the files of the earlier result.
+
+        Args:
+            folder: folder of the results.
+            main: name of the main file, which distinguishes the results of different commands.
+        """
+        self._folder, self._main, self._names = folder, main, set[str]()
+        self._made = [path for path in (folder, *folder.parents) if not path.exists()]
+        listed = _listed(folder)
+        # The names cannot contain folders: a list from elsewhere must not lead out of the folder.
+        earlier = {folder / Path(name).name: digest for name, (of, digest) in listed.items() if of == main}
+        _remove(p for p, digest in earlier.items() if p.is_file() and _digest(p.read_bytes()) == digest)
+        self._others = {name: entry for name, entry in listed.items() if entry[0] != main}
+        place(folder / _LIST, as_json(self._others))
+
+    def place(self, name: str, content: str | bytes) -> Path:
+        """Write a file of the result and return its path.
+
+        Raises:
+            OSError: the file cannot be written. All files of the result are removed, also their folder if it
+                is new.
+        """
+        self._names.add(name)
+        try:
+            return place(self._folder / name, content, self._main)
+        except OSError:
+            _remove([*(self._folder / name for name in self._names), self._folder / _LIST])
+            if self._others:
+                place(self._folder / _LIST, as_json(self._others))
+            _remove(self._made)
+            raise
+
+    @property
+    def remaining(self) -> str:
+        """Sentence on the files in the folder that do not belong to this result; empty if there are none."""
+        names = [name for name in _visible(self._folder) if name not in self._names]
+        more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
+        listed = f"{', '.join(names[:_FEW])}{more}"
+        return f"{self._folder} also contains files that are not of this run: {listed}" if names else ""
 
 
 def missing_picture(name: str, error: Exception) -> str:

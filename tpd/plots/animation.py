@@ -50,9 +50,7 @@ class Reel:
 
 
 @own_style()
-def animate(
-    scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHistory]
-) -> bytes:
+def animate(scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHistory]) -> bytes:
     """Return a GIF of some seconds: on the left without the pendulum, on the right with the pendulum.
 
     The film shows the last overturning, if the block overturns in one of the cases. Otherwise it shows the

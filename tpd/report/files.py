@@ -51,15 +51,17 @@ def write(
         job_toml: the job file that repeats the search, for scene.toml; empty if there is none.
         record_notes: notes of the reader on the files of the records.
         then: function that is called when the numbers are written, before the first picture is drawn.
-        warn: function that is called with a sentence for each picture that cannot be drawn.
+        warn: function that is called with a sentence for each picture that cannot be drawn, and on files
+            in the folder that do not belong to the report.
     """
     name, folder = job_tables.get("project", {}).get("name", ""), directory if job_toml else None
     report = content(design, details, job_toml, folder, name, files.today(), record_notes)
-    written = [
-        files.place(directory / name, inside)
-        for name, inside in _tables(design, details, job_tables, job_toml, record_notes)
-    ]
-    written.insert(0, files.place(directory / "report.txt", text(report)))
+    tables = {
+        "report.txt": text(report),
+        **dict(_tables(design, details, job_tables, job_toml, record_notes)),
+    }
+    results = files.Results(directory, files.REPORT)
+    written = [results.place(name, inside) for name, inside in tables.items()]
     # Pictures take longest and may fail. The numbers are therefore written, and the answer is printed, first.
     then()
     pictures = {}
@@ -70,9 +72,11 @@ def write(
         except Exception as error:
             warn(files.missing_picture(name, error))
         else:
-            written.append(files.place(directory / name, pictures[name]))
+            written.append(results.place(name, pictures[name]))
     # The page is written last, so that a folder with a page contains a complete report.
-    written.append(files.place(directory / "report.html", html(report, pictures)))
+    written.append(results.place("report.html", html(report, pictures)))
+    if remaining := results.remaining:
+        warn(remaining)
     return written
 
 
@@ -131,7 +135,7 @@ def _tables(
     design: Design, details: Details, job_tables: dict[str, Any], job_toml: str, record_notes: Sequence[str]
 ) -> Iterator[tuple[str, str]]:
     """Yield the names and contents of the files with numbers."""
-    yield "design.json", as_json(design, details, job_tables, record_notes)
+    yield files.REPORT, as_json(design, details, job_tables, record_notes)
     if job_toml:
         yield "scene.toml", job_toml
     if details.responses:
