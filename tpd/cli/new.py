@@ -21,9 +21,8 @@ def run(options: argparse.Namespace) -> int:
     old = f"tpd optimise --scene {options.kind}.toml --out {options.kind}"
     if os.path.lexists(out):
         raise ValueError(f"{out} exists and was not changed: choose another file with --out")
-    print(
-        f"written: {files.place(out, template(options.kind).replace(old, again))}\nnext: change the numbers in this file, then run\n  {again}"
-    )
+    files.place(out, template(options.kind).replace(old, again))
+    print(f"written: {out}\nnext: change the numbers in this file, then run\n  {again}")
     return SOUND
 
 

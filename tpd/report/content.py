@@ -46,8 +46,8 @@ CAPTIONS = {
     "motion.svg": (
         "Tilt of the block without and with the pendulum, and angle of the rod, against time from rest",
         "Motion from rest under the scene's own excitation, by the linear equations, without the pendulum "
-        "(grey) and with it (blue). The block was followed over 100 periods. The picture ends after 24 "
-        "periods or after the last overturning. The stroke limit (dotted) applies to the settled motion only.",
+        "(grey) and with it (blue). The block was followed over 100 periods. The picture ends after 24 of "
+        "them, or after the last overturning. The stroke limit (dotted) applies to the settled motion only.",
     ),
     "search.png": (
         "Tilt over mass ratio and length ratio as a shaded field, with the edges of the limits and the "

@@ -56,10 +56,7 @@ def write(
     """
     name, folder = job_tables.get("project", {}).get("name", ""), directory if job_toml else None
     report = content(design, details, job_toml, folder, name, files.today(), record_notes)
-    tables = {
-        "report.txt": text(report),
-        **dict(_tables(design, details, job_tables, job_toml, record_notes)),
-    }
+    tables = {"report.txt": text(report)} | dict(_tables(design, details, job_tables, job_toml, record_notes))
     results = files.Results(directory, files.REPORT)
     written = [results.place(name, inside) for name, inside in tables.items()]
     # Pictures take longest and may fail. The numbers are therefore written, and the answer is printed, first.
