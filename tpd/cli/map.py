@@ -14,6 +14,7 @@ from tpd.cli import common, outputs
 from tpd.cli.interrupts import SOUND, print_answer
 from tpd.core import checks, files
 from tpd.core.progress import Bar
+from tpd.scene.quantities import named
 from tpd.theory.no_uplift import AtRest
 
 _MOST_POINTS = 2000.0
@@ -59,8 +60,7 @@ def _axis(flag: str, words: list[str]) -> tuple[str, float, float]:
         raise ValueError(f"`{flag}` must be a name and two numbers, but is {' '.join(words)}") from None
     if not low < high:
         raise ValueError(f"`{flag}` must have the lower number first, but goes from {low:g} to {high:g}")
-    # Options are written with hyphens; attributes and parameters have underscores.
-    name = words[0].replace("-", "_")
+    name = named(words[0])
     if name in common.LARGEST:
         checks.at_most(flag, high, *common.LARGEST[name])
     return name, low, high

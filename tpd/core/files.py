@@ -12,6 +12,7 @@ import json
 import math
 import os
 import platform
+import re
 import stat
 import sys
 import tempfile
@@ -86,10 +87,15 @@ def path_of(name: str | os.PathLike[str]) -> Path:
     """Return the path of a file or folder from its name. A leading ~ is the home directory of the user.
 
     Raises:
-        ValueError: the argument is neither a string nor a path.
+        ValueError: the argument is neither a string nor a path, is empty, or has control characters.
     """
-    if not isinstance(name, (str, os.PathLike)):
+    if not isinstance(name, (str, os.PathLike)) or not os.fspath(name):
         raise ValueError(f"`path` must name a file, but is {name!r}")
+    if re.search(r"[\x00-\x1f]", os.fsdecode(name)):
+        raise ValueError(
+            f"`path` must have no control characters, but is {name!r}; in a job file, write a path with "
+            "backslashes in single quotes"
+        )
     # Encode the characters as the file system of this process expects them.
     return Path(os.fsdecode(os.path.expanduser(name).encode("utf-8", "surrogateescape")))
 
@@ -303,19 +309,23 @@ def as_json(content: Any) -> str:
 
 
 def as_csv(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
-    """Format a table with a header as CSV, with all digits of the numbers."""
+    """Format a table with a header as CSV, with all digits of the numbers.
+
+    NaN becomes an empty cell, and a list becomes its items with semicolons between them.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
-    writer.writerows(rows)
+    for row in rows:
+        # Every program reads an empty cell as a missing value, but not a word such as "nan".
+        cells = ("; ".join(map(str, x)) if isinstance(x, (list, tuple)) else x for x in row)
+        writer.writerow(["" if x != x else x for x in cells])
     return text.getvalue()
 
 
 def as_table(columns: Mapping[str, Any]) -> str:
-    """Format arrays of one length, by their names, as CSV. NaN becomes an empty cell."""
-    # Every program reads an empty cell as a missing value, but not a word such as "nan".
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    return as_csv(columns, (["" if x != x else x for x in row] for row in rows))
+    """Format arrays of one length, by their names, as CSV, see `as_csv`."""
+    return as_csv(columns, zip(*(column.tolist() for column in columns.values()), strict=True))
 
 
 def versions() -> dict[str, str]:

@@ -19,6 +19,7 @@ from tpd.answers.paired import PairedRuns
 from tpd.answers.response import BAND, Response, frequencies, settled_response
 from tpd.answers.statistics import Interval
 from tpd.answers.steady_state import sampled, simulate
+from tpd.core.formatting import Printed, number
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import bob_of
 from tpd.design.design import Design, FrontPoint
@@ -246,8 +247,8 @@ class TimeHistory:
     """Whether the block overturns."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Details:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Details(Printed):
     """All further results that a report shows with a design. A part that does not apply is None or empty."""
 
     build: Build | None = None
@@ -263,6 +264,25 @@ class Details:
     offered. It is computed only if the conditions differ in the motion of the base alone."""
     front: tuple[FrontPoint, ...] = ()
     """Results with lighter bobs."""
+
+    def __str__(self) -> str:
+        rows = [] if self.build is None else [("build", f"{self.build.bob}, {number(self.build.mass)} kg")]
+        # Both ends of the first sensitivity, which has no name, are the benefit with the stated values.
+        falls = {s.name or "as stated": (s.low.mean, s.high.mean) for s in self.sensitivity}
+        falls |= {f"losses by {case.name}": (case.runs.benefit.mean,) for case in self.losses}
+        for name, shares in falls.items():
+            listed = " or ".join(dict.fromkeys(f"{number(100.0 * x, 3)} %" for x in shares))
+            rows.append((name, f"reduction of the mean tilt {listed}"))
+        for h in self.histories:
+            case, outcome = (
+                "with" if h.with_pendulum else "without",
+                "overturns" if h.overturned else "stands",
+            )
+            rows.append((f"{case} pendulum", f"{outcome}, {number(float(h.time[-1]), 3)} s from rest"))
+        rows += [("response", str(r).partition("\n")[0]) for r in self.responses]
+        return "\n".join(
+            [f"Details, {len(self.front)} lighter designs", *map("  {0[0]:32}{0[1]}".format, rows)]
+        )
 
 
 def details(
