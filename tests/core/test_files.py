@@ -72,6 +72,12 @@ def test_numbers_that_a_format_has_not_are_words_or_empty_cells():
     assert table == 'x,word\n0.1,"a,b"\n,c\n'
 
 
+@pytest.mark.mends("tables had the word nan and lists of Python in their cells")
+def test_a_table_has_empty_cells_for_missing_numbers_and_no_lists():
+    rows = [(math.nan, ["first note", "second"], 1), (np.float64("nan"), [], None), (math.inf, ("x",), "y")]
+    assert files.as_csv(["a", "b", "c"], rows) == "a,b,c\n,first note; second,1\n,,\ninf,x,y\n"
+
+
 def test_the_date_is_that_of_the_environment_where_it_has_one(monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     assert files.today() == "2023-11-14"

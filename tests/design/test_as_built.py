@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 import tpd
+from tests import designs
 from tests.designs import PENDULUM, SCENE
 from tpd.answers.motion_history import motion_history
 from tpd.design.as_built import (
+    Details,
     Loads,
     build_of,
+    details,
     free_swing,
     loads_of,
     loss_models,
@@ -196,6 +199,19 @@ def test_time_histories_are_from_rest_with_and_without_the_pendulum():
     assert [h.with_pendulum for h in found] == [False, True]
     assert found[0].time[-1] == pytest.approx(24.0 / 2.5)
     assert [h.with_pendulum for h in time_histories(SCENE, None)] == [False]
+
+
+@pytest.mark.mends("details were printed as pages of nested objects")
+def test_details_are_printed_as_a_table_of_a_few_lines():
+    found = details(designs.harmonic_design())
+    lines = str(found).splitlines()
+    assert repr(found) == str(found)
+    assert 5 < len(lines) < 25
+    assert max(map(len, lines)) <= 110
+    assert lines[1].startswith("  build ")
+    assert any(line.startswith("  losses by friction and impacts") for line in lines)
+    assert sum("s from rest" in line for line in lines) == 2
+    assert str(Details()) == "Details, 0 lighter designs"
 
 
 @pytest.mark.mends("the pictures of a chimney that overturned after 35 s showed 30 s, and it stood")
