@@ -142,6 +142,7 @@ def design_map(
         y: name and values of the other axis, shape (ny,).
         pendulum: pendulum of the scene; None without a pendulum.
         start: initial state (phi, psi, phi', psi') at tau = 0, in rad and rad per unit tau; zeros are rest.
+            For the signs see `y0` of `tpd.simulate`.
         cluster: processes or machines in place of threads.
         progress: True for a progress bar on stderr, or a function that is called with (number of finished
             designs, number of all designs).
