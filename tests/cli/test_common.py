@@ -154,7 +154,7 @@ map X --y lam a 1 | `--y` must be a name and two numbers, but is lam a 1
 map X --y lam 1 0.1 | `--y` must have the lower number first, but goes from 1 to 0.1
 map BOB X --y omega 1 2 | `y` must be one of width, height
 map BOB X --y pendulum-mass 1 2 | must not both move mu
-map MAP --points 3000 | `--points` must be between 2 and 2000, but is 3000
+map MAP --points 3000 | `--points` must be a whole number, 2 to 2000, but is 3000
 check absent | cannot read absent: No such file or directory
 check | a pendulum is missing: give DESIGN, or --pendulum-mass and --pendulum-length
 check absent BOB | absent contains a scene and a pendulum: give either DESIGN or options for these

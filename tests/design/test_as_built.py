@@ -210,8 +210,8 @@ def test_details_are_printed_as_a_table_of_a_few_lines():
     assert max(map(len, lines)) <= 110
     assert lines[1].startswith("  build ")
     assert any(line.startswith("  losses by friction and impacts") for line in lines)
-    assert sum("s from rest" in line for line in lines) == 2
-    assert str(Details()) == "Details, 0 lighter designs"
+    assert ["histories", "2", "results"] in [line.split() for line in lines]
+    assert str(Details()) == "Details of a design"
 
 
 @pytest.mark.mends("the pictures of a chimney that overturned after 35 s showed 30 s, and it stood")

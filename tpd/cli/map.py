@@ -17,14 +17,13 @@ from tpd.core.progress import Bar
 from tpd.scene.quantities import named
 from tpd.theory.no_uplift import AtRest
 
-_MOST_POINTS = 2000.0
+_MOST_POINTS = 2000
 """Largest number of points along an axis. Four million designs take a minute and a gigabyte of memory."""
 
 
 def run(options: argparse.Namespace, case: common.Case) -> int:
     """Solve the grid, print the counts of the statuses, write the results and return the exit status."""
-    checks.count("--points", options.points, least=2)
-    checks.within("--points", options.points, 2.0, _MOST_POINTS)
+    checks.count("--points", options.points, 2, _MOST_POINTS)
     x, y = _axis("--x", options.x), _axis("--y", options.y)
     scene, pendulum = case.job.scene, case.pendulum
     with Bar() as bar, common.open_cluster(options) as cluster:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import errno
 import hashlib
 import io
 import json
@@ -18,7 +17,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
@@ -89,13 +88,10 @@ def path_of(name: str | os.PathLike[str]) -> Path:
     Raises:
         ValueError: the argument is neither a string nor a path, is empty, or has control characters.
     """
-    if not isinstance(name, (str, os.PathLike)) or not os.fspath(name):
-        raise ValueError(f"`path` must name a file, but is {name!r}")
-    if re.search(r"[\x00-\x1f]", os.fsdecode(name)):
-        raise ValueError(
-            f"`path` must have no control characters, but is {name!r}; in a job file, write a path with "
-            "backslashes in single quotes"
-        )
+    text = os.fsdecode(name) if isinstance(name, (str, os.PathLike)) else ""
+    if not text or re.search(r"[\x00-\x1f]", text):
+        hint = "; in a job file, write a path with backslashes in single quotes" if text else ""
+        raise ValueError(f"`path` must name a file, but is {name!r}{hint}")
     # Encode the characters as the file system of this process expects them.
     return Path(os.fsdecode(os.path.expanduser(name).encode("utf-8", "surrogateescape")))
 
@@ -107,18 +103,6 @@ def readable(text: str) -> str:
     written to a file.
     """
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "surrogateescape")
-
-
-def make_folder(folder: Path) -> None:
-    """Create a folder and its parents, unless it exists.
-
-    Raises:
-        OSError: the folder cannot be created, or something else has its name.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder)) from None
 
 
 def place(path: Path, content: str | bytes, of: str = "") -> Path:
@@ -135,31 +119,29 @@ def place(path: Path, content: str | bytes, of: str = "") -> Path:
     """
     data = readable(content).encode(errors="replace") if isinstance(content, str) else content
     made, listed = [folder for folder in path.parents if not folder.exists()], path.parent / _LIST
+    if of and listed.exists():
+        entry = {path.name: [of, hashlib.sha256(data).hexdigest()]}
+        place(listed, as_json(_listed(path.parent) | entry))
     try:
-        make_folder(path.parent)
-        if of and listed.exists():
-            _write(listed, as_json(_listed(path.parent) | {path.name: [of, _digest(data)]}).encode())
-        _write(path, data)
+        # If a file has the name of the folder, the next statement finds that it is no directory.
+        with contextlib.suppress(FileExistsError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+        # A rename within one directory is atomic, so that an interrupted run leaves no incomplete file.
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PART)
+        try:
+            with open(handle, "wb") as file:
+                file.write(data)
+            # Temporary files are readable only by their owner, so change the mode.
+            Path(name).chmod(0o644)
+            Path(name).replace(path)
+        except BaseException:
+            _remove([Path(name)])
+            raise
     except OSError as error:
         _remove(made)
         # The error of the system contains the name of the temporary file, or no name.
         raise OSError(error.errno, error.strerror or str(error), str(path)) from None
     return path
-
-
-def _write(path: Path, data: bytes) -> None:
-    """Write a file in a folder that exists. A rename within one directory is atomic, so that an interrupted
-    run leaves no incomplete file."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PART)
-    try:
-        with open(handle, "wb") as file:
-            file.write(data)
-        # Temporary files are readable only by their owner, so change the mode.
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        _remove([Path(name)])
-        raise
 
 
 def _remove(paths: Iterable[Path]) -> None:
@@ -177,11 +159,6 @@ def _listed(folder: Path) -> dict[str, list[str]]:
         return {}
 
 
-def _digest(data: bytes) -> str:
-    """Return the checksum of a file in a list."""
-    return hashlib.sha256(data).hexdigest()
-
-
 class Results:
     """Files of one result in a folder. They replace those of an earlier result of the same kind.
 
@@ -196,14 +173,15 @@ class Results:
             folder: folder of the results.
             main: name of the main file, which distinguishes the results of different commands.
         """
-        self._folder, self._main, self._names = folder, main, set[str]()
-        self._made = [path for path in (folder, *folder.parents) if not path.exists()]
+        self._folder, self._main, self._names = folder, main, list[str]()
+        self._made = [path for path in (folder / _LIST, folder, *folder.parents) if not path.exists()]
         listed = _listed(folder)
-        # The names cannot contain folders: a list from elsewhere must not lead out of the folder.
-        earlier = {folder / Path(name).name: digest for name, (of, digest) in listed.items() if of == main}
-        _remove(p for p, digest in earlier.items() if p.is_file() and _digest(p.read_bytes()) == digest)
-        self._others = {name: entry for name, entry in listed.items() if entry[0] != main}
-        place(folder / _LIST, as_json(self._others))
+        for name, (of, digest) in listed.items():
+            # The name must not contain a folder: a list from elsewhere must not lead out of this one.
+            path = folder / Path(name).name
+            if of == main and path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == digest:
+                path.unlink()
+        place(folder / _LIST, as_json({name: entry for name, entry in listed.items() if entry[0] != main}))
 
     def place(self, name: str, content: str | bytes) -> Path:
         """Write a file of the result and return its path.
@@ -212,15 +190,25 @@ class Results:
             OSError: the file cannot be written. All files of the result are removed, also their folder if it
                 is new.
         """
-        self._names.add(name)
+        self._names.append(name)
         try:
             return place(self._folder / name, content, self._main)
         except OSError:
-            _remove([*(self._folder / name for name in self._names), self._folder / _LIST])
-            if self._others:
-                place(self._folder / _LIST, as_json(self._others))
-            _remove(self._made)
+            _remove([*(self._folder / name for name in self._names), *self._made])
             raise
+
+    def draw(self, name: str, function: Callable[[], bytes], warn: Callable[[str], Any]) -> bytes | None:
+        """Write a picture and return its content; None if it cannot be drawn, after a call of `warn`."""
+        try:
+            content = function()
+        # Matplotlib raises errors of many classes, for example for a missing font or a missing LaTeX, and a
+        # missing picture must not cost the other results.
+        except Exception as error:
+            reason = next(iter(str(error).splitlines()), type(error).__name__)
+            warn(f"{name} is not drawn: {reason}")
+            return None
+        self.place(name, content)
+        return content
 
     @property
     def remaining(self) -> str:
@@ -229,11 +217,6 @@ class Results:
         more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
         listed = f"{', '.join(names[:_FEW])}{more}"
         return f"{self._folder} also contains files that are not of this run: {listed}" if names else ""
-
-
-def missing_picture(name: str, error: Exception) -> str:
-    """Return a sentence about a plot that cannot be drawn."""
-    return f"{name} is not drawn: {next(iter(str(error).splitlines()), type(error).__name__)}"
 
 
 def sealed(data: bytes, of: str = "") -> bytes:

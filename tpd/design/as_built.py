@@ -273,16 +273,13 @@ class Details(Printed):
         for name, shares in falls.items():
             listed = " or ".join(dict.fromkeys(f"{number(100.0 * x, 3)} %" for x in shares))
             rows.append((name, f"reduction of the mean tilt {listed}"))
-        for h in self.histories:
-            case, outcome = (
-                "with" if h.with_pendulum else "without",
-                "overturns" if h.overturned else "stands",
-            )
-            rows.append((f"{case} pendulum", f"{outcome}, {number(float(h.time[-1]), 3)} s from rest"))
-        rows += [("response", str(r).partition("\n")[0]) for r in self.responses]
-        return "\n".join(
-            [f"Details, {len(self.front)} lighter designs", *map("  {0[0]:32}{0[1]}".format, rows)]
-        )
+        counts = {
+            "histories": len(self.histories),
+            "responses": len(self.responses),
+            "front": len(self.front),
+        }
+        rows += [(name, f"{count} results") for name, count in counts.items() if count]
+        return "\n".join(["Details of a design", *(f"  {name:32}{text}" for name, text in rows)])
 
 
 def details(
