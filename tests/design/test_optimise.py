@@ -339,7 +339,7 @@ def test_a_front_is_printed_as_a_table(harmonic, rejected, monkeypatch):
     assert repr(found) == str(found)
     assert head.split("  ")[0] == "largest bob, kg"
     assert "not recommended" in none
-    assert none.count("–") == 4
+    assert none.count("–") == 5
     assert light.startswith(f"{number(float(found[1].most))} ")
     assert number(0.2 * own) in light
     assert number(100.0 * harmonic.benefit.mean, 3) in last
