@@ -38,7 +38,12 @@ _value_of, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 def __getattr__(name: str) -> Any:
-    value = _value_of(name)
+    try:
+        value = _value_of(name)
+    except AttributeError as error:
+        from tpd.core.formatting import meant
+
+        raise AttributeError(f"{error}{meant(name, __all__, listing=False)}", name=name) from None
     # A user who reaches a class of a scene by this function can pass its objects to JAX: register them.
     from tpd.scene import pytrees  # noqa: F401
 

@@ -46,6 +46,22 @@ def expected(p: Parameters) -> tuple[str, float, float]:
     return "not_known", math.nan, math.nan
 
 
+@pytest.mark.mends("names that the commands accept were rejected")
+def test_names_are_those_of_the_commands():
+    x, y = [0.02, 0.1], [0.05, 0.1]
+    for names, their in (
+        (("mu", "pendulum_length"), ("mass-ratio", "pendulum-length")),
+        (("lam", "zeta"), ("length_ratio", "damping-ratio")),
+    ):
+        found, same = (design_map(SCENE, (a, x), (b, y), pendulum=PENDULUM) for a, b in (names, their))
+        assert (same.x_name, same.y_name) == names
+        np.testing.assert_array_equal(same.amplitude, found.amplitude)
+    response = tpd.settled_response(SCENE, "pendulum-length", [0.1], pendulum=PENDULUM)
+    assert response.name == "pendulum_length"
+    with pytest.raises(ValueError, match="did you mean `pendulum_length`"):
+        design_map(SCENE, ("pendulum-lenght", y), ("mu", x), pendulum=PENDULUM)
+
+
 def test_cells_are_the_orbits_of_their_designs():
     x, y = ("mu", np.linspace(0.02, 0.2, 5)), ("lam", np.linspace(0.12, 1.0, 4))
     m, p = design_map(SCENE, x, y, pendulum=PENDULUM), SCENE.parameters(PENDULUM)

@@ -27,6 +27,25 @@ def test_the_history_is_that_of_the_motion():
     assert motion_history(SINE, free=5.0).swing is None
 
 
+@pytest.mark.mends("no text said which side of tilt and swing is positive")
+def test_a_positive_acceleration_tilts_to_positive_phi_and_swings_the_bob_to_negative_psi():
+    found = motion_history(SINE, PENDULUM, times=np.linspace(0.0, 0.4, 100))
+    assert (found.base[1:] > 0.0).all()
+    assert found.tilt[-1] > 0.01
+    assert found.swing.min() < -0.01
+    assert found.swing.max() < 1e-9
+    rocking = tpd.Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.05, f=0.4, xi=3.0)
+    times = np.linspace(0.0, 0.9, 50)
+    harmonic = np.asarray(tpd.simulate(rocking, np.zeros(4), times).ys)
+    # The acceleration is -f sin(xi tau).
+    assert harmonic[-1, 0] < -0.001
+    assert (harmonic[1:, 1] > 0.0).all()
+    for function in (motion_history, tpd.transient, tpd.simulate):
+        said = " ".join(function.__doc__.split())
+        assert "tilts a block at rest to positive phi" in said
+        assert "to negative psi" in said
+
+
 def test_the_horizontal_force_is_the_rate_of_the_momentum_of_block_and_bob():
     t = np.linspace(0.15, 0.25, 2001)
     found = motion_history(SINE, PENDULUM, times=t)

@@ -28,7 +28,7 @@ class Done(NamedTuple):
     out: str
     err: str
     files: dict[str, Path]
-    """Files in the output folder by their names."""
+    """Files in the output folder by their names, except the hidden list of files."""
 
     def rows(self, name: str) -> list[dict[str, str]]:
         """Return the rows of a table."""
@@ -49,7 +49,7 @@ def call(*words: str, out: Path | None = None) -> Done:
     stdout, stderr = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
         status = main([*" ".join(words).split(), *([] if out is None else ["--out", str(out)])])
-    files = {p.name: p for p in out.iterdir()} if out is not None and out.is_dir() else {}
+    files = {p.name: p for p in out.glob("[!.]*")} if out is not None and out.is_dir() else {}
     return Done(status, stdout.getvalue(), stderr.getvalue(), files)
 
 

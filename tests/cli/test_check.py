@@ -39,6 +39,19 @@ def suitable(check):
     return check(SUITABLE)
 
 
+@pytest.mark.mends("a table said overturned, and the verdict RECOMMENDED, without a word between them")
+def test_overturning_in_the_table_of_models_is_linked_with_the_verdict(tmp_path, suitable):
+    file = tmp_path / "strong.toml"
+    strong = CHIMNEY.replace("amplitude = 0.081", "amplitude = 0.1").replace("= 0.85 ", "= 0.8 ")
+    file.write_text(strong.replace("size = 1024", "size = 64"))
+    lines = call("check", "--scene", str(file), SUITABLE).out
+    assert " overturned " in lines
+    text = " ".join(lines.split())
+    assert "THE BLOCK OVERTURNS from rest under the stated motion" in text
+    assert "This is one motion. The verdict below compares many runs" in text
+    assert not any("THE BLOCK OVERTURNS" in line for line in suitable[1])
+
+
 def test_a_pendulum_that_helps_and_fits_is_confirmed(suitable):
     status, lines = suitable
     assert status == 0

@@ -1,6 +1,7 @@
 """Steps that the commands share: the pendulum of the options, the description of a job, stored programs, and
 the rejection of invalid input: one sentence on stderr, exit status 2, and no files."""
 
+import io
 import os
 import re
 import shlex
@@ -14,6 +15,7 @@ from tests.formats.synthetic import knet, shaking
 from tpd import Pendulum, Record, paper_scene
 from tpd.cli import common, main, parser
 from tpd.cli.new import template
+from tpd.core import files
 from tpd.design.job import job_of
 from tpd.records.read import facts
 
@@ -67,7 +69,9 @@ assert "callback" not in text
 
 
 WORDS = {
-    "OWN": "SIZE --amplitude 0.015 --frequency 2.5",
+    "OWN": "SIZE SHAKEN",
+    "SHAKEN": "--amplitude 0.015 --frequency 2.5",
+    "REST_OF_IT": "--height 0.4 --mass 16 SHAKEN",
     "SIZE": "--width 0.1 --height 0.4 --mass 16",
     "BOB": "--mass-ratio 0.1 --length-ratio 0.5",
     "MAP": "X --y lam 0.1 1.5",
@@ -79,9 +83,9 @@ WORDS = {
 """Abbreviations in capitals of the table, with the words that they stand for."""
 CAPITALS = rf"\b({'|'.join(WORDS)})\b"
 TABLE = r"""
-optimise OWN --width -1 | [block] `width` must be positive and finite, but is -1
+optimise --width -1 REST_OF_IT | [block] `width` must be positive and finite, but is -1
 optimise --width wide | `block.width` must be a number, but is 'wide'
-optimise OWN --width 0.3 | [block] `width` must be at most 0.5 of `height` (the linear equations drop
+optimise --width 0.3 REST_OF_IT | [block] `width` must be at most 0.5 of `height` (the linear equations drop
 optimise --amplitude -0.1 | [motion] `amplitude` must be zero or positive, and finite, but is -0.1
 optimise --restitution 1.5 | [block] `restitution` must be between 0 and 1, but is 1.5
 optimise --mass-ratio 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
@@ -150,7 +154,7 @@ map X --y lam a 1 | `--y` must be a name and two numbers, but is lam a 1
 map X --y lam 1 0.1 | `--y` must have the lower number first, but goes from 1 to 0.1
 map BOB X --y omega 1 2 | `y` must be one of width, height
 map BOB X --y pendulum-mass 1 2 | must not both move mu
-map MAP --points 3000 | `--points` must be between 2 and 2000, but is 3000
+map MAP --points 3000 | `--points` must be a whole number, 2 to 2000, but is 3000
 check absent | cannot read absent: No such file or directory
 check | a pendulum is missing: give DESIGN, or --pendulum-mass and --pendulum-length
 check absent BOB | absent contains a scene and a pendulum: give either DESIGN or options for these
@@ -181,7 +185,7 @@ shake SIZE --record nothing.csv | nothing.csv
 shake SIZE PULSE --pga 0 | [motion] `pga` must be positive
 fragility | the motion must be a pulse or a record: give --record FIL
 new | required: KIND
-new tower --out /proc/nowhere/tower.toml | cannot write /proc/nowhere/tower.toml
+new tower --out /proc/nowhere/tower.toml | cannot use /proc/nowhere/tower.toml
 new towr | did you mean `tower`?
 optmise | did you mean `optimise`?
 optimise --recrods a | unrecognized arguments: --recrods; did you mean `--records`?
@@ -190,12 +194,12 @@ optimise --scatter frcition=0.1 | there is no key `frcition` in [scatter]; did y
 export --as csv --pulse ricker --amplitude 1 | has keys of a pulse (`pulse`) and of a harm
 export --as csv BOB --scale 5 | `motion.scales` requires a pulse or records
 export --as csv BOB --sliding 0.5 | --sliding has an effect on models for MuJoCo and OpenSees
-export --as csv BOB --file . | --file must name a file, but . is a directory
+export --as csv BOB --out . | --out must name a file, but . is a directory
 """
 """Commands with a part of the message; `job` stands for `tpd optimise` with a file of these lines."""
 UNITS = r"""
 optimise --width 100 --height 400 --mass 16.2 --amplitude 15 --frequency 2.5 | [block] `mass` must give a dens
-optimise OWN --mass 0.016 | are the lengths in m and the mass in kg?
+optimise SHAKEN --width 0.1 --height 0.4 --mass 0.016 | are the lengths in m and the mass in kg?
 optimise --amplitude 50 --frequency 1 | [motion] `amplitude` and `frequency` must give an acceleration
 optimise --amplitudes 100 120 | [motion] `amplitude` and `frequency` must give an acceleration
 optimise --band 2250 2750 | are they in m and Hz?
@@ -210,7 +214,52 @@ job conditions.amplitudes = [100.0] | must give an acceleration of at most 10 g,
 job limits.clearance = true; block.width = 0.1; REST | `cavity_width` must be given, but is missing
 """
 """Inputs in another unit, and blocks without a cavity."""
-ROWS, UNIT_ROWS = ([tuple(line.split(" | ")) for line in x.strip().splitlines()] for x in (TABLE, UNITS))
+HINTS = r"""
+response BOB --from -1e0 | `--from` must be positive and finite, but is -1
+optimise --seed -1e0 | `search.seed` must be a whole number up to 2147483647, but is -1.0
+optimise --stroke -.5E-1 | [limits] `stroke` must be positive and finite, but is -0.05
+optimise --width 1 --width 2 | argument --width: it is given 2 times; give it once, with all its values
+optimise --records el-centro --records loma-prieta | argument --records: it is given 2 times
+optimise --scatter friction=0.1 --scatter mass=0.1 | argument --scatter: it is given 2 times
+response BOB --points 9 --points=10 | argument --points: it is given 2 times
+shake SIZE --pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 1 --phase 90 | 6.28319 rad, but is 90
+shake SIZE PULSE | a pulse needs its peak acceleration in g, `motion.pga` (--pga G)
+assess SIZE PULSE --scales 2 | a pulse needs its peak acceleration in g, `motion.pga` (--pga G)
+record '' | `path` must name a file, but is ''
+fragility SIZE --records el-centro '' | `path` must name a file, but is ''
+optimise --scene '' | argument --scene: the name of a file is empty or has control characters: ''
+map BOB X --y lam 0.1 1 --out '' | argument --out: the name of a file is empty or has control characters: ''
+export --as mjcf --out '' | argument --out: the name of a file is empty or has control characters: ''
+job motion.records = [''] | `path` must name a file, but is ''
+job motion.records = ["C:\Users\a.AT2"] | write a path with backslashes in single quotes
+job motion.records = ["C:\temp\new.AT2"] | write a path with backslashes in single quotes
+fragility SIZE --records el-centro --intensity sa | a spectral acceleration, needs `period` (--period S)
+fragility SIZE --records el-centro --intensity pga --period 1 | (--period) has an effect only with the
+assess SIZE --records el-centro --scales 1 --intensity PGA | but is 'PGA'; did you mean `pga`?
+optimise --at-least 20% | `requirements.at_least` must be a number, but is '20%'; write 0.2 for 20%
+optimise --stroke 5% | write 0.05 for 5%
+job [requirements]; at_least = 20% | write 0.2 for 20%
+job worth.at_least = 0.2 | there is no table [worth]; it is now called `requirements`
+job requirements.strikes = 0.2 | there is no key `strikes` in [requirements]; it is now called `wall_contacts`
+job motion.held_out = 0.5 | there is no key `held_out` in [motion]; it is now called `validation_share`
+job limits.room = true | there is no key `room` in [limits]; it is now called `clearance`
+job space.stroke = 0.4 | there is no key `stroke` in [space]; it is now called `limits.stroke`
+job conditions.measure = 'cvar' | there is no key `measure` in [conditions]; it is now called `risk.measure`
+job conditions.from_rest = true | there is no key `from_rest` in [conditions]; it is now called `starts.kind`
+optimise --held-out 0.5 | unrecognized arguments: --held-out; it is now called `--validation-share`
+optimise --demand cvar | unrecognized arguments: --demand; it is now called `--measure`
+export --as mjcf --file a.xml | unrecognized arguments: --file; it is now called `--out`
+optimise --width 0.4 --height 0.1 --mass 16 SHAKEN | but is 4 of it: are width and height exchanged?
+"""
+"""Inputs that had no message, or one without the remedy."""
+IMPLAUSIBLE = r"""
+optimise --width 0.6 --height 12 --mass 7000 --radius-of-gyration 0.35 SHAKEN | that of the cross-section?
+assess SIZE --cavity 0.0995 --records el-centro --scales 1 | must leave walls of at most 50000 kg/m^3
+"""
+"""Blocks that cannot be built."""
+ROWS, UNIT_ROWS, HINT_ROWS, IMPLAUSIBLE_ROWS = (
+    [tuple(line.split(" | ")) for line in x.strip().splitlines()] for x in (TABLE, UNITS, HINTS, IMPLAUSIBLE)
+)
 ROWS += [
     (f"job block.mass = {'9' * 400}", "`block.mass` must be a number, but is 9999"),
     (f"job block.{'x' * 5000} = 1", "...` in [block]; allowed are width"),
@@ -272,6 +321,18 @@ def test_input_in_another_unit_is_rejected(capsys, tmp_path, words, message):
     check(capsys, tmp_path, words, message)
 
 
+@pytest.mark.mends("the message named no remedy, or was untrue; or there was none")
+@pytest.mark.parametrize(("words", "message"), HINT_ROWS)
+def test_input_with_a_remedy_is_rejected_with_the_remedy(capsys, tmp_path, words, message):
+    check(capsys, tmp_path, words, message)
+
+
+@pytest.mark.mends("blocks were accepted that cannot be built")
+@pytest.mark.parametrize(("words", "message"), IMPLAUSIBLE_ROWS)
+def test_blocks_that_cannot_be_built_are_rejected(capsys, tmp_path, words, message):
+    check(capsys, tmp_path, words, message)
+
+
 def test_a_file_that_is_not_text_is_rejected(capsys, tmp_path):
     (tmp_path / "job.toml").write_bytes(b"\xff\xfe[block]")
     assert "is not a text file in UTF-8" in rejection(capsys, "optimise", "--scene", "job.toml")
@@ -324,7 +385,7 @@ def test_every_command_describes_the_records_that_it_reads(run, tmp_path, comman
         "shake": "--free 0.1",
         "spectrum": "--points 2",
         "fragility": "--scales 1 2",
-        "export": f"--as csv --file {tmp_path / 'a.csv'}",
+        "export": f"--as csv --out {tmp_path / 'a.csv'}",
         "check": "",
     }[command]
     done = call(words) if command in ("export", "check") else run(words)
@@ -345,11 +406,14 @@ def test_every_command_describes_the_records_that_it_reads(run, tmp_path, comman
 
 
 def test_a_command_that_cannot_write_removes_the_folder_that_it_made(tmp_path, monkeypatch):
-    def full(options, _):
-        options.out.mkdir(exist_ok=True)
-        raise OSError(28, "No space left on device", str(options.out / "design.json"))
+    class Full(io.FileIO):
+        def write(self, _):
+            raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("tpd.cli.optimise.run", full)
+    monkeypatch.setattr(
+        "tpd.cli.optimise.run", lambda options, _: files.place(options.out / "design.json", "")
+    )
+    monkeypatch.setattr(files, "open", Full, raising=False)
     out = tmp_path / "out"
     done = call("optimise", out=out)
     assert (done.status, done.out) == (2, "")

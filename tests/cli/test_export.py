@@ -35,7 +35,7 @@ def test_models_are_those_of_the_library(report, tmp_path):
         done = call("export", report, "--as", kind)
         assert (done.status, done.out.splitlines()[-1]) == (0, f"written: {name}")
         assert (tmp_path / name).read_text() == getattr(tpd.engines, kind)(scene, PENDULUM)
-    ratios = "--mass-ratio 0.1 --length-ratio 0.6 --file own/model.tcl --sliding"
+    ratios = "--mass-ratio 0.1 --length-ratio 0.6 --out own/model.tcl --sliding"
     assert call("export", "--as", "opensees", ratios, "0.7").status == 0
     pendulum = scene.pendulum(mass_ratio=0.1, length_ratio=0.6, damping_ratio=0.1)
     assert (tmp_path / "own" / "model.tcl").read_text() == tpd.engines.opensees(scene, pendulum, sliding=0.7)
@@ -69,7 +69,7 @@ def test_a_file_that_exists_is_left_alone(report, tmp_path):
     (tmp_path / "model.xml").write_text("keep me")
     done = call("export", report, "--as", "mjcf")
     assert done.status == 2
-    assert "model.xml exists already: choose another name with --file" in done.err
+    assert "model.xml exists already: choose another name with --out" in done.err
     assert (tmp_path / "model.xml").read_text() == "keep me"
 
 

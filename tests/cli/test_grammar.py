@@ -128,7 +128,7 @@ def test_help_needs_no_docstrings():
 def test_paths_of_options_begin_at_home(monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     read = parser().parse_args(
-        ["export", "~/design", "--scene", "~/job.toml", "--as", "csv", "--file", "~/a.csv"]
+        ["export", "~/design", "--scene", "~/job.toml", "--as", "csv", "--out", "~/a.csv"]
     )
     assert (read.design, read.scene, read.file) == tuple(
         tmp_path / x for x in ("design", "job.toml", "a.csv")

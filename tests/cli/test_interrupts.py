@@ -164,7 +164,7 @@ def test_any_letter_may_be_in_a_path_under_any_locale(tmp_path):
     job = f'[project]\nname = "Türmchen μ²"\n[block]\n{block}[motion]\nrecords = ["häß.csv"]\n'
     (folder / "jöb.toml").write_text(job, encoding="utf-8")
     env = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-    words = ["export", "--scene", f"{folder}/jöb.toml", "--as", "csv", "--file", f"{folder}/mötion.csv"]
+    words = ["export", "--scene", f"{folder}/jöb.toml", "--as", "csv", "--out", f"{folder}/mötion.csv"]
     done = subprocess.run([sys.executable, "-m", "tpd", *words], env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "written: " in done.stdout

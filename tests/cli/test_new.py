@@ -1,5 +1,6 @@
 """`tpd new`: templates are complete job files, and nothing is overwritten."""
 
+import io
 import re
 import tomllib
 
@@ -8,6 +9,7 @@ import pytest
 from tests.cli.conftest import call
 from tpd.cli import new
 from tpd.cli.grammar import KINDS
+from tpd.core import files
 from tpd.design import job as jobs
 from tpd.report import words
 
@@ -120,14 +122,16 @@ def test_a_file_that_exists_is_left_alone(tmp_path):
 
 @pytest.mark.mends("a full disk left a part of a job file, and the message named the wrong file")
 def test_no_part_remains_of_a_file_that_cannot_be_written(tmp_path, monkeypatch):
-    def full(*_):
-        raise OSError(28, "No space left on device")
+    class Full(io.FileIO):
+        def write(self, _):
+            raise OSError(28, "No space left on device")
 
     (tmp_path / "file").write_text("kept")
     done = call("new tower --out", str(tmp_path / "file" / "job.toml"))
-    assert (done.status, done.err) == (2, f"tpd: cannot write {tmp_path}/file/job.toml: Not a directory\n")
-    monkeypatch.setattr(new, "template", full)
-    done = call("new tower --out", str(tmp_path / "job.toml"))
-    assert (done.status, done.err) == (2, f"tpd: cannot write {tmp_path}/job.toml: No space left on device\n")
+    assert (done.status, done.err) == (2, f"tpd: cannot use {tmp_path}/file/job.toml: Not a directory\n")
+    monkeypatch.setattr(files, "open", Full, raising=False)
+    job = tmp_path / "new" / "job.toml"
+    done = call("new tower --out", str(job))
+    assert (done.status, done.err) == (2, f"tpd: cannot use {job}: No space left on device\n")
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
     assert (tmp_path / "file").read_text() == "kept"

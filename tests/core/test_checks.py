@@ -3,11 +3,16 @@
 The calls run in one process without the types that the other tests have beartype check, as a user's do.
 """
 
+import inspect
 import json
+import pickle
+import re
 import subprocess
 import sys
 
 import pytest
+
+import tpd
 
 HEAD = """
 import json, sys
@@ -253,7 +258,7 @@ CALLS = {
     "rocking_spectrum(block, record, length_ratio=nan)": "`length_ratio` must be positive and finite, but is",
     "in_chunks(3, np.zeros(3))": "`function` must be a function, but is 3",
     "Cluster(3)": "`folder` must be a Path or str, but is 3",
-    'Cluster("")': "`folder` must be a folder, but is ''",
+    'Cluster("")': "`path` must name a file, but is ''",
     "optimise_all(scene)": "`scenes` must be a Sequence, but is Scene(",
     "optimise_all([scene, block])": "`scenes[1]` must be a Scene, but is Block(",
     "engines.mujoco(scene, 3)": "`pendulum` must be a Pendulum, but is 3",
@@ -305,7 +310,7 @@ CALLS = {
     # Absurd values.
     "Ensemble(tilt_rate=1e300)": "`tilt_rate` must be at most 10, ten times the rate that overturns",
     "Starts(swing_rate=1e300)": "`swing_rate` must be at most 10",
-    "made(Block, radius_of_gyration=1e-300)": "`radius_of_gyration` must be at least 0.01 of half",
+    "made(Block, radius_of_gyration=1e-300)": "`radius_of_gyration` must be at least 0.2 of half",
     "made(Pendulum, length=1e300)": "`length` must be between 1e-06 and 1e+06 m, but is 1e+300",
     "made(Parameters, mu=1e300)": "`mu` must be between 0 and 1e+12, but is 1e+300",
     "made(Parameters, xi=1e-300)": "`xi` must be between 1e-12 and 1e+12, but is 1e-300",
@@ -401,3 +406,45 @@ def test_nothing_is_compiled_for_bad_input(said):
 @pytest.mark.parametrize("call", ALIKE)
 def test_a_number_or_an_array_in_any_form_gives_the_same_answer_to_the_last_bit(said, call):
     assert said[2].get(call, []) == []
+
+
+@pytest.mark.mends("a misspelt argument, and an old name, had no hint")
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: tpd.Block(widht=1.0, height=4.0), "`Block` has no argument `widht`; did you mean `width`?"),
+        (
+            lambda: tpd.Parameters(nu=0.2, lamb=0.5),
+            "`Parameters` has no argument `lamb`; did you mean `lam`?",
+        ),
+        (lambda: tpd.Pulse(knd="ricker"), "`Pulse` has no argument `knd`; did you mean `kind`?"),
+        (lambda: tpd.Ensemble(sise=3), "`Ensemble` has no argument `sise`; did you mean `size`?"),
+        (lambda: tpd.DesignSpace(mas=3), "`DesignSpace` has no argument `mas`; did you mean `mass`?"),
+        (lambda: tpd.Descent(serches=3), "`Descent` has no argument `serches`; did you mean `searches`?"),
+        (lambda: tpd.limits.Requirements(strikes=0.1), "it is now called `wall_contacts`"),
+        (lambda: tpd.optimise(None, worth=1), "`optimise` has no argument `worth`; it is now called `requir"),
+        (lambda: tpd.optimise(None, held_out=1), "it is now called `validation_share`"),
+        (
+            lambda: tpd.check(None, stroke=0.5),
+            "`check` has no argument `stroke`; it is now called `swing_lim",
+        ),
+        (lambda: tpd.check(None, colour=0.5), "allowed are subject, pendulum, swing_limit, models, progress"),
+    ],
+)
+def test_an_unknown_argument_is_named_with_the_name_that_is_meant(call, message):
+    with pytest.raises(TypeError, match=re.escape(message)):
+        call()
+
+
+@pytest.mark.mends("an old name at the top of the package had no hint")
+def test_an_old_name_at_the_top_is_named_with_the_new_one():
+    for old, new in (("study", "details"), ("Segmented", "Nonlinear")):
+        with pytest.raises(AttributeError, match=rf"attribute {old}; it is now called `{new}`"):
+            getattr(tpd, old)
+
+
+def test_a_class_with_checked_keywords_keeps_its_signature_and_its_name():
+    assert list(inspect.signature(tpd.Block).parameters)[:3] == ["width", "height", "mass"]
+    assert inspect.signature(tpd.optimise).parameters["seed"].default == 0
+    assert (tpd.Block.__init__.__name__, tpd.optimise.__name__) == ("__init__", "optimise")
+    assert pickle.loads(pickle.dumps(tpd.optimise)) is tpd.optimise

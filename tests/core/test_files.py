@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tpd.cli import outputs
 from tpd.core import files
 
 
@@ -71,6 +72,12 @@ def test_numbers_that_a_format_has_not_are_words_or_empty_cells():
     assert table == 'x,word\n0.1,"a,b"\n,c\n'
 
 
+@pytest.mark.mends("tables had the word nan and lists of Python in their cells")
+def test_a_table_has_empty_cells_for_missing_numbers_and_no_lists():
+    rows = [(math.nan, ["first note", "second"], 1), (np.float64("nan"), [], None), (math.inf, ("x",), "y")]
+    assert files.as_csv(["a", "b", "c"], rows) == "a,b,c\n,first note; second,1\n,,\ninf,x,y\n"
+
+
 def test_the_date_is_that_of_the_environment_where_it_has_one(monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     assert files.today() == "2023-11-14"
@@ -95,7 +102,63 @@ def test_a_file_that_cannot_be_written_is_named_and_nothing_is_left_of_it(tmp_pa
     with pytest.raises(OSError, match=re.escape(os.strerror(code))) as refused:
         files.place(path, "content")
     assert refused.value.filename == str(path)
-    assert list(path.parent.iterdir()) == []
+    assert list(tmp_path.iterdir()) == []
+
+
+class Small(io.FileIO):
+    """A file on a disk with space for some bytes, which count over all files."""
+
+    space = 0
+
+    def write(self, data):
+        Small.space -= len(data)
+        if Small.space < 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return super().write(data)
+
+
+@pytest.mark.mends("a full disk left the files of a result that were already written, and new folders")
+@pytest.mark.parametrize("space", [0, 100, 300, 500, 700])
+def test_a_full_disk_leaves_nothing_of_a_result(tmp_path, monkeypatch, space):
+    (tmp_path / "mine.txt").write_text("keep me")
+    monkeypatch.setattr(files, "open", Small, raising=False)
+    tables = [("a.csv", "x" * 100), ("b.json", "x" * 200)]
+    for out in (tmp_path / "new" / "out", tmp_path):
+        Small.space = space
+        with pytest.raises(OSError, match="No space left"):
+            outputs.write(out, tables, {"c.png": lambda: b"x" * 400})
+        assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
+    Small.space = 10_000
+    outputs.write(tmp_path / "new" / "out", tables, {"c.png": lambda: b"x" * 400})
+    assert {p.name for p in (tmp_path / "new" / "out").glob("[!.]*")} == {"a.csv", "b.json", "c.png"}
+
+
+@pytest.mark.mends("files of an earlier result stayed beside a new one without a word")
+def test_files_of_an_earlier_result_are_removed_and_all_other_files_are_named(tmp_path, capsys):
+    def write(main, *pictures):
+        outputs.write(tmp_path, [(main, "1\n")], {name: lambda: b"picture" for name in pictures})
+        return capsys.readouterr().err
+
+    assert write("a.json", "a.png", "b.png", "c.png") == ""
+    (tmp_path / "mine.txt").write_text("keep me")
+    (tmp_path / "c.png").write_bytes(b"changed by a user")
+    assert write("other.json", "d.png").count("a.json, a.png, b.png, c.png, mine.txt") == 1
+    # A result replaces only results of its kind, and a file that a user has changed is not removed.
+    err = write("a.json", "a.png")
+    assert err.endswith("contains files that are not of this run: c.png, d.png, mine.txt, other.json\n")
+    files.claim(tmp_path, overwrite=True)
+    assert (tmp_path / "c.png").read_bytes() == b"changed by a user"
+    # A damaged list, or one from elsewhere, removes nothing outside of the folder.
+    outside = tmp_path.parent / "outside.txt"
+    outside.write_text("1\n")
+    listed = json.loads((tmp_path / files._LIST).read_text())
+    listed["../outside.txt"] = listed["a.json"]
+    (tmp_path / files._LIST).write_text(json.dumps(listed))
+    write("a.json")
+    assert outside.exists()
+    assert not (tmp_path / "a.png").exists()
+    (tmp_path / files._LIST).write_text("no list")
+    assert "d.png" in write("a.json")
 
 
 @pytest.mark.mends("an error named a temporary file, or the file in place of a folder as one that exists")

@@ -31,6 +31,34 @@ def test_words():
     assert meant("x", ["mass"], listing=False) == meant(3, ["mass"], listing=False) == ""
 
 
+@pytest.mark.mends("a word in capitals, with a hyphen or of an earlier version had no hint")
+@pytest.mark.parametrize(
+    ("word", "allowed", "hint"),
+    [
+        ("PGA", ["pgv", "pga"], "; did you mean `pga`?"),
+        ("--validation_share", ["--validation-share"], "; did you mean `--validation-share`?"),
+        ("worth", ["block", "requirements"], "; it is now called `requirements`"),
+        ("--held-out", ["--validation-share"], "; it is now called `--validation-share`"),
+        ("stroke", ["swing_limit"], "; it is now called `swing_limit`"),
+        ("stroke", ["mass"], "; it is now called `limits.stroke`"),
+        ("Study", ["details", "Details"], "; it is now called `Details`"),
+        ("study", ["Details", "details"], "; it is now called `details`"),
+        # A key of the job file is no option.
+        ("--from-rest", ["--seed"], "; allowed are --seed"),
+    ],
+)
+def test_old_names_and_other_spellings_have_a_hint(word, allowed, hint):
+    assert meant(word, allowed) == hint
+
+
+@pytest.mark.mends("a percentage had no hint")
+def test_a_decimal_comma_and_a_percentage_have_a_hint():
+    assert formatting.number_hint("x = 0,5") == "; write 0.5 with a decimal point, not 0,5"
+    assert formatting.number_hint("'20%'") == "; write 0.2 for 20%"
+    assert formatting.number_hint("2.5 %") == "; write 0.025 for 2.5 %"
+    assert formatting.number_hint("1,2,3") == formatting.number_hint("100") == ""
+
+
 def test_columns_of_a_table_are_aligned():
     rows = [("", "with it", "x"), ("tilt", "1", ""), ("swing of it", "20", "3")]
     assert formatting.aligned(rows) == [

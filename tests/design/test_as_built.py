@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 import tpd
+from tests import designs
 from tests.designs import PENDULUM, SCENE
 from tpd.answers.motion_history import motion_history
 from tpd.design.as_built import (
+    Details,
     Loads,
     build_of,
+    details,
     free_swing,
     loads_of,
     loss_models,
@@ -196,6 +199,34 @@ def test_time_histories_are_from_rest_with_and_without_the_pendulum():
     assert [h.with_pendulum for h in found] == [False, True]
     assert found[0].time[-1] == pytest.approx(24.0 / 2.5)
     assert [h.with_pendulum for h in time_histories(SCENE, None)] == [False]
+
+
+@pytest.mark.mends("details were printed as pages of nested objects")
+def test_details_are_printed_as_a_table_of_a_few_lines():
+    found = details(designs.harmonic_design())
+    lines = str(found).splitlines()
+    assert repr(found) == str(found)
+    assert 5 < len(lines) < 25
+    assert max(map(len, lines)) <= 110
+    assert lines[1].startswith("  build ")
+    assert any(line.startswith("  losses by friction and impacts") for line in lines)
+    assert ["histories", "2", "results"] in [line.split() for line in lines]
+    assert str(Details()) == "Details of a design"
+
+
+@pytest.mark.mends("the pictures of a chimney that overturned after 35 s showed 30 s, and it stood")
+def test_a_time_history_lasts_until_the_block_overturns():
+    block = tpd.Block(width=1.3, height=10.0, mass=16280.0, radius_of_gyration=2.92)
+    scene = tpd.Scene(block, tpd.Harmonic(amplitude=0.09, frequency=0.8))
+    pendulum = tpd.Pendulum(mass=617.3, length=0.5329, damping_ratio=0.6)
+    without, with_pendulum = time_histories(scene, pendulum)
+    assert (without.overturned, with_pendulum.overturned) == (True, False)
+    # 24 periods are 30 s.
+    fall = without.time[np.isfinite(without.tilt)][-1]
+    assert 35.0 < fall < without.time[-1] < 38.0
+    # The tables and pictures have one axis of time for both cases.
+    assert (without.time == with_pendulum.time).all()
+    assert np.isfinite(with_pendulum.tilt).all()
 
 
 def test_losses_of_a_block_do_not_depend_on_the_kind_of_its_motion():

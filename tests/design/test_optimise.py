@@ -2,6 +2,7 @@
 mass against benefit, and many blocks."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -9,11 +10,12 @@ import pytest
 import tpd
 from tests import designs
 from tests.designs import SCENE, SPACE, NoisyProblem, outcomes
+from tpd.core.formatting import number
 from tpd.design import optimise as module
-from tpd.design.design import Design
+from tpd.design.design import Design, FrontPoint
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
-from tpd.design.optimise import problem_of, solve
+from tpd.design.optimise import Front, problem_of, solve
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.records import el_centro, loma_prieta
 from tpd.report import words
@@ -293,6 +295,54 @@ def test_every_point_is_the_problem_with_a_lighter_bob(name, request, rejected, 
     for most in ((0.06, 0.03), (0.3,), (0.01,)):
         with pytest.raises(ValueError, match=r"`most` must be increasing mass ratios between 0\.01 and 0\.2"):
             tpd.front(design, most)
+
+
+def front_of(harmonic, rejected, monkeypatch, *gains: tuple[float, float] | None) -> Front:
+    """The front for the mass of the bob (kg) and the reduction of each design; None is not recommended."""
+    designs = []
+    for gain in gains:
+        if gain is None:
+            designs.append(rejected)
+            continue
+        pendulum = dataclasses.replace(harmonic.pendulum, mass=gain[0])
+        point = FrontPoint(math.nan, "recommended", pendulum, (gain[1], gain[1] - 0.1, gain[1] + 0.1))
+        designs.append(point)
+    made, of = iter(designs), module._point
+
+    def point(most, found):
+        return found._replace(most=most) if isinstance(found, FrontPoint) else of(most, found)
+
+    monkeypatch.setattr(module, "optimise", lambda **_: next(made))
+    monkeypatch.setattr(module, "_point", point)
+    front = tpd.front(harmonic, np.linspace(0.05, 0.15, len(gains)).tolist())
+    monkeypatch.setattr(module, "_point", of)
+    return front
+
+
+@pytest.mark.mends("a front had points that are heavier and reduce the tilt less than another one")
+def test_no_point_of_a_front_is_dominated(harmonic, rejected, monkeypatch):
+    own, gain = float(harmonic.pendulum.mass), harmonic.benefit.mean
+    found = front_of(harmonic, rejected, monkeypatch, None, (0.2 * own, 0.3 * gain), (0.3 * own, 0.2 * gain))
+    assert [p.pendulum and p.pendulum.mass / own for p in found] == [None, pytest.approx(0.2), 1.0]
+    # Equal points are both kept, and the design itself is left out if a lighter bob is better.
+    found = front_of(harmonic, rejected, monkeypatch, (0.2 * own, 1.1 * gain), (0.2 * own, 1.1 * gain), None)
+    assert [p.pendulum and p.pendulum.mass / own for p in found] == [pytest.approx(0.2)] * 2 + [None]
+    found = front_of(harmonic, rejected, monkeypatch, (own, 0.9 * gain), (0.5 * own, 1.0 * gain))
+    assert [p.pendulum.mass / own for p in found] == [pytest.approx(0.5)]
+
+
+@pytest.mark.mends("a front was printed as nested tuples")
+def test_a_front_is_printed_as_a_table(harmonic, rejected, monkeypatch):
+    own = float(harmonic.pendulum.mass)
+    found = front_of(harmonic, rejected, monkeypatch, None, (0.2 * own, 0.1 * harmonic.benefit.mean))
+    head, none, light, last = str(found).splitlines()
+    assert repr(found) == str(found)
+    assert head.split("  ")[0] == "largest bob, kg"
+    assert "not recommended" in none
+    assert none.count("–") == 5
+    assert light.startswith(f"{number(float(found[1].most))} ")
+    assert number(0.2 * own) in light
+    assert number(100.0 * harmonic.benefit.mean, 3) in last
 
 
 @pytest.mark.mends("a rod of fixed length could not be stated")

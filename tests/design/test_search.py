@@ -245,3 +245,10 @@ def test_a_descent_without_a_value_goes_back_to_the_best_design():
     found = descended(holed, tpd.Descent(steps=60), STARTS[2:3])
     assert 0.59 < found.x[0, 0] <= 0.6
     assert found.merit[0] < 4.0
+
+
+@pytest.mark.mends('a report had the words "4 was still improving when the steps ran out"')
+@pytest.mark.parametrize("status", list(SearchStatus))
+def test_words_of_a_status_fit_any_number_of_descents(status):
+    """A report puts a number before them."""
+    assert status.value.split()[0] not in ("is", "are", "was", "were", "has", "have", "does", "do")

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import tpd
 from tests.plots import examples
+from tpd.plots import animation
 from tpd.plots.animation import animate, reel
 
 
@@ -37,6 +39,21 @@ def test_an_overturned_block_lies_and_is_called_so():
     assert np.isfinite(found.tilt).all()
     # The history reaches a right angle at t = ln(50 pi)/2 = 2.53 s.
     assert times[np.argmax(found.is_overturned)] == pytest.approx(2.55)
+
+
+@pytest.mark.mends("the film ended before the block overturned")
+@pytest.mark.parametrize("motion", ["harmonic", "pulse"])
+def test_a_film_shows_the_last_overturning(motion, monkeypatch):
+    slow = {"time": 20.0 + examples.history(True).time}
+    late = dataclasses.replace(examples.history(True, overturns=True), **slow)
+    early = dataclasses.replace(examples.history(False, overturns=True), time=examples.history(True).time)
+    scene = examples.SCENE
+    if motion == "pulse":
+        scene = dataclasses.replace(scene, motion=tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0))
+    seen = []
+    monkeypatch.setattr(animation, "reel", lambda h, p, times: seen.append(times) or reel(h, p, times))
+    animate(scene, examples.PENDULUM, (early, late))
+    assert seen[0][0] < 22.5 < 23.0 < seen[0][-1]
 
 
 @pytest.mark.mends("a block without an answer was drawn as one that had overturned")

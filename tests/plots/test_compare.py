@@ -86,9 +86,9 @@ def test_the_benefit_has_intervals_of_the_differences_and_a_row_for_every_group(
 
 def test_the_front_has_every_design_and_where_none_is_recommended():
     ax = plot_front(FRONT)
-    assert legend(ax) == {"recommended", "design", "none recommended up to this mass"}
+    assert legend(ax) == {"recommended", "largest reduction", "none recommended up to this mass"}
     assert ax.get_ylim()[0] == 0.0
-    assert lines(ax)["design"].get_xydata().tolist() == [[1.6224, 50.0]]
+    assert lines(ax)["largest reduction"].get_xydata().tolist() == [[1.6224, 50.0]]
     assert lines(ax)["none recommended up to this mass"].get_xydata().tolist() == [[0.8112, 0.0]]
     own = new_axes()
     assert plot_front(FRONT, own) is own

@@ -34,11 +34,25 @@ def test_all_files_are_written_and_the_page_last(tmp_path, monkeypatch):
     head, rows = read((tmp_path / "out" / "trials.csv").read_text())
     assert head[:3] == ["mu", "lam", "zeta"]
     np.testing.assert_array_equal(np.array(rows)[:, :3].astype(float), harmonic().trials.designs)
-    assert sorted(names) == sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert sorted(names) == sorted(path.name for path in (tmp_path / "out").glob("[!.]*"))
     assert (tmp_path / "out" / "scene.toml").read_text() == toml
     page = (tmp_path / "out" / "report.html").read_text()
     assert "width = 0.1" in page
     assert page.count("<figure>") == 6
+
+
+@pytest.mark.mends("the animation of an earlier pendulum stayed beside a new verdict")
+def test_a_report_replaces_all_files_of_an_earlier_one(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "draw", lambda name, *_: b"<svg/>" if name[-3:] == "svg" else b"GIF8")
+    write(tmp_path, harmonic(), details(), {}, "[block]")
+    (tmp_path / "explore.html").write_text("a page of the user")
+    (tmp_path / "animation.gif").rename(tmp_path / "mine.gif")
+    said = []
+    names = {path.name for path in write(tmp_path, harmonic(), Details(), {}, "[block]", warn=said.append)}
+    assert not {"motion.csv", "animation.gif", "response.svg"} & names
+    left = {path.name for path in tmp_path.glob("[!.]*")}
+    assert left == names | {"explore.html", "mine.gif"}
+    assert said == [f"{tmp_path} also contains files that are not of this run: explore.html, mine.gif"]
 
 
 def test_a_report_is_written_with_the_job_where_one_says_what_was_asked(tmp_path, monkeypatch):
@@ -129,7 +143,7 @@ def test_a_picture_that_cannot_be_drawn_costs_one_sentence_and_comes_after_the_n
     monkeypatch.setattr(files, "draw", drawn)
     there, said = [], []
     job = harmonic(), details(), {}, "[block]"
-    then = lambda: there.extend(p.name for p in tmp_path.iterdir())  # noqa: E731
+    then = lambda: there.extend(p.name for p in tmp_path.glob("[!.]*"))  # noqa: E731
     written = write(tmp_path, *job, then=then, warn=said.append)
     assert set(there) == {
         "report.txt",

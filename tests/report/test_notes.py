@@ -83,12 +83,31 @@ def test_overturning_from_rest_is_counted_and_a_danger_where_it_is_not_outweighe
     stood = np.flatnonzero(~without)
     status = np.where(np.arange(n) == stood[0], "overturned", "rocking").astype(object).astype(str)
     note = only(changed(exact={"status": status}), "OVERTURNS")
-    assert f"under 1 of {n} conditions" in note.text
+    assert f"OVERTURNS with the pendulum under 1 of {n} conditions, " in note.text
+    assert f"only with the pendulum under 1, and only without it under {np.sum(without)}." in note.text
     assert f"The first of the former: {harmonic().conditions.label(int(stood[0]))}." in note.text
     assert note.severity is Severity.note
     worst = np.full(n, "overturned")
     assert only(changed(exact={"status": worst}), "OVERTURNS").severity is Severity.danger
-    assert not said(harmonic(), "OVERTURNS only")
+
+
+@pytest.mark.mends(
+    "conditions under which the block overturns with and without the pendulum were not counted"
+)
+def test_all_conditions_that_overturn_with_the_pendulum_are_counted_the_stated_one_by_name():
+    design = harmonic()
+    conditions, without = design.conditions, design.problem.without_pendulum
+    n, stated = len(conditions), (conditions.factor_rows() == 1.0).all(axis=1)
+    assert stated.sum() == 1
+    same = dataclasses.replace(without, status=np.where(stated, "overturned", "rocking"))
+    problem = dataclasses.replace(design.problem)
+    vars(problem)["without_pendulum"] = same
+    best = dataclasses.replace(design.validated[-1], exact=same)
+    both = dataclasses.replace(design, problem=problem, validated=(*design.validated[:-1], best))
+    note = only(both, "OVERTURNS")
+    assert f"under 1 of {n} conditions, among them the stated one, and without it under 1." in note.text
+    assert "only with the pendulum under 0" in note.text
+    assert note.severity is Severity.note
 
 
 def test_a_share_of_overturning_that_does_not_fall_is_named():

@@ -114,6 +114,7 @@ class Check(Printed):
         return "\n".join([self.table(), *verdict])
 
 
+@checks.keywords
 def check(
     subject: Parameters | Scene,
     pendulum: Pendulum | None = None,

@@ -20,7 +20,7 @@ from tpd.exact.rows import row_of
 from tpd.exact.runs import HarmonicForcing, follow
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import NAMES, Parameters, from_row
-from tpd.scene.quantities import UNITS, Setup
+from tpd.scene.quantities import UNITS, Setup, named
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status, code_of, is_one_of, names_of
 from tpd.theory.equations import Terms
@@ -142,6 +142,7 @@ def design_map(
         y: name and values of the other axis, shape (ny,).
         pendulum: pendulum of the scene; None without a pendulum.
         start: initial state (phi, psi, phi', psi') at tau = 0, in rad and rad per unit tau; zeros are rest.
+            For the signs see `y0` of `tpd.simulate`.
         cluster: processes or machines in place of threads.
         progress: True for a progress bar on stderr, or a function that is called with (number of finished
             designs, number of all designs).
@@ -207,7 +208,7 @@ def _line(setup: Setup, argument: str, axis: tuple[str, Any]) -> tuple[str, np.n
     """Return name and values of one axis after their checks."""
     if not (isinstance(axis, (tuple, list)) and len(axis) == 2):
         raise ValueError(f"`{argument}` must be a name and its values, but is {checks.shown(axis)}")
-    name, values = axis[0], checks.increasing(f"values of {argument}", axis[1])
+    name, values = named(axis[0]), checks.increasing(f"values of {argument}", axis[1])
     setup.check_name(argument, name)
     for value in (values[0], values[-1]):
         # All values between the first and the last have the same sign as these two.

@@ -30,13 +30,13 @@ class MotionHistory:
 
     times: np.ndarray
     """Times, s, shape (times,)."""
-    """s, shape (times,)."""
     base: np.ndarray
     """Acceleration of the base, m/s^2, shape (times,)."""
     tilt: np.ndarray
-    """phi, rad, shape (times,)."""
+    """phi, rad, shape (times,). A positive acceleration of the base tilts a block at rest to positive phi."""
     swing: np.ndarray | None
-    """psi, rad, shape (times,); None without a pendulum."""
+    """psi, rad, shape (times,); None without a pendulum. A positive acceleration of the base swings a bob at
+    rest to negative psi."""
     horizontal: np.ndarray
     """Horizontal force of the ground on the base, N, without the impulses of impacts. Friction must carry
     it."""
@@ -110,7 +110,8 @@ def motion_history(
         pendulum: pendulum of the block; None for the block without a pendulum.
         times: increasing times, s. By default there is one for every piece of the motion, and as many in the
             same interval after the motion.
-        y0: initial state (phi, psi, phi', psi') in rad and rad/s; at rest by default.
+        y0: initial state (phi, psi, phi', psi') in rad and rad/s; at rest by default. A positive acceleration
+            of the base tilts a block at rest to positive phi, and swings the bob to negative psi.
         free: duration of the free motion after the ground motion, s; longer if `times` end later.
 
     Raises:

@@ -77,7 +77,8 @@ class Steady(eqx.Module):
         multiplier: largest modulus of the Floquet multipliers. The motion attracts if it is below 1.
         symmetric: whether the motion is its own mirror image half a period later.
         lyapunov: rate at which neighbouring motions separate, per unit tau.
-        state: (phi, psi, phi', psi') at tau = 0 modulo the forcing period.
+        state: (phi, psi, phi', psi') at tau = 0 modulo the forcing period; for the signs see `y0` of
+            `simulate`.
         elapsed: number of forcing periods until the motion repeated.
         estimate: estimated relative error of the amplitude, for `Auto` and `Smoothed`.
         model: name of the model that `Auto` selected.
@@ -226,7 +227,9 @@ def simulate(
 
     Args:
         p: dimensionless parameters.
-        y0: initial state (phi, psi, phi', psi'), in rad and rad per unit tau.
+        y0: initial state (phi, psi, phi', psi'), in rad and rad per unit tau. A positive acceleration of the
+            base, which is -f sin(xi tau) in g, tilts a block at rest to positive phi and swings the bob to
+            negative psi.
         times: increasing dimensionless times tau, shape (n,).
         model: `Piecewise()` (default), `Smoothed()` or `Nonlinear()`, see `steady_state`.
 

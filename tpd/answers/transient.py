@@ -124,7 +124,8 @@ def transient(
     Args:
         scene: a block under a `Pulse` or a `Record`.
         pendulum: pendulum of the block; None for the block without a pendulum.
-        y0: initial state (phi, psi, phi', psi') in rad and rad/s; at rest by default.
+        y0: initial state (phi, psi, phi', psi') in rad and rad/s; at rest by default. A positive acceleration
+            of the base tilts a block at rest to positive phi, and swings the bob to negative psi.
         model: `Piecewise()`, the exact solution of the linear equations (default), or `Nonlinear()`, the
             nonlinear equations (4), of which `rtol` and `rest_rate` are used.
         free: duration of the free motion after the ground motion, s.

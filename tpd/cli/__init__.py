@@ -9,13 +9,11 @@ the command is chosen, so that the help does not wait for JAX.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import os
 import signal
 import sys
 import warnings
 from importlib import import_module
-from pathlib import Path
 
 import tpd
 
@@ -64,8 +62,6 @@ def _run(options: argparse.Namespace, activity: str = "") -> int:
         options: parsed options with the name of the command.
         activity: description of the work, printed if the input is valid; see `interrupts.announced`.
     """
-    out: Path | None = getattr(options, "out", None)
-    new_folder = None if out is None or os.path.exists(out) else out
     try:
         # Commands without a description are quick and do not need JAX.
         if not options.activity:
@@ -78,10 +74,6 @@ def _run(options: argparse.Namespace, activity: str = "") -> int:
             common.set_up_jax(case.job)
             return import_module(f"tpd.cli.{options.command}").run(options, case)
     except Exception as error:
-        if new_folder is not None:
-            # Remove the output folder if nothing was written; `rmdir` fails where it contains files.
-            with contextlib.suppress(OSError, ValueError):
-                new_folder.rmdir()
         return _report_error(error)
 
 

@@ -25,6 +25,11 @@ from tpd.report.blocks import wrapped
 from tpd.scene.scene import Pendulum
 from tpd.theory.no_uplift import AtRest
 
+_OVERTURNED = (
+    "THE BLOCK OVERTURNS from rest under the stated motion by a model of this table. This is one motion. The "
+    "verdict below compares many runs with and without the pendulum, and can be RECOMMENDED nevertheless."
+)
+
 
 def run(options: argparse.Namespace, case: common.Case) -> int:
     """Check the pendulum by the models or by an engine, print the results and return the exit status."""
@@ -81,10 +86,12 @@ def _check_by_models(
     # The table of models is about one harmonic motion; there is none for pulses and records.
     if isinstance(problem, HarmonicProblem):
         limit = stroke_limit(job.limits)
-        models_table = check(job.scene, pendulum, swing_limit=limit, models=models, progress=bar).table()
+        checked = check(job.scene, pendulum, swing_limit=limit, models=models, progress=bar)
         # The last line explains the columns; the others are rows, which are not wrapped.
-        *rows, explanation = models_table.splitlines()
+        *rows, explanation = checked.table().splitlines()
         table = [*rows, *wrapped(explanation), ""]
+        if any(model.status == "overturned" for model in checked.models):
+            table += [*wrapped(_OVERTURNED), ""]
     # A report without a pendulum is right only if the block needs none under all conditions of the job.
     if (status := problem.needs_none) is not None:
         return [*table, *wrapped(needless(problem))], status.is_sound

@@ -17,6 +17,7 @@ from tpd.design.stored_design import read_design
 from tpd.records.read import summary
 from tpd.report import words
 from tpd.report.blocks import wrapped
+from tpd.scene.quantities import named
 from tpd.scene.scene import Block, Pendulum, Scene, check_damping
 
 LARGEST = {"mu": (1.0, "a bob as heavy as the block"), "lam": (2.0, "a rod as long as the block is high")}
@@ -87,7 +88,8 @@ def check_inputs(options: argparse.Namespace) -> Case:
     _ = getattr(case.job, _REQUIRED.get(options.command, "scene"))
     if options.command == "optimise":
         check_cavity(case.job.block, case.job.limits)
-    if (out := getattr(options, "out", None)) is not None:
+    # The commands without an activity write a single file, and check it themselves.
+    if options.activity and (out := getattr(options, "out", None)) is not None:
         files.claim(out, overwrite=options.overwrite)
     return case
 
@@ -99,14 +101,14 @@ def _complete_motion(options: argparse.Namespace) -> None:
         if unused := {"pulse_frequency", "pga"} & set(motion):
             flag = f"--{min(unused).replace('_', '-')}"
             raise ValueError(f"{flag} has no effect here: a spectrum has pulses of all frequencies and sizes")
-        # Any frequency will do: the spectrum replaces it.
-        set_keys(options, "motion", {"pulse_frequency": 1.0})
+        # Any frequency and size will do: the spectrum replaces them.
+        set_keys(options, "motion", {"pulse_frequency": 1.0, "pga": 1.0})
     elif options.command == "assess" and "records" in motion and not {"scales", "pga"} & set(motion):
         # Without a scale the block is assessed under the records as they are. A design needs scales.
         set_keys(options, "motion", {"scales": [1.0], "intensity": "scale"})
     elif options.command == "export" and options.kind == "mjcf" and not (options.design or motion):
         # The model for MuJoCo contains no motion, so that any motion will do.
-        set_keys(options, "motion", {"pulse": "one-sine", "pulse_frequency": 1.0})
+        set_keys(options, "motion", {"pulse": "one-sine", "pulse_frequency": 1.0, "pga": 1.0})
 
 
 def read_case(options: argparse.Namespace) -> Case:
@@ -185,7 +187,7 @@ def read_pendulum(options: argparse.Namespace, block: Block) -> Pendulum | None:
     length = options.pendulum_length if lam is None else lam * block.half_height
     # A map replaces a quantity that it varies, so that its value here does not matter.
     axes = (getattr(options, name, None) for name in "xy")
-    varied = {axis[0].replace("-", "_") for axis in axes if axis}
+    varied = {named(axis[0]) for axis in axes if axis}
     if mass is None and {"pendulum_mass", "mu"} & varied:
         mass = block.mass
     if length is None and {"pendulum_length", "lam"} & varied:

@@ -22,10 +22,7 @@ def run(options: argparse.Namespace) -> int:
     folder = subject.path.parent if isinstance(subject, StoredDesign) else Path()
     out = folder / _NAME if options.out is None else options.out
     # Before the work: a page takes seconds.
-    if out.is_dir() or not out.name:
-        raise ValueError(f"--out must name a file, but {out} is a directory")
-    if out.exists() and not options.overwrite:
-        raise ValueError(f"{out} exists already: choose another name with --out, or pass --overwrite")
+    files.claim_file(out, overwrite=options.overwrite)
     job = subject.job if isinstance(subject, StoredDesign) else subject
     print("\n".join(job.all_messages), end="\n" if job.all_messages else "")
     with interrupts.announced(f"computing the orbits of the page {out}"):
@@ -34,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
         from tpd.explore.page import explore, link
 
         page = explore(subject)
-    print(f"written: {files.place(out, page.html)}")
+    print(f"written: {page.write(out)}")
     if (report := link(out)) is not None:
         print(f"linked from: {report}")
     if options.open and not webbrowser.open(out.resolve().as_uri()):

@@ -21,13 +21,10 @@ def run(options: argparse.Namespace) -> int:
     job, pendulum = common.check_inputs(options)
     if options.kind == "csv" and options.sliding is not None:
         raise ValueError("--sliding has an effect on models for MuJoCo and OpenSees, but --as is csv")
-    file = Path(EXPORTED[options.kind]) if options.file is None else options.file
-    # The file is checked before the work, because a history may take seconds.
-    if file.is_dir() or not file.name:
-        raise ValueError(f"--file must name a file, but {file} is a directory")
-    # Users edit an exported model, so that a file is never replaced without --overwrite.
-    if file.exists() and not options.overwrite:
-        raise ValueError(f"{file} exists already: choose another name with --file, or pass --overwrite")
+    file = Path(EXPORTED[options.kind]) if options.out is None else options.out
+    # The file is checked before the work, because a history may take seconds. Users edit an exported model,
+    # so that a file is never replaced without --overwrite.
+    files.claim_file(file, overwrite=options.overwrite)
     has_motion = options.kind != "mjcf"
     scene = job.single if has_motion else job.scene
     motion = "" if has_motion else "none; the actuators of the model have to provide it"

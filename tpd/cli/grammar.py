@@ -318,7 +318,7 @@ def _export(command: Parser) -> None:
     command.add_argument("--as", dest="kind", required=True, choices=tuple(EXPORTED), help=text)
     _add_number(command, "--sliding", "MU", _SLIDING)
     text = f"file to write (default {', '.join(EXPORTED.values())})"
-    command.add_argument("--file", type=path_of, metavar="FILE", help=text)
+    command.add_argument("--out", type=path_of, metavar="FILE", help=text)
     _add_switch(command, "--overwrite", "replace FILE if it exists")
 
 

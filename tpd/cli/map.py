@@ -14,16 +14,16 @@ from tpd.cli import common, outputs
 from tpd.cli.interrupts import SOUND, print_answer
 from tpd.core import checks, files
 from tpd.core.progress import Bar
+from tpd.scene.quantities import named
 from tpd.theory.no_uplift import AtRest
 
-_MOST_POINTS = 2000.0
+_MOST_POINTS = 2000
 """Largest number of points along an axis. Four million designs take a minute and a gigabyte of memory."""
 
 
 def run(options: argparse.Namespace, case: common.Case) -> int:
     """Solve the grid, print the counts of the statuses, write the results and return the exit status."""
-    checks.count("--points", options.points, least=2)
-    checks.within("--points", options.points, 2.0, _MOST_POINTS)
+    checks.count("--points", options.points, 2, _MOST_POINTS)
     x, y = _axis("--x", options.x), _axis("--y", options.y)
     scene, pendulum = case.job.scene, case.pendulum
     with Bar() as bar, common.open_cluster(options) as cluster:
@@ -59,8 +59,7 @@ def _axis(flag: str, words: list[str]) -> tuple[str, float, float]:
         raise ValueError(f"`{flag}` must be a name and two numbers, but is {' '.join(words)}") from None
     if not low < high:
         raise ValueError(f"`{flag}` must have the lower number first, but goes from {low:g} to {high:g}")
-    # Options are written with hyphens; attributes and parameters have underscores.
-    name = words[0].replace("-", "_")
+    name = named(words[0])
     if name in common.LARGEST:
         checks.at_most(flag, high, *common.LARGEST[name])
     return name, low, high

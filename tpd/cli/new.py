@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
+import os
 import shlex
 from importlib import resources
 from pathlib import Path
@@ -19,18 +19,9 @@ def run(options: argparse.Namespace) -> int:
     # the command with its own name.
     again = f"tpd optimise --scene {shlex.quote(str(out))} --out {shlex.quote(out.stem)}"
     old = f"tpd optimise --scene {options.kind}.toml --out {options.kind}"
-    try:
-        files.make_folder(out.parent)
-        # Mode x fails if the file exists, also if another program creates it at the same moment.
-        with out.open("x", encoding="utf-8", errors="replace") as file:
-            file.write(files.readable(template(options.kind).replace(old, again)))
-    except FileExistsError:
-        raise ValueError(f"{out} exists and was not changed: choose another file with --out") from None
-    except OSError as error:
-        # A full disk leaves a part of the file, which would look like a job.
-        with contextlib.suppress(OSError):
-            out.unlink()
-        raise ValueError(f"cannot write {out}: {error.strerror or error}") from None
+    if os.path.lexists(out):
+        raise ValueError(f"{out} exists and was not changed: choose another file with --out")
+    files.place(out, template(options.kind).replace(old, again))
     print(f"written: {out}\nnext: change the numbers in this file, then run\n  {again}")
     return SOUND
 

@@ -51,7 +51,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
 def _show(options: argparse.Namespace, design: Design, shown: Details, lines: int) -> None:
     """Print the answer in the form that the options choose: by default at most `lines` lines."""
     if options.json:
-        text = (options.out / "design.json").read_text(encoding="utf-8").removesuffix("\n")
+        text = (options.out / files.REPORT).read_text(encoding="utf-8").removesuffix("\n")
     elif options.verbose:
         text = "\n" + (options.out / "report.txt").read_text(encoding="utf-8").removesuffix("\n")
     elif options.quiet:

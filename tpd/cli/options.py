@@ -9,10 +9,15 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import sys
+from collections import Counter
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import resources
 from typing import Any, NoReturn
+
+_NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+|inf|nan)(e[+-]?\d+)?", re.IGNORECASE)
+"""A negative number."""
 
 
 class _Help(argparse.HelpFormatter):
@@ -33,9 +38,16 @@ class Parser(argparse.ArgumentParser):
         super().__init__(**{"allow_abbrev": False, "formatter_class": _Help, **settings})
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Parse the arguments and reject unknown options, with a suggestion for a misspelt one."""
+        """Parse the arguments. Reject repeated options, and unknown ones with a suggestion for a misspelt
+        one."""
+        # Before Python 3.14 argparse takes numbers such as -1e0 for options, unless they begin with a blank.
+        words = sys.argv[1:] if args is None else args
+        words = [f" {word}" if _NEGATIVE.fullmatch(word) else word for word in words]
+        for flag, count in Counter(word.partition("=")[0] for word in words).items():
+            if count > 1 and flag in self._option_string_actions:
+                self.error(f"argument {flag}: it is given {count} times; give it once, with all its values")
         # argparse rejects them in the parser of all commands, which does not have the options of this one.
-        options, unknown = super().parse_known_args(args, namespace)
+        options, unknown = super().parse_known_args(words, namespace)
         if unknown:
             flag = next((word for word in unknown if word.startswith("--")), "")
             hint = _suggestion(flag, self._option_string_actions)
@@ -47,9 +59,12 @@ class Parser(argparse.ArgumentParser):
         # argparse would print the whole usage first, and the sentence that matters would scroll away.
         if choice := re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message):
             message += _suggestion(choice[1], re.findall(r"[\w-]+", choice[2]))
-        from tpd.core.formatting import decimal_comma
+        from tpd.core.formatting import number_hint
 
-        message += decimal_comma(message)
+        message = message.replace(
+            "invalid path_of value", "the name of a file is empty or has control characters"
+        )
+        message += number_hint(message)
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 

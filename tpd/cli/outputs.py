@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,19 +37,25 @@ def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, C
         tables: names and contents of the files of numbers.
         pictures: drawing functions by the names of the files. Each returns axes, or the content of the file.
     """
-    # All tables are computed before the first one is written, so that an interruption leaves all or none.
-    for name, table in list(tables):
-        progress.say(f"written: {files.place(out / name, table)}", sys.stdout)
-    for name, draw in pictures.items():
-        try:
-            # Matplotlib is imported here, because its import may fail: it rejects some settings of users.
-            from tpd.plots.style import own_style, png
 
-            with own_style():
-                drawing = draw()
-                content = drawing if isinstance(drawing, bytes) else png(np.ravel(drawing)[0].figure)
-        # Matplotlib raises many kinds of errors, for example for a missing font or a missing LaTeX.
-        except Exception as error:
-            progress.say(f"tpd: {files.missing_picture(name, error)}")
-        else:
-            progress.say(f"written: {files.place(out / name, content)}", sys.stdout)
+    def warn(sentence: str) -> None:
+        progress.say(f"tpd: {sentence}")
+
+    def drawn(draw: Callable[[], Any]) -> bytes:
+        # Matplotlib is imported here, because its import may fail: it rejects some settings of users.
+        from tpd.plots.style import own_style, png
+
+        with own_style():
+            drawing = draw()
+            return drawing if isinstance(drawing, bytes) else png(np.ravel(drawing)[0].figure)
+
+    # All tables are computed before the first one is written, so that an interruption leaves all or none.
+    contents = dict(tables)
+    results = files.Results(out, next(iter(contents)))
+    for name, table in contents.items():
+        progress.say(f"written: {results.place(name, table)}", sys.stdout)
+    for name, draw in pictures.items():
+        if results.draw(name, partial(drawn, draw), warn) is not None:
+            progress.say(f"written: {out / name}", sys.stdout)
+    if remaining := results.remaining:
+        warn(remaining)

@@ -60,10 +60,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         }
         results[name] = {**_numbers(nonlinear), "equations": "nonlinear", "linear": _numbers(linear) | counts}
     content = files.as_json({**common.json_inputs(scene, pendulum, job), "results": results})
-    # The animation shows the seconds around the largest tilt, or the overturning, without a pendulum. It uses
-    # the histories, which come from the linear equations.
-    first = motions[common.WITHOUT][-1]
-    middle = min(float(first.tilt_time), float(first.overturning_time))
+    # The animation uses the histories, which come from the linear equations.
     films = _films(histories)
     numbers = ("shake.json", content), *_tables(histories, films)
 
@@ -78,8 +75,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     def film() -> bytes:
         from tpd.plots.animation import animate
 
-        # The animation lasts ten seconds: six before that moment and four after it.
-        return animate(scene, pendulum, list(films.values()), start=max(0.0, middle - 6.0))
+        return animate(scene, pendulum, list(films.values()))
 
     outputs.write(options.out, numbers, {"histories.png": draw, "animation.gif": film})
     # The last case is the one with the pendulum, if there is one. Its outcome decides the exit status.

@@ -80,7 +80,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
         checks.instance("folder", folder, (Path, str))
         checks.optional("dask", dask, str)
         place = files.path_of(folder)
-        if not str(folder) or (place.exists() and not place.is_dir()):
+        if place.exists() and not place.is_dir():
             raise ValueError(f"`folder` must be a folder, but is {checks.shown(str(folder))}")
         if workers is not None and dask is not None:
             raise ValueError("`workers` and `dask` exclude one another, but both are given")

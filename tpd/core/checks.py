@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import math
 import numbers
 import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -30,6 +31,7 @@ else:
 
     Real, Vector, Whole = Any, Any, int | _Array
 
+Subject = TypeVar("Subject")
 _SEEDS = 2**63 - 1
 """Largest seed of a random sequence."""
 _MOST = 10_000_000
@@ -178,6 +180,27 @@ def function(name: str, value: object, *, optional: bool = True) -> None:
     """Raise `ValueError` unless `value` is a function, or None if `optional` is set."""
     if not (callable(value) or (optional and value is None)):
         raise ValueError(f"`{name}` must be a function, but is {shown(value)}")
+
+
+def keywords(subject: Subject) -> Subject:
+    """Return a function, or a class, that suggests a name if an argument does not exist."""
+    # Python itself suggests nothing before version 3.13, and does not know the old names.
+    function: Any = subject
+    if is_class := inspect.isclass(subject):
+        function = subject.__init__
+    allowed = [name for name in inspect.signature(function).parameters if name != "self"]
+
+    @functools.wraps(function)
+    def checked(*args: Any, **named: Any) -> Any:
+        for name in named:
+            if name not in allowed:
+                raise TypeError(f"`{subject.__name__}` has no argument `{name}`{meant(name, allowed)}")
+        return function(*args, **named)
+
+    if is_class:
+        subject.__init__ = checked
+        return subject
+    return checked  # type: ignore[return-value]
 
 
 def flag(name: str, value: object) -> None:

@@ -5,19 +5,19 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import errno
 import hashlib
 import io
 import json
 import math
 import os
 import platform
+import re
 import stat
 import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
@@ -28,9 +28,15 @@ try:
 except ImportError:  # Windows
     fcntl = None
 
-_PART = ".tpd-part-"
-"""Prefix of the names of files that are being written. Files that a killed run leaves with this prefix are
-ignored."""
+_OWN = ".tpd-"
+"""Prefix of the names of hidden files, which do not count as results."""
+_PART, _LIST = f"{_OWN}part-", f"{_OWN}files"
+"""Prefix of the names of files that are being written, and which a killed run leaves. Name of the list of the
+files of results in a folder, with their checksums."""
+REPORT = "design.json"
+"""Main file of a report of `tpd optimise`."""
+_FEW = 9
+"""Largest number of files that a message lists."""
 _WARNINGS: set[str] = set()
 """Reasons why compiled code is not stored, of which the user was warned already."""
 PACKAGES = ("jax", "jaxlib", "diffrax", "optax", "equinox", "numpy", "numba")
@@ -45,28 +51,47 @@ def claim(directory: Path, *, overwrite: bool) -> None:
     """
     if os.path.lexists(directory) and not directory.is_dir():
         raise ValueError(f"cannot write the report: {directory} is a file, not a directory")
-    files = (p for p in directory.glob("*") if not p.name.startswith(_PART))
-    if not overwrite and any(files):
+    if not overwrite and any(_visible(directory)):
         raise ValueError(
             f"{directory} already contains files: choose another directory with --out, or pass --overwrite"
         )
+    # Folders are created when the results are written: invalid input leaves no folder behind.
+    nearest = next(folder for folder in (directory, *directory.parents) if os.path.lexists(folder))
     try:
-        make_folder(directory.parent)
-        with tempfile.TemporaryFile(dir=directory if directory.exists() else directory.parent) as file:
+        with tempfile.TemporaryFile(dir=nearest) as file:
             # Write a byte, because a full disk may still accept the name of a file.
             file.write(b" ")
     except OSError as error:
         raise ValueError(f"cannot write to {directory}: {error.strerror or error}") from None
 
 
+def _visible(folder: Path) -> list[str]:
+    """Return the names in a folder, without the hidden files of this package."""
+    return sorted(p.name for p in folder.glob("*") if not p.name.startswith(_OWN))
+
+
+def claim_file(path: Path, *, overwrite: bool) -> None:
+    """Check before any work that the file of --out can be written.
+
+    Raises:
+        ValueError: the path is a directory, or the file exists and may not be overwritten.
+    """
+    if path.is_dir() or not path.name:
+        raise ValueError(f"--out must name a file, but {path} is a directory")
+    if path.exists() and not overwrite:
+        raise ValueError(f"{path} exists already: choose another name with --out, or pass --overwrite")
+
+
 def path_of(name: str | os.PathLike[str]) -> Path:
     """Return the path of a file or folder from its name. A leading ~ is the home directory of the user.
 
     Raises:
-        ValueError: the argument is neither a string nor a path.
+        ValueError: the argument is neither a string nor a path, is empty, or has control characters.
     """
-    if not isinstance(name, (str, os.PathLike)):
-        raise ValueError(f"`path` must name a file, but is {name!r}")
+    text = os.fsdecode(name) if isinstance(name, (str, os.PathLike)) else ""
+    if not text or re.search(r"[\x00-\x1f]", text):
+        hint = "; in a job file, write a path with backslashes in single quotes" if text else ""
+        raise ValueError(f"`path` must name a file, but is {name!r}{hint}")
     # Encode the characters as the file system of this process expects them.
     return Path(os.fsdecode(os.path.expanduser(name).encode("utf-8", "surrogateescape")))
 
@@ -80,28 +105,27 @@ def readable(text: str) -> str:
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "surrogateescape")
 
 
-def make_folder(folder: Path) -> None:
-    """Create a folder and its parents, unless it exists.
-
-    Raises:
-        OSError: the folder cannot be created, or something else has its name.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder)) from None
-
-
-def place(path: Path, content: str | bytes) -> Path:
+def place(path: Path, content: str | bytes, of: str = "") -> Path:
     """Write a file, and create its directory, so that the file appears completely or not at all; return
     `path`.
 
+    Args:
+        path: the file.
+        content: text or bytes.
+        of: main file of the result to which the file belongs. A folder of results then lists the file.
+
     Raises:
-        OSError: the file cannot be written; the error contains `path`.
+        OSError: the file cannot be written; the error contains `path`. No new folder is left behind.
     """
     data = readable(content).encode(errors="replace") if isinstance(content, str) else content
+    made, listed = [folder for folder in path.parents if not folder.exists()], path.parent / _LIST
+    if of and listed.exists():
+        entry = {path.name: [of, hashlib.sha256(data).hexdigest()]}
+        place(listed, as_json(_listed(path.parent) | entry))
     try:
-        make_folder(path.parent)
+        # If a file has the name of the folder, the next statement finds that it is no directory.
+        with contextlib.suppress(FileExistsError):
+            path.parent.mkdir(parents=True, exist_ok=True)
         # A rename within one directory is atomic, so that an interrupted run leaves no incomplete file.
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PART)
         try:
@@ -111,19 +135,89 @@ def place(path: Path, content: str | bytes) -> Path:
             Path(name).chmod(0o644)
             Path(name).replace(path)
         except BaseException:
-            with contextlib.suppress(OSError):
-                Path(name).unlink()
+            _remove([Path(name)])
             raise
     except OSError as error:
+        _remove(made)
         # The error of the system contains the name of the temporary file, or no name.
         raise OSError(error.errno, error.strerror or str(error), str(path)) from None
     return path
 
 
-def missing_picture(name: str, error: Exception) -> str:
-    """Return a sentence about a plot that cannot be drawn."""
-    why = next((line for line in str(error).splitlines() if line.strip()), type(error).__name__)
-    return f"{name} is not drawn: {why}"
+def _remove(paths: Iterable[Path]) -> None:
+    """Remove files, and folders that are empty, as far as possible."""
+    for path in paths:
+        with contextlib.suppress(OSError):
+            path.rmdir() if path.is_dir() else path.unlink()
+
+
+def _listed(folder: Path) -> dict[str, list[str]]:
+    """Return the listed files of a folder: main file of the result and checksum of the file, by name."""
+    try:
+        return json.loads((folder / _LIST).read_bytes())
+    except (OSError, ValueError):
+        return {}
+
+
+class Results:
+    """Files of one result in a folder. They replace those of an earlier result of the same kind.
+
+    Files of the earlier result are removed first if they are as they were written. Files that were changed,
+    files of other results, and files of other programs remain, and `remaining` names them.
+    """
+
+    def __init__(self, folder: Path, main: str) -> None:
+        """Remove the files of the earlier result.
+
+        Args:
+            folder: folder of the results.
+            main: name of the main file, which distinguishes the results of different commands.
+        """
+        self._folder, self._main, self._names = folder, main, list[str]()
+        self._made = [path for path in (folder / _LIST, folder, *folder.parents) if not path.exists()]
+        listed = _listed(folder)
+        for name, (of, digest) in listed.items():
+            # The name must not contain a folder: a list from elsewhere must not lead out of this one.
+            path = folder / Path(name).name
+            if of == main and path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == digest:
+                path.unlink()
+        place(folder / _LIST, as_json({name: entry for name, entry in listed.items() if entry[0] != main}))
+
+    def place(self, name: str, content: str | bytes) -> Path:
+        """Write a file of the result and return its path.
+
+        Raises:
+            OSError: the file cannot be written. All files of the result are removed, also their folder if it
+                is new.
+        """
+        self._names.append(name)
+        try:
+            return place(self._folder / name, content, self._main)
+        except OSError:
+            _remove([*(self._folder / name for name in self._names), *self._made])
+            raise
+
+    def draw(self, name: str, function: Callable[[], bytes], warn: Callable[[str], Any]) -> bytes | None:
+        """Write a picture and return its content; None if it cannot be drawn, after a call of `warn`."""
+        try:
+            content = function()
+        # Matplotlib raises errors of many classes, for example for a missing font or a missing LaTeX, and a
+        # missing picture must not cost the other results.
+        except Exception as error:
+            # A message may begin with an empty line.
+            reason = next((x for x in str(error).splitlines() if x.strip()), type(error).__name__)
+            warn(f"{name} is not drawn: {reason}")
+            return None
+        self.place(name, content)
+        return content
+
+    @property
+    def remaining(self) -> str:
+        """Sentence on the files in the folder that do not belong to this result; empty if there are none."""
+        names = [name for name in _visible(self._folder) if name not in self._names]
+        more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
+        listed = f"{', '.join(names[:_FEW])}{more}"
+        return f"{self._folder} also contains files that are not of this run: {listed}" if names else ""
 
 
 def sealed(data: bytes, of: str = "") -> bytes:
@@ -199,19 +293,23 @@ def as_json(content: Any) -> str:
 
 
 def as_csv(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
-    """Format a table with a header as CSV, with all digits of the numbers."""
+    """Format a table with a header as CSV, with all digits of the numbers.
+
+    NaN becomes an empty cell, and a list becomes its items with semicolons between them.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
-    writer.writerows(rows)
+    for row in rows:
+        # Every program reads an empty cell as a missing value, but not a word such as "nan".
+        cells = ("; ".join(map(str, x)) if isinstance(x, (list, tuple)) else x for x in row)
+        writer.writerow(["" if x != x else x for x in cells])
     return text.getvalue()
 
 
 def as_table(columns: Mapping[str, Any]) -> str:
-    """Format arrays of one length, by their names, as CSV. NaN becomes an empty cell."""
-    # Every program reads an empty cell as a missing value, but not a word such as "nan".
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    return as_csv(columns, (["" if x != x else x for x in row] for row in rows))
+    """Format arrays of one length, by their names, as CSV, see `as_csv`."""
+    return as_csv(columns, zip(*(column.tolist() for column in columns.values()), strict=True))
 
 
 def versions() -> dict[str, str]:

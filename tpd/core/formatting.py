@@ -99,20 +99,43 @@ def span(values: np.ndarray, unit: str = "") -> str:
     return f"{number(float(finite.min()))} to {number(float(finite.max()))} {unit}".rstrip()
 
 
-def decimal_comma(text: str) -> str:
-    """Return the end of a message about a text with a decimal comma; empty if the text has none."""
+def number_hint(text: str) -> str:
+    """Return the end of a message about a text with a decimal comma or a percentage; empty if it has
+    neither."""
     # A single comma between digits: two commas would be a list of numbers.
-    match = re.search(r"(?<![\w.,-])-?\d+,\d+(?!\w|,\d)", text)
-    return (
-        "" if match is None else f"; write {match[0].replace(',', '.')} with a decimal point, not {match[0]}"
+    if match := re.search(r"(?<![\w.,-])-?\d+,\d+(?!\w|,\d)", text):
+        return f"; write {match[0].replace(',', '.')} with a decimal point, not {match[0]}"
+    share = re.search(r"(?<![\w.,-])(\d+\.?\d*) ?%", text)
+    return "" if share is None else f"; write {float(share[1]) / 100:g} for {share[0]}"
+
+
+RENAMED = dict(
+    re.findall(
+        r"(\w+)=(\S+)",
+        "worth=requirements strikes=wall_contacts held_out=validation_share room=clearance file=out "
+        "demand=measure measure=risk.measure from_rest=starts.kind method=finish study=details "
+        "Worth=Requirements Room=Clearance Study=Details verdict=paired_runs Verdict=PairedRuns "
+        "Segmented=Nonlinear Sequential=Descent HarmonicDesign=Design GroundDesign=Design "
+        "analysis=answers closed_form=theory stroke=swing_limit,limits.stroke",
     )
+)
+"""New names by the old names of tables, keys, options, arguments and classes, see `changes.md` in the guide.
+The first of several that is allowed counts. A new name with a dot is a key in another table of a job file."""
 
 
 def meant(word: object, allowed: Iterable[str], *, listing: bool = True) -> str:
-    """Return the end of a message about an unknown word: a similar word, or all allowed words."""
-    words = list(allowed)
+    """Return the end of a message about an unknown word: its new name, a similar word, or all allowed words.
+
+    Capitals do not matter, and hyphens and underscores are equal.
+    """
+    listed = list(allowed)
+    words = {w.lstrip("-").replace("-", "_").lower(): w for w in listed}
+    plain = word.lstrip("-").replace("-", "_") if isinstance(word, str) else ""
+    for new in RENAMED.get(plain, "").split(","):
+        if new and (new.lower() in words or ("." in new and plain == word)):
+            return f"; it is now called `{new if new in listed else words.get(new.lower(), new)}`"
     # A similar word is more helpful than the list of all words.
-    close = get_close_matches(word, words, 1) if isinstance(word, str) else []
+    close = get_close_matches(plain.lower(), words, 1)
     if close:
-        return f"; did you mean `{close[0]}`?"
-    return f"; allowed are {', '.join(words)}" if listing else ""
+        return f"; did you mean `{words[close[0]]}`?"
+    return f"; allowed are {', '.join(listed)}" if listing else ""

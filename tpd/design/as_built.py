@@ -19,6 +19,7 @@ from tpd.answers.paired import PairedRuns
 from tpd.answers.response import BAND, Response, frequencies, settled_response
 from tpd.answers.statistics import Interval
 from tpd.answers.steady_state import sampled, simulate
+from tpd.core.formatting import Printed, number
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import bob_of
 from tpd.design.design import Design, FrontPoint
@@ -45,6 +46,9 @@ _VARIED = {
     "damping": 0.4,
 }
 """Shares by which each quantity is varied. For the restitution it is the share of the loss, 1 - e."""
+_DRAWN, _FOLLOWED, _SAMPLES = 24, 100, 60
+"""Forcing periods of a time history if the block does not overturn; largest number of periods, as in a
+validation run; and points in a period."""
 _USUAL = 1.0 / 3.0
 """Tilt over nu at which an equivalent friction and impacts lose the same energy."""
 _SEED = 3
@@ -243,8 +247,8 @@ class TimeHistory:
     """Whether the block overturns."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Details:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Details(Printed):
     """All further results that a report shows with a design. A part that does not apply is None or empty."""
 
     build: Build | None = None
@@ -254,12 +258,28 @@ class Details:
     losses: tuple[LossCase, ...] = ()
     """Benefit if the block loses its energy in another way."""
     histories: tuple[TimeHistory, ...] = ()
-    """First 24 periods from rest, under harmonic excitation."""
+    """Motions from rest under harmonic excitation, see `time_histories`."""
     responses: tuple[Response, ...] = ()
     """Settled response over frequency after a start from rest, without a pendulum and with the one that is
     offered. It is computed only if the conditions differ in the motion of the base alone."""
     front: tuple[FrontPoint, ...] = ()
     """Results with lighter bobs."""
+
+    def __str__(self) -> str:
+        rows = [] if self.build is None else [("build", f"{self.build.bob}, {number(self.build.mass)} kg")]
+        # Both ends of the first sensitivity, which has no name, are the benefit with the stated values.
+        falls = {s.name or "as stated": (s.low.mean, s.high.mean) for s in self.sensitivity}
+        falls |= {f"losses by {case.name}": (case.runs.benefit.mean,) for case in self.losses}
+        for name, shares in falls.items():
+            listed = " or ".join(dict.fromkeys(f"{number(100.0 * x, 3)} %" for x in shares))
+            rows.append((name, f"reduction of the mean tilt {listed}"))
+        counts = {
+            "histories": len(self.histories),
+            "responses": len(self.responses),
+            "front": len(self.front),
+        }
+        rows += [(name, f"{count} results") for name, count in counts.items() if count]
+        return "\n".join(["Details of a design", *(f"  {name:32}{text}" for name, text in rows)])
 
 
 def details(
@@ -306,17 +326,23 @@ def details(
 
 
 def time_histories(scene: Scene, pendulum: Pendulum | None) -> tuple[TimeHistory, ...]:
-    """Return motions from rest by the exact solution, without a pendulum and, if there is one, with it."""
-    cases, out = (None,) if pendulum is None else (None, pendulum), []
+    """Return motions from rest by the exact solution, without a pendulum and, if there is one, with it.
+
+    They last 24 periods. If the block overturns later, within 100 periods, they last until it has overturned.
+    """
+    cases, out, last = (None,) if pendulum is None else (None, pendulum), [], _DRAWN * _SAMPLES
     for case in cases:
         p = as_arrays(scene.parameters(case))
-        tau = sampled(p)
+        tau = sampled(p, _FOLLOWED, _SAMPLES)
         motion = simulate(p, np.zeros(4), tau, model=Piecewise())
         tilt, bob = np.asarray(motion.ys).T[:2]
         columns = {"time": np.asarray(tau) / scene.rate, "tilt": tilt, "bob": bob}
         overturned = bool(motion.status == Status.overturned)
         out.append(TimeHistory(with_pendulum=case is not None, overturned=overturned, **columns))
-    return tuple(out)
+        if overturned:
+            # One more period shows the block on the ground.
+            last = max(last, int(np.isfinite(tilt).sum()) + _SAMPLES)
+    return tuple(replace(h, **{n: getattr(h, n)[: last + 1] for n in ("time", "tilt", "bob")}) for h in out)
 
 
 def build_of(design: Design) -> Build | None:

@@ -87,6 +87,7 @@ _RANGES = {
 """Largest ranges of a design space."""
 
 
+@checks.keywords
 @dataclass(frozen=True, kw_only=True)
 class DesignSpace:
     """Bounds of the search. Each field is one number, which fixes the value, or a pair of bounds.
@@ -267,6 +268,7 @@ class Risk:
         return np.asarray(np.sum(np.where(weights > 0.0, ordered, 0.0) * weights, axis=-1))
 
 
+@checks.keywords
 @dataclass(frozen=True, kw_only=True)
 class Requirements:
     """Smallest benefit and largest harm of a recommended pendulum, over paired runs of the nonlinear

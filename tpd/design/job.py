@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 from tpd.core import checks
 from tpd.core.files import path_of
-from tpd.core.formatting import decimal_comma
+from tpd.core.formatting import number_hint
 from tpd.design.criteria import (
     KINDS,
     TWINS,
@@ -550,12 +550,14 @@ class PulseJob(RecordsJob):
                 "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_frequency` "
                 "(--pulse-frequency HZ)"
             )
+        if keys["pga"] is None and keys["intensity"] == "scale":
+            raise ValueError("a pulse needs its peak acceleration in g, `motion.pga` (--pga G)")
         shape = {name: keys[name] for name in ("cycles", "phase")}
         shape |= {"kind": keys["pulse"], "frequency": keys["pulse_frequency"]}
         # The keys of a job file have other names than the fields of `Pulse`.
         with naming("motion", kind="pulse", frequency="pulse_frequency", pga_g="pga"):
             pulse = Pulse(acceleration=STANDARD_GRAVITY, **shape)
-            # Without a stated acceleration the pulse has 1 g.
+            # If an intensity states the size, any acceleration will do.
             return (pulse.scaled_to(pga_g=1.0 if keys["pga"] is None else keys["pga"]),), ()
 
 
@@ -578,10 +580,11 @@ def read(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError:
         raise ValueError(f"{path} is not a text file in UTF-8") from None
     except tomllib.TOMLDecodeError as error:
-        # A decimal comma is the most common mistake in a number: look for one in the line of the error.
+        # Look for a decimal comma, a percentage, and a path of Windows in the line of the error.
         line = re.search(r"line (\d+)", str(error))
-        comma = decimal_comma(text.splitlines()[int(line[1]) - 1]) if line else ""
-        raise ValueError(f"{path} is not valid TOML: {error}{comma}") from None
+        wrong = text.splitlines()[int(line[1]) - 1] if line else ""
+        path_hint = "; write a path with backslashes in single quotes" if "\\" in wrong else ""
+        raise ValueError(f"{path} is not valid TOML: {error}{number_hint(wrong) or path_hint}") from None
     except RecursionError:
         raise ValueError(f"{path} is not a job file: it nests too deeply") from None
     if not tables:

@@ -23,7 +23,7 @@ from msgspec import Meta
 
 from tpd.core.checks import shown
 from tpd.core.files import path_of, readable
-from tpd.core.formatting import decimal_comma, meant
+from tpd.core.formatting import meant, number_hint
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, DesignSpace, Limit, Requirements, Risk, limit_of
 from tpd.design.settings import (
     DEFAULT_SPACE,
@@ -378,7 +378,7 @@ def as_typed(tables: Mapping[str, Any]) -> Tables:
                 words, close = allowed(msgspec.json.schema(type_)), ""
                 if isinstance(value, str):
                     close = meant(value, msgspec.json.schema(type_).get("enum", ()), listing=False)
-                close = close or decimal_comma(shown(value))
+                close = close or number_hint(shown(value))
                 raise ValueError(f"`{table}.{key}` must be {words}, but is {shown(value)}{close}") from None
     return out
 

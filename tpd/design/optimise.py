@@ -9,6 +9,7 @@ decides by paired runs that no other stage has used.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -20,7 +21,7 @@ from tpd.answers.ensemble import Ensemble
 from tpd.answers.statistics import Interval
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
-from tpd.core.formatting import Printed, Tabular, counted
+from tpd.core.formatting import Printed, Tabular, aligned, counted, number
 from tpd.core.progress import Progress, shown, shown_count, unreported
 from tpd.design.criteria import DesignSpace, Limit, Objective, Requirements, Risk
 from tpd.design.design import Design, FrontPoint
@@ -42,6 +43,7 @@ _PROMISING = 0.3
 ends."""
 
 
+@checks.keywords
 def optimise(
     scene: Scene | Block,
     space: DesignSpace | None = None,
@@ -188,11 +190,19 @@ _LEAST, _LIGHTER = 1.0 / 16.0, 3
 """Smallest mass of a front as a share of the largest one, and default number of lighter bobs."""
 
 
-class Front(tuple[FrontPoint, ...]):
-    """Designs with bobs of increasing largest mass, as a tuple of `FrontPoint`. The original design comes
-    last."""
+class Front(Printed, tuple[FrontPoint, ...]):
+    """Designs with bobs of increasing largest mass, as a tuple of `FrontPoint`. It is printed as a table."""
 
     __slots__ = ()
+
+    def __str__(self) -> str:
+        rows = [("largest bob, kg", "status", "bob, kg", "rod, m", "reduction of the mean tilt, %", "95 %")]
+        for p in self:
+            sizes = (math.nan, math.nan) if p.pendulum is None else (p.pendulum.mass, p.pendulum.length)
+            gain, low, high = (number(100.0 * x, 3) for x in p.benefit)
+            bob, rod = (number(float(x)) for x in sizes)
+            rows.append((number(p.most), p.status.replace("_", " "), bob, rod, gain, f"{low} to {high}"))
+        return "\n".join(aligned(rows))
 
 
 def front(
@@ -204,11 +214,13 @@ def front(
 ) -> Front:
     """Solve the problem of a design again with lighter bobs. Each result is validated like the design itself.
 
+    A result is left out if a bob that is not heavier reduces the mean tilt more, or as much with less mass.
+
     Args:
         design: a result of `tpd.optimise`.
         most: largest masses of the bob over the mass of the block, increasing. By default an eighth, a
             quarter and a half of the largest mass of the design space (larger if its smallest mass is above a
-            sixteenth). The design itself comes last.
+            sixteenth). The design itself comes last, unless it is left out.
         method: settings of each search; default those of the design.
         progress: function of ("front", bobs done, total).
 
@@ -242,7 +254,11 @@ def front(
         space = replace(design.space, mass_ratio=(low, float(share)))
         lighter = optimise(**design.again(space=space, **({} if method is None else {"method": method})))
         points.append(_point(float(share * block.mass), lighter))
-    return Front((*points, _point(float(high * block.mass), design)))
+    points.append(_point(float(high * block.mass), design))
+    # Points without a pendulum have the benefit NaN, for which all comparisons are false.
+    gains = [(-math.nan if p.pendulum is None else -float(p.pendulum.mass), p.benefit[0]) for p in points]
+    is_better = [[m >= n and b >= c and (m, b) != (n, c) for m, b in gains] for n, c in gains]
+    return Front(p for p, better in zip(points, is_better, strict=True) if not any(better))
 
 
 def _point(most: float, design: Design) -> FrontPoint:

@@ -94,7 +94,7 @@ class SearchStatus(enum.Enum):
     converged = "reached a minimum of the risk"
     at_bound = "reached the edge of the design space"
     at_limit = "reached a limit"
-    steps_exhausted = "was still improving when the steps ran out"
+    steps_exhausted = "still improved when the steps ran out"
     contradicted = "ended on an orbit that the exact solution does not confirm"
     infeasible = "found no design within the limits"
 

@@ -22,6 +22,7 @@ OPTIMISERS = ("adam", "rmsprop")
 """Names of the optimisers of optax that can be chosen by name."""
 
 
+@checks.keywords
 @dataclass(frozen=True)
 class Descent:
     """Settings of the search under harmonic excitation.
@@ -106,6 +107,7 @@ def _check_transformation(optimiser: object) -> None:
         ) from error
 
 
+@checks.keywords
 @dataclass(frozen=True, kw_only=True)
 class GroundSearch:
     """Numbers of trial runs of a search under ground motions.

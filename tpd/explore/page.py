@@ -35,7 +35,7 @@ class Page:
             ValueError: a name that is not a path.
             OSError: the file cannot be written.
         """
-        return files.place(files.path_of(path), self.html)
+        return files.place(files.path_of(path), self.html, files.REPORT)
 
     def __repr__(self) -> str:
         return f"Page of {len(self.html) / 1e6:.1f} MB: `write(path)` writes it as a file"

@@ -22,6 +22,8 @@ from tpd.scene.scene import Harmonic, Pendulum, Scene
 
 _RATE, _SECONDS, _LONG = 20, 6.0, 10.0
 """Frames per second; longest duration (s) under harmonic excitation, and under a pulse or a record."""
+_BEFORE = 0.6
+"""Share of a film before the moment that it must show."""
 _PER_PERIOD = 8
 """Smallest number of frames in a forcing period. The film is slowed if real time has fewer frames."""
 _VISIBLE, _MAGNIFIED = 0.05, (1, 2, 5, 10, 20, 50, 100)
@@ -48,10 +50,11 @@ class Reel:
 
 
 @own_style()
-def animate(
-    scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHistory], start: float = 0.0
-) -> bytes:
+def animate(scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHistory]) -> bytes:
     """Return a GIF of some seconds: on the left without the pendulum, on the right with the pendulum.
+
+    The film shows the last overturning, if the block overturns in one of the cases. Otherwise it shows the
+    first seconds of a harmonic motion, or the seconds around the largest tilt without the pendulum.
 
     The film is slowed if the excitation is too fast for real time, and tilts are magnified if they are too
     small to be seen. The picture states both. Under a pulse or a record the base does not move in the
@@ -61,16 +64,18 @@ def animate(
         scene: block and base motion.
         pendulum: the pendulum; None for the block alone.
         histories: exact time histories, without and, if there is one, with the pendulum.
-        start: time of the first frame, s.
     """
     slowed, seconds = 1, _LONG
-    if isinstance(scene.motion, Harmonic):
+    if is_harmonic := isinstance(scene.motion, Harmonic):
         # With fewer frames in a period the motion would alias and seem to run backwards.
         slowed = max(1, math.ceil(_PER_PERIOD * scene.motion.frequency / _RATE))
         seconds = min(_SECONDS, 24.0 / scene.motion.frequency * slowed)
     frames = int(_RATE * seconds)
     # A frame of the film shows 1/slowed of the time that it lasts.
-    times = start + np.arange(frames) / (_RATE * slowed)
+    times = np.arange(frames) / (_RATE * slowed)
+    usual = 0.0 if is_harmonic else histories[0].time[np.nanargmax(np.abs(histories[0].tilt))]
+    moment = max((h.time[np.isfinite(h.tilt)][-1] for h in histories if h.overturned), default=usual)
+    times += max(0.0, moment - _BEFORE * times[-1])
     reels = [reel(h, pendulum if h.with_pendulum else None, times) for h in histories]
     figure, draw = _stage(scene, reels, times, slowed)
     film = list(_pictures(figure, draw, frames))

@@ -191,7 +191,7 @@ def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
     Bars are 95 % intervals. A cross marks an upper bound of the mass up to which no pendulum is recommended.
 
     Args:
-        points: the answer of `tpd.front`; the last point is the design itself.
+        points: the answer of `tpd.front`; a star marks the last one, which reduces the tilt most.
         ax: axes to draw on; by default those of a new figure.
 
     Returns:
@@ -208,7 +208,7 @@ def plot_front(points: Sequence[FrontPoint], ax: Axes | None = None) -> Axes:
     style = {"color": BLUE, "marker": "o", "ms": 5, "ls": "", "elinewidth": 1.2, "capsize": 3}
     ax.errorbar(mass[is_recommended], benefit[is_recommended], around, **style, label="recommended")
     if is_recommended[-1]:
-        ax.plot(mass[-1], benefit[-1], "*", ms=16, mfc=ORANGE, mec=INK, label="design")
+        ax.plot(mass[-1], benefit[-1], "*", ms=16, mfc=ORANGE, mec=INK, label="largest reduction")
     if is_missing.any():
         none = mass[is_missing]
         ax.plot(none, 0.0 * none, "x", ms=8, c=GREY, clip_on=False, label="none recommended up to this mass")

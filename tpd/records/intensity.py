@@ -48,8 +48,10 @@ def intensity_of(name: str, block: Block, gravity: checks.Real, period: checks.R
         ValueError: the name does not exist, or a spectral acceleration has no period.
     """
     checks.one_of("intensity", name, INTENSITIES)
-    if name.startswith("sa") != (period is not None):
-        raise ValueError(f'`period` must be given only with `intensity="sa"`, but is {period} with {name!r}')
+    if name.startswith("sa") and period is None:
+        raise ValueError("the intensity sa, a spectral acceleration, needs `period` (--period S)")
+    if period is not None and not name.startswith("sa"):
+        raise ValueError(f"`period` (--period) has an effect only with the intensity sa, but it is {name}")
     unit = checks.positive("gravity", gravity) * checks.plain("block", block.slenderness, single=True)
     if period is not None:
         own = checks.positive("period", period, 1e-3, 1e3, " s")

@@ -28,7 +28,8 @@ CAPTIONS = {
     ),
     "animation.gif": (
         "Animation of the block on its moving base, without and with the pendulum",
-        "First seconds from rest under the scene's own excitation, by the linear equations.",
+        "Motion from rest under the scene's own excitation, by the linear equations: the seconds around the "
+        "last overturning, or the first seconds if the block overturns in neither case.",
     ),
     "benefit.svg": (
         "Mean tilt with the pendulum (filled) and without it (open), over all runs and for each condition",
@@ -44,9 +45,9 @@ CAPTIONS = {
     ),
     "motion.svg": (
         "Tilt of the block without and with the pendulum, and angle of the rod, against time from rest",
-        "First periods from rest under the scene's own excitation, by the linear equations, without the "
-        "pendulum (grey) and with it (blue). The block may still overturn later. The stroke limit (dotted) "
-        "applies to the settled motion only.",
+        "Motion from rest under the scene's own excitation, by the linear equations, without the pendulum "
+        "(grey) and with it (blue). The block was followed over 100 periods. The picture ends after 24 of "
+        "them, or after the last overturning. The stroke limit (dotted) applies to the settled motion only.",
     ),
     "search.png": (
         "Tilt over mass ratio and length ratio as a shaded field, with the edges of the limits and the "
@@ -101,7 +102,7 @@ def content(
         "Notes": [n for n in all_notes if n.severity is not Severity.danger],
         "Build it": construction.section(design, details),
     } | sections.sections(design, details, figures, record_notes)
-    front: list[Block] = [*figures["front"], _front(details.front)] if details.front else []
+    front: list[Block] = [*figures["front"], _front(details.front, design)] if details.front else []
     parts |= {
         "Lighter pendulums": front,
         "Assumptions": [Listing(tuple(_assumptions(design)))],
@@ -137,7 +138,7 @@ def names(design: Design, details: Details) -> tuple[str, ...]:
     return tuple(name for name, exists in has_data.items() if exists)
 
 
-def _front(points: Sequence[FrontPoint]) -> Table:
+def _front(points: Sequence[FrontPoint], design: Design) -> Table:
     """Return a table with the answer for each upper bound of the bob's mass."""
     rows: list[tuple[Cell, ...]] = []
     for p in points:
@@ -148,9 +149,10 @@ def _front(points: Sequence[FrontPoint]) -> Table:
         size = f"{words.point(p.pendulum)}, ζ = {number(float(p.pendulum.damping_ratio))}"
         benefit = None if math.isnan(p.benefit[0]) else words.interval(*p.benefit)
         rows.append((f"{number(p.most)} kg", size, benefit))
-    caption = (
-        "Each row is a separate design with its own validation runs. The last row is this report's design."
-    )
+    own = "The last row is this report's design."
+    if points[-1].pendulum is not design.pendulum:
+        own = "This report's design has no row, because a lighter bob reduces the mean tilt at least as much."
+    caption = f"Each row is a separate design with its own validation runs. {own}"
     head = "upper bound of the mass", "equivalent point mass", "reduction of the mean tilt (95 % interval)"
     return Table(head, tuple(rows), caption)
 

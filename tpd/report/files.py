@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -51,28 +52,23 @@ def write(
         job_toml: the job file that repeats the search, for scene.toml; empty if there is none.
         record_notes: notes of the reader on the files of the records.
         then: function that is called when the numbers are written, before the first picture is drawn.
-        warn: function that is called with a sentence for each picture that cannot be drawn.
+        warn: function that is called with a sentence for each picture that cannot be drawn, and on files
+            in the folder that do not belong to the report.
     """
     name, folder = job_tables.get("project", {}).get("name", ""), directory if job_toml else None
     report = content(design, details, job_toml, folder, name, files.today(), record_notes)
-    written = [
-        files.place(directory / name, inside)
-        for name, inside in _tables(design, details, job_tables, job_toml, record_notes)
-    ]
-    written.insert(0, files.place(directory / "report.txt", text(report)))
+    tables = {"report.txt": text(report)} | dict(_tables(design, details, job_tables, job_toml, record_notes))
+    results = files.Results(directory, files.REPORT)
+    written = [results.place(name, inside) for name, inside in tables.items()]
     # Pictures take longest and may fail. The numbers are therefore written, and the answer is printed, first.
     then()
-    pictures = {}
-    for name in names(design, details):
-        try:
-            pictures[name] = draw(name, design, details)
-        # Matplotlib raises errors of many classes, and a missing picture must not cost the whole report.
-        except Exception as error:
-            warn(files.missing_picture(name, error))
-        else:
-            written.append(files.place(directory / name, pictures[name]))
+    drawn = {n: results.draw(n, partial(draw, n, design, details), warn) for n in names(design, details)}
+    pictures = {name: picture for name, picture in drawn.items() if picture is not None}
+    written += [directory / name for name in pictures]
     # The page is written last, so that a folder with a page contains a complete report.
-    written.append(files.place(directory / "report.html", html(report, pictures)))
+    written.append(results.place("report.html", html(report, pictures)))
+    if remaining := results.remaining:
+        warn(remaining)
     return written
 
 
@@ -131,7 +127,7 @@ def _tables(
     design: Design, details: Details, job_tables: dict[str, Any], job_toml: str, record_notes: Sequence[str]
 ) -> Iterator[tuple[str, str]]:
     """Yield the names and contents of the files with numbers."""
-    yield "design.json", as_json(design, details, job_tables, record_notes)
+    yield files.REPORT, as_json(design, details, job_tables, record_notes)
     if job_toml:
         yield "scene.toml", job_toml
     if details.responses:
@@ -156,31 +152,24 @@ def draw(name: str, design: Design, details: Details) -> bytes:
     from tpd.plots import animation, compare, drawing, landscape, response
     from tpd.plots.style import png, svg
 
-    axes: Any
-    scene, histories = design.scene, details.histories or ()
-    stem, _, kind = name.partition(".")
-    match stem:
-        case "search":
-            axes = landscape.plot_landscape(design)
-        case "benefit":
-            axes = compare.plot_benefit(design)
-        case "conditions":
-            axes = compare.plot_conditions(design)
-        case "drawing":
-            axes = drawing.plot_design(design)
-        case "response":
-            axes = response.plot_response(details.responses or (), scene.motion.frequency)
-        case "motion":
-            axes = response.plot_motions(histories, scene.block.slenderness, stroke_limit=design.stroke_limit)
-        case "front":
-            axes = compare.plot_front(details.front)
-        case "animation":
-            return animation.animate(scene, design.pendulum, histories)
-        case _:
-            raise ValueError(f"`name` must be one of {', '.join(names(design, details))}, but is {name!r}")
+    scene, histories, limit = design.scene, details.histories, design.stroke_limit
+    drawings: dict[str, Callable[[], Any]] = {
+        "search.png": lambda: landscape.plot_landscape(design),
+        "benefit.svg": lambda: compare.plot_benefit(design),
+        "conditions.svg": lambda: compare.plot_conditions(design),
+        "drawing.svg": lambda: drawing.plot_design(design),
+        "response.svg": lambda: response.plot_response(details.responses, scene.motion.frequency),
+        "motion.svg": lambda: response.plot_motions(histories, scene.block.slenderness, stroke_limit=limit),
+        "front.svg": lambda: compare.plot_front(details.front),
+        "animation.gif": lambda: animation.animate(scene, design.pendulum, histories),
+    }
+    checks.one_of("name", name, names(design, details))
+    axes = drawings[name]()
+    if isinstance(axes, bytes):
+        return axes
     # A plot function returns one axes object, or an array of several in one figure.
     figure = (axes if hasattr(axes, "figure") else axes[0]).figure
-    return svg(figure) if kind == "svg" else png(figure)
+    return svg(figure) if name.endswith("svg") else png(figure)
 
 
 def response_csv(responses: Sequence[Response]) -> str:

@@ -89,16 +89,20 @@ def _runs(design: Design) -> Iterator[Note]:
 
 
 def _from_rest(design: Design, exact: ExactMotions, without_pendulum: ExactMotions) -> Iterator[Note]:
-    """Yield a note if the block overturns from rest only with the pendulum, one motion for each condition."""
+    """Yield a note if the block overturns from rest with the pendulum, one motion for each condition."""
     # There is one motion from rest for each condition, by the exact model.
     pendulum, without = (m.status == "overturned" for m in (exact, without_pendulum))
     worse, better = np.flatnonzero(pendulum & ~without), int(np.sum(without & ~pendulum))
-    if worse.size:
+    if pendulum.any():
+        is_stated = (design.conditions.factor_rows() == 1.0).all(axis=1)
+        stated = ", among them the stated one" if (pendulum & is_stated).any() else ""
+        first = f" The first of the former: {design.conditions.label(int(worse[0]))}." if worse.size else ""
         # A single motion close to overturning is chance, so only the counts of both cases are compared.
-        yield (danger if worse.size >= better else note)(
-            f"In motions from rest by the linear equations, the block OVERTURNS under {worse.size} of "
-            f"{pendulum.size} conditions only with the pendulum, and under {better} only without it. The "
-            f"first of the former: {design.conditions.label(int(worse[0]))}."
+        yield (danger if worse.size and worse.size >= better else note)(
+            f"In motions from rest by the linear equations, the block OVERTURNS with the pendulum under "
+            f"{pendulum.sum()} of {pendulum.size} conditions{stated}, and without it under {without.sum()}. "
+            f"It overturns only with the pendulum under {worse.size}, and only without it under {better}."
+            f"{first}"
         )
 
 

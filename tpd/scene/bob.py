@@ -32,6 +32,7 @@ _TURNS = 50
 later steps double the number of digits."""
 
 
+@checks.keywords
 @dataclass(frozen=True, kw_only=True)
 class Bob:
     """Solid body of uniform density with its centre at the end of the rod. The rod is the axis of a cylinder.

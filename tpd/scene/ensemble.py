@@ -30,6 +30,7 @@ _DRAWS = 10, 1, 3
 columns unchanged."""
 
 
+@checks.keywords
 @dataclass(frozen=True, kw_only=True)
 class Ensemble:
     """Seeded set of runs with different initial states, beginnings of the excitation, and properties.
@@ -163,6 +164,7 @@ class StartKind(enum.Enum):
     sampled = "a seeded set of initial states"
 
 
+@checks.keywords
 @dataclass(frozen=True, kw_only=True)
 class Starts:
     """Initial states at tau = 0: a seeded set that covers a box evenly, whose first state is at rest.

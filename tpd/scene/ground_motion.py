@@ -75,7 +75,7 @@ class GroundMotion:
             pga = checks.positive("pga_g", pga_g) * STANDARD_GRAVITY
         peak = checks.positive("pga", pga)
         if checks.is_concrete(self.pga) and float(self.pga) == 0.0:
-            raise ValueError("a record of zeros cannot be scaled to a peak")
+            raise ValueError("a motion of zeros cannot be scaled to a peak")
         return self.scaled(peak / self.pga)
 
     def acceleration_at(self, times: Any) -> np.ndarray:
@@ -223,7 +223,8 @@ class Pulse(GroundMotion):
         checks.one_of("kind", self.kind, tuple(PULSES))
         checks.set_checked(self, checks.not_negative, "acceleration", 0.0, GREATEST_PULSE, " m/s^2")
         checks.set_checked(self, checks.positive, "frequency", *FREQUENCIES, " Hz")
-        checks.set_checked(self, checks.number, "cycles phase")
+        checks.set_checked(self, checks.number, "cycles")
+        checks.set_checked(self, checks.within, "phase", -2.0 * math.pi, 2.0 * math.pi, " rad")
         if PULSES[self.kind].is_train:
             # The number of periods determines the shapes of arrays, so that it must be a plain whole number.
             whole = checks.is_concrete(self.cycles) and self.cycles == round(self.cycles)

@@ -77,4 +77,4 @@ def pytree(cls: Class) -> Class:
 
 
 for _class in (Parameters, Block, Pendulum, Harmonic, Scene, Pulse, Record):
-    pytree(_class)
+    checks.keywords(pytree(_class))

@@ -56,10 +56,18 @@ _BOUNDS = {
 }
 """Quantities of the pendulum that must not exceed a quantity of the block, with the words for that
 quantity."""
+_RATIOS = {"mass_ratio": "mu", "length_ratio": "lam", "damping_ratio": "zeta"}
+"""Names that the command line and the job file have for parameters."""
 _TINY = 1e-100
 """Imaginary step for complex-step differentiation."""
 _OF_PENDULUM = ("mu", "lam", "zeta", "pendulum_mass", "pendulum_length", "pendulum_damping")
 """Names that exist only with a pendulum."""
+
+
+def named(name: Any) -> Any:
+    """Return the name of a parameter or quantity from a name with hyphens, or from that of a ratio."""
+    plain = name.replace("-", "_") if isinstance(name, str) else name
+    return _RATIOS.get(plain, plain)
 
 
 def parameters_of(subject: Parameters | Scene, pendulum: Pendulum | None = None) -> Parameters:
@@ -217,7 +225,7 @@ class Axis:
     def of(subject: Parameters | Scene, name: str, pendulum: Pendulum | None = None) -> Axis:
         """Return the axis of `name` through parameters or a scene; raise `ValueError` if `name` cannot be
         varied."""
-        setup = Setup.of(subject, pendulum)
+        setup, name = Setup.of(subject, pendulum), named(name)
         setup.check("name", name)
         # A parameter varies while the other parameters are fixed, so that the scene is replaced by its
         # parameters.

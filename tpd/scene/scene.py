@@ -34,8 +34,12 @@ LARGEST_SHAKING = 10.0
 motions reach a few g."""
 LARGEST_COEFFICIENT = 2.0
 """Largest plausible coefficient of friction; that of rubber on concrete is about 1."""
-LEAST_GYRATION = 0.01
-"""Smallest radius of gyration of a block, as a share of half its diagonal."""
+LEAST_GYRATION = 0.2
+"""Smallest radius of gyration of a block, as a share of half its diagonal. A uniform rectangle has 0.58, and
+a block with most of its mass near the centroid about half of that."""
+DENSEST_WALLS = 5e4
+"""Largest plausible density, kg/m^3, of the walls around a cavity in a block whose depth equals its width. A
+block of stone may be twenty times as deep."""
 HEAVIEST, LENGTHS = 1e12, (1e-6, 1e6)
 """Largest mass (kg) of a pendulum, and its smallest and largest length (m)."""
 LARGEST_DAMPING = 2.0
@@ -119,7 +123,7 @@ class Block:
             if checks.is_concrete(most) and np.any(self.radius_of_gyration < LEAST_GYRATION * most):
                 raise ValueError(
                     f"`radius_of_gyration` must be at least {LEAST_GYRATION:g} of half the diagonal of the "
-                    f"block, but is {np.min(self.radius_of_gyration):g} m"
+                    f"block, but is {np.min(self.radius_of_gyration):g} m: is it that of the cross-section?"
                 )
         self._check_cavity()
         if self.base_friction is not None:
@@ -128,6 +132,7 @@ class Block:
             raise ValueError(
                 f"`width` must be at most {SLENDERNESS_LIMIT:g} of `height` (the linear equations "
                 f"drop terms of order (width/height)**2), but is {np.max(self.slenderness):g} of it"
+                + (": are width and height exchanged?" if np.any(self.slenderness > 1.0) else "")
             )
 
     def _check_losses(self) -> None:
@@ -156,13 +161,21 @@ class Block:
         if self.cavity_width is None:
             return
         checks.positive("cavity_width", self.cavity_width, every=True)
+        sizes = self.width, self.cavity_width, self.height, self.mass
         # Traced values cannot be compared, and pass.
-        if all(map(checks.is_concrete, (self.cavity_width, self.width))) and np.any(
-            np.asarray(self.cavity_width) >= self.width
-        ):
+        if not all(map(checks.is_concrete, sizes)):
+            return
+        wide, hollow, high, mass = np.broadcast_arrays(*sizes)
+        if np.any(hollow >= wide):
             raise ValueError(
                 f"`cavity_width` must be less than the width of the block, {np.max(self.width):g} m, because "
                 f"the walls have a thickness, but is {np.max(self.cavity_width):g} m"
+            )
+        density = np.max(mass / ((wide**2 - hollow**2) * high))
+        if density > DENSEST_WALLS:
+            raise ValueError(
+                f"`cavity_width` must leave walls of at most {DENSEST_WALLS:g} kg/m^3 (in a block as deep as "
+                f"it is wide), but the walls around {np.max(hollow):g} m have {density:.3g} kg/m^3"
             )
 
     @property
