@@ -15,12 +15,16 @@ export function shareOf({ low, high, log }, value) {
   return log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
 }
 
+/** Return the bytes of a text in base64. */
+export function bytesOf(text) {
+  return Uint8Array.from(atob(text), (character) => character.charCodeAt(0)).buffer;
+}
+
 /** Return a table whose fields are decoded from base64. */
 export function decode(table) {
   const fields = {};
   for (const [name, { scale, data }] of Object.entries(table.fields)) {
-    const bytes = Uint8Array.from(atob(data), (character) => character.charCodeAt(0));
-    fields[name] = { codes: new Uint16Array(bytes.buffer), unit: scale / (NONE - 1) };
+    fields[name] = { codes: new Uint16Array(bytesOf(data)), unit: scale / (NONE - 1) };
   }
   const strides = table.axes.map((_, i) => table.axes.slice(i + 1).reduce((n, axis) => n * axis.values.length, 1));
   return { axes: table.axes, fields, strides };
