@@ -2,7 +2,7 @@
 
 import { Motion } from "./rocking.mjs";
 import { atRest, bodyOf, limitShares, parameters, reachOf } from "./pendulum.mjs";
-import { bytesOf, decode, errorAt, lookUp, place, shareOf, valueAt } from "./orbits.mjs";
+import { bytesOf, decode, lookUp, place, shareOf, valueAt } from "./orbits.mjs";
 import { BLUE, GREY, INK, ORANGE, PALE, cleared, drawAxes, drawBlock, drawLine } from "./figures.mjs";
 import { drawMark, format, hatch, writeOver } from "./figures.mjs";
 
@@ -44,13 +44,11 @@ function addControl(control) {
 const clamped = (x, low, high) => Math.max(low, Math.min(high, x));
 
 /** Return the value that holds after a number was typed into a field, and show a notice if it is another number. */
-function typedIn({ valueAsNumber: typed }, { label, unit, low, high }, own) {
-  const isNumber = Number.isFinite(typed), value = isNumber ? clamped(typed, low, high) : own;
-  const [used, least, most] = [value, low, high].map((x) => format(x, 6));
-  const fault = isNumber ? `${typed} is not between ${least} and ${most}` : "no number was given";
-  // A number that agrees with the end of the range as the page shows it is not corrected.
-  const isKept = Math.abs(value - typed) <= 1e-5 * Math.abs(value);
-  byId("notice").textContent = isKept ? "" : `${label}: ${fault}. ${used} ${unit} is used.`;
+function typedIn({ value: text, valueAsNumber: typed }, { label, unit, low, high }, own) {
+  const value = Number.isFinite(typed) ? clamped(typed, low, high) : own;
+  const [used, given, least, most] = [value, typed, low, high].map((x) => format(x, 6));
+  const fault = `${label} must be from ${least} to ${most} ${unit}, but is ${text || "empty"}: ${used} is used.`;
+  byId("notice").textContent = used === given ? "" : fault;
   return value;
 }
 
@@ -66,6 +64,8 @@ function set(values, isNoticed = true) {
   update();
 }
 
+const isFirst = ({ name, value }) => Math.abs(state[name] - value) <= 1e-6 * Math.abs(value);
+
 // Values and their sources
 
 /** Return the base motion of the controls, as `parameters` takes it. */
@@ -75,13 +75,15 @@ function excitation() {
   return { amplitude: state.amplitude, frequency: state.frequency };
 }
 
+/** Return the motion of a block at rest under a settled bob, which exists if its margin is positive. */
+const restOf = (pendulum) => atRest(parameters(scene, excitation(), pendulum));
+
 /** Return fields of the settled motion in a table, each as { value, error, source }: of an orbit, else of rest. */
 function settled(table, names, point, pendulum) {
-  const corners = place(table, point), { margin, swing } = atRest(parameters(scene, excitation(), pendulum));
+  const corners = place(table, point), rest = restOf(pendulum);
   return names.map((name) => {
-    const found = { ...lookUp(table, name, corners), error: errorAt(table, name, corners) };
-    if (found.source !== "none" || !(margin > 0)) return found;
-    return { value: name === "swing" ? swing : 0, error: 0, source: EXACT };
+    const found = lookUp(table, name, corners), isRest = found.source === "none" && rest.margin > 0;
+    return isRest ? { value: rest[name], error: 0, source: EXACT } : found;
   });
 }
 
@@ -115,17 +117,16 @@ function simulate(pendulum) {
   // The bound on the events holds for each call.
   const part = ground ? scene.rate : scene.rate / state.frequency;
   while (!motion.hasEnded && motion.tau < until) motion.advance(Math.min(motion.tau + part, until), record);
-  const fall = `overturns after ${format(motion.tau / scene.rate)} s`, none = "has no answer (too many events)";
-  const outcome = motion.stalled ? none : motion.overturned ? fall : "does not overturn";
-  return { ...largest, hasEnded: motion.hasEnded, outcome };
+  const { hasEnded, stalled, tau } = motion, fall = `overturns after ${format(tau / scene.rate)} s`;
+  const outcome = stalled ? "has no answer (too many events)" : hasEnded ? fall : "does not overturn";
+  return { ...largest, hasEnded, outcome };
 }
 
 /** Return the stored validation runs that hold for this pendulum and base motion; undefined without any. */
 function runsNear({ mass, length, damping }) {
   const at = [mass, length, damping], motion = controls.filter(({ group }) => group === "excitation");
   const holds = ({ low, high }) => at.every((x, i) => x >= low[i] * (1 - 1e-6) && x <= high[i] * (1 + 1e-6));
-  const isSame = motion.every(({ name, value }) => Math.abs(state[name] / value - 1) < 1e-6);
-  return isSame ? data.runs.findLast(holds) : undefined;
+  return motion.every(isFirst) ? data.runs.findLast(holds) : undefined;
 }
 
 /** Return a value with the bound of its error, or the reason why there is no value. */
@@ -138,19 +139,13 @@ function textOf({ value, error, source }, unit = "") {
   return `${format(value)} ± ${format(Math.max(error, rounding), 1)}${unit}`;
 }
 
-/** Return a steady tilt as a text; a motion that ends before it settles does not reach this tilt. */
-function steadyText(tilt, { hasEnded }) {
-  return `${textOf(tilt)}${hasEnded && tilt.value ? " (not reached from this start)" : ""}`;
-}
+/** Return a steady tilt as a text; a motion that ends before it settles does not reach it. */
+const steadyText = (tilt, { hasEnded }) =>
+  `${textOf(tilt)}${hasEnded && tilt.value ? " (not reached from this start)" : ""}`;
 
-/** Return a text about a motion, or the outcome of a motion that ends early. */
+/** Return a text about a motion that lasts, or the outcome of a motion that ends early. */
 const unlessEnded = ({ hasEnded, outcome }, text) => (hasEnded ? outcome : text);
-
-/** Return the largest tilt of a motion, or its outcome. */
-function angleText(motion) {
-  const angle = (motion.tilt * scene.nu * 180) / Math.PI;
-  return unlessEnded(motion, `${format(motion.tilt)} (${format(angle, 2)}°)`);
-}
+const angleText = (tilt) => `${format(tilt)} (${format((tilt * scene.nu * 180) / Math.PI, 2)}°)`;
 
 // Tables
 
@@ -170,7 +165,7 @@ function fill(id, rows) {
 /** Return the rows of the steady motion. */
 function steadyRows(now, [largest, alone], pendulum, body) {
   if (!now) return [];
-  const { tilt, swing } = now, rests = atRest(parameters(scene, excitation(), pendulum)).margin > 0;
+  const { tilt, swing } = now, rests = restOf(pendulum).margin > 0;
   const reach = reachOf(scene, body, swing.value + tilt.value * scene.nu);
   const error = body.rod * (swing.error + tilt.error * scene.nu);
   const clearance = { ...swing, value: scene.cavity / 2 - reach, error };
@@ -217,10 +212,11 @@ function showResults(now, shares, basis, largest, alone, pendulum, body) {
   // The loads of a block that falls are no loads of a design.
   const force = largest.tension * mass * g, load = force < 1000 ? `${format(force)} N` : `${format(force / 1000)} kN`;
   const moment = `${format(damper * largest.rate)} N m`;
-  const size = body.exists ? `${format(body.mass)} kg, ${format(2 * body.radius)} m wide` : "no body swings as this point";
+  const { exists, mass: heavy, radius, rod } = body, wide = 2 * radius;
+  const size = exists ? `${format(heavy)} kg, ${format(wide)} m wide` : "no body swings as this point";
   fill("results", [
-    ["largest", "Largest tilt over the slenderness", angleText(largest), source],
-    ["largest-without", "Largest tilt without a pendulum", angleText(alone), source],
+    ["largest", "Largest tilt over the slenderness", unlessEnded(largest, angleText(largest.tilt)), source],
+    ["largest-without", "Largest tilt without a pendulum", unlessEnded(alone, angleText(alone.tilt)), source],
     ...steadyRows(now, [largest, alone], pendulum, body),
     ...runRows(runsNear(pendulum)),
     ["tension", "Largest force in the rod", unlessEnded(largest, load), source],
@@ -228,7 +224,7 @@ function showResults(now, shares, basis, largest, alone, pendulum, body) {
     ["natural", "Natural frequency", `${format(natural)} Hz`, `${EXACT}, undamped, block at rest`],
     ["damper", "Damping of the hinge", `${format(damper)} N m s/rad`, EXACT],
     ["bob", "Bob as built", size, EXACT],
-    ["rod", "Rod to the centre of the bob", body.exists ? `${format(body.rod)} m` : "–", EXACT],
+    ["rod", "Rod to the centre of the bob", exists ? `${format(rod)} m` : "–", EXACT],
   ]);
   const sourceOf = ({ name }) => (data.still.includes(name) ? EXACT : basis);
   fill("limits", shares.map((own) => [own.name, data.limit_labels[own.name], usedText(own), sourceOf(own)]));
@@ -241,36 +237,28 @@ function drawResponse(now) {
   const view = cleared(byId("response")), { c } = view, values = without.axes[0].values;
   const most = 1.1 * Math.max(tables.grid.fields.tilt.scale, tables.without.fields.tilt.scale);
   const vertical = { low: 0, high: Math.min(1, most), label: "tilt / slenderness" };
-  const { px, py, left, right, top, bottom } = drawAxes(view, { ...ranges.frequency, label: "frequency (Hz)" }, vertical);
+  const { px, py, top, bottom } = drawAxes(view, { ...ranges.frequency, label: "frequency (Hz)" }, vertical);
   const alone = (f) => [f, state.amplitude], own = (f) => [state.mass, state.length, state.damping, f, state.amplitude];
+  // A repelling orbit can be larger than all attracting ones: a value above the figure is not drawn.
+  const inside = (y) => (y <= vertical.high ? py(y) : NaN);
   const curve = (table, name, point) =>
-    values.map((f) => [px(f), py(lookUp(table, name, place(table, point(f))).value)]);
-  // Repelling orbits can be larger than all attracting ones, and lie outside of the figure.
-  c.save();
-  c.beginPath();
-  c.rect(left, top, right - left, bottom - top);
-  c.clip();
+    values.map((f) => [px(f), inside(lookUp(table, name, place(table, point(f))).value)]);
   drawLine(c, curve(without, "tilt", alone), GREY, 5);
   drawLine(c, curve(without, "unstable", alone), GREY, 3, [3, 5]);
   if (recommended) drawLine(c, curve(recommended, "tilt", alone), INK, 1, [6, 4]);
   drawLine(c, curve(grid, "tilt", own), BLUE, 2);
   drawLine(c, curve(grid, "unstable", own), BLUE, 1.5, [2, 4]);
-  c.restore();
   drawLine(c, [[px(state.frequency), top], [px(state.frequency), bottom]], ORANGE, 1, [3, 3]);
   if (Number.isFinite(now.tilt.value)) drawMark(c, px(state.frequency), py(now.tilt.value));
 }
 
-/** Return the samples of the map with their bodies, which no slider changes. */
-function samplesOfMap() {
-  const plane = { axes: grid.axes.slice(0, 2), strides: [grid.axes[1].values.length, 1] };
-  return Array.from({ length: COLUMNS * ROWS }, (_, n) => {
-    const mass = valueAt(ranges.mass, ((n % COLUMNS) + 0.5) / COLUMNS);
-    const length = valueAt(ranges.length, 1 - (Math.floor(n / COLUMNS) + 0.5) / ROWS);
-    const pendulum = { mass, length, damping: 0 };
-    return { pendulum, corners: place(plane, [mass, length]), body: bodyOf(scene, pendulum) };
-  });
-}
-const samples = ground ? [] : samplesOfMap();
+// Samples of the map with their bodies, which no slider changes.
+const plane = grid && { axes: grid.axes.slice(0, 2), strides: [grid.axes[1].values.length, 1] };
+const samples = Array.from({ length: grid ? COLUMNS * ROWS : 0 }, (_, n) => {
+  const mass = valueAt(ranges.mass, ((n % COLUMNS) + 0.5) / COLUMNS);
+  const length = valueAt(ranges.length, 1 - (Math.floor(n / COLUMNS) + 0.5) / ROWS);
+  return { mass, length, corners: place(plane, [mass, length]), body: bodyOf(scene, { mass, length }) };
+});
 
 /** Return a field at all nodes of mass and length, interpolated in damping, frequency and amplitude. */
 function slice(name) {
@@ -285,12 +273,12 @@ function drawMap(now) {
   const finite = tilts.filter(Number.isFinite), [least, most] = [Math.min(...finite), Math.max(...finite)];
   const pixels = new ImageData(COLUMNS, ROWS), regions = {};
   const mean = (values, corners) => corners.reduce((sum, [index, weight]) => sum + weight * values[index], 0);
-  samples.forEach(({ pendulum, corners, body }, n) => {
+  samples.forEach(({ mass, length, corners, body }, n) => {
+    const pendulum = { mass, length, damping: state.damping };
     const tilt = mean(tilts, corners), swing = mean(swings, corners);
-    const hasTilt = Number.isFinite(tilt), { damping } = state;
-    const rest = hasTilt ? null : atRest(parameters(scene, excitation(), { ...pendulum, damping }));
-    const own = hasTilt ? { tilt, swing } : rest.margin > 0 ? { tilt: 0, swing: rest.swing } : null;
-    const motion = own && { ...own, without: now.without.value };
+    const hasTilt = Number.isFinite(tilt);
+    const own = hasTilt ? { tilt, swing } : restOf(pendulum);
+    const motion = hasTilt || own.margin > 0 ? { ...own, without: now.without.value } : null;
     // Light is the smallest tilt, dark the largest; a place without a value stays white.
     const shade = 235 - (150 * (tilt - least)) / (most - least || 1);
     pixels.data.set(hasTilt ? [shade - 20, shade - 5, shade + 10, 255] : [255, 255, 255, 255], 4 * n);
@@ -317,8 +305,9 @@ function drawMap(now) {
   if (data.recommended) drawMark(c, px(data.recommended.mass), py(data.recommended.length), true);
   drawMark(c, px(state.mass), py(state.length));
   drawMap.area = { left, right, top, bottom };
+  const range = finite.length ? ` Lightest: ${format(least)}, darkest: ${format(most)} of the slenderness.` : "";
   byId("map-values").textContent = `${format(state.frequency, 4)} Hz, ${format(state.amplitude, 4)} m and a damping `
-    + `ratio of ${format(state.damping)}. ${finite.length ? `Lightest: ${format(least)}, darkest: ${format(most)} of the slenderness` : ""}`;
+    + `ratio of ${format(state.damping)}.${range}`;
 }
 
 /** Draw the whole block, and its top with the bob at rest and at its largest angle. */
@@ -381,8 +370,9 @@ function drawMotions() {
     c.lineWidth = 1.5 / scale;
     drawBlock(c, scene, i ? body : null, tilt, [[motion.y[1], BLUE]]);
     drawLine(c, [[-floor, 0], [floor, 0]], INK, 2.5 / scale);
-    const at = `at ${(Math.min(clock, motion.tau / scene.rate)).toFixed(1)} s`, end = motion.overturned ? "overturns" : "has no answer from here on";
-    byId(`state-${name}`).textContent = motion.hasEnded ? `The block ${end} ${at}.` : `Tilt ${((tilt * 180) / Math.PI).toFixed(2)}° ${at}.`;
+    const { hasEnded, overturned } = motion, now = `Tilt ${((tilt * 180) / Math.PI).toFixed(2)}°`;
+    const text = hasEnded ? `The block ${overturned ? "overturns" : "has no answer from here on"}` : now;
+    byId(`state-${name}`).textContent = `${text} at ${Math.min(clock, motion.tau / scene.rate).toFixed(1)} s.`;
   });
   const span = ground ? duration() : WINDOW / state.frequency, from = Math.max(0, clock - span);
   traces = traces.map((trace) => trace.filter(([t]) => t >= from));
@@ -399,38 +389,41 @@ function drawMotions() {
 /** Return the largest values without a pendulum, which only a change of the base motion or of the start changes. */
 function simulateAlone() {
   const key = JSON.stringify([excitation(), state.push]);
-  if (simulateAlone.key !== key) [simulateAlone.key, simulateAlone.values] = [key, simulate(null)];
-  return simulateAlone.values;
+  return (simulateAlone[key] ??= simulate(null));
+}
+
+/** Return the motion to which the limits apply, or null, and its source. */
+function limitedMotion(now, largest) {
+  if (ground && !largest.hasEnded) return [largest, SIMULATED];
+  if (!Number.isFinite(now?.tilt.value)) return [null, "bob at rest"];
+  const [tilt, swing, without] = [now.tilt, now.swing, now.without].map(({ value }) => value);
+  return [{ tilt, swing, without, relative: swing + tilt * scene.nu }, `steady motion, ${now.swing.source}`];
 }
 
 /** Compute and show everything that depends on the controls. */
-function update() {
+function update(isNew = true) {
   const begin = performance.now(), { mass, length, damping } = state, pendulum = { mass, length, damping };
   const body = bodyOf(scene, pendulum), now = steady(), largest = simulate(pendulum), alone = simulateAlone();
-  const [isSettled, isShaken] = [now && Number.isFinite(now.tilt.value), ground && !largest.hasEnded];
-  // Under a harmonic limits are those of the steady motion; validation runs show the others.
-  const steadyMotion = isSettled && { tilt: now.tilt.value, swing: now.swing.value, without: now.without.value };
-  const motion = isSettled ? steadyMotion : isShaken ? largest : null;
-  const basis = isSettled ? `steady motion, ${now.swing.source}` : isShaken ? SIMULATED : "bob at rest";
-  const shares = limitShares(scene, limits, pendulum, motion, body);
+  const [motion, basis] = limitedMotion(now, largest), shares = limitShares(scene, limits, pendulum, motion, body);
   showResults(now, shares, basis, largest, alone, pendulum, body);
   if (now) [drawResponse(now), drawMap(now)];
-  const angle = isSettled ? now.swing.value + now.tilt.value * scene.nu : Math.min(largest.relative, Math.PI / 2);
-  drawDesign(angle, isSettled ? basis : SIMULATED, body);
-  restart();
+  drawDesign(motion ? motion.relative : 0, basis, body);
+  // Figures of another size show the same motion.
+  if (isNew) restart();
   drawMotions();
-  const isFirst = controls.every(({ name, value }) => Math.abs(state[name] - value) <= 1e-6 * Math.abs(value));
   const stale = "Verdict of the report, which does not hold for the values below: ";
-  byId("verdict").textContent = data.verdict && !isFirst ? stale + data.verdict : data.verdict;
-  byId("ground").textContent = ground ? `${ground.name}, largest acceleration ${format(ground.peak * state.scale)} m/s².` : "";
+  byId("verdict").textContent = data.verdict && !controls.every(isFirst) ? stale + data.verdict : data.verdict;
+  if (ground) byId("ground").textContent = `${ground.name}, peak ${format(ground.peak * state.scale)} m/s²`;
   const exceeded = shares.filter(({ exceeded }) => exceeded).map(({ name }) => data.limit_labels[name]);
-  const outcome = `With your pendulum the block ${largest.outcome}; without a pendulum it ${alone.outcome} `
+  const outcomes = `With your pendulum the block ${largest.outcome}; without a pendulum it ${alone.outcome} `
     + `(one motion ${state.push ? "after a push" : "from rest"}, ${spanText()}). `;
-  const verdict = exceeded.length ? `Limits exceeded: ${exceeded.join(", ")}` : "No limit is exceeded";
-  const tilts = now ? `Steady tilt ${steadyText(now.tilt, largest)} with your pendulum, ${steadyText(now.without, alone)} without. ` : "";
+  const tilts = now ? `Steady tilt ${steadyText(now.tilt, largest)} with your pendulum, `
+    + `${steadyText(now.without, alone)} without. ` : "";
+  const none = `No limit is ${shares.length ? "exceeded" : "evaluated"}`;
+  const verdict = exceeded.length ? `Limits exceeded: ${exceeded.join(", ")}` : none;
   // A screen reader says the result once the slider has stopped.
   clearTimeout(update.timer);
-  update.timer = setTimeout(() => (byId("summary").textContent = `${outcome}${tilts}${verdict} (${basis}).`), 400);
+  update.timer = setTimeout(() => (byId("summary").textContent = `${outcomes}${tilts}${verdict} (${basis}).`), 400);
   update.duration = performance.now() - begin;
 }
 
@@ -439,15 +432,13 @@ function begin() {
   byId("title").textContent = document.title = data.title ? `${data.title}: explore the design` : "Explore the design";
   byId("version").textContent = `Written by tpd ${data.version}.`;
   const others = data.other_limits.join(", ");
-  byId("other-limits").textContent = others ? `Not evaluated on this page: ${others}.` : "";
+  byId("other-limits").textContent = others && `Not evaluated on this page: ${others}.`;
   for (const id of ["response-figure", "map-figure"]) byId(id).hidden = Boolean(ground);
   controls.forEach(addControl);
   const first = Object.fromEntries(controls.map(({ name, value }) => [name, value]));
   byId("reset").addEventListener("click", () => set(first));
-  byId("play").addEventListener("click", ({ target }) => {
-    state.play = !state.play;
-    target.textContent = state.play ? "Pause" : "Play";
-  });
+  const toggle = ({ target }) => (target.textContent = (state.play = !state.play) ? "Pause" : "Play");
+  byId("play").addEventListener("click", toggle);
   byId("restart").addEventListener("click", () => (restart(), drawMotions()));
   byId("speed").addEventListener("change", ({ target }) => (state.speed = Number(target.value)));
   byId("push").addEventListener("change", ({ target }) => {
@@ -460,12 +451,7 @@ function begin() {
     // The labels beside the axes are no values.
     if (Math.min(x, y, 1 - x, 1 - y) >= 0) set({ mass: valueAt(ranges.mass, x), length: valueAt(ranges.length, y) });
   });
-  window.addEventListener("resize", () => {
-    // The figures have another size, but the motion goes on.
-    const present = [motions, traces, clock];
-    update();
-    [motions, traces, clock] = present;
-  });
+  window.addEventListener("resize", () => update(false));
   // Readers who want less motion start the animation themselves.
   if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) byId("play").click();
   set(first);
@@ -475,10 +461,6 @@ function begin() {
 begin();
 // Tests and measurements read these.
 globalThis.tpdPage = {
-  state, set,
-  control: (name) => ranges[name],
-  area: () => drawMap.area,
-  clock: () => clock,
-  frames: () => frames.length,
-  duration: () => update.duration,
+  state, control: (name) => ranges[name], area: () => drawMap.area, clock: () => clock,
+  frames: () => frames.length, duration: () => update.duration,
 };

@@ -23,8 +23,8 @@ export function parameters(scene, motion, pendulum = null) {
 }
 
 /**
- * Return the settled bob under a block at rest: its swing f/|D|, and the margin 1 - |B| f/((1 + mu) nu + k), which is
- * positive where the block stays at rest.
+ * Return the tilt and the swing f/|D| of a block at rest under a settled bob, and the margin
+ * 1 - |B| f/((1 + mu) nu + k), which is positive where the block stays at rest.
  */
 export function atRest(p) {
   const c = 2 * p.zeta * Math.sqrt(p.lam * p.rho), square = p.lam * p.rho * p.xi ** 2;
@@ -33,7 +33,7 @@ export function atRest(p) {
   const bReal = 1 + 2 * p.mu + (hReal * real + hImaginary * imaginary) / size;
   const bImaginary = (hImaginary * real - hReal * imaginary) / size;
   const margin = 1 - (p.f * Math.hypot(bReal, bImaginary)) / ((1 + p.mu) * p.nu + p.k);
-  return { margin, swing: p.f / Math.sqrt(size) };
+  return { margin, tilt: 0, swing: p.f / Math.sqrt(size) };
 }
 
 /** Return the body that swings as the point of the pendulum does, in m and kg; the point where none `exists`. */

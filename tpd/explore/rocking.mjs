@@ -91,18 +91,17 @@ export class Motion {
   /**
    * @param p parameters by name
    * @param start state at tau = 0
-   * @param ground base acceleration over f g as { powers, order, span }: the coefficients of `order` powers of the
-   *   elapsed share of each piece, whose duration is `span` in tau; null for the load f sin(xi tau)
+   * @param ground base acceleration over f g as { powers, order, span, count }: the coefficients of `order` powers of
+   *   the elapsed share of each of `count` pieces, whose duration is `span` in tau; null for the load f sin(xi tau)
    */
   constructor(p, start = [0, 0, 0, 0], ground = null) {
     this.c = coefficients(p);
     this.ground = ground;
-    this.piece = 0;
+    [this.piece, this.pieceEnd] = [0, ground ? ground.span : Infinity];
     this.y = [...start];
     this.tau = 0;
     this.impacts = 0;
-    this.overturned = false;
-    this.stalled = false;
+    this.overturned = this.stalled = this.hasEnded = false;
     // A pendulum on a block that is free to move swings faster than one on a fixed hinge.
     const bob = Math.sqrt((this.c.lam * p.rho) / (1 + 4 * p.mu));
     this.step = (2 * Math.PI * Math.min(1, bob, 1 / p.xi)) / STEPS;
@@ -112,16 +111,10 @@ export class Motion {
   /** Return minus the base acceleration over g; it jumps between pieces, and is zero after the last one. */
   load(tau) {
     if (!this.ground) return this.c.f * Math.sin(this.c.xi * tau);
-    const { powers, order, span } = this.ground, first = this.piece * order, share = tau / span - this.piece;
+    const { powers, order, span, count } = this.ground, { piece } = this, share = tau / span - piece;
     let value = 0;
-    if (first < powers.length) for (let n = order - 1; n >= 0; n--) value = value * share + powers[first + n];
+    if (piece < count) for (let n = order - 1; n >= 0; n--) value = value * share + powers[piece * order + n];
     return -this.c.f * value;
-  }
-
-  /** Return the time at which the present piece of the base motion ends. */
-  get pieceEnd() {
-    const { piece, ground } = this;
-    return ground && piece * ground.order < ground.powers.length ? (piece + 1) * ground.span : Infinity;
   }
 
   /** Set the contact mode of the state; `tilt` and `way` are the signs of phi and phi', zero included. */
@@ -183,9 +176,10 @@ export class Motion {
       // Until it turns, the block moves one way: it has landed if its tilt has another sign by then.
       if (side !== way) check("landing", (y) => -side * y[0]);
     } else {
-      const other = side === 0 ? -1 : side, limit = c.k + SLACK * (c.k + c.weight);
-      check("up", (y, tau) => excess(c, y, side === 0 ? 1 : side, this.load(tau)) - limit);
-      check("down", (y, tau) => -excess(c, y, other, this.load(tau)) - limit);
+      // On the base the weight resists both directions.
+      const limit = c.k + SLACK * (c.k + c.weight), [right, left] = kind === REST ? [1, -1] : [side, side];
+      check("up", (y, tau) => excess(c, y, right, this.load(tau)) - limit);
+      check("down", (y, tau) => -excess(c, y, left, this.load(tau)) - limit);
     }
     return { name, h, end };
   }
@@ -241,19 +235,16 @@ export class Motion {
       this.meet(name, h);
       if (this.tau === this.pieceEnd) {
         this.piece += 1;
+        this.pieceEnd = this.piece < this.ground.count ? (this.piece + 1) * this.ground.span : Infinity;
         // A jump of the acceleration may release a block that is held.
         if (this.kind !== SLIP) this.decide(this.kind === REST ? 0 : this.side, 0, this.load(this.tau));
       }
       if (name !== "") events += 1;
       this.stalled = events > MOST_EVENTS || !Number.isFinite(end[0]);
+      this.hasEnded = this.overturned || this.stalled;
       each(this);
     }
     return this;
-  }
-
-  /** Return whether the block has overturned, or the motion has no answer from here on. */
-  get hasEnded() {
-    return this.overturned || this.stalled;
   }
 
   /** Return the force along the rod over the weight of the bob; positive where the rod pulls. */
