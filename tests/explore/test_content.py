@@ -37,7 +37,7 @@ def values(out: dict) -> dict[str, float]:
 
 def test_a_scene_has_the_middle_of_the_usual_space_and_no_runs():
     out = content(SCENE)
-    assert out.keys() == KEYS | {"tables"}
+    assert out.keys() == KEYS | {"tables", "periods"}
     assert (out["recommended"], out["runs"], out["verdict"]) == (None, [], "")
     own = values(out)
     assert own["mass"] == pytest.approx(SCENE.block.mass * (0.01 * 0.2) ** 0.5)
@@ -60,7 +60,9 @@ def test_a_design_begins_with_its_pendulum_and_has_its_runs():
     runs = out["runs"][-1]
     change = last.runs.change("mean severity")
     assert runs["mean"] == [change.with_pendulum, change.without_pendulum]
-    assert runs["overturned"][0][0] == last.runs.change("overturned").with_pendulum
+    overturned = last.runs.change("overturned")
+    assert runs["overturned"][:2] == [overturned.with_pendulum, overturned.without_pendulum]
+    assert runs["overturned"][2:] == [overturned.low, overturned.high]
     assert runs["benefit"]["mean"] == last.runs.benefit.mean
     # The range in which the runs hold is the tolerance range of the design.
     si = np.array([float(SCENE.block.mass), 0.2, 1.0])

@@ -106,7 +106,7 @@ const spanText = () => `${ground ? "whole motion" : `${data.periods} periods`}, 
 
 /** Return the largest values and the outcome of the motion over the duration of a validation run. */
 function simulate(pendulum) {
-  const motion = motionFrom(pendulum), until = duration() * scene.rate;
+  const motion = motionFrom(pendulum), parts = Math.ceil(ground ? ground.seconds : data.periods);
   const largest = { tilt: 0, swing: 0, relative: 0, tension: 0, rate: 0 };
   const record = ({ y, tension }) => {
     const rate = (y[3] - y[2]) * scene.rate, tilt = y[0] / scene.nu;
@@ -114,9 +114,10 @@ function simulate(pendulum) {
     for (const name in largest) largest[name] = Math.max(largest[name], Math.abs(values[name]));
   };
   record(motion);
-  // The bound on the events holds for each call.
-  const part = ground ? scene.rate : scene.rate / state.frequency;
-  while (!motion.hasEnded && motion.tau < until) motion.advance(Math.min(motion.tau + part, until), record);
+  // The bound on the events holds for each part. A block beyond its toppling tilt at the end falls, or returns.
+  for (let n = 1; !motion.hasEnded && (n <= parts || (n < 2 * parts && Math.abs(motion.y[0]) > scene.nu)); n++) {
+    motion.advance((n / parts) * duration() * scene.rate, record);
+  }
   const { hasEnded, stalled, tau } = motion, fall = `overturns after ${format(tau / scene.rate)} s`;
   const outcome = stalled ? "has no answer (too many events)" : hasEnded ? fall : "does not overturn";
   return { ...largest, hasEnded, outcome };
