@@ -237,8 +237,7 @@ def test_motions_agree_at_random_settings_under_pulses_and_records_with_a_push()
         motion = random_motion(rng).scaled_to(pga_g=rng.uniform(0.5, 3.0) * float(block.slenderness))
         scene, pieces = tpd.Scene(block, motion), np.asarray(motion.pieces())
         p, rate = scene.ground_parameters(pendulum), float(scene.rate)
-        ground = {"powers": pieces.ravel().tolist(), "order": 4, "count": len(pieces)}
-        ground["span"] = float(motion.piece) * rate
+        ground = {"powers": pieces.ravel().tolist(), "order": 4, "span": float(motion.piece) * rate}
         times = [(float(motion.duration) + free) * rate]
         # The length of a step depends on xi, and nothing else: the page has 1 under a ground motion.
         inputs.append({"p": plain(p) | {"xi": 1.0}, "start": start.tolist(), "ground": ground, "times": times})
@@ -289,7 +288,7 @@ def test_motions_agree_at_random_settings_under_a_harmonic_with_a_push():
 def test_a_block_whose_release_only_touches_the_limit_stays_at_rest(above):
     """The load reaches the limit at the end of the first piece, and falls back from there."""
     p = plain(parameters(**NO_PENDULUM, f=0.13 * (1.0 + above)))
-    ground = {"powers": [0.0, -1.0, -1.0, 1.0], "order": 2, "count": 2, "span": 0.5}
+    ground = {"powers": [0.0, -1.0, -1.0, 1.0], "order": 2, "span": 0.5}
     (answer,) = run("rocking", "Motion", RECORD, [{"p": p, "start": [0] * 4, "ground": ground, "times": [3.0]}])
     assert answer["tilt"] < 1e-15
     assert answer["tilts"] == [0.0]

@@ -438,14 +438,12 @@ function begin() {
   controls.forEach(addControl);
   const first = Object.fromEntries(controls.map(({ name, value }) => [name, value]));
   byId("reset").addEventListener("click", () => set(first));
-  const toggle = ({ target }) => (target.textContent = (state.play = !state.play) ? "Pause" : "Play");
-  byId("play").addEventListener("click", toggle);
+  const toggle = (button) => (button.textContent = (state.play = !state.play) ? "Pause" : "Play");
+  byId("play").addEventListener("click", ({ target }) => toggle(target));
   byId("restart").addEventListener("click", () => (restart(), drawMotions()));
   byId("speed").addEventListener("change", ({ target }) => (state.speed = Number(target.value)));
-  byId("push").addEventListener("change", ({ target }) => {
-    target.value = state.push = typedIn(target, PUSH, state.push);
-    update();
-  });
+  const pushTo = (field) => (field.value = state.push = typedIn(field, PUSH, state.push));
+  byId("push").addEventListener("change", ({ target }) => (pushTo(target), update()));
   byId("map").addEventListener("click", ({ offsetX, offsetY }) => {
     const { left, right, top, bottom } = drawMap.area;
     const [x, y] = [(offsetX - left) / (right - left), (bottom - offsetY) / (bottom - top)];

@@ -91,8 +91,8 @@ export class Motion {
   /**
    * @param p parameters by name
    * @param start state at tau = 0
-   * @param ground base acceleration over f g as { powers, order, span, count }: the coefficients of `order` powers of
-   *   the elapsed share of each of `count` pieces, whose duration is `span` in tau; null for the load f sin(xi tau)
+   * @param ground base acceleration over f g as { powers, order, span }: the coefficients of `order` powers of the
+   *   elapsed share of each piece, whose duration is `span` in tau; null for the load f sin(xi tau)
    */
   constructor(p, start = [0, 0, 0, 0], ground = null) {
     this.c = coefficients(p);
@@ -111,9 +111,9 @@ export class Motion {
   /** Return minus the base acceleration over g; it jumps between pieces, and is zero after the last one. */
   load(tau) {
     if (!this.ground) return this.c.f * Math.sin(this.c.xi * tau);
-    const { powers, order, span, count } = this.ground, { piece } = this, share = tau / span - piece;
+    const { powers, order, span } = this.ground, first = this.piece * order, share = tau / span - this.piece;
     let value = 0;
-    if (piece < count) for (let n = order - 1; n >= 0; n--) value = value * share + powers[piece * order + n];
+    if (first < powers.length) for (let n = order - 1; n >= 0; n--) value = value * share + powers[first + n];
     return -this.c.f * value;
   }
 
@@ -235,7 +235,8 @@ export class Motion {
       this.meet(name, h);
       if (this.tau === this.pieceEnd) {
         this.piece += 1;
-        this.pieceEnd = this.piece < this.ground.count ? (this.piece + 1) * this.ground.span : Infinity;
+        const { powers, order, span } = this.ground;
+        this.pieceEnd = this.piece * order < powers.length ? (this.piece + 1) * span : Infinity;
         // A jump of the acceleration may release a block that is held.
         if (this.kind !== SLIP) this.decide(this.kind === REST ? 0 : this.side, 0, this.load(this.tau));
       }
