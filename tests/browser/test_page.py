@@ -1,5 +1,6 @@
 """The page in a real browser: controls, values and their sources, keyboard, labels, and the animation."""
 
+import itertools
 import re
 import time
 from collections.abc import Callable
@@ -12,8 +13,11 @@ import tpd
 from tests.browser.browser import Browser, browser, find
 from tests.browser.test_orbits import CHIMNEY, exact
 from tests.explore import made
+from tpd.design.criteria import stroke_limit
 from tpd.design.ground_motion import motion_factors
 from tpd.design.job import job_of
+from tpd.design.optimise import problem_of
+from tpd.theory.no_uplift import uplift
 
 pytestmark = pytest.mark.skipif(
     find() is None, reason="needs a browser (Debian: apt-get install chromium): the page was not tested"
@@ -372,6 +376,61 @@ def test_a_block_that_overturns_after_21_periods_overturns_on_the_page(window, t
     value, source = row(window, "largest-without")
     assert value == f"overturns after {expected:.3g} s"
     assert source == "simulated in the browser, 100 periods, 111 s"
+
+
+@pytest.mark.mends("a worsening of 93.2 % meant 2 % less tilt")
+def test_the_worsening_is_shown_as_the_change_of_the_tilt(show):
+    window = show("chimney")
+    points = np.array([[window.run(f"tpdPage.state.{name}") for name in CONTROLS]])
+    without = points * [0.0, 1.0, 1.0, 1.0, 1.0]
+    tilts = [float(exact(CHIMNEY, NAMES, x)[0, 0]) for x in (points, without)]
+    change = 100.0 * (tilts[0] / tilts[1] - 1.0)
+    text, _ = row(window, "worsening", "limits")
+    size, words = re.fullmatch(r"([\d.]+) % (more|less) tilt, 5.0 % more allowed", text).groups()
+    assert float(size) * (1 if words == "more" else -1) == pytest.approx(change, abs=0.06)
+
+
+@pytest.mark.mends('the clearance of a point without a body was "unknown ± unknown m"')
+def test_no_value_of_the_page_is_unknown(show):
+    window = show("chimney")
+    for mass, length, damping in itertools.product((0, 500, 1000), (0, 340, 1000), (0, 600)):
+        for name, place in (("mass", mass), ("length", length), ("damping", damping)):
+            move(window, name, place)
+        for table in ("results", "limits"):
+            cells = window.run(f"[...document.querySelectorAll('#{table} td')].map((x) => x.textContent)")
+            assert not [text for text in cells if re.search("unknown|NaN|undefined|Infinity", text)]
+    move(window, "length", 0)
+    assert row(window, "bob") == ("no body swings as this point", "exact")
+    assert row(window, "thickness", "limits")[0].endswith("exceeded")
+    assert not window.errors
+
+
+@pytest.mark.mends("the bob under a block at rest counted as hanging still in all limits")
+def test_a_block_at_rest_has_the_limits_of_its_settled_bob(window, tmp_path):
+    scene = tpd.Scene(tpd.paper_scene().block, tpd.Harmonic(amplitude=0.01, frequency=1.5))
+    window.open(tpd.explore(scene).write(tmp_path / "paper.html"))
+    pendulum = scene.pendulum(mass_ratio=0.2, length_ratio=0.8, damping_ratio=0.1)
+    for name, value in zip(CONTROLS, (pendulum.mass, pendulum.length, pendulum.damping_ratio), strict=False):
+        type_in(window, name, f"{float(value):.12g}")
+    rest = uplift(scene.parameters(pendulum))
+    assert float(rest.margin) > 0.0
+    assert row(window, "tilt") == ("0", "exact")
+    assert row(window, "swing") == (f"{float(rest.swing):.3g} rad", "exact")
+    share, source = row(window, "stroke", "limits")
+    limit = stroke_limit(problem_of(scene).limits)
+    assert float(share.split()[0]) == pytest.approx(100.0 * float(rest.swing) / limit, rel=6e-3)
+    assert source == "steady motion, exact"
+    assert "Steady tilt 0 with your pendulum" in status(window)
+
+
+def test_a_click_beside_the_axes_of_the_map_changes_nothing(show):
+    window = show("chimney")
+    before = window.run("tpdPage.state.mass"), window.run("tpdPage.state.length")
+    window.run(
+        """document.getElementById("map").dispatchEvent(
+        Object.assign(new MouseEvent("click", { clientX: 0, clientY: 0 })))"""
+    )
+    assert (window.run("tpdPage.state.mass"), window.run("tpdPage.state.length")) == before
 
 
 def test_the_page_needs_no_network_and_is_small(pages):

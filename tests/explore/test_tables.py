@@ -93,3 +93,17 @@ def test_numbers_are_encoded_in_two_bytes():
     assert known.any()
     np.testing.assert_allclose(codes[known] / (NONE - 1) * field["scale"], values[known], atol=1e-5)
     assert table.encoded()["fields"].keys() == table.fields.keys()
+
+
+@pytest.mark.mends("the tables had orbits of the linear equations beyond the toppling tilt")
+def test_no_orbit_lies_beyond_the_toppling_tilt():
+    scene = tpd.Scene(
+        tpd.Block(width=0.92, height=3.64, mass=5000.0), tpd.Harmonic(amplitude=0.656, frequency=0.88)
+    )
+    axes = axis("pendulum_mass", 50.0, 1000.0, 4), axis("pendulum_length", 0.18, 2.7, 8)
+    table = solve(scene, axes, tpd.Pendulum(mass=600.0, length=0.5, damping_ratio=0.3))
+    assert np.nanmax(table.fields["unstable"]) < 1.0
+    for name in ("tilt", "swing"):
+        known = np.isfinite(table.fields[name])
+        assert known.any()
+        assert np.isfinite(table.fields[f"{name}_error"][known]).all(), "every value has a bound of its error"

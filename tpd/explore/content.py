@@ -260,7 +260,8 @@ def _ground_motion(problem: Problem, start: Pendulum) -> dict[str, Any]:
             _values_of(start) | {"scale": 1.0}, _ranges(problem, start) | {"scale": _SCALES}
         ),
         "ground": {
-            "name": f"{getattr(motion, 'kind', '') or motion.name}, condition 1 of {len(conditions)}",
+            "name": f"{getattr(motion, 'kind', '') or motion.name or 'record'}, condition 1 of "
+            f"{len(conditions)}",
             "peak": float(motion.pga),
             "piece": float(motion.piece),
             "seconds": float(motion.duration) + FREE,
