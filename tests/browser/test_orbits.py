@@ -23,15 +23,14 @@ HOLDS = 0.985
 """Least share of random points at which the bound of the error holds."""
 LOOK_UP = """({ table, points }) => {
   const decoded = decode(table);
-  const read = (name, at) => ({ ...lookUp(decoded, name, at), error: errorAt(decoded, name, at) });
-  return points.map((point) => ["tilt", "swing"].map((name) => read(name, place(decoded, point))));
+  return points.map((point) => ["tilt", "swing"].map((name) => lookUp(decoded, name, place(decoded, point))));
 }"""
 
 
 def look_up(table: dict, points: np.ndarray) -> list:
     """Tilt and bob angle of the page at points (n, axes)."""
     inputs = {"table": table, "points": np.asarray(points).tolist()}
-    return run("orbits", "decode, place, lookUp, errorAt", LOOK_UP, inputs)
+    return run("orbits", "decode, place, lookUp", LOOK_UP, inputs)
 
 
 def exact(scene: tpd.Scene, names: list[str], points: np.ndarray) -> np.ndarray:

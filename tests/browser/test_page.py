@@ -1,5 +1,6 @@
 """The page in a real browser: controls, values and their sources, keyboard, labels, and the animation."""
 
+import itertools
 import re
 import time
 from collections.abc import Callable
@@ -12,24 +13,17 @@ import tpd
 from tests.browser.browser import Browser, browser, find
 from tests.browser.test_orbits import CHIMNEY, exact
 from tests.explore import made
+from tpd.design.criteria import stroke_limit
+from tpd.design.ground_motion import motion_factors
+from tpd.design.job import job_of
+from tpd.design.optimise import problem_of
+from tpd.theory.no_uplift import uplift
 
 pytestmark = pytest.mark.skipif(
     find() is None, reason="needs a browser (Debian: apt-get install chromium): the page was not tested"
 )
 NAMES = ["pendulum_mass", "pendulum_length", "pendulum_damping", "frequency", "amplitude"]
 CONTROLS = "mass", "length", "damping", "frequency", "amplitude"
-JOB = """
-[block]
-width = 1.0
-height = 6.0
-mass = 5770.0
-cavity_width = 0.7
-
-[motion]
-pulse = "ricker"
-pulse_frequency = 1.0
-pga = 0.5
-"""
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +84,36 @@ def type_in(window: Browser, name: str, text: str) -> float:
     return window.run(f"tpdPage.state.{name}")
 
 
+def status(window: Browser) -> str:
+    """The status line, which is written a little later than the tables."""
+    window.run("new Promise((done) => setTimeout(done, 500))")
+    return window.run("document.querySelector('[role=status]').textContent")
+
+
+def notice(window: Browser) -> str:
+    """The notice about an input that was corrected; empty without one."""
+    return window.run("document.getElementById('notice').textContent")
+
+
+def fall_of(scene: tpd.Scene, pendulum: tpd.Pendulum | None = None) -> float:
+    """Time in s at which a block overturns from rest by the nonlinear equations."""
+    p, steps = scene.parameters(pendulum), 5_000
+    times = np.linspace(0.0, 100.0, 100 * steps + 1) * float(p.period)
+    tilts = np.asarray(tpd.simulate(p, np.zeros(4), times, model=tpd.Nonlinear()).ys)[:, 0]
+    return float(np.flatnonzero(np.isnan(tilts))[0] / steps / float(scene.motion.frequency))
+
+
+def banner(window: Browser) -> str:
+    """The verdict at the top of the page."""
+    return window.run("document.getElementById('verdict').textContent")
+
+
+def pendulum_of(window: Browser) -> tpd.Pendulum:
+    """The pendulum of the controls."""
+    mass, length, damping = (window.run(f"tpdPage.state.{name}") for name in CONTROLS[:3])
+    return tpd.Pendulum(mass=mass, length=length, damping_ratio=damping)
+
+
 def tilt_now(window: Browser) -> float:
     """Exact steady tilt of the chimney at the values of the page, over the slenderness."""
     state = window.run("tpdPage.state")
@@ -102,7 +126,7 @@ def test_first_values_are_exact(show):
     assert source == "exact"
     assert float(value) == pytest.approx(tilt_now(window), rel=4e-3)
     assert row(window, "without")[1] == "exact"
-    assert row(window, "largest")[1] == "simulated in the browser, first 12 periods"
+    assert row(window, "largest")[1] == "simulated in the browser, 100 periods, 118 s"
     assert not window.errors
 
 
@@ -131,13 +155,22 @@ def test_every_control_changes_the_answer_and_can_be_reset(show):
         assert {n: row(window, n) for n in first} == first, name
 
 
-def test_a_number_out_of_range_is_moved_into_it(show):
+@pytest.mark.mends("a mass of -5 kg became 108 kg without a word")
+def test_a_number_out_of_range_is_moved_into_it_with_a_notice(show):
     window = show("chimney")
     low, high = (window.run(f"tpdPage.control('mass').{end}") for end in ("low", "high"))
+    assert notice(window) == ""
     assert type_in(window, "mass", "1e9") == high
-    assert type_in(window, "mass", "-3") == low
+    assert notice(window) == "Mass of the bob must be from 162.8 to 3256 kg, but is 1e9: 3256 is used."
+    assert type_in(window, "mass", "-5") == low
+    assert notice(window) == "Mass of the bob must be from 162.8 to 3256 kg, but is -5: 162.8 is used."
     assert type_in(window, "mass", "") == low, "no number changes nothing"
+    assert "but is empty: 162.8 is used" in notice(window)
     assert float(window.run("document.getElementById('mass').value")) == pytest.approx(low, rel=1e-5)
+    assert type_in(window, "push", "1.4") == 0.9
+    assert "First tilt over the slenderness must be from -0.9 to 0.9" in notice(window)
+    assert type_in(window, "mass", "600") == 600.0
+    assert notice(window) == "", "a number that is used needs no notice"
 
 
 def test_arrow_keys_move_a_slider(show):
@@ -157,11 +190,7 @@ def test_a_limit_that_is_exceeded_is_named_for_eyes_and_ears(show):
     value, source = row(window, "thickness", "limits")
     assert value.endswith("%: exceeded")
     assert source == "exact"
-    # The summary is read aloud a little later.
-    time.sleep(0.7)
-    summary = window.run("document.querySelector('[role=status]').textContent")
-    assert "Limits exceeded: " in summary
-    assert "thickness" in summary
+    assert re.search("Limits exceeded: .*thickness", status(window))
 
 
 def test_where_nodes_differ_in_kind_no_number_is_shown(show):
@@ -180,17 +209,22 @@ def test_where_nodes_differ_in_kind_no_number_is_shown(show):
     assert "not interpolated" in found
 
 
+@pytest.mark.mends("the page called a pendulum RECOMMENDED after a slider had moved")
 def test_stored_runs_hold_near_their_design_only(show):
     window = show("design")
     value, source = row(window, "overturned")
     assert source.startswith("validation runs: ")
-    assert re.search(r"% \(.* % to .* %\); without a pendulum", value)
+    assert re.search(r"^[\d.]+ %; without a pendulum [\d.]+ % \(95 % interval of the difference", value)
     assert row(window, "mean")[1] == source
     assert row(window, "validation") == ("no reason against this design", "validation runs")
+    verdict = banner(window)
+    assert verdict.startswith("RECOMMENDED")
     move(window, "mass", 100)
+    assert banner(window) == f"Verdict of the report, which does not hold for the values below: {verdict}"
     assert row(window, "overturned")[0] == row(window, "mean")[0] == "not simulated"
     window.run("document.getElementById('reset').click()")
     assert row(window, "overturned") == (value, source)
+    assert banner(window) == verdict
     move(window, "frequency", 900)
     assert row(window, "overturned")[0] == "not simulated"
 
@@ -246,20 +280,157 @@ def test_a_narrow_screen_needs_no_scrolling_to_the_side(show):
         assert window.run("document.documentElement.scrollWidth") <= width
 
 
-def test_the_page_of_a_pulse_simulates_it(window, tmp_path):
-    file = tmp_path / "job.toml"
-    file.write_text(JOB)
-    job = tpd.Job.read(file)
-    page = tpd.explore(job).write(tmp_path / "pulse.html")
+BLOCK = {"width": 1.0, "height": 5.0, "mass": 5000.0, "cavity_width": 0.7}
+COLUMN = BLOCK | {"height": 6.0}
+EL_CENTRO = {"records": ["el-centro"], "validation_share": 0.0}
+COSINE = {"pulse": "one-cosine", "pulse_frequency": 0.8, "pga": 3.0 / 9.80665}
+MOTIONS = {
+    # In some of these cases the steps of the page once straddled the samples, in the others its sign was wrong.
+    "record": (BLOCK, EL_CENTRO | {"scales": [2.0]}, 0.0),
+    "record, pushed": (COLUMN, EL_CENTRO | {"scales": [2.0]}, 0.3),
+    "record, overturns": (COLUMN, EL_CENTRO | {"scales": [3.0]}, 0.0),
+    "record, overturns no more after a push": (COLUMN, EL_CENTRO | {"scales": [3.0]}, 0.3),
+    "pulse with jumps": (BLOCK | {"restitution": 0.9}, COSINE, 0.0),
+    "pulse with jumps, overturns after a push": (BLOCK | {"restitution": 0.9}, COSINE, 0.3),
+    "pulse with jumps, pushed to the other side": (BLOCK | {"restitution": 0.9}, COSINE, -0.3),
+}
+"""Block, motion, and first tilt over the slenderness."""
+
+
+@pytest.mark.mends("tilts were off by up to 80 % under records, and outcomes wrong after a push under pulses")
+@pytest.mark.parametrize("case", MOTIONS)
+def test_the_page_of_a_ground_motion_agrees_with_the_package(window, tmp_path, case):
+    block, motion, push = MOTIONS[case]
+    job = job_of({"block": block, "motion": motion})
     window.errors.clear()
-    window.open(page)
+    window.open(tpd.explore(job).write(tmp_path / "ground.html"))
     assert window.run("document.getElementById('response-figure').hidden")
-    before = float(row(window, "largest-without")[0].split()[0])
-    expected = tpd.transient(tpd.Scene(job.block, job.shaking), model=tpd.Nonlinear(), free=5.0)
-    assert before == pytest.approx(float(expected.tilt) * 6.0, rel=2e-3)
-    type_in(window, "scale", "0.2")
-    assert float(row(window, "largest-without")[0].split()[0]) == 0.0
+    type_in(window, "push", str(push))
+    shaken = job.shaking if "pulse" in motion else job.conditions.motions[0]
+    factor = 1.0 if "pulse" in motion else motion_factors(job.scene, job.conditions)[0]
+    scene, nu = tpd.Scene(job.block, shaken.scaled(factor)), 1.0 / block["height"]
+    said = status(window).split(" (one motion")[0]
+    for name, pendulum, words in (
+        ("largest", pendulum_of(window), f"With your pendulum the block {{}};"),
+        ("largest-without", None, "without a pendulum it {}"),
+    ):
+        y0 = np.array([push * nu, 0.0, 0.0, 0.0])
+        expected = tpd.transient(scene, pendulum, y0=y0, model=tpd.Nonlinear())
+        outcome = "does not overturn"
+        if tpd.status_name(expected.status) == "overturned":
+            outcome = f"overturns after {float(expected.overturning_time):.3g} s"
+            assert row(window, name)[0] == outcome
+        else:
+            shown = float(row(window, name)[0].split()[0])
+            assert shown == pytest.approx(float(expected.tilt) / nu, rel=5e-3)
+        assert words.format(outcome) in said
     assert not window.errors
+
+
+def test_a_weak_ground_motion_does_not_lift_the_block(window, tmp_path):
+    job = job_of({"block": BLOCK, "motion": COSINE})
+    window.open(tpd.explore(job).write(tmp_path / "pulse.html"))
+    type_in(window, "scale", "0.2")
+    assert row(window, "largest-without")[0].startswith("0 ")
+    assert "cosine, condition 1 of 1, peak 0.6 m/s²" in window.run("document.body.textContent")
+
+
+@pytest.mark.mends("under ground motions the page had no limit on the stroke, and said that none was exceeded")
+def test_limits_under_a_ground_motion_are_those_of_the_motion_that_the_page_shows(window, tmp_path):
+    job = job_of({"block": BLOCK, "motion": COSINE, "limits": {"stroke": 0.05}})
+    window.open(tpd.explore(job).write(tmp_path / "pulse.html"))
+    scene, pendulum = tpd.Scene(job.block, job.shaking), pendulum_of(window)
+    expected = tpd.transient(scene, pendulum, model=tpd.Nonlinear())
+    share, source = row(window, "stroke", "limits")
+    assert source == "simulated in the browser"
+    assert float(share.split()[0]) == pytest.approx(100.0 * float(expected.swing) / 0.05, rel=6e-3)
+    half = float(job.scene.block.cavity_width) / 2.0
+    bob = tpd.limits.Bob()
+    mass, rod = bob.built(float(pendulum.mass), float(pendulum.length), 9.80665)
+    reach = float(bob.reach(mass, rod, float(expected.relative)))
+    shown = float(row(window, "clearance", "limits")[0].split()[0])
+    assert shown == pytest.approx(100.0 * reach / half, rel=6e-3)
+    assert "Limits exceeded: " in status(window)
+
+
+@pytest.mark.mends("the status line gave steady tilts where the block overturns, and did not tell the outcome")
+def test_the_outcome_comes_first_in_the_status_line(window, tmp_path):
+    scene = tpd.Scene(CHIMNEY.block, tpd.Harmonic(amplitude=0.15, frequency=0.9))
+    window.open(tpd.explore(scene).write(tmp_path / "chimney.html"))
+    said = status(window)
+    assert re.match(r"With your pendulum the block overturns after [\d.]+ s; without a pendulum it over", said)
+    assert "(one motion from rest, 100 periods, 111 s)" in said
+    assert "(not reached from this start) with your pendulum" in said
+    assert row(window, "tilt")[0].endswith("(not reached from this start)")
+    # The loads of a block that falls are no loads of a design.
+    assert row(window, "tension")[0].startswith("overturns after")
+    assert row(window, "largest")[0] == f"overturns after {fall_of(scene, pendulum_of(window)):.3g} s"
+
+
+@pytest.mark.mends("the page simulated 12 of the 100 periods of a validation run")
+def test_a_block_that_overturns_after_21_periods_overturns_on_the_page(window, tmp_path):
+    scene = tpd.Scene(CHIMNEY.block, tpd.Harmonic(amplitude=0.1, frequency=0.9))
+    window.open(tpd.explore(scene).write(tmp_path / "late.html"))
+    expected = fall_of(scene)
+    assert 20.0 < expected * 0.9 < 22.0
+    value, source = row(window, "largest-without")
+    assert value == f"overturns after {expected:.3g} s"
+    assert source == "simulated in the browser, 100 periods, 111 s"
+
+
+@pytest.mark.mends("a worsening of 93.2 % meant 2 % less tilt")
+def test_the_worsening_is_shown_as_the_change_of_the_tilt(show):
+    window = show("chimney")
+    points = np.array([[window.run(f"tpdPage.state.{name}") for name in CONTROLS]])
+    without = points * [0.0, 1.0, 1.0, 1.0, 1.0]
+    tilts = [float(exact(CHIMNEY, NAMES, x)[0, 0]) for x in (points, without)]
+    change = 100.0 * (tilts[0] / tilts[1] - 1.0)
+    text, _ = row(window, "worsening", "limits")
+    size, words = re.fullmatch(r"([\d.]+) % (more|less) tilt, 5.0 % more allowed", text).groups()
+    assert float(size) * (1 if words == "more" else -1) == pytest.approx(change, abs=0.06)
+
+
+@pytest.mark.mends('the clearance of a point without a body was "unknown ± unknown m"')
+def test_no_value_of_the_page_is_unknown(show):
+    window = show("chimney")
+    for mass, length, damping in itertools.product((0, 500, 1000), (0, 340, 1000), (0, 600)):
+        for name, place in (("mass", mass), ("length", length), ("damping", damping)):
+            move(window, name, place)
+        for table in ("results", "limits"):
+            cells = window.run(f"[...document.querySelectorAll('#{table} td')].map((x) => x.textContent)")
+            assert not [text for text in cells if re.search("unknown|NaN|undefined|Infinity", text)]
+    move(window, "length", 0)
+    assert row(window, "bob") == ("no body swings as this point", "exact")
+    assert row(window, "thickness", "limits")[0].endswith("exceeded")
+    assert not window.errors
+
+
+@pytest.mark.mends("the bob under a block at rest counted as hanging still in all limits")
+def test_a_block_at_rest_has_the_limits_of_its_settled_bob(window, tmp_path):
+    scene = tpd.Scene(tpd.paper_scene().block, tpd.Harmonic(amplitude=0.01, frequency=1.5))
+    window.open(tpd.explore(scene).write(tmp_path / "paper.html"))
+    pendulum = scene.pendulum(mass_ratio=0.2, length_ratio=0.8, damping_ratio=0.1)
+    for name, value in zip(CONTROLS, (pendulum.mass, pendulum.length, pendulum.damping_ratio), strict=False):
+        type_in(window, name, f"{float(value):.12g}")
+    rest = uplift(scene.parameters(pendulum))
+    assert float(rest.margin) > 0.0
+    assert row(window, "tilt") == ("0", "exact")
+    assert row(window, "swing") == (f"{float(rest.swing):.3g} rad", "exact")
+    share, source = row(window, "stroke", "limits")
+    limit = stroke_limit(problem_of(scene).limits)
+    assert float(share.split()[0]) == pytest.approx(100.0 * float(rest.swing) / limit, rel=6e-3)
+    assert source == "steady motion, exact"
+    assert "Steady tilt 0 with your pendulum" in status(window)
+
+
+def test_a_click_beside_the_axes_of_the_map_changes_nothing(show):
+    window = show("chimney")
+    before = window.run("tpdPage.state.mass"), window.run("tpdPage.state.length")
+    window.run(
+        """document.getElementById("map").dispatchEvent(
+        Object.assign(new MouseEvent("click", { clientX: 0, clientY: 0 })))"""
+    )
+    assert (window.run("tpdPage.state.mass"), window.run("tpdPage.state.length")) == before
 
 
 def test_the_page_needs_no_network_and_is_small(pages):

@@ -1,5 +1,7 @@
 """The equations of the page are those of the package: motions agree until chaos separates them."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -163,3 +165,131 @@ def test_a_rattle_ends_at_rest_on_the_base():
     answer = run("rocking", "Motion", FOLLOW, inputs)
     assert [state[0] for state in answer["states"]] == [0.0, 0.0]
     assert [state[2] for state in answer["states"]] == [0.0, 0.0]
+
+
+MODES = {
+    *("slip, right corner, to the right", "slip, right corner, to the left"),
+    *("slip, left corner, to the right", "slip, left corner, to the left"),
+    *("stuck to the right", "stuck to the left", "at rest"),
+}
+RECORD = """(cases) => cases.map(({ p, start, ground, times }) => {
+  const motion = new Motion(p, start, ground), modes = new Set();
+  const largest = { tilt: 0, swing: 0, relative: 0 };
+  const record = ({ y, kind, side, way }) => {
+    const at = side > 0 ? "right" : "left", to = way > 0 ? "right" : "left";
+    modes.add(["at rest", `stuck to the ${at}`, `slip, ${at} corner, to the ${to}`][kind]);
+    const values = { tilt: y[0], swing: y[1], relative: y[1] - y[0] };
+    for (const name in largest) largest[name] = Math.max(largest[name], Math.abs(values[name]));
+  };
+  record(motion);
+  const tilts = times.map((tau) => motion.advance(tau, record).y[0]);
+  const { overturned, stalled, impacts, tau } = motion;
+  return { ...largest, overturned, stalled, impacts, tau, tilts, modes: [...modes] };
+})"""
+"""Largest angles, outcome, tilts at some times and contact modes of motions in the browser."""
+
+
+def random_blocks(rng: np.random.Generator, count: int):
+    """Blocks with all kinds of losses, pendulums or None, and initial states of a push or of rest."""
+    for _ in range(count):
+        width, slenderness = rng.uniform(0.4, 1.5), rng.uniform(3.0, 10.0)
+        restitution: Any = (0.6, 0.9, 0.97, "housner")[rng.integers(4)]
+        block = tpd.Block(
+            width=width,
+            height=width * slenderness,
+            mass=1000.0,
+            friction=float(rng.choice([0.0, 0.0, 0.01, 0.05, 0.3])) / slenderness,
+            restitution=restitution,
+        )
+        pendulum = tpd.Pendulum(
+            mass=10.0 ** rng.uniform(0.5, 2.6),
+            length=0.5 * width * slenderness * 10.0 ** rng.uniform(-1.0, 0.2),
+            damping_ratio=float(rng.choice([0.0, 0.05, 0.3, 0.8])),
+        )
+        push = (rng.random(3) < 0.6) * rng.uniform(-1.0, 1.0, 3) * [0.6 / slenderness, 0.3, 0.2 / slenderness]
+        yield block, (pendulum if rng.random() < 0.8 else None), np.append(push, 0.0)
+
+
+def random_motion(rng: np.random.Generator) -> Any:
+    """A pulse of any kind, or a record that begins and ends with a jump."""
+    frequency, kind = 10.0 ** rng.uniform(-0.4, 0.4), rng.integers(6)
+    if kind < 3:
+        make = (tpd.Pulse.one_sine, tpd.Pulse.one_cosine, tpd.Pulse.ricker)[kind]
+        return make(acceleration=1.0, frequency=frequency)
+    if kind == 3:
+        shape = {"cycles": rng.uniform(1.0, 3.0), "phase": rng.uniform(0.0, 6.0)}
+        return tpd.Pulse.mavroeidis_papageorgiou(velocity=1.0, frequency=frequency, **shape)
+    dt = float(rng.choice([0.005, 0.02, 0.1, 0.3]))
+    return tpd.Record(rng.uniform(-1.0, 1.0, int(4.0 / dt) + 2), dt)
+
+
+def modes_of(answers: list[dict[str, Any]]) -> set[str]:
+    """Contact modes that motions in the browser go through."""
+    return {mode for answer in answers for mode in answer["modes"]}
+
+
+@needs_node
+@pytest.mark.mends("the page had the wrong sign of the acceleration, and its steps straddled the samples")
+def test_motions_agree_at_random_settings_under_pulses_and_records_with_a_push():
+    rng, free = np.random.default_rng(0), 3.0
+    inputs, expected, units = [], [], []
+    for block, pendulum, start in random_blocks(rng, 120):
+        motion = random_motion(rng).scaled_to(pga_g=rng.uniform(0.5, 3.0) * float(block.slenderness))
+        scene, pieces = tpd.Scene(block, motion), np.asarray(motion.pieces())
+        p, rate = scene.ground_parameters(pendulum), float(scene.rate)
+        ground = {"powers": pieces.ravel().tolist(), "order": 4, "span": float(motion.piece) * rate}
+        times = [(float(motion.duration) + free) * rate]
+        # The length of a step depends on xi, and nothing else: the page has 1 under a ground motion.
+        inputs.append({"p": plain(p) | {"xi": 1.0}, "start": start.tolist(), "ground": ground, "times": times})
+        y0 = start * [1.0, 1.0, rate, rate]
+        expected.append(tpd.transient(scene, pendulum, y0=y0, model=tpd.Nonlinear(), free=free))
+        units.append((float(p.nu), rate))
+    answers = run("rocking", "Motion", RECORD, inputs)
+    assert [a["overturned"] for a in answers] == [tpd.status_name(r.status) == "overturned" for r in expected]
+    assert not any(a["stalled"] for a in answers)
+    errors = []
+    for answer, result, (nu, rate) in zip(answers, expected, units, strict=True):
+        if answer["overturned"]:
+            errors.append(abs(answer["tau"] / rate - float(result.overturning_time)) / 10.0)
+            continue
+        angles = [(answer["tilt"], result.tilt), (answer["tilts"][-1], result.state[0])]
+        errors.append(max(abs(mine - float(theirs)) / nu for mine, theirs in angles))
+        # The page records the angles of a bob at the ends of its steps.
+        assert answer["swing"] <= float(result.swing) * (1.0 + 1e-3) + 1e-3 or not float(result.swing)
+    # The motions that differ most hop many times on the base, and magnify every rounding.
+    assert (np.quantile(errors, [0.5, 0.9, 1.0]) < (1e-5, 1e-3, 0.02)).all()
+    assert 10 < sum(a["overturned"] for a in answers) < 60
+    assert modes_of(answers) == MODES
+
+
+@needs_node
+def test_motions_agree_at_random_settings_under_a_harmonic_with_a_push():
+    rng, periods = np.random.default_rng(1), 4
+    inputs, expected, errors = [], [], []
+    for block, pendulum, start in random_blocks(rng, 80):
+        frequency = 10.0 ** rng.uniform(-0.2, 0.5)
+        size = rng.uniform(0.5, 3.0) * 9.80665 * float(block.slenderness)
+        motion = tpd.Harmonic(amplitude=size / (2.0 * np.pi * frequency) ** 2, frequency=frequency)
+        p = tpd.Scene(block, motion).parameters(pendulum)
+        times = np.linspace(0.0, periods, 8 * periods + 1) * float(p.period)
+        inputs.append({"p": plain(p), "start": start.tolist(), "ground": None, "times": times.tolist()})
+        expected.append(tpd.simulate(p, start, times, model=tpd.Nonlinear()))
+    answers = run("rocking", "Motion", RECORD, inputs)
+    for answer, result, given in zip(answers, expected, inputs, strict=True):
+        tilts, known = np.asarray(result.ys)[:, 0], np.isfinite(np.asarray(result.ys)[:, 0])
+        assert answer["overturned"] == (tpd.status_name(result.status) == "overturned")
+        errors.append(np.abs(np.array(answer["tilts"]) - tilts)[known].max() / given["p"]["nu"])
+    assert (np.quantile(errors, [0.5, 0.9, 1.0]) < (1e-5, 1e-3, 0.02)).all()
+    assert modes_of(answers) == MODES
+
+
+@needs_node
+@pytest.mark.parametrize("above", [0.0, 1e-12])
+def test_a_block_whose_release_only_touches_the_limit_stays_at_rest(above):
+    """The load reaches the limit at the end of the first piece, and falls back from there."""
+    p = plain(parameters(**NO_PENDULUM, f=0.13 * (1.0 + above)))
+    ground = {"powers": [0.0, -1.0, -1.0, 1.0], "order": 2, "span": 0.5}
+    (answer,) = run("rocking", "Motion", RECORD, [{"p": p, "start": [0] * 4, "ground": ground, "times": [3.0]}])
+    assert answer["tilt"] < 1e-15
+    assert answer["tilts"] == [0.0]
+    assert answer["impacts"] <= 1

@@ -7,9 +7,14 @@ import json
 import numpy as np
 import pytest
 
+import tpd
+from tests import designs
 from tests.designs import PENDULUM, SCENE
 from tests.explore import made
+from tpd.answers.transient import FREE
 from tpd.design.job import job_of
+from tpd.design.optimise import problem_of
+from tpd.explore import content as content_module
 from tpd.explore.content import content
 
 KEYS = {
@@ -37,7 +42,7 @@ def values(out: dict) -> dict[str, float]:
 
 def test_a_scene_has_the_middle_of_the_usual_space_and_no_runs():
     out = content(SCENE)
-    assert out.keys() == KEYS | {"tables"}
+    assert out.keys() == KEYS | {"tables", "periods"}
     assert (out["recommended"], out["runs"], out["verdict"]) == (None, [], "")
     own = values(out)
     assert own["mass"] == pytest.approx(SCENE.block.mass * (0.01 * 0.2) ** 0.5)
@@ -60,7 +65,9 @@ def test_a_design_begins_with_its_pendulum_and_has_its_runs():
     runs = out["runs"][-1]
     change = last.runs.change("mean severity")
     assert runs["mean"] == [change.with_pendulum, change.without_pendulum]
-    assert runs["overturned"][0][0] == last.runs.change("overturned").with_pendulum
+    overturned = last.runs.change("overturned")
+    assert runs["overturned"][:2] == [overturned.with_pendulum, overturned.without_pendulum]
+    assert runs["overturned"][2:] == [overturned.low, overturned.high]
     assert runs["benefit"]["mean"] == last.runs.benefit.mean
     # The range in which the runs hold is the tolerance range of the design.
     si = np.array([float(SCENE.block.mass), 0.2, 1.0])
@@ -151,3 +158,33 @@ def test_without_a_cavity_there_are_no_walls():
     out = content(job_of({"block": block, "motion": motion, "limits": {"clearance": False}}))
     assert out["scene"]["cavity"] is None
     assert "clearance" not in out["limits"]
+
+
+@pytest.mark.mends("under earthquakes the shares of all runs stood beside the number of the counted runs")
+def test_stored_runs_under_earthquakes_are_those_that_the_description_counts():
+    design = designs.ground_design()
+    (runs,) = content(design)["runs"]
+    pairs = design.validated[-1].runs
+    counted = pairs.counted & pairs.is_answered
+    assert runs["description"].startswith(f"{int(counted.sum())} paired runs")
+    assert counted.sum() < len(counted)
+    cases = pairs.with_pendulum, pairs.without_pendulum
+    assert runs["overturned"][:2] == [float(np.mean(case.is_overturned[counted])) for case in cases]
+    assert runs["mean"] == [float(np.mean(case.severity[counted])) for case in cases]
+
+
+@pytest.mark.mends("the page followed a ground motion for 5 s where the validation runs last 20 s longer")
+def test_a_simulation_lasts_as_long_as_a_validation_run():
+    out = content(job_of(PULSE))
+    assert out["ground"]["seconds"] == pytest.approx(1.0 + FREE)
+    assert content(job_of({"ensemble": {"periods": 70}}))["periods"] == 70
+
+
+@pytest.mark.mends("a ground motion of more than 40 000 pieces was cut off")
+def test_a_long_record_is_complete():
+    record = tpd.Record(np.sin(0.01 * np.arange(50_001)), 0.002, name="long")
+    conditions = tpd.Conditions.records([record, record.scaled(2.0)])
+    problem = problem_of(designs.BLOCK, conditions=conditions, validation_share=0.0)
+    (_, ground) = content_module._ground_motion(problem, PENDULUM).values()
+    assert ground["name"] == "long, condition 1 of 2"
+    assert len(base64.b64decode(ground["data"])) == 50_000 * 2 * 4

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.explore.tables import NONE, SAFETY, axis, interpolation_error, solve
+from tpd.explore.tables import NONE, SAFETY, Table, axis, interpolation_error, solve
 
 SCENE = tpd.paper_scene()
 PENDULUM = tpd.Pendulum(mass=1.6, length=0.12, damping_ratio=0.1)
@@ -77,7 +77,8 @@ def test_the_errors_of_all_axes_add_up():
 def test_next_to_a_node_without_an_orbit_the_error_is_a_share_of_the_step():
     x = axis("damping", 0.0, 3.0, 4, log=False)
     error = interpolation_error(np.array([1.0, 5.0, np.nan, 7.0]), [x])
-    np.testing.assert_allclose(error, [SAFETY * 1.0, SAFETY * 1.0, np.nan, np.nan])
+    # Nothing is interpolated along this axis from the last node.
+    np.testing.assert_allclose(error, [SAFETY * 1.0, SAFETY * 1.0, np.nan, 0.0])
 
 
 def test_numbers_are_encoded_in_two_bytes():
@@ -92,3 +93,29 @@ def test_numbers_are_encoded_in_two_bytes():
     assert known.any()
     np.testing.assert_allclose(codes[known] / (NONE - 1) * field["scale"], values[known], atol=1e-5)
     assert table.encoded()["fields"].keys() == table.fields.keys()
+
+
+def table_of(width: float, height: float, amplitude: float, frequency: float) -> Table:
+    """Orbits of a block over mass and length of its pendulum."""
+    scene = tpd.Scene(
+        tpd.Block(width=width, height=height, mass=5000.0),
+        tpd.Harmonic(amplitude=amplitude, frequency=frequency),
+    )
+    half = 0.5 * height
+    axes = axis("pendulum_mass", 50.0, 1000.0, 4), axis("pendulum_length", 0.1 * half, 1.5 * half, 8)
+    return solve(scene, axes, tpd.Pendulum(mass=600.0, length=0.5, damping_ratio=0.3))
+
+
+@pytest.mark.mends("the tables had orbits of the linear equations beyond the toppling tilt")
+def test_no_orbit_lies_beyond_the_toppling_tilt():
+    table = table_of(0.92, 3.64, 0.656, 0.88)
+    assert not any((table.fields[name] >= 1.0).any() for name in ("tilt", "unstable"))
+
+
+@pytest.mark.mends("a value of the page could have an unknown error")
+def test_every_value_has_a_bound_of_its_error():
+    table = table_of(1.07, 10.83, 0.291, 0.22)
+    for name in ("tilt", "swing"):
+        known = np.isfinite(table.fields[name])
+        assert 0 < known.sum() < known.size
+        assert (np.isfinite(table.fields[f"{name}_error"]) == known).all()

@@ -1,47 +1,35 @@
 // The page: controls, tables of results, figures, and the block that rocks.
 
 import { Motion } from "./rocking.mjs";
-import { bodyOf, limitShares, parameters, reachOf, upliftMargin } from "./pendulum.mjs";
-import { decode, errorAt, lookUp, place, shareOf, valueAt } from "./orbits.mjs";
-import { BLUE, GREY, INK, PALE, cleared, drawAxes, drawBlock, drawLine } from "./figures.mjs";
-import { drawMark, drawMarker, format, hatch, writeOver } from "./figures.mjs";
+import { atRest, bodyOf, limitShares, parameters, reachOf } from "./pendulum.mjs";
+import { bytesOf, decode, lookUp, place, shareOf, valueAt } from "./orbits.mjs";
+import { BLUE, GREY, INK, ORANGE, PALE, cleared, drawAxes, drawBlock, drawLine } from "./figures.mjs";
+import { drawMark, format, hatch, writeOver } from "./figures.mjs";
 
 const SIMULATED = "simulated in the browser", EXACT = "exact";
-const PERIODS = 12; // Periods of the base motion that are simulated for the tables.
-const FREE = 5; // Free motion after a pulse or record, s.
+const WINDOW = 12; // Periods of the base motion in the figure of the tilt against time.
+const PUSH = { label: "First tilt over the slenderness", unit: "", low: -0.9, high: 0.9 };
 const COLUMNS = 90, ROWS = 64; // Samples of the map.
 
 const byId = (id) => document.getElementById(id);
 const create = (tag, properties = {}) => Object.assign(document.createElement(tag), properties);
-const percent = (x) => (x === null ? "unknown" : `${format(100 * x, 2)} %`);
+const percent = (x) => (x === null ? "unknown" : `${(100 * x).toFixed(1)} %`);
 
 const data = JSON.parse(byId("data").textContent);
 const { scene, limits, controls, ground, tables } = data;
 const tableOf = (name) => tables?.[name] && decode(tables[name]);
 const grid = tableOf("grid"), without = tableOf("without"), recommended = tableOf("recommended");
-const base = ground && forcingOf(ground), height = 2 * scene.halfHeight;
+const base = ground && { ...ground, powers: new Float32Array(bytesOf(ground.data)), span: ground.piece * scene.rate };
+const height = 2 * scene.halfHeight;
 const ranges = Object.fromEntries(controls.map((control) => [control.name, control]));
 const state = { play: true, speed: 1, push: 0 };
-
-/** Return the base acceleration over its peak as a function of the time in s, and its duration. */
-function forcingOf({ data: text, order, piece }) {
-  const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
-  const powers = new Float32Array(bytes.buffer), count = powers.length / order;
-  const at = (time) => {
-    const i = Math.floor(time / piece), x = time / piece - i;
-    let value = 0;
-    if (i >= 0 && i < count) for (let n = order - 1; n >= 0; n--) value = value * x + powers[i * order + n];
-    return value;
-  };
-  return { at, duration: count * piece };
-}
 
 // Controls: each quantity has a slider and a number field
 
 /** Add the slider and the number field of a quantity. */
 function addControl(control) {
   const { name, label, unit, low, high } = control, row = create("div", { className: "control" });
-  const text = `${label} (${format(low)} to ${format(high)}${unit && ` ${unit}`})`;
+  const text = `${label} (${format(low, 4)} to ${format(high, 4)}${unit && ` ${unit}`})`;
   control.slider = create("input", { type: "range", id: `${name}-slider`, min: 0, max: 1000, step: 1 });
   control.field = create("input", { type: "number", id: name, step: "any" });
   row.append(create("label", { htmlFor: name, textContent: text }), control.slider, control.field, unit);
@@ -49,22 +37,34 @@ function addControl(control) {
   control.slider.setAttribute("aria-label", unit ? `${label}, ${unit}` : label);
   // Four digits are enough for a slider.
   const sliderValue = () => Number(valueAt(control, control.slider.valueAsNumber / 1000).toPrecision(4));
-  control.slider.addEventListener("input", () => set({ [name]: sliderValue() }));
-  control.field.addEventListener("change", () => set({ [name]: control.field.valueAsNumber }));
+  control.slider.addEventListener("input", () => set({ [name]: clamped(sliderValue(), low, high) }));
+  control.field.addEventListener("change", () => set({ [name]: typedIn(control.field, control, state[name]) }, false));
 }
 
-/** Set values within their ranges, and show all that depends on them. */
-function set(values) {
+const clamped = (x, low, high) => Math.max(low, Math.min(high, x));
+
+/** Return the value that holds after a number was typed into a field, and show a notice if it is another number. */
+function typedIn({ value: text, valueAsNumber: typed }, { label, unit, low, high }, own) {
+  const value = Number.isFinite(typed) ? clamped(typed, low, high) : own;
+  const [used, given, least, most] = [value, typed, low, high].map((x) => format(x, 6));
+  const fault = `${label} must be from ${least} to ${most} ${unit}, but is ${text || "empty"}: ${used} is used.`;
+  byId("notice").textContent = used === given ? "" : fault;
+  return value;
+}
+
+/** Set values, and show all that depends on them. */
+function set(values, isNoticed = true) {
+  if (isNoticed) byId("notice").textContent = "";
   for (const control of controls) {
-    const value = values[control.name];
-    if (Number.isFinite(value)) state[control.name] = Math.min(Math.max(value, control.low), control.high);
-    const own = state[control.name];
+    const own = (state[control.name] = values[control.name] ?? state[control.name]);
     control.slider.value = 1000 * shareOf(control, own);
     control.slider.setAttribute("aria-valuetext", `${format(own, 4)} ${control.unit}`);
     control.field.value = format(own, 6);
   }
   update();
 }
+
+const isFirst = ({ name, value }) => Math.abs(state[name] - value) <= 1e-6 * Math.abs(value);
 
 // Values and their sources
 
@@ -75,48 +75,64 @@ function excitation() {
   return { amplitude: state.amplitude, frequency: state.frequency };
 }
 
+/** Return the motion of a block at rest under a settled bob, which exists if its margin is positive. */
+const restOf = (pendulum) => atRest(parameters(scene, excitation(), pendulum));
+
+/** Return fields of the settled motion in a table, each as { value, error, source }: of an orbit, else of rest. */
+function settled(table, names, point, pendulum) {
+  const corners = place(table, point), rest = restOf(pendulum);
+  return names.map((name) => {
+    const found = lookUp(table, name, corners), isRest = found.source === "none" && rest.margin > 0;
+    return isRest ? { value: rest[name], error: 0, source: EXACT } : found;
+  });
+}
+
 /** Return steady tilts and bob angle, each as { value, error, source }; null under a pulse or record. */
 function steady() {
   if (ground) return null;
-  const corners = place(grid, [state.mass, state.length, state.damping, state.frequency, state.amplitude]);
-  const alone = place(without, [state.frequency, state.amplitude]);
-  const read = (table, name, at) => ({ ...lookUp(table, name, at), error: errorAt(table, name, at) });
-  const [tilt, swing] = ["tilt", "swing"].map((name) => read(grid, name, corners));
-  return { tilt, swing, without: read(without, "tilt", alone) };
+  const { mass, length, damping, frequency, amplitude } = state;
+  const [tilt, swing] = settled(grid, ["tilt", "swing"], [mass, length, damping, frequency, amplitude], state);
+  return { tilt, swing, without: settled(without, ["tilt"], [frequency, amplitude], null)[0] };
 }
 
 /** Return the motion with a pendulum, or with null without one, from the start of the controls. */
 function motionFrom(pendulum) {
-  const p = parameters(scene, excitation(), pendulum), first = [state.push * scene.nu, 0, 0, 0];
-  if (!ground) return new Motion(p, first);
-  const motion = new Motion(p, first, (tau) => base.at(tau / scene.rate));
-  motion.step = Math.min(motion.step, ground.piece * scene.rate);
-  return motion;
+  return new Motion(parameters(scene, excitation(), pendulum), [state.push * scene.nu, 0, 0, 0], base);
 }
 
-/** Return the largest values of the motion that the page shows: its first periods, or the whole ground motion. */
+/** Return the duration of a validation run, s, which is also that of a simulation; and its description. */
+const duration = () => (ground ? ground.seconds : data.periods / state.frequency);
+const spanText = () => `${ground ? "whole motion" : `${data.periods} periods`}, ${format(duration())} s`;
+
+/** Return the largest values and the outcome of the motion over the duration of a validation run. */
 function simulate(pendulum) {
-  const motion = motionFrom(pendulum), seconds = ground ? base.duration + FREE : PERIODS / state.frequency;
-  const largest = { tilt: 0, swing: 0, tension: 0, rate: 0 };
-  motion.advance(seconds * scene.rate, ({ y, tension }) => {
-    const rate = (y[3] - y[2]) * scene.rate;
-    const values = { tilt: y[0] / scene.nu, swing: y[1], rate, tension: Math.max(tension, 0) };
+  const motion = motionFrom(pendulum), parts = Math.ceil(ground ? ground.seconds : data.periods);
+  const largest = { tilt: 0, swing: 0, relative: 0, tension: 0, rate: 0 };
+  const record = ({ y, tension }) => {
+    const rate = (y[3] - y[2]) * scene.rate, tilt = y[0] / scene.nu;
+    const values = { tilt, swing: y[1], relative: y[1] - y[0], rate, tension: Math.max(tension, 0) };
     for (const name in largest) largest[name] = Math.max(largest[name], Math.abs(values[name]));
-  });
-  return { ...largest, overturned: motion.overturned, stalled: motion.stalled };
+  };
+  record(motion);
+  // The bound on the events holds for each part. A block beyond its toppling tilt at the end falls, or returns.
+  for (let n = 1; !motion.hasEnded && (n <= parts || (n < 2 * parts && Math.abs(motion.y[0]) > scene.nu)); n++) {
+    motion.advance((n / parts) * duration() * scene.rate, record);
+  }
+  const { hasEnded, stalled, tau } = motion, fall = `overturns after ${format(tau / scene.rate)} s`;
+  const outcome = stalled ? "has no answer (too many events)" : hasEnded ? fall : "does not overturn";
+  return { ...largest, hasEnded, outcome };
 }
 
 /** Return the stored validation runs that hold for this pendulum and base motion; undefined without any. */
 function runsNear({ mass, length, damping }) {
   const at = [mass, length, damping], motion = controls.filter(({ group }) => group === "excitation");
   const holds = ({ low, high }) => at.every((x, i) => x >= low[i] * (1 - 1e-6) && x <= high[i] * (1 + 1e-6));
-  const isSame = motion.every(({ name, value }) => Math.abs(state[name] / value - 1) < 1e-6);
-  return isSame ? data.runs.findLast(holds) : undefined;
+  return motion.every(isFirst) ? data.runs.findLast(holds) : undefined;
 }
 
 /** Return a value with the bound of its error, or the reason why there is no value. */
 function textOf({ value, error, source }, unit = "") {
-  if (source === "none") return "no attracting symmetric orbit";
+  if (source === "none") return "no attracting symmetric orbit below the toppling tilt";
   if (source === "not interpolated") return "–";
   if (source === "exact") return `${format(value)}${unit}`;
   // The three digits that are shown are rounded as well.
@@ -124,7 +140,13 @@ function textOf({ value, error, source }, unit = "") {
   return `${format(value)} ± ${format(Math.max(error, rounding), 1)}${unit}`;
 }
 
-const degrees = (tilt) => `${format((tilt * scene.nu * 180) / Math.PI, 2)}°`;
+/** Return a steady tilt as a text; a motion that ends before it settles does not reach it. */
+const steadyText = (tilt, { hasEnded }) =>
+  `${textOf(tilt)}${hasEnded && tilt.value ? " (not reached from this start)" : ""}`;
+
+/** Return a text about a motion that lasts, or the outcome of a motion that ends early. */
+const unlessEnded = ({ hasEnded, outcome }, text) => (hasEnded ? outcome : text);
+const angleText = (tilt) => `${format(tilt)} (${format((tilt * scene.nu * 180) / Math.PI, 2)}°)`;
 
 // Tables
 
@@ -142,63 +164,71 @@ function fill(id, rows) {
 }
 
 /** Return the rows of the steady motion. */
-function steadyRows(now, pendulum, body) {
+function steadyRows(now, [largest, alone], pendulum, body) {
   if (!now) return [];
-  const { tilt, swing } = now, rests = upliftMargin(parameters(scene, excitation(), pendulum)) > 0;
-  const reach = body ? reachOf(scene, body, swing.value + tilt.value * scene.nu) : NaN;
-  const error = body?.rod * (swing.error + tilt.error * scene.nu);
+  const { tilt, swing } = now, rests = restOf(pendulum).margin > 0;
+  const reach = reachOf(scene, body, swing.value + tilt.value * scene.nu);
+  const error = body.rod * (swing.error + tilt.error * scene.nu);
   const clearance = { ...swing, value: scene.cavity / 2 - reach, error };
   return [
-    ["tilt", "Steady tilt over the slenderness", textOf(tilt), tilt.source],
-    ["without", "Steady tilt without a pendulum", textOf(now.without), now.without.source],
+    ["tilt", "Steady tilt over the slenderness", steadyText(tilt, largest), tilt.source],
+    ["without", "Steady tilt without a pendulum", steadyText(now.without, alone), now.without.source],
     ["swing", "Steady bob angle", textOf(swing, " rad"), swing.source],
     ["rest", "Resting block", rests ? "stays at rest once the bob has settled" : "lifts", EXACT],
-    ...(scene.cavity ? [["clearance", "Clearance to the wall", textOf(clearance, " m"), clearance.source]] : []),
-  ];
+    ["clearance", "Clearance to the wall", textOf(clearance, " m"), clearance.source],
+  ].slice(0, scene.cavity && body.exists ? 5 : 4);
 }
 
 /** Return the rows of stored validation runs. */
 function runRows(runs) {
-  const rows = [["overturned", "Share overturned (95 % interval)"], ["mean", "Mean tilt over the slenderness"]];
+  const rows = [["overturned", "Share overturned"], ["mean", "Mean tilt over the slenderness"]];
   const reason = "no validation runs near this design and base motion";
   if (!runs) return rows.map((row) => [...row, "not simulated", reason]);
-  const interval = ([mean, low, high]) => `${percent(mean)} (${percent(low)} to ${percent(high)})`;
-  const [share, alone] = runs.overturned.map(interval), [mean, meanAlone] = runs.mean.map((x) => format(x));
-  const reduction = interval([runs.benefit.mean, runs.benefit.low, runs.benefit.high]);
-  const means = `${mean}; without a pendulum ${meanAlone}: reduction ${reduction}`;
-  const texts = [`${share}; without a pendulum ${alone}`, means];
+  const interval = (low, high) => (low === null ? "unknown" : `${percent(low)} to ${percent(high)}`);
+  const [share, alone, ...ends] = runs.overturned, [mean, meanAlone] = runs.mean.map((x) => format(x));
+  const { mean: reduction, low, high } = runs.benefit;
+  const texts = [
+    `${percent(share)}; without a pendulum ${percent(alone)} (95 % interval of the difference ${interval(...ends)})`,
+    `${mean}; without a pendulum ${meanAlone}: reduction ${percent(reduction)} (95 % interval ${interval(low, high)})`,
+  ];
   const verdict = runs.sentences.join(" ") || "no reason against this design";
   const quoted = rows.map((row, i) => [...row, texts[i], `validation runs: ${runs.description}`]);
   return [...quoted, ["validation", "Validation", verdict, "validation runs"]];
 }
 
+/** Return the share of a limit as a text, with the digits that decide. */
+function usedText({ name, share, exceeded }) {
+  const digits = [3, 4, 5, 6].map((n) => format(100 * share, n)).find((text) => text !== "100") ?? "100";
+  // The share of a change that is allowed would read as a change itself.
+  const change = share * (1 + limits.worsening) - 1, allowed = `${percent(limits.worsening)} more allowed`;
+  const changed = `${percent(Math.abs(change))} ${change > 0 ? "more" : "less"} tilt, ${allowed}`;
+  return `${name === "worsening" ? changed : `${digits} %`}${exceeded ? ": exceeded" : ""}`;
+}
+
 /** Show both tables of results. */
-function showResults(now, shares, largest, alone, pendulum, body) {
+function showResults(now, shares, basis, largest, alone, pendulum, body) {
   const g = scene.gravity, { mass, length, damping } = pendulum;
   const damper = 2 * damping * mass * length ** 1.5 * Math.sqrt(g), natural = Math.sqrt(g / length) / (2 * Math.PI);
-  const force = largest.tension * mass * g;
-  const source = `${SIMULATED}, ${ground ? "whole motion" : `first ${PERIODS} periods`}`;
-  const outcome = ({ overturned, stalled, tilt }) =>
-    stalled ? "no answer: too many events" : overturned ? "overturns" : `${format(tilt)} (${degrees(tilt)})`;
-  const size = body ? `${format(body.mass)} kg, ${format(2 * body.radius)} m wide` : "no body swings as this point";
+  const source = `${SIMULATED}, ${spanText()}`;
+  // The loads of a block that falls are no loads of a design.
+  const force = largest.tension * mass * g, load = force < 1000 ? `${format(force)} N` : `${format(force / 1000)} kN`;
+  const moment = `${format(damper * largest.rate)} N m`;
+  const { exists, mass: heavy, radius, rod } = body, wide = 2 * radius;
+  const size = exists ? `${format(heavy)} kg, ${format(wide)} m wide` : "no body swings as this point";
   fill("results", [
-    ...steadyRows(now, pendulum, body),
+    ["largest", "Largest tilt over the slenderness", unlessEnded(largest, angleText(largest.tilt)), source],
+    ["largest-without", "Largest tilt without a pendulum", unlessEnded(alone, angleText(alone.tilt)), source],
+    ...steadyRows(now, [largest, alone], pendulum, body),
     ...runRows(runsNear(pendulum)),
-    ["largest", "Largest tilt over the slenderness", outcome(largest), source],
-    ["largest-without", "Largest tilt without a pendulum", outcome(alone), source],
-    ["tension", "Largest force in the rod", force < 1000 ? `${format(force)} N` : `${format(force / 1000)} kN`, source],
-    ["moment", "Largest moment of the damper", `${format(damper * largest.rate)} N m`, source],
+    ["tension", "Largest force in the rod", unlessEnded(largest, load), source],
+    ["moment", "Largest moment of the damper", unlessEnded(largest, moment), source],
     ["natural", "Natural frequency", `${format(natural)} Hz`, `${EXACT}, undamped, block at rest`],
     ["damper", "Damping of the hinge", `${format(damper)} N m s/rad`, EXACT],
     ["bob", "Bob as built", size, EXACT],
-    ["rod", "Rod to the centre of the bob", body ? `${format(body.rod)} m` : "–", EXACT],
+    ["rod", "Rod to the centre of the bob", exists ? `${format(rod)} m` : "–", EXACT],
   ]);
-  // Without a steady motion the limits are those of the bob that hangs at rest.
-  const ofMotion = Number.isFinite(now?.tilt.value) ? now.swing.source : "bob at rest";
-  fill("limits", shares.map(({ name, share }) => {
-    const source = data.still.includes(name) ? EXACT : ofMotion;
-    return [name, data.limit_labels[name], `${format(100 * share)} %${share > 1 ? ": exceeded" : ""}`, source];
-  }));
+  const sourceOf = ({ name }) => (data.still.includes(name) ? EXACT : basis);
+  fill("limits", shares.map((own) => [own.name, data.limit_labels[own.name], usedText(own), sourceOf(own)]));
 }
 
 // Figures
@@ -210,28 +240,26 @@ function drawResponse(now) {
   const vertical = { low: 0, high: Math.min(1, most), label: "tilt / slenderness" };
   const { px, py, top, bottom } = drawAxes(view, { ...ranges.frequency, label: "frequency (Hz)" }, vertical);
   const alone = (f) => [f, state.amplitude], own = (f) => [state.mass, state.length, state.damping, f, state.amplitude];
+  // A repelling orbit can be larger than all attracting ones: a value above the figure is not drawn.
+  const inside = (y) => (y <= vertical.high ? py(y) : NaN);
   const curve = (table, name, point) =>
-    values.map((f) => [px(f), py(lookUp(table, name, place(table, point(f))).value)]);
+    values.map((f) => [px(f), inside(lookUp(table, name, place(table, point(f))).value)]);
   drawLine(c, curve(without, "tilt", alone), GREY, 5);
   drawLine(c, curve(without, "unstable", alone), GREY, 3, [3, 5]);
   if (recommended) drawLine(c, curve(recommended, "tilt", alone), INK, 1, [6, 4]);
   drawLine(c, curve(grid, "tilt", own), BLUE, 2);
   drawLine(c, curve(grid, "unstable", own), BLUE, 1.5, [2, 4]);
-  drawMarker(c, px(state.frequency), top, bottom);
+  drawLine(c, [[px(state.frequency), top], [px(state.frequency), bottom]], ORANGE, 1, [3, 3]);
   if (Number.isFinite(now.tilt.value)) drawMark(c, px(state.frequency), py(now.tilt.value));
 }
 
-/** Return the samples of the map with their bodies, which no slider changes. */
-function samplesOfMap() {
-  const plane = { axes: grid.axes.slice(0, 2), strides: [grid.axes[1].values.length, 1] };
-  return Array.from({ length: COLUMNS * ROWS }, (_, n) => {
-    const mass = valueAt(ranges.mass, ((n % COLUMNS) + 0.5) / COLUMNS);
-    const length = valueAt(ranges.length, 1 - (Math.floor(n / COLUMNS) + 0.5) / ROWS);
-    const pendulum = { mass, length, damping: 0 };
-    return { pendulum, corners: place(plane, [mass, length]), body: bodyOf(scene, pendulum) };
-  });
-}
-const samples = ground ? [] : samplesOfMap();
+// Samples of the map with their bodies, which no slider changes.
+const plane = grid && { axes: grid.axes.slice(0, 2), strides: [grid.axes[1].values.length, 1] };
+const samples = Array.from({ length: grid ? COLUMNS * ROWS : 0 }, (_, n) => {
+  const mass = valueAt(ranges.mass, ((n % COLUMNS) + 0.5) / COLUMNS);
+  const length = valueAt(ranges.length, 1 - (Math.floor(n / COLUMNS) + 0.5) / ROWS);
+  return { mass, length, corners: place(plane, [mass, length]), body: bodyOf(scene, { mass, length }) };
+});
 
 /** Return a field at all nodes of mass and length, interpolated in damping, frequency and amplitude. */
 function slice(name) {
@@ -246,13 +274,16 @@ function drawMap(now) {
   const finite = tilts.filter(Number.isFinite), [least, most] = [Math.min(...finite), Math.max(...finite)];
   const pixels = new ImageData(COLUMNS, ROWS), regions = {};
   const mean = (values, corners) => corners.reduce((sum, [index, weight]) => sum + weight * values[index], 0);
-  samples.forEach(({ pendulum, corners, body }, n) => {
+  samples.forEach(({ mass, length, corners, body }, n) => {
+    const pendulum = { mass, length, damping: state.damping };
     const tilt = mean(tilts, corners), swing = mean(swings, corners);
-    const motion = Number.isFinite(tilt) ? { tilt, swing, without: now.without.value } : null;
+    const hasTilt = Number.isFinite(tilt);
+    const own = hasTilt ? { tilt, swing } : restOf(pendulum);
+    const motion = hasTilt || own.margin > 0 ? { ...own, without: now.without.value } : null;
     // Light is the smallest tilt, dark the largest; a place without a value stays white.
     const shade = 235 - (150 * (tilt - least)) / (most - least || 1);
-    pixels.data.set(motion ? [shade - 20, shade - 5, shade + 10, 255] : [255, 255, 255, 255], 4 * n);
-    const exceeded = limitShares(scene, limits, pendulum, motion, body).filter(({ share }) => share > 1);
+    pixels.data.set(hasTilt ? [shade - 20, shade - 5, shade + 10, 255] : [255, 255, 255, 255], 4 * n);
+    const exceeded = limitShares(scene, limits, pendulum, motion, body).filter(({ exceeded }) => exceeded);
     if (exceeded.length) (regions[exceeded.reduce((a, b) => (b.share > a.share ? b : a)).name] ??= []).push(n);
   });
   const [x, y] = [{ ...ranges.mass, label: "mass of the bob (kg)" }, { ...ranges.length, label: "length (m)" }];
@@ -275,17 +306,17 @@ function drawMap(now) {
   if (data.recommended) drawMark(c, px(data.recommended.mass), py(data.recommended.length), true);
   drawMark(c, px(state.mass), py(state.length));
   drawMap.area = { left, right, top, bottom };
+  const range = finite.length ? ` Lightest: ${format(least)}, darkest: ${format(most)} of the slenderness.` : "";
   byId("map-values").textContent = `${format(state.frequency, 4)} Hz, ${format(state.amplitude, 4)} m and a damping `
-    + `ratio of ${format(state.damping)}. Lightest: ${format(least)}, darkest: ${format(most)} of the slenderness`;
+    + `ratio of ${format(state.damping)}.${range}`;
 }
 
 /** Draw the whole block, and its top with the bob at rest and at its largest angle. */
-function drawDesign(now, largest, body) {
-  const { c, width, high } = cleared(byId("drawing")), isSteady = now && Number.isFinite(now.swing.value);
-  const angle = isSteady ? now.swing.value : Math.min(largest.swing, Math.PI / 2);
-  byId("angle-source").textContent = isSteady ? `steady motion (${now.swing.source})` : SIMULATED;
+function drawDesign(angle, source, body) {
+  const { c, width, high } = cleared(byId("drawing"));
+  byId("angle-source").textContent = source;
   const whole = Math.min((high - 20) / height, (0.4 * width) / scene.width);
-  const depth = body ? 1.25 * (body.rod + body.half) : state.length;
+  const depth = 1.25 * (body.rod + body.half);
   const near = Math.min((high - 30) / depth, (0.5 * width) / scene.width);
   const parts = [[0, 0.22 * width, high - 10, whole], [0.45 * width, 0.73 * width, 24 + near * height, near]];
   for (const [left, middle, bottom, scale] of parts) {
@@ -300,7 +331,7 @@ function drawDesign(now, largest, body) {
     c.restore();
   }
   [c.fillStyle, c.textAlign] = [INK, "center"];
-  if (body) c.fillText(`rod ${format(body.rod)} m, bob ${format(2 * body.radius)} m wide`, 0.73 * width, 16);
+  if (body.exists) c.fillText(`rod ${format(body.rod)} m, bob ${format(2 * body.radius)} m wide`, 0.73 * width, 16);
 }
 
 // The block that rocks
@@ -321,7 +352,7 @@ function animate(time) {
   if (state.play) {
     clock += seconds * state.speed;
     motions.forEach((motion, i) => traces[i].push([clock, motion.advance(clock * scene.rate).y[0] / scene.nu]));
-    if (ground && clock > base.duration + FREE) restart();
+    if (clock > duration()) restart();
     drawMotions();
   }
   requestAnimationFrame(animate);
@@ -329,10 +360,10 @@ function animate(time) {
 
 /** Draw both blocks as they are now, and the history of their tilts. */
 function drawMotions() {
-  const body = bodyOf(scene, state), clamp = (x, most) => Math.max(-most, Math.min(most, x));
+  const body = bodyOf(scene, state);
   motions.forEach((motion, i) => {
     const name = ["without", "with"][i], { c, width, high } = cleared(byId(`block-${name}`));
-    const tilt = clamp(motion.y[0], Math.PI / 2), floor = 0.4 * height + scene.width;
+    const tilt = motion.y[0], floor = 0.4 * height + scene.width;
     const scale = Math.min((high - 30) / height, width / (0.9 * height + scene.width));
     const shift = ground ? 0 : -state.amplitude * Math.sin(2 * Math.PI * state.frequency * clock);
     c.translate(width / 2 + shift * scale, high - 14);
@@ -340,15 +371,16 @@ function drawMotions() {
     c.lineWidth = 1.5 / scale;
     drawBlock(c, scene, i ? body : null, tilt, [[motion.y[1], BLUE]]);
     drawLine(c, [[-floor, 0], [floor, 0]], INK, 2.5 / scale);
-    const text = `Tilt ${((tilt * 180) / Math.PI).toFixed(2)}° at ${clock.toFixed(1)} s.`;
-    byId(`state-${name}`).textContent = motion.overturned ? "The block has overturned." : text;
+    const { hasEnded, overturned } = motion, now = `Tilt ${((tilt * 180) / Math.PI).toFixed(2)}°`;
+    const text = hasEnded ? `The block ${overturned ? "overturns" : "has no answer from here on"}` : now;
+    byId(`state-${name}`).textContent = `${text} at ${Math.min(clock, motion.tau / scene.rate).toFixed(1)} s.`;
   });
-  const span = ground ? base.duration + FREE : PERIODS / state.frequency, from = Math.max(0, clock - span);
+  const span = ground ? duration() : WINDOW / state.frequency, from = Math.max(0, clock - span);
   traces = traces.map((trace) => trace.filter(([t]) => t >= from));
   const most = 1.1 * traces.flat().reduce((largest, [, tilt]) => Math.max(largest, Math.min(1.2, Math.abs(tilt))), 0.1);
   const view = cleared(byId("trace")), vertical = { low: -most, high: most, label: "tilt" };
   const { px, py } = drawAxes(view, { low: from, high: from + span, label: "time (s)" }, vertical);
-  const points = traces.map((trace) => trace.map(([t, tilt]) => [px(t), py(clamp(tilt, most))]));
+  const points = traces.map((trace) => trace.map(([t, tilt]) => [px(t), py(clamped(tilt, -most, most))]));
   drawLine(view.c, points[0], GREY, 2, [5, 3]);
   drawLine(view.c, points[1], BLUE, 1.8);
 }
@@ -358,63 +390,67 @@ function drawMotions() {
 /** Return the largest values without a pendulum, which only a change of the base motion or of the start changes. */
 function simulateAlone() {
   const key = JSON.stringify([excitation(), state.push]);
-  if (simulateAlone.key !== key) [simulateAlone.key, simulateAlone.values] = [key, simulate(null)];
-  return simulateAlone.values;
+  return (simulateAlone[key] ??= simulate(null));
+}
+
+/** Return the motion to which the limits apply, or null, and its source. */
+function limitedMotion(now, largest) {
+  if (ground && !largest.hasEnded) return [largest, SIMULATED];
+  if (!Number.isFinite(now?.tilt.value)) return [null, "bob at rest"];
+  const [tilt, swing, without] = [now.tilt, now.swing, now.without].map(({ value }) => value);
+  return [{ tilt, swing, without, relative: swing + tilt * scene.nu }, `steady motion, ${now.swing.source}`];
 }
 
 /** Compute and show everything that depends on the controls. */
-function update() {
+function update(isNew = true) {
   const begin = performance.now(), { mass, length, damping } = state, pendulum = { mass, length, damping };
-  const body = bodyOf(scene, pendulum), now = steady(), hasOrbit = now && Number.isFinite(now.tilt.value);
-  const motion = hasOrbit ? { tilt: now.tilt.value, swing: now.swing.value, without: now.without.value } : null;
-  const shares = limitShares(scene, limits, pendulum, motion, body), largest = simulate(pendulum);
-  showResults(now, shares, largest, simulateAlone(), pendulum, body);
+  const body = bodyOf(scene, pendulum), now = steady(), largest = simulate(pendulum), alone = simulateAlone();
+  const [motion, basis] = limitedMotion(now, largest), shares = limitShares(scene, limits, pendulum, motion, body);
+  showResults(now, shares, basis, largest, alone, pendulum, body);
   if (now) [drawResponse(now), drawMap(now)];
-  drawDesign(now, largest, body);
-  restart();
+  drawDesign(motion ? motion.relative : 0, basis, body);
+  // Figures of another size show the same motion.
+  if (isNew) restart();
   drawMotions();
-  const exceeded = shares.filter(({ share }) => share > 1).map(({ name }) => data.limit_labels[name]);
-  const verdict = exceeded.length ? `Limits exceeded: ${exceeded.join(", ")}.` : "No limit is exceeded.";
-  const tilts = now ? `Steady tilt ${textOf(now.tilt)} with your pendulum, ${textOf(now.without)} without. ` : "";
+  const stale = "Verdict of the report, which does not hold for the values below: ";
+  byId("verdict").textContent = data.verdict && !controls.every(isFirst) ? stale + data.verdict : data.verdict;
+  if (ground) byId("ground").textContent = `${ground.name}, peak ${format(ground.peak * state.scale)} m/s²`;
+  const exceeded = shares.filter(({ exceeded }) => exceeded).map(({ name }) => data.limit_labels[name]);
+  const outcomes = `With your pendulum the block ${largest.outcome}; without a pendulum it ${alone.outcome} `
+    + `(one motion ${state.push ? "after a push" : "from rest"}, ${spanText()}). `;
+  const tilts = now ? `Steady tilt ${steadyText(now.tilt, largest)} with your pendulum, `
+    + `${steadyText(now.without, alone)} without. ` : "";
+  const none = `No limit is ${shares.length ? "exceeded" : "evaluated"}`;
+  const verdict = exceeded.length ? `Limits exceeded: ${exceeded.join(", ")}` : none;
   // A screen reader says the result once the slider has stopped.
   clearTimeout(update.timer);
-  update.timer = setTimeout(() => (byId("summary").textContent = tilts + verdict), 400);
+  update.timer = setTimeout(() => (byId("summary").textContent = `${outcomes}${tilts}${verdict} (${basis}).`), 400);
   update.duration = performance.now() - begin;
 }
 
 /** Fill the page for the first time, and listen to its controls. */
 function begin() {
   byId("title").textContent = document.title = data.title ? `${data.title}: explore the design` : "Explore the design";
-  byId("verdict").textContent = data.verdict;
-  byId("ground").textContent = ground ? `(${ground.name})` : "";
   byId("version").textContent = `Written by tpd ${data.version}.`;
   const others = data.other_limits.join(", ");
-  byId("other-limits").textContent = others ? `Not evaluated on this page: ${others}.` : "";
+  byId("other-limits").textContent = others && `Not evaluated on this page: ${others}.`;
   for (const id of ["response-figure", "map-figure"]) byId(id).hidden = Boolean(ground);
   controls.forEach(addControl);
   const first = Object.fromEntries(controls.map(({ name, value }) => [name, value]));
   byId("reset").addEventListener("click", () => set(first));
-  byId("play").addEventListener("click", ({ target }) => {
-    state.play = !state.play;
-    target.textContent = state.play ? "Pause" : "Play";
-  });
+  const toggle = (button) => (button.textContent = (state.play = !state.play) ? "Pause" : "Play");
+  byId("play").addEventListener("click", ({ target }) => toggle(target));
   byId("restart").addEventListener("click", () => (restart(), drawMotions()));
   byId("speed").addEventListener("change", ({ target }) => (state.speed = Number(target.value)));
-  byId("push").addEventListener("change", ({ target }) => {
-    target.value = state.push = Math.max(-0.9, Math.min(0.9, target.valueAsNumber || 0));
-    update();
-  });
+  const pushTo = (field) => (field.value = state.push = typedIn(field, PUSH, state.push));
+  byId("push").addEventListener("change", ({ target }) => (pushTo(target), update()));
   byId("map").addEventListener("click", ({ offsetX, offsetY }) => {
     const { left, right, top, bottom } = drawMap.area;
     const [x, y] = [(offsetX - left) / (right - left), (bottom - offsetY) / (bottom - top)];
-    set({ mass: valueAt(ranges.mass, x), length: valueAt(ranges.length, y) });
+    // The labels beside the axes are no values.
+    if (Math.min(x, y, 1 - x, 1 - y) >= 0) set({ mass: valueAt(ranges.mass, x), length: valueAt(ranges.length, y) });
   });
-  window.addEventListener("resize", () => {
-    // The figures have another size, but the motion goes on.
-    const present = [motions, traces, clock];
-    update();
-    [motions, traces, clock] = present;
-  });
+  window.addEventListener("resize", () => update(false));
   // Readers who want less motion start the animation themselves.
   if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) byId("play").click();
   set(first);
@@ -424,10 +460,6 @@ function begin() {
 begin();
 // Tests and measurements read these.
 globalThis.tpdPage = {
-  state, set,
-  control: (name) => ranges[name],
-  area: () => drawMap.area,
-  clock: () => clock,
-  frames: () => frames.length,
-  duration: () => update.duration,
+  state, control: (name) => ranges[name], area: () => drawMap.area, clock: () => clock,
+  frames: () => frames.length, duration: () => update.duration,
 };

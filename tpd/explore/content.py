@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import tpd
+from tpd.answers.transient import FREE
 from tpd.core import checks
 from tpd.design.criteria import HEAVIEST_RATIO, LABELS, LONGEST_RATIO, STILL, bob_of
 from tpd.design.design import Design
@@ -53,8 +54,6 @@ _NEAR = np.array([0.02, 0.02, 0.2])
 tolerance range of its own: the scatter of the validation runs."""
 _SCALES = 0.1, 5.0
 """Range of the slider of the factor on a ground motion."""
-_LONGEST = 40_000
-"""Most pieces of a ground motion that the page simulates."""
 
 
 class Validation(NamedTuple):
@@ -240,17 +239,20 @@ def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum |
     tables["without"] = solve(scene, fine).encoded("tilt", "unstable", "tilt_error")
     if recommended is not None:
         tables["recommended"] = solve(scene, fine, recommended).encoded("tilt", "unstable")
-    return {"controls": _controls(own, ranges), "tables": tables}
+    return {
+        "controls": _controls(own, ranges),
+        "tables": tables,
+        "periods": int(problem.ensemble.periods),
+    }
 
 
 def _ground_motion(problem: Problem, start: Pendulum) -> dict[str, Any]:
-    """Controls, and acceleration of the base under a pulse or a record, of which the page simulates the
-    beginning."""
+    """Controls, and acceleration of the base under the pulse or record that the page simulates."""
     conditions = problem.conditions
     # The slider begins with the first condition of the design.
     factor = float(motion_factors(problem.scene, conditions)[0])
     motion = conditions.motions[int(np.asarray(conditions.which)[0])].scaled(factor)
-    pieces = np.asarray(motion.pieces())[:_LONGEST]
+    pieces = np.asarray(motion.pieces())
     # A record is linear between its samples: its higher coefficients are zero and are left out.
     order = int(max(np.flatnonzero(np.any(pieces != 0.0, axis=0)), default=0)) + 1
     return {
@@ -258,9 +260,11 @@ def _ground_motion(problem: Problem, start: Pendulum) -> dict[str, Any]:
             _values_of(start) | {"scale": 1.0}, _ranges(problem, start) | {"scale": _SCALES}
         ),
         "ground": {
-            "name": conditions.label(0),
+            "name": f"{getattr(motion, 'kind', '') or motion.name or 'record'}, condition 1 of "
+            f"{len(conditions)}",
             "peak": float(motion.pga),
             "piece": float(motion.piece),
+            "seconds": float(motion.duration) + FREE,
             "order": order,
             "data": base64.b64encode(pieces[:, :order].astype("<f4").tobytes()).decode(),
         },
@@ -304,14 +308,20 @@ def _stored_runs(problem: Problem, answer: Answer) -> Iterator[dict[str, Any]]:
             low, high = np.asarray(answer.equivalent)
         # In memory the parts of a summary are objects, and in a file they are dictionaries.
         benefit, changes = _fields(runs["benefit"]), [_fields(change) for change in runs["changes"]]
-        mean = next(change for change in changes if change["name"] == "mean severity")
+        # Changes count the runs of the description. The summary of each case counts the search motions as well.
+        mean, overturned = (
+            next(change for change in changes if change["name"] == name)
+            for name in ("mean severity", "overturned")
+        )
         yield {
             "low": (np.minimum(low, design) * si).tolist(),
             "high": (np.maximum(high, design) * si).tolist(),
             "description": runs["runs"],
             "benefit": benefit,
             "mean": [mean["with_pendulum"], mean["without_pendulum"]],
-            "overturned": [list(runs[case]["shares"]["overturned"]) for case in ("with", "without")],
+            "overturned": [
+                overturned[name] for name in ("with_pendulum", "without_pendulum", "low", "high")
+            ],
             "sentences": sentences,
         }
 

@@ -2,8 +2,8 @@
 
 import { shareOf } from "./orbits.mjs";
 
-export const INK = "#1a1a1a", GREY = "#9a9a9a", BLUE = "#1f5fa8", PALE = "#a9c3df";
-const ORANGE = "#d9822b", STONE = "#e4e4e4";
+export const INK = "#1a1a1a", GREY = "#9a9a9a", BLUE = "#1f5fa8", PALE = "#a9c3df", ORANGE = "#d9822b";
+const STONE = "#e4e4e4";
 
 /** Return a number as a text of a few digits. */
 export function format(x, digits = 3) {
@@ -83,11 +83,6 @@ export function drawMark(c, x, y, isStar = false) {
     [c.strokeStyle, c.lineWidth] = [color, width];
     c.stroke();
   }
-}
-
-/** Draw a vertical line through a figure. */
-export function drawMarker(c, x, top, bottom) {
-  drawLine(c, [[x, top], [x, bottom]], ORANGE, 1, [3, 3]);
 }
 
 /** Hatch a region of rectangles. Regions with different numbers have lines of different directions. */

@@ -15,12 +15,16 @@ export function shareOf({ low, high, log }, value) {
   return log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
 }
 
+/** Return the bytes of a text in base64. */
+export function bytesOf(text) {
+  return Uint8Array.from(atob(text), (character) => character.charCodeAt(0)).buffer;
+}
+
 /** Return a table whose fields are decoded from base64. */
 export function decode(table) {
   const fields = {};
   for (const [name, { scale, data }] of Object.entries(table.fields)) {
-    const bytes = Uint8Array.from(atob(data), (character) => character.charCodeAt(0));
-    fields[name] = { codes: new Uint16Array(bytes.buffer), unit: scale / (NONE - 1) };
+    fields[name] = { codes: new Uint16Array(bytesOf(data)), unit: scale / (NONE - 1) };
   }
   const strides = table.axes.map((_, i) => table.axes.slice(i + 1).reduce((n, axis) => n * axis.values.length, 1));
   return { axes: table.axes, fields, strides };
@@ -54,28 +58,18 @@ export function place(table, point) {
 }
 
 /**
- * Return a field at a place, as { value, source }.
+ * Return a field at a place, as { value, error, source }.
  *
  * The source is "exact" on a node, "interpolated" between nodes that all have the orbit, "none" between nodes
- * without it, and "not interpolated" where the nodes differ or the point is outside of the table.
+ * without it, and "not interpolated" where the nodes differ or the point is outside of the table. The error is the
+ * bound of the interpolation error, for a field that has one.
  */
 export function lookUp(table, name, corners) {
-  if (corners === null) return { value: NaN, source: "not interpolated" };
-  const { codes, unit } = table.fields[name];
-  let sum = 0, missing = 0;
-  for (const [index, weight] of corners) {
-    if (codes[index] === NONE) missing++;
-    else sum += weight * codes[index];
-  }
-  if (missing === corners.length) return { value: NaN, source: "none" };
-  if (missing > 0) return { value: NaN, source: "not interpolated" };
-  return { value: sum * unit, source: corners.length === 1 ? "exact" : "interpolated" };
-}
-
-/** Return the bound of the interpolation error of a field; 0 on a node. */
-export function errorAt(table, name, corners) {
-  if (corners === null || corners.length === 1) return 0;
-  const { codes, unit } = table.fields[`${name}_error`];
-  const boundAt = (index) => (codes[index] === NONE ? NaN : codes[index] * unit);
-  return corners.reduce((sum, [index, weight]) => sum + weight * boundAt(index), 0);
+  const { codes, unit } = table.fields[name], bounds = table.fields[`${name}_error`];
+  const known = corners?.filter(([index]) => codes[index] !== NONE);
+  if (known?.length === 0) return { value: NaN, source: "none" };
+  if (known?.length !== corners?.length || !corners) return { value: NaN, source: "not interpolated" };
+  const mean = (field) => known.reduce((sum, [index, weight]) => sum + weight * field.codes[index] * field.unit, 0);
+  const isExact = known.length === 1, value = mean({ codes, unit });
+  return { value, error: isExact || !bounds ? 0 : mean(bounds), source: isExact ? "exact" : "interpolated" };
 }

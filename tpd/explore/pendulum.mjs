@@ -5,6 +5,7 @@
 
 import { housner } from "./rocking.mjs";
 
+const MOST = 1 + 1e-4; // Share from which a limit is exceeded: the tables round by 1e-5 of their largest value.
 const TURNS = 50; // Steps of Newton's method for the rod of the body; it stops earlier where it has converged.
 
 /** Return the dimensionless parameters under a harmonic { amplitude, frequency }; without a pendulum mu is 0. */
@@ -21,22 +22,29 @@ export function parameters(scene, motion, pendulum = null) {
   };
 }
 
-/** Return 1 - |B| f/((1 + mu) nu + k): positive where the resting block stays at rest once the bob has settled. */
-export function upliftMargin(p) {
+/**
+ * Return the tilt and the swing f/|D| of a block at rest under a settled bob, and the margin
+ * 1 - |B| f/((1 + mu) nu + k), which is positive where the block stays at rest.
+ */
+export function atRest(p) {
   const c = 2 * p.zeta * Math.sqrt(p.lam * p.rho), square = p.lam * p.rho * p.xi ** 2;
   const real = 1 - square, imaginary = p.xi * c, size = real ** 2 + imaginary ** 2;
   const hReal = 2 * p.mu * square, hImaginary = -p.xi * p.mu * p.lam * c;
   const bReal = 1 + 2 * p.mu + (hReal * real + hImaginary * imaginary) / size;
   const bImaginary = (hImaginary * real - hReal * imaginary) / size;
-  return 1 - (p.f * Math.hypot(bReal, bImaginary)) / ((1 + p.mu) * p.nu + p.k);
+  const margin = 1 - (p.f * Math.hypot(bReal, bImaginary)) / ((1 + p.mu) * p.nu + p.k);
+  return { margin, tilt: 0, swing: p.f / Math.sqrt(size) };
 }
 
-/** Return the body that swings as the point of the pendulum does, in m and kg; null where there is none. */
+/** Return the body that swings as the point of the pendulum does, in m and kg; the point where none `exists`. */
 export function bodyOf(scene, pendulum) {
   const { bob } = scene, ball = bob.shape === "ball";
   const radius = (mass) => Math.cbrt(mass / (bob.density * Math.PI * (ball ? 4 / 3 : 2 * bob.aspect)));
   const own = ball ? 0.4 * radius(1) ** 2 : ((3 + 4 * bob.aspect ** 2) / 12) * radius(1) ** 2;
   const share = bob.rodShare, pull = pendulum.mass * pendulum.length;
+  const half = (mass) => radius(mass) * (ball ? 1 : bob.aspect);
+  const sized = (mass, rod, exists) => ({ exists, mass, rod, radius: radius(mass), half: half(mass) });
+  const point = sized(pendulum.mass, pendulum.length, false);
   let rod = 1.5 * pendulum.length;
   for (let i = 0; i < TURNS; i++) {
     // The value is a convex function of the rod: Newton's method comes to its root from above.
@@ -44,13 +52,12 @@ export function bodyOf(scene, pendulum) {
     const inertia = own * Math.cbrt(pull / lever) ** 2;
     const value = rod ** 2 * (1 + (share * rod) / 3) + inertia - pendulum.length * lever;
     const slope = rod * (1 + turn) - pendulum.length * turn - (inertia * turn) / (1.5 * lever);
-    if (!(slope > 0)) return null;
+    if (!(slope > 0)) return point;
     rod -= value / slope;
-    if (!(rod > 0)) return null;
+    if (!(rod > 0)) return point;
     if (Math.abs(value) < 1e-14 * slope * rod) break;
   }
-  const mass = pull / (rod * (1 + 0.5 * share * rod));
-  return { mass, rod, radius: radius(mass), half: radius(mass) * (ball ? 1 : bob.aspect) };
+  return sized(pull / (rod * (1 + 0.5 * share * rod)), rod, true);
 }
 
 /** Return the largest distance of a body from the block's axis at angles up to `angle` between rod and block. */
@@ -61,21 +68,22 @@ export function reachOf(scene, body, angle) {
 }
 
 /**
- * Return the limited quantities over their limits, as { name, share }: a limit is exceeded above 1.
+ * Return the limited quantities over their limits, as { name, share, exceeded }.
  *
- * @param motion { tilt, swing, without }: steady tilt over nu, bob angle in rad, and tilt over nu without a
- *   pendulum; null keeps only the limits of the bob that hangs at rest
+ * @param motion { tilt, swing, without, relative }: tilt over nu, bob angle in rad, tilt over nu without a pendulum,
+ *   and angle between rod and block in rad (by default the sum of both angles); null keeps only the limits of the bob
+ *   that hangs at rest
  * @param body the body of the pendulum, if it is known already
  */
 export function limitShares(scene, limits, pendulum, motion, body = bodyOf(scene, pendulum)) {
-  const shares = [], add = (name, share) => shares.push({ name, share });
-  const tilt = motion ? motion.tilt : 0, swing = motion ? motion.swing : 0, angle = swing + tilt * scene.nu;
-  const { rod, mass } = body ?? { rod: pendulum.length, mass: pendulum.mass };
+  const shares = [], add = (name, share) => shares.push({ name, share, exceeded: share > MOST });
+  const { tilt, swing, relative } = motion ?? { tilt: 0, swing: 0 }, angle = relative ?? swing + tilt * scene.nu;
+  const { rod, mass, half, exists } = body;
   if ("mass" in limits) add("mass", mass / limits.mass);
   if ("clearance" in limits) {
-    add("thickness", body ? body.half / (0.6 * rod) : Infinity);
-    add("depth", body ? (rod + body.half) / (2 * scene.halfHeight) : 0);
-    add("clearance", body ? reachOf(scene, body, angle) / (0.5 * scene.cavity) : 0);
+    add("thickness", half / (0.6 * rod) + (exists ? 0 : 1));
+    add("depth", (rod + half) / (2 * scene.halfHeight));
+    add("clearance", reachOf(scene, body, angle) / (0.5 * scene.cavity));
   }
   if (!motion) return shares;
   if ("stroke" in limits) add("stroke", swing / limits.stroke);

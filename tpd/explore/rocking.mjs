@@ -2,7 +2,8 @@
 //
 // Symbols are those of the package: nu, mu, lam, zeta, k, f, xi, rho, e. Time is tau = omega_0 t, and a state is
 // [phi, psi, phi', psi']. The equations are those of tpd/theory/equations.py, the impacts those of
-// tpd/scene/impacts.py, and the contact modes those of tpd/exact/contact_kernel.py.
+// tpd/scene/impacts.py, and the contact modes and events those of tpd/exact/nonlinear_entry.py. The load is minus the
+// base acceleration over g: a positive acceleration tilts the block to positive phi.
 
 const STEPS = 120; // Steps in the shortest of the periods of forcing, bob and block.
 const CAPTURE = 1e-4; // Rate of an impact, over nu, below which a block that can be held comes to rest.
@@ -10,6 +11,7 @@ const TRIALS = 80; // Most trials for the time of an event. About ten are enough
 const SLACK = 1e-13; // Share of the moment of the weight by which rounding may exceed it.
 const MOST_EVENTS = 8000; // Most events in one call of `advance`.
 const REST = 0, STICK = 1, SLIP = 2;
+const FALLEN = Math.PI / 2; // Tilt from which the block has overturned.
 
 /** Return the constants of the equations of one set of parameters. */
 function coefficients(p) {
@@ -89,20 +91,30 @@ export class Motion {
   /**
    * @param p parameters by name
    * @param start state at tau = 0
-   * @param forcing base acceleration over f g as a function of tau; by default sin(xi tau)
+   * @param ground base acceleration over f g as { powers, order, span }: the coefficients of `order` powers of the
+   *   elapsed share of each piece, whose duration is `span` in tau; null for the load f sin(xi tau)
    */
-  constructor(p, start = [0, 0, 0, 0], forcing = (tau) => Math.sin(p.xi * tau)) {
+  constructor(p, start = [0, 0, 0, 0], ground = null) {
     this.c = coefficients(p);
-    this.load = (tau) => p.f * forcing(tau);
+    this.ground = ground;
+    [this.piece, this.pieceEnd] = [0, ground ? ground.span : Infinity];
     this.y = [...start];
     this.tau = 0;
     this.impacts = 0;
-    this.overturned = false;
-    this.stalled = false;
+    this.overturned = this.stalled = this.hasEnded = false;
     // A pendulum on a block that is free to move swings faster than one on a fixed hinge.
     const bob = Math.sqrt((this.c.lam * p.rho) / (1 + 4 * p.mu));
     this.step = (2 * Math.PI * Math.min(1, bob, 1 / p.xi)) / STEPS;
     this.decide(Math.sign(start[0]), Math.sign(start[2]), this.load(0));
+  }
+
+  /** Return minus the base acceleration over g; it jumps between pieces, and is zero after the last one. */
+  load(tau) {
+    if (!this.ground) return this.c.f * Math.sin(this.c.xi * tau);
+    const { powers, order, span } = this.ground, first = this.piece * order, share = tau / span - this.piece;
+    let value = 0;
+    if (first < powers.length) for (let n = order - 1; n >= 0; n--) value = value * share + powers[first + n];
+    return -this.c.f * value;
   }
 
   /** Set the contact mode of the state; `tilt` and `way` are the signs of phi and phi', zero included. */
@@ -159,13 +171,15 @@ export class Motion {
       [name, end] = [candidate, this.after(h)];
     };
     if (kind === SLIP) {
+      check("fall", (y) => Math.abs(y[0]) - FALLEN);
       check("turn", (y) => -way * y[2]);
       // Until it turns, the block moves one way: it has landed if its tilt has another sign by then.
       if (side !== way) check("landing", (y) => -side * y[0]);
     } else {
-      const other = side === 0 ? -1 : side, limit = c.k + SLACK * (c.k + c.weight);
-      check("up", (y, tau) => excess(c, y, side === 0 ? 1 : side, this.load(tau)) - limit);
-      check("down", (y, tau) => -excess(c, y, other, this.load(tau)) - limit);
+      // On the base the weight resists both directions.
+      const limit = c.k + SLACK * (c.k + c.weight), [right, left] = kind === REST ? [1, -1] : [side, side];
+      check("up", (y, tau) => excess(c, y, right, this.load(tau)) - limit);
+      check("down", (y, tau) => -excess(c, y, left, this.load(tau)) - limit);
     }
     return { name, h, end };
   }
@@ -180,7 +194,9 @@ export class Motion {
       y[2] = 0;
       this.decide(this.side, 0, load);
       // A block that turns in the moment of its release has only touched the limit: it stays.
-      if (h < 1e-12 && this.kind === SLIP) this.kind = STICK;
+      if (h < 1e-12 && this.kind === SLIP) this.kind = y[0] === 0 ? REST : STICK;
+    } else if (name === "fall") {
+      this.overturned = true;
     } else if (name !== "") {
       this.way = name === "up" ? 1 : -1;
       this.side = this.kind === REST ? this.way : this.side;
@@ -210,14 +226,23 @@ export class Motion {
    */
   advance(until, each = () => {}) {
     let events = 0;
-    while (!this.overturned && !this.stalled && this.tau < until) {
-      const { name, h, end } = this.firstEvent(Math.min(this.step, until - this.tau));
+    while (!this.hasEnded && this.tau < until) {
+      // A step ends with its piece: the acceleration has a kink at every sample of a record, and may jump.
+      const stop = Math.min(until, this.pieceEnd), left = stop - this.tau;
+      const { name, h, end } = this.firstEvent(Math.min(this.step, left));
       this.y = end;
-      this.tau = h > until - this.tau - 1e-14 ? until : this.tau + h;
-      this.overturned = !(Math.abs(end[0]) < Math.PI / 2);
-      if (!this.overturned) this.meet(name, h);
+      this.tau = h > left - 1e-14 * (1 + stop) ? stop : this.tau + h;
+      this.meet(name, h);
+      if (this.tau === this.pieceEnd) {
+        this.piece += 1;
+        const { powers, order, span } = this.ground;
+        this.pieceEnd = this.piece * order < powers.length ? (this.piece + 1) * span : Infinity;
+        // A jump of the acceleration may release a block that is held.
+        if (this.kind !== SLIP) this.decide(this.kind === REST ? 0 : this.side, 0, this.load(this.tau));
+      }
       if (name !== "") events += 1;
-      this.stalled = events > MOST_EVENTS;
+      this.stalled = events > MOST_EVENTS || !Number.isFinite(end[0]);
+      this.hasEnded = this.overturned || this.stalled;
       each(this);
     }
     return this;

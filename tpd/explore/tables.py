@@ -114,11 +114,13 @@ def solve(scene: Scene, axes: Sequence[GridAxis], pendulum: Any = None) -> Table
     sizes, status = orbits["sizes"], orbits["status"].astype(int)
     # Of several attracting orbits the page shows the largest, which is the cautious choice. Orbits next to a
     # fold count as none: their stability is not known.
-    largest = sizes[..., SIZES["amplitude"]]
+    # The linear equations have orbits also beyond the toppling tilt, where no block rocks.
+    largest = sizes[..., SIZES["amplitude"]] / nu
+    attracts, repels = (np.isin(status, kinds) & (largest < 1.0) for kinds in (_STABLE, _OTHERS))
     fields = {
-        "tilt": _first(largest / nu, status == _STABLE).reshape(shape),
-        "swing": _first(sizes[..., SIZES["swing"]], status == _STABLE).reshape(shape),
-        "unstable": _first(largest / nu, np.isin(status, _OTHERS)).reshape(shape),
+        "tilt": _first(largest, attracts).reshape(shape),
+        "swing": _first(sizes[..., SIZES["swing"]], attracts).reshape(shape),
+        "unstable": _first(largest, repels).reshape(shape),
     }
     errors = {f"{name}_error": interpolation_error(fields[name], axes) for name in ("tilt", "swing")}
     return Table(tuple(axes), fields | errors)
@@ -137,8 +139,9 @@ def interpolation_error(values: np.ndarray, axes: Sequence[GridAxis]) -> np.ndar
 
     Linear interpolation between two nodes at the distance h has at most the error h^2/8 |v''|. The second
     derivative follows from three nodes, and the errors of all axes are added. Next to a node without an orbit
-    three nodes are missing: there the error along an axis is a quarter of the largest step to a neighbour.
-    This is an estimate and no proof: the tests measure how often it holds. NaN where it is not known.
+    three nodes are missing: there the error along an axis is a quarter of the largest step to a neighbour, or
+    zero without a neighbour, because nothing is interpolated along this axis then. This is an estimate and no
+    proof: the tests measure how often it holds. NaN where there is no orbit.
     """
     total = np.zeros_like(values)
     for i, a in enumerate(axes):
@@ -156,5 +159,5 @@ def interpolation_error(values: np.ndarray, axes: Sequence[GridAxis]) -> np.ndar
             for end in (0, -1):
                 error[..., end] = curvature[..., end] * h[end] ** 2 / 8.0
         jump = 0.25 * np.fmax(np.abs(steps[..., :-1]), np.abs(steps[..., 1:]))
-        total = total + np.moveaxis(np.where(np.isnan(error), jump, error), -1, i)
+        total = total + np.moveaxis(np.where(np.isnan(error), np.nan_to_num(jump), error), -1, i)
     return np.where(np.isnan(values), np.nan, SAFETY * total)
