@@ -30,7 +30,6 @@ class MotionHistory:
 
     times: np.ndarray
     """Times, s, shape (times,)."""
-    """s, shape (times,)."""
     base: np.ndarray
     """Acceleration of the base, m/s^2, shape (times,)."""
     tilt: np.ndarray
@@ -51,6 +50,8 @@ class MotionHistory:
     bob: np.ndarray | None = None
     """Loads of the pendulum, shape (times, 4): horizontal and vertical force of the hinge on the bob (N),
     angular rate of the rod, and angular rate between rod and block (rad/s). None without a pendulum."""
+    toppling: float = np.inf
+    """Tilt (rad) at which the block topples according to the linear equations, the slenderness."""
 
     @property
     def overturned(self) -> bool:
@@ -86,8 +87,11 @@ class MotionHistory:
 
     @property
     def needed_friction(self) -> float:
-        """Smallest coefficient of friction of the base with which it does not slide."""
-        return float(np.nanmax(np.abs(self.horizontal) / np.maximum(self.vertical, 1e-300)))
+        """Smallest coefficient of friction of the base with which it does not slide, until the end of the
+        motion or until the block topples and does not return."""
+        until = np.flatnonzero(np.abs(self.tilt) <= self.toppling).max(initial=-1) + 1
+        needed = np.abs(self.horizontal[:until]) / np.maximum(self.vertical[:until], 1e-300)
+        return float(np.max(needed)) if until else np.nan
 
 
 def motion_history(
@@ -155,4 +159,5 @@ def motion_history(
         states["kind"] == SLIP,
         status,
         None if pendulum is None else np.stack([across, m * lifting, *rates], axis=1),
+        float(scene.block.slenderness),
     )

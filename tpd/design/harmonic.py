@@ -377,10 +377,11 @@ class HarmonicProblem(Problem):
             **{name: np.where(overturned, np.inf, x) for name, x in sizes.items()},
         )
 
-    def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
-        """See `Problem.strongest_motions`. The motions are trains of sines that start from rest."""
+    @property
+    def stated_motions(self) -> list[GroundMotion]:
+        """See `Problem.stated_motions`. The motions are trains of sines that start from rest."""
         motion, c = self.scene.motion, self.conditions
-        pulses = [
+        return [
             Pulse.sine_train(
                 acceleration=float(motion.amplitude * a * (motion.rate * w) ** 2),
                 frequency=float(motion.frequency * w),
@@ -388,11 +389,15 @@ class HarmonicProblem(Problem):
             )
             for a, w in zip(c.column("amplitude"), c.column("frequency"), strict=True)
         ]
+
+    def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
+        """See `Problem.strongest_motions`."""
         # Rod and damper are loaded most near the natural frequency of the pendulum, and not by the strongest
         # excitation.
         swing = self.orbits.evaluate(design[None]).swing[0]
         order = np.argsort(-np.nan_to_num(swing, posinf=-1.0, nan=-1.0), kind="stable")
-        return [pulses[i] for i in order[:MOST_MOTIONS]]
+        motions = self.stated_motions
+        return [motions[i] for i in order[:MOST_MOTIONS]]
 
 
 def _model_of(model: Any, smooth: bool) -> Any:

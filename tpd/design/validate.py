@@ -148,7 +148,7 @@ def _exact_harm(problem: Problem, exact: Any) -> list[Reason]:
 def _sliding(problem: Problem, design: np.ndarray) -> list[Reason]:
     """Sliding of the base while the block rocks, if its coefficient of friction is stated."""
     friction = problem.scene.block.base_friction
-    if friction is None or not (needed := problem.needed_friction(design)) > friction:
+    if friction is None or not (needed := problem.needed_friction(problem.pendulum(design))) > friction:
         return []
     return [Reason(kind=ReasonKind.slides, value=needed, reference=friction)]
 

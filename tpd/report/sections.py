@@ -78,8 +78,8 @@ def over_runs(design: Design) -> list[Block]:
         runs.description if runs.counted is None else f"All {len(runs.is_answered)} runs of all groups"
     )
     caption = (
-        f"{described}.{_role(design)} Scatter: {words.scatter(design)}. In brackets: 95 % interval. ν is the "
-        "slenderness, the tilt at which the block topples; overturned runs count as 100 % of ν."
+        f"{described}.{_role(design)} Scatter: {design.problem.scatter_in_words()}. In brackets: 95 % "
+        "interval. ν is the slenderness, the tilt at which the block topples; overturned runs count as 100 % of ν."
     )
     table = Table(("", "with pendulum", "without pendulum"), tuple(rows), caption)
     return [table, Text(runs.overturning_in_words), *_by_part(runs)]
