@@ -77,8 +77,8 @@ class Loads(NamedTuple):
     rate: float
     """Angular rate between rod and block, rad/s."""
     friction: float
-    """Horizontal over vertical force at the base. The base slides if the coefficient of friction is smaller.
-    NaN if the block stands in no motion."""
+    """Horizontal over vertical force at the base, over all motions of the job until the block topples. The
+    base slides if the coefficient of friction is smaller."""
     motions: int
     """Number of motions in which the block stands, out of those that were simulated."""
 
@@ -356,7 +356,9 @@ def build_of(design: Design) -> Build | None:
         damping=float(pendulum.hinge_damping(g)),
         rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,
         weight=body * (1.0 + rod_share) * g,
-        loads=loads._replace(tension=loads.tension * up, hinge=loads.hinge * up),
+        loads=loads._replace(
+            tension=loads.tension * up, hinge=loads.hinge * up, friction=problem.needed_friction(pendulum)
+        ),
         lifts=problem.lifts(pendulum),
         lifts_slow_fast=(capacity / (1.0 + 2.0 * mu), capacity),
         pull=pull_test(scene),

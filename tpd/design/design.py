@@ -156,6 +156,11 @@ class Design(Printed):
         """Whether, with the best design, the block overturns more often or the bob touches a wall."""
         return self.best is not None and self.best.is_harmful
 
+    @cached_property
+    def sliding(self) -> str:
+        """Sentence on the friction that the base needs in the runs of the best design; empty without runs."""
+        return "" if self.runs is None or self.best is None else self.problem.sliding(self.best.pendulum)
+
     @property
     def turned(self) -> np.ndarray:
         """Largest angle (rad) between rod and block in each validation run of the best design in which the

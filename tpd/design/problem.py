@@ -321,7 +321,7 @@ class Problem(ABC):
         with a pendulum, or without one: the largest over all stated motions, from rest by the linear
         equations."""
         scenes = (replace(self.scene, motion=motion) for motion in self.stated_motions)
-        return max(motion_history(scene, pendulum).needed_friction for scene in scenes)
+        return max((motion_history(scene, pendulum).needed_friction for scene in scenes), default=np.nan)
 
     def sliding(self, pendulum: Pendulum | None = None) -> str:
         """Return the sentence of `sliding_in_runs` for the block without a pendulum and, if there is one,

@@ -74,6 +74,7 @@ def validate(
     problem: Problem,
     design: np.ndarray,
     attempt: int = 0,
+    confirmed: int = 0,
     *,
     thorough: bool = False,
     progress: Progress = unreported,
@@ -84,6 +85,8 @@ def validate(
         problem: limits and requirements.
         design: (mu, lam, zeta), shape (3,).
         attempt: number of designs that were validated before. Each attempt uses other runs.
+        confirmed: number of these designs whose second half of the runs was simulated. The runs that are
+            quoted for the first such design are those of `tpd.assess`.
         thorough: whether to simulate runs also if a limit that needs no run rejects the design.
         progress: function of (stage, runs done, total).
     """
@@ -108,7 +111,7 @@ def validate(
     if decided is not None and not reasons and problem.has_validation_runs:
         # The benefit of these runs is reported and must not be selected by its size: it only has to be
         # significant.
-        quoted = problem.paired_runs(design, run_seed(problem, attempt, 1), progress=progress)
+        quoted = problem.paired_runs(design, run_seed(problem, confirmed, 1), progress=progress)
         over, by_runs = _by_runs(problem, design, quoted, replace(requirements, at_least=0.0))
         reasons += by_runs
     return Validated(

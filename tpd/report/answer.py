@@ -7,15 +7,18 @@ import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from tpd.answers.paired import PairedRuns
 from tpd.core.formatting import aligned, number
 from tpd.design.as_built import Details, build_of
 from tpd.design.assess import alternatives, needless
 from tpd.design.criteria import LABELS, Clearance, limit_of
 from tpd.design.design import Design
+from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.report import words
 from tpd.report.blocks import Note, Severity, danger, note, wrapped
 from tpd.report.notes import notes
+from tpd.theory.no_uplift import SLIDES
 
 MOST = 21
 """Largest number of lines. The command prints up to nine lines on block and motion before the search, so
@@ -52,7 +55,11 @@ def answer(
     runs, indent, has_table = design.runs, " " * _NAME, False
     for name, text in rows:
         # The table of results stands between the pendulum and the limits.
-        if runs is not None and name in ("clearance", "runs", "reason", "limits") and not has_table:
+        if (
+            runs is not None
+            and name in ("sliding", "level", "clearance", "runs", "reason", "limits")
+            and not has_table
+        ):
             has_table, table = True, words.comparison(runs)
             cells = [indent + line for line in aligned([table.head, *table.cells])]
             parts.append([*cells, *wrapped(table.caption, indent, indent)])
@@ -126,6 +133,12 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     # Without further conditions the design is for the motion of the scene only.
     yield "conditions", "; ".join(design.conditions.description) or "the motion above only"
     yield from _pendulum(design, details)
+    # A base that slides is one of the dangers, which come first.
+    if design.sliding and not design.sliding.startswith(SLIDES):
+        yield "sliding", design.sliding
+    if design.runs is not None:
+        for text in at_levels(design.problem, design.runs):
+            yield "level", text
     if design.runs is not None and design.best is not None and not math.isnan(design.best.over_limit):
         has_walls = limit_of(design.problem.limits, Clearance) is not None
         yield "clearance" if has_walls else "runs", _clearance(design, details)
@@ -148,6 +161,17 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     if len(details.responses) > 1:
         ends = details.responses[0].frequency[[0, -1]]
         yield "nearby", words.overturned_between(details.responses, *ends)
+
+
+def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
+    """Yield a sentence for each of several levels of ground motions: the shares of the counted runs that
+    overturn with and without the pendulum, with intervals over earthquakes."""
+    counted = True if runs.counted is None else runs.counted
+    for name, rows in problem.levels.items() if len(problem.levels) > 1 else ():
+        cases = [case.of(rows & counted) for case in (runs.with_pendulum, runs.without_pendulum)]
+        count = cases[0].tilt.size
+        pendulum, without = (words.share(case.share_overturned) for case in cases)
+        yield f"at {name}, {count} runs: {pendulum} overturn with the pendulum, {without} without it"
 
 
 def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:
