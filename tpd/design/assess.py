@@ -158,7 +158,7 @@ class Assessment(Printed):
         the blocks that vary, at each level of the excitation."""
         if self.runs is None or self.stated is None:
             return needless(self.problem)
-        levels, sliding = self.problem.levels, self.problem.sliding()
+        levels, sliding = self.problem.levels, self.problem.sliding(None)
         # Runs under a harmonic also have other initial states, and a gradual growth of the excitation.
         varied = "Runs from rest" if levels else "Validation runs from any initial state"
         scatter = self.problem.scatter_in_words(without_pendulum=True)

@@ -38,8 +38,8 @@ from tpd.exact.rows import row_of
 from tpd.exact.runs import HarmonicForcing, follow
 from tpd.models.compiled import Piecewise
 from tpd.models.smoothed import Smoothed
-from tpd.scene.conditions import Conditions, latin_hypercube, under_all
-from tpd.scene.ground_motion import GroundMotion, Pulse
+from tpd.scene.conditions import Conditions, latin_hypercube, train_of, under_all
+from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Harmonic, Pendulum, Scene
 from tpd.scene.status import Status, code_of, names_of
@@ -61,8 +61,6 @@ _SEARCHED = 64
 _PATHS, _SPREAD, _DRAWN = 16, 48, 1024
 """Number of candidates from the paths of the descents, number of candidates from the whole space, and number
 of designs that are drawn to select the latter."""
-_CYCLES = 40
-"""Number of periods of a harmonic from rest in which the largest loads are sought."""
 _SAME = 1e-6
 """Relative difference of tilts below which a simulated motion is identified with an orbit."""
 _USUAL = {
@@ -380,15 +378,8 @@ class HarmonicProblem(Problem):
     @property
     def stated_motions(self) -> list[GroundMotion]:
         """See `Problem.stated_motions`. The motions are trains of sines that start from rest."""
-        motion, c = self.scene.motion, self.conditions
-        return [
-            Pulse.sine_train(
-                acceleration=float(motion.amplitude * a * (motion.rate * w) ** 2),
-                frequency=float(motion.frequency * w),
-                cycles=_CYCLES,
-            )
-            for a, w in zip(c.column("amplitude"), c.column("frequency"), strict=True)
-        ]
+        factors = (self.conditions.column(name) for name in ("amplitude", "frequency"))
+        return [train_of(self.scene.motion, *map(float, pair)) for pair in zip(*factors, strict=True)]
 
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """See `Problem.strongest_motions`."""

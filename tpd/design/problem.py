@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from tpd.answers.ensemble import Ensemble
-from tpd.answers.motion_history import motion_history
+from tpd.answers.motion_history import sliding
 from tpd.answers.paired import PairedRuns
 from tpd.answers.runs import Runs
 from tpd.core import checks
@@ -43,7 +43,7 @@ from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Pendulum, Scene
 from tpd.theory.equations import Terms
-from tpd.theory.no_uplift import AtRest, sliding_in_runs
+from tpd.theory.no_uplift import AtRest
 
 MOST_MOTIONS = 24
 """Largest number of motions for which the loads on the pendulum are computed."""
@@ -316,19 +316,10 @@ class Problem(ABC):
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """Return the motions in which the rod of a design rotates most relative to the block, at most 24."""
 
-    def needed_friction(self, pendulum: Pendulum | None) -> float:
-        """Return the coefficient of friction that keeps the base from sliding while the stated block rocks
-        with a pendulum, or without one: the largest over all stated motions, from rest by the linear
-        equations."""
-        scenes = (replace(self.scene, motion=motion) for motion in self.stated_motions)
-        return max((motion_history(scene, pendulum).needed_friction for scene in scenes), default=np.nan)
-
-    def sliding(self, pendulum: Pendulum | None = None) -> str:
-        """Return the sentence of `sliding_in_runs` for the block without a pendulum and, if there is one,
-        with it."""
-        cases = {"without a pendulum": None} | ({} if pendulum is None else {"with the pendulum": pendulum})
-        needed = {name: self.needed_friction(case) for name, case in cases.items()}
-        return sliding_in_runs(needed, self.scene.block.base_friction)
+    def sliding(self, pendulum: Pendulum | None) -> str:
+        """Return a sentence on the friction that the base needs under all stated motions from rest, without a
+        pendulum and, if there is one, with it."""
+        return sliding(self.scene, self.stated_motions, pendulum)
 
     def value_of(self, runs: Runs) -> float:
         """Return the risk measure of the severities of all runs that have a result; NaN if there are none."""

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from tpd.answers.motion_history import needed_friction
 from tpd.answers.paired import FEWER, PairedRuns
 from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.core.progress import Progress, unreported
@@ -150,10 +151,11 @@ def _exact_harm(problem: Problem, exact: Any) -> list[Reason]:
 
 def _sliding(problem: Problem, design: np.ndarray) -> list[Reason]:
     """Sliding of the base while the block rocks, if its coefficient of friction is stated."""
-    friction = problem.scene.block.base_friction
-    if friction is None or not (needed := problem.needed_friction(problem.pendulum(design))) > friction:
+    friction, pendulum = problem.scene.block.base_friction, problem.pendulum(design)
+    if friction is None:
         return []
-    return [Reason(kind=ReasonKind.slides, value=needed, reference=friction)]
+    needed = needed_friction(problem.scene, problem.stated_motions, pendulum)
+    return [Reason(kind=ReasonKind.slides, value=needed, reference=friction)] if needed > friction else []
 
 
 def _by_runs(
