@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from tpd.answers.compare_models import MODELS, QUICK, check
+from tpd.answers.motion_history import sliding
 from tpd.cli import common
 from tpd.cli.interrupts import SOUND, UNSOUND, print_answer
 from tpd.core import checks
@@ -95,7 +96,7 @@ def _check_by_models(
     sentences = _ratios_outside(validation, problem.space)
     runs = validation.runs
     if runs is not None:
-        sentences.append(problem.sliding(pendulum))
+        sentences.append(sliding(problem.scene, problem.stated_motions, pendulum))
         # Sliding comes first, because the runs do not describe a base that slides.
         sentences.sort(key=lambda text: not text.startswith(SLIDES))
         sentences += [

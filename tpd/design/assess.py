@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
+from tpd.answers.motion_history import sliding
 from tpd.answers.runs import Runs, follow_scaled
 from tpd.answers.statistics import Share
 from tpd.answers.transient import FREE
@@ -22,11 +23,13 @@ from tpd.design.reasons import DesignStatus
 from tpd.design.validate import run_seed
 from tpd.records.intensity import SPECTRAL_DAMPING, spectral_acceleration
 from tpd.scene.conditions import Conditions
-from tpd.scene.ground_motion import GroundMotion
+from tpd.scene.ground_motion import GroundMotion, events_of
 from tpd.scene.scene import Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import SLIDES, AtRest
 
+_SHARE = "validation_share"
+"""Argument of `optimise` that divides the ground motions."""
 _PERIODS = 0.05, 8.0
 """Shortest and longest period (s) of a base isolation under ground motions."""
 _STEP, _STEEPEST = 0.02, 20.0
@@ -65,21 +68,22 @@ class Alternatives(NamedTuple):
         displacement at one of `periods`."""
         return self.acceleration * (period / (2.0 * math.pi)) ** 2
 
-    def __str__(self) -> str:
-        force = f"{_at_least(self.tie / 1e3)} kN" if self.tie >= 1e3 else f"{_at_least(self.tie)} N"
-        tie = f"a tie at the top for at least {force}"
-        least = f"with a coefficient of friction of at least {_at_least(self.friction)}"
-        width, n = f"a base at least {_at_least(self.width)} m wide {least}", len(self.periods)
-        damping = f"{100.0 * self.damping:g} % damping" if self.damping else "no damping"
-        records = f" for the median of {n} motions and of {{}} for all of them" if n > 1 else ""
-        sizes = [self._isolation(float(x)) for x in (np.median(self.periods), self.isolation)]
-        period = f"a base isolation with {damping} and a period of {sizes[0]}{records.format(sizes[1])}"
-        return f"{tie}, {width}, or {period} (static estimates)"
-
     def _isolation(self, period: float) -> str:
         if not math.isfinite(period):
             return f"more than {_PERIODS[1]:g} s"
         return f"at least {_at_least(period)} s (displacement {_at_least(self.displacement(period))} m)"
+
+    def __str__(self) -> str:
+        force = f"{_at_least(self.tie / 1e3)} kN" if self.tie >= 1e3 else f"{_at_least(self.tie)} N"
+        friction = f"with a coefficient of friction of at least {_at_least(self.friction)}"
+        damping = f"{100.0 * self.damping:g} % damping" if self.damping else "no damping"
+        isolation = f"a base isolation with {damping} and a period of {self._isolation(self.isolation)}"
+        if (n := len(self.periods)) > 1:
+            isolation += (
+                f" for all {n} motions, or {self._isolation(float(np.median(self.periods)))} for half"
+            )
+        width = f"a base at least {_at_least(self.width)} m wide {friction}"
+        return f"a tie at the top for at least {force}, {width}, or {isolation} (static estimates)"
 
 
 def _at_least(x: float) -> str:
@@ -158,43 +162,49 @@ class Assessment(Printed):
         the blocks that vary, at each level of the excitation."""
         if self.runs is None or self.stated is None:
             return needless(self.problem)
-        levels, sliding = self.problem.levels, self.problem.sliding(None)
+        problem, levels = self.problem, self.problem.levels
+        scatter = f"with scatter ({problem.scatter_in_words(without_pendulum=True)})"
         # Runs under a harmonic also have other initial states, and a gradual growth of the excitation.
         varied = "Runs from rest" if levels else "Validation runs from any initial state"
-        scatter = self.problem.scatter_in_words(without_pendulum=True)
-        cases = {"Stated block from rest": self.stated, f"{varied} with scatter ({scatter})": self.runs}
-        lines = []
+        cases, lines = {"Stated block from rest": self.stated, f"{varied} {scatter}": self.runs}, list[str]()
         for name, runs in cases.items():
             each = levels if len(levels) > 1 else {"": np.ones(runs.tilt.size, dtype=bool)}
-            lines += [f"{name}{at and f' at {at}'}: {outcome(runs.of(rows))}." for at, rows in each.items()]
-        # With sliding, the runs do not describe the block.
-        return "\n".join([sliding, *lines] if sliding.startswith(SLIDES) else [*lines, sliding])
+            # The conditions of a harmonic are no sample, so that their share has no interval.
+            is_sample = bool(levels) or runs is self.runs
+            lines += [
+                f"{name}{at and f' at {at}'}: {_outcome(runs.of(rows), is_sample)}."
+                for at, rows in each.items()
+            ]
+        lines.append(sliding(problem.scene, problem.stated_motions))
+        # If the base slides, the runs do not describe the block.
+        return "\n".join(sorted(lines, key=lambda line: not line.startswith(SLIDES)))
+
+    @property
+    def measures(self) -> str:
+        """Sentence with the alternatives to a pendulum; empty if the block needs none."""
+        if self.runs is None:
+            return ""
+        return f"Each of these measures prevents uplift without a pendulum: {self.alternatives}."
 
     def __str__(self) -> str:
-        lines = [str(self.at_rest), self.verdict]
-        if self.runs is not None:
-            lines.append(f"Any one of these prevents uplift without a pendulum: {self.alternatives}.")
-        return "\n".join(lines)
+        return "\n".join(filter(None, (str(self.at_rest), self.verdict, self.measures)))
 
 
-def outcome(runs: Runs) -> str:
+def _outcome(runs: Runs, is_sample: bool) -> str:
     """Return a clause on whether a block without a pendulum overturns, rocks or stays on its base."""
     share, count = runs.share_overturned, int(np.sum(~runs.is_unanswered))
-    if not count:
-        return "no run has a result"
     every = "the only run" if count == 1 else f"any of {count} runs"
     if share.value > 0.0:
-        if count == 1:
-            return f"OVERTURNS in {every}"
-        ends = f"{100.0 * share.low:.0f} to {100.0 * share.high:.0f} %"
+        of = every if count == 1 else f"{100.0 * share.value:.1f} % of {count} runs"
         over = "" if runs.cluster is None else f" over {len(np.unique(runs.cluster))} earthquakes"
-        return f"OVERTURNS in {100.0 * share.value:.1f} % of {count} runs (95 % interval{over} {ends})"
+        ends = f" (95 % interval{over} {100.0 * share.low:.0f} to {100.0 * share.high:.0f} %)"
+        return f"OVERTURNS in {of}{ends if is_sample and count > 1 else ''}"
     if not runs.is_lifted.any():
-        return f"STAYS ON ITS BASE, and does not lift in {every}"
+        return f"STAYS ON ITS BASE in {every}" if count else "no run has a result"
     # The runs are nonlinear: the toppling angle is that of the geometry.
-    tilt = float(np.nanmax(runs.settled_tilt / np.arctan(runs.nu)))
-    most = f"{'' if count == 1 else 'at most '}{100.0 * tilt:.0f} % of the toppling angle"
-    return f"ROCKS, AND DOES NOT OVERTURN in {every}: its tilt is {most}"
+    tilt = 100.0 * float(np.nanmax(runs.settled_tilt / np.arctan(runs.nu)))
+    most = "" if count == 1 else "at most "
+    return f"ROCKS, AND DOES NOT OVERTURN in {every}: its tilt is {most}{tilt:.0f} % of the toppling angle"
 
 
 def needless(problem: Problem) -> str:
@@ -242,15 +252,13 @@ def assess(
 
 def problem_alone(scene: Scene | Block, *, conditions: Conditions | None, **settings: Any) -> Problem:
     """Return the problem of a block without a pendulum; see `assess` for the arguments."""
-    # Without a bob there is no clearance to check, and without a design no motion has to be kept for
-    # validation.
+    # Without a bob there is no clearance to check.
     inputs: dict[str, Any] = settings | {"limits": (), "conditions": conditions}
-    if (
-        conditions is not None
-        and conditions.motions
-        and not isinstance(inputs.get("validation_share"), Mapping)
-    ):
-        inputs["validation_share"] = 0.0
+    # The groups of motions are those of `optimise`, which gives the same runs. A single earthquake cannot be
+    # divided.
+    motions = () if conditions is None else conditions.motions
+    if motions and len(set(events_of(motions))) == 1 and not isinstance(settings.get(_SHARE), Mapping):
+        inputs[_SHARE] = 0.0
     return problem_of(scene, **inputs)
 
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tpd.answers.motion_history import sliding
 from tpd.answers.paired import PairedRuns
 from tpd.answers.statistics import Interval
 from tpd.core.formatting import Printed
@@ -159,7 +160,9 @@ class Design(Printed):
     @cached_property
     def sliding(self) -> str:
         """Sentence on the friction that the base needs in the runs of the best design; empty without runs."""
-        return "" if self.runs is None or self.best is None else self.problem.sliding(self.best.pendulum)
+        if self.runs is None or self.best is None:
+            return ""
+        return sliding(self.scene, self.problem.stated_motions, self.best.pendulum)
 
     @property
     def turned(self) -> np.ndarray:

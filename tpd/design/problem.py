@@ -15,7 +15,6 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from tpd.answers.ensemble import Ensemble
-from tpd.answers.motion_history import sliding
 from tpd.answers.paired import PairedRuns
 from tpd.answers.runs import Runs
 from tpd.core import checks
@@ -315,11 +314,6 @@ class Problem(ABC):
     @abstractmethod
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """Return the motions in which the rod of a design rotates most relative to the block, at most 24."""
-
-    def sliding(self, pendulum: Pendulum | None) -> str:
-        """Return a sentence on the friction that the base needs under all stated motions from rest, without a
-        pendulum and, if there is one, with it."""
-        return sliding(self.scene, self.stated_motions, pendulum)
 
     def value_of(self, runs: Runs) -> float:
         """Return the risk measure of the severities of all runs that have a result; NaN if there are none."""
