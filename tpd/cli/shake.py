@@ -53,7 +53,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     strong = STRONG * float(scene.block.slenderness) * float(scene.rate)
     tables = (_table(name, pair, histories[name], strong) for name, pair in motions.items())
     needed = {name: history.needed_friction for name, history in histories.items()}
-    sentences = sliding_in_runs(needed, scene.block.base_friction), _difference(motions)
+    tilts = (float(motions[x][0].tilt) if x in motions else math.nan for x in (WITHOUT, WITH))
+    sentences = sliding_in_runs(needed, scene.block.base_friction), difference(*tilts)
     closing = (line for text in sentences for line in wrapped(text))
     print_answer(*(line for table in tables for line in ("", *table)), "", *closing)
     results: dict[str, Any] = {}
@@ -123,15 +124,16 @@ def _table(name: str, pair: tuple[Transient, ...], history: MotionHistory, stron
         yield "  The two sets of equations differ on overturning. The nonlinear equations decide."
 
 
-def _difference(motions: dict[str, tuple[Transient, Transient]]) -> str:
-    """Return a sentence that compares the largest tilts with and without the pendulum; empty without one."""
-    # The tilt is infinite if the block overturns, zero if it does not lift, and NaN without a solution.
-    without, pendulum = (float(motions[x][0].tilt) if x in motions else math.nan for x in (WITHOUT, WITH))
+def difference(without: float, pendulum: float) -> str:
+    """Return a sentence that compares the largest tilts without and with the pendulum; empty if one is NaN.
+
+    A tilt is infinite if the block overturns, and zero if it does not lift.
+    """
     if math.isnan(without + pendulum):
         return ""
     does = "overturns" if math.inf in (without, pendulum) else "lifts"
     if without == pendulum and without in (0.0, math.inf):
-        return f"The block {'overturns' if without else 'does not lift'} in both cases."
+        return f"The block {'overturns in both cases' if without else 'does not lift in either case'}."
     if without in (0.0, math.inf) or pendulum == math.inf:
         return f"The block {does} only {'without' if without > pendulum else 'with'} the pendulum."
     change = 100.0 * (pendulum / without - 1.0)
