@@ -157,9 +157,10 @@ def test_the_friction_of_a_block_that_overturns_is_that_until_it_topples():
     assert found.overturned
     stands = np.abs(found.tilt) <= 1.0 / 6.0
     assert np.nanmax(np.abs(found.tilt)) > 0.5
-    assert np.all(stands[: np.flatnonzero(stands)[-1]])
+    # The block may exceed the toppling angle and return.
+    until = np.flatnonzero(stands)[-1] + 1
     forces = np.abs(found.horizontal / found.vertical)
-    assert found.needed_friction == pytest.approx(np.max(forces[stands]), rel=1e-12)
+    assert found.needed_friction == pytest.approx(np.max(forces[:until]), rel=1e-12)
     assert found.needed_friction < np.nanmax(forces)
     # A block that begins beyond its toppling angle never stands.
     beyond = motion_history(

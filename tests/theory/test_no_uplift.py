@@ -77,7 +77,7 @@ def test_numbers_that_are_compared_are_told_apart():
         == "at 0.3054 g, BEFORE IT LIFTS: a coefficient of friction of 0.3055 is needed"
     )
     assert found.lifting_in_words == (
-        "at 0.3056 g; the excitation reaches 0.3055 g, 0.9997 times as much: the block does not lift"
+        "at 0.306 g; the excitation reaches 0.305 g, 0.9997 times as much: the block does not lift"
     )
     assert "0.3056 is needed, the base has 0.3057" in AtRest.of(0.3056, 0.0, 0.4, 0.3057).sliding_in_words
 

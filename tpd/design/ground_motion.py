@@ -256,7 +256,9 @@ class GroundMotionProblem(Problem):
     def levels(self) -> dict[str, np.ndarray]:
         """See `Problem.levels`."""
         scales, motions = self._scales, sum(len(g.motions) for g in self.groups)
-        names = (f"{x:g} ({MEASURES[self.conditions.intensity]})" for x in scales)
+        # The description may end with a remark behind a semicolon.
+        measure = MEASURES[self.conditions.intensity].partition(";")[0]
+        names = (f"{x:g} ({measure})" for x in scales)
         return {name: np.tile(np.eye(len(scales), dtype=bool)[i], motions) for i, name in enumerate(names)}
 
     @property

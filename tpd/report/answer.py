@@ -55,11 +55,7 @@ def answer(
     runs, indent, has_table = design.runs, " " * _NAME, False
     for name, text in rows:
         # The table of results stands between the pendulum and the limits.
-        if (
-            runs is not None
-            and name in ("sliding", "level", "clearance", "runs", "reason", "limits")
-            and not has_table
-        ):
+        if runs is not None and name in ("clearance", "runs", "reason", "limits") and not has_table:
             has_table, table = True, words.comparison(runs)
             cells = [indent + line for line in aligned([table.head, *table.cells])]
             parts.append([*cells, *wrapped(table.caption, indent, indent)])
@@ -133,12 +129,6 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     # Without further conditions the design is for the motion of the scene only.
     yield "conditions", "; ".join(design.conditions.description) or "the motion above only"
     yield from _pendulum(design, details)
-    # A base that slides is one of the dangers, which come first.
-    if design.sliding and not design.sliding.startswith(SLIDES):
-        yield "sliding", design.sliding
-    if design.runs is not None:
-        for text in at_levels(design.problem, design.runs):
-            yield "level", text
     if design.runs is not None and design.best is not None and not math.isnan(design.best.over_limit):
         has_walls = limit_of(design.problem.limits, Clearance) is not None
         yield "clearance" if has_walls else "runs", _clearance(design, details)
@@ -149,6 +139,11 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         yield "alternative", str(alternatives(design.problem))
     if design.pendulum is not None:
         yield "limits", active_limits(design, details)
+    if design.runs is not None:
+        yield from (("level", text) for text in at_levels(design.problem, design.runs))
+    # A base that slides is one of the dangers, which come first.
+    if design.sliding and not design.sliding.startswith(SLIDES):
+        yield "sliding", design.sliding
     if details.losses:
         cases = [f"{words.energy_loss(c.name)} {words.percent(c.runs.benefit.mean)}" for c in details.losses]
         # The linear equations can give another benefit than the nonlinear ones, so that the benefit with the
@@ -171,7 +166,7 @@ def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
         cases = [case.of(rows & counted) for case in (runs.with_pendulum, runs.without_pendulum)]
         count = cases[0].tilt.size
         pendulum, without = (words.share(case.share_overturned) for case in cases)
-        yield f"at {name}, {count} runs: {pendulum} overturn with the pendulum, {without} without it"
+        yield f"{count} run{'s' * (count != 1)} at {name}: {pendulum} overturn with the pendulum, {without} without it"
 
 
 def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:
