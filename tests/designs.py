@@ -142,6 +142,10 @@ class NoisyProblem(Problem):
             labels=("all",),
         )
 
+    @property
+    def stated_motions(self):
+        return []
+
     def strongest_motions(self, design):
         return []
 

@@ -167,3 +167,22 @@ def test_a_fall_after_the_free_motion_leaves_the_last_row_known():
         # The last row goes on as those before it.
         onward = 3.0 * (found.tilt[-2] - found.tilt[-3]) + found.tilt[-4]
         assert found.tilt[-1] == pytest.approx(onward, abs=1e-4)
+
+
+@pytest.mark.mends("the friction of a block that overturns was that of its fall, up to a right angle")
+def test_the_friction_of_a_block_that_overturns_is_that_until_it_topples():
+    scene = dataclasses.replace(SINE, motion=SINE.motion.scaled(3.0))
+    found = motion_history(scene, free=5.0)
+    assert found.overturned
+    stands = np.abs(found.tilt) <= 1.0 / 6.0
+    assert np.nanmax(np.abs(found.tilt)) > 0.5
+    # The block may exceed the toppling angle and return.
+    until = np.flatnonzero(stands)[-1] + 1
+    forces = np.abs(found.horizontal / found.vertical)
+    assert found.needed_friction == pytest.approx(np.max(forces[:until]), rel=1e-12)
+    assert found.needed_friction < np.nanmax(forces)
+    # A block that begins beyond its toppling angle never stands.
+    beyond = motion_history(
+        dataclasses.replace(SINE, motion=SINE.motion.scaled(1e-3)), y0=[0.3, 0.0, 0.0, 0.0]
+    )
+    assert np.isnan(beyond.needed_friction)

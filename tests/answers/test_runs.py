@@ -1,5 +1,6 @@
 """Runs of a block under many motions: against single motions, and for any number of workers."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import tpd
 from tests.unanswered import unanswered
 from tpd.answers.runs import ANGLES, follow_runs, follow_scaled, rows_of
+from tpd.answers.statistics import Share
 from tpd.exact.runs import GroundForcing
 from tpd.exact.terms import MU
 from tpd.scene.status import names_of
@@ -85,3 +87,20 @@ def test_a_run_without_an_answer_has_no_results_and_has_not_overturned(monkeypat
 def test_bad_input_is_one_sentence(factors, free, said):
     with pytest.raises(ValueError, match=said):
         follow_scaled(STATUE, (None,), MOTIONS, factors, free=free)
+
+
+@pytest.mark.mends("the share of ground motions that overturn a block had an interval over runs")
+def test_the_interval_of_a_share_counts_earthquakes():
+    table = follow_scaled(STATUE, (None,), MOTIONS, FACTORS, free=5.0).reshape(6)
+    share = table.share_overturned
+    assert 0.0 < share.value < 1.0
+    grouped = dataclasses.replace(table, cluster=np.repeat([4, 7], 3))
+    assert grouped.share_overturned == Share.of(table.is_overturned, grouped.cluster)
+    assert grouped.share_overturned.value == share.value
+    assert grouped.share_overturned.low < share.low
+    assert grouped.share_overturned.high > share.high
+    some = grouped.of(np.array([True, False, True, False, False, True]))
+    assert some.cluster.tolist() == [4, 4, 7]
+    assert some.tilt.tolist() == table.tilt[[0, 2, 5]].tolist()
+    assert grouped.columns()["cluster"].tolist() == [4] * 3 + [7] * 3
+    assert "cluster" not in table.columns()

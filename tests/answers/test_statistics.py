@@ -373,3 +373,18 @@ def test_the_interval_covers_and_takes_a_motion_as_one():
     assert 0.90 < inside / 200 < 0.985
     # The deviation of the mean of 40 logarithms.
     assert np.median(width) == pytest.approx(2 * 1.959964 * 0.5 / math.sqrt(40), rel=0.15)
+
+
+@pytest.mark.mends("two records of an earthquake counted as two observations in the interval of a share")
+def test_a_share_over_clusters_has_the_interval_of_as_many_observations():
+    hits = np.array([True, True, False, False, True, False])
+    found = Share.of(hits, np.array([0, 0, 1, 1, 2, 2]))
+    expected = binomtest(0, 3).proportion_ci(method="wilson")
+    assert Share.of(np.zeros(6, bool), np.repeat(range(3), 2))[1:] == pytest.approx(
+        tuple(expected), abs=1e-12
+    )
+    assert found.value == 0.5
+    # Equal entries within each cluster: the interval is that of the clusters alone.
+    assert Share.of(np.repeat([True, False], 4), np.repeat(range(4), 2)) == Share.of(
+        np.array([1, 1, 0, 0]) == 1
+    )

@@ -1,6 +1,7 @@
 """`tpd shake`: results of both sets of equations, files and exit status."""
 
 import io
+import math
 
 import matplotlib
 import numpy as np
@@ -133,3 +134,33 @@ def test_a_block_that_stands_has_no_empty_cell_and_no_mark(tmp_path, monkeypatch
         rows = done.rows("histories.csv")
         assert all(np.isfinite(float(row[name])) for row in rows for name in row if name != "case")
         assert not [text for ax in drawn[-1] for text in ax.texts if text.get_text() == "overturns"]
+
+
+@pytest.mark.mends("the coefficient that a motion needs was not compared with that of the base")
+def test_the_friction_of_the_motion_is_compared_with_that_of_the_base(run):
+    block = "--width 0.55 --height 1.8 --mass 700 --base-friction 0.32 --record el-centro --pga 0.45 --free 1"
+    said = " ".join(run("shake", block, "--mass-ratio 0.05 --pendulum-length 0.5").out.split())
+    assert (
+        "SLIDES WHILE IT ROCKS: the base needs a coefficient of friction of 0.3403 without a pendulum" in said
+    )
+    assert "topples at 0.2965 rad (17°)" in said
+
+
+@pytest.mark.mends("`tpd shake` left the comparison of both cases to the reader")
+@pytest.mark.parametrize(
+    ("tilts", "sentence"),
+    [
+        ((0.1, 0.12), "With the pendulum the largest tilt is 20 % larger (nonlinear equations)."),
+        ((0.1, 0.01), "With the pendulum the largest tilt is 90 % smaller (nonlinear equations)."),
+        ((math.inf, math.inf), "The block overturns in both cases."),
+        ((math.inf, 0.1), "The block overturns only without the pendulum."),
+        ((0.1, math.inf), "The block overturns only with the pendulum."),
+        ((0.0, math.inf), "The block overturns only with the pendulum."),
+        ((0.0, 0.0), "The block does not lift in either case."),
+        ((0.0, 0.1), "The block lifts only with the pendulum."),
+        ((0.1, 0.0), "With the pendulum the largest tilt is 100 % smaller (nonlinear equations)."),
+        ((math.nan, 0.1), ""),
+    ],
+)
+def test_the_last_sentence_compares_both_cases(tilts, sentence):
+    assert shake.difference(*tilts) == sentence

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tpd.core import formatting
-from tpd.core.formatting import Printed, Tabular, counted, meant, number, span
+from tpd.core.formatting import Printed, Tabular, apart, counted, meant, number, span
 
 
 @pytest.mark.parametrize(
@@ -19,6 +19,21 @@ from tpd.core.formatting import Printed, Tabular, counted, meant, number, span
 )
 def test_numbers(x, text):
     assert number(x) == text
+
+
+@pytest.mark.mends("0.33 was needed where 0.33 was there")
+@pytest.mark.parametrize(
+    ("value", "limit", "texts"),
+    [
+        (0.3403, 0.32, ("0.34", "0.32")),
+        (0.334, 0.3299, ("0.334", "0.33")),
+        (0.999999, 1.0, ("0.999999", "1")),
+        (0.25, 0.25, ("0.25", "0.25")),
+        (0.3403, math.inf, ("0.34", "infinite")),
+    ],
+)
+def test_a_value_and_its_limit_have_the_digits_that_decide(value, limit, texts):
+    assert apart(value, limit) == texts
 
 
 def test_words():

@@ -238,7 +238,7 @@ def test_more_overturning_from_rest_by_the_exact_solution_is_a_reason():
 
 def test_runs_that_decide_and_runs_that_are_quoted_are_disjoint():
     problem = NoisyProblem.of()
-    found = [validate(problem, DESIGN, attempt) for attempt in range(3)]
+    found = [validate(problem, DESIGN, attempt, attempt) for attempt in range(3)]
     seeds = [seed for _, seed in problem.asked]
     assert all(v.reasons == () and v.runs is v.quoted for v in found)
     assert len(set(seeds)) == len(seeds) == 6

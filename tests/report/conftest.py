@@ -15,20 +15,20 @@ LITTLE = Reason(kind=ReasonKind.too_little_benefit, value=-0.02, reference=0.1, 
 
 
 @functools.cache
-def harmonic(at_least: float = 0.1) -> Design:
+def harmonic(at_least: float = 0.1, measure: str | None = None) -> Design:
     """A pendulum that is recommended for the paper's block, or rejected for less than a share of benefit."""
     return tpd.optimise(
         SCENE,
         limits=tpd.limits.POINT_BOB,
         method=tpd.Descent(searches=2, screening=32, steps=4, finish=1),
-        ensemble=tpd.Ensemble(size=64),
-        requirements=tpd.limits.Requirements(at_least=at_least),
+        ensemble=tpd.Ensemble(size=128),
+        requirements=tpd.limits.Requirements(at_least=at_least, measure=measure),
     )
 
 
 def rejected() -> Design:
     """A search of which every design that was validated has too little benefit."""
-    return harmonic(0.9)
+    return harmonic(0.9, "tilt")
 
 
 @functools.cache

@@ -11,9 +11,9 @@ from tests.designs import paired
 from tests.report.conftest import DESIGNS, LITTLE, STRIKES, against, details, ground, harmonic, rejected
 from tpd.design.as_built import Details, build_of
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind
-from tpd.report.answer import MOST, answer, verdict
+from tpd.report.answer import MOST, answer, at_levels, dangers, pairs, verdict
 from tpd.report.blocks import Severity
-from tpd.report.words import comparison, percent, reduction
+from tpd.report.words import comparison, percent, reduction, share
 
 MANY = tuple(
     replace(LITTLE, kind=ReasonKind.breaks_limit, limit="-".join([f"limit {i}"] * 12)) for i in range(40)
@@ -40,7 +40,7 @@ def test_the_answer_has_at_most_24_lines_and_ends_with_the_report(kind):
     cut = flat("\n".join(said)).split(" (more in the report) ")
     assert all(part in whole for part in cut)
     assert len(cut) == 1 or re.match(
-        r"(with pendulum|reason|alternative|clearance|runs|limits|losses|nearby) ",
+        r"(with pendulum|reason|alternative|clearance|runs|limits|level|sliding|losses|nearby) ",
         whole[len(cut[0]) + 1 :],
     )
     assert not re.search(r"[+-]0(\.0+)?[ %)]|nan|inf\b", whole.replace("+0.0", ""))
@@ -131,7 +131,8 @@ def test_the_table_is_of_one_set_of_runs_and_agrees_with_the_verdict():
 
 
 def test_the_pendulum_is_the_one_that_is_built():
-    design = harmonic()
+    near = np.asarray(harmonic().nearest)
+    design = replace(harmonic(), equivalent=np.stack([0.8 * near, 1.2 * near]))
     build, said = build_of(design), flat(answer(design, details(), most=1000))
     assert f"pendulum equivalent point mass {design.pendulum.mass:.2g} kg on a rod of" in said
     assert f"bob {build.mass:.3g} kg as built: a solid ball of steel, {build.bob_width:.3g} m wide" in said
@@ -181,3 +182,29 @@ def test_questions_that_are_left_open_have_their_commands():
     assert "contact and sliding (run `tpd check tpd-design --engine mujoco`)" in said
     for design in (rejected(), ground()):
         assert "not checked" not in answer(design, Details(), Path("tpd-design"))
+
+
+@pytest.mark.mends("the answer pooled all levels of ground motions")
+def test_the_answer_has_a_row_for_each_level_and_for_the_friction_of_the_runs():
+    design = ground()
+    said = flat(answer(design, Details(), most=1000))
+    assert design.runs.counted is not None
+    for i, scale in enumerate((2, 3)):
+        rows = np.flatnonzero(design.runs.counted)[i::2]
+        cases = (design.runs.with_pendulum.of(rows), design.runs.without_pendulum.of(rows))
+        pendulum, without = (share(case.share_overturned) for case in cases)
+        level = f"level 1 run at {scale} (PGA over g tan(alpha)): "
+        assert f"{level}{pendulum} overturn with the pendulum, {without} without it" in said
+    assert f"sliding {design.sliding}" in said
+    assert "While the block rocks from rest, the base needs a coefficient of friction of" in design.sliding
+    assert not [*at_levels(harmonic().problem, harmonic().runs)]
+
+
+@pytest.mark.mends("`tpd optimise` did not compare the friction that its runs need with that of the base")
+def test_a_base_that_slides_in_the_runs_is_a_danger():
+    design = harmonic()
+    block = replace(design.scene.block, base_friction=0.31)
+    slides = replace(design, problem=replace(design.problem, scene=replace(design.scene, block=block)))
+    assert slides.sliding.startswith("SLIDES WHILE IT ROCKS: the base needs a coefficient of friction of ")
+    assert slides.sliding in [n.text for n in dangers(slides, Details())]
+    assert "sliding" not in [name for name, _ in pairs(slides, Details())]

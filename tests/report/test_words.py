@@ -36,7 +36,7 @@ def test_changes_of_the_papers_scene_are_named_and_another_size_is_another_block
 def test_lines_have_block_motion_and_losses_in_si_units():
     block, motion, losses = words.scene_lines(COLUMN)
     assert "1 m wide, 6 m high, 9000 kg, radius of gyration 1.75 m, no cavity stated; slender" in block
-    assert "topples at 0.1667 rad (9.55°)" in block
+    assert "topples at 0.1651 rad (9.46°)" in block
     # 0.05 m (2 pi 0.5 Hz)^2 is 0.4935 m/s^2.
     assert motion == "  motion  0.05 m at 0.5 Hz, 0.05032 g"
     assert losses == "  losses  impacts e = 0.9"
@@ -53,7 +53,8 @@ def test_the_threshold_of_uplift_is_that_of_the_closed_form():
         scene = tpd.Scene(PAPER.block, tpd.Harmonic(amplitude=amplitude, frequency=2.5))
         assert bool(tpd.theory.uplift(scene.parameters()).margin < 0.0) is lifts
         said, _ = str(AtRest.under(scene)).splitlines()
-        assert said.startswith("  lifts   at 0.3 g; the excitation reaches 0.3 g, ")
+        peak = "0.3003" if lifts else "0.2997"
+        assert said.startswith(f"  lifts   at 0.3 g; the excitation reaches {peak} g, ")
         assert said.endswith(": the block lifts" if lifts else ": the block does not lift")
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from tests.reference import NAMES, STILL, WITH, differences, exact, parameters
 from tpd.theory import uplift
-from tpd.theory.no_uplift import AtRest
+from tpd.theory.no_uplift import AtRest, sliding_in_runs
 
 UPLIFT = jax.jit(lambda x: uplift(parameters(x)))
 SLOPES = {
@@ -67,3 +67,29 @@ def test_the_condition_that_comes_nearest_to_lifting_the_block_decides():
     assert (calm.needed_friction, calm.slides) == (pytest.approx(0.1), False)
     assert not AtRest.of(0.2, 0.05, 0.4).slides
     assert AtRest.of(0.2, 0.05, 0.0).margin == np.inf
+
+
+@pytest.mark.mends("a coefficient of 0.31 was needed where the base has 0.31, and it slid")
+def test_numbers_that_are_compared_are_told_apart():
+    found = AtRest.of(0.3056, 0.0, 0.3055, base_friction=0.3054)
+    assert (
+        found.sliding_in_words
+        == "at 0.3054 g, BEFORE IT LIFTS: a coefficient of friction of 0.3055 is needed"
+    )
+    assert found.lifting_in_words == (
+        "at 0.306 g; the excitation reaches 0.305 g, 0.9997 times as much: the block does not lift"
+    )
+    assert "0.3056 is needed, the base has 0.3057" in AtRest.of(0.3056, 0.0, 0.4, 0.3057).sliding_in_words
+
+
+def test_the_friction_of_the_runs_is_compared_with_that_of_the_base():
+    needed = {"without a pendulum": 0.34033, "with the pendulum": 0.335}
+    both = "the base needs a coefficient of friction of 0.3403 without a pendulum and 0.335 with the pendulum"
+    assert sliding_in_runs(needed, None) == f"While the block rocks from rest, {both} (linear equations)."
+    assert sliding_in_runs(needed, 0.4).endswith(f"{both}, and has 0.4 (linear equations).")
+    # One of both cases is sufficient.
+    slides = f"SLIDES WHILE IT ROCKS: {both}, but has 0.336. The equations have no sliding."
+    assert sliding_in_runs(needed, 0.336) == slides
+    assert "0.34033 without a pendulum, but has 0.3403." in sliding_in_runs(
+        {"without a pendulum": 0.34033}, 0.3403
+    )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,9 +12,10 @@ from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.exact.terms import SHAKEN, SLIP
 from tpd.exact.trajectories import history
-from tpd.scene.ground_motion import LONGEST_FREE
+from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status
+from tpd.theory.no_uplift import sliding_in_runs
 
 STRONG = 0.01
 """Rate, divided by nu omega0, above which an impact counts as strong. Slower impacts belong to a rattling
@@ -51,6 +53,8 @@ class MotionHistory:
     bob: np.ndarray | None = None
     """Loads of the pendulum, shape (times, 4): horizontal and vertical force of the hinge on the bob (N),
     angular rate of the rod, and angular rate between rod and block (rad/s). None without a pendulum."""
+    toppling: float = np.inf
+    """Tilt (rad) at which the block topples according to the linear equations, the slenderness."""
 
     @property
     def overturned(self) -> bool:
@@ -86,8 +90,11 @@ class MotionHistory:
 
     @property
     def needed_friction(self) -> float:
-        """Smallest coefficient of friction of the base with which it does not slide."""
-        return float(np.nanmax(np.abs(self.horizontal) / np.maximum(self.vertical, 1e-300)))
+        """Smallest coefficient of friction of the base with which it does not slide, until the end of the
+        motion or until the block topples and does not return."""
+        until = np.flatnonzero(np.abs(self.tilt) <= self.toppling).max(initial=-1) + 1
+        needed = np.abs(self.horizontal[:until]) / np.maximum(self.vertical[:until], 1e-300)
+        return float(np.max(needed)) if until else np.nan
 
 
 def motion_history(
@@ -156,4 +163,20 @@ def motion_history(
         states["kind"] == SLIP,
         status,
         None if pendulum is None else np.stack([across, m * lifting, *rates], axis=1),
+        float(scene.block.slenderness),
     )
+
+
+def needed_friction(scene: Scene, motions: Sequence[GroundMotion], pendulum: Pendulum | None = None) -> float:
+    """Return the coefficient of friction that keeps the base of a block from sliding under motions from rest;
+    NaN without motions. See `MotionHistory.needed_friction`."""
+    histories = (motion_history(replace(scene, motion=motion), pendulum) for motion in motions)
+    return max((history.needed_friction for history in histories), default=np.nan)
+
+
+def sliding(scene: Scene, motions: Sequence[GroundMotion], pendulum: Pendulum | None = None) -> str:
+    """Return the sentence of `sliding_in_runs` for a block under motions from rest, without a pendulum and,
+    if there is one, with it."""
+    cases = {"without a pendulum": None} | ({} if pendulum is None else {"with the pendulum": pendulum})
+    needed = {name: needed_friction(scene, motions, case) for name, case in cases.items()}
+    return sliding_in_runs(needed, scene.block.base_friction)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -64,6 +64,7 @@ class Runs(Printed, Tabular):
         rod_angle, settled_rod_angle: largest and settled angle between rod and block.
         impacts: number of impacts.
         outcome: number of the status.
+        cluster: number of the earthquake.
     """
 
     equations: Terms
@@ -74,7 +75,6 @@ class Runs(Printed, Tabular):
     """Index of the condition, or of the ground motion, of each run."""
     ramp: np.ndarray
     """Duration (s, or units of tau) over which the excitation grows."""
-    """Seconds (or units of tau) over which the excitation grows."""
     nu: np.ndarray
     """Slenderness of the block in each run, including its scatter."""
     mu: np.ndarray
@@ -99,6 +99,8 @@ class Runs(Printed, Tabular):
     outcome: np.ndarray
     """Numbers of statuses, see `tpd.scene.status`. The status is not_settled if a run has not settled within
     its periods."""
+    cluster: np.ndarray | None = None
+    """Number of the earthquake of each run; None if all runs are independent."""
 
     @property
     def is_overturned(self) -> np.ndarray:
@@ -150,7 +152,8 @@ class Runs(Printed, Tabular):
         return self._share(is_one_of(self.outcome, *SETTLED))
 
     def _share(self, hits: np.ndarray) -> Share:
-        return Share.of(hits[~self.is_unanswered])
+        answered = ~self.is_unanswered
+        return Share.of(hits[answered], None if self.cluster is None else self.cluster[answered])
 
     def share_by_ramp(self) -> dict[float, Share]:
         """Return the share of overturned runs for each duration over which the excitation grows."""
@@ -182,15 +185,22 @@ class Runs(Printed, Tabular):
             self, **{name: np.where(self.is_unanswered, x, getattr(self, name)) for name, x in ends.items()}
         )
 
+    @property
+    def _arrays(self) -> dict[str, np.ndarray]:
+        # Equations and seed are common to all runs, and not every table has earthquakes.
+        return {name: x for name, x in vars(self).items() if isinstance(x, np.ndarray)}
+
     def reshape(self, *shape: int) -> Runs:
         """Return the runs as arrays of another shape."""
-        # Every field except equations and seed has an element for each run.
-        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("equations", "seed")}
-        return replace(self, **{name: x.reshape(shape) for name, x in arrays.items()})
+        return replace(self, **{name: x.reshape(shape) for name, x in self._arrays.items()})
+
+    def of(self, rows: np.ndarray) -> Runs:
+        """Return some of the runs, by their indices or by whether each belongs to them."""
+        return replace(self, **{name: x[rows] for name, x in self._arrays.items()})
 
     def columns(self) -> dict[str, Any]:
         """Columns of a table with a row for each run: its inputs, its results and the name of its outcome."""
-        table = {name: x.ravel() for name, x in vars(self).items() if name not in ("equations", "seed")}
+        table = {name: x.ravel() for name, x in self._arrays.items()}
         return table | {"outcome": names_of(table["outcome"])}
 
     def summary(self) -> dict[str, Any]:

@@ -49,15 +49,18 @@ class Share(NamedTuple):
     """Upper end of the interval."""
 
     @staticmethod
-    def of(hits: np.ndarray) -> Share:
+    def of(hits: np.ndarray, clusters: np.ndarray | None = None) -> Share:
         """Return the share of true entries in a vector.
 
-        Without entries the share is NaN and the interval is 0 to 1.
+        Without entries the share is NaN and the interval is 0 to 1. With `clusters`, see `change`, the
+        interval is that of as many observations as there are clusters, as if the entries of a cluster were
+        equal.
         """
         if not len(hits):
             return Share(math.nan, 0.0, 1.0)
         # Wilson's interval stays within 0 to 1, and has a positive width even if all runs are alike.
-        n, s, z = len(hits), float(np.mean(hits)), float(ndtri(0.5 * (1.0 + _LEVEL)))
+        n = len(hits if clusters is None else np.unique(clusters))
+        s, z = float(np.mean(hits)), float(ndtri(0.5 * (1.0 + _LEVEL)))
         middle = (s + z**2 / (2 * n)) / (1 + z**2 / n)
         half = z / (1 + z**2 / n) * math.sqrt(s * (1 - s) / n + z**2 / (4 * n**2))
         return Share(s, max(0.0, middle - half), min(1.0, middle + half))

@@ -19,9 +19,6 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     with Bar() as bar:
         assessment = assessed(problem, bar)
     # `print(assessment)` would repeat the accelerations of uplift and sliding, which the header has.
-    sentences = [assessment.verdict]
-    if assessment.runs is not None:
-        measures = assessment.alternatives
-        sentences.append(f"Each of these measures prevents uplift without a pendulum: {measures}.")
+    sentences = *assessment.verdict.splitlines(), assessment.measures
     print_answer("", *(line for text in sentences for line in wrapped(text)))
     return SOUND

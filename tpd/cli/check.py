@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from tpd.answers.compare_models import MODELS, QUICK, check
+from tpd.answers.motion_history import sliding
 from tpd.cli import common
 from tpd.cli.interrupts import SOUND, UNSOUND, print_answer
 from tpd.core import checks
@@ -23,7 +24,7 @@ from tpd.engines import mujoco
 from tpd.report import answer, files, words
 from tpd.report.blocks import wrapped
 from tpd.scene.scene import Pendulum
-from tpd.theory.no_uplift import AtRest
+from tpd.theory.no_uplift import SLIDES, AtRest
 
 _OVERTURNED = (
     "THE BLOCK OVERTURNS from rest under the stated motion by a model of this table. This is one motion. The "
@@ -102,6 +103,9 @@ def _check_by_models(
     sentences = _ratios_outside(validation, problem.space)
     runs = validation.runs
     if runs is not None:
+        sentences.append(sliding(problem.scene, problem.stated_motions, pendulum))
+        # Sliding comes first, because the runs do not describe a base that slides.
+        sentences.sort(key=lambda text: not text.startswith(SLIDES))
         sentences += [
             f"{runs.description}: {words.reduction(runs, validation.measure)}.",
             f"The pendulum exceeds a limit in {100 * validation.over_limit:.1f} % of the runs in which the "
@@ -112,6 +116,7 @@ def _check_by_models(
         # Ground motions have groups: those of the search, and those that were kept for validation.
         if runs.cluster is not None:
             sentences += [words.group(part) for part in runs.parts]
+            sentences += [f"  {text}" for text in answer.at_levels(problem, runs)]
     # Without a reason against the pendulum, the amount of evidence decides: there may be too few earthquakes.
     status = validation.status if validation.reasons else problem.evidence
     verdict = answer.verdict_lines(status, validation.refusals)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.fragility import Fragility, fragility
+from tpd.answers.motion_history import sliding
 from tpd.answers.runs import CASE_KEYS
 from tpd.cli import common, outputs
 from tpd.cli.interrupts import SOUND, print_answer
@@ -19,6 +20,7 @@ from tpd.core.progress import Bar
 from tpd.design.job import Job
 from tpd.records.intensity import intensity_of
 from tpd.records.read import in_words
+from tpd.report.blocks import wrapped
 from tpd.scene.scene import Pendulum
 from tpd.theory.no_uplift import AtRest
 
@@ -28,11 +30,10 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     job, pendulum = case
     scene, motions, scales = job.scene, job.ground_motions, job.full["motion"]["scales"]
     intensities = np.linspace(0.5, 8.0, 20) if scales is None else np.array(scales)
-    # The header compares the strongest motion with the acceleration that lifts the block. The intensities
-    # increase, so that this motion has the last one.
+    # The header compares the strongest motion with the acceleration that lifts the block.
     measure = intensity_of(job.intensity, scene.block, float(scene.gravity), options.period)
-    factors = [intensities[-1] / measure.value(m) for m in motions]
-    strongest = max(factor * float(m.pga) for factor, m in zip(factors, motions, strict=True))
+    scaled = [m.scaled(x / measure.value(m)) for m in motions for x in intensities]
+    strongest = max(float(m.pga) for m in scaled)
     block = scene.block
     # `AtRest.under` would use the motion of the scene, which is not scaled.
     at_rest = AtRest.of(block.slenderness, block.friction, strongest / scene.gravity, block.base_friction)
@@ -49,7 +50,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
             cluster=cluster,
             progress=lambda done, total: bar("ground motions", done, total),
         )
-    print_answer("", str(curves))
+    friction = wrapped(sliding(scene, scaled, pendulum))
+    print_answer("", str(curves), *friction)
     # There is one picture for each damage state. It is drawn when `outputs.write` calls the function.
     pictures = {
         f"fragility_{name}.png": partial(outputs.plot, curves, name) for name in curves.without_pendulum

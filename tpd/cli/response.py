@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from tpd.answers.motion_history import sliding
 from tpd.answers.response import (
     BAND,
     Branches,
@@ -24,8 +25,10 @@ from tpd.cli.common import WITHOUT
 from tpd.cli.interrupts import SOUND, print_answer
 from tpd.core import checks, files
 from tpd.core.progress import Bar
+from tpd.report.blocks import wrapped
 from tpd.report.files import response_csv
 from tpd.report.words import overturned_between
+from tpd.scene.conditions import train_of
 from tpd.scene.scene import Scene
 from tpd.theory.no_uplift import AtRest
 
@@ -63,7 +66,10 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         first, last = np.clip(ends, low, high)
         if first < last:
             lines.append(overturned_between(tuple(settled.values()), first, last))
-    if not settled:
+    if settled:
+        trains = [train_of(scene.motion, frequency=float(x)) for x in values / own]
+        lines += wrapped(sliding(scene, trains, pendulum))
+    else:
         lines.append(outputs.PERIODIC_ONLY.format("--from-rest N"))
     print_answer("", *lines)
     content = {

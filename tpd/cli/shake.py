@@ -12,13 +12,15 @@ import numpy as np
 from tpd.answers.motion_history import STRONG, MotionHistory, motion_history
 from tpd.answers.transient import Transient, transient
 from tpd.cli import common, outputs
+from tpd.cli.common import WITH, WITHOUT
 from tpd.cli.interrupts import SOUND, UNSOUND, print_answer
 from tpd.core import files
 from tpd.core.formatting import number
 from tpd.design.as_built import TimeHistory
 from tpd.models.compiled import Nonlinear
+from tpd.report.blocks import wrapped
 from tpd.scene.status import STANDING, UNANSWERED, Status, is_one_of, status_name
-from tpd.theory.no_uplift import AtRest
+from tpd.theory.no_uplift import AtRest, sliding_in_runs
 
 _QUANTITIES = {
     "tilt": "largest tilt of the block, rad",
@@ -50,13 +52,17 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     # A block that comes to rest makes very many weak impacts. Only those above this rate (rad/s) are counted.
     strong = STRONG * float(scene.block.slenderness) * float(scene.rate)
     tables = (_table(name, pair, histories[name], strong) for name, pair in motions.items())
-    print_answer(*(line for table in tables for line in ("", *table)))
+    needed = {name: history.needed_friction for name, history in histories.items()}
+    tilts = (float(motions[x][0].tilt) if x in motions else math.nan for x in (WITHOUT, WITH))
+    sentences = sliding_in_runs(needed, scene.block.base_friction), difference(*tilts)
+    closing = (line for text in sentences for line in wrapped(text))
+    print_answer(*(line for table in tables for line in ("", *table)), "", *closing)
     results: dict[str, Any] = {}
     for name, (nonlinear, linear) in motions.items():
         counts = {
             "impacts": histories[name].impacts_above(strong),
             "impacts_faster_than_rad_s": strong,
-            "needed_friction": histories[name].needed_friction,
+            "needed_friction": needed[name],
         }
         results[name] = {**_numbers(nonlinear), "equations": "nonlinear", "linear": _numbers(linear) | counts}
     content = files.as_json({**common.json_inputs(scene, pendulum, job), "results": results})
@@ -112,6 +118,23 @@ def _table(name: str, pair: tuple[Transient, ...], history: MotionHistory, stron
             yield f"  The {which} equations have no solution: {Status[motion.status]}"
     if pair[0].status != pair[1].status and any(x.status == Status.overturned for x in pair):
         yield "  The two sets of equations differ on overturning. The nonlinear equations decide."
+
+
+def difference(without: float, pendulum: float) -> str:
+    """Return a sentence that compares the largest tilts without and with the pendulum; empty if one is NaN.
+
+    A tilt is infinite if the block overturns, and zero if it does not lift.
+    """
+    if math.isnan(without + pendulum):
+        return ""
+    does = "overturns" if math.inf in (without, pendulum) else "lifts"
+    if without == pendulum and without in (0.0, math.inf):
+        return f"The block {'overturns in both cases' if without else 'does not lift in either case'}."
+    if without in (0.0, math.inf) or pendulum == math.inf:
+        return f"The block {does} only {'without' if without > pendulum else 'with'} the pendulum."
+    change = 100.0 * (pendulum / without - 1.0)
+    size = f"{number(abs(change), 2)} % {'larger' if change > 0.0 else 'smaller'}"
+    return f"With the pendulum the largest tilt is {size} (nonlinear equations)."
 
 
 def _films(histories: dict[str, MotionHistory]) -> dict[str, TimeHistory]:

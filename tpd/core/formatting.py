@@ -31,6 +31,16 @@ def number(x: float, digits: int = 4) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
+def apart(value: float, limit: float, digits: int = 2) -> tuple[str, str]:
+    """Format a value and the limit that it is compared with, with as many digits as tell them from each
+    other, at least `digits`."""
+    for more in range(digits, 17):
+        pair = number(value, more), number(limit, more)
+        if pair[0] != pair[1]:
+            break
+    return pair
+
+
 class Printed:
     """Base class of results that print themselves. A subclass defines `__str__`, a few lines with units.
 

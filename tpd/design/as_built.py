@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tpd.answers.motion_history import motion_history
+from tpd.answers.motion_history import motion_history, needed_friction
 from tpd.answers.paired import PairedRuns
 from tpd.answers.response import BAND, Response, frequencies, settled_response
 from tpd.answers.statistics import Interval
@@ -81,8 +81,8 @@ class Loads(NamedTuple):
     rate: float
     """Angular rate between rod and block, rad/s."""
     friction: float
-    """Horizontal over vertical force at the base. The base slides if the coefficient of friction is smaller.
-    NaN if the block stands in no motion."""
+    """Horizontal over vertical force at the base, over all motions of the job until the block topples. The
+    base slides if the coefficient of friction is smaller."""
     motions: int
     """Number of motions in which the block stands, out of those that were simulated."""
 
@@ -361,6 +361,7 @@ def build_of(design: Design) -> Build | None:
     angle = float(largest(design.turned)) if design.turned.size else min(design.swing, 0.5 * math.pi)
     motions = problem.strongest_motions(problem.ratios(pendulum))
     loads = loads_of([Scene(block, m, g) for m in motions], pendulum) or free_swing(pendulum, angle, g)
+    friction = needed_friction(scene, problem.stated_motions, pendulum)
     # Rod and hinge carry the whole body. The part that does not swing is assumed to pull like the rest.
     up = body * (1.0 + rod_share) / mass if math.isfinite(body) else 1.0
     # The condition of uplift is |B| f = (1 + mu) nu + k, see `tpd.theory.uplift`. For a very slow excitation
@@ -382,7 +383,7 @@ def build_of(design: Design) -> Build | None:
         damping=float(pendulum.hinge_damping(g)),
         rebound=math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)) if zeta < 1.0 else 0.0,
         weight=body * (1.0 + rod_share) * g,
-        loads=loads._replace(tension=loads.tension * up, hinge=loads.hinge * up),
+        loads=loads._replace(tension=loads.tension * up, hinge=loads.hinge * up, friction=friction),
         lifts=problem.lifts(pendulum),
         lifts_slow_fast=(capacity / (1.0 + 2.0 * mu), capacity),
         pull=pull_test(scene),

@@ -4,26 +4,38 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
-from tpd.answers.runs import Runs
+from tpd.answers.motion_history import sliding
+from tpd.answers.runs import Runs, follow_scaled
 from tpd.answers.statistics import Share
-from tpd.core.formatting import Printed, number
+from tpd.answers.transient import FREE
+from tpd.core.formatting import Printed, apart, number
 from tpd.core.progress import Progress, shown, unreported
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
-from tpd.records.intensity import spectral_acceleration
+from tpd.design.validate import run_seed
+from tpd.records.intensity import SPECTRAL_DAMPING, spectral_acceleration
 from tpd.scene.conditions import Conditions
+from tpd.scene.ground_motion import GroundMotion, events_of
 from tpd.scene.scene import Block, Scene
-from tpd.theory.no_uplift import AtRest
+from tpd.theory.equations import Terms
+from tpd.theory.no_uplift import SLIDES, AtRest
 
-_ISOLATION = np.geomspace(0.5, 8.0, 15)
-"""Periods (s) of a base isolation that are compared under ground motions."""
+_SHARE = "validation_share"
+"""Argument of `optimise` that divides the ground motions."""
+_PERIODS = 0.05, 8.0
+"""Shortest and longest period (s) of a base isolation under ground motions."""
+_STEP, _STEEPEST = 0.02, 20.0
+"""Smallest step between two periods, relative, and largest slope of the logarithm of a response spectrum over
+the logarithm of the period that the steps allow for. With 5 % damping the slope is at most 10 near a
+resonance."""
 
 
 class Alternatives(NamedTuple):
@@ -36,21 +48,42 @@ class Alternatives(NamedTuple):
     """Width of the base (m) with which the excitation does not lift the block: (f - k) times the height."""
     friction: float
     """Coefficient of friction with which the wider base does not slide: f."""
-    isolation: float
-    """Smallest period (s) of a base isolation that transmits less acceleration than lifts the block. Under a
-    harmonic of period T it is T sqrt(1 + f/(nu + k)), undamped. Under ground motions it is the period from
-    which on the response spectrum with 5 % damping stays below the uplift acceleration. NaN if 8 s is not
-    enough."""
+    periods: np.ndarray
+    """Smallest period (s) of a base isolation that transmits less acceleration than lifts the block, for each
+    motion at its strongest level. Under ground motions it is the period from which on the response spectrum
+    stays below the uplift acceleration; infinite if 8 s is not enough. Under a harmonic of period T it is
+    T sqrt(1 + f/(nu + k)), for the lowest frequency only."""
+    damping: float
+    """Damping ratio of the isolation: 0.05 under ground motions, 0 under a harmonic."""
+    acceleration: float
+    """Acceleration (m/s^2) that lifts the block."""
+
+    @property
+    def isolation(self) -> float:
+        """Largest of `periods`."""
+        return float(np.max(self.periods))
+
+    def displacement(self, period: float) -> float:
+        """Return the displacement (m) of the isolated block relative to the ground, which is the spectral
+        displacement at one of `periods`."""
+        return self.acceleration * (period / (2.0 * math.pi)) ** 2
+
+    def _isolation(self, period: float) -> str:
+        if not math.isfinite(period):
+            return f"more than {_PERIODS[1]:g} s"
+        return f"at least {_at_least(period)} s (displacement {_at_least(self.displacement(period))} m)"
 
     def __str__(self) -> str:
         force = f"{_at_least(self.tie / 1e3)} kN" if self.tie >= 1e3 else f"{_at_least(self.tie)} N"
-        tie = f"a tie at the top for at least {force}"
-        least = f"with a coefficient of friction of at least {_at_least(self.friction)}"
-        width = f"a base at least {_at_least(self.width)} m wide {least}"
-        if not math.isfinite(self.isolation):
-            return f"{tie}, or {width}; no base isolation of up to 8 s is enough (static estimates)"
-        period = f"a base isolation with a period of at least {_at_least(self.isolation)} s"
-        return f"{tie}, {width}, or {period} (static estimates)"
+        friction = f"with a coefficient of friction of at least {_at_least(self.friction)}"
+        damping = f"{100.0 * self.damping:g} % damping" if self.damping else "no damping"
+        isolation = f"a base isolation with {damping} and a period of {self._isolation(self.isolation)}"
+        if (n := len(self.periods)) > 1:
+            isolation += (
+                f" for all {n} motions, or {self._isolation(float(np.median(self.periods)))} for half"
+            )
+        width = f"a base at least {_at_least(self.width)} m wide {friction}"
+        return f"a tie at the top for at least {force}, {width}, or {isolation} (static estimates)"
 
 
 def _at_least(x: float) -> str:
@@ -62,24 +95,37 @@ def _at_least(x: float) -> str:
 
 def alternatives(problem: Problem) -> Alternatives:
     """Estimate what keeps the block of a problem on its base without a pendulum."""
-    block, alone, motions = problem.scene.block, problem.at_rest, problem.conditions.motions
-    lacking = max(alone.peak - alone.uplift, 0.0)
-    tie = 0.5 * float(block.mass * problem.scene.gravity) * lacking
-    if not motions:
-        lowest = float(problem.scene.motion.frequency * np.min(problem.conditions.column("frequency")))
-        isolation = math.sqrt(1.0 + alone.peak / alone.uplift) / lowest
+    block, alone, gravity = problem.scene.block, problem.at_rest, float(problem.scene.gravity)
+    lifts, damping = alone.uplift * gravity, SPECTRAL_DAMPING
+    if problem.levels:
+        # The levels of a motion follow each other, and the last one is the strongest.
+        strongest = problem.stated_motions[len(problem.levels) - 1 :: len(problem.levels)]
+        periods = np.array([isolation_period(motion, lifts) for motion in strongest])
     else:
-        # Each motion is divided by its own peak, so that the scale of a condition does not matter.
-        strongest = alone.peak * float(problem.scene.gravity)
-        passed = [
-            max(spectral_acceleration(m, t) / float(m.pga) for m in motions) * strongest for t in _ISOLATION
-        ]
-        # A spectrum may fall and rise again: the period must lie behind the last one above the threshold.
-        above = np.flatnonzero(np.array(passed) > alone.uplift * float(problem.scene.gravity))
-        first = above[-1] + 1 if len(above) else 0
-        isolation = float(_ISOLATION[first]) if first < len(_ISOLATION) else math.nan
+        lowest = float(problem.scene.motion.frequency * np.min(problem.conditions.column("frequency")))
+        periods, damping = np.array([math.sqrt(1.0 + alone.peak / alone.uplift) / lowest]), 0.0
+    tie = 0.5 * float(block.mass) * gravity * max(alone.peak - alone.uplift, 0.0)
     width = float(block.height) * (alone.peak - float(block.friction))
-    return Alternatives(tie, width, alone.peak, isolation)
+    return Alternatives(tie, width, alone.peak, periods, damping, lifts)
+
+
+def isolation_period(motion: GroundMotion, acceleration: float) -> float:
+    """Return the period (s) from which on the response spectrum of a motion stays below an acceleration
+    (m/s^2); infinite if it is above at 8 s, and 0 if it is below at all periods."""
+    shortest, period = _PERIODS
+
+    def excess(t: float) -> float:
+        return math.log(spectral_acceleration(motion, t) / acceleration)
+
+    if (above := excess(period)) > 0.0:
+        return math.inf
+    # A spectrum may fall and rise again, so that the search begins at the longest period. Far below the
+    # acceleration its steps may be longer.
+    while period > shortest:
+        longer, period = period, period / (1.0 + max(_STEP, -above / _STEEPEST))
+        if (above := excess(period)) > 0.0:
+            return float(brentq(excess, period, longer, xtol=1e-4))
+    return 0.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -88,8 +134,12 @@ class Assessment(Printed):
 
     problem: Problem
     """Block, excitation and conditions."""
+    stated: Runs | None
+    """Runs of the nonlinear equations of the stated block from rest, one under each excitation; None if no
+    excitation lifts the block."""
     runs: Runs | None
-    """Runs of the nonlinear equations without a pendulum; None if the excitation does not lift the block."""
+    """Validation runs of the nonlinear equations without a pendulum, in which the block varies; None if no
+    excitation lifts the block."""
 
     @property
     def at_rest(self) -> AtRest:
@@ -98,7 +148,7 @@ class Assessment(Printed):
 
     @property
     def overturned(self) -> Share | None:
-        """Share of the runs in which the block overturns; None if there are no runs."""
+        """Share of the validation runs in which the block overturns; None if there are no runs."""
         return None if self.runs is None else self.runs.share_overturned
 
     @property
@@ -108,36 +158,64 @@ class Assessment(Printed):
 
     @property
     def verdict(self) -> str:
-        """Sentence on whether the block stays at rest, slides, rocks or overturns."""
-        share = self.overturned
-        if self.runs is None or share is None:
+        """Lines on whether the block stays at rest, slides, rocks or overturns: the stated block first, then
+        the blocks that vary, at each level of the excitation."""
+        if self.runs is None or self.stated is None:
             return needless(self.problem)
-        count, tilt = int(np.sum(~self.runs.is_unanswered)), self.runs.severity
-        if count == 1 and share.value > 0.0:
-            return "OVERTURNS in the only run without a pendulum."
-        if share.value > 0.0:
-            interval = f"95 % interval {100 * share.low:.0f} to {100 * share.high:.0f} %"
-            return f"OVERTURNS in {100 * share.value:.1f} % of {count} runs without a pendulum ({interval})."
-        runs = "the only run" if count == 1 else f"any of {count} runs"
-        most = f"at most {100 * float(np.nanmax(tilt)):.0f} % of the tilt at which it topples"
-        return f"ROCKS, AND DOES NOT OVERTURN in {runs} without a pendulum: its tilt is {most}."
+        problem, levels = self.problem, self.problem.levels
+        scatter = f"with scatter ({problem.scatter_in_words(without_pendulum=True)})"
+        # Runs under a harmonic also have other initial states, and a gradual growth of the excitation.
+        varied = "Runs from rest" if levels else "Validation runs from any initial state"
+        cases, lines = {"Stated block from rest": self.stated, f"{varied} {scatter}": self.runs}, list[str]()
+        for name, runs in cases.items():
+            each = levels if len(levels) > 1 else {"": np.ones(runs.tilt.size, dtype=bool)}
+            # The conditions of a harmonic are no sample, so that their share has no interval.
+            is_sample = bool(levels) or runs is self.runs
+            lines += [
+                f"{name}{at and f' at {at}'}: {_outcome(runs.of(rows), is_sample)}."
+                for at, rows in each.items()
+            ]
+        lines.append(sliding(problem.scene, problem.stated_motions))
+        # If the base slides, the runs do not describe the block.
+        return "\n".join(sorted(lines, key=lambda line: not line.startswith(SLIDES)))
+
+    @property
+    def measures(self) -> str:
+        """Sentence with the alternatives to a pendulum; empty if the block needs none."""
+        if self.runs is None:
+            return ""
+        return f"Each of these measures prevents uplift without a pendulum: {self.alternatives}."
 
     def __str__(self) -> str:
-        lines = [str(self.at_rest), self.verdict]
-        if self.runs is not None:
-            lines.append(f"Any one of these prevents uplift without a pendulum: {self.alternatives}.")
-        return "\n".join(lines)
+        return "\n".join(filter(None, (str(self.at_rest), self.verdict, self.measures)))
+
+
+def _outcome(runs: Runs, is_sample: bool) -> str:
+    """Return a clause on whether a block without a pendulum overturns, rocks or stays on its base."""
+    share, count = runs.share_overturned, int(np.sum(~runs.is_unanswered))
+    every = "the only run" if count == 1 else f"any of {count} runs"
+    if share.value > 0.0:
+        of = every if count == 1 else f"{100.0 * share.value:.1f} % of {count} runs"
+        over = "" if runs.cluster is None else f" over {len(np.unique(runs.cluster))} earthquakes"
+        ends = f" (95 % interval{over} {100.0 * share.low:.0f} to {100.0 * share.high:.0f} %)"
+        return f"OVERTURNS in {of}{ends if is_sample and count > 1 else ''}"
+    if not runs.is_lifted.any():
+        return f"STAYS ON ITS BASE in {every}" if count else "no run has a result"
+    # The runs are nonlinear: the toppling angle is that of the geometry.
+    tilt = 100.0 * float(np.nanmax(runs.settled_tilt / np.arctan(runs.nu)))
+    most = "" if count == 1 else "at most "
+    return f"ROCKS, AND DOES NOT OVERTURN in {every}: its tilt is {most}{tilt:.0f} % of the toppling angle"
 
 
 def needless(problem: Problem) -> str:
     """Return the sentence about a block that does not rock under the excitation, with its margin."""
     status, alone = problem.needs_none, problem.at_rest
     if status is DesignStatus.slides:
-        at, uplift = number(alone.base_friction or 0.0, 2), number(alone.uplift, 2)
+        at, uplift = apart(alone.base_friction or 0.0, alone.uplift)
         return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
     # The margin belongs between the two sentences of the status.
     verdict, after_push = DesignStatus.no_uplift.value.split(". ", 1)
-    times = number(alone.margin, 2)
+    times = apart(alone.margin, 1.0)[0]
     return f"{verdict}, and an excitation that is {times} times as strong would lift it. {after_push}"
 
 
@@ -174,25 +252,32 @@ def assess(
 
 def problem_alone(scene: Scene | Block, *, conditions: Conditions | None, **settings: Any) -> Problem:
     """Return the problem of a block without a pendulum; see `assess` for the arguments."""
-    # Without a bob there is no clearance to check, and without a design no motion has to be kept for
-    # validation.
+    # Without a bob there is no clearance to check.
     inputs: dict[str, Any] = settings | {"limits": (), "conditions": conditions}
-    if (
-        conditions is not None
-        and conditions.motions
-        and not isinstance(inputs.get("validation_share"), Mapping)
-    ):
-        inputs["validation_share"] = 0.0
+    # The groups of motions are those of `optimise`, which gives the same runs. A single earthquake cannot be
+    # divided.
+    motions = () if conditions is None else conditions.motions
+    if motions and len(set(events_of(motions))) == 1 and not isinstance(settings.get(_SHARE), Mapping):
+        inputs[_SHARE] = 0.0
     return problem_of(scene, **inputs)
 
 
 def assessed(problem: Problem, progress: Progress = unreported) -> Assessment:
     """Simulate the block of a problem without a pendulum."""
     if problem.needs_none is not None:
-        return Assessment(problem=problem, runs=None)
-    seed, after = problem.run_seed(_STAGE), partial(progress, "runs without a pendulum")
-    return Assessment(problem=problem, runs=problem.runs_alone(seed, after))
-
-
-_STAGE = 21
-"""Number that distinguishes the seeds of an assessment from those of other stages, see `Problem.run_seed`."""
+        return Assessment(problem=problem, stated=None, runs=None)
+    # These seeds are those of the first validation runs that `optimise` and `check` quote.
+    seed = run_seed(problem, 0, int(problem.has_validation_runs))
+    motions = problem.stated_motions
+    stated = follow_scaled(
+        problem.scene.block,
+        [None],
+        motions,
+        np.ones((len(motions), 1)),
+        gravity=float(problem.scene.gravity),
+        free=FREE,
+        equations=Terms.nonlinear,
+        progress=partial(progress, "stated block"),
+    ).reshape(len(motions))
+    runs = problem.runs_alone(seed, partial(progress, "runs without a pendulum"))
+    return Assessment(problem=problem, stated=replace(stated, cluster=problem.earthquakes), runs=runs)

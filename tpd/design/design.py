@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tpd.answers.motion_history import sliding
 from tpd.answers.paired import PairedRuns
 from tpd.answers.statistics import Interval
 from tpd.core.formatting import Printed
@@ -155,6 +156,13 @@ class Design(Printed):
     def is_harmful(self) -> bool:
         """Whether, with the best design, the block overturns more often or the bob touches a wall."""
         return self.best is not None and self.best.is_harmful
+
+    @cached_property
+    def sliding(self) -> str:
+        """Sentence on the friction that the base needs in the runs of the best design; empty without runs."""
+        if self.runs is None or self.best is None:
+            return ""
+        return sliding(self.scene, self.problem.stated_motions, self.best.pendulum)
 
     @property
     def turned(self) -> np.ndarray:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -36,10 +36,10 @@ from tpd.design.reasons import DesignStatus
 from tpd.design.settings import DEFAULT_SPACE, SCATTERED, VALIDATION_SHARE, GroundSearch
 from tpd.exact.rows import row_of
 from tpd.exact.runs import GroundForcing
-from tpd.exact.terms import F
+from tpd.exact.terms import NU, F, K
 from tpd.records.intensity import intensity_of
 from tpd.records.read import BUILT_IN
-from tpd.scene.conditions import Conditions, latin_hypercube, under_all
+from tpd.scene.conditions import MEASURES, Conditions, latin_hypercube, under_all
 from tpd.scene.ground_motion import GroundMotion, Pulse, events_of
 from tpd.scene.parameters import Parameters, unchecked
 from tpd.scene.record import Record
@@ -215,9 +215,12 @@ class GroundMotionProblem(Problem):
     @property
     def at_rest(self) -> AtRest:
         """See `Problem.at_rest`."""
+        # The validation motions count as well. Conditions of the search with factors on other quantities than
+        # the amplitude are additional conditions.
+        cases = [self._stated, *([self.conditions] if len(self.conditions.factors) > 1 else [])]
         # The excitation of a condition is the peak of its motion times its factor.
-        q, rows = self._rows(_MASSLESS, self.scene, self.conditions)
-        return AtRest.of(q.nu, q.k, rows[:, F], self.scene.block.base_friction)
+        rows = np.concatenate([self._rows(_MASSLESS, self.scene, case)[1] for case in cases])
+        return AtRest.of(rows[:, NU], rows[:, K], rows[:, F], self.scene.block.base_friction)
 
     def candidates(self, progress: Progress) -> tuple[np.ndarray, None]:
         """See `Problem.candidates`: the candidates are spread over the design space."""
@@ -238,13 +241,45 @@ class GroundMotionProblem(Problem):
     def runs_alone(self, seed: int, progress: Any = None) -> Runs:
         """See `Problem.runs_alone`."""
         every, equations = self._every_motion(self.scatter, seed), Terms.nonlinear.value
-        return self._simulate(None, self.scene, every, equations, seed, progress)
+        runs = self._simulate(None, self.scene, every, equations, seed, progress)
+        return replace(runs, cluster=self.earthquakes)
+
+    @property
+    def _scales(self) -> list[float]:
+        return sorted(set(self.conditions.scales))
+
+    @cached_property
+    def _stated(self) -> Conditions:
+        return self._every_motion({}, 0)
+
+    @property
+    def levels(self) -> dict[str, np.ndarray]:
+        """See `Problem.levels`."""
+        scales, motions = self._scales, sum(len(g.motions) for g in self.groups)
+        # The description may end with a remark behind a semicolon.
+        measure = MEASURES[self.conditions.intensity].partition(";")[0]
+        names = (f"{x:g} ({measure})" for x in scales)
+        return {name: np.tile(np.eye(len(scales), dtype=bool)[i], motions) for i, name in enumerate(names)}
+
+    @property
+    def earthquakes(self) -> np.ndarray:
+        """See `Problem.earthquakes`."""
+        return np.repeat(np.concatenate([g.events for g in self.groups]), len(self._scales))
+
+    @property
+    def stated_motions(self) -> list[GroundMotion]:
+        """See `Problem.stated_motions`."""
+        return self._scaled(self._stated)
+
+    def _scaled(self, conditions: Conditions) -> list[GroundMotion]:
+        """Return the motion of every condition with its size."""
+        factors, which = motion_factors(self.scene, conditions), np.asarray(conditions.which)
+        return [conditions.motions[i].scaled(float(x)) for i, x in zip(which, factors, strict=True)]
 
     def _every_motion(self, scatter: Mapping[str, float], seed: int) -> Conditions:
         """Return every motion of every group at every scale, with blocks that vary."""
-        motions = [m for g in self.groups for m in g.motions]
-        scales, intensity = sorted(set(self.conditions.scales)), self.conditions.intensity
-        return Conditions.records(motions, scales, intensity=intensity, scatter=scatter, seed=seed)
+        motions, of = [m for g in self.groups for m in g.motions], self.conditions.intensity
+        return Conditions.records(motions, self._scales, intensity=of, scatter=scatter, seed=seed)
 
     def paired_runs(
         self, design: np.ndarray, seed: int, varied: Variation = STATED, progress: Progress = unreported
@@ -255,7 +290,6 @@ class GroundMotionProblem(Problem):
         The benefit counts only the motions that are kept for the validation, if there are any.
         """
         equations, scene, more = varied.equations, varied.scene or self.scene, varied.more
-        scales = sorted(set(self.conditions.scales))
         scatter = self.scatter
         if scene is not self.scene:
             # If the scene has another restitution, the restitution must not vary in addition.
@@ -266,9 +300,10 @@ class GroundMotionProblem(Problem):
         cases = []
         for name, pendulum in (("with the pendulum", design), ("without", None)):
             after = partial(progress, f"validation runs {name}")
-            cases.append(self._simulate(pendulum, scene, conditions, equations, seed, after))
+            runs = self._simulate(pendulum, scene, conditions, equations, seed, after)
+            cases.append(replace(runs, cluster=self.earthquakes))
         # Every motion of a group has one run per scale.
-        sizes = [len(g.motions) * len(scales) for g in self.groups]
+        sizes = [len(g.motions) * len(self._scales) for g in self.groups]
         is_validation = np.array([g.role is Role.validation for g in self.groups])
         group = np.repeat(np.arange(len(self.groups)), sizes)
         return PairedRuns(
@@ -276,7 +311,7 @@ class GroundMotionProblem(Problem):
             without_pendulum=cases[1],
             group=group,
             labels=tuple(g.name for g in self.groups),
-            cluster=np.repeat(np.concatenate([g.events for g in self.groups]), len(scales)),
+            cluster=self.earthquakes,
             counted=is_validation[group] if is_validation.any() else None,
             worse=self.requirements.worse,
         )
@@ -287,9 +322,8 @@ class GroundMotionProblem(Problem):
         # Overturning runs come last and are then left out, because their loads do not matter.
         order = np.argsort(-np.where(runs.stands, np.nan_to_num(runs.rod_angle), -1.0))
         strongest = [i for i in order if runs.stands[i]][:MOST_MOTIONS]
-        motions, which = self.conditions.motions, np.asarray(self.conditions.which)
-        factors = motion_factors(self.scene, self.conditions)
-        return [motions[int(which[i])].scaled(float(factors[i])) for i in strongest]
+        motions = self._scaled(self.conditions)
+        return [motions[i] for i in strongest]
 
     def _simulate(
         self,

@@ -39,8 +39,8 @@ from tpd.exact.rows import row_of
 from tpd.exact.runs import HarmonicForcing, follow
 from tpd.models.compiled import Piecewise
 from tpd.models.smoothed import Smoothed
-from tpd.scene.conditions import Conditions, latin_hypercube, under_all
-from tpd.scene.ground_motion import GroundMotion, Pulse
+from tpd.scene.conditions import Conditions, latin_hypercube, train_of, under_all
+from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import as_arrays
 from tpd.scene.scene import Harmonic, Pendulum, Scene
 from tpd.scene.status import Status, code_of, names_of
@@ -62,8 +62,6 @@ _SEARCHED = 64
 _PATHS, _SPREAD, _DRAWN = 16, 48, 1024
 """Number of candidates from the paths of the descents, number of candidates from the whole space, and number
 of designs that are drawn to select the latter."""
-_CYCLES = 40
-"""Number of periods of a harmonic from rest in which the largest loads are sought."""
 _SAME = 1e-6
 """Relative difference of tilts below which a simulated motion is identified with an orbit."""
 _USUAL = {
@@ -378,22 +376,20 @@ class HarmonicProblem(Problem):
             **{name: np.where(overturned, np.inf, x) for name, x in sizes.items()},
         )
 
+    @property
+    def stated_motions(self) -> list[GroundMotion]:
+        """See `Problem.stated_motions`. The motions are trains of sines that start from rest."""
+        factors = (self.conditions.column(name) for name in ("amplitude", "frequency"))
+        return [train_of(self.scene.motion, *map(float, pair)) for pair in zip(*factors, strict=True)]
+
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
-        """See `Problem.strongest_motions`. The motions are trains of sines that start from rest."""
-        motion, c = self.scene.motion, self.conditions
-        pulses = [
-            Pulse.sine_train(
-                acceleration=float(motion.amplitude * a * (motion.rate * w) ** 2),
-                frequency=float(motion.frequency * w),
-                cycles=_CYCLES,
-            )
-            for a, w in zip(c.column("amplitude"), c.column("frequency"), strict=True)
-        ]
+        """See `Problem.strongest_motions`."""
         # Rod and damper are loaded most near the natural frequency of the pendulum, and not by the strongest
         # excitation.
         swing = self.orbits.evaluate(design[None]).swing[0]
         order = np.argsort(-np.nan_to_num(swing, posinf=-1.0, nan=-1.0), kind="stable")
-        return [pulses[i] for i in order[:MOST_MOTIONS]]
+        motions = self.stated_motions
+        return [motions[i] for i in order[:MOST_MOTIONS]]
 
 
 def _model_of(model: Any, smooth: bool) -> Any:

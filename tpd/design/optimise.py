@@ -163,7 +163,8 @@ def solve(problem: Problem, progress: Progress = unreported) -> Design:
             # Stop when even the trend of the best remaining design promises too little.
             if trend > (1.0 - _PROMISING * problem.requirements.at_least) * refinement.without:
                 break
-        result = validate(problem, pool[0], attempt, progress=progress)
+        confirmed = sum(v.quoted is not None for v in validated)
+        result = validate(problem, pool[0], attempt, confirmed, progress=progress)
         validated.append(result)
         if not result.reasons:
             status = problem.evidence

@@ -15,7 +15,6 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from tpd.answers.ensemble import Ensemble
-from tpd.answers.motion_history import motion_history
 from tpd.answers.paired import PairedRuns
 from tpd.answers.runs import Runs
 from tpd.core import checks
@@ -43,12 +42,19 @@ from tpd.design.sizes import evaluate_sizes
 from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Pendulum, Scene
-from tpd.scene.status import STANDING, is_one_of
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
 MOST_MOTIONS = 24
 """Largest number of motions for which the loads on the pendulum are computed."""
+
+_SCATTERED = {
+    "mass": "the bob's mass",
+    "length": "the rod's length",
+    "damping": "the hinge's damping",
+    "amplitude": "amplitude of the excitation",
+}
+"""Labels of quantities that scatter, if the name of the quantity alone is not clear."""
 
 
 class Variation(NamedTuple):
@@ -174,12 +180,36 @@ class Problem(ABC):
         """Largest share of the runs that may exceed a limit, among those in which the block stands."""
 
     @property
+    def levels(self) -> dict[str, np.ndarray]:
+        """Whether each validation run under ground motions belongs to a level of the intensity, by the
+        description of the level; empty under harmonic excitation."""
+        return {}
+
+    @property
+    def earthquakes(self) -> np.ndarray | None:
+        """Number of the earthquake of each validation run; None under harmonic excitation."""
+        return None
+
+    @property
     def scatter(self) -> dict[str, float]:
         """Relative half widths of the quantities that vary in the validation runs, by name."""
         widths = self.ensemble.widths(self.scene.block.restitution)
         # A factor on a friction of zero would have no effect.
         absent = () if self.scene.block.friction else ("friction",)
         return {name: width for name, width in widths.items() if width > 0.0 and name not in absent}
+
+    def scatter_in_words(self, *, without_pendulum: bool = False) -> str:
+        """List the quantities that vary in the validation runs, with their half widths in per cent.
+
+        Args:
+            without_pendulum: whether to leave out the quantities of the pendulum.
+        """
+        by_width = dict[float, list[str]]()
+        for name, width in self.scatter.items():
+            if not (without_pendulum and name in ("mass", "length", "damping")):
+                by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
+        listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
+        return "; ".join(listed) or "none"
 
     @property
     def evidence(self) -> DesignStatus:
@@ -277,19 +307,14 @@ class Problem(ABC):
         base = self.seed if self.ensemble.seed is None else self.ensemble.seed
         return int(np.random.SeedSequence([base, *numbers]).generate_state(1)[0])
 
+    @property
+    @abstractmethod
+    def stated_motions(self) -> list[GroundMotion]:
+        """All excitations as ground motions with their sizes, those of validation groups included."""
+
     @abstractmethod
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """Return the motions in which the rod of a design rotates most relative to the block, at most 24."""
-
-    def needed_friction(self, design: np.ndarray) -> float:
-        """Return the coefficient of friction that keeps the base from sliding while the block rocks with a
-        design: the largest over the strongest motions, from rest by the linear equations; NaN if the block
-        overturns in all of them."""
-        pendulum, scene = self.pendulum(design), self.scene
-        motions = [replace(scene, motion=motion) for motion in self.strongest_motions(design)]
-        histories = [motion_history(motion, pendulum) for motion in motions]
-        needed = [h.needed_friction for h in histories if is_one_of(h.status, *STANDING)]
-        return max(needed, default=np.nan)
 
     def value_of(self, runs: Runs) -> float:
         """Return the risk measure of the severities of all runs that have a result; NaN if there are none."""

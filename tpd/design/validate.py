@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from tpd.answers.motion_history import needed_friction
 from tpd.answers.paired import FEWER, PairedRuns
 from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.core.progress import Progress, unreported
@@ -74,6 +75,7 @@ def validate(
     problem: Problem,
     design: np.ndarray,
     attempt: int = 0,
+    confirmed: int = 0,
     *,
     thorough: bool = False,
     progress: Progress = unreported,
@@ -84,6 +86,8 @@ def validate(
         problem: limits and requirements.
         design: (mu, lam, zeta), shape (3,).
         attempt: number of designs that were validated before. Each attempt uses other runs.
+        confirmed: number of these designs whose second half of the runs was simulated. The runs that are
+            quoted for the first such design are those of `tpd.assess`.
         thorough: whether to simulate runs also if a limit that needs no run rejects the design.
         progress: function of (stage, runs done, total).
     """
@@ -108,7 +112,7 @@ def validate(
     if decided is not None and not reasons and problem.has_validation_runs:
         # The benefit of these runs is reported and must not be selected by its size: it only has to be
         # significant.
-        quoted = problem.paired_runs(design, run_seed(problem, attempt, 1), progress=progress)
+        quoted = problem.paired_runs(design, run_seed(problem, confirmed, 1), progress=progress)
         over, by_runs = _by_runs(problem, design, quoted, replace(requirements, at_least=0.0))
         reasons += by_runs
     return Validated(
@@ -147,10 +151,11 @@ def _exact_harm(problem: Problem, exact: Any) -> list[Reason]:
 
 def _sliding(problem: Problem, design: np.ndarray) -> list[Reason]:
     """Sliding of the base while the block rocks, if its coefficient of friction is stated."""
-    friction = problem.scene.block.base_friction
-    if friction is None or not (needed := problem.needed_friction(design)) > friction:
+    friction, pendulum = problem.scene.block.base_friction, problem.pendulum(design)
+    if friction is None:
         return []
-    return [Reason(kind=ReasonKind.slides, value=needed, reference=friction)]
+    needed = needed_friction(problem.scene, problem.stated_motions, pendulum)
+    return [Reason(kind=ReasonKind.slides, value=needed, reference=friction)] if needed > friction else []
 
 
 def _by_runs(

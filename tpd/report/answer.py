@@ -7,15 +7,18 @@ import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from tpd.answers.paired import PairedRuns
 from tpd.core.formatting import aligned, number
 from tpd.design.as_built import Details, build_of
 from tpd.design.assess import alternatives, needless
 from tpd.design.criteria import LABELS, Clearance, limit_of
 from tpd.design.design import Design
+from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.report import words
 from tpd.report.blocks import Note, Severity, danger, note, wrapped
 from tpd.report.notes import notes
+from tpd.theory.no_uplift import SLIDES
 
 MOST = 21
 """Largest number of lines. The command prints up to nine lines on block and motion before the search, so
@@ -136,6 +139,11 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         yield "alternative", str(alternatives(design.problem))
     if design.pendulum is not None:
         yield "limits", active_limits(design, details)
+    if design.runs is not None:
+        yield from (("level", text) for text in at_levels(design.problem, design.runs))
+    # A base that slides is one of the dangers, which come first.
+    if design.sliding and not design.sliding.startswith(SLIDES):
+        yield "sliding", design.sliding
     if details.losses:
         cases = [f"{words.energy_loss(c.name)} {words.percent(c.runs.benefit.mean)}" for c in details.losses]
         # The linear equations can give another benefit than the nonlinear ones, so that the benefit with the
@@ -148,6 +156,17 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     if len(details.responses) > 1:
         ends = details.responses[0].frequency[[0, -1]]
         yield "nearby", words.overturned_between(details.responses, *ends)
+
+
+def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
+    """Yield a sentence for each of several levels of ground motions: the shares of the counted runs that
+    overturn with and without the pendulum, with intervals over earthquakes."""
+    counted = True if runs.counted is None else runs.counted
+    for name, rows in problem.levels.items() if len(problem.levels) > 1 else ():
+        cases = [case.of(rows & counted) for case in (runs.with_pendulum, runs.without_pendulum)]
+        count = cases[0].tilt.size
+        pendulum, without = (words.share(case.share_overturned) for case in cases)
+        yield f"{count} run{'s' * (count != 1)} at {name}: {pendulum} overturn with the pendulum, {without} without it"
 
 
 def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:

@@ -183,10 +183,10 @@ def _checks(build: Build) -> Listing:
             "Energy loss of the block: remove the pendulum and secure the block against toppling. A "
             f"horizontal pull of {_force(pull.force, 3)} at the top starts uplift. The pull needed then "
             "decreases, so control the displacement, not the force. Pull until the top has moved by "
-            f"{number(1e3 * pull.sway, 3)} mm ({pull.tilt:.2g} rad, a tenth of the tilt at which it "
-            f"topples) and release the block. {decay} If the tilt falls from a to b within n impacts, both "
-            "divided by ν and without friction, then e = [b (2 - b)/(a (2 - a))]^(1/(2n)). Fewer impacts "
-            "mean a larger energy loss. Friction makes the decay faster at small tilts.",
+            f"{number(1e3 * pull.sway, 3)} mm ({pull.tilt:.2g} rad, a tenth of the "
+            f"slenderness ν) and release the block. {decay} If the tilt falls from a to b within n impacts, "
+            "both divided by ν and without friction, then e = [b (2 - b)/(a (2 - a))]^(1/(2n)). Fewer "
+            "impacts mean a larger energy loss. Friction makes the decay faster at small tilts.",
         )
     )
 

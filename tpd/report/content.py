@@ -185,8 +185,8 @@ def _assumptions(design: Design) -> list[str]:
         *text,
         "The search and the trial runs use the linear equations (25) of Collini et al. (2016) without their "
         "misprints, solved exactly. The validation runs use the nonlinear equations (4).",
-        f"Scatter of the validation runs: {words.scatter(design)}. Each is uniformly distributed and the "
-        "same with and without the pendulum.",
+        f"Scatter of the validation runs: {problem.scatter_in_words()}. Each is uniformly distributed and "
+        "the same with and without the pendulum.",
         f"Limits, which all but {words.percent(problem.allowed)} of the runs in which the block stands must "
         f"keep: {limits}.",
     ]

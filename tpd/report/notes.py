@@ -16,6 +16,7 @@ from tpd.report.blocks import Note, danger, note
 from tpd.report.words import finite_max, overturned_between, percent, reduced
 from tpd.scene.bob import Bob
 from tpd.scene.scene import Block, Pendulum
+from tpd.theory.no_uplift import SLIDES
 
 LARGE_STROKE = 0.3
 """Swing (rad) above which a note warns: sin(psi) is 1.5 % below psi at 0.3 rad, and the difference grows with
@@ -34,6 +35,8 @@ def notes(design: Design, details: Details) -> tuple[Note, ...]:
         all_notes.append(
             note("The block loses no energy at all, unlike any real block. Give it a restitution.")
         )
+    if design.sliding.startswith(SLIDES):
+        all_notes.append(danger(design.sliding))
     all_notes += [*_runs(design), *_responses(details), *_earthquakes(design)]
     if design.pendulum is not None and design.best is not None and design.best.exact is not None:
         exact, without_pendulum = design.best.exact, design.problem.without_pendulum

@@ -67,6 +67,9 @@ def over_runs(design: Design) -> list[Block]:
         for ramp in cases[0].share_by_ramp():
             shares = (words.share(o.share_by_ramp()[ramp]) for o in cases)
             rows.append((f"overturned, {label_of_ramp(ramp)}", *shares))
+    for name, of_level in design.problem.levels.items() if len(design.problem.levels) > 1 else ():
+        shares = (words.share(o.of(of_level).share_overturned) for o in cases)
+        rows.append((f"overturned, {name}", *shares))
     rows.append(("overturned, all runs", *(words.share(o.share_overturned) for o in cases)))
     rows.append(("at rest at the end", *(words.share(o.share_at_rest) for o in cases)))
     for name, quantity in (("largest tilt", "tilt"), ("settled tilt", "settled_tilt")):
@@ -78,8 +81,9 @@ def over_runs(design: Design) -> list[Block]:
         runs.description if runs.counted is None else f"All {len(runs.is_answered)} runs of all groups"
     )
     caption = (
-        f"{described}.{_role(design)} Scatter: {words.scatter(design)}. In brackets: 95 % interval. ν is the "
-        "slenderness, the tilt at which the block topples; overturned runs count as 100 % of ν."
+        f"{described}.{_role(design)} Scatter: {design.problem.scatter_in_words()}. In brackets: 95 % "
+        "interval. ν is the slenderness, the tangent of the toppling angle; overturned runs count as 100 % "
+        "of ν."
     )
     table = Table(("", "with pendulum", "without pendulum"), tuple(rows), caption)
     return [table, Text(runs.overturning_in_words), *_by_part(runs)]

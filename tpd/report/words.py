@@ -30,13 +30,6 @@ _CHANGES = {
     "at rest": "at rest at the end",
 }
 """Labels of the rows in the comparison with and without the pendulum, by the names of the changes."""
-_SCATTERED = {
-    "mass": "the bob's mass",
-    "length": "the rod's length",
-    "damping": "the hinge's damping",
-    "amplitude": "amplitude of the excitation",
-}
-"""Labels of quantities that scatter, if the name of the quantity alone is not clear."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 
@@ -76,15 +69,6 @@ def source_of_tilts(design: Design) -> str:
     if design.problem.rest_counts:
         return "Tilts: zero where the block can rest, else those of the largest attracting symmetric orbit"
     return "Tilts: largest attracting symmetric orbit, over all initial states"
-
-
-def scatter(design: Design) -> str:
-    """List the quantities that scatter in the validation runs, with their half widths in per cent."""
-    by_width = dict[float, list[str]]()
-    for name, width in design.problem.scatter.items():
-        by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
-    listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
-    return "; ".join(listed) or "none"
 
 
 def finite_max(values: np.ndarray) -> float:
@@ -332,7 +316,8 @@ def point(pendulum: Pendulum, of_mass: int = 4, of_length: int = 4) -> str:
 
 
 def _toppling(scene: Scene) -> str:
-    return angle(float(scene.block.slenderness))
+    # The slenderness is the tangent of the toppling angle.
+    return angle(math.atan(float(scene.block.slenderness)))
 
 
 def _block(scene: Scene) -> str:

@@ -41,6 +41,12 @@ MEASURES = {
 `tpd.records.intensity`."""
 
 
+def train_of(motion: Harmonic, amplitude: float = 1.0, frequency: float = 1.0) -> Pulse:
+    """Return the first periods from rest of a harmonic with factors on its amplitude and frequency."""
+    a, f = motion.amplitude * amplitude * (motion.rate * frequency) ** 2, motion.frequency * frequency
+    return Pulse.sine_train(acceleration=a, frequency=f, cycles=HARMONIC_PERIODS)
+
+
 @dataclass(frozen=True)
 class Conditions:
     """Set of n conditions. `Conditions()` is a single condition, the excitation of the scene.
@@ -282,14 +288,7 @@ class Conditions:
         """
         checks.instance("motions", motions, Sequence)
         # A ground motion has an end, so that a harmonic becomes a train of sines.
-        listed = tuple(
-            Pulse.sine_train(
-                acceleration=m.amplitude * m.rate**2, frequency=m.frequency, cycles=HARMONIC_PERIODS
-            )
-            if isinstance(m, Harmonic)
-            else m
-            for m in motions
-        )
+        listed = tuple(train_of(m) if isinstance(m, Harmonic) else m for m in motions)
         if not listed:
             raise ValueError("`motions` must contain at least one ground motion, but is empty")
         for i, motion in enumerate(listed):

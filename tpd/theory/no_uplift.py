@@ -11,18 +11,23 @@ and weight and friction resist this moment up to (1 + mu) nu + k. All formulas a
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.formatting import number
+from tpd.core.formatting import apart, number
 from tpd.scene.parameters import Parameters, check_parameters
 from tpd.scene.pytrees import Number
 from tpd.scene.scene import Scene
 
 DRY = 0.3
 """Coefficient of friction above which a dry base of stone or concrete may be too smooth."""
+
+SLIDES = "SLIDES WHILE IT ROCKS"
+"""First words about a block whose base has less friction than the runs need."""
 
 
 class Uplift(NamedTuple):
@@ -85,29 +90,48 @@ class AtRest(NamedTuple):
     @property
     def sliding_in_words(self) -> str:
         """Text that says whether the block at rest slides before it lifts."""
-        least, base = number(self.needed_friction, 2), self.base_friction
-        more = "; while it rocks it may need more"
+        base, more = self.base_friction, "; while it rocks it may need more"
         if base is None:
             # Only friction that a dry base may lack is worth a hint.
             hint = f". A dry base may have only {DRY:g}: state `base_friction`"
-            least += more + (hint if self.needed_friction > DRY else "")
+            least = number(self.needed_friction, 2) + more + (hint if self.needed_friction > DRY else "")
             return f"not before it lifts, if the coefficient of friction of the base is at least {least}"
+        least, has = apart(self.needed_friction, base)
         if self.slides:
-            return f"at {number(base, 2)} g, BEFORE IT LIFTS: a coefficient of friction of {least} is needed"
-        has = f"the base has {number(base, 2)}"
-        needed = f"a coefficient of friction of {least} is needed, {has}"
+            return f"at {has} g, BEFORE IT LIFTS: a coefficient of friction of {least} is needed"
+        needed = f"a coefficient of friction of {least} is needed, the base has {has}"
         return f"not before it lifts: {needed}{more}"
 
     @property
     def lifting_in_words(self) -> str:
         """Text that says when the block at rest lifts, and whether the excitation is large enough."""
-        ratio, lifts = number(1.0 / self.margin, 3), "lifts" if self.margin < 1.0 else "does not lift"
+        ratio, lifts = apart(1.0 / self.margin, 1.0, 3)[0], "lifts" if self.margin < 1.0 else "does not lift"
         strongest = "the strongest condition" if self.conditions > 1 else "the excitation"
-        reaches = f"{strongest} reaches {number(self.peak, 3)} g, {ratio} times as much"
-        return f"at {number(self.uplift, 3)} g; {reaches}: the block {lifts}"
+        peak, uplift = apart(self.peak, self.uplift, 3)
+        return f"at {uplift} g; {strongest} reaches {peak} g, {ratio} times as much: the block {lifts}"
 
     def __str__(self) -> str:
         return f"  lifts   {self.lifting_in_words}\n  slides  {self.sliding_in_words}"
+
+
+def sliding_in_runs(needed: Mapping[str, float], base: float | None) -> str:
+    """Return a sentence on the friction that the base needs while the block rocks.
+
+    Args:
+        needed: coefficient of friction that the runs need, by the name of the case.
+        base: coefficient of friction of the base; None if it is unknown.
+    """
+    limit = math.inf if base is None else base
+    # Four digits are shown, and more if they decide.
+    pairs = {name: apart(x, limit, 4) for name, x in needed.items()}
+    worst = max(needed, key=needed.__getitem__)
+    slides = needed[worst] > limit
+    listed = " and ".join(f"{value} {name}" for name, (value, _) in pairs.items())
+    has = "" if base is None else f", {'but' if slides else 'and'} has {pairs[worst][1]}"
+    friction = f"the base needs a coefficient of friction of {listed}{has}"
+    if slides:
+        return f"{SLIDES}: {friction}. The equations have no sliding."
+    return f"While the block rocks from rest, {friction} (linear equations)."
 
 
 def _transfer(p: Parameters) -> tuple[Number, Number, Number]:
