@@ -124,7 +124,8 @@ def _at_rest(p: Parameters, y0: State) -> tuple[Steady, Number, Number]:
     linear, lift = Linear(p), uplift(p)
     # Under a block at rest the bob is a damped oscillator, lam rho psi'' + c_p psi' + psi = f sin(xi tau).
     # Its steady swing is psi = s sin(xi tau) + c cos(xi tau). The difference from it, `own_swing`, decays.
-    response = linear.f / (1.0 - linear.m22 * p.xi**2 + 1j * linear.c2 * p.xi)
+    with jax.numpy_dtype_promotion("standard"):
+        response = linear.f / (1.0 - linear.m22 * p.xi**2 + 1j * linear.c2 * p.xi)
     s, c = jnp.real(response), jnp.imag(response)
     own_swing = jnp.hypot(y0[1] - c, jnp.sqrt(linear.m22) * (y0[3] - p.xi * s))
     # The block stays at rest if steady swing and own swing, both at their largest, cannot lift it.

@@ -173,8 +173,10 @@ def _fields(numbers: Any) -> dict[str, Any]:
     orbits = parts(numbers, ENGINE.entry().ORBIT)
     # Compiled code has its own numbers of statuses, which are indices of `index`.
     index, codes = codes_of(STATUSES), orbits.status.astype(int)
+    # With strict types JAX adds no real number to a complex one.
+    pairs = orbits.multipliers.astype(complex)
     return {name: orbits.sizes[..., place] for name, place in SIZES.items()} | {
-        "multipliers": orbits.multipliers[..., 0] + 1j * orbits.multipliers[..., 1],
+        "multipliers": pairs[..., 0] + 1j * pairs[..., 1],
         "sticking": orbits.sticking,
         "grazing": orbits.grazing,
         "status": index[codes] if isinstance(codes, np.ndarray) else jnp.asarray(index)[codes],
@@ -204,7 +206,7 @@ def _numbers_and_fields_jvp(primals: tuple, tangents: tuple) -> tuple[Any, Any]:
     for name in _UNKNOWN:
         moves[name] = jnp.broadcast_to(unknown, fields[name].shape)
     # A complex number has two unknown parts.
-    moves["multipliers"] = (1.0 + 1.0j) * moves["multipliers"]
+    moves["multipliers"] = jax.lax.complex(moves["multipliers"], moves["multipliers"])
     for name in ("status", "overflow"):
         # JAX requires tangents of this type for integers and booleans.
         moves[name] = np.zeros(fields[name].shape, jax.dtypes.float0)
