@@ -158,7 +158,7 @@ HIDDEN = [
     (codegen, "JITCodeLibrary"),
     (compiler_machinery, "register_pass"),
     (typed_passes, "NativeLowering"),
-    (untyped_passes, "NopythonRewrites"),
+    (untyped_passes, "InlineClosureLikes"),
 ]
 """Private names of Numba that parts need when the module is imported."""
 

@@ -114,6 +114,7 @@ class Auto(AbstractChoice):
 
 
 @eqx.filter_jit
+@jax.numpy_dtype_promotion("standard")
 def _at_rest(p: Parameters, y0: State) -> tuple[Steady, Number, Number]:
     """Return the motion of the bob under a block that never lifts, and the reserve against uplift.
 
@@ -124,8 +125,7 @@ def _at_rest(p: Parameters, y0: State) -> tuple[Steady, Number, Number]:
     linear, lift = Linear(p), uplift(p)
     # Under a block at rest the bob is a damped oscillator, lam rho psi'' + c_p psi' + psi = f sin(xi tau).
     # Its steady swing is psi = s sin(xi tau) + c cos(xi tau). The difference from it, `own_swing`, decays.
-    with jax.numpy_dtype_promotion("standard"):
-        response = linear.f / (1.0 - linear.m22 * p.xi**2 + 1j * linear.c2 * p.xi)
+    response = linear.f / (1.0 - linear.m22 * p.xi**2 + 1j * linear.c2 * p.xi)
     s, c = jnp.real(response), jnp.imag(response)
     own_swing = jnp.hypot(y0[1] - c, jnp.sqrt(linear.m22) * (y0[3] - p.xi * s))
     # The block stays at rest if steady swing and own swing, both at their largest, cannot lift it.

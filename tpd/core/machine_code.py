@@ -59,7 +59,7 @@ try:
     _OWN = {
         typed_passes.NativeLowering: PartLowering,
         untyped_passes.InlineClosureLikes: None,
-        untyped_passes.NopythonRewrites: None,
+        typed_passes.NopythonRewrites: None,
     }
     """Passes of Numba that are replaced, or left out because they are for closures and whole arrays."""
 except (ImportError, AttributeError):
