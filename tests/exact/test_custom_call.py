@@ -72,7 +72,9 @@ def test_xla_asks_for_the_version_in_an_extension_and_other_stages_compute_nothi
     assert rows_of(frame.ctypes.data, a) == (0, 0, False)
 
 
-@pytest.mark.mends("every extension of XLA was taken for the request of the version, and nothing was computed")
+@pytest.mark.mends(
+    "every extension of XLA was taken for the request of the version, and nothing was computed"
+)
 def test_extensions_of_other_types_are_ignored_and_the_request_for_the_version_may_follow_them():
     a, frame, settings = np.zeros(8, np.int64), np.zeros(FRAME, np.int64), np.zeros(FRAME, np.int64)
     sizes, buffers, other, request, version = (np.zeros(FRAME, np.int64) for _ in range(5))

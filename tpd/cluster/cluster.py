@@ -115,7 +115,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
 
         Args:
             name: name of the batch, which is a part of the name of its folder.
-            task: function to compute, see `Task`.
+            task: function to compute, see `tpd.cluster.cluster.Task`.
             batch: pytree of arrays with the same leading axis. Single numbers belong to every element.
             shared: further arguments of `task`, which are sent only once.
             chunk: largest number of elements of a chunk. A short batch has smaller chunks.
