@@ -28,13 +28,20 @@ exact, models, answers, engines, design, plots, report, explore, cli.
 | not in the paper | friction of equal loss | theory/free_rocking: equivalent_friction |
 """
 
+import ast
+import pkgutil
 from typing import Any
 
 import lazy_loader
 
 __version__ = "0.2.0"
 
-_value_of, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+# In a wheel on the import path the stub is no file of its own, which `lazy_loader.attach_stub` would need.
+_names: dict[str | None, list[str]] = {}
+for _node in ast.parse(pkgutil.get_data(__name__, "__init__.pyi") or "").body:
+    if isinstance(_node, ast.ImportFrom):
+        _names.setdefault(_node.module, []).extend(alias.name for alias in _node.names)
+_value_of, __dir__, __all__ = lazy_loader.attach(__name__, _names.pop(None), _names)
 
 
 def __getattr__(name: str) -> Any:

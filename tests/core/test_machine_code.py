@@ -1,17 +1,20 @@
 """Numba's machine code: its cache, and parts that are translated with their entrance alone."""
 
+import importlib.util
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numba
 import numpy as np
 import pytest
-from numba.core import caching
+from numba.core import caching, codegen, compiler, compiler_machinery, typed_passes, untyped_passes
 from numba.core.compiler_lock import global_compiler_lock
 
 from tests.damage import damage
 from tpd import core
+from tpd.core import machine_code
 from tpd.core.machine_code import stored
 from tpd.exact.plant import compiled
 
@@ -148,3 +151,58 @@ def test_a_part_is_translated_with_its_entrance_alone_and_gives_the_same_bits():
     assert answers[0] == answers[1]
     # With another version of Numba parts may be translated as well: compiling then takes twice as long.
     assert translated == [False, True]
+
+
+HIDDEN = [
+    (numba, "_dynfunc"),
+    (codegen, "JITCodeLibrary"),
+    (compiler_machinery, "register_pass"),
+    (typed_passes, "NativeLowering"),
+    (untyped_passes, "InlineClosureLikes"),
+]
+"""Private names of Numba that parts need when the module is imported."""
+
+
+def compiled_by(pipeline):
+    """Return the numbers of a function whose parts are compiled by a class of compilers."""
+    wave, _ = new_wave(numba.njit(error_model="numpy", pipeline_class=pipeline, no_cpython_wrapper=True))
+    made = numba.cfunc("float64(float64)", error_model="numpy")(wave)
+    return np.array([made.ctypes(x) for x in (0.1, 1.0, 2.0)]).tobytes()
+
+
+def again():
+    """Import the module once more, under another name."""
+    spec = importlib.util.find_spec(machine_code.__name__)
+    copy = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(copy)
+    return copy
+
+
+@pytest.mark.mends("without a private name of Numba nothing could be compiled")
+@pytest.mark.parametrize(("owner", "name"), HIDDEN, ids=[name for _, name in HIDDEN])
+def test_without_a_private_name_of_numba_its_usual_compiler_serves(owner, name, monkeypatch):
+    expected = compiled_by(compiler.Compiler)
+    with monkeypatch.context() as hidden:
+        hidden.setitem(sys.modules, "numba._dynfunc", None)
+        hidden.delattr(owner, name)
+        copy = again()
+    assert compiled_by(copy.PartCompiler) == expected
+    assert not copy._can_compile_parts()
+
+
+@pytest.mark.mends("without a private name of Numba nothing could be compiled")
+def test_a_private_name_that_is_missing_while_a_part_is_compiled_does_not_matter(monkeypatch):
+    with monkeypatch.context() as hidden:
+        hidden.setattr(numba, "_dynfunc", SimpleNamespace())
+        copy = again()
+    assert compiled_by(copy.PartCompiler) == compiled_by(compiler.Compiler)
+    assert not copy._can_compile_parts()
+    assert machine_code._can_compile_parts()
+
+
+@pytest.mark.mends("without the module of Numba's cache nothing could be compiled")
+def test_without_the_module_of_the_cache_code_is_compiled_every_time(folder, monkeypatch):
+    monkeypatch.delattr(numba.core, "caching")
+    monkeypatch.setitem(sys.modules, "numba.core.caching", None)
+    with pytest.warns(UserWarning, match="every run compiles it"):
+        assert hits() == 0

@@ -114,6 +114,7 @@ class Auto(AbstractChoice):
 
 
 @eqx.filter_jit
+@jax.numpy_dtype_promotion("standard")
 def _at_rest(p: Parameters, y0: State) -> tuple[Steady, Number, Number]:
     """Return the motion of the bob under a block that never lifts, and the reserve against uplift.
 

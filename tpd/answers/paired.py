@@ -303,7 +303,7 @@ class PairedRuns(Printed):
 
     @property
     def rests_less(self) -> bool:
-        """Whether significantly fewer runs come to rest with the pendulum, by more than the share `FEWER`."""
+        """Whether significantly fewer runs come to rest with the pendulum, by more than 10 % of them."""
         with_pendulum, without = (runs.is_at_rest[self.is_answered].astype(float) for runs in self._cases)
         fewer, more = int(np.sum(without > with_pendulum)), int(np.sum(with_pendulum > without))
         # Two tests: the reduction exceeds the tolerance, and McNemar's test is significant.

@@ -166,6 +166,6 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
         state=jnp.stack(state),
         periods=jnp.asarray(fields.periods, dtype=int),
         symmetric=jnp.asarray(fields.symmetric != 0.0),
-        multipliers=jnp.stack(both[::2]) + 1j * jnp.stack(both[1::2]),
+        multipliers=jax.lax.complex(jnp.stack(both[::2]), jnp.stack(both[1::2])),
         fold=fold,
     )

@@ -164,7 +164,7 @@ class Runs(Printed, Tabular):
         }
 
     def quantiles(self, angle: str, at: tuple[float, ...] = (0.5, 0.9, 0.99)) -> tuple[float, ...]:
-        """Return quantiles of one of `ANGLES`.
+        """Return quantiles of one of the angles of `tpd.answers.runs.ANGLES`.
 
         A quantile is the smallest value that at least the share `at` of the runs does not exceed. It is
         infinite if so many runs can only be reached with runs that overturn.

@@ -467,7 +467,7 @@ def _evaluate(p: Parameters, model: AbstractFlow, reached: Settled) -> tuple[_An
     multiplier = jnp.where(status == code_of(Status.held), 1.0, multiplier)
     sizes, slopes = _sizes_of(p, reached, orbit, status, multiplier)
     periodic = is_one_of(status, *SETTLED, Status.unstable, Status.neutral)
-    lyapunov = jnp.where(periodic, jnp.log(multiplier) / (reached.periods * p.period), jnp.nan)
+    lyapunov = jnp.where(periodic, jnp.log(multiplier) / (reached.periods.astype(float) * p.period), jnp.nan)
     # The mirror image is half a period later, which is a whole number of half forcing periods only if the
     # number of periods is odd.
     symmetric = periodic & (reached.periods % 2 == 1) & (orbit.asymmetry < SYMMETRIC)

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
-from tpd.core import checks
+from tpd.core.batch import AT_ONCE
 from tpd.exact.calling import ORBITS as ENGINE
 from tpd.exact.calling import parts
 from tpd.exact.derivatives import moved, once
@@ -112,8 +112,8 @@ def symmetric_orbits(p: Parameters) -> Orbits:
     `no_orbit` does not prove that there is no periodic motion, not even that there is no symmetric one.
 
     The function works under `jit`, `vmap`, `grad` and `jacfwd` as one call of compiled code. Known numbers
-    are evaluated on the host without a JAX program. For large batches see `all_symmetric_orbits` and
-    `tpd.in_chunks`.
+    are evaluated on the host without a JAX program. `tpd.in_chunks(tpd.symmetric_orbits, p)` is the fastest way
+    for a large batch: it calls compiled code on all cores and computes no derivatives.
 
     Args:
         p: dimensionless parameters, single numbers.
@@ -135,7 +135,8 @@ def symmetric_orbits(p: Parameters) -> Orbits:
     x = row_of(p)
     if x.size > 9:
         # A batch is an error here, because its orbits need the loop over several cores below.
-        raise ValueError("`p` must be single numbers: `jax.vmap` and `all_symmetric_orbits` take batches")
+        call = "`jax.vmap(tpd.symmetric_orbits)(p)` or `tpd.in_chunks(tpd.symmetric_orbits, p)`"
+        raise ValueError(f"`p` must be single numbers, but is a batch: call {call}")
     x = x.reshape(9)
     # Known numbers have no derivatives. JAX would take longer to prepare derivatives than the solution takes.
     return _orbits(_fields(solved(x)) if isinstance(x, np.ndarray) else _numbers_and_fields(x)[1])
@@ -156,14 +157,15 @@ def all_symmetric_orbits(
 
     Raises:
         RuntimeError: JAX is in 32-bit mode.
-        ValueError: `workers` is below one.
+        ValueError: bad input, or `workers` is below one.
     """
-    checks.require_x64()
+    check_parameters(p)
     orbits = solve_orbits(row_of(p), workers=workers, progress=progress)
     # The compiled code returns a structured array. As plain numbers it has one more axis.
     return _orbits(_fields(orbits.view(float).reshape(*orbits.shape, -1)))
 
 
+AT_ONCE[symmetric_orbits] = all_symmetric_orbits
 _UNKNOWN = ("multipliers", "sticking", "grazing")
 """Names of the fields whose derivatives are not computed."""
 
@@ -173,8 +175,10 @@ def _fields(numbers: Any) -> dict[str, Any]:
     orbits = parts(numbers, ENGINE.entry().ORBIT)
     # Compiled code has its own numbers of statuses, which are indices of `index`.
     index, codes = codes_of(STATUSES), orbits.status.astype(int)
+    # With strict types JAX adds no real number to a complex one.
+    pairs = orbits.multipliers.astype(complex)
     return {name: orbits.sizes[..., place] for name, place in SIZES.items()} | {
-        "multipliers": orbits.multipliers[..., 0] + 1j * orbits.multipliers[..., 1],
+        "multipliers": pairs[..., 0] + 1j * pairs[..., 1],
         "sticking": orbits.sticking,
         "grazing": orbits.grazing,
         "status": index[codes] if isinstance(codes, np.ndarray) else jnp.asarray(index)[codes],
@@ -204,7 +208,7 @@ def _numbers_and_fields_jvp(primals: tuple, tangents: tuple) -> tuple[Any, Any]:
     for name in _UNKNOWN:
         moves[name] = jnp.broadcast_to(unknown, fields[name].shape)
     # A complex number has two unknown parts.
-    moves["multipliers"] = (1.0 + 1.0j) * moves["multipliers"]
+    moves["multipliers"] = jax.lax.complex(moves["multipliers"], moves["multipliers"])
     for name in ("status", "overflow"):
         # JAX requires tangents of this type for integers and booleans.
         moves[name] = np.zeros(fields[name].shape, jax.dtypes.float0)

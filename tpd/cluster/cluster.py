@@ -20,6 +20,8 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
+from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -115,7 +117,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
 
         Args:
             name: name of the batch, which is a part of the name of its folder.
-            task: function to compute, see `Task`.
+            task: function to compute, see `tpd.cluster.cluster.Task`.
             batch: pytree of arrays with the same leading axis. Single numbers belong to every element.
             shared: further arguments of `task`, which are sent only once.
             chunk: largest number of elements of a chunk. A short batch has smaller chunks.
@@ -304,8 +306,16 @@ def fingerprint(*values: Any) -> str:
 @lru_cache(maxsize=1)
 def source_fingerprint() -> str:
     """Return the fingerprint of the source of this package. Another version may compute other digits."""
-    root = Path(__file__).parents[1]
-    return fingerprint([(p.relative_to(root).as_posix(), p.read_bytes()) for p in sorted(root.rglob("*.py"))])
+    return fingerprint(sorted(_sources(resources.files("tpd"))))
+
+
+def _sources(folder: Traversable, name: str = "") -> Iterator[tuple[str, bytes]]:
+    """Return name and content of the Python files in a folder, which may be in a wheel."""
+    for item in folder.iterdir():
+        if item.is_dir():
+            yield from _sources(item, f"{name}{item.name}/")
+        elif item.name.endswith(".py"):
+            yield f"{name}{item.name}", item.read_bytes()
 
 
 @lru_cache(maxsize=1)

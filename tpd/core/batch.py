@@ -33,6 +33,8 @@ _LOOPS = ("while", "ffi_call")
 """Primitives whose duration depends on the element. A custom call of compiled code counts as a loop as
 well."""
 
+AT_ONCE: dict[Callable[[Any], Any], Callable[..., Any]] = {}
+"""Functions that compute a whole batch in compiled code, by the function of one element."""
 _CHUNKS: dict[Callable[[Any], Any], int] = {}
 """Default chunk sizes of functions that were called without one."""
 
@@ -56,7 +58,7 @@ def in_chunks(
         chunk: elements per chunk. The default is 256. For a function with nested loops whose lengths depend
             on the element, such as `steady_state`, it is 4, because all elements of a chunk wait for the
             slowest. Memory beyond inputs and results is proportional to `chunk * workers`, and independent of
-            the length of the batch.
+            the length of the batch. `symmetric_orbits` has no chunks: compiled code computes its batches.
         workers: number of threads; default the number of cores.
         progress: function of (elements done, total), called after each chunk.
 
@@ -74,6 +76,9 @@ def in_chunks(
     """
     checks.function("function", function, optional=False)
     checks.function("progress", progress)
+    if function in AT_ONCE:
+        elements(batch)
+        return AT_ONCE[function](batch, workers=workers, progress=progress)
     chunk = _chunk(function, batch) if chunk is None else checks.count("chunk", chunk)
     part_of, length = _parts(batch, chunk)
     compiled = _compiled(function)
@@ -172,12 +177,13 @@ def _compiled(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 @lru_cache(maxsize=1)
 def _options() -> tuple[tuple[str, Any], ...]:
-    try:
-        jax.jit(lambda: 0.0, compiler_options=dict(OPTIONS))()
-    except jax.errors.JaxRuntimeError:
-        # Another version of the compiler may not have these options.
-        return ()
-    return OPTIONS if jax.default_backend() == "cpu" else ()
+    known: list[tuple[str, Any]] = []
+    for option in OPTIONS if jax.default_backend() == "cpu" else ():
+        # Another version of the compiler may not have this option.
+        with contextlib.suppress(jax.errors.JaxRuntimeError):
+            jax.jit(lambda: 0.0, compiler_options=dict([option]))()
+            known.append(option)
+    return tuple(known)
 
 
 def aside(work: Callable[[], object]) -> Thread:

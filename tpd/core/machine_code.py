@@ -8,63 +8,95 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
-from numba import _dynfunc  # type: ignore[attr-defined]
-from numba.core import caching, codegen, compiler, compiler_machinery, config, typed_passes, untyped_passes
+import numba
+from numba.core import compiler, config
 
 from tpd.core import files
 
+try:
+    # Some of these names are private. Another version of Numba may lack them.
+    from numba import _dynfunc  # type: ignore[attr-defined]
+    from numba.core import codegen, compiler_machinery, typed_passes, untyped_passes
 
-class PartLibrary(codegen.JITCodeLibrary):
-    """Code of a part: a function that is compiled together with its caller.
+    class PartLibrary(codegen.JITCodeLibrary):
+        """Code of a part: a function that is compiled together with its caller.
 
-    Numba links, optimises and translates each function together with all functions that it calls. In a chain
-    of calls it would repeat this for each caller. A part is only stored. The entry function at the end of the
-    chain does everything once, with the same result to the last bit.
-    """
+        Numba links, optimises and translates each function together with all functions that it calls. In a
+        chain of calls it would repeat this for each caller. A part is only stored. The entry function at the
+        end of the chain does everything once, with the same result to the last bit.
+        """
 
-    def finalize(self) -> None:
-        """Skip the linking, optimisation and translation that Numba does here."""
-        self._finalize_dynamic_globals()
-        self._finalized = True
+        def finalize(self) -> None:
+            """Skip the linking, optimisation and translation that Numba does here."""
+            self._finalize_dynamic_globals()
+            self._finalized = True
+
+    @compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
+    class PartLowering(typed_passes.NativeLowering):
+        """Compiler pass that creates the code of a part, without a function that Python could call."""
+
+        _name = "part_lowering"
+
+        def run_pass(self, state: Any) -> Literal[True]:
+            """Lower the function into a `PartLibrary`."""
+            state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+            state.flags.no_compile = True
+            super().run_pass(state)
+            # Numba finds the code of a function by the object that Python would call. Create such an object
+            # without an address.
+            descriptor, name, own = state.cr.fndesc, state.func_id.func_name, (state.library,)
+            part = _dynfunc.make_function(descriptor.lookup_module(), name, "", 0, state.cr.env, own)
+            state.cr = state.cr._replace(cfunc=part)
+            # A caller also needs the parts that this part calls, each of them once.
+            libraries = dict.fromkeys([state.library, *state.library._linking_libraries])
+            state.targetctx.insert_user_function(part, descriptor, list(libraries))
+            return True
+
+    _OWN = {
+        typed_passes.NativeLowering: PartLowering,
+        untyped_passes.InlineClosureLikes: None,
+        typed_passes.NopythonRewrites: None,
+    }
+    """Passes of Numba that are replaced, or left out because they are for closures and whole arrays."""
+except (ImportError, AttributeError):
+    _OWN = {}
 
 
-@compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
-class PartLowering(typed_passes.NativeLowering):
-    """Compiler pass that creates the code of a part, without a function that Python could call."""
+class _Parts(compiler.CompilerBase):
+    """Compiler of parts."""
 
-    _name = "part_lowering"
+    def define_pipelines(self) -> list[Any]:
+        """Return the usual passes of Numba with `PartLowering`."""
+        passes = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
+        chosen = ((_OWN.get(one, one), why) for one, why in passes.passes)
+        passes.passes = [(one, why) for one, why in chosen if one is not None]
+        passes.finalize()
+        return [passes]
 
-    def run_pass(self, state: Any) -> Literal[True]:
-        """Lower the function into a `PartLibrary`."""
-        state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
-        state.flags.no_compile = True
-        super().run_pass(state)
-        # Numba finds the code of a function by the object that Python would call. Create such an object
-        # without an address.
-        descriptor, name = state.cr.fndesc, state.func_id.func_name
-        part = _dynfunc.make_function(descriptor.lookup_module(), name, "", 0, state.cr.env, (state.library,))
-        state.cr = state.cr._replace(cfunc=part)
-        # A caller also needs the parts that this part calls, each of them once.
-        libraries = dict.fromkeys([state.library, *state.library._linking_libraries])
-        state.targetctx.insert_user_function(part, descriptor, list(libraries))
-        return True
+
+@lru_cache(maxsize=1)
+def _can_compile_parts() -> bool:
+    """Return whether this version of Numba compiles a part and its caller, which a trial shows."""
+    try:
+        part = numba.njit(pipeline_class=_Parts, no_cpython_wrapper=True)(lambda x: x + 1.0)
+        return bool(_OWN) and numba.cfunc("float64(float64)")(lambda x: part(x)).ctypes(1.0) == 2.0
+    except Exception:
+        return False
 
 
 class PartCompiler(compiler.CompilerBase):
-    """Compiler of functions that are called only by compiled code."""
+    """Compiler of functions that are called only by compiled code.
+
+    With a version of Numba that cannot compile parts it is the usual compiler, which takes twice as long.
+    """
 
     def define_pipelines(self) -> list[Any]:
-        """Return the usual passes of Numba with `PartLowering`, without those for closures and whole
-        arrays."""
-        passes = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
-        own = {typed_passes.NativeLowering: PartLowering}
-        unused = untyped_passes.InlineClosureLikes, typed_passes.NopythonRewrites
-        passes.passes = [(own.get(one, one), why) for one, why in passes.passes if one not in unused]
-        passes.finalize()
-        return [passes]
+        """Return the passes of Numba for a part."""
+        return (_Parts if _can_compile_parts() else compiler.Compiler).define_pipelines(self)
 
 
 def stored(function: Callable[..., Any], compiler: Any, signature: Any, **options: Any) -> Any:
@@ -77,6 +109,9 @@ def stored(function: Callable[..., Any], compiler: Any, signature: Any, **option
     """
     plain = inspect.unwrap(function)
     try:
+        # Numba does not document this module.
+        from numba.core import caching
+
         make = compiler(signature, cache=True, error_model="numpy", **options)
         if not (config.CACHE_DIR or Path(os.path.expanduser("~")).is_absolute()):  # type: ignore[attr-defined]
             # Numba would create a folder with the name ~ in the working directory.
@@ -96,6 +131,6 @@ def stored(function: Callable[..., Any], compiler: Any, signature: Any, **option
                 compiled = make(plain)
                 files.say_damaged("files of machine code", folder, "compiled")
                 return compiled
-    except (RuntimeError, OSError) as error:
+    except (RuntimeError, OSError, ImportError, AttributeError) as error:
         files.say_unkept(error)
         return compiler(signature, error_model="numpy", **options)(plain)

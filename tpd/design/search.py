@@ -359,6 +359,8 @@ def transformation(settings: Descent) -> optax.GradientTransformation:
     return _OPTIMISERS[settings.optimiser](schedule)
 
 
+# The optimisers of optax multiply integers and floats.
+@jax.numpy_dtype_promotion("standard")
 def descend(
     optimiser: optax.GradientTransformation,
     evaluate: Evaluate,

@@ -13,7 +13,8 @@ import tempfile
 import warnings
 import zlib
 from functools import lru_cache
-from importlib import import_module
+from importlib import import_module, resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import IO
 
@@ -41,11 +42,12 @@ files, not to pipes: a program that reads the error output of a command would wa
 that pipe have ended."""
 
 
-def sources() -> list[Path]:
-    """Return the files that are compiled, or that call compiled code."""
-    folder = Path(__file__).parent
-    scene = folder.parent / "scene"
-    return [*sorted(folder.glob("*.py")), scene / "impacts.py", scene / "parameters.py"]
+def sources() -> list[Traversable]:
+    """Return the files that are compiled, or that call compiled code, also if they are in a wheel."""
+    package = resources.files("tpd")
+    files = sorted(package.joinpath("exact").iterdir(), key=lambda file: file.name)
+    scene = (package.joinpath("scene", name) for name in ("impacts.py", "parameters.py"))
+    return [*(file for file in files if file.name.endswith(".py")), *scene]
 
 
 @lru_cache(maxsize=1)
@@ -60,6 +62,9 @@ def compile_beside(folder: Path, modules: tuple[str, ...]) -> None:
     Raises:
         OSError: a process cannot be started.
     """
+    if not Path(__file__).exists():
+        # Numba stores nothing for a package in a wheel, and another process would compile for nothing.
+        return
     # Numba's cache belongs to one installation, or is the folder that the environment variable names.
     version, chosen = str(checksum()), os.environ.get("NUMBA_CACHE_DIR")
     store = Path(chosen).absolute() if chosen else Path(__file__).parent / "__pycache__"

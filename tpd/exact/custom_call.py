@@ -8,29 +8,31 @@ compiled only once. Both release Python's lock. Each run has one row in every bu
 from __future__ import annotations
 
 import ctypes
-import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-import jaxlib
+import numba
 import numpy as np
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
-from numba.np.numpy_support import carray as _carray
 
 from tpd.exact.arcs import Forcing
 from tpd.exact.motion import NO
 from tpd.exact.plant import compiled, part
 from tpd.exact.terms import WIDTH
 
-carray: Any = _carray
+carray: Any = numba.carray
 FRAME = 16
 """Number of 8-byte integers in a frame of XLA."""
+_VERSION = 0, 3
+"""Major and minor version of the interface whose columns are below. XLA refuses code of a version that it no
+longer supports. Check the columns in `xla/ffi/api/c_api.h` before this changes."""
 _SIZE, _EXTENSION, _STAGE, _OPERANDS, _OPERAND_LIST, _RESULTS, _RESULT_LIST = 0, 1, 4, 7, 9, 12, 14
 """Columns of such a frame: its size, an extension, the stage, the number of operands and the list of them,
 and the same for the results."""
+_TYPE, _NEXT, _METADATA = 1, 2, 1
+"""Columns of an extension: its type and the next extension; the type of a request for the version."""
 _FIRST, _DATA, _RANK, _SHAPE, _EXECUTE = 0, 3, 4, 5, 3
 """Index of the first item of a list; columns of a buffer: data, number of axes, their lengths; the stage that
 computes."""
@@ -66,17 +68,9 @@ BEGIN, RAMP = 0, 1
 
 
 def api_version() -> int:
-    """Return the version of the FFI that the installed XLA declares, as one integer.
-
-    Raises:
-        ValueError: the header file does not declare the version.
-    """
-    header = Path(str(jaxlib.__file__)).parent / "include" / "xla" / "ffi" / "api" / "c_api.h"
-    text = header.read_text(encoding="utf-8")
-    major, minor = (re.search(rf"#define XLA_FFI_API_{name} (\d+)", text) for name in ("MAJOR", "MINOR"))
-    if major is None or minor is None:
-        raise ValueError(f"{header} does not declare the version of the interface")
-    return int(major[1]) | (int(minor[1]) << 32)
+    """Return the version of the FFI for which this module is written, as one integer."""
+    major, minor = _VERSION
+    return major | minor << 32
 
 
 @intrinsic
@@ -151,10 +145,14 @@ def rows_of(address, a, api):
         for i in range(8):
             a[i] = frame[_BUFFERS + i]
         return frame[_FROM], frame[_TO], True
-    if frame[_EXTENSION] != 0:
-        # With an extension XLA only wants to know the version of the interface.
-        integers_at(integers_at(frame[_EXTENSION])[_DATA])[_DATA] = api
-        return 0, 0, False
+    extension = frame[_EXTENSION]
+    while extension != 0:
+        # Types and stages have 32 bits. The code needs no extension of another type.
+        of = integers_at(extension)
+        if (of[_TYPE] & 0xFFFFFFFF) == _METADATA:
+            integers_at(of[_DATA])[_DATA] = api
+            return 0, 0, False
+        extension = of[_NEXT]
     # In the stages before the execution there is nothing to do.
     if (frame[_STAGE] & 0xFFFFFFFF) != _EXECUTE:
         return 0, 0, False

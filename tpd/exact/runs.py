@@ -427,7 +427,7 @@ def _ground_run_jvp(primals: tuple, tangents: tuple) -> tuple:
     growing = jnp.stack([tilting, swinging, swinging - tilting])
     sides = jnp.sign(jnp.stack([tilt, swing, swing - tilt]))
     angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[column("free")]
-    at = at + jnp.concatenate([last, jnp.zeros(2)]) * times[column("free")]
+    at = at + jnp.concatenate([last.astype(float), jnp.zeros(2)]) * times[column("free")]
     if not isinstance(of_pieces, SymbolicZero):
         # The derivatives in the samples of a record are not computed. They are NaN, because zero would be
         # wrong.

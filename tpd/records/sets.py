@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from importlib import import_module
+from importlib import import_module, resources
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,6 @@ from tpd.core import checks
 from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.scene.record import Record
 
-_DATA = Path(__file__).parent / "data"
 SETS = {
     "far-field": "farfield.hdf5",
     "near-field-pulse": "nearfield_pulse.hdf5",
@@ -41,8 +40,7 @@ def el_centro() -> Record:
         (1560, 3.127)
     """
     # The table contains no name, so add it here.
-    record = Record.read(_DATA / "elcentro_1940_ns.csv.gz")
-    return replace(record, name="El Centro/NS", event="Imperial Valley 1940", source="el-centro")
+    return replace(_own("elcentro_1940_ns.csv.gz"), name="El Centro/NS", event="Imperial Valley 1940", source="el-centro")
 
 
 def loma_prieta() -> Record:
@@ -58,9 +56,14 @@ def loma_prieta() -> Record:
         >>> record.event, round(float(record.pga), 3)
         ('Loma Prieta 1989', 1.044)
     """
-    record = Record.read(_DATA / "loma_prieta_1989_0111a.smc.gz")
     words = {"name": "San Francisco 1295 Shafter/360", "event": "Loma Prieta 1989", "source": "loma-prieta"}
-    return replace(record, **words)
+    return replace(_own("loma_prieta_1989_0111a.smc.gz"), **words)
+
+
+def _own(name: str) -> Record:
+    """Return a record of the package, which may be in a wheel."""
+    with resources.as_file(resources.files("tpd.records").joinpath("data", name)) as path:
+        return Record.read(path)
 
 
 def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:

@@ -54,9 +54,9 @@ class Conditions:
     `Conditions.band(...) * Conditions.scatter(...)` combines every condition of the first set with every
     condition of the second set.
 
-    The main field is `factors`: dimensionless factors on the values of the scene, by name in `FACTORS`, each
-    of shape (n,). `motions`, `which`, `intensity` and `scales` describe ground motions. `description` and
-    `units` serve labels.
+    The main field is `factors`: dimensionless factors on the values of the scene, by a name of
+    `tpd.scene.conditions.FACTORS`, each of shape (n,). `motions`, `which`, `intensity` and `scales` describe
+    ground motions. `description` and `units` serve labels.
 
     Example:
         >>> import tpd
@@ -67,8 +67,8 @@ class Conditions:
     """
 
     factors: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """Factors on the values of the scene, by name in `FACTORS`, each of shape (n,). A name that is left out
-    has the factor 1."""
+    """Factors on the values of the scene, by a name of `tpd.scene.conditions.FACTORS`, each of shape (n,). A
+    name that is left out has the factor 1."""
     description: tuple[str, ...] = ()
     """Phrases that describe the set, one for each set of a combination."""
     units: Mapping[str, tuple[float, str]] = field(default_factory=dict)
@@ -132,7 +132,7 @@ class Conditions:
         )
 
     def column(self, name: str) -> np.ndarray:
-        """Return the factors on one of `FACTORS`, shape (n,)."""
+        """Return the factors on one of `tpd.scene.conditions.FACTORS`, shape (n,)."""
         checks.one_of("name", name, FACTORS)
         return self.factors.get(name, np.ones(len(self)))
 
@@ -199,7 +199,7 @@ class Conditions:
         return ", ".join(parts)
 
     def factor_rows(self) -> Float[np.ndarray, "n 8"]:
-        """Return all factors: one row for each condition, with columns in the order of `FACTORS`."""
+        """Return all factors, a row for each condition and a column for each name."""
         return np.stack([self.column(name) for name in FACTORS], axis=1)
 
     @staticmethod
@@ -277,8 +277,9 @@ class Conditions:
             intensity: measure of the scales: "pga_star" is PGA/(g tan alpha), "pgv_star" is p PGV/(g tan
                 alpha), "pga" and "pgv" are in m/s^2 and m/s, "pga_g" is PGA in g, "scale" is a factor on the
                 motion.
-            scatter: relative half widths of uncertain quantities, by name in `FACTORS`. Every condition has
-                its own sample from one seeded Latin hypercube.
+            scatter: relative half widths of uncertain quantities, by a name of
+                `tpd.scene.conditions.FACTORS`. Every condition has its own sample from one seeded Latin
+                hypercube.
             samples: number of conditions for each motion and scale.
             seed: seed of the samples.
 
