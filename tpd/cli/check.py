@@ -105,11 +105,9 @@ def _check_by_models(
         # Ground motions have groups: those of the search, and those that were kept for validation.
         if runs.cluster is not None:
             sentences += [words.group(part) for part in runs.parts]
-    # Without a reason against the pendulum, the amount of evidence decides: there may be too few earthquakes.
-    status = validation.status if validation.reasons else problem.evidence
-    verdict = answer.verdict_lines(status, validation.refusals)
+    verdict = answer.verdict_lines(validation.status, validation.refusals)
     before, after = ([line for text in texts for line in wrapped(text)] for texts in (sentences, verdict))
-    return [*table, *before, "", *after], status.is_sound
+    return [*table, *before, "", *after], validation.status.is_sound
 
 
 def _check_by_engine(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tpd.core.formatting import number
+from tpd.core.formatting import number, percent
 from tpd.design.criteria import KINDS, Clearance, Limit, limit_of
 from tpd.records.read import in_words
 from tpd.report.blocks import NO_VALUE, Table
@@ -48,12 +48,6 @@ def angle(x: float) -> str:
     if not math.isfinite(x):
         return "unknown" if math.isnan(x) else "overturns"
     return f"{number(x)} rad ({number(math.degrees(x), 3)}°)"
-
-
-def percent(share: float, digits: int = 0) -> str:
-    """Format a share in per cent, by default without decimals: 0.25 is "25 %"."""
-    # Rounding first and adding zero turns "-0 %" into "0 %".
-    return f"{round(100.0 * share, digits) + 0.0:.{digits}f} %"
 
 
 def interval(value: float, low: float, high: float, digits: int = 0) -> str:
