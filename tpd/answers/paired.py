@@ -381,7 +381,8 @@ class PairedRuns(Printed):
             return "benefit unknown"
         # A negative benefit is an increase, which the text calls "more tilt".
         less, size, around = self.benefit.fall_in_words()
-        return f"{size} {'less' if less else 'more'} tilt{around}"
+        given = "" if self.passed is None else ", which allows for the decision by the same runs"
+        return f"{size} {'less' if less else 'more'} tilt{around}{given}"
 
     @property
     def overturning_in_words(self) -> str:

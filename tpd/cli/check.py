@@ -10,7 +10,7 @@ from tpd.answers.compare_models import MODELS, QUICK, check
 from tpd.cli import common
 from tpd.cli.interrupts import SOUND, UNSOUND, print_answer
 from tpd.core import checks
-from tpd.core.formatting import number
+from tpd.core.formatting import compared, number
 from tpd.core.progress import Bar
 from tpd.design.assess import needless
 from tpd.design.criteria import DesignSpace, Mass, check_cavity, stroke_limit
@@ -95,10 +95,11 @@ def _check_by_models(
     sentences = _ratios_outside(validation, problem.space)
     runs = validation.runs
     if runs is not None:
+        share, most = compared(validation.over_limit, problem.allowed, 1, words.percent)
         sentences += [
             f"{runs.description}: {words.reduction(runs, validation.measure)}.",
-            f"The pendulum exceeds a limit in {100 * validation.over_limit:.1f} % of the runs in which the "
-            f"block does not overturn (allowed: at most {100 * problem.allowed:.1f} %).",
+            f"The pendulum exceeds a limit in {share} of the runs in which the block does not overturn "
+            f"(allowed: at most {most}).",
         ]
         if runs.undecided:
             sentences.append(f"{runs.undecided} runs have no solution and are not counted.")

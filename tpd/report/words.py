@@ -37,6 +37,10 @@ _SCATTERED = {
     "amplitude": "amplitude of the excitation",
 }
 """Labels of quantities that scatter, if the name of the quantity alone is not clear."""
+COMPARISON = (
+    "These linear runs only compare cases with one another. The reduction that counts is the one in the verdict."
+)
+"""Caption of tables with reductions that the verdict does not use."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 
@@ -213,7 +217,11 @@ def reduction(runs: PairedRuns, measure: str) -> str:
     other = "tilt" if measure == "overturning" else "overturning"
     # Both clauses begin with "the", and the second one begins a sentence.
     first, then = reduced(runs, measure), reduced(runs, other)
-    return first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
+    both = first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
+    if runs.passed is None:
+        return both
+    alone = reduced(runs.unconditional, runs.passed.measure)
+    return f"{both}. The same runs decided, and these estimates allow for that. Without this correction, {alone}"
 
 
 def reduced(runs: PairedRuns, measure: str) -> str:
@@ -222,7 +230,9 @@ def reduced(runs: PairedRuns, measure: str) -> str:
     name, shares = "mean tilt", ""
     if measure == "overturning":
         pendulum, without = (percent(x, 1) for x in (overturned.with_pendulum, overturned.without_pendulum))
-        name, shares = "share of runs that overturn", f", from {without} to {pendulum}"
+        # The shares are those of the runs, which an estimate that allows for the decision does not repeat.
+        shares = f", from {without} to {pendulum}" if runs.passed is None else ""
+        name = "share of runs that overturn"
         # A relative reduction of zero does not exist.
         if overturned.without_pendulum == 0.0:
             return f"the block overturns in {pendulum} of the runs with the pendulum, and in none without it"
