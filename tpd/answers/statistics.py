@@ -396,23 +396,26 @@ class Lognormal:
     intensities, the number of earthquakes that reach the state (the share of the motions times all
     earthquakes), and the number of earthquakes with a known outcome."""
 
-    def __str__(self) -> str:
+    @property
+    def words(self) -> tuple[str, str]:
+        """Median with its interval, and dispersion, as text."""
         if math.isnan(self.median):
             nothing = self.seen is not None and not self.seen.size
-            why = "no outcome is known" if nothing else "the share does not grow with the intensity"
-            return f"median unknown: {why}"
+            return "unknown", "no outcome is known" if nothing else "the share does not grow with the intensity"
         where = median_words(self.median)
         if 0.0 < self.median < math.inf:
-            low, high = self.interval()
-            where += f" ({low:.4g} to {high:.4g})"
+            where += " ({:.4g} to {:.4g})".format(*self.interval())
         if self.seen is None:
-            return f"median {where}, dispersion {self.dispersion:.3g}"
+            return where, f"{self.dispersion:.3g}"
         stripes, counts, n = self.seen
         # If all outcomes are equal, the median contains all information.
         if not 0.0 < counts.sum() < n.sum():
-            return f"median {where}"
+            return where, "unknown"
         several = "too small to resolve with these stripes"
-        return f"median {where}, dispersion {several if len(stripes) > 1 else 'unknown with one stripe'}"
+        return where, several if len(stripes) > 1 else "unknown with one stripe"
+
+    def __str__(self) -> str:
+        return "median {}, dispersion {}".format(*self.words)
 
     def probability(self, x: np.ndarray) -> np.ndarray:
         """Return the probability of the state at intensities x > 0.
