@@ -84,7 +84,9 @@ def test_the_sentence_on_the_medians_says_what_is_known(found):
         return replace(found, cases=cases[: 1 if p is None else 2], p_medians=p_medians).conclusion
 
     fits = [replace(found.without_pendulum["overturned"].fit, median=x) for x in (7.61, 7.63, math.inf)]
-    assert text(fits[:2], 0.3) == "The medians 7.61 and 7.63 (overturned) do not differ significantly (p = 0.3)."
+    assert (
+        text(fits[:2], 0.3) == "The medians 7.61 and 7.63 (overturned) do not differ significantly (p = 0.3)."
+    )
     assert text(fits[1:], 0.001) == "The medians (overturned) differ significantly (p = 0.001)."
     assert text(fits[:2], None) == "The median of the state overturned is 7.61."
     assert text(fits[::2], None) == "The median of the state overturned is 7.61."

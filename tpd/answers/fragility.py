@@ -125,8 +125,8 @@ class Fragility(Printed, Cases):
     unanswered: tuple[int, ...] | None = None
     """Number of runs without an answer with the nonlinear equations, for each case."""
     p_medians: dict[str, float] | None = None
-    """p-value of the difference of the medians by damage state, over all stripes: the exact two-sided sign test
-    over earthquakes, in each of which one case reaches the state in more runs. None without a pendulum."""
+    """p-value of the difference of the medians by damage state: the exact two-sided sign test over earthquakes,
+    in each of which one case reaches the state in more runs of all stripes. None without a pendulum."""
 
     def columns(self) -> dict[str, Any]:
         """Columns of a table with a row for each case, damage state and stripe.
@@ -170,7 +170,8 @@ class Fragility(Printed, Cases):
     def conclusion(self) -> str:
         """Sentence on the medians of the gravest state, and whether they differ significantly."""
         if self.earthquakes < LEAST_EARTHQUAKES:
-            return f"With fewer than {LEAST_EARTHQUAKES} earthquakes these counts do not predict other earthquakes."
+            few = f"With fewer than {LEAST_EARTHQUAKES} earthquakes"
+            return f"{few} these counts do not predict other earthquakes."
         state = list(self.without_pendulum)[-1]
         medians = [case[state].fit.median for case in self.cases]
         if self.p_medians is None:

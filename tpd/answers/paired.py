@@ -19,9 +19,9 @@ from tpd.answers.runs import UNANSWERED_ROW, Runs, label_of_ramp
 from tpd.answers.statistics import (
     SIGNIFICANT,
     Interval,
+    added_up,
     chance_of,
     chance_of_either,
-    added_up,
     change,
     fall,
     given_passed,
@@ -139,8 +139,8 @@ class PairedRuns(Printed):
     counted: np.ndarray | None = None
     """Whether the benefit counts each run; by default it counts all runs. The harm always counts all runs."""
     passed: Decision | None = None
-    """Decision that these runs passed and for which alone they are quoted; None if they did not decide. Benefit
-    and reduction of overturning are then estimates given this decision, see `statistics.given_passed`."""
+    """Decision that these runs passed and for which alone they are quoted; None if they did not decide.
+    Benefit and reduction of overturning are estimates given this decision, see `statistics.given_passed`."""
     worse: float = WORSE
     """Relative increase of the mean severity that is allowed in a part."""
 
@@ -256,6 +256,19 @@ class PairedRuns(Printed):
         if measure == "overturning":
             return self.overturning_reduction, self.change("overturned").high < 0.0
         return self.benefit, self.change("mean severity").high < 0.0
+
+    def margin(self, measure: str, least: float, low: float) -> float:
+        """Return how much smaller the reduction of a measure could be in these runs and still be sufficient.
+
+        It is negative or NaN if the reduction is not sufficient.
+
+        Args:
+            measure: "overturning" or "tilt".
+            least: smallest reduction.
+            low: smallest lower end of its interval. The reduction must also be significant.
+        """
+        gain, significant = self.reduction(measure)
+        return min(gain.mean - least, gain.low - low) if significant else -np.inf
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:

@@ -42,8 +42,8 @@ class Validated:
     """Runs that decide; None if a limit that needs no run, the exact model from rest, or sliding rejects the
     design."""
     quoted: PairedRuns | None
-    """Runs that the report quotes: runs that confirm the decision or, if the earthquakes are too few for that,
-    the runs that decided, with intervals that account for it. None if the design was rejected before."""
+    """Runs that the report quotes: runs that confirm the decision or, with few earthquakes, the runs that
+    decided, with intervals that allow for it. None if the design was rejected before."""
     measure: str
     """Measure that had to fall, "overturning" or "tilt"; empty if there are no runs."""
     over_limit: float
@@ -113,8 +113,9 @@ def validate(
         over, by_runs = _by_runs(problem, design, quoted, replace(requirements, at_least=0.0))
         reasons += by_runs
     elif decided is not None and not reasons:
-        decision = Decision(requirements.measure or "", _margin(decided, requirements))
-        quoted = replace(decided, passed=decision)
+        measure, required = requirements.measure or "", requirements.at_least
+        margin = decided.margin(measure, required, CERTAIN * required)
+        quoted = replace(decided, passed=Decision(measure, margin))
     status = problem.evidence
     if reasons and status is not DesignStatus.too_few:
         unknown = {reason.kind for reason in reasons} == {ReasonKind.undecided}
@@ -213,13 +214,7 @@ def _reasons(
         where = {"condition": first.label, "total": len(runs.worse_parts)}
         add_reason(ReasonKind.worse_condition, first.with_pendulum, first.without_pendulum, **where)
     measure, required = requirements.measure or runs.first_measure, requirements.at_least
-    gain, significant = runs.reduction(measure)
-    if not (significant and gain.low > CERTAIN * required and gain.mean >= required):
+    if not runs.margin(measure, required, CERTAIN * required) >= 0.0:
+        gain = runs.reduction(measure)[0]
         add_reason(ReasonKind.too_little_benefit, gain.mean, required, low=gain.low, measure=measure)
     return out
-
-
-def _margin(runs: PairedRuns, requirements: Requirements) -> float:
-    """Return how much smaller the reduction could be in runs that pass, until they would not pass."""
-    gain, required = runs.reduction(requirements.measure or "")[0], requirements.at_least
-    return min(gain.mean - required, gain.low - CERTAIN * required)

@@ -212,7 +212,8 @@ def _sensitivity(design: Design, details: Details) -> list[Block]:
     head = "quantity", "tolerance", "varied by", "reduction if lower", "reduction if higher", "how to measure"
     caption = (
         "Reduction of the mean tilt (95 % interval) if one quantity is lower or higher than stated, with the "
-        f"same linear runs in all rows. The row on impacts uses a fixed number e without scatter. {COMPARISON}"
+        "same linear runs in all rows. The row on impacts uses a fixed number e without scatter. "
+        f"{COMPARISON}"
     )
     if design.status is DesignStatus.recommended:
         caption += " Column 2 gives the tolerances for which the benefit was validated."

@@ -66,8 +66,8 @@ def _runs(design: Design) -> Iterator[Note]:
             and best.decided is not None
             and (runs.reduction(best.measure)[0].mean < required)
         ):
-            # Runs that took no part in the decision, and estimates that allow for it, can miss the requirement
-            # by chance although the decision was right.
+            # Runs that took no part in the decision, and estimates that allow for it, can miss the
+            # requirement by chance although the decision was right.
             quoted = "independent runs, which show less"
             if best.quoted.passed is not None:
                 quoted = "the smaller estimate that allows for this choice"

@@ -37,9 +37,7 @@ _SCATTERED = {
     "amplitude": "amplitude of the excitation",
 }
 """Labels of quantities that scatter, if the name of the quantity alone is not clear."""
-COMPARISON = (
-    "These linear runs only compare cases with one another. The reduction that counts is the one in the verdict."
-)
+COMPARISON = "These linear runs only compare cases. The reduction that counts is the one in the verdict."
 """Caption of tables with reductions that the verdict does not use."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
@@ -221,7 +219,9 @@ def reduction(runs: PairedRuns, measure: str) -> str:
     if runs.passed is None:
         return both
     alone = reduced(runs.unconditional, runs.passed.measure)
-    return f"{both}. The same runs decided, and these estimates allow for that. Without this correction, {alone}"
+    return (
+        f"{both}. The same runs decided, and these estimates allow for that. Without this correction, {alone}"
+    )
 
 
 def reduced(runs: PairedRuns, measure: str) -> str:
