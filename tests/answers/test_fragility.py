@@ -79,7 +79,8 @@ def test_the_sentence_on_the_medians_says_what_is_known(found):
     """Medians that differ in the third digit are printed with it, and those above all stripes with none."""
 
     def text(medians, p) -> str:
-        cases = tuple({"overturned": replace(x["overturned"], fit=f)} for x, f in zip(found.cases, medians))
+        pairs = zip(found.cases, medians, strict=False)
+        cases = tuple({"overturned": replace(case["overturned"], fit=fit)} for case, fit in pairs)
         p_medians = None if p is None else {"overturned": p}
         return replace(found, cases=cases[: 1 if p is None else 2], p_medians=p_medians).conclusion
 

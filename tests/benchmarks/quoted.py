@@ -2,7 +2,7 @@
 
 Many sets of earthquakes test a pendulum with a known reduction of the measure that decides. For the sets that
 pass, the benchmark compares the usual interval, and the one that allows for the decision, with the truth. It
-also compares two rules: all earthquakes decide and are quoted, or one half decides and the other half is quoted.
+also compares two rules: all earthquakes decide and are quoted, or one half decides and the other is quoted.
 """
 
 from collections.abc import Iterator
@@ -26,9 +26,9 @@ HALVES = (22, 44, 80)
 MIDDLES = {"tilt": 0.5, "overturning": 0.9}
 """Mean tilt over the slenderness, by the measure that decides."""
 SPREAD = 0.5
-"""Factor on the deviations of the effect of the pendulum. The interval of a reduction of the mean tilt by 16 %
-in 11 earthquakes is then 26 points wide; under FEMA P695 it is 14 to 20 points."""
-BLOCK = 500
+"""Factor on the deviations of the effect of the pendulum. The interval of a reduction of the mean tilt by 16
+% in 11 earthquakes is then 26 points wide; under FEMA P695 it is 14 to 20 points."""
+BLOCK = 50
 """Number of sets that are drawn together."""
 
 

@@ -125,8 +125,8 @@ class Fragility(Printed, Cases):
     unanswered: tuple[int, ...] | None = None
     """Number of runs without an answer with the nonlinear equations, for each case."""
     p_medians: dict[str, float] | None = None
-    """p-value of the difference of the medians by damage state: the exact two-sided sign test over earthquakes,
-    in each of which one case reaches the state in more runs of all stripes. None without a pendulum."""
+    """p-value of the difference of the medians by damage state: the exact two-sided sign test over
+    earthquakes, in each of which one case reaches the state in more runs. None without a pendulum."""
 
     def columns(self) -> dict[str, Any]:
         """Columns of a table with a row for each case, damage state and stripe.
