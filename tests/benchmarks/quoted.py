@@ -84,49 +84,54 @@ def passes(of: Interval) -> bool:
     return of.mean >= AT_LEAST and of.low > SHARE * AT_LEAST
 
 
-def chosen(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
-    """Return what is quoted of runs that passed, and how often it contains the truth.
+def covered(effect: Effect, earthquakes: int, rng: np.random.Generator, repeats: int) -> dict[str, float]:
+    """Return what is quoted of sets that passed, and how often it contains the truth.
 
-    There are results for the measure that decides and for the other one.
+    There are results for the measure that decides and for the other one, with the decision and "alone",
+    without regard to it. There are none if no set passed.
     """
-    rows = []
-    for effect in (Effect(measure, truth) for measure in MIDDLES for truth in REDUCTIONS):
-        other = next(name for name in MIDDLES if name != effect.measure)
-        with_it, without, _ = measured(
-            other, effect.pairs(np.random.default_rng(SEED), 30_000, effect.factor())
-        )
-        truths = effect.truth, float(1.0 - with_it.mean() / without.mean())
-        for n in QUAKES:
-            tried, found = 0, []
-            for pairs in effect.sets(rng, n, 100 * repeats):
-                tried += 1
-                if not passes(reduction(effect.measure, pairs)):
-                    continue
-                runs = runs_of(pairs)
-                margin = runs.margin(effect.measure, AT_LEAST, SHARE * AT_LEAST)
-                if margin >= 0.0:
-                    quoted = replace(runs, passed=Decision(effect.measure, margin))
-                    found.append(
-                        [x.reduction(name)[0] for x in (runs, quoted) for name in (effect.measure, other)]
-                    )
-                if len(found) == repeats:
-                    break
-            cells = {"passes": len(found) / tried, "cases": len(found)}
-            if not found:
-                continue
-            for name, own, truth in zip(
-                ("alone", "alone, other", "", "other"), zip(*found, strict=True), truths * 2, strict=True
-            ):
-                known = [x for x in own if np.isfinite(x.low)]
-                cells |= {
-                    f"covers {name}".strip(): float(np.mean([holds(x, truth) for x in known])),
-                    f"mean {name}".strip(): float(np.mean([x.mean for x in known])),
-                    f"above {name}".strip(): float(np.mean([x.mean > truth for x in known])),
-                    f"low {name}".strip(): float(np.median([x.low for x in known])),
-                    f"high {name}".strip(): float(np.median([x.high for x in known])),
-                }
-            rows.append({"what": "chosen", **effect._asdict(), "earthquakes": n, **cells})
-    return rows
+    other = next(name for name in MIDDLES if name != effect.measure)
+    big = measured(other, effect.pairs(np.random.default_rng(SEED), 30_000, effect.factor()))
+    truths = effect.truth, float(1.0 - big.with_pendulum.mean() / big.without_pendulum.mean())
+    tried, found = 0, []
+    for pairs in effect.sets(rng, earthquakes, 100 * repeats):
+        tried += 1
+        if not passes(reduction(effect.measure, pairs)):
+            continue
+        runs = runs_of(pairs)
+        margin = runs.margin(effect.measure, AT_LEAST, SHARE * AT_LEAST)
+        if margin >= 0.0:
+            both = runs, replace(runs, passed=Decision(effect.measure, margin))
+            found.append([x.reduction(name)[0] for x in both for name in (effect.measure, other)])
+        if len(found) == repeats:
+            break
+    out = {"passes": len(found) / tried, "cases": float(len(found))}
+    names = " alone", " alone, other", "", " other"
+    for name, own, truth in zip(
+        names if found else (), zip(*found, strict=True), truths * 2, strict=bool(found)
+    ):
+        known = [x for x in own if np.isfinite(x.low)]
+        means, low, high = (np.array([getattr(x, end) for x in known]) for end in ("mean", "low", "high"))
+        out |= {
+            f"covers{name}": float(np.mean([holds(x, truth) for x in known])),
+            f"mean{name}": means.mean(),
+        }
+        out |= {
+            f"above{name}": np.mean(means > truth),
+            f"low{name}": np.median(low),
+            f"high{name}": np.median(high),
+        }
+    return out
+
+
+def chosen(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
+    """Return the results of `covered` for all effects and numbers of earthquakes."""
+    effects = [Effect(measure, truth) for measure in MIDDLES for truth in REDUCTIONS]
+    return [
+        {"what": "chosen", **effect._asdict(), "earthquakes": n, **covered(effect, n, rng, repeats)}
+        for effect in effects
+        for n in QUAKES
+    ]
 
 
 def halves(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
