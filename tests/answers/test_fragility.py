@@ -1,6 +1,7 @@
 """Fragility: counts of single motions, and what is said of motions without an answer."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -55,7 +56,51 @@ def test_nothing_rocks_below_the_threshold_and_the_first_crossing_is_named(found
     assert all(0.0 <= share < 0.3 for share in found.changed)
     assert "the nonlinear equations change the outcome of" in str(found)
     assert "fewer than 5 earthquakes" not in str(found)
-    assert "rocking, without pendulum: median" in str(found)
+
+
+@pytest.mark.mends("`fragility` ended without a sentence on the medians")
+def test_the_text_is_a_table_and_a_sentence_on_the_medians(found):
+    head, titles, *rows = str(found).splitlines()
+    assert "12 motions of 12 earthquakes" in head
+    assert titles.split() == ["state", "case", "median", "dispersion"]
+    assert [row.split()[:2] for row in rows[:2]] == [["rocking", "without"], ["with", "pendulum"]]
+    medians = [case["overturned"].fit.median for case in found.cases]
+    for case, median, row in zip(("without", "with"), medians, rows[4:6], strict=True):
+        assert f"{case} pendulum" in row
+        assert f"{median:.4g} (" in row
+    p = found.p_medians["overturned"]
+    differ = "differ" if p < 0.05 else "do not differ"
+    two = " and ".join(f"{median:.2g}" for median in medians)
+    assert rows[-1] == f"The medians {two} (overturned) {differ} significantly (p = {p:.2g})."
+    assert repr(found) == str(found)
+
+
+def test_the_sentence_on_the_medians_says_what_is_known(found):
+    """Medians that differ in the third digit are printed with it, and those above all stripes with none."""
+
+    def text(medians, p) -> str:
+        pairs = zip(found.cases, medians, strict=False)
+        cases = tuple({"overturned": replace(case["overturned"], fit=fit)} for case, fit in pairs)
+        p_medians = None if p is None else {"overturned": p}
+        return replace(found, cases=cases[: 1 if p is None else 2], p_medians=p_medians).conclusion
+
+    fits = [replace(found.without_pendulum["overturned"].fit, median=x) for x in (7.61, 7.63, math.inf)]
+    assert (
+        text(fits[:2], 0.3) == "The medians 7.61 and 7.63 (overturned) do not differ significantly (p = 0.3)."
+    )
+    assert text(fits[1:], 0.001) == "The medians (overturned) differ significantly (p = 0.001)."
+    assert text(fits[:2], None) == "The median of the state overturned is 7.61."
+    assert text(fits[::2], None) == "The median of the state overturned is 7.61."
+    few = replace(found, earthquakes=4)
+    assert few.conclusion == "With fewer than 5 earthquakes these counts do not predict other earthquakes."
+
+
+def test_the_test_of_the_medians_counts_earthquakes(found):
+    """All stripes of an earthquake are one observation: the sign test of the motions' capacities."""
+    hits = np.isinf(found.tilts).sum(axis=2)
+    more, less = int(np.sum(hits[0] > hits[1])), int(np.sum(hits[0] < hits[1]))
+    expected = binomtest(more, more + less).pvalue if more + less else 1.0
+    assert found.p_medians["overturned"] == pytest.approx(expected)
 
 
 def taken(monkeypatch, with_it: bool, fewest: float) -> None:

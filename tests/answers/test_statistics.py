@@ -337,8 +337,8 @@ def test_without_outcomes_there_is_no_median():
 @pytest.mark.mends("outcomes above the stripes had no band")
 def test_outcomes_that_are_all_the_same_bound_the_probability():
     never, always = (fit_lognormal(np.array([1.0, 2.0, 3.0]), np.full((20, 3), x)) for x in (0.0, 1.0))
-    assert (str(never), never.interval()) == ("median above the stripes", (3.0, math.inf))
-    assert (str(always), always.interval()) == ("median below the stripes", (0.0, 1.0))
+    assert (str(never), never.interval()) == ("median above the stripes, dispersion unknown", (3.0, math.inf))
+    assert (str(always), always.interval()) == ("median below the stripes, dispersion unknown", (0.0, 1.0))
     known = binomtest(0, 20).proportion_ci(method="exact").high
     known = [0.0] * 3, [known, known, 1.0]
     np.testing.assert_allclose(never.band(np.array([0.5, 2.5, 3.5])), known, rtol=1e-6)

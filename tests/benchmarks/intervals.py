@@ -40,14 +40,25 @@ class Pairs(NamedTuple):
     clusters: np.ndarray
 
 
-def in_earthquakes(rng: np.random.Generator, records: np.ndarray, middle: float) -> Pairs:
-    """Return severities of `records` records of each earthquake at three scales."""
+def in_earthquakes(
+    rng: np.random.Generator, records: np.ndarray, middle: float, factor: float = 0.75, spread: float = 1.0
+) -> Pairs:
+    """Return severities of `records` records of each earthquake at three scales.
+
+    Args:
+        rng: random numbers.
+        records: number of records of each earthquake.
+        middle: mean tilt over the slenderness, before clipping.
+        factor: factor of the pendulum on the tilt.
+        spread: factor on the deviations from this factor.
+    """
     quake = np.repeat(np.arange(len(records)), records)
     tilt = middle + 0.35 * rng.standard_normal(len(records))[quake] + 0.35 * rng.standard_normal(len(quake))
     moved = 0.15 * rng.standard_normal(len(records))[quake] + 0.2 * rng.standard_normal(len(quake))
+    moved *= spread
     tilts = tilt[:, None] + SCALES
     noise = 0.1 * rng.standard_normal((2, *tilts.shape))
-    severities = np.clip([0.75 * tilts + moved[:, None] + noise[0], tilts + noise[1]], 0.0, 1.0)
+    severities = np.clip([factor * tilts + moved[:, None] + noise[0], tilts + noise[1]], 0.0, 1.0)
     with_pendulum, without_pendulum = severities.reshape(2, -1)
     return Pairs(with_pendulum, without_pendulum, np.repeat(quake, len(SCALES)))
 

@@ -28,7 +28,7 @@ import tpd
 
 NAMES = (
     *("precision", "smoothing", "engine", "commands", "ladder", "ground"),
-    *("benefit", "earthquakes", "optima", "engines", "cluster", "intervals", "explore", "guards"),
+    *("benefit", "earthquakes", "optima", "engines", "cluster", "intervals", "quoted", "explore", "guards"),
 )
 LONG = ("guards",)
 """Benchmarks that `--stale` does not run."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tpd.core import formatting
-from tpd.core.formatting import Printed, Tabular, apart, counted, meant, number, span
+from tpd.core.formatting import Printed, Tabular, compared, counted, meant, number, percent, span
 
 
 @pytest.mark.parametrize(
@@ -21,19 +21,22 @@ def test_numbers(x, text):
     assert number(x) == text
 
 
-@pytest.mark.mends("0.33 was needed where 0.33 was there")
+@pytest.mark.mends("sentences such as: needs a coefficient of 0.33, but has 0.33")
 @pytest.mark.parametrize(
-    ("value", "limit", "texts"),
+    ("value", "limit", "digits", "form", "texts"),
     [
-        (0.3403, 0.32, ("0.34", "0.32")),
-        (0.334, 0.3299, ("0.334", "0.33")),
-        (0.999999, 1.0, ("0.999999", "1")),
-        (0.25, 0.25, ("0.25", "0.25")),
-        (0.3403, math.inf, ("0.34", "infinite")),
+        (0.517, 0.4, 2, number, ("0.52", "0.4")),
+        (0.3304, 0.33, 2, number, ("0.3304", "0.33")),
+        (0.33000001, 0.33, 2, number, ("0.33000001", "0.33")),
+        (0.0104, 0.01, 1, percent, ("1.04 %", "1.00 %")),
+        (0.1999, 0.2, 1, percent, ("19.99 %", "20.00 %")),
+        (0.2, 0.2, 1, percent, ("20.0 %", "20.0 %")),
+        (math.nan, 0.2, 1, percent, ("nan %", "20.0 %")),
+        (math.inf, 1.0, 3, number, ("infinite", "1")),
     ],
 )
-def test_a_value_and_its_limit_have_the_digits_that_decide(value, limit, texts):
-    assert apart(value, limit) == texts
+def test_a_value_and_its_limit_have_the_digits_that_show_which_is_larger(value, limit, digits, form, texts):
+    assert compared(value, limit, digits, form) == texts
 
 
 def test_words():

@@ -76,6 +76,37 @@ def test_a_sentence_has_no_number_that_is_none():
     assert str(Reason(total=1, **alone)).endswith("for 2.5 Hz")
 
 
+@pytest.mark.mends("a value and its limit were printed with the same digits")
+@pytest.mark.parametrize(
+    ("kind", "given", "words"),
+    [
+        ("too_little_benefit", {"value": 0.1999, "low": 0.12, "reference": 0.2}, "falls by 19.99 % (95 % in"),
+        (
+            "too_little_benefit",
+            {"value": 0.1999, "low": 0.12, "reference": 0.2},
+            "at least 20.00 % is required",
+        ),
+        ("too_little_benefit", {"value": 0.3, "low": 0.0998, "reference": 0.2}, "from 9.98 %), but"),
+        ("too_little_benefit", {"value": 0.3, "low": 0.0998, "reference": 0.2}, "begins above 10.00 %"),
+        ("too_little_benefit", {"value": -1e-5, "low": -1.0, "reference": 0.0}, "increases by 0.001 %"),
+        ("touches_wall", {"value": 0.01004, "reference": 0.01}, "in 1.004 % of the runs"),
+        ("touches_wall", {"value": 0.01004, "reference": 0.01}, "at most 1.000 % are allowed"),
+        ("breaks_limit", {"value": 1.0003}, "1.0003 times the limit"),
+        ("slides", {"value": 0.3304, "reference": 0.33}, "of 0.3304, but has 0.33"),
+        ("worse_condition", {"value": 0.3003, "reference": 0.3, "total": 1}, "30.03 % of the slenderness"),
+    ],
+)
+def test_the_digits_that_decide_are_printed(kind, given, words):
+    assert words in str(Reason(kind=ReasonKind[kind], **given))
+
+
+@pytest.mark.mends("a reduction by 99.5 % was rejected because at least 10 % are required")
+@pytest.mark.parametrize("low", [-math.inf, math.nan])
+def test_an_unknown_interval_is_the_reason(low):
+    sentence = str(Reason(kind=ReasonKind.too_little_benefit, value=0.995, low=low, reference=0.1))
+    assert "falls by 99.5 % (too few earthquakes or overturned runs for an interval)" in sentence
+
+
 @pytest.mark.parametrize(
     ("kind", "given", "missed"),
     [

@@ -50,6 +50,7 @@ def design():
         "over_limit": 0.0,
         "measure": "tilt",
         "reasons": (),
+        "status": DesignStatus.recommended,
     }
     found |= {"decided": runs, "quoted": None}
     return Design(problem=problem, status=DesignStatus.recommended, validated=(Validated(**found),))

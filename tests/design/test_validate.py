@@ -53,7 +53,7 @@ def test_every_reason_of_the_runs_and_its_numbers(with_it, without, requirements
             assert reason.low <= 0.0 < reason.reference < reason.value, "it may be chance"
         else:
             assert (reason.value, reason.reference, reason.total) == pytest.approx(numbers)
-    assert v.status is DesignStatus.not_recommended
+    assert v.status is (DesignStatus.recommended if kind is None else DesignStatus.not_recommended)
     assert len(v.refusals) == len(v.reasons)
     assert v.is_harmful is (kind == "overturns_more")
 
@@ -269,15 +269,65 @@ def test_quoted_runs_that_show_harm_reject_a_design_and_a_smaller_benefit_does_n
         assert v.runs.benefit.mean < v.decided.benefit.mean
 
 
-def test_where_no_runs_are_held_back_those_that_decide_are_quoted():
-    class Once(Scripted):
-        has_validation_runs = False
+class Once(Scripted):
+    """No runs are held back."""
 
-    given = NoisyProblem.of(limits=()).inputs | {"method": paired([0.1] * 40, [0.5] * 40)}
+    has_validation_runs = False
+
+
+def in_earthquakes(count: int = 11, gain: float = 0.3) -> PairedRuns:
+    """Four runs of each earthquake, in which the mean tilt falls by about `gain` on average."""
+    rng, quakes = np.random.default_rng(1), np.repeat(np.arange(count), 4)
+    with_it = 0.5 * (1.0 - gain + 0.25 * rng.standard_normal(count))[quakes]
+    return paired(with_it, np.full(4 * count, 0.5), cluster=quakes)
+
+
+@pytest.mark.mends("under earthquakes the runs that decided were quoted as they were")
+def test_runs_that_decide_are_quoted_with_intervals_that_allow_for_it():
+    given = NoisyProblem.of(limits=()).inputs | {"method": in_earthquakes()}
     v = validate(Once(**given), DESIGN)
-    assert v.quoted is None
-    assert v.runs is v.decided
     assert v.reasons == ()
+    assert v.status is DesignStatus.recommended
+    assert v.quoted.with_pendulum is v.decided.with_pendulum
+    alone, quoted = v.decided.benefit, v.quoted.benefit
+    assert alone.low > 0.05
+    assert quoted.low < alone.low
+    assert quoted.mean < alone.mean
+    assert quoted.high <= alone.high
+    # The runs themselves stay as they are, and a benefit far above the required one as well.
+    assert v.quoted.change("mean severity") == v.decided.change("mean severity")
+    assert v.quoted.unconditional.benefit == alone
+    sure = validate(Once(**(given | {"method": in_earthquakes(gain=0.8)})), DESIGN)
+    for end in ("low", "mean", "high"):
+        assert getattr(sure.quoted.benefit, end) == pytest.approx(
+            getattr(sure.decided.benefit, end), abs=1e-4
+        )
+    # The margin is what the reduction could lose until the same runs would not pass.
+    measure, margin = v.quoted.passed
+    assert measure == "tilt"
+    assert margin == pytest.approx(min(alone.mean - 0.1, alone.low - 0.05))
+
+
+def test_earthquakes_that_are_held_back_do_not_decide():
+    """With enough earthquakes one half decides, and the other one is quoted."""
+    runs = in_earthquakes(80)
+    v = validate(Scripted(**(NoisyProblem.of(limits=()).inputs | {"method": runs})), DESIGN)
+    assert v.quoted.passed is None
+    assert not np.any(v.decided.counted & v.quoted.counted)
+    assert np.all(v.decided.counted | v.quoted.counted)
+    for half, of in enumerate((v.decided, v.quoted)):
+        assert set(runs.cluster[of.counted]) == set(range(half, 80, 2))
+
+
+@pytest.mark.mends("with two records the reason was a reduction by 99.5 % where at least 10 % are required")
+@pytest.mark.parametrize("gain", [0.3, 0.0])
+def test_too_few_earthquakes_are_the_status_whatever_the_runs_show(gain):
+    class Few(Once):
+        evidence = DesignStatus.too_few
+
+    v = validate(Few(**(NoisyProblem.of(limits=()).inputs | {"method": in_earthquakes(2, gain)})), DESIGN)
+    assert kinds(v) == ["too_little_benefit"]
+    assert v.status is DesignStatus.too_few
 
 
 def test_sizes_in_runs_are_those_of_the_runs_own_block():

@@ -38,6 +38,7 @@ def design() -> Design:
         measure="tilt",
         over_limit=0.0,
         reasons=(),
+        status=DesignStatus.recommended,
     )
     status = DesignStatus.recommended
     return Design(problem=problem_of(SCENE), status=status, validated=(validated,), equivalent=EQUIVALENT)

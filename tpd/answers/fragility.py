@@ -16,10 +16,18 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.runs import CASE_KEYS, Cases, Progress, follow_scaled
-from tpd.answers.statistics import LEAST_EARTHQUAKES, Lognormal, fit_lognormal, mcnemar, median_words
+from tpd.answers.statistics import (
+    LEAST_EARTHQUAKES,
+    SIGNIFICANT,
+    Lognormal,
+    fit_lognormal,
+    mcnemar,
+    median_words,
+)
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
+from tpd.core.formatting import Printed, aligned, compared
 from tpd.records.intensity import intensity_of
 from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, events_of, refuse_zeros
 from tpd.scene.scene import Block, Pendulum
@@ -53,16 +61,22 @@ class Curve:
     medians: tuple[float, float]
     """Medians of the two extreme fits: all motions without an answer reach the state, and none does."""
 
-    def __str__(self) -> str:
+    @property
+    def words(self) -> tuple[str, str]:
+        """Median with its interval, and dispersion, as text."""
+        median, dispersion = self.fit.words
         if not self.undecided.any():
-            return str(self.fit)
+            return median, dispersion
         # The median is lower if all motions without an answer reach the state.
         low, high = (median_words(x) for x in self.medians)
-        return f"{self.fit} (between {low} and {high}, depending on the motions without an answer)"
+        return f"{median}, {low} to {high} depending on the motions without an answer", dispersion
+
+    def __str__(self) -> str:
+        return "median {}, dispersion {}".format(*self.words)
 
 
-@dataclass(frozen=True)
-class Fragility(Cases):
+@dataclass(frozen=True, repr=False)
+class Fragility(Printed, Cases):
     """Fragility of a block under a set of ground motions, without a pendulum and, if there is one, with it.
 
     Where a field has an entry for each case, the case without the pendulum comes first.
@@ -75,6 +89,7 @@ class Fragility(Cases):
         earthquakes: number of earthquakes to which the motions belong.
         cases: fragility curves by damage state, for each case.
         p_values: p-values of the difference between the cases, by damage state, shape (stripes,).
+        p_medians: p-value of the difference between the medians of the cases, by damage state.
         tilts: largest tilt divided by the slenderness, shape (cases, motions, stripes).
         first_crossings: median of the lowest stripe that reaches a state, by damage state.
         changed: share of the outcomes that the nonlinear equations change, for each case.
@@ -109,6 +124,9 @@ class Fragility(Cases):
     runs that both equations answer; NaN if there are none. None if the nonlinear equations were not used."""
     unanswered: tuple[int, ...] | None = None
     """Number of runs without an answer with the nonlinear equations, for each case."""
+    p_medians: dict[str, float] | None = None
+    """p-value of the difference of the medians by damage state: the exact two-sided sign test over
+    earthquakes, in each of which one case reaches the state in more runs. None without a pendulum."""
 
     def columns(self) -> dict[str, Any]:
         """Columns of a table with a row for each case, damage state and stripe.
@@ -129,18 +147,14 @@ class Fragility(Cases):
         quakes = "one earthquake" if self.earthquakes == 1 else f"{self.earthquakes} earthquakes"
         lines = [f"fragility over {self.intensity} ({self.unit}), {len(self.motions)} motions of {quakes}"]
         is_few = self.earthquakes < LEAST_EARTHQUAKES
+        # A curve through so few earthquakes would rank the cases by chance.
+        rows = [("  state", "case", *(("runs in this state",) if is_few else ("median", "dispersion")))]
         for name in self.without_pendulum:
-            heads = f"{name}, {_LABELS[0]}:", f"{' ' * len(name)}  {_LABELS[1]}:"
-            # The second line of a state is indented by the length of its name, so that the cases are aligned.
-            for head, case in zip(heads, self.cases, strict=False):
+            for i, (label, case) in enumerate(zip(_LABELS, self.cases, strict=False)):
                 curve = case[name]
-                # A curve through so few earthquakes would rank the cases by chance.
-                counted = f"{int(curve.counts.sum())} of {int(curve.total.sum())} runs"
-                lines.append(f"  {head} {counted if is_few else curve}")
-        if is_few:
-            lines.append(
-                f"  fewer than {LEAST_EARTHQUAKES} earthquakes: these counts do not predict other earthquakes"
-            )
+                counted = f"{int(curve.counts.sum())} of {int(curve.total.sum())}"
+                rows.append(("" if i else f"  {name}", label, *((counted,) if is_few else curve.words)))
+        lines += aligned(rows)
         runs = len(self.motions) * len(self.stripes)
         # The outcomes without an answer are the same for all states, so that one curve of each case suffices.
         if text := _listed([int(next(iter(c.values())).undecided.sum()) for c in self.cases], runs):
@@ -150,7 +164,22 @@ class Fragility(Cases):
             lines.append(f"  the nonlinear equations change the outcome of {shares} of the runs")
             if text := _listed(self.unanswered, runs):
                 lines.append(f"  without an answer with these equations, and not compared: {text}")
-        return "\n".join(lines)
+        return "\n".join([*lines, self.conclusion])
+
+    @property
+    def conclusion(self) -> str:
+        """Sentence on the medians of the gravest state, and whether they differ significantly."""
+        if self.earthquakes < LEAST_EARTHQUAKES:
+            few = f"With fewer than {LEAST_EARTHQUAKES} earthquakes"
+            return f"{few} these counts do not predict other earthquakes."
+        state = list(self.without_pendulum)[-1]
+        medians = [case[state].fit.median for case in self.cases]
+        if self.p_medians is None:
+            return f"The median of the state {state} is {median_words(medians[0])}."
+        # An infinite median is one above all stripes, and has no number.
+        two = " {} and {}".format(*compared(*medians)) if np.isfinite(medians).all() else ""
+        differ = "differ" if self.p_medians[state] < SIGNIFICANT else "do not differ"
+        return f"The medians{two} ({state}) {differ} significantly (p = {self.p_medians[state]:.2g})."
 
 
 def _listed(counts: Sequence[int], runs: int) -> str:
@@ -258,8 +287,13 @@ def fragility(
         unanswered = tuple(int(x.sum()) for x in nonlinear_runs.is_unanswered)
     # Motions of one earthquake are dependent, so that the test counts earthquakes.
     p_values = None
+    p_medians = None
     if pendulum is not None:
         p_values = {name: mcnemar(hit[0], hit[1], quakes) for name, hit in hits.items()}
+        # All stripes together: an earthquake has the smaller capacity in the case in which more of its runs
+        # reach the state.
+        each = np.repeat(quakes, len(stripes))
+        p_medians = {n: float(mcnemar(*hit.reshape(2, -1, 1), each)[0]) for n, hit in hits.items()}
     crossings = {name: tuple(_first_crossing(h, stripes) for h in hit) for name, hit in hits.items()}
     return Fragility(
         intensity=measure.name,
@@ -269,6 +303,7 @@ def fragility(
         earthquakes=len(np.unique(quakes)),
         cases=curves,
         p_values=p_values,
+        p_medians=p_medians,
         tilts=exact.tilt / nu,
         first_crossings=crossings,
         changed=changed,

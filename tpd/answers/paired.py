@@ -19,10 +19,12 @@ from tpd.answers.runs import UNANSWERED_ROW, Runs, label_of_ramp
 from tpd.answers.statistics import (
     SIGNIFICANT,
     Interval,
+    added_up,
     chance_of,
     chance_of_either,
     change,
     fall,
+    given_passed,
     is_positive,
 )
 from tpd.cluster.cluster import Cluster
@@ -68,6 +70,15 @@ class Change(NamedTuple):
         return self.with_pendulum - self.without_pendulum
 
 
+class Decision(NamedTuple):
+    """Decision by which runs were chosen."""
+
+    measure: str
+    """Measure that decided, "overturning" or "tilt"."""
+    margin: float
+    """How much smaller its reduction could be in these runs until the decision would be another one."""
+
+
 class Overturned(NamedTuple):
     """Group of runs of which significantly more overturn with the pendulum."""
 
@@ -110,6 +121,8 @@ class PairedRuns(Printed):
         labels: names of the groups.
         cluster: number of the earthquake of each run; None if all runs are independent.
         counted: whether the benefit counts each run; None for all runs.
+        passed: decision that these runs passed and for which alone they are quoted; None if they did not
+            decide. Benefit and reduction of overturning account for it.
         worse: relative increase of the mean severity that is allowed in a part.
     """
 
@@ -125,6 +138,9 @@ class PairedRuns(Printed):
     """Number of the earthquake of each run; None if all runs are independent."""
     counted: np.ndarray | None = None
     """Whether the benefit counts each run; by default it counts all runs. The harm always counts all runs."""
+    passed: Decision | None = None
+    """Decision that these runs passed and for which alone they are quoted; None if they did not decide.
+    Benefit and reduction of overturning are estimates given this decision, see `statistics.given_passed`."""
     worse: float = WORSE
     """Relative increase of the mean severity that is allowed in a part."""
 
@@ -171,13 +187,24 @@ class PairedRuns(Printed):
     def _clusters(self, rows: np.ndarray) -> np.ndarray | None:
         return None if self.cluster is None else self.cluster[rows]
 
+    def half(self, which: int) -> PairedRuns:
+        """Return the runs, of which the benefit counts only the first (0) or the second (1) half of the
+        earthquakes. Independent runs all count."""
+        if self.cluster is None:
+            return self
+        every = np.ones(len(self.group), dtype=bool) if self.counted is None else self.counted
+        earthquakes = np.unique(self.cluster[every])[which::2]
+        return replace(self, counted=every & np.isin(self.cluster, earthquakes))
+
+    @property
+    def unconditional(self) -> PairedRuns:
+        """The same runs without regard to the decision that they passed."""
+        return replace(self, passed=None)
+
     @cached_property
     def benefit(self) -> Interval:
         """Relative reduction of the mean severity, with its 95 % interval; NaN without any pair."""
-        rows = self._rows
-        with_pendulum, without_pendulum = self.severity[:, rows]
-        # The severity is at most 1, so that the mean is finite although overturned runs have infinite tilts.
-        return fall(with_pendulum, without_pendulum, self._clusters(rows), least=LEAST)
+        return self._reduction("tilt")
 
     @cached_property
     def overturning_reduction(self) -> Interval:
@@ -185,11 +212,32 @@ class PairedRuns(Printed):
 
         NaN if no run overturns without the pendulum.
         """
-        with_pendulum, without_pendulum = (runs.is_overturned[self._rows] for runs in self._cases)
+        return self._reduction("overturning")
+
+    def _reduction(self, measure: str) -> Interval:
+        with_pendulum, without_pendulum = pair = self._pair(measure)
         # A relative reduction of zero overturned runs has no meaning.
-        if not without_pendulum.any():
+        if measure == "overturning" and not without_pendulum.any():
             return Interval(np.nan, np.nan, np.nan)
-        return fall(with_pendulum, without_pendulum, self._clusters(self._rows))
+        clusters = self._clusters(self._rows)
+        # The severity is at most 1, so that the mean is finite although overturned runs have infinite tilts.
+        of = fall(with_pendulum, without_pendulum, clusters, least=LEAST if measure == "tilt" else 0.0)
+        if self.passed is None:
+            return of
+        decided = self.unconditional.reduction(self.passed.measure)[0]
+        # By how much each earthquake contributes to the deviation of both reductions from their means.
+        x, y = (
+            added_up((1.0 - by.mean) * without - with_it, clusters)
+            for by, (with_it, without) in ((of, pair), (decided, self._pair(self.passed.measure)))
+        )
+        size = np.sqrt((x @ x) * (y @ y))
+        return given_passed(of, decided, self.passed.margin, float(x @ y / size) if size else 1.0)
+
+    def _pair(self, measure: str) -> np.ndarray:
+        """Return the measure of each counted run with and without the pendulum, shape (2, counted runs)."""
+        is_tilt = measure == "tilt"
+        values = self.severity if is_tilt else np.array([runs.is_overturned for runs in self._cases], float)
+        return values[:, self._rows]
 
     @property
     def first_measure(self) -> str:
@@ -209,12 +257,23 @@ class PairedRuns(Printed):
             return self.overturning_reduction, self.change("overturned").high < 0.0
         return self.benefit, self.change("mean severity").high < 0.0
 
+    def margin(self, measure: str, least: float, low: float) -> float:
+        """Return how much smaller the reduction of a measure could be in these runs and still be sufficient.
+
+        It is negative or NaN if the reduction is not sufficient.
+
+        Args:
+            measure: "overturning" or "tilt".
+            least: smallest reduction.
+            low: smallest lower end of its interval. The reduction must also be significant.
+        """
+        gain, significant = self.reduction(measure)
+        return min(gain.mean - least, gain.low - low) if significant else -np.inf
+
     @cached_property
     def changes(self) -> tuple[Change, ...]:
         """Changes of mean, median and worst severity, and of the shares of two outcomes."""
-        rows = self._rows
-        pair = self.severity[:, rows]
-        overturned = np.array([runs.is_overturned[rows] for runs in self._cases], dtype=float)
+        rows, pair, overturned = self._rows, self._pair("tilt"), self._pair("overturning")
         rests = np.array([runs.is_at_rest[rows] for runs in self._cases], dtype=float)
 
         def mean(name: str, values: np.ndarray) -> Change:
@@ -335,7 +394,8 @@ class PairedRuns(Printed):
             return "benefit unknown"
         # A negative benefit is an increase, which the text calls "more tilt".
         less, size, around = self.benefit.fall_in_words()
-        return f"{size} {'less' if less else 'more'} tilt{around}"
+        given = "" if self.passed is None else ", which allows for the decision by the same runs"
+        return f"{size} {'less' if less else 'more'} tilt{around}{given}"
 
     @property
     def overturning_in_words(self) -> str:

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import root
-from scipy.special import bdtr, betaincinv, erfcx, ndtr, ndtri, stdtrit
+from scipy.optimize import brentq, root
+from scipy.special import bdtr, betaincinv, erfcx, log_ndtr, ndtr, ndtri, stdtrit
 
 SIGNIFICANT = 0.05
 """Probability below which a difference between two shares is significant."""
@@ -30,6 +30,9 @@ _LEVEL = 0.95
 _WEIGHT = 1.2
 """Weight, in runs, of each of the two runs that are added to paired runs. If differences in one direction are
 rare, the smallest coverage is 94.3 % with this weight and 93.2 % with a weight of 1."""
+_FARTHEST = float(ndtri(0.999) / ndtri(0.975))
+"""Largest distance of the lower end of a conditional interval from the mean, in distances of the lower end of
+the usual interval: the end of a one-sided interval of 99.9 %. Without it some lower ends are infinite."""
 _MANY = 1e12
 """Degrees of freedom above which Student's distribution equals the normal distribution."""
 _ROUNDING = 1e-12
@@ -101,6 +104,50 @@ class Interval:
     def is_above(self) -> bool:
         """Whether the whole interval is above zero."""
         return self.low > 0.0
+
+
+def given_passed(of: Interval, decided: Interval, margin: float, correlation: float = 1.0) -> Interval:
+    """Return the interval of a mean that is quoted only because its own sample passed a decision.
+
+    A sample passes if one of its means is above a threshold. Given that it passes, this mean has a normal
+    distribution that is truncated at the threshold (H. Zhong and R. L. Prentice, Biostatistics 9, 2008). The
+    interval contains the true values for which the mean of the sample is neither among the lowest nor among
+    the highest 2.5 % of this distribution. The new mean is the true value for which it is the median. For a
+    mean that did not decide, the distance from the threshold in standard errors is divided by the correlation
+    with the mean that did (J. D. Lee, D. L. Sun, Y. Sun and J. E. Taylor, Ann. Statist. 44, 2016).
+
+    The standard errors are those that the usual intervals imply for a normal distribution. As in the hybrid
+    intervals of I. Andrews, T. Kitagawa and A. McCloskey (Q. J. Econ. 139, 2024), a very wide usual interval
+    bounds the lower end.
+
+    Args:
+        of: mean with its usual interval.
+        decided: mean that decided, with its usual interval.
+        margin: distance of the mean that decided from the threshold.
+        correlation: correlation of both means.
+
+    Example:
+        >>> of = Interval(0.2, 0.1, 0.3)
+        >>> [given_passed(of, of, margin).words() for margin in (0.05, 0.5)]
+        ['+18.4% (+4.2% to +29.9%)', '+20.0% (+10.0% to +30.0%)']
+    """
+    if not (math.isfinite(of.low) and correlation > 0.0):
+        return of
+    quantile = float(ndtri(0.5 * (1.0 + _LEVEL)))
+    passed = margin / (decided.mean - decided.low) * quantile / correlation
+    lowest = of.mean - _FARTHEST * (of.mean - of.low)
+
+    def excess(value: float, chance: float) -> float:
+        width = of.mean - of.low if value <= of.mean else of.high - of.mean
+        distance = (of.mean - value) / width * quantile
+        return float(log_ndtr(-distance) - log_ndtr(passed - distance)) - math.log(chance)
+
+    def end(chance: float) -> float:
+        if not excess(lowest, chance) < 0.0:
+            return lowest
+        return brentq(excess, lowest, of.high, (chance,)) if excess(of.high, chance) > 0.0 else of.high
+
+    return Interval(*(end(chance) for chance in (0.5, 0.5 * (1.0 - _LEVEL), 0.5 * (1.0 + _LEVEL))))
 
 
 def unseen(n: int) -> float:
@@ -352,23 +399,29 @@ class Lognormal:
     intensities, the number of earthquakes that reach the state (the share of the motions times all
     earthquakes), and the number of earthquakes with a known outcome."""
 
-    def __str__(self) -> str:
+    @property
+    def words(self) -> tuple[str, str]:
+        """Median with its interval, and dispersion, as text."""
         if math.isnan(self.median):
             nothing = self.seen is not None and not self.seen.size
-            why = "no outcome is known" if nothing else "the share does not grow with the intensity"
-            return f"median unknown: {why}"
+            return (
+                "unknown",
+                "no outcome is known" if nothing else "the share does not grow with the intensity",
+            )
         where = median_words(self.median)
         if 0.0 < self.median < math.inf:
-            low, high = self.interval()
-            where += f" ({low:.4g} to {high:.4g})"
+            where += " ({:.4g} to {:.4g})".format(*self.interval())
         if self.seen is None:
-            return f"median {where}, dispersion {self.dispersion:.3g}"
+            return where, f"{self.dispersion:.3g}"
         stripes, counts, n = self.seen
         # If all outcomes are equal, the median contains all information.
         if not 0.0 < counts.sum() < n.sum():
-            return f"median {where}"
+            return where, "unknown"
         several = "too small to resolve with these stripes"
-        return f"median {where}, dispersion {several if len(stripes) > 1 else 'unknown with one stripe'}"
+        return where, several if len(stripes) > 1 else "unknown with one stripe"
+
+    def __str__(self) -> str:
+        return "median {}, dispersion {}".format(*self.words)
 
     def probability(self, x: np.ndarray) -> np.ndarray:
         """Return the probability of the state at intensities x > 0.

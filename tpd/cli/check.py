@@ -11,7 +11,7 @@ from tpd.answers.motion_history import sliding
 from tpd.cli import common
 from tpd.cli.interrupts import SOUND, UNSOUND, print_answer
 from tpd.core import checks
-from tpd.core.formatting import number
+from tpd.core.formatting import compared, number
 from tpd.core.progress import Bar
 from tpd.design.assess import needless
 from tpd.design.criteria import DesignSpace, Mass, check_cavity, stroke_limit
@@ -106,10 +106,11 @@ def _check_by_models(
         sentences.append(sliding(problem.scene, problem.stated_motions, pendulum))
         # Sliding comes first, because the runs do not describe a base that slides.
         sentences.sort(key=lambda text: not text.startswith(SLIDES))
+        share, most = compared(validation.over_limit, problem.allowed, 1, words.percent)
         sentences += [
             f"{runs.description}: {words.reduction(runs, validation.measure)}.",
-            f"The pendulum exceeds a limit in {100 * validation.over_limit:.1f} % of the runs in which the "
-            f"block does not overturn (allowed: at most {100 * problem.allowed:.1f} %).",
+            f"The pendulum exceeds a limit in {share} of the runs in which the block does not overturn "
+            f"(allowed: at most {most}).",
         ]
         if runs.undecided:
             sentences.append(f"{runs.undecided} runs have no solution and are not counted.")
@@ -117,11 +118,9 @@ def _check_by_models(
         if runs.cluster is not None:
             sentences += [words.group(part) for part in runs.parts]
             sentences += [f"  {text}" for text in answer.at_levels(problem, runs)]
-    # Without a reason against the pendulum, the amount of evidence decides: there may be too few earthquakes.
-    status = validation.status if validation.reasons else problem.evidence
-    verdict = answer.verdict_lines(status, validation.refusals)
+    verdict = answer.verdict_lines(validation.status, validation.refusals)
     before, after = ([line for text in texts for line in wrapped(text)] for texts in (sentences, verdict))
-    return [*table, *before, "", *after], status.is_sound
+    return [*table, *before, "", *after], validation.status.is_sound
 
 
 def _check_by_engine(

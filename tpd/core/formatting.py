@@ -6,7 +6,7 @@ import html
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
@@ -31,14 +31,30 @@ def number(x: float, digits: int = 4) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
-def apart(value: float, limit: float, digits: int = 2) -> tuple[str, str]:
-    """Format a value and the limit that it is compared with, with as many digits as tell them from each
-    other, at least `digits`."""
-    for more in range(digits, 17):
-        pair = number(value, more), number(limit, more)
-        if pair[0] != pair[1]:
-            break
-    return pair
+def percent(share: float, digits: int = 0) -> str:
+    """Format a share in per cent, by default without decimals: 0.25 is "25 %"."""
+    # Rounding first and adding zero turns "-0 %" into "0 %".
+    return f"{round(100.0 * share, digits) + 0.0:.{digits}f} %"
+
+
+def compared(
+    value: float, limit: float, digits: int = 2, form: Callable[[float, int], str] = number
+) -> tuple[str, str]:
+    """Format a value and a limit with as many digits as show on which side of the limit the value is.
+
+    Args:
+        value: value.
+        limit: limit, or any other number that the value is compared with.
+        digits: smallest number of digits.
+        form: function of (number, digits), such as `number` or `percent`.
+
+    Example:
+        >>> compared(0.3304, 0.33), compared(0.0104, 0.01, 1, percent)
+        (('0.3304', '0.33'), ('1.04 %', '1.00 %'))
+    """
+    pairs = [(form(value, n), form(limit, n)) for n in range(digits, 10)]
+    # Numbers that are equal up to rounding keep the smallest number of digits.
+    return next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
 
 
 class Printed:

@@ -117,7 +117,6 @@ class HarmonicProblem(Problem):
     objective: Objective
     """Quantity that the descents minimise. Trials and validation compare tilts."""
     attempts: ClassVar[int] = 3
-    has_validation_runs: ClassVar[bool] = True
 
     @staticmethod
     def of(

@@ -166,10 +166,9 @@ def solve(problem: Problem, progress: Progress = unreported) -> Design:
         confirmed = sum(v.quoted is not None for v in validated)
         result = validate(problem, pool[0], attempt, confirmed, progress=progress)
         validated.append(result)
-        if not result.reasons:
-            status = problem.evidence
-            break
         status = result.status
+        if not result.reasons:
+            break
         if result.decided is not None:
             # The validation runs are more accurate than the trial of this design, and also inform the trend
             # about similar designs. The next design must keep its limits with a higher probability.

@@ -104,8 +104,6 @@ class Problem(ABC):
     """Whether rest counts wherever the block can stay at rest, even if it rocks from other initial states."""
     spare: ClassVar[float] = 0.0
     """Share of every limit on runs that trial runs leave unused."""
-    has_validation_runs: ClassVar[bool]
-    """Whether some validation runs take no part in the decision and are reported instead."""
 
     @property
     def inputs(self) -> dict[str, Any]:
@@ -210,6 +208,11 @@ class Problem(ABC):
                 by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
         listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
         return "; ".join(listed) or "none"
+
+    @property
+    def has_validation_runs(self) -> bool:
+        """Whether some validation runs take no part in the decision and are reported instead."""
+        return True
 
     @property
     def evidence(self) -> DesignStatus:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import enum
 import math
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from tpd.answers.statistics import LEAST_EARTHQUAKES
+from tpd.core.formatting import compared, percent
 from tpd.design.criteria import LABELS
 
 
@@ -35,7 +36,8 @@ class DesignStatus(enum.Enum):
         "Give records of other earthquakes, or a share of the records for the validation.",
     )
     too_few = (
-        "TOO FEW EARTHQUAKES to validate a pendulum: nothing is claimed.",
+        "TOO FEW EARTHQUAKES to validate a pendulum: the search and the validation need at least "
+        f"{LEAST_EARTHQUAKES} each.",
         "Give records of more earthquakes.",
     )
     undecided = (
@@ -85,31 +87,31 @@ class ReasonKind(enum.Enum):
     `Reason`."""
 
     overturns_more = (
-        "the block overturns in {value:.0f} of {total} runs{of} only with the pendulum, and in "
-        "{reference:.0f} only without it"
+        "the block overturns in {value} of {total} runs{of} only with the pendulum, and in "
+        "{reference} only without it"
     )
     touches_wall = (
-        "the pendulum exceeds the limit on {limit} in {value:.1%} of the runs in which the block stands; "
-        "at most {reference:.1%} are allowed"
+        "the pendulum exceeds the limit on {limit} in {value} of the runs in which the block stands; "
+        "at most {reference} are allowed"
     )
-    breaks_limit = "the design exceeds the limit on {limit}: {value:.3g} times the limit"
+    breaks_limit = "the design exceeds the limit on {limit}: {value} times the limit"
     worse_condition = (
-        "the mean tilt is {value:.1%} of the slenderness with the pendulum, and {reference:.1%} without it, "
+        "the mean tilt is {value} of the slenderness with the pendulum, and {reference} without it, "
         "for {condition}{others}"
     )
     rests_less = (
-        "the block ends at rest in {value:.0f} of {total} runs with the pendulum, and in {reference:.0f} "
+        "the block ends at rest in {value} of {total} runs with the pendulum, and in {reference} "
         "without it; a decrease by one tenth is allowed"
     )
     too_little_benefit = (
-        "the {falls}, but a significant reduction of at least {reference:.1%} is required, with an interval "
-        "that begins above {certain:.1%}"
+        "the {falls}, but a significant reduction of at least {reference} is required, with an interval "
+        "that begins above {certain}"
     )
     slides = (
-        "while the block rocks with the pendulum, its base needs a coefficient of friction of {value:.2g}, "
-        "but has {reference:.2g}: the base would slide, and the equations have no sliding"
+        "while the block rocks with the pendulum, its base needs a coefficient of friction of {value}, "
+        "but has {reference}: the base would slide, and the equations have no sliding"
     )
-    undecided = "{value:.0f} of {total} runs have no result, and the verdict depends on them"
+    undecided = "{value} of {total} runs have no result, and the verdict depends on them"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,28 +157,36 @@ class Reason:
                 return 1.0
 
     @property
-    def _fall_in_words(self) -> str:
-        """Words for the change of the measure, with the interval as far as it is known."""
+    def _numbers(self) -> dict[str, str]:
+        """Numbers of the sentence, with the digits that show on which side of the limit each of them is."""
+        match self.kind:
+            case ReasonKind.touches_wall | ReasonKind.worse_condition | ReasonKind.too_little_benefit:
+                value, reference = compared(self.value, self.reference, 1, percent)
+            case ReasonKind.slides:
+                value, reference = compared(self.value, self.reference)
+            case ReasonKind.breaks_limit:
+                value, reference = compared(self.value, 1.0, 3)
+            case _:
+                value, reference = (f"{x:.0f}" for x in (self.value, self.reference))
+        low, certain = compared(self.low, CERTAIN * self.reference, 1, percent)
         overturning = self.measure == "overturning"
         of = "share of runs that overturn" if overturning else "mean tilt"
+        falls = f"{of} {'increases' if value.startswith('-') else 'falls'} by {value.lstrip('-')}"
         if math.isnan(self.value):
             why = " (no run overturns without the pendulum)" if overturning else ""
-            return f"change of the {of} is unknown{why}"
-        # For a single earthquake only the mean is known.
-        low = f"from {self.low:.1%}" if math.isfinite(self.low) else "unknown"
-        falls = f"falls by {self.value:.1%}" if self.value >= 0.0 else f"increases by {-self.value:.1%}"
-        return f"{of} {falls} (95 % interval {low})"
+            falls = f"change of the {of} is unknown{why}"
+        elif math.isfinite(self.low):
+            falls += f" (95 % interval from {low})"
+        else:
+            falls += " (too few earthquakes or overturned runs for an interval)"
+        return {"value": value, "reference": reference, "certain": certain, "falls": falls}
 
     def __str__(self) -> str:
-        sentence = self.kind.value.format(
-            **vars(self) | {"limit": LABELS.get(self.limit, self.limit)},
-            falls=self._fall_in_words,
-            certain=CERTAIN * self.reference,
+        return self.kind.value.format(
+            **vars(self) | self._numbers | {"limit": LABELS.get(self.limit, self.limit)},
             of=f" ({self.condition})" if self.condition else "",
             others=f", and higher under {self.total - 1} other conditions" if self.total > 1 else "",
         )
-        # The format of a share has no space before its sign.
-        return re.sub(r"(?<=\d)%", " %", sentence)
 
 
 GRAVE = (ReasonKind.overturns_more, ReasonKind.touches_wall, ReasonKind.slides)

@@ -4,6 +4,9 @@ Every design that is validated has new runs of its own, which no other stage has
 decides. The other half is simulated only if the design passes. It must confirm a significant benefit without
 harm, and the report quotes it. Its benefit is not used to choose between designs, so that the choice changes
 it very little.
+
+Earthquakes are usually too few for two halves. All of them then decide, and the report quotes the same runs
+with intervals that account for the decision.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.motion_history import needed_friction
-from tpd.answers.paired import FEWER, PairedRuns
+from tpd.answers.paired import FEWER, Decision, PairedRuns
 from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import Requirements
@@ -40,14 +43,17 @@ class Validated:
     """Runs that decide; None if a limit that needs no run, the exact model from rest, or sliding rejects the
     design."""
     quoted: PairedRuns | None
-    """Runs that confirm the decision, and that the report quotes. None if the design was rejected before, or
-    if there are too few motions to keep some for this purpose."""
+    """Runs that the report quotes: runs that confirm the decision or, with few earthquakes, the runs that
+    decided, with intervals that allow for it. None if the design was rejected before."""
     measure: str
     """Measure that had to fall, "overturning" or "tilt"; empty if there are no runs."""
     over_limit: float
     """Share of the runs that exceed a limit, among those in which the block stands."""
     reasons: tuple[Reason, ...]
     """Reasons against the design; empty if it is recommended."""
+    status: DesignStatus
+    """Status of the design: `undecided` if the only reason against it is runs without a result. With too few
+    earthquakes the status says so, whatever the runs show."""
 
     @property
     def runs(self) -> PairedRuns | None:
@@ -63,12 +69,6 @@ class Validated:
     def is_harmful(self) -> bool:
         """Whether the block overturns more often, or the bob touches a wall too often."""
         return any(reason.kind in GRAVE for reason in self.reasons)
-
-    @property
-    def status(self) -> DesignStatus:
-        """Status of a rejected design: `undecided` if the only reason is runs without a result."""
-        kinds = {reason.kind for reason in self.reasons}
-        return DesignStatus.undecided if kinds == {ReasonKind.undecided} else DesignStatus.not_recommended
 
 
 def validate(
@@ -102,6 +102,7 @@ def validate(
     over, requirements = np.nan, problem.requirements
     if thorough or not reasons:
         decided = problem.paired_runs(design, run_seed(problem, attempt, 0), progress=progress)
+        decided = decided.half(0) if problem.has_validation_runs else decided
         # The runs that decide also select the measure. The other half must be compared by the same measure,
         # even if the share that overturns is close to 1 %.
         requirements = replace(requirements, measure=requirements.measure or decided.first_measure)
@@ -112,9 +113,17 @@ def validate(
     if decided is not None and not reasons and problem.has_validation_runs:
         # The benefit of these runs is reported and must not be selected by its size: it only has to be
         # significant.
-        quoted = problem.paired_runs(design, run_seed(problem, confirmed, 1), progress=progress)
+        quoted = problem.paired_runs(design, run_seed(problem, confirmed, 1), progress=progress).half(1)
         over, by_runs = _by_runs(problem, design, quoted, replace(requirements, at_least=0.0))
         reasons += by_runs
+    elif decided is not None and not reasons:
+        measure, required = requirements.measure or "", requirements.at_least
+        margin = decided.margin(measure, required, CERTAIN * required)
+        quoted = replace(decided, passed=Decision(measure, margin))
+    status = problem.evidence
+    if reasons and status is not DesignStatus.too_few:
+        unknown = {reason.kind for reason in reasons} == {ReasonKind.undecided}
+        status = DesignStatus.undecided if unknown else DesignStatus.not_recommended
     return Validated(
         design=design,
         pendulum=problem.pendulum(design),
@@ -124,6 +133,7 @@ def validate(
         measure="" if decided is None else requirements.measure or "",
         over_limit=float(over),
         reasons=tuple(reasons),
+        status=status,
     )
 
 
@@ -209,7 +219,7 @@ def _reasons(
         where = {"condition": first.label, "total": len(runs.worse_parts)}
         add_reason(ReasonKind.worse_condition, first.with_pendulum, first.without_pendulum, **where)
     measure, required = requirements.measure or runs.first_measure, requirements.at_least
-    gain, significant = runs.reduction(measure)
-    if not (significant and gain.low > CERTAIN * required and gain.mean >= required):
+    if not runs.margin(measure, required, CERTAIN * required) >= 0.0:
+        gain = runs.reduction(measure)[0]
         add_reason(ReasonKind.too_little_benefit, gain.mean, required, low=gain.low, measure=measure)
     return out

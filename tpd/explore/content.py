@@ -319,9 +319,7 @@ def _stored_runs(problem: Problem, answer: Answer) -> Iterator[dict[str, Any]]:
             "description": runs["runs"],
             "benefit": benefit,
             "mean": [mean["with_pendulum"], mean["without_pendulum"]],
-            "overturned": [
-                overturned[name] for name in ("with_pendulum", "without_pendulum", "low", "high")
-            ],
+            "overturned": [overturned[name] for name in ("with_pendulum", "without_pendulum", "low", "high")],
             "sentences": sentences,
         }
 

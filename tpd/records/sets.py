@@ -40,7 +40,9 @@ def el_centro() -> Record:
         (1560, 3.127)
     """
     # The table contains no name, so add it here.
-    return replace(_own("elcentro_1940_ns.csv.gz"), name="El Centro/NS", event="Imperial Valley 1940", source="el-centro")
+    return replace(
+        _own("elcentro_1940_ns.csv.gz"), name="El Centro/NS", event="Imperial Valley 1940", source="el-centro"
+    )
 
 
 def loma_prieta() -> Record:

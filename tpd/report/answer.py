@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from tpd.answers.paired import PairedRuns
-from tpd.core.formatting import aligned, number
+from tpd.core.formatting import aligned, compared, number
 from tpd.design.as_built import Details, build_of
 from tpd.design.assess import alternatives, needless
 from tpd.design.criteria import LABELS, Clearance, limit_of
@@ -150,7 +150,8 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
         # stated losses is repeated here from linear runs.
         stated = [f"as stated {words.percent(m.low.mean)}" for m in details.sensitivity if not m.name]
         count, listed = details.losses[0].runs.pairs, ", ".join([*cases, *stated])
-        yield "losses", f"reduction of the mean tilt for other losses ({count} linear runs each): {listed}"
+        by = f"{count} linear runs each, for comparison only"
+        yield "losses", f"reduction of the mean tilt for other losses ({by}): {listed}"
     # The first response is without the pendulum, and the second one, with it, exists only if
     # there is a pendulum.
     if len(details.responses) > 1:
@@ -199,17 +200,16 @@ def _clearance(design: Design, details: Details) -> str:
     """Return how often the validation runs exceed a limit, and how near to the wall the bob comes."""
     assert design.best is not None
     most = design.problem.allowed
-    text = (
-        f"{words.percent(design.best.over_limit, 1)} of the runs in which the block stands exceed a limit "
-        f"(at most {words.percent(most)} allowed)"
-    )
+    share, at_most = compared(design.best.over_limit, most, 1, words.percent)
+    text = f"{share} of the runs in which the block stands exceed a limit (at most {at_most} allowed)"
     # If the search ignored the walls, the bob may pass through them, and its distance has no meaning.
     build = details.build
     has_walls = limit_of(design.problem.limits, Clearance) is not None
     if build is None or not has_walls or math.isnan(build.reach):
         return text
-    reach = f"the bob stays within {number(build.reach, 3)} m of the block's axis"
-    return f"{text}; in {words.percent(1.0 - most)} of these runs {reach}; the wall is at {build.wall:.3g} m"
+    within, wall = compared(build.reach, build.wall, 3)
+    reach = f"the bob stays within {within} m of the block's axis"
+    return f"{text}; in {words.percent(1.0 - most)} of these runs {reach}; the wall is at {wall} m"
 
 
 def active_limits(design: Design, details: Details) -> str:

@@ -9,7 +9,7 @@ from tpd.design.as_built import ARM, SAFETY, YIELD, Build, Details
 from tpd.design.design import Design
 from tpd.design.reasons import DesignStatus
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
-from tpd.report.words import interval, percent, point
+from tpd.report.words import COMPARISON, interval, percent, point
 
 _PULL = "pull-and-release test, above"
 _NAMES = {
@@ -212,7 +212,8 @@ def _sensitivity(design: Design, details: Details) -> list[Block]:
     head = "quantity", "tolerance", "varied by", "reduction if lower", "reduction if higher", "how to measure"
     caption = (
         "Reduction of the mean tilt (95 % interval) if one quantity is lower or higher than stated, with the "
-        "same linear runs in all rows. The row on impacts uses a fixed number e without scatter."
+        "same linear runs in all rows. The row on impacts uses a fixed number e without scatter. "
+        f"{COMPARISON}"
     )
     if design.status is DesignStatus.recommended:
         caption += " Column 2 gives the tolerances for which the benefit was validated."

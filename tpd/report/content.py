@@ -17,7 +17,6 @@ from tpd.design.design import Design, FrontPoint
 from tpd.report import answer, construction, sections, words
 from tpd.report.blocks import Block, Cell, Code, Figure, Listing, Report, Section, Severity, Table, Text
 from tpd.report.notes import notes
-from tpd.scene.conditions import MEASURES
 
 CAPTIONS = {
     "drawing.svg": (
@@ -172,8 +171,7 @@ def _assumptions(design: Design) -> list[str]:
     limits = "; ".join(map(words.limit, problem.limits)) or "none"
     # Ground motions are described by their conditions, a harmonic motion by its formula.
     if design.conditions.motions:
-        intensity = MEASURES[design.conditions.intensity]
-        text.append(f"Excitation from rest: {'; '.join(design.conditions.description)} ({intensity}).")
+        text.append(f"Excitation from rest: {'; '.join(design.conditions.description)}.")
     else:
         more = "" if len(design.conditions) == 1 else ", with the changes of the conditions"
         text.append(

@@ -98,6 +98,8 @@ def _role(design: Design) -> str:
     best = design.best
     if best is None or best.quoted is None or best.decided is None:
         return ""
+    if best.quoted.passed is not None:
+        return " The same runs decided whether the pendulum is recommended."
     before = f" {len(design.validated) - 1} designs were rejected before." if design.validated[1:] else ""
     decided = words.reduced(best.decided, best.measure)
     return f" These runs were not used to choose the design.{before} In the runs that were used, {decided}."
@@ -147,7 +149,8 @@ def other_losses(details: Details) -> list[Block]:
     )
     caption = (
         f"{details.losses[0].runs.description}, for each row, with/without the pendulum. The losses of a "
-        "block are usually its least certain data, so the benefit should not depend on their kind."
+        f"block are usually its least certain data, so the benefit should not depend on their kind. "
+        f"{words.COMPARISON}"
     )
     return [Table(head, tuple(rows), caption)]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tpd.core.formatting import number
+from tpd.core.formatting import number, percent
 from tpd.design.criteria import KINDS, Clearance, Limit, limit_of
 from tpd.records.read import in_words
 from tpd.report.blocks import NO_VALUE, Table
@@ -30,6 +30,8 @@ _CHANGES = {
     "at rest": "at rest at the end",
 }
 """Labels of the rows in the comparison with and without the pendulum, by the names of the changes."""
+COMPARISON = "These linear runs only compare cases. The reduction that counts is the one in the verdict."
+"""Caption of tables with reductions that the verdict does not use."""
 _PAPER = "the paper's block (Collini et al. 2016)"
 
 
@@ -41,12 +43,6 @@ def angle(x: float) -> str:
     if not math.isfinite(x):
         return "unknown" if math.isnan(x) else "overturns"
     return f"{number(x)} rad ({number(math.degrees(x), 3)}°)"
-
-
-def percent(share: float, digits: int = 0) -> str:
-    """Format a share in per cent, by default without decimals: 0.25 is "25 %"."""
-    # Rounding first and adding zero turns "-0 %" into "0 %".
-    return f"{round(100.0 * share, digits) + 0.0:.{digits}f} %"
 
 
 def interval(value: float, low: float, high: float, digits: int = 0) -> str:
@@ -203,7 +199,13 @@ def reduction(runs: PairedRuns, measure: str) -> str:
     other = "tilt" if measure == "overturning" else "overturning"
     # Both clauses begin with "the", and the second one begins a sentence.
     first, then = reduced(runs, measure), reduced(runs, other)
-    return first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
+    both = first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
+    if runs.passed is None:
+        return both
+    alone = reduced(runs.unconditional, runs.passed.measure)
+    return (
+        f"{both}. The same runs decided, and these estimates allow for that. Without this correction, {alone}"
+    )
 
 
 def reduced(runs: PairedRuns, measure: str) -> str:
@@ -212,7 +214,9 @@ def reduced(runs: PairedRuns, measure: str) -> str:
     name, shares = "mean tilt", ""
     if measure == "overturning":
         pendulum, without = (percent(x, 1) for x in (overturned.with_pendulum, overturned.without_pendulum))
-        name, shares = "share of runs that overturn", f", from {without} to {pendulum}"
+        # The shares are those of the runs, which an estimate that allows for the decision does not repeat.
+        shares = f", from {without} to {pendulum}" if runs.passed is None else ""
+        name = "share of runs that overturn"
         # A relative reduction of zero does not exist.
         if overturned.without_pendulum == 0.0:
             return f"the block overturns in {pendulum} of the runs with the pendulum, and in none without it"

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.formatting import apart, number
+from tpd.core.formatting import compared, number
 from tpd.scene.parameters import Parameters, check_parameters
 from tpd.scene.pytrees import Number
 from tpd.scene.scene import Scene
@@ -96,7 +96,7 @@ class AtRest(NamedTuple):
             hint = f". A dry base may have only {DRY:g}: state `base_friction`"
             least = number(self.needed_friction, 2) + more + (hint if self.needed_friction > DRY else "")
             return f"not before it lifts, if the coefficient of friction of the base is at least {least}"
-        least, has = apart(self.needed_friction, base)
+        least, has = compared(self.needed_friction, base)
         if self.slides:
             return f"at {has} g, BEFORE IT LIFTS: a coefficient of friction of {least} is needed"
         needed = f"a coefficient of friction of {least} is needed, the base has {has}"
@@ -105,9 +105,12 @@ class AtRest(NamedTuple):
     @property
     def lifting_in_words(self) -> str:
         """Text that says when the block at rest lifts, and whether the excitation is large enough."""
-        ratio, lifts = apart(1.0 / self.margin, 1.0, 3)[0], "lifts" if self.margin < 1.0 else "does not lift"
+        ratio, lifts = (
+            compared(1.0 / self.margin, 1.0, 3)[0],
+            "lifts" if self.margin < 1.0 else "does not lift",
+        )
         strongest = "the strongest condition" if self.conditions > 1 else "the excitation"
-        peak, uplift = apart(self.peak, self.uplift, 3)
+        peak, uplift = compared(self.peak, self.uplift, 3)
         return f"at {uplift} g; {strongest} reaches {peak} g, {ratio} times as much: the block {lifts}"
 
     def __str__(self) -> str:
@@ -123,7 +126,7 @@ def sliding_in_runs(needed: Mapping[str, float], base: float | None) -> str:
     """
     limit = math.inf if base is None else base
     # Four digits are shown, and more if they decide.
-    pairs = {name: apart(x, limit, 4) for name, x in needed.items()}
+    pairs = {name: compared(x, limit, 4) for name, x in needed.items()}
     worst = max(needed, key=needed.__getitem__)
     slides = needed[worst] > limit
     listed = " and ".join(f"{value} {name}" for name, (value, _) in pairs.items())
