@@ -134,7 +134,8 @@ class Design(Printed):
     def _least_excess(self) -> int:
         """Index of the trial whose largest limited quantity exceeds its limit least."""
         assert self.trials is not None
-        return int(np.argmin(np.max(self.trials.sizes, axis=1, initial=0.0)))
+        sizes = np.nan_to_num(self.trials.sizes, nan=np.inf)
+        return int(np.argmin(np.max(sizes, axis=1, initial=0.0)))
 
     @property
     def refusals(self) -> tuple[str, ...]:
@@ -172,23 +173,23 @@ class Design(Printed):
         """Bob angle (rad) that the drawing of the design shows; 0 without a pendulum.
 
         Under harmonic excitation this is the largest settled angle after a start from rest. Under ground
-        motions this is the angle that is exceeded only in the allowed share of the runs.
+        motions, and if no settled angle is finite, this is the angle that is exceeded only in the allowed
+        share of the validation runs.
         """
         if self.pendulum is None or self.best is None:
             return 0.0
-        # The exact solution has the settled angles of one orbit per condition.
-        if self.best.exact is not None:
-            # Without an attracting orbit the swing is not finite, and is left out.
-            swings = np.concatenate([self.best.exact.swing, self.best.exact.orbits.swing[0]])
-            return float(np.max(swings, where=np.isfinite(swings), initial=0.0))
-        return float(np.quantile(self.turned, 1.0 - self.problem.allowed)) if self.turned.size else 0.0
+        exact, in_runs = self.best.exact, self.problem.reached(self.turned)
+        # The exact solution has the settled angles of one orbit per condition. Without an attracting orbit
+        # the swing is not finite, and is left out.
+        swings = [] if exact is None else [*exact.swing, *exact.orbits.swing[0]]
+        return float(max(filter(math.isfinite, swings), default=in_runs))
 
     @cached_property
     def usage(self) -> dict[str, float]:
         """Limited quantities of the best design over their limits, by name.
 
         For a quantity that depends on the motion, this is the quantile of the validation runs that only the
-        allowed share exceeds.
+        allowed share exceeds; NaN if the block stands in no run.
         """
         if self.best is None:
             return {}
@@ -200,8 +201,7 @@ class Design(Printed):
                     # Mass and size of the body vary between the runs, but this scatter is not a motion
                     # towards the limit.
                     continue
-                level = float(np.quantile(x, 1.0 - problem.allowed, method="higher")) if x.size else 0.0
-                usage[name] = max(usage.get(name, 0.0), level)
+                usage[name] = float(np.maximum(usage.get(name, 0.0), problem.reached(x)))
         return usage
 
     @property

@@ -27,7 +27,7 @@ from tpd.design.design import Design, FrontPoint
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.problem import Problem
-from tpd.design.reasons import DesignStatus
+from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.refine import apart, refine
 from tpd.design.settings import Descent, GroundSearch
 from tpd.design.validate import Validated, validate
@@ -37,6 +37,8 @@ from tpd.scene.scene import Block, Scene
 
 _SURER = 0.6
 """Factor on the accepted probability that the next design breaks a limit, after a design was rejected."""
+_OF_LIMITS = {ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.slides}
+"""Reasons that are limits, and not a lack of benefit."""
 _PROMISING = 0.3
 """Share of the required benefit that the trend must predict for a further design, else the validation
 ends."""
@@ -68,7 +70,9 @@ def optimise(
     gradients of the steady amplitudes, and exact gradients refine the best results. Trial runs of the linear
     equations then compare these designs with others, and a Gaussian process proposes further designs. The
     best design is validated by paired runs of the nonlinear equations. The runs must show the benefit that
-    `requirements` states, and no harm. At most three designs are validated, each by runs of its own.
+    `requirements` states, and no harm. At most three designs are validated, each by runs of its own. Under
+    ground motions the same earthquakes validate every design, so that there are at most two designs, and the
+    second one is validated only if limits are the only reason against the first.
 
     Args:
         scene: block and base motion in SI units. Under ground motions a block alone is sufficient.
@@ -167,6 +171,11 @@ def solve(problem: Problem, progress: Progress = unreported) -> Design:
             status = problem.evidence
             break
         status = result.status
+        # Under ground motions the same earthquakes validate every design. A further design is validated only
+        # if the benefit of this one is sufficient. Otherwise several designs could be validated until the
+        # benefit of one of them is large by chance.
+        if problem.groups and not {reason.kind for reason in result.reasons} <= _OF_LIMITS:
+            break
         if result.decided is not None:
             # The validation runs are more accurate than the trial of this design, and also inform the trend
             # about similar designs. The next design must keep its limits with a higher probability.
