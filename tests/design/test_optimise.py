@@ -303,7 +303,7 @@ def test_a_fixed_rod_is_that_of_every_answer(harmonic):
     assert np.all(found.trials.designs[:, 1] == 0.6)
     assert np.all(found.search.ends[:, 1] == 0.6)
     assert len(np.unique(found.trials.designs[:, 0])) > 20
-    assert words.bounds(found) == ["lower search bound of the damping ratio, 0.05"]
+    assert found.at_bounds == ["lower search bound of the damping ratio, 0.05"]
     point = tpd.front(found, (0.19,))[0].pendulum
     assert (point.length, point.mass <= 0.19 * SCENE.block.mass) == (pytest.approx(0.12), True)
     ground = designs.GROUND | {"requirements": tpd.limits.Requirements(at_least=0.005, measure="tilt")}

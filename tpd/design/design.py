@@ -11,8 +11,8 @@ import numpy as np
 
 from tpd.answers.paired import PairedRuns
 from tpd.answers.statistics import Interval
-from tpd.core.formatting import Printed
-from tpd.design.criteria import STILL, DesignSpace, stroke_limit
+from tpd.core.formatting import Printed, number
+from tpd.design.criteria import LABELS, STILL, DesignSpace, stroke_limit
 from tpd.design.problem import Problem
 from tpd.design.reasons import OFFERED, DesignStatus, Reason, ReasonKind
 from tpd.design.refine import Trials
@@ -146,11 +146,45 @@ class Design(Printed):
             return ()
         # No trial keeps the limits: the reasons are the limits that the nearest trial exceeds.
         sizes = self.trials.sizes[self._least_excess]
+        if np.isnan(sizes).any():
+            return ("the block overturns in so many trial runs that the limits cannot be compared with any",)
         return tuple(
             str(Reason(kind=ReasonKind.breaks_limit, limit=name, value=float(size)))
             for name, size in zip(self.trials.names, sizes, strict=True)
             if size > 1.0
         )
+
+    @property
+    def at_bounds(self) -> list[str]:
+        """Words for the bounds of the design space that the best design lies on. A better design may exist
+        beyond these bounds."""
+        if self.nearest is None:
+            return []
+        # On a bound, the scaled value is 0 or 1. A design within a hundredth of the range counts as on it.
+        unit = dict(zip(self.space.searched, self.space.scaled(self.nearest), strict=True))
+        sides = {i: "upper" if x > 0.5 else "lower" for i, x in unit.items() if not 0.01 < x < 0.99}
+        return [f"{side} search bound of the {self._word(int(i))}" for i, side in sides.items()]
+
+    def _word(self, i: int) -> str:
+        """Return words for the i-th parameter of the best design, with its value."""
+        assert self.nearest is not None
+        return f"{('mass', 'length', 'damping')[i]} ratio, {number(float(self.nearest[i]), 3)}"
+
+    @property
+    def remedy(self) -> str:
+        """Sentence with the inputs that can change the answer; empty if a pendulum is offered, or if no design
+        was evaluated.
+
+        They are the limits without which a trial is better, and fixed values and bounds of the design space.
+        """
+        trials = self.trials
+        if trials is None or self.pendulum is not None:
+            return ""
+        best = trials.best_without()
+        limits = [f"limit on {LABELS.get(n, n)}" for n in trials.names if trials.best_without(n) != best]
+        fixed = [f"fixed {self._word(i)}" for i in range(3) if i not in self.space.searched]
+        listed = "; ".join([*limits, *fixed, *self.at_bounds])
+        return listed and f"these could give another answer: {listed}"
 
     @property
     def is_harmful(self) -> bool:
@@ -235,6 +269,7 @@ class Design(Printed):
             lines.append(f"  benefit     {runs.benefit_in_words}; {runs.description}")
             lines.append(f"  overturned  {shares}")
         lines += [f"  reason      {refusal}" for refusal in self.refusals[:_MOST_REASONS]]
+        lines += [f"  inputs      {self.remedy}"] if self.remedy else []
         return "\n".join(lines)
 
 

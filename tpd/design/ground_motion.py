@@ -33,7 +33,7 @@ from tpd.design.criteria import (
 )
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
 from tpd.design.reasons import DesignStatus
-from tpd.design.settings import DEFAULT_SPACE, SCATTERED, VALIDATION_SHARE, GroundSearch
+from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
 from tpd.exact.rows import row_of
 from tpd.exact.runs import GroundForcing
 from tpd.exact.terms import F
@@ -48,7 +48,7 @@ from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
 _USUAL = {
-    "space": DEFAULT_SPACE,
+    "space": DesignSpace(),
     "risk": Risk.expected(),
     "limits": (Stroke(), Clearance()),
     "method": GroundSearch(),
@@ -122,7 +122,7 @@ class GroundMotionProblem(Problem):
         Args:
             subject: the block, or a scene for its gravity. The motion of the scene is not used.
             conditions: result of `Conditions.records`.
-            space: bounds of the search; default `DesignSpace(damping_ratio=(0.05, 1))`.
+            space: bounds of the search; default `DesignSpace()`.
             validation_share: share of the motions that is kept for the validation, by a seeded choice of
                 whole earthquakes; or groups of other motions by name; default 0.5.
             inputs: further arguments of `tpd.optimise`. Some have another meaning or default. The default

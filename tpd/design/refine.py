@@ -77,7 +77,7 @@ class Trials:
     """Risk without a pendulum."""
     process: GaussianProcess | None
     """Process through the risks, in shares of the space; None if too few runs have a result."""
-    limits: dict[str, GaussianProcess]
+    limits: dict[str, GaussianProcess] = field(default_factory=dict)
     """Processes of the limited quantities that decide which designs are feasible, by name, in shares of the
     space: negative where the limit is kept. A quantity that is far below its limit has none."""
 
