@@ -338,3 +338,37 @@ def test_many_blocks_have_the_answer_of_each_and_statuses_by_name():
     assert str(found).startswith("Designs for 2 blocks: ")
     with pytest.raises(ValueError, match="`scenes` must hold at least one scene"):
         tpd.optimise_all([])
+
+
+class Quakes(NoisyProblem):
+    """Ground motions: the first validated designs exceed the limit on the stroke; `method` is their number."""
+
+    attempts = 2
+    has_validation_runs = False
+    groups = ("tuned to", "validation")
+    helps = True
+
+    def paired_runs(self, design, seed, **how):
+        found = super().paired_runs(design, seed, **how)
+        beyond = sum(kind == "paired" for kind, _ in self.asked) <= self.method
+        runs = outcomes([0.3 if self.helps else 0.65] * self.count, 0.6 if beyond else 0.1, design=design)
+        return dataclasses.replace(found, with_pendulum=runs)
+
+
+@pytest.mark.mends("under ground motions a design that exceeded a limit in validation ended the search")
+@pytest.mark.parametrize(
+    ("count", "helps", "validated", "status"),
+    [
+        (0, True, 1, "recommended"),
+        (1, True, 2, "recommended"),
+        (2, True, 2, "not_recommended"),
+        (1, False, 1, "not_recommended"),
+    ],
+)
+def test_a_second_design_meets_the_same_earthquakes_only_if_a_limit_rejects_the_first(
+    count, helps, validated, status
+):
+    problem = type("", (Quakes,), {"helps": helps})(**(NoisyProblem.of().inputs | {"method": count}))
+    found = solve(problem)
+    assert len(found.validated) == validated
+    assert found.status is DesignStatus[status]

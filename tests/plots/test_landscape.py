@@ -124,3 +124,20 @@ def test_fixed_values_have_no_axis(single, space, axes, words):
         trend = lines(ax)["design"].get_xydata()[0]
         assert trend == pytest.approx([x[0, axes[0]], tilt[0]], abs=0.02)
         assert "exceeds a limit" in legend(ax)
+
+
+@pytest.mark.mends("the edge of a limit lacked the shared tail and the reserve, which decide")
+def test_the_edge_of_a_limit_is_where_the_process_that_decides_is_zero(single):
+    u = np.random.default_rng(1).random((60, len(single.space.names)))
+    deciding = fit(Observations(u, u[:, 1] - 0.7))
+    # The sizes of the trials alone would have their edge at another length.
+    sizes = np.exp(u[:, 1:2] - 0.2)
+    given = {"designs": single.space.unscaled(u), "names": ("stroke",), "sizes": sizes}
+    given |= {"limits": {"stroke": deciding}, "undecided": np.zeros(60, int)}
+    problem = dataclasses.replace(single.problem, limits=(tpd.limits.Stroke(0.5),))
+    trials = dataclasses.replace(single.trials, **given, process=fit(Observations(u, u[:, 0])))
+    ax = tpd.plot(dataclasses.replace(single, problem=problem, trials=trials))
+    edge = next(c for c in ax.collections if [to_hex(e) for e in c.get_edgecolor()] == [ORANGE])
+    points = np.concatenate([path.vertices for path in edge.get_paths()])
+    low, high = single.space.length_ratio
+    np.testing.assert_allclose((points[:, 1] - low) / (high - low), 0.7, atol=0.03)

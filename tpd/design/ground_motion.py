@@ -396,7 +396,9 @@ def grouped(
         if is_outside.sum() >= share * len(numbers):
             break
         is_outside |= numbers == event
-    inside, outside = (tuple(m for m, x in zip(motions, is_outside, strict=True) if x == out) for out in (0, 1))
+    inside, outside = (
+        tuple(m for m, x in zip(motions, is_outside, strict=True) if x == out) for out in (0, 1)
+    )
     if not inside:
         raise ValueError(
             f"`validation_share` must leave an earthquake for the search, but it uses all {len(events)}: "
