@@ -96,7 +96,7 @@ def test_a_no_names_the_inputs_that_could_change_it():
     found = solve(NoisyProblem.of(space=fixed, limits=(tpd.limits.Stroke(0.1),)))
     assert found.pendulum is None
     assert "limit on stroke" in found.remedy
-    assert "fixed damping ratio, 0.1" in found.remedy
+    assert "fixed damping ratio" in found.remedy
     assert found.remedy in str(found)
     assert all(bound in found.remedy for bound in found.at_bounds)
     assert solve(NoisyProblem.of(limits=())).remedy == ""

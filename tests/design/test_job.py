@@ -379,5 +379,5 @@ def test_a_stated_amplitude_factor_of_one_is_the_only_condition():
     "motion", [{}, {"pulse": "ricker", "pulse_frequency": 1.0}, {"records": ["el-centro"], "scales": [2.0]}]
 )
 def test_the_default_design_space_is_one_for_all_motions(motion):
-    assert job_of({"motion": motion}).space == DesignSpace()
+    assert jobs.job_of({"motion": motion}).space == DesignSpace()
     assert DesignSpace().damping_ratio == (0.05, 0.6)

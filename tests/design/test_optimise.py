@@ -16,7 +16,6 @@ from tpd.design.harmonic import HarmonicProblem
 from tpd.design.optimise import problem_of, solve
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.records import el_centro, loma_prieta
-from tpd.report import words
 
 CALM = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.001, frequency=2.5))
 """An excitation that lifts no block, and under which no orbit attracts."""
@@ -341,7 +340,7 @@ def test_many_blocks_have_the_answer_of_each_and_statuses_by_name():
 
 
 class Quakes(NoisyProblem):
-    """Ground motions: the first validated designs exceed the limit on the stroke; `method` is their number."""
+    """Ground motions: the first validated designs exceed the stroke limit. `method` is their number."""
 
     attempts = 2
     has_validation_runs = False

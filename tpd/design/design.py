@@ -172,8 +172,7 @@ class Design(Printed):
 
     @property
     def remedy(self) -> str:
-        """Sentence with the inputs that can change the answer; empty if a pendulum is offered, or if no design
-        was evaluated.
+        """Words for the inputs that can change the answer; empty if a pendulum is offered or not needed.
 
         They are the limits without which a trial is better, and fixed values and bounds of the design space.
         """

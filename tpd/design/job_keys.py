@@ -206,8 +206,8 @@ TABLES: dict[str, dict[str, Key]] = {
         "measure": Key(
             Literal["worst", "expected", "cvar"],
             "worst",
-            "risk measure: worst, expected, or cvar, the mean over the worst share of the conditions. Under a "
-            "harmonic motion it steers only the descents, and later stages compare mean tilts; under pulses "
+            "risk measure: worst, expected, or cvar, the mean over the worst share of the conditions. Under "
+            "a harmonic motion only the descents use it, and later stages compare mean tilts; under pulses "
             "and records the trial runs compare designs by it (default expected)",
         ),
         "share": Key(

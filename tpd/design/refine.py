@@ -147,8 +147,8 @@ class Refinement:
         for name, size in self._quantiles().items():
             x = size - np.log1p(-self.problem.spare)
             rows = np.flatnonzero(np.isfinite(x))
-            # A quantity that is far from its limit everywhere needs no process. A quantity with too few values
-            # for a process is not known to keep its limit.
+            # A quantity that is far from its limit everywhere needs no process. A quantity with too few
+            # values for a process is not known to keep its limit.
             self._unknown |= len(rows) < 4
             if len(rows) >= 4 and np.any(x[rows] > -0.7):
                 self.limits[name] = fitted(rows, x[rows], self.limits.get(name))
@@ -164,8 +164,8 @@ class Refinement:
         level = 1.0 - _SAFE * self.problem.allowed
         sizes = [self.problem.sizes_in_runs(*pair) for pair in zip(self.designs, self.runs, strict=True)]
         stands = [r.stands.sum() for r in self.runs]
-        # All designs have the same level, because the tail beyond it is common to them. If few runs stand, the
-        # level is lower, and more of the result comes from the tail.
+        # All designs have the same level, because the tail beyond it is common to them. If few runs stand,
+        # the level is lower, and more of the result comes from the tail.
         bulk, least = _BULK[int(np.median(stands) < _BULK[0][1])]
         out = {}
         for name in sizes[0]:
