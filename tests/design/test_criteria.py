@@ -281,7 +281,7 @@ def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all(
         (lambda: tpd.DesignSpace(mass_ratio=0.0), "`mass_ratio` must be positive"),
         (lambda: tpd.DesignSpace(mass=(500.0, 200.0)), "`mass` must be an interval low < high"),
         (
-            lambda: tpd.DesignSpace(mass=1.0, length=1.0),
+            lambda: tpd.DesignSpace(mass=1.0, length=1.0, damping_ratio=0.1),
             "a search needs two bounds for mass, length or damping",
         ),
     ],

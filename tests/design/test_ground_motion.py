@@ -71,7 +71,7 @@ def test_the_problem_is_that_of_the_group_that_is_tuned_to():
     tuned, held = made.groups
     assert made.conditions.motions == tuned.motions
     assert made.scene.motion is tuned.motions[0]
-    assert (made.attempts, made.has_validation_runs, made.allowed) == (1, False, 0.1)
+    assert (made.attempts, made.has_validation_runs, made.allowed) == (2, False, 0.1)
     assert made.rounds == (32, 1)
     again = GroundMotionProblem.of(
         made.inputs.pop("scene"), **{k: v for k, v in made.inputs.items() if k != "scene"}
@@ -185,3 +185,54 @@ def test_counts_of_trials_are_checked(name):
     with pytest.raises(ValueError, match=f"`{name}` must be a whole number"):
         tpd.GroundSearch(**{name: -1})
     assert GROUND["method"].starts == 6
+
+
+COLUMN = tpd.Block(width=0.9, height=6.0, mass=2500.0, restitution=0.93, cavity_width=0.6)
+
+
+@pytest.mark.mends("neither stroke nor clearance was applied if a trial had fewer than 20 standing runs")
+@pytest.mark.parametrize(("count", "scales"), [(6, (1.5, 2.5)), (12, (2.0,))])
+def test_few_records_keep_the_clearance(count, scales):
+    conditions = tpd.Conditions.records([noise(i) for i in range(count)], scales)
+    found = tpd.optimise(COLUMN, conditions=conditions, method=tpd.GroundSearch(starts=16, steps=8))
+    assert 0 < found.trials.feasible.sum() < len(found.trials.feasible)
+    assert np.all(found.trials.sizes[found.trials.feasible] < 1.05)
+    assert [v.over_limit for v in found.validated] == [0.0]
+    assert found.usage["clearance"] < 1.0
+
+
+@pytest.mark.mends("a trial with few motions had few runs")
+def test_a_trial_has_at_least_64_runs_if_the_blocks_vary():
+    made = problem(RECORDS[:4], validation_share=0.0)
+    found = made.trial_runs(DESIGN, 0)
+    assert len(found.nu) == 72
+    assert len(np.unique(found.nu)) == 72
+    np.testing.assert_array_equal(np.bincount(found.condition.astype(int)), 18)
+
+
+@pytest.mark.mends("the result depended on the order in which records were listed")
+@pytest.mark.parametrize("names", ["named", "nameless", "groups"])
+def test_the_order_of_the_records_changes_nothing(names):
+    """Designs and numbers agree in every bit."""
+    motions = RECORDS[:12] if names != "nameless" else [noise(i) for i in range(12)]
+    order = np.random.default_rng(3).permutation(12)
+    found = []
+    for listed, scales in ((motions, (1.5, 3.0)), ([motions[i] for i in order], (3.0, 1.5))):
+        share = {"a": listed[:2], "b": listed[2:4]} if names == "groups" else None
+        if names == "groups":
+            share = {"a": motions[:2], "b": motions[2:4]}
+            share = share if listed is motions else dict(reversed(share.items()))
+            listed = [m for m in listed if m not in motions[:4]]
+        conditions = tpd.Conditions.records(listed, scales)
+        method = tpd.GroundSearch(starts=5, steps=2)
+        given = {"conditions": conditions, "method": method, "validation_share": share, "limits": ()}
+        found.append(tpd.optimise(BLOCK, **given))
+    first, second = found
+    assert first.status is second.status
+    np.testing.assert_array_equal(first.trials.designs, second.trials.designs)
+    np.testing.assert_array_equal(first.trials.value, second.trials.value)
+    assert first.refusals == second.refusals
+    # The runs keep the order of the list, so that their sums may be rounded differently.
+    assert tuple(first.runs.benefit) == pytest.approx(tuple(second.runs.benefit), rel=1e-12)
+    tilts = (np.sort(d.runs.with_pendulum.tilt) for d in found)
+    np.testing.assert_array_equal(*tilts)

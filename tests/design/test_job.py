@@ -372,3 +372,12 @@ def test_a_stated_amplitude_factor_of_one_is_the_only_condition():
     assert len(job.conditions) == 1
     assert job.conditions.description == ("amplitude factors 1",)
     assert jobs.job_of({}).conditions is None
+
+
+@pytest.mark.mends("the damping ratio was 0.1 under a harmonic, and 0.05 to 1 under records")
+@pytest.mark.parametrize(
+    "motion", [{}, {"pulse": "ricker", "pulse_frequency": 1.0}, {"records": ["el-centro"], "scales": [2.0]}]
+)
+def test_the_default_design_space_is_one_for_all_motions(motion):
+    assert jobs.job_of({"motion": motion}).space == DesignSpace()
+    assert DesignSpace().damping_ratio == (0.05, 0.6)

@@ -18,7 +18,6 @@ from tpd.design.harmonic import HarmonicProblem
 from tpd.design.optimise import Front, problem_of, solve
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.records import el_centro, loma_prieta
-from tpd.report import words
 
 CALM = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.001, frequency=2.5))
 """An excitation that lifts no block, and under which no orbit attracts."""
@@ -353,7 +352,7 @@ def test_a_fixed_rod_is_that_of_every_answer(harmonic):
     assert np.all(found.trials.designs[:, 1] == 0.6)
     assert np.all(found.search.ends[:, 1] == 0.6)
     assert len(np.unique(found.trials.designs[:, 0])) > 20
-    assert words.bounds(found) == ["lower search bound of the damping ratio, 0.05"]
+    assert found.at_bounds == ["lower search bound of the damping ratio, 0.05"]
     point = tpd.front(found, (0.19,))[0].pendulum
     assert (point.length, point.mass <= 0.19 * SCENE.block.mass) == (pytest.approx(0.12), True)
     ground = designs.GROUND | {"requirements": tpd.limits.Requirements(at_least=0.005, measure="tilt")}
@@ -388,3 +387,37 @@ def test_many_blocks_have_the_answer_of_each_and_statuses_by_name():
     assert str(found).startswith("Designs for 2 blocks: ")
     with pytest.raises(ValueError, match="`scenes` must hold at least one scene"):
         tpd.optimise_all([])
+
+
+class Quakes(NoisyProblem):
+    """Ground motions: the first validated designs exceed the stroke limit. `method` is their number."""
+
+    attempts = 2
+    has_validation_runs = False
+    groups = ("tuned to", "validation")
+    helps = True
+
+    def paired_runs(self, design, seed, **how):
+        found = super().paired_runs(design, seed, **how)
+        beyond = sum(kind == "paired" for kind, _ in self.asked) <= self.method
+        runs = outcomes([0.3 if self.helps else 0.65] * self.count, 0.6 if beyond else 0.1, design=design)
+        return dataclasses.replace(found, with_pendulum=runs)
+
+
+@pytest.mark.mends("under ground motions a design that exceeded a limit in validation ended the search")
+@pytest.mark.parametrize(
+    ("count", "helps", "validated", "status"),
+    [
+        (0, True, 1, "recommended"),
+        (1, True, 2, "recommended"),
+        (2, True, 2, "not_recommended"),
+        (1, False, 1, "not_recommended"),
+    ],
+)
+def test_a_second_design_meets_the_same_earthquakes_only_if_a_limit_rejects_the_first(
+    count, helps, validated, status
+):
+    problem = type("", (Quakes,), {"helps": helps})(**(NoisyProblem.of().inputs | {"method": count}))
+    found = solve(problem)
+    assert len(found.validated) == validated
+    assert found.status is DesignStatus[status]

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import tpd
-from tests.designs import RATIOS, SCENE, NoisyProblem
+from tests.designs import RATIOS, SCENE, NoisyProblem, outcomes
 from tpd import limits
+from tpd.design.as_built import build_of
 from tpd.design.criteria import check_cavity, check_moves, check_scatter
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
@@ -156,3 +157,22 @@ def test_motions_that_exist_only_in_python_are_refused():
     asked = GroundMotionProblem.of(ASKED, conditions, validation_share=0.0)
     with pytest.raises(ValueError, match="a job file cannot describe motions of Python"):
         _ = asked.job
+
+
+@pytest.mark.mends("the share of runs beyond a limit was 0 if no run stands")
+def test_the_share_of_runs_beyond_a_limit_is_unknown_if_no_run_stands():
+    problem, fallen = NoisyProblem.of(), outcomes([np.inf] * 4)
+    assert np.isnan(problem.over_limit(np.array(RATIOS), fallen)[0])
+    assert problem.over_limit(np.array(RATIOS), outcomes([0.1] * 4, [0.1, 0.6, 0.1, 0.1])) == (0.25, "stroke")
+    assert NoisyProblem.of(limits=()).over_limit(np.array(RATIOS), fallen) == (0.0, "")
+
+
+@pytest.mark.mends("one quantile of the swing was interpolated, and two others were the value of a run")
+def test_the_swing_that_is_drawn_built_and_compared_with_the_limit_is_that_of_one_run(ground):
+    angle = ground.problem.reached(ground.turned)
+    assert angle in ground.turned
+    assert np.mean(ground.turned > angle) <= ground.problem.allowed
+    assert build_of(ground).angle == ground.swing == angle
+    swing = ground.runs.with_pendulum.settled_swing[ground.runs.with_pendulum.stands]
+    assert ground.usage["stroke"] == ground.problem.reached(swing / 0.5)
+    assert np.isnan(ground.problem.reached(np.zeros(0)))

@@ -1,12 +1,16 @@
 """Refinement: the minimum of noisy runs under a limit, which no single trial shows."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import tpd
-from tests.designs import SPACE, NoisyProblem, outcomes
+from tests.designs import RATIOS, SPACE, NoisyProblem, outcomes
 from tpd.core.progress import unreported
+from tpd.design.optimise import solve
 from tpd.design.problem import Problem
+from tpd.design.reasons import DesignStatus
 from tpd.design.refine import Refinement, apart, refine
 
 
@@ -151,3 +155,55 @@ def test_neighbours_of_designs_are_left_out():
     designs = SPACE.unscaled(np.array([[0.5, 0.5, 0.5], [0.51, 0.5, 0.5], [0.7, 0.5, 0.5]]))
     np.testing.assert_array_equal(apart(problem, designs, [designs[0]]), designs[2:])
     np.testing.assert_array_equal(apart(problem, designs, []), designs)
+
+
+@pytest.mark.mends(
+    "with fewer than 20 standing runs no design had a quantile, and every limit counted as kept"
+)
+@pytest.mark.parametrize("count", [6, 12])
+def test_a_limit_holds_for_trials_of_few_runs(count):
+    """The limit on the stroke cuts mu off below a half of its range."""
+    trials = refined(NoisyProblem.of(count=count)).trials()
+    share = SPACE.scaled(trials.designs)[:, 0]
+    assert trials.feasible[0]
+    assert np.all(share[trials.feasible] < 0.52)
+    assert np.isfinite(trials.sizes).all()
+    assert np.all(trials.sizes[share > 0.6] > 1.0)
+
+
+class Falling(NoisyProblem):
+    """The block overturns in all runs but one of each design."""
+
+    def runs(self, design, seed, equations="linear"):
+        tilt = np.where(np.arange(self.count) == 0, 0.2, np.inf)
+        return outcomes(tilt, 0.1, design=RATIOS if design is None else design, seed=seed)
+
+
+@pytest.mark.mends("designs without a standing run kept every limit")
+def test_a_limit_that_no_run_can_show_is_not_kept():
+    here = refined(Falling(**NoisyProblem.of().inputs))
+    trials = here.trials()
+    assert np.isnan(trials.sizes).all()
+    assert not trials.feasible.any()
+    assert trials.best_without() is None
+    assert here.keeps(SPACE.scaled(trials.designs[:1]))[0] == 0.0
+    found = solve(here.problem)
+    assert (found.status, found.validated) == (DesignStatus.none_feasible, ())
+    (refusal,) = found.refusals
+    assert refusal.startswith("the block overturns in so many trial runs")
+
+
+@pytest.mark.mends("a run without a value of the limited quantity counted as one that keeps the limit")
+def test_a_run_of_unknown_swing_counts_against_a_design():
+    class Unknown(NoisyProblem):
+        def runs(self, design, seed, equations="linear"):
+            found = super().runs(design, seed, equations)
+            unknown = (np.arange(self.count) < 16) & (design is not None and design[0] > 0.1)
+            return dataclasses.replace(found, settled_swing=np.where(unknown, np.nan, found.settled_swing))
+
+    problem = Unknown(**NoisyProblem.of(limits=(tpd.limits.Stroke(1.5),)).inputs)
+    trials = refined(problem).trials()
+    heavy = trials.designs[:, 0] > 0.1
+    assert np.all(trials.sizes[heavy] > 1.0)
+    assert np.all(trials.sizes[~heavy] < 1.0)
+    assert problem.over_limit(trials.designs[heavy][0], problem.runs(trials.designs[heavy][0], 1))[0] == 0.25

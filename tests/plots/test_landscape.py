@@ -37,6 +37,7 @@ def changed(design, tilt, size, count=60):
         designs=x,
         names=("stroke",),
         sizes=size(x)[:, None],
+        limits={"stroke": fit(Observations(u, np.log(size(x))))},
         undecided=np.arange(count) % 2,
         process=fit(Observations(u, tilt(x))),
     )
@@ -62,7 +63,7 @@ def test_a_limit_that_needs_no_run_has_an_exact_edge(single):
     most = 0.5 * single.scene.block.mass * sum(single.space.mass_ratio)
     problem = dataclasses.replace(single.problem, limits=(tpd.limits.Mass(most),))
     sizes = problem.fixed_sizes(single.trials.designs)["mass"]
-    trials = dataclasses.replace(single.trials, names=("mass",), sizes=sizes[:, None])
+    trials = dataclasses.replace(single.trials, names=("mass",), sizes=sizes[:, None], limits={})
     ax = tpd.plot(dataclasses.replace(single, problem=problem, trials=trials))
     edge = next(c for c in ax.collections if [to_hex(e) for e in c.get_edgecolor()] == [ORANGE])
     points = np.concatenate([path.vertices for path in edge.get_paths()])
@@ -73,7 +74,7 @@ def test_a_limit_that_needs_no_run_has_an_exact_edge(single):
 
 
 def test_a_field_without_slope_is_drawn_and_hatched_where_all_designs_break_a_limit(single):
-    flat = changed(single, lambda x: 1.0 + 0.0 * x[:, 0], lambda x: np.full(len(x), np.inf), 4)
+    flat = changed(single, lambda x: 1.0 + 0.0 * x[:, 0], lambda x: np.full(len(x), 9.0), 4)
     ax = tpd.plot(flat)
     ax.figure.canvas.draw()
     (beyond,) = (c for c in ax.collections if getattr(c, "hatches", None) == ["//"])
@@ -109,6 +110,7 @@ def test_fixed_values_have_no_axis(single, space, axes, words):
     tilt = 0.2 + x[:, axes[0]]
     given = {"designs": x, "value": tilt, "process": fit(Observations(u, tilt)), "names": ("stroke",)}
     given |= {"sizes": np.exp(u[:, :1] - 0.5), "undecided": np.zeros(40, int)}
+    given |= {"limits": {"stroke": fit(Observations(u, u[:, 0] - 0.5))}}
     trials = dataclasses.replace(single.trials, **given)
     best = dataclasses.replace(single.validated[-1], design=x[0])
     problem = dataclasses.replace(problem, limits=(tpd.limits.Stroke(0.5),))
@@ -122,3 +124,20 @@ def test_fixed_values_have_no_axis(single, space, axes, words):
         trend = lines(ax)["design"].get_xydata()[0]
         assert trend == pytest.approx([x[0, axes[0]], tilt[0]], abs=0.02)
         assert "exceeds a limit" in legend(ax)
+
+
+@pytest.mark.mends("the edge of a limit lacked the shared tail and the reserve, which decide")
+def test_the_edge_of_a_limit_is_where_the_process_that_decides_is_zero(single):
+    u = np.random.default_rng(1).random((60, len(single.space.names)))
+    deciding = fit(Observations(u, u[:, 1] - 0.7))
+    # The sizes of the trials alone would have their edge at another length.
+    sizes = np.exp(u[:, 1:2] - 0.2)
+    given = {"designs": single.space.unscaled(u), "names": ("stroke",), "sizes": sizes}
+    given |= {"limits": {"stroke": deciding}, "undecided": np.zeros(60, int)}
+    problem = dataclasses.replace(single.problem, limits=(tpd.limits.Stroke(1.5),))
+    trials = dataclasses.replace(single.trials, **given, process=fit(Observations(u, u[:, 0])))
+    ax = tpd.plot(dataclasses.replace(single, problem=problem, trials=trials))
+    edge = next(c for c in ax.collections if [to_hex(e) for e in c.get_edgecolor()] == [ORANGE])
+    points = np.concatenate([path.vertices for path in edge.get_paths()])
+    low, high = single.space.length_ratio
+    np.testing.assert_allclose((points[:, 1] - low) / (high - low), 0.7, atol=0.03)

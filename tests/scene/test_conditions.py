@@ -175,3 +175,15 @@ def test_conditions_of_records_are_every_motion_at_every_scale():
     train = tpd.Conditions.records([tpd.Harmonic(amplitude=0.01, frequency=1.0)]).motions[0]
     assert float(train.pga) == pytest.approx(0.01 * (2.0 * np.pi) ** 2)
     assert float(train.duration) == pytest.approx(40.0)
+
+
+@pytest.mark.mends("the sample of a motion was that of its place in the list")
+def test_a_motion_keeps_its_samples_in_every_order():
+    motions = [tpd.Pulse.ricker(acceleration=x, frequency=1.0) for x in (1.0, 2.0, 3.0)]
+    widths = {"slenderness": 0.1, "mass": 0.1}
+    first = Conditions.records(motions, (1.0, 2.0), scatter=widths, samples=2, seed=4)
+    second = Conditions.records(motions[::-1], (2.0, 1.0), scatter=widths, samples=2, seed=4)
+    for one, other in ((0, 2), (1, 1), (2, 0)):
+        mine, theirs = first.factor_rows()[first.which == one], second.factor_rows()[second.which == other]
+        np.testing.assert_array_equal(sorted(map(tuple, mine)), sorted(map(tuple, theirs)))
+    np.testing.assert_array_equal(np.sort(first.ranks), np.arange(12))

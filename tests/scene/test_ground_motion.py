@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tpd import Pulse, Record
-from tpd.scene.ground_motion import refuse_zeros
+from tpd.scene.ground_motion import earthquakes_of, refuse_zeros
 
 F, A = 1.3, 2.5
 W = 2 * np.pi * F
@@ -82,3 +82,17 @@ def test_scales_and_derivatives():
 def test_numbers_out_of_range_are_refused(given, said):
     with pytest.raises(ValueError, match=said):
         Pulse(**{"kind": "one-sine", "acceleration": 1.0, "frequency": 1.0, **given})
+
+
+@pytest.mark.mends("the numbers of earthquakes depended on the order of the motions")
+def test_earthquakes_have_numbers_by_what_the_motions_contain():
+    a, b, c = (Record(np.random.default_rng(i).standard_normal(50), 0.02, name=f"r{i}") for i in range(3))
+    motions = [a, b, c, a.scaled(2.0), Pulse.ricker(acceleration=A, frequency=F)]
+    numbers = earthquakes_of(motions)
+    assert numbers[0] == numbers[3]
+    assert sorted(set(numbers)) == [0, 1, 2, 3]
+    for seed in range(3):
+        order = np.random.default_rng(seed).permutation(5)
+        np.testing.assert_array_equal(earthquakes_of([motions[i] for i in order]), numbers[order])
+    renamed = Record(a.acceleration, a.dt, name="other", event="other", source="file")
+    assert renamed.digest == a.digest != a.scaled(2.0).digest

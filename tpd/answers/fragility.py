@@ -29,7 +29,7 @@ from tpd.cluster.cluster import Cluster
 from tpd.core import checks
 from tpd.core.formatting import Printed, aligned, compared
 from tpd.records.intensity import intensity_of
-from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, events_of, refuse_zeros
+from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, earthquakes_of, refuse_zeros
 from tpd.scene.scene import Block, Pendulum
 from tpd.theory.equations import Terms
 
@@ -266,7 +266,7 @@ def fragility(
         return None if report is None else lambda done, all_: report(n * all_ + done, times * all_)
 
     exact = follow_scaled(block, cases, motions, factors, progress=shifted(0), **options)
-    nu, quakes = float(block.slenderness), np.unique(events_of(motions), return_inverse=True)[1]
+    nu, quakes = float(block.slenderness), earthquakes_of(motions)
     # 1 where a run reaches a damage state, 0 where it does not, NaN without an answer.
     reached = {n: exact.is_overturned if math.isinf(x) else exact.tilt > x * nu for n, x in states.items()}
     hits = {n: np.where(exact.is_unanswered, np.nan, hit) for n, hit in reached.items()}

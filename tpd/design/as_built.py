@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -198,8 +197,8 @@ class Build:
     """Largest distance of the body from the axis, m, in all runs of `Design.turned` except the allowed share;
     NaN if there are no runs."""
     angle: float
-    """Largest angle between rod and block, rad, in all these runs except the allowed share; without runs the
-    angle `Design.swing`."""
+    """Largest angle between rod and block, rad, in all these runs except the allowed share; NaN if there are
+    no runs."""
     frequency: float
     """Natural frequency without the damper, Hz, with the block at rest."""
     damping: float
@@ -356,9 +355,7 @@ def build_of(design: Design) -> Build | None:
     body, rod = bob.built(mass, length, g)
     half, rod_share = float(bob.half_height(body)), bob.rod_share(rod, g)
     problem = design.problem
-    # Use a quantile that is the value of a run, without interpolation.
-    largest = partial(np.quantile, q=1.0 - problem.allowed, method="higher")
-    angle = float(largest(design.turned)) if design.turned.size else min(design.swing, 0.5 * math.pi)
+    angle = problem.reached(design.turned)
     motions = problem.strongest_motions(problem.ratios(pendulum))
     loads = loads_of([Scene(block, m, g) for m in motions], pendulum) or free_swing(pendulum, angle, g)
     friction = needed_friction(scene, problem.stated_motions, pendulum)
@@ -377,7 +374,7 @@ def build_of(design: Design) -> Build | None:
         rod_share=rod_share,
         depth=rod + half,
         wall=math.nan if block.cavity_width is None else 0.5 * float(block.cavity_width),
-        reach=float(bob.reach(body, rod, angle)) if design.turned.size else math.nan,
+        reach=float(bob.reach(body, rod, angle)),
         angle=angle,
         frequency=math.sqrt(g / length) / (2.0 * math.pi),
         damping=float(pendulum.hinge_damping(g)),

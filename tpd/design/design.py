@@ -12,8 +12,8 @@ import numpy as np
 from tpd.answers.motion_history import sliding
 from tpd.answers.paired import PairedRuns
 from tpd.answers.statistics import Interval
-from tpd.core.formatting import Printed
-from tpd.design.criteria import STILL, DesignSpace, stroke_limit
+from tpd.core.formatting import Printed, number
+from tpd.design.criteria import LABELS, STILL, DesignSpace, stroke_limit
 from tpd.design.problem import Problem
 from tpd.design.reasons import OFFERED, DesignStatus, Reason, ReasonKind
 from tpd.design.refine import Trials
@@ -135,7 +135,8 @@ class Design(Printed):
     def _least_excess(self) -> int:
         """Index of the trial whose largest limited quantity exceeds its limit least."""
         assert self.trials is not None
-        return int(np.argmin(np.max(self.trials.sizes, axis=1, initial=0.0)))
+        sizes = np.nan_to_num(self.trials.sizes, nan=np.inf)
+        return int(np.argmin(np.max(sizes, axis=1, initial=0.0)))
 
     @property
     def refusals(self) -> tuple[str, ...]:
@@ -146,11 +147,44 @@ class Design(Printed):
             return ()
         # No trial keeps the limits: the reasons are the limits that the nearest trial exceeds.
         sizes = self.trials.sizes[self._least_excess]
+        if np.isnan(sizes).any():
+            return ("the block overturns in so many trial runs that the limits cannot be compared with any",)
         return tuple(
             str(Reason(kind=ReasonKind.breaks_limit, limit=name, value=float(size)))
             for name, size in zip(self.trials.names, sizes, strict=True)
             if size > 1.0
         )
+
+    @property
+    def at_bounds(self) -> list[str]:
+        """Words for the bounds of the design space that the best design lies on. A better design may exist
+        beyond these bounds."""
+        if self.nearest is None:
+            return []
+        # On a bound, the scaled value is 0 or 1. A design within a hundredth of the range counts as on it.
+        unit = dict(zip(self.space.searched, self.space.scaled(self.nearest), strict=True))
+        sides = {i: "upper" if x > 0.5 else "lower" for i, x in unit.items() if not 0.01 < x < 0.99}
+        return [f"{side} search bound of the {self._word(int(i))}" for i, side in sides.items()]
+
+    def _word(self, i: int) -> str:
+        """Return words for the i-th parameter of the best design, with its value."""
+        assert self.nearest is not None
+        return f"{('mass', 'length', 'damping')[i]} ratio, {number(float(self.nearest[i]), 3)}"
+
+    @property
+    def remedy(self) -> str:
+        """Words for the inputs that can change the answer; empty if a pendulum is offered or not needed.
+
+        They are the limits without which a trial is better, and fixed values and bounds of the design space.
+        """
+        trials = self.trials
+        if trials is None or self.pendulum is not None:
+            return ""
+        best = trials.best_without()
+        limits = [f"limit on {LABELS.get(n, n)}" for n in trials.names if trials.best_without(n) != best]
+        fixed = [f"fixed {self._word(i)}" for i in range(3) if i not in self.space.searched]
+        listed = "; ".join([*limits, *fixed, *self.at_bounds])
+        return listed and f"these could give another answer: {listed}"
 
     @property
     def is_harmful(self) -> bool:
@@ -180,23 +214,23 @@ class Design(Printed):
         """Bob angle (rad) that the drawing of the design shows; 0 without a pendulum.
 
         Under harmonic excitation this is the largest settled angle after a start from rest. Under ground
-        motions this is the angle that is exceeded only in the allowed share of the runs.
+        motions, and if no settled angle is finite, this is the angle that is exceeded only in the allowed
+        share of the validation runs.
         """
         if self.pendulum is None or self.best is None:
             return 0.0
-        # The exact solution has the settled angles of one orbit per condition.
-        if self.best.exact is not None:
-            # Without an attracting orbit the swing is not finite, and is left out.
-            swings = np.concatenate([self.best.exact.swing, self.best.exact.orbits.swing[0]])
-            return float(np.max(swings, where=np.isfinite(swings), initial=0.0))
-        return float(np.quantile(self.turned, 1.0 - self.problem.allowed)) if self.turned.size else 0.0
+        exact, in_runs = self.best.exact, self.problem.reached(self.turned)
+        # The exact solution has the settled angles of one orbit per condition. Without an attracting orbit
+        # the swing is not finite, and is left out.
+        swings = [] if exact is None else [*exact.swing, *exact.orbits.swing[0]]
+        return float(max(filter(math.isfinite, swings), default=in_runs))
 
     @cached_property
     def usage(self) -> dict[str, float]:
         """Limited quantities of the best design over their limits, by name.
 
         For a quantity that depends on the motion, this is the quantile of the validation runs that only the
-        allowed share exceeds.
+        allowed share exceeds; NaN if the block stands in no run.
         """
         if self.best is None:
             return {}
@@ -208,8 +242,7 @@ class Design(Printed):
                     # Mass and size of the body vary between the runs, but this scatter is not a motion
                     # towards the limit.
                     continue
-                level = float(np.quantile(x, 1.0 - problem.allowed, method="higher")) if x.size else 0.0
-                usage[name] = max(usage.get(name, 0.0), level)
+                usage[name] = float(np.maximum(usage.get(name, 0.0), problem.reached(x)))
         return usage
 
     @property
@@ -243,6 +276,7 @@ class Design(Printed):
             lines.append(f"  benefit     {runs.benefit_in_words}; {runs.description}")
             lines.append(f"  overturned  {shares}")
         lines += [f"  reason      {refusal}" for refusal in self.refusals[:_MOST_REASONS]]
+        lines += [f"  inputs      {self.remedy}"] if self.remedy else []
         return "\n".join(lines)
 
 

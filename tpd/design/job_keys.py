@@ -26,7 +26,6 @@ from tpd.core.files import path_of, readable
 from tpd.core.formatting import meant, number_hint
 from tpd.design.criteria import DEFAULT_LIMITS, KINDS, DesignSpace, Limit, Requirements, Risk, limit_of
 from tpd.design.settings import (
-    DEFAULT_SPACE,
     SCATTERED,
     VALIDATION_RUNS,
     VALIDATION_SHARE,
@@ -207,8 +206,9 @@ TABLES: dict[str, dict[str, Key]] = {
         "measure": Key(
             Literal["worst", "expected", "cvar"],
             "worst",
-            "risk measure: worst, expected, or cvar, the mean over the worst share of the conditions (with "
-            "pulses and records the default is expected)",
+            "risk measure: worst, expected, or cvar, the mean over the worst share of the conditions. Under "
+            "a harmonic motion only the descents use it, and later stages compare mean tilts; under pulses "
+            "and records the trial runs compare designs by it (default expected)",
         ),
         "share": Key(
             float,
@@ -238,7 +238,7 @@ TABLES: dict[str, dict[str, Key]] = {
 READING = ("channel", "dt", "unit", "baseline", "columns", "skip", "scale")
 """Keys of [motion] that control how files of records are read."""
 _SHAKEN = ("pulse", "records")
-_USUAL = {("space", "damping_ratio"): DEFAULT_SPACE.damping_ratio, ("risk", "measure"): "expected"}
+_USUAL = {("risk", "measure"): "expected"}
 _DEFAULTS: dict[str, dict[tuple[str, str], Any]] = {
     "harmonic": {("ensemble", "size"): VALIDATION_RUNS},
     "pulse": _USUAL | {("motion", "intensity"): "scale", ("motion", "scales"): (1.0,)},

@@ -28,7 +28,7 @@ from tpd.design.design import Design, FrontPoint
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.problem import Problem
-from tpd.design.reasons import DesignStatus
+from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.refine import apart, refine
 from tpd.design.settings import Descent, GroundSearch
 from tpd.design.validate import Validated, validate
@@ -38,6 +38,8 @@ from tpd.scene.scene import Block, Scene
 
 _SURER = 0.6
 """Factor on the accepted probability that the next design breaks a limit, after a design was rejected."""
+_OF_LIMITS = {ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.slides}
+"""Reasons that are limits, and not a lack of benefit."""
 _PROMISING = 0.3
 """Share of the required benefit that the trend must predict for a further design, else the validation
 ends."""
@@ -70,7 +72,9 @@ def optimise(
     gradients of the steady amplitudes, and exact gradients refine the best results. Trial runs of the linear
     equations then compare these designs with others, and a Gaussian process proposes further designs. The
     best design is validated by paired runs of the nonlinear equations. The runs must show the benefit that
-    `requirements` states, and no harm. At most three designs are validated, each by runs of its own.
+    `requirements` states, and no harm. At most three designs are validated, each by runs of its own. Under
+    ground motions the same earthquakes validate every design, so that there are at most two designs, and the
+    second one is validated only if limits are the only reason against the first.
 
     Args:
         scene: block and base motion in SI units. Under ground motions a block alone is sufficient.
@@ -78,7 +82,9 @@ def optimise(
         conditions: excitations for which the design must work; default `Conditions.around(scene)`.
         starts: initial states of the search. The default `Starts.any()` counts the largest motion that
             attracts. With `Starts.rest()` rest counts wherever the block can stay at rest.
-        risk: measure over the conditions; default `Risk.worst()`.
+        risk: measure over the conditions that the descents reduce; default `Risk.worst()`. Trial runs and
+            validation compare mean tilts. Under ground motions the trial runs use the measure, by default
+            `Risk.expected()`.
         limits: objects of `tpd.limits`; default `limits.DEFAULT_LIMITS`. `limits.POINT_BOB` has no walls.
         objective: quantity that the descents reduce under harmonic excitation; default the settled tilt,
             `limits.SteadyTilt()`.
@@ -168,6 +174,11 @@ def solve(problem: Problem, progress: Progress = unreported) -> Design:
         validated.append(result)
         status = result.status
         if not result.reasons:
+            break
+        # Under ground motions the same earthquakes validate every design. A further design is validated only
+        # if the benefit of this one is sufficient. Otherwise several designs could be validated until the
+        # benefit of one of them is large by chance.
+        if problem.groups and not {reason.kind for reason in result.reasons} <= _OF_LIMITS:
             break
         if result.decided is not None:
             # The validation runs are more accurate than the trial of this design, and also inform the trend

@@ -365,16 +365,23 @@ class Problem(ABC):
         parts = [sizes(x, "" if isinstance(x, Clearance) else "settled_") for x in self.run_limits]
         return {name: size for part in parts for name, size in part.items()}
 
+    def reached(self, values: np.ndarray) -> float:
+        """Return the value of a run that only the allowed share of the runs exceeds; NaN without runs."""
+        # A value between two runs would belong to no run, and could be below the limit that one run exceeds.
+        level = 1.0 - self.allowed
+        return float(np.quantile(values, level, method="higher")) if len(values) else np.nan
+
     def over_limit(self, design: np.ndarray, runs: Runs) -> tuple[float, str]:
         """Return the share of the runs that exceed a limit, and the name of the limit that most of them
         exceed.
 
-        The share counts the runs in which the block stands; it is 0 if there are none.
+        The share counts the runs in which the block stands; it is NaN if there are none. A run whose limited
+        quantity is unknown counts as one that exceeds the limit.
         """
-        sizes = {name: x > 1.0 for name, x in self.sizes_in_runs(design, runs).items() if name not in STILL}
         # Sizes such as the thickness do not depend on the motion: they are checked without runs.
+        sizes = {n: ~(x <= 1.0) for n, x in self.sizes_in_runs(design, runs).items() if n not in STILL}
         if not sizes or not runs.stands.any():
-            return 0.0, ""
+            return (np.nan if sizes else 0.0), ""
         worst = max(sizes, key=lambda name: float(np.mean(sizes[name])))
         return float(np.mean(np.any(list(sizes.values()), axis=0))), worst
 

@@ -7,7 +7,8 @@ evaluate next, and the best design.
 
 The swing of the bob varies little from run to run. For each limited quantity a process is fitted to a
 quantile, extrapolated with a tail that is common to all designs near the limit. This process identifies
-designs that exceed the limit too often, although each design alone has too few runs to show it.
+designs that exceed the limit too often, although each design alone has too few runs to show it. A quantity
+that no process describes counts as a limit that is exceeded.
 """
 
 from __future__ import annotations
@@ -33,10 +34,9 @@ from tpd.design.problem import Problem
 
 _APART = 0.02
 """Smallest distance between designs that are proposed or validated, in shares of the space."""
-_BULK, _ENOUGH, _SHARED = 0.9, 20, 16
-"""Three numbers: the quantile level of a limited quantity that is computed for each design alone, the number
-of standing runs that a quantile requires, and the number of designs near the limit whose tails are
-combined."""
+_BULK, _SHARED = ((0.9, 20), (0.5, 4)), 16
+"""Quantile levels of a limited quantity that are computed for each design alone, each with the number of
+standing runs that it requires; and the number of designs near the limit whose tails are combined."""
 _SAFE = 0.6
 """Share of the allowed excesses that a design may use. The rest is a margin for chance in the validation
 runs."""
@@ -44,9 +44,11 @@ _FIRST, _LATER = 150, 30
 """Steps of the fit of a process in the first round, and in later rounds."""
 _LIKELY = 0.5
 """Smallest probability of keeping all limits for a design that counts as feasible."""
-_FEW_RESTS = 0.01
-"""Share of runs at rest without a pendulum below which the runs at rest are not compared."""
-_LEAST = 1e-6
+_RESTS, _FEW_RESTS = "fewer_runs_at_rest", 0.01
+"""Name of the limit on the decrease of the runs at rest, and share of runs at rest without a pendulum below
+which they are not compared."""
+_SIZES = 1e-6, 1e3
+"""Smallest and largest limited quantity over its limit. A run whose quantity is unknown has the largest."""
 _WEIGHED = 200
 
 
@@ -64,7 +66,7 @@ class Trials:
     """Names of the limited quantities."""
     sizes: np.ndarray
     """Limited quantities over their limits, (m, sizes): the value that only the allowed share of the standing
-    runs exceeds."""
+    runs exceeds; NaN if too few runs stand."""
     overturned: np.ndarray
     """Share of the runs with a result that overturn, (m,)."""
     undecided: np.ndarray
@@ -75,6 +77,9 @@ class Trials:
     """Risk without a pendulum."""
     process: GaussianProcess | None
     """Process through the risks, in shares of the space; None if too few runs have a result."""
+    limits: dict[str, GaussianProcess] = field(default_factory=dict)
+    """Processes of the limited quantities that decide which designs are feasible, by name, in shares of the
+    space: negative where the limit is kept. A quantity that is far below its limit has none."""
 
     def best_without(self, *limits: str) -> int | None:
         """Return the index of the design of smallest trend that keeps all limits except those named, or
@@ -107,7 +112,7 @@ class Refinement:
         # The runs without a pendulum are the reference of every trial.
         runs = self.problem.trial_runs(None, self.problem.run_seed(1, 0))
         self.without, self.rests = self.problem.value_of(runs), float(runs.share_at_rest.value)
-        self._tail: dict[str, np.ndarray] = {}
+        self._unknown = False
 
     def evaluate(self, designs: np.ndarray) -> None:
         """Simulate the trial runs of designs (m, 3), and fit the processes again."""
@@ -138,15 +143,18 @@ class Refinement:
 
         self.process = fitted(finite, values[finite], self.process)
         # Sizes are positive and cover decades, so that their logarithms are smooth functions of the design.
+        self._unknown = False
         for name, size in self._quantiles().items():
             x = size - np.log1p(-self.problem.spare)
             rows = np.flatnonzero(np.isfinite(x))
-            # A quantity that is far from its limit everywhere needs no process.
+            # A quantity that is far from its limit everywhere needs no process. A quantity with too few
+            # values for a process is not known to keep its limit.
+            self._unknown |= len(rows) < 4
             if len(rows) >= 4 and np.any(x[rows] > -0.7):
                 self.limits[name] = fitted(rows, x[rows], self.limits.get(name))
         if self.rests > _FEW_RESTS:
             fewer = (1.0 - FEWER) * self.rests - np.array([r.share_at_rest.value for r in self.runs])
-            self.limits["rests"] = fitted(finite, fewer[finite], self.limits.get("rests"))
+            self.limits[_RESTS] = fitted(finite, fewer[finite], self.limits.get(_RESTS))
 
     def _quantiles(self) -> dict[str, np.ndarray]:
         """Return the logarithm of a quantile of every limited quantity over its limit, by name, (m,).
@@ -155,25 +163,26 @@ class Refinement:
         """
         level = 1.0 - _SAFE * self.problem.allowed
         sizes = [self.problem.sizes_in_runs(*pair) for pair in zip(self.designs, self.runs, strict=True)]
+        stands = [r.stands.sum() for r in self.runs]
+        # All designs have the same level, because the tail beyond it is common to them. If few runs stand,
+        # the level is lower, and more of the result comes from the tail.
+        bulk, least = _BULK[int(np.median(stands) < _BULK[0][1])]
         out = {}
         for name in sizes[0]:
             if name in STILL:
                 continue
-            each = [np.log(np.maximum(s[name], _LEAST)) for s in sizes]
-            bulk = np.array([np.quantile(x, _BULK) if len(x) >= _ENOUGH else np.nan for x in each])
-            finite = np.flatnonzero(np.isfinite(bulk))
-            if not len(finite):
-                continue
+            each = [np.log(np.clip(np.nan_to_num(s[name], nan=_SIZES[1]), *_SIZES)) for s in sizes]
+            own = np.array([np.quantile(x, bulk) if len(x) >= least else np.nan for x in each])
             # One design has only a few runs beyond the computed quantile. The distribution beyond it is
             # similar for all designs near the limit, so that their runs are combined.
-            near = finite[np.argsort(np.abs(bulk[finite]))][:_SHARED]
-            tail = np.concatenate([each[i] - bulk[i] for i in near])
-            out[name] = bulk + np.quantile(tail, level)
+            near = [i for i in np.argsort(np.abs(own)) if np.isfinite(own[i])][:_SHARED]
+            tail = np.concatenate([each[i] - own[i] for i in near]) if near else [0.0]
+            out[name] = own + np.quantile(tail, level)
         return out
 
     def keeps(self, x: np.ndarray) -> np.ndarray:
         """Return the probability that designs at points (m, d) keep the limits, according to their trends."""
-        return probability_below_zero(list(self.limits.values()), x)
+        return probability_below_zero(list(self.limits.values()), x) * (not self._unknown)
 
     def possible(self, designs: np.ndarray) -> np.ndarray:
         """Return whether designs (m, 3) keep the limits that need no run."""
@@ -243,9 +252,7 @@ class Refinement:
         designs = np.array(self.designs)
         fixed = self.problem.fixed_sizes(designs)
         quantiles = {name: np.exp(x) for name, x in self._quantiles().items()}
-        # A design whose block stands in too few runs has no quantile. Its large tilt is sufficient to reject
-        # it.
-        sizes = [np.fmax(fixed[name], quantiles.get(name, fixed[name])) for name in fixed]
+        sizes = [np.maximum(fixed[name], quantiles.get(name, fixed[name])) for name in fixed]
         x = self.problem.space.scaled(designs)
         trend = np.full(len(x), np.nan) if self.process is None else self.process.at(x)[0]
         counts = [(r.is_overturned.sum(), r.is_unanswered.sum(), len(r.outcome)) for r in self.runs]
@@ -261,6 +268,7 @@ class Refinement:
             feasible=((self.keeps(x) >= self.likely) & self.possible(designs))[order],
             without_pendulum=self.without,
             process=self.process,
+            limits=dict(self.limits),
         )
 
 

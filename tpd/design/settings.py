@@ -5,10 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from tpd.core import checks
-from tpd.design.criteria import DesignSpace
 
-DEFAULT_SPACE = DesignSpace(damping_ratio=(0.05, 1.0))
-"""Default design space under ground motions."""
 VALIDATION_SHARE = 0.5
 """Default share of the ground motions that is kept for the validation."""
 SCATTERED = "slenderness", "friction", "mass", "length", "damping", "restitution"

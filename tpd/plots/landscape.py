@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from scipy.ndimage import median_filter
 
 from tpd.design.design import Design
-from tpd.design.gaussian_process import GaussianProcess, Observations, fit
+from tpd.design.gaussian_process import GaussianProcess
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.orbits import margins
 from tpd.design.refine import Trials
@@ -124,21 +124,14 @@ def _curve(ax: Axes, design: Design, trials: Trials, process: GaussianProcess, b
 
 
 def _limits(design: Design, trials: Trials, designs: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the logarithms of limited quantities over their limits, by name, for designs of shape (m, 3).
+    """Return quantities that are positive where a limit is exceeded, by name, for designs of shape (m, 3).
 
-    Values are exact if no run is needed. Otherwise a Gaussian process through the quantiles of the trial runs
-    gives the values at other designs.
+    They are those that decide which designs are feasible: logarithms of exact values over their limits where
+    no run is needed, and otherwise the Gaussian processes of the trials.
     """
-    problem, scaled = design.problem, design.space.scaled
-    exact, out = problem.fixed_sizes(trials.designs), dict[str, np.ndarray]()
-    for name, x in problem.fixed_sizes(designs).items():
-        out[name] = np.log(np.clip(x, *_CLIPPED))
-        sizes = trials.sizes[:, trials.names.index(name)]
-        # If the trial runs changed a size, the quantity depends on runs.
-        if not np.array_equal(sizes, exact[name]):
-            # Sizes are positive and range over decades, so their logarithms are easier to interpolate.
-            trial = Observations(scaled(trials.designs), np.log(np.clip(sizes, *_CLIPPED)))
-            out[name] = np.maximum(out[name], fit(trial, problem.seed).at(scaled(designs))[0])
+    out = {n: np.log(np.clip(x, *_CLIPPED)) for n, x in design.problem.fixed_sizes(designs).items()}
+    for name, process in trials.limits.items():
+        out[name] = np.maximum(out.get(name, -np.inf), process.at(design.space.scaled(designs))[0])
     return out
 
 

@@ -136,6 +136,8 @@ def pairs(design: Design, details: Details) -> Iterator[tuple[str, str]]:
     for text in design.refusals[design.status in _REASONED :]:
         yield "reason", text
     if design.status in (DesignStatus.not_recommended, DesignStatus.none_feasible):
+        if design.remedy:
+            yield "inputs", design.remedy
         yield "alternative", str(alternatives(design.problem))
     if design.pendulum is not None:
         yield "limits", active_limits(design, details)
@@ -219,7 +221,7 @@ def active_limits(design: Design, details: Details) -> str:
         # The distance in the validation runs is more informative than the ratio at nominal values.
         shares["clearance"] = build.reach / build.wall
     active = [f"{LABELS.get(n, n)}, {words.percent(x)} used" for n, x in shares.items() if x >= _USED]
-    listed = "; ".join([*active, *words.bounds(design)])
+    listed = "; ".join([*active, *design.at_bounds])
     return f"active: {listed}" if listed else "no limit is active"
 
 

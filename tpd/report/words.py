@@ -158,24 +158,6 @@ def groups(design: Design) -> dict[str, tuple[GroundMotion, ...]]:
     return {g.name: g.motions for g in design.problem.groups}
 
 
-def bounds(design: Design) -> list[str]:
-    """List the bounds of the design space that the best design lies on.
-
-    A better design may exist beyond these bounds.
-    """
-    best, out = design.nearest, []
-    if best is None:
-        return out
-    # On a bound, the scaled value is 0 or 1.
-    unit, names = design.space.scaled(np.asarray(best)), ("mass", "length", "damping")
-    # A design within a hundredth of the range counts as on the bound.
-    for i, x in zip(design.space.searched, unit, strict=True):
-        if not 0.01 < x < 0.99:
-            side = "upper" if x > 0.5 else "lower"
-            out.append(f"{side} search bound of the {names[i]} ratio, {number(float(best[i]), 3)}")
-    return out
-
-
 def overturned_between(responses: Sequence[Response], low: float, high: float) -> str:
     """Return a clause with the share of the runs from rest, between two values, in which the block overturns.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -155,6 +156,18 @@ class Conditions:
         which = None if self.which is None else self.which[chosen]
         factors = {k: v[chosen] for k, v in self.factors.items()}
         return replace(self, factors=factors, description=(phrase,), which=which)
+
+    @cached_property
+    def ranks(self) -> np.ndarray:
+        """Position of every condition in an order by motions and factors, shape (n,).
+
+        The order depends on the accelerations of the motions, and not on the order in which they are listed.
+        """
+        keys = self.factor_rows().T
+        if self.which is not None:
+            digests = np.unique([motion.digest for motion in self.motions], return_inverse=True)[1]
+            keys = [*keys, digests[self.which]]
+        return np.argsort(np.lexsort(keys))
 
     @property
     def axis(self) -> str | None:
@@ -308,13 +321,20 @@ class Conditions:
         stripes = ", ".join(f"{x:g}" for x in stated)
         motions = "1 ground motion" if len(listed) == 1 else f"{len(listed)} ground motions, each"
         phrase = f"{motions} at {stripes} ({MEASURES[intensity]})"
-        if scatter:
-            sample = Conditions.scatter(len(factors["amplitude"]), seed, **scatter)
-            amplitude = factors["amplitude"] * sample.column("amplitude")
-            factors = {**sample.factors, "amplitude": amplitude}
-            phrase += f" with scatter of {', '.join(scatter)} (seed {seed})"
         which = np.repeat(np.arange(len(listed)), len(each))
-        return Conditions(factors, (phrase,), {}, listed, which, intensity, stated)
+        out = Conditions(factors, (phrase,), {}, listed, which, intensity, stated)
+        if not scatter:
+            return out
+        phrase += f" with scatter of {', '.join(scatter)} (seed {seed})"
+        return replace(out.scattered(seed, **scatter), description=(phrase,))
+
+    def scattered(self, seed: checks.Whole, **half_widths: checks.Real) -> Conditions:
+        """Return the conditions with a sample of uncertain factors for each of them, see `scatter`."""
+        if not half_widths:
+            return self
+        sample, ranks = Conditions.scatter(len(self), seed, **half_widths), self.ranks
+        factors = {name: self.column(name) * x[ranks] for name, x in sample.factors.items()}
+        return replace(self, factors={**self.factors, **factors})
 
     @staticmethod
     def scatter(size: checks.Whole, seed: checks.Whole = 0, **half_widths: checks.Real) -> Conditions:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import math
 from abc import abstractmethod
@@ -60,6 +61,13 @@ class GroundMotion:
         """Duration, s."""
         return len(self.pieces()) * self.piece
 
+    @property
+    def digest(self) -> str:
+        """Text that only motions of equal accelerations share, whatever their names are."""
+        sizes = float(self.pga), float(self.piece)
+        # The sum with zero removes the sign of a zero.
+        return hashlib.sha256((np.append(self.pieces(), sizes) + 0.0).tobytes()).hexdigest()
+
     def scaled_to(self, *, pga: Real | None = None, pga_g: Real | None = None) -> Any:
         """Return the motion with this largest acceleration: `pga` in m/s^2, or `pga_g` in units of 9.80665
         m/s^2.
@@ -106,6 +114,17 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
         ):
             names = [names[j] if name == names[i] else name for name in names]
     return names
+
+
+def earthquakes_of(motions: Sequence[GroundMotion]) -> np.ndarray:
+    """Return the number of the earthquake of every motion, see `events_of`.
+
+    The numbers depend on the accelerations of the motions, and not on their names or on their order.
+    """
+    first: dict[str, str] = {}
+    for event, motion in zip(names := events_of(motions), motions, strict=True):
+        first[event] = min(first.get(event, "g"), motion.digest)
+    return np.unique([first[event] for event in names], return_inverse=True)[1]
 
 
 def are_copies(first: GroundMotion, second: GroundMotion) -> bool:
