@@ -285,7 +285,7 @@ COLUMN = BLOCK | {"height": 6.0}
 EL_CENTRO = {"records": ["el-centro"], "validation_share": 0.0}
 COSINE = {"pulse": "one-cosine", "pulse_frequency": 0.8, "pga": 3.0 / 9.80665}
 MOTIONS = {
-    # In some of these cases the steps of the page once straddled the samples, in the others its sign was wrong.
+    # In some of these cases the steps of the page straddled the samples, in the others its sign was wrong.
     "record": (BLOCK, EL_CENTRO | {"scales": [2.0]}, 0.0),
     "record, pushed": (COLUMN, EL_CENTRO | {"scales": [2.0]}, 0.3),
     "record, overturns": (COLUMN, EL_CENTRO | {"scales": [3.0]}, 0.0),

@@ -308,7 +308,7 @@ def _stored_runs(problem: Problem, answer: Answer) -> Iterator[dict[str, Any]]:
             low, high = np.asarray(answer.equivalent)
         # In memory the parts of a summary are objects, and in a file they are dictionaries.
         benefit, changes = _fields(runs["benefit"]), [_fields(change) for change in runs["changes"]]
-        # Changes count the runs of the description. The summary of each case counts the search motions as well.
+        # Changes count the runs of the description. The summary of each case also counts the search motions.
         mean, overturned = (
             next(change for change in changes if change["name"] == name)
             for name in ("mean severity", "overturned")

@@ -169,7 +169,8 @@ def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
         cases = [case.of(rows & counted) for case in (runs.with_pendulum, runs.without_pendulum)]
         count = cases[0].tilt.size
         pendulum, without = (words.share(case.share_overturned) for case in cases)
-        yield f"{count} run{'s' * (count != 1)} at {name}: {pendulum} overturn with the pendulum, {without} without it"
+        runs = f"{count} run{'s' * (count != 1)} at {name}"
+        yield f"{runs}: {pendulum} overturn with the pendulum, {without} without it"
 
 
 def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:
