@@ -185,20 +185,20 @@ def function(name: str, value: object, *, optional: bool = True) -> None:
 def keywords(subject: Subject) -> Subject:
     """Return a function, or a class, that suggests a name if an argument does not exist."""
     # Python itself suggests nothing before version 3.13, and does not know the old names.
-    given: Any = subject
-    function = given.__init__ if inspect.isclass(subject) else given
+    target: Any = subject
+    function = target.__init__ if inspect.isclass(subject) else target
     allowed = [name for name in inspect.signature(function).parameters if name != "self"]
 
     @functools.wraps(function)
     def checked(*args: Any, **named: Any) -> Any:
         for name in named:
             if name not in allowed:
-                raise TypeError(f"`{given.__name__}` has no argument `{name}`{meant(name, allowed)}")
+                raise TypeError(f"`{target.__name__}` has no argument `{name}`{meant(name, allowed)}")
         return function(*args, **named)
 
-    if function is given:
+    if function is target:
         return checked  # type: ignore[return-value]
-    given.__init__ = checked
+    target.__init__ = checked
     return subject
 
 
