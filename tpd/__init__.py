@@ -50,7 +50,8 @@ def __getattr__(name: str) -> Any:
     except AttributeError as error:
         from tpd.core.formatting import meant
 
-        raise AttributeError(f"{error}{meant(name, __all__, listing=False)}", name=name) from None
+        error.args = (f"{error}{meant(name, __all__, listing=False)}",)
+        raise
     # A user who reaches a class of a scene by this function can pass its objects to JAX: register them.
     from tpd.scene import pytrees  # noqa: F401
 

@@ -223,8 +223,8 @@ optimise --records el-centro --records loma-prieta | argument --records: it is g
 optimise --scatter friction=0.1 --scatter mass=0.1 | argument --scatter: it is given 2 times
 response BOB --points 9 --points=10 | argument --points: it is given 2 times
 shake SIZE --pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 1 --phase 90 | 6.28319 rad, but is 90
-shake SIZE PULSE | a pulse needs its peak acceleration in g, `motion.pga` (--pga G)
-assess SIZE PULSE --scales 2 | a pulse needs its peak acceleration in g, `motion.pga` (--pga G)
+shake SIZE PULSE | [motion] `pga`, the peak acceleration of the pulse in g, is missing (--pga G)
+assess SIZE PULSE --scales 2 | [motion] `pga`, the peak acceleration of the pulse in g, is missing (--pga G)
 record '' | `path` must name a file, but is ''
 fragility SIZE --records el-centro '' | `path` must name a file, but is ''
 optimise --scene '' | argument --scene: the name of a file is empty or has control characters: ''

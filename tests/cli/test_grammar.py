@@ -130,9 +130,7 @@ def test_paths_of_options_begin_at_home(monkeypatch, tmp_path):
     read = parser().parse_args(
         ["export", "~/design", "--scene", "~/job.toml", "--as", "csv", "--out", "~/a.csv"]
     )
-    assert (read.design, read.scene, read.file) == tuple(
-        tmp_path / x for x in ("design", "job.toml", "a.csv")
-    )
+    assert (read.design, read.scene, read.out) == tuple(tmp_path / x for x in ("design", "job.toml", "a.csv"))
     for command in ("new tower", "optimise", "response", "map --x mu 0 1 --y lam 0 1", "shake", "spectrum"):
         assert parser().parse_args([*command.split(), "--out=~/out"]).out == tmp_path / "out"
     assert parser().parse_args(["fragility"]).out == Path("tpd-fragility")

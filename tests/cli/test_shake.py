@@ -103,17 +103,20 @@ def test_numbers_are_written_before_pictures_and_a_failed_picture_costs_one_mess
 def test_a_full_disk_is_reported_with_the_file_and_leaves_no_part_of_it(run, monkeypatch, tmp_path, complete):
     place, name = files.place, "impacts.csv" if complete else "shake.json"
 
-    def full(path, content):
+    def full(path, content, of=""):
         if path.name == name:
             monkeypatch.setattr(files, "open", lambda *_: io.FileIO("/dev/full", "w"), raising=False)
-        return place(path, content)
+        return place(path, content, of)
 
     monkeypatch.setattr(files, "place", full)
     done = run("shake", COLUMN, PULSE, "0.4", "--free", "1")
     assert done.status == 2
     assert done.err.splitlines()[-1].endswith(f"out/{name}: No space left on device")
-    assert done.files.keys() == {*complete}
-    assert (tmp_path / "out").exists() is bool(complete)
+    assert [f"written: {tmp_path}/out/{n}" for n in complete] == done.out.splitlines()[
+        -len(complete) or 999 :
+    ]
+    # The files that were complete are removed as well.
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.mends(

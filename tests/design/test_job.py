@@ -62,10 +62,18 @@ JOBS = {
     "held out": {"motion": {**RECORDS, "records": ["el-centro"], "validation_share": ["loma-prieta"]}},
     "scaled": {"motion": {**RECORDS, "validation_share": 0.0, "pga": 0.3, "intensity": "scale"}},
     "pulse": {
-        "motion": {"pulse": "mavroeidis-papageorgiou", "pulse_frequency": 1, "cycles": 2.0, "phase": 0.5},
+        "motion": {
+            "pulse": "mavroeidis-papageorgiou",
+            "pulse_frequency": 1,
+            "cycles": 2.0,
+            "phase": 0.5,
+            "pga": 1,
+        },
         "search": {"steps": 3, "starts": 5},
     },
-    "sizes": {"motion": {"kind": "pulse", "pulse": "ricker", "pulse_frequency": 1.0, "scales": [1.0, 2.0]}},
+    "sizes": {
+        "motion": {"kind": "pulse", "pulse": "ricker", "pulse_frequency": 1.0, "pga": 1.0, "scales": [1, 2]}
+    },
 }
 
 
@@ -254,6 +262,10 @@ def test_an_option_that_chooses_records_drops_what_a_file_says_of_a_harmonic():
         ({"motion": RECORDS, "limits": {"reserve": 0.1}}, "`limits.reserve` requires a harmonic motion"),
         ({"motion": {"pulse": "ricker", "pulse_frequency": 1, "cycles": 3}}, "`motion.cycles` requires the"),
         ({"motion": {"pulse": "rickr", "pulse_frequency": 1}}, "but is 'rickr'; did you mean `ricker`?"),
+        (
+            {"motion": {"pulse": "ricker", "pulse_frequency": 1}},
+            "`pga`, the peak acceleration of the pulse in g, is missing",
+        ),
         ({"motion": {"pulse": "ricker"}}, "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_fr"),
         ({"motion": {"kind": "record"}}, "but is 'record'; did you mean `records`?"),
         ({"limits": {"tilt": True}}, "[limits] `tilt` must be a number or false, but is true"),

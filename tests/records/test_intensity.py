@@ -141,8 +141,8 @@ def test_a_spectral_acceleration_of_bad_input_is_refused(wrong, said):
 def test_measures_that_do_not_exist():
     for wrong, said in (
         (("pgx", None), "`intensity` must be one of " + ", ".join(INTENSITIES)),
-        (("sa", None), "`period` must be given only with"),
-        (("pga", 1.0), "`period` must be given only with"),
+        (("sa", None), "a spectral acceleration, needs `period`"),
+        (("pga", 1.0), "has an effect only with the intensity sa"),
         (("sa", -1.0), "`period` must be positive"),
     ):
         with pytest.raises(ValueError, match=said):

@@ -59,7 +59,7 @@ def test_scales_and_derivatives():
     assert pulse.scaled_to(pga_g=0.3).pga == pytest.approx(0.3 * 9.80665, rel=1e-14)
     with pytest.raises(ValueError, match="exactly one of `pga` and `pga_g` must be given"):
         pulse.scaled_to()
-    with pytest.raises(ValueError, match="a record of zeros cannot be scaled"):
+    with pytest.raises(ValueError, match="a motion of zeros cannot be scaled"):
         Record([0.0, 0.0], 0.1).scaled_to(pga=1.0)
     # As a pytree, with its kind apart.
     slope = jax.grad(lambda p: p.pga)(Pulse.one_sine(acceleration=A, frequency=F))

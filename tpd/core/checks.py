@@ -185,22 +185,21 @@ def function(name: str, value: object, *, optional: bool = True) -> None:
 def keywords(subject: Subject) -> Subject:
     """Return a function, or a class, that suggests a name if an argument does not exist."""
     # Python itself suggests nothing before version 3.13, and does not know the old names.
-    function: Any = subject
-    if is_class := inspect.isclass(subject):
-        function = subject.__init__
+    target: Any = subject
+    function = target.__init__ if inspect.isclass(subject) else target
     allowed = [name for name in inspect.signature(function).parameters if name != "self"]
 
     @functools.wraps(function)
     def checked(*args: Any, **named: Any) -> Any:
         for name in named:
             if name not in allowed:
-                raise TypeError(f"`{subject.__name__}` has no argument `{name}`{meant(name, allowed)}")
+                raise TypeError(f"`{target.__name__}` has no argument `{name}`{meant(name, allowed)}")
         return function(*args, **named)
 
-    if is_class:
-        subject.__init__ = checked
-        return subject
-    return checked  # type: ignore[return-value]
+    if function is target:
+        return checked  # type: ignore[return-value]
+    target.__init__ = checked
+    return subject
 
 
 def flag(name: str, value: object) -> None:

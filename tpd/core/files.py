@@ -119,10 +119,10 @@ def place(path: Path, content: str | bytes, of: str = "") -> Path:
     """
     data = readable(content).encode(errors="replace") if isinstance(content, str) else content
     made, listed = [folder for folder in path.parents if not folder.exists()], path.parent / _LIST
-    if of and listed.exists():
-        entry = {path.name: [of, hashlib.sha256(data).hexdigest()]}
-        place(listed, as_json(_listed(path.parent) | entry))
     try:
+        if of and listed.exists():
+            entry = {path.name: [of, hashlib.sha256(data).hexdigest()]}
+            place(listed, as_json(_listed(path.parent) | entry))
         # If a file has the name of the folder, the next statement finds that it is no directory.
         with contextlib.suppress(FileExistsError):
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -550,13 +550,13 @@ class PulseJob(RecordsJob):
                 "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_frequency` "
                 "(--pulse-frequency HZ)"
             )
-        if keys["pga"] is None and keys["intensity"] == "scale":
-            raise ValueError("a pulse needs its peak acceleration in g, `motion.pga` (--pga G)")
         shape = {name: keys[name] for name in ("cycles", "phase")}
         shape |= {"kind": keys["pulse"], "frequency": keys["pulse_frequency"]}
         # The keys of a job file have other names than the fields of `Pulse`.
         with naming("motion", kind="pulse", frequency="pulse_frequency", pga_g="pga"):
             pulse = Pulse(acceleration=STANDARD_GRAVITY, **shape)
+            if keys["pga"] is None and keys["intensity"] == "scale":
+                raise ValueError("`pga`, the peak acceleration of the pulse in g, is missing (--pga G)")
             # If an intensity states the size, any acceleration will do.
             return (pulse.scaled_to(pga_g=1.0 if keys["pga"] is None else keys["pga"]),), ()
 

@@ -149,7 +149,7 @@ def _front(points: Sequence[FrontPoint], design: Design) -> Table:
         benefit = None if math.isnan(p.benefit[0]) else words.interval(*p.benefit)
         rows.append((f"{number(p.most)} kg", size, benefit))
     own = "The last row is this report's design."
-    if points[-1].pendulum is not design.pendulum:
+    if points[-1].pendulum != design.pendulum:
         own = "This report's design has no row, because a lighter bob reduces the mean tilt at least as much."
     caption = f"Each row is a separate design with its own validation runs. {own}"
     head = "upper bound of the mass", "equivalent point mass", "reduction of the mean tilt (95 % interval)"
