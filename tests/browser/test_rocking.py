@@ -240,7 +240,9 @@ def test_motions_agree_at_random_settings_under_pulses_and_records_with_a_push()
         ground = {"powers": pieces.ravel().tolist(), "order": 4, "span": float(motion.piece) * rate}
         times = [(float(motion.duration) + free) * rate]
         # The length of a step depends on xi, and nothing else: the page has 1 under a ground motion.
-        inputs.append({"p": plain(p) | {"xi": 1.0}, "start": start.tolist(), "ground": ground, "times": times})
+        inputs.append(
+            {"p": plain(p) | {"xi": 1.0}, "start": start.tolist(), "ground": ground, "times": times}
+        )
         y0 = start * [1.0, 1.0, rate, rate]
         expected.append(tpd.transient(scene, pendulum, y0=y0, model=tpd.Nonlinear(), free=free))
         units.append((float(p.nu), rate))
@@ -289,7 +291,9 @@ def test_a_block_whose_release_only_touches_the_limit_stays_at_rest(above):
     """The load reaches the limit at the end of the first piece, and falls back from there."""
     p = plain(parameters(**NO_PENDULUM, f=0.13 * (1.0 + above)))
     ground = {"powers": [0.0, -1.0, -1.0, 1.0], "order": 2, "span": 0.5}
-    (answer,) = run("rocking", "Motion", RECORD, [{"p": p, "start": [0] * 4, "ground": ground, "times": [3.0]}])
+    (answer,) = run(
+        "rocking", "Motion", RECORD, [{"p": p, "start": [0] * 4, "ground": ground, "times": [3.0]}]
+    )
     assert answer["tilt"] < 1e-15
     assert answer["tilts"] == [0.0]
     assert answer["impacts"] <= 1

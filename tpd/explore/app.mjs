@@ -184,12 +184,13 @@ function runRows(runs) {
   const rows = [["overturned", "Share overturned"], ["mean", "Mean tilt over the slenderness"]];
   const reason = "no validation runs near this design and base motion";
   if (!runs) return rows.map((row) => [...row, "not simulated", reason]);
-  const interval = (low, high) => (low === null ? "unknown" : `${percent(low)} to ${percent(high)}`);
-  const [share, alone, ...ends] = runs.overturned, [mean, meanAlone] = runs.mean.map((x) => format(x));
-  const { mean: reduction, low, high } = runs.benefit;
+  const casesOf = (change) => [change.with_pendulum, change.without_pendulum];
+  const interval = ({ low, high }) => (low === null ? "unknown" : `${percent(low)} to ${percent(high)}`);
+  const { overturned, benefit } = runs, [share, alone] = casesOf(overturned).map(percent);
+  const [mean, meanAlone] = casesOf(runs.mean).map((x) => format(x));
   const texts = [
-    `${percent(share)}; without a pendulum ${percent(alone)} (95 % interval of the difference ${interval(...ends)})`,
-    `${mean}; without a pendulum ${meanAlone}: reduction ${percent(reduction)} (95 % interval ${interval(low, high)})`,
+    `${share}; without a pendulum ${alone} (95 % interval of the difference ${interval(overturned)})`,
+    `${mean}; without a pendulum ${meanAlone}: reduction ${percent(benefit.mean)} (95 % interval ${interval(benefit)})`,
   ];
   const verdict = runs.sentences.join(" ") || "no reason against this design";
   const quoted = rows.map((row, i) => [...row, texts[i], `validation runs: ${runs.description}`]);
@@ -420,11 +421,11 @@ function update(isNew = true) {
     + `(one motion ${state.push ? "after a push" : "from rest"}, ${spanText()}). `;
   const tilts = now ? `Steady tilt ${steadyText(now.tilt, largest)} with your pendulum, `
     + `${steadyText(now.without, alone)} without. ` : "";
-  const none = `No limit is ${shares.length ? "exceeded" : "evaluated"}`;
-  const verdict = exceeded.length ? `Limits exceeded: ${exceeded.join(", ")}` : none;
+  const verdict = exceeded.length ? `Limits exceeded: ${exceeded.join(", ")}` : "No limit is exceeded";
+  const sentence = shares.length ? `${verdict} (${basis}).` : "No limit is evaluated.";
   // A screen reader says the result once the slider has stopped.
   clearTimeout(update.timer);
-  update.timer = setTimeout(() => (byId("summary").textContent = `${outcomes}${tilts}${verdict} (${basis}).`), 400);
+  update.timer = setTimeout(() => (byId("summary").textContent = outcomes + tilts + sentence), 400);
   update.duration = performance.now() - begin;
 }
 
