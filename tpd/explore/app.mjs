@@ -7,7 +7,7 @@ import { BLUE, GREY, INK, ORANGE, PALE, cleared, drawAxes, drawBlock, drawLine }
 import { drawMark, format, hatch, writeOver } from "./figures.mjs";
 
 const SIMULATED = "simulated in the browser", EXACT = "exact";
-const WINDOW = 12; // Periods of the base motion in the figure of the tilt against time.
+const WINDOW = 12, FRAME = 0.008; // Periods in the figure of the tilt against time; steps of this figure, s.
 const PUSH = { label: "First tilt over the slenderness", unit: "", low: -0.9, high: 0.9 };
 const COLUMNS = 90, ROWS = 64; // Samples of the map.
 
@@ -95,21 +95,19 @@ function steady() {
   return { tilt, swing, without: settled(without, ["tilt"], [frequency, amplitude], null)[0] };
 }
 
-/** Return the motion with a pendulum, or with null without one, from the start of the controls. */
-function motionFrom(pendulum) {
-  return new Motion(parameters(scene, excitation(), pendulum), [state.push * scene.nu, 0, 0, 0], base);
-}
-
 /** Return the duration of a validation run, s, which is also that of a simulation; and its description. */
 const duration = () => (ground ? ground.seconds : data.periods / state.frequency);
 const spanText = () => `${ground ? "whole motion" : `${data.periods} periods`}, ${format(duration())} s`;
 
-/** Return the largest values and the outcome of the motion over the duration of a validation run. */
+/** Return largest values, outcome and history of the motion from the start of the controls; null is no pendulum. */
 function simulate(pendulum) {
-  const motion = motionFrom(pendulum), parts = Math.ceil(ground ? ground.seconds : data.periods);
+  const motion = new Motion(parameters(scene, excitation(), pendulum), [state.push * scene.nu, 0, 0, 0], base);
+  const parts = Math.ceil(ground ? ground.seconds : data.periods), history = [];
   const largest = { tilt: 0, swing: 0, relative: 0, tension: 0, rate: 0 };
-  const record = ({ y, tension }) => {
-    const rate = (y[3] - y[2]) * scene.rate, tilt = y[0] / scene.nu;
+  const record = ({ y, tau, tension, hasEnded }) => {
+    const time = tau / scene.rate, tilt = y[0] / scene.nu;
+    if (hasEnded || !(time < history.at(-1)?.[0] + FRAME)) history.push([time, tilt, y[1]]);
+    const rate = (y[3] - y[2]) * scene.rate;
     const values = { tilt, swing: y[1], relative: y[1] - y[0], rate, tension: Math.max(tension, 0) };
     for (const name in largest) largest[name] = Math.max(largest[name], Math.abs(values[name]));
   };
@@ -120,7 +118,7 @@ function simulate(pendulum) {
   }
   const { hasEnded, stalled, tau } = motion, fall = `overturns after ${format(tau / scene.rate)} s`;
   const outcome = stalled ? "has no answer (too many events)" : hasEnded ? fall : "does not overturn";
-  return { ...largest, hasEnded, outcome };
+  return { ...largest, history, hasEnded, outcome };
 }
 
 /** Return the stored validation runs that hold for this pendulum and base motion; undefined without any. */
@@ -184,12 +182,13 @@ function runRows(runs) {
   const rows = [["overturned", "Share overturned"], ["mean", "Mean tilt over the slenderness"]];
   const reason = "no validation runs near this design and base motion";
   if (!runs) return rows.map((row) => [...row, "not simulated", reason]);
-  const interval = (low, high) => (low === null ? "unknown" : `${percent(low)} to ${percent(high)}`);
-  const [share, alone, ...ends] = runs.overturned, [mean, meanAlone] = runs.mean.map((x) => format(x));
-  const { mean: reduction, low, high } = runs.benefit;
+  const casesOf = (change) => [change.with_pendulum, change.without_pendulum];
+  const interval = ({ low, high }) => (low === null ? "unknown" : `${percent(low)} to ${percent(high)}`);
+  const { overturned, benefit } = runs, [share, alone] = casesOf(overturned).map(percent);
+  const [mean, meanAlone] = casesOf(runs.mean).map((x) => format(x));
   const texts = [
-    `${percent(share)}; without a pendulum ${percent(alone)} (95 % interval of the difference ${interval(...ends)})`,
-    `${mean}; without a pendulum ${meanAlone}: reduction ${percent(reduction)} (95 % interval ${interval(low, high)})`,
+    `${share}; without a pendulum ${alone} (95 % interval of the difference ${interval(overturned)})`,
+    `${mean}; without a pendulum ${meanAlone}: reduction ${percent(benefit.mean)} (95 % interval ${interval(benefit)})`,
   ];
   const verdict = runs.sentences.join(" ") || "no reason against this design";
   const quoted = rows.map((row, i) => [...row, texts[i], `validation runs: ${runs.description}`]);
@@ -336,11 +335,14 @@ function drawDesign(angle, source, body) {
 
 // The block that rocks
 
-let motions = [], traces = [[], []], clock = 0, before = 0, frames = [];
+let shown = [], clock = 0, before = 0, frames = [];
 
-/** Start both motions again. */
-function restart() {
-  [motions, traces, clock] = [[motionFrom(null), motionFrom(state)], [[], []], 0];
+/** Return time, tilt over nu and bob angle of a simulated motion now, and its history since `from`. */
+function present({ history }, from) {
+  const next = history.findIndex(([time]) => time > clock), n = next < 0 ? history.length - 1 : next;
+  const [a, b] = [history[Math.max(n - 1, 0)], history[n]], share = (clock - a[0]) / (b[0] - a[0] || 1);
+  const now = a.map((x, i) => x + Math.min(share, 1) * (b[i] - x));
+  return { now, path: [...history.slice(0, n).filter(([time]) => time >= from), now] };
 }
 
 /** Show one frame of the animation; `time` is in ms. */
@@ -351,8 +353,7 @@ function animate(time) {
   before = time;
   if (state.play) {
     clock += seconds * state.speed;
-    motions.forEach((motion, i) => traces[i].push([clock, motion.advance(clock * scene.rate).y[0] / scene.nu]));
-    if (clock > duration()) restart();
+    if (clock > duration()) clock = 0;
     drawMotions();
   }
   requestAnimationFrame(animate);
@@ -360,27 +361,26 @@ function animate(time) {
 
 /** Draw both blocks as they are now, and the history of their tilts. */
 function drawMotions() {
-  const body = bodyOf(scene, state);
-  motions.forEach((motion, i) => {
+  const span = ground ? duration() : WINDOW / state.frequency, from = Math.max(0, clock - span);
+  const body = bodyOf(scene, state), states = shown.map((motion) => present(motion, from));
+  states.forEach(({ now: [time, tilt, swing] }, i) => {
     const name = ["without", "with"][i], { c, width, high } = cleared(byId(`block-${name}`));
-    const tilt = motion.y[0], floor = 0.4 * height + scene.width;
+    const floor = 0.4 * height + scene.width, { hasEnded, outcome } = shown[i], phi = tilt * scene.nu;
     const scale = Math.min((high - 30) / height, width / (0.9 * height + scene.width));
     const shift = ground ? 0 : -state.amplitude * Math.sin(2 * Math.PI * state.frequency * clock);
     c.translate(width / 2 + shift * scale, high - 14);
     c.scale(scale, scale);
     c.lineWidth = 1.5 / scale;
-    drawBlock(c, scene, i ? body : null, tilt, [[motion.y[1], BLUE]]);
+    drawBlock(c, scene, i ? body : null, phi, [[swing, BLUE]]);
     drawLine(c, [[-floor, 0], [floor, 0]], INK, 2.5 / scale);
-    const { hasEnded, overturned } = motion, now = `Tilt ${((tilt * 180) / Math.PI).toFixed(2)}°`;
-    const text = hasEnded ? `The block ${overturned ? "overturns" : "has no answer from here on"}` : now;
-    byId(`state-${name}`).textContent = `${text} at ${Math.min(clock, motion.tau / scene.rate).toFixed(1)} s.`;
+    const text = `Tilt ${((phi * 180) / Math.PI).toFixed(2)}° at ${time.toFixed(1)} s.`;
+    byId(`state-${name}`).textContent = hasEnded && time < clock ? `The block ${outcome}.` : text;
   });
-  const span = ground ? duration() : WINDOW / state.frequency, from = Math.max(0, clock - span);
-  traces = traces.map((trace) => trace.filter(([t]) => t >= from));
-  const most = 1.1 * traces.flat().reduce((largest, [, tilt]) => Math.max(largest, Math.min(1.2, Math.abs(tilt))), 0.1);
+  const tilts = states.flatMap(({ path }) => path).map(([, tilt]) => Math.min(1.2, Math.abs(tilt)));
+  const most = 1.1 * tilts.reduce((a, b) => Math.max(a, b), 0.1);
   const view = cleared(byId("trace")), vertical = { low: -most, high: most, label: "tilt" };
   const { px, py } = drawAxes(view, { low: from, high: from + span, label: "time (s)" }, vertical);
-  const points = traces.map((trace) => trace.map(([t, tilt]) => [px(t), py(clamped(tilt, -most, most))]));
+  const points = states.map(({ path }) => path.map(([t, tilt]) => [px(t), py(clamped(tilt, -most, most))]));
   drawLine(view.c, points[0], GREY, 2, [5, 3]);
   drawLine(view.c, points[1], BLUE, 1.8);
 }
@@ -410,7 +410,7 @@ function update(isNew = true) {
   if (now) [drawResponse(now), drawMap(now)];
   drawDesign(motion ? motion.relative : 0, basis, body);
   // Figures of another size show the same motion.
-  if (isNew) restart();
+  [shown, clock] = [[alone, largest], isNew ? 0 : clock];
   drawMotions();
   const stale = "Verdict of the report, which does not hold for the values below: ";
   byId("verdict").textContent = data.verdict && !controls.every(isFirst) ? stale + data.verdict : data.verdict;
@@ -420,11 +420,11 @@ function update(isNew = true) {
     + `(one motion ${state.push ? "after a push" : "from rest"}, ${spanText()}). `;
   const tilts = now ? `Steady tilt ${steadyText(now.tilt, largest)} with your pendulum, `
     + `${steadyText(now.without, alone)} without. ` : "";
-  const none = `No limit is ${shares.length ? "exceeded" : "evaluated"}`;
-  const verdict = exceeded.length ? `Limits exceeded: ${exceeded.join(", ")}` : none;
+  const verdict = exceeded.length ? `Limits exceeded: ${exceeded.join(", ")}` : "No limit is exceeded";
+  const sentence = shares.length ? `${verdict} (${basis}).` : "No limit is evaluated.";
   // A screen reader says the result once the slider has stopped.
   clearTimeout(update.timer);
-  update.timer = setTimeout(() => (byId("summary").textContent = `${outcomes}${tilts}${verdict} (${basis}).`), 400);
+  update.timer = setTimeout(() => (byId("summary").textContent = outcomes + tilts + sentence), 400);
   update.duration = performance.now() - begin;
 }
 
@@ -440,7 +440,7 @@ function begin() {
   byId("reset").addEventListener("click", () => set(first));
   const toggle = (button) => (button.textContent = (state.play = !state.play) ? "Pause" : "Play");
   byId("play").addEventListener("click", ({ target }) => toggle(target));
-  byId("restart").addEventListener("click", () => (restart(), drawMotions()));
+  byId("restart").addEventListener("click", () => ((clock = 0), drawMotions()));
   byId("speed").addEventListener("change", ({ target }) => (state.speed = Number(target.value)));
   const pushTo = (field) => (field.value = state.push = typedIn(field, PUSH, state.push));
   byId("push").addEventListener("change", ({ target }) => (pushTo(target), update()));

@@ -239,11 +239,7 @@ def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum |
     tables["without"] = solve(scene, fine).encoded("tilt", "unstable", "tilt_error")
     if recommended is not None:
         tables["recommended"] = solve(scene, fine, recommended).encoded("tilt", "unstable")
-    return {
-        "controls": _controls(own, ranges),
-        "tables": tables,
-        "periods": int(problem.ensemble.periods),
-    }
+    return {"controls": _controls(own, ranges), "tables": tables, "periods": int(problem.ensemble.periods)}
 
 
 def _ground_motion(problem: Problem, start: Pendulum) -> dict[str, Any]:
@@ -255,10 +251,9 @@ def _ground_motion(problem: Problem, start: Pendulum) -> dict[str, Any]:
     pieces = np.asarray(motion.pieces())
     # A record is linear between its samples: its higher coefficients are zero and are left out.
     order = int(max(np.flatnonzero(np.any(pieces != 0.0, axis=0)), default=0)) + 1
+    own, ranges = _values_of(start) | {"scale": 1.0}, _ranges(problem, start) | {"scale": _SCALES}
     return {
-        "controls": _controls(
-            _values_of(start) | {"scale": 1.0}, _ranges(problem, start) | {"scale": _SCALES}
-        ),
+        "controls": _controls(own, ranges),
         "ground": {
             "name": f"{getattr(motion, 'kind', '') or motion.name or 'record'}, condition 1 of "
             f"{len(conditions)}",
@@ -307,19 +302,15 @@ def _stored_runs(problem: Problem, answer: Answer) -> Iterator[dict[str, Any]]:
         if answer.equivalent is not None and i == len(answer.validations) - 1:
             low, high = np.asarray(answer.equivalent)
         # In memory the parts of a summary are objects, and in a file they are dictionaries.
-        benefit, changes = _fields(runs["benefit"]), [_fields(change) for change in runs["changes"]]
-        # Changes count the runs of the description. The summary of each case also counts the search motions.
-        mean, overturned = (
-            next(change for change in changes if change["name"] == name)
-            for name in ("mean severity", "overturned")
-        )
+        benefit, changes = _fields(runs["benefit"]), {c["name"]: c for c in map(_fields, runs["changes"])}
         yield {
             "low": (np.minimum(low, design) * si).tolist(),
             "high": (np.maximum(high, design) * si).tolist(),
             "description": runs["runs"],
             "benefit": benefit,
-            "mean": [mean["with_pendulum"], mean["without_pendulum"]],
-            "overturned": [overturned[name] for name in ("with_pendulum", "without_pendulum", "low", "high")],
+            # Changes count the runs of the description. The summaries of both cases count all runs.
+            "mean": changes["mean severity"],
+            "overturned": changes["overturned"],
             "sentences": sentences,
         }
 
