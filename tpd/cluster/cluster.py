@@ -52,7 +52,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
 
     Use it as a context manager. The processes start with the first batch and end with the block. A script
     that starts processes must do so under `if __name__ == "__main__":`, as always with multiprocessing in
-    Python. It needs Dask: install `tpd[dask]`.
+    Python. It needs Dask, the extra `dask`.
 
     Example:
         >>> import tempfile
@@ -96,7 +96,9 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             import distributed
             from dask.config import set as settings
         except ModuleNotFoundError:
-            raise ValueError("a cluster needs Dask: install `tpd[dask]`") from None
+            raise ValueError(
+                "a cluster needs Dask: pip install '.[dask]' in the folder of the source of tpd"
+            ) from None
         self.folder, self.workers, self.dask = place, workers or os.cpu_count() or 1, dask
         self._distributed: Any = distributed
         self._settings: Any = settings

