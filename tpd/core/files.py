@@ -80,6 +80,11 @@ def readable(text: str) -> str:
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "surrogateescape")
 
 
+def source_files(folder: Path) -> list[Path]:
+    """Return the Python files in a folder of this package, or the wheel that contains the folder."""
+    return sorted(folder.rglob("*.py")) or [next(path for path in folder.parents if path.is_file())]
+
+
 def make_folder(folder: Path) -> None:
     """Create a folder and its parents, unless it exists.
 

@@ -66,7 +66,7 @@ def loma_prieta() -> Record:
 
 def _own(name: str) -> Record:
     """Return a record of the package, which may be in a wheel."""
-    with resources.as_file(resources.files("tpd.records").joinpath("data", name)) as path:
+    with resources.as_file(resources.files("tpd").joinpath("records", "data", name)) as path:
         return Record.read(path)
 
 
