@@ -72,7 +72,8 @@ from tpd.exact.compiling import checksum, compile_beside, sources
 assert ".whl" in tpd.__file__
 assert [path.suffix for path in sources()] == [".whl"]
 compile_beside(None, ("tpd.exact.linear_entry",))
-print(round(float(tpd.records.el_centro().pga), 3), tpd.Scene.__name__, len(source_fingerprint()), checksum() > 0)
+peak = round(float(tpd.records.el_centro().pga), 3)
+print(peak, tpd.Scene.__name__, len(source_fingerprint()), checksum() > 0)
 sys.exit(main(["new", "chimney", "--out", sys.argv[1]]))
 """
 

@@ -16,7 +16,7 @@ PULSE = tpd.Pulse.one_sine(acceleration=4.0, frequency=1.0)
 
 
 def tilt_of(block):
-    return tpd.transient(tpd.Scene(block, PULSE)).amplitude
+    return tpd.transient(tpd.Scene(block, PULSE)).tilt
 
 
 def trace(function, *inputs):

@@ -164,9 +164,8 @@ def test_a_batch_in_chunks_is_computed_by_compiled_code_and_equals_vmap(monkeypa
         np.testing.assert_array_equal(x, y)
     assert done[-1] == (7, 7)
     one = dataclasses.replace(p, xi=2.0)
-    for wrong, message in ((one, "must be arrays of one length above zero"), (np.ones(3), "`p` must be")):
-        with pytest.raises(ValueError, match=message):
-            tpd.in_chunks(tpd.symmetric_orbits, wrong)
+    with pytest.raises(ValueError, match="must be arrays of one length above zero"):
+        tpd.in_chunks(tpd.symmetric_orbits, one)
 
 
 @pytest.mark.mends("the message about a batch named a function that is not public")

@@ -308,7 +308,9 @@ def source_fingerprint() -> str:
     """Return the fingerprint of the source of this package. Another version may compute other digits."""
     root = Path(__file__).parents[1]
     sources = files.source_files(root)
-    return fingerprint([(Path(os.path.relpath(path, root)).as_posix(), path.read_bytes()) for path in sources])
+    return fingerprint(
+        [(Path(os.path.relpath(path, root)).as_posix(), path.read_bytes()) for path in sources]
+    )
 
 
 @lru_cache(maxsize=1)
