@@ -12,7 +12,7 @@ import pytest
 
 import tpd
 from tests.api_reference import GROUPS, PAGE, Reference
-from tpd.cli import parser
+from tpd.cli import main, parser
 from tpd.scene.status import Status
 
 ROOT = Path(__file__).parents[1]
@@ -74,6 +74,72 @@ def test_the_one_example_is_the_descent_in_the_open_and_prints_what_stands_below
     assert example.output
     exec(compile(example.text, example.page, "exec"), {})
     assert capsys.readouterr().out == example.output
+
+
+@pytest.mark.mends("the second block of the README began with a command that failed after the first block")
+def test_the_blocks_of_the_readme_write_every_job_file_once(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = "\n".join(b.text for b in BLOCKS if b.page == "README.md" and b.language == "sh")
+    calls = re.findall(r"tpd (new .*?)(?:$| &&)", text, re.MULTILINE)
+    assert len(calls) >= 2
+    assert [main(call.split()) for call in calls] == [0] * len(calls)
+    # Each job file that a later command reads exists.
+    read = re.findall(r"tpd (?:assess|optimise) (\w+\.toml)", text)
+    assert read
+    assert all(Path(name).exists() for name in read)
+
+
+@pytest.mark.mends("`tpd.optimise(scene)` raised ValueError with the scene of the README above it")
+def test_the_scene_of_the_readme_has_all_that_a_search_needs():
+    (example,) = (block for block in BLOCKS if block.mark.startswith("run: "))
+    assert "`tpd.optimise(scene)`" in TEXT[README]
+    scope: dict = {}
+    exec(example.text[: example.text.index("without =")], scope)
+    method = tpd.Descent(model=tpd.Piecewise(), searches=1, screening=8, steps=1, finish=0)
+    with pytest.raises(KeyboardInterrupt):
+        tpd.optimise(scope["scene"], method=method, progress=interrupt)
+
+
+def interrupt(*_):
+    """Stop a search at its first report, after all inputs were checked."""
+    raise KeyboardInterrupt
+
+
+@pytest.mark.mends("README and guide gave different seconds for the same commands")
+def test_only_one_page_has_the_seconds_of_commands():
+    drawn = [page.name for page in TEXT if re.search(r"^\| `?tpd optimise.*\d \|$", TEXT[page], re.MULTILINE)]
+    assert drawn == ["accuracy_and_speed.md"]
+    assert "| seconds |" not in TEXT[README]
+
+
+@pytest.mark.mends("no text said how long a validation run is, nor how large its initial disturbance")
+def test_readme_and_guide_say_how_a_validation_run_begins_and_ends():
+    runs = tpd.Ensemble()
+    assert (runs.periods, runs.tilt, runs.swing) == (100, 0.05, 0.05)
+    assert (runs.tilt_rate, runs.swing_rate) == (0.05, 0.05)
+    for page in (README, GUIDE / "designing.md"):
+        text = " ".join(TEXT[page].split())
+        assert "lasts 100 periods" in text
+        assert "5 % of the toppling tilt" in text
+        assert "0.05 rad" in text
+
+
+EXTRAS = set(
+    tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+)
+
+
+@pytest.mark.mends("`pip install 'tpd[...]'` would have installed another package, from the index")
+def test_every_pip_command_installs_this_package():
+    places = [*TEXT, *(ROOT / "tpd").rglob("*.py"), *(ROOT / "notebooks").glob("*.ipynb")]
+    for place in places:
+        for line in place.read_text(encoding="utf-8").splitlines():
+            # The page of changes has old extras.
+            assert place.name == "changes.md" or not re.search(r"\btpd\[", line), (place, line)
+            for command in re.findall(r"pip install ([^`\n]*)", line):
+                extras = re.findall(r"'\.\[([\w,]+)\]'", command)
+                assert extras or " ." in f" {command}" or "jupyterlab" in command, (place, command)
+                assert {name for found in extras for name in found.split(",")} <= EXTRAS
 
 
 @of("python")

@@ -2,19 +2,24 @@
 
 `tests/exact` has the search, the multipliers and the swings."""
 
+import dataclasses
 import functools
+import re
 
+import jax
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import tpd
 from tests.answers.test_bifurcations import HIGH, LOW, Kind, lost
 from tests.answers.test_bifurcations import WITHOUT as FOLDING
 from tests.exact.orbit_cases import Answers, among, chosen, full, solve
 from tests.properties.bounded import bounded
 from tests.reference import CONSERVING, MOVING, NAMES, UNSTABLE, differences, exact, named
 from tpd import status_name
+from tpd.core import batch
 
 NUMBERS = ("amplitude", "swing", "state", "phase", "crossing", "multipliers", "slopes")
 F, XI = NAMES.index("f"), NAMES.index("xi")
@@ -143,3 +148,30 @@ def test_an_undamped_hinge_is_no_exception():
     assert np.all(np.isfinite(o.slopes[:, 0]))
     expected = o.slopes[0, 0, 0, 3] * damping
     np.testing.assert_allclose(o.amplitude[:, 0] - o.amplitude[0, 0], expected, rtol=1e-4, atol=1e-15)
+
+
+@pytest.mark.mends("`in_chunks` of symmetric orbits did not use compiled code for the whole batch")
+def test_a_batch_in_chunks_is_computed_by_compiled_code_and_equals_vmap(monkeypatch):
+    p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=np.linspace(1.5, 5.0, 7))
+    mapped = jax.vmap(lambda xi: tpd.symmetric_orbits(dataclasses.replace(p, xi=xi)))(p.xi)
+    done = []
+    monkeypatch.setattr(batch, "_compiled", None)
+    orbits = tpd.in_chunks(tpd.symmetric_orbits, p, chunk=2, workers=2, progress=lambda *x: done.append(x))
+    assert jax.tree.structure(orbits) == jax.tree.structure(mapped)
+    for x, y in zip(jax.tree.leaves(orbits), jax.tree.leaves(mapped), strict=True):
+        assert isinstance(x, np.ndarray)
+        assert (x.shape, x.dtype) == (y.shape, y.dtype)
+        np.testing.assert_array_equal(x, y)
+    assert done[-1] == (7, 7)
+    one = dataclasses.replace(p, xi=2.0)
+    with pytest.raises(ValueError, match="must be arrays of one length above zero"):
+        tpd.in_chunks(tpd.symmetric_orbits, one)
+
+
+@pytest.mark.mends("the message about a batch named a function that is not public")
+def test_the_message_about_a_batch_names_calls_that_work():
+    p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.5, zeta=0.1, k=0.05, f=0.3, xi=np.array([2.0, 4.0]))
+    with pytest.raises(ValueError, match="must be single numbers") as refused:
+        tpd.symmetric_orbits(p)
+    (call,) = re.findall(r"`(tpd.in_chunks.*?)`", str(refused.value))
+    assert eval(call, {"tpd": tpd, "p": p}).amplitude.shape == (2, 3)

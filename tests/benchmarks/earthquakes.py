@@ -1,7 +1,7 @@
 """Benefit of a pendulum in earthquakes: square blocks of masonry by height and slenderness.
 
 Housner's restitution, walls of a tenth of the width, a bob of steel of at most 10 % of the mass. Half of the
-far-field earthquakes of FEMA P695 (`tpd[records]`) validate; PGA/(g tan α) is 1.5, 2, 3 and 4.
+far-field earthquakes of FEMA P695 (the extra `records`) validate; PGA/(g tan α) is 1.5, 2, 3 and 4.
 """
 
 import time

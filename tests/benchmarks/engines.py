@@ -1,6 +1,7 @@
 """Simulate designs in an independent engine, and compare the sign of the benefit.
 
-Paired runs in MuJoCo (`tpd[engines]`) beside the equations (4). All blocks lose energy by Housner's impacts.
+Paired runs in MuJoCo (the extra `engines`) beside the equations (4). All blocks lose energy by
+Housner's impacts.
 """
 
 from collections.abc import Iterator

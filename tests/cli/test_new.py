@@ -50,6 +50,33 @@ def test_every_key_has_a_comment_and_optional_keys_have_allowed_values(kind):
 
 
 @EACH
+@pytest.mark.mends("the statue's template named another default of the restitution than the package has")
+def test_the_defaults_in_comments_are_those_of_the_package(kind):
+    text = new.template(kind)
+    (line,) = [line for line in text.splitlines() if re.match(r"(# )?restitution = ", line)]
+    if line.startswith("# "):
+        assert 'default "housner"' in line
+        assert jobs.job_of(tomllib.loads(text)).scene.block.restitution == "housner"
+    assert "no losses" not in line
+    records = re.search(r"# records = (\[.*?\])  # (.*)", text)
+    assert len(tomllib.loads(f"x = {records[1]}")["x"]) == 2
+    assert records[2] == "two names; a design needs files or folders of 10 earthquakes"
+
+
+@EACH
+@pytest.mark.mends("the paper's template lost its restitution of 1 as soon as its block had another width")
+def test_the_losses_do_not_depend_on_whether_the_block_is_that_of_the_paper(kind):
+    text = new.template(kind)
+    changed = re.sub(
+        r"^width = ([\d.]+)", lambda m: f"width = {1.02 * float(m[1]):.4g}", text, flags=re.MULTILINE
+    )
+    blocks = [jobs.job_of(tomllib.loads(t)).scene.block for t in (text, changed)]
+    assert blocks[0].width != blocks[1].width
+    assert blocks[0].restitution == blocks[1].restitution
+    assert (blocks[0].restitution == 1.0) == (kind == "paper")
+
+
+@EACH
 def test_a_pulse_or_records_can_replace_the_harmonic(kind):
     text = new.template(kind)
     motion = text[text.index("[motion]") : text.index("[bob]")]

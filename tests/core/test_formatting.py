@@ -106,5 +106,5 @@ def test_a_result_shows_its_lines_and_its_table(monkeypatch):
         return real(name, *rest)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(ImportError, match=r"needs pandas, .*: `pip install tpd\[pandas\]`"):
+    with pytest.raises(ImportError, match=r"needs pandas, .*: pip install '.\[pandas\]'"):
         Result().to_dataframe()

@@ -40,5 +40,5 @@ def test_without_a_floor_to_strike_the_bob_swings_as_a_pendulum():
 
 def test_without_the_engine_one_sentence_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(ValueError, match=r"pip install 'tpd\[engines\]'"):
+    with pytest.raises(ValueError, match=r"pip install '.\[engines\]'"):
         available()

@@ -125,7 +125,9 @@ def test_without_obspy_one_sentence_names_the_extra_and_rubbish_is_refused(monke
         raise TypeError("Unknown format")
 
     monkeypatch.setitem(sys.modules, "obspy", None)
-    with pytest.raises(UnreadableRecord, match=r"^a.mseed: .* need the extra tpd\[obspy\]"):
+    with pytest.raises(
+        UnreadableRecord, match=r"^a.mseed: .* need the extra `obspy`: pip install '.\[obspy\]'"
+    ):
         read(tmp_path, b"000001D \x00\x01\x02", "a.mseed")
     obspy(monkeypatch, unknown)
     with pytest.raises(UnreadableRecord, match=r"^a.bin: .* ObsPy cannot read it"):

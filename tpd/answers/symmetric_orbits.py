@@ -112,8 +112,8 @@ def symmetric_orbits(p: Parameters) -> Orbits:
     `no_orbit` does not prove that there is no periodic motion, not even that there is no symmetric one.
 
     The function works under `jit`, `vmap`, `grad` and `jacfwd` as one call of compiled code. Known numbers
-    are evaluated on the host without a JAX program. `tpd.in_chunks(tpd.symmetric_orbits, p)` is the fastest
-    way for a large batch: it calls compiled code on all cores and computes no derivatives.
+    are evaluated on the host without a JAX program. For a large batch the fastest way is
+    `tpd.in_chunks(tpd.symmetric_orbits, p)`, which calls compiled code on all cores, without derivatives.
 
     Args:
         p: dimensionless parameters, single numbers.

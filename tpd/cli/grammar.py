@@ -180,7 +180,7 @@ def _add_out(command: Parser, default: str | None, text: str = "folder for the r
 def _add_cluster(command: Parser) -> None:
     """Add the options for several processes or machines."""
     group = command.add_argument_group(
-        "several processes or machines (install tpd[dask])",
+        "several processes or machines (needs the extra dask)",
         "With one of these options the work is divided into chunks. Finished chunks are stored in "
         "DIR.chunks, so that the same command continues after an interruption.",
     )
@@ -233,7 +233,7 @@ def _check(command: Parser) -> None:
     NO_WALLS.add(command)
     _add_switch(command, "--full", "also solve the smoothed models, which take a minute to compile")
     _add_number(command, "--seed", "N", "seed of the runs (default: seed of the job; with --engine 0)", int)
-    engine = command.add_argument_group("rigid-body engine (install tpd[engines])")
+    engine = command.add_argument_group("rigid-body engine (needs the extra engines)")
     text = (
         "simulate runs with and without the pendulum in a rigid-body engine with contact and sliding, in "
         "place of the models of this package. With DESIGN the result is added to its report"

@@ -20,8 +20,6 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
-from importlib import resources
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +50,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
 
     Use it as a context manager. The processes start with the first batch and end with the block. A script
     that starts processes must do so under `if __name__ == "__main__":`, as always with multiprocessing in
-    Python. It needs Dask: install `tpd[dask]`.
+    Python. It needs Dask, the extra `dask`.
 
     Example:
         >>> import tempfile
@@ -96,7 +94,9 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             import distributed
             from dask.config import set as settings
         except ModuleNotFoundError:
-            raise ValueError("a cluster needs Dask: install `tpd[dask]`") from None
+            raise ValueError(
+                "a cluster needs Dask: pip install '.[dask]' in the folder of the source of tpd"
+            ) from None
         self.folder, self.workers, self.dask = place, workers or os.cpu_count() or 1, dask
         self._distributed: Any = distributed
         self._settings: Any = settings
@@ -306,16 +306,11 @@ def fingerprint(*values: Any) -> str:
 @lru_cache(maxsize=1)
 def source_fingerprint() -> str:
     """Return the fingerprint of the source of this package. Another version may compute other digits."""
-    return fingerprint(sorted(_sources(resources.files("tpd"))))
-
-
-def _sources(folder: Traversable, name: str = "") -> Iterator[tuple[str, bytes]]:
-    """Return name and content of the Python files in a folder, which may be in a wheel."""
-    for item in folder.iterdir():
-        if item.is_dir():
-            yield from _sources(item, f"{name}{item.name}/")
-        elif item.name.endswith(".py"):
-            yield f"{name}{item.name}", item.read_bytes()
+    root = Path(__file__).parents[1]
+    sources = files.source_files(root)
+    return fingerprint(
+        [(Path(os.path.relpath(path, root)).as_posix(), path.read_bytes()) for path in sources]
+    )
 
 
 @lru_cache(maxsize=1)

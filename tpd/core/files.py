@@ -105,6 +105,23 @@ def readable(text: str) -> str:
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "surrogateescape")
 
 
+def source_files(folder: Path) -> list[Path]:
+    """Return the Python files in a folder of this package, or the wheel that contains the folder."""
+    return sorted(folder.rglob("*.py")) or [next(path for path in folder.parents if path.is_file())]
+
+
+def make_folder(folder: Path) -> None:
+    """Create a folder and its parents, unless it exists.
+
+    Raises:
+        OSError: the folder cannot be created, or something else has its name.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder)) from None
+
+
 def place(path: Path, content: str | bytes, of: str = "") -> Path:
     """Write a file, and create its directory, so that the file appears completely or not at all; return
     `path`.

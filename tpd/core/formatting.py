@@ -88,7 +88,8 @@ class Tabular:
             import pandas as pd
         except ModuleNotFoundError:
             raise ImportError(
-                "`to_dataframe` needs pandas, which is not installed: `pip install tpd[pandas]`"
+                "`to_dataframe` needs pandas, which is not installed: pip install '.[pandas]' in the "
+                "folder of the source of tpd"
             ) from None
         return pd.DataFrame(self.columns())
 

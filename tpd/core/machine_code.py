@@ -8,7 +8,6 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -66,26 +65,21 @@ except (ImportError, AttributeError):
     _OWN = {}
 
 
-class _Parts(compiler.CompilerBase):
-    """Compiler of parts."""
-
-    def define_pipelines(self) -> list[Any]:
-        """Return the usual passes of Numba with `PartLowering`."""
-        passes = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
-        chosen = ((_OWN.get(one, one), why) for one, why in passes.passes)
-        passes.passes = [(one, why) for one, why in chosen if one is not None]
-        passes.finalize()
-        return [passes]
+_possible: list[bool] = []
+"""Whether this version of Numba compiles parts. The list is empty before the trial."""
 
 
-@lru_cache(maxsize=1)
 def _can_compile_parts() -> bool:
     """Return whether this version of Numba compiles a part and its caller, which a trial shows."""
-    try:
-        part = numba.njit(pipeline_class=_Parts, no_cpython_wrapper=True)(lambda x: x + 1.0)
-        return bool(_OWN) and numba.cfunc("float64(float64)")(lambda x: part(x)).ctypes(1.0) == 2.0
-    except Exception:
-        return False
+    if not _possible:
+        # The trial itself compiles a part.
+        _possible.append(bool(_OWN))
+        try:
+            part = numba.njit(pipeline_class=PartCompiler, no_cpython_wrapper=True)(lambda x: x + 1.0)
+            numba.cfunc("float64(float64)")(lambda x: part(x))
+        except Exception:
+            _possible[0] = False
+    return _possible[0]
 
 
 class PartCompiler(compiler.CompilerBase):
@@ -95,8 +89,12 @@ class PartCompiler(compiler.CompilerBase):
     """
 
     def define_pipelines(self) -> list[Any]:
-        """Return the passes of Numba for a part."""
-        return (_Parts if _can_compile_parts() else compiler.Compiler).define_pipelines(self)
+        """Return the usual passes of Numba, with `PartLowering` if possible."""
+        passes = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
+        if _can_compile_parts():
+            passes.passes = [(_OWN.get(one, one), why) for one, why in passes.passes if _OWN.get(one, one)]
+            passes.finalize()
+        return [passes]
 
 
 def stored(function: Callable[..., Any], compiler: Any, signature: Any, **options: Any) -> Any:

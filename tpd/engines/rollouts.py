@@ -55,7 +55,7 @@ def available() -> str:
         return str(_mujoco().__version__)
     except ImportError as error:
         raise ValueError(
-            "the engine MuJoCo is not installed: pip install 'tpd[engines]' brings it"
+            "the engine MuJoCo is not installed: pip install '.[engines]' in the folder of the source of tpd"
         ) from error
 
 

@@ -13,8 +13,7 @@ import tempfile
 import warnings
 import zlib
 from functools import lru_cache
-from importlib import import_module, resources
-from importlib.resources.abc import Traversable
+from importlib import import_module
 from pathlib import Path
 from typing import IO
 
@@ -42,12 +41,12 @@ files, not to pipes: a program that reads the error output of a command would wa
 that pipe have ended."""
 
 
-def sources() -> list[Traversable]:
-    """Return the files that are compiled, or that call compiled code, also if they are in a wheel."""
-    package = resources.files("tpd")
-    files = sorted(package.joinpath("exact").iterdir(), key=lambda file: file.name)
-    scene = (package.joinpath("scene", name) for name in ("impacts.py", "parameters.py"))
-    return [*(file for file in files if file.name.endswith(".py")), *scene]
+def sources() -> list[Path]:
+    """Return the files that are compiled, or that call compiled code, or the wheel that contains them."""
+    folder = Path(__file__).parent
+    scene = folder.parent / "scene"
+    own = files.source_files(folder)
+    return [*own, *filter(Path.exists, (scene / "impacts.py", scene / "parameters.py"))]
 
 
 @lru_cache(maxsize=1)

@@ -1,6 +1,6 @@
 """Read the channels of a file. The format is recognised from the content.
 
-miniSEED and other formats of seismology are read by ObsPy, which is optional (`tpd[obspy]`).
+miniSEED and other formats of seismology are read by ObsPy, which is optional (the extra `obspy`).
 """
 
 from __future__ import annotations
@@ -272,8 +272,8 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
             obspy = import_module("obspy")
     except ImportError:
         raise NoAcceleration(
-            "the file is not a text; miniSEED and other formats of seismology need the extra tpd[obspy]: "
-            "pip install 'tpd[obspy]'"
+            "the file is not a text; miniSEED and other formats of seismology need the extra `obspy`: "
+            "pip install '.[obspy]' in the folder of the source of tpd"
         ) from None
     try:
         with warnings.catch_warnings():

