@@ -34,11 +34,8 @@ def number(x: float, digits: int = 4) -> str:
 def apart(value: float, limit: float, digits: int = 2) -> tuple[str, str]:
     """Format a value and the limit that it is compared with, with as many digits as tell them from each
     other, at least `digits`."""
-    for more in range(digits, 17):
-        pair = number(value, more), number(limit, more)
-        if pair[0] != pair[1]:
-            break
-    return pair
+    pair = number(value, digits), number(limit, digits)
+    return pair if pair[0] != pair[1] or digits > 15 else apart(value, limit, digits + 1)
 
 
 class Printed:

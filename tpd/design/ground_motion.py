@@ -253,16 +253,18 @@ class GroundMotionProblem(Problem):
         return self._every_motion({}, 0)
 
     @property
-    def levels(self) -> dict[str, np.ndarray]:
+    def levels(self) -> dict[str, np.ndarray]:  # type: ignore[override]
         """See `Problem.levels`."""
         scales, motions = self._scales, sum(len(g.motions) for g in self.groups)
+        if len(scales) == 1:
+            return {}
         # The description may end with a remark behind a semicolon.
         measure = MEASURES[self.conditions.intensity].partition(";")[0]
         names = (f"{x:g} ({measure})" for x in scales)
         return {name: np.tile(np.eye(len(scales), dtype=bool)[i], motions) for i, name in enumerate(names)}
 
     @property
-    def earthquakes(self) -> np.ndarray:
+    def earthquakes(self) -> np.ndarray:  # type: ignore[override]
         """See `Problem.earthquakes`."""
         return np.repeat(np.concatenate([g.events for g in self.groups]), len(self._scales))
 
