@@ -32,6 +32,14 @@ def test_fragility_over_records(run):
     assert "With fewer than 5 earthquakes these counts do not predict other earthquakes." in done.out
 
 
+@pytest.mark.mends("`tpd fragility` did not give the coefficient of friction that its runs need")
+def test_the_friction_of_the_runs_is_compared_with_that_of_the_base(run):
+    block = "--width 0.55 --height 1.8 --mass 700 --base-friction 0.34 --intensity pga"
+    done = run("fragility", block, "--records el-centro --scales 0.32 0.45")
+    needs = "the base needs a coefficient of friction of 0.3403 without a pendulum, but has 0.34"
+    assert f"SLIDES WHILE IT ROCKS: {needs}" in " ".join(done.out.split())
+
+
 @pytest.mark.mends("runs without a solution were counted without a message")
 def test_runs_without_a_solution_are_reported(run, monkeypatch):
     # These are all motions above 3 g tan alpha.

@@ -1,5 +1,6 @@
 """`tpd response`: branches and motions from rest agree with the library."""
 
+import dataclasses
 import math
 import re
 
@@ -7,7 +8,9 @@ import numpy as np
 import pytest
 
 import tpd
+from tpd.answers.motion_history import motion_history
 from tpd.answers.response import branches, frequencies
+from tpd.scene.conditions import train_of
 
 RANGE = "--from 1.7 --to 3 --points 24 --from-rest 2 --pendulum-mass 0.8 --length-ratio 0.5"
 
@@ -21,6 +24,10 @@ def test_the_response_agrees_with_the_library(run):
     pattern = "runs from rest between {} Hz that overturn: [0-9]+ % without the pendulum, [0-9]+ % with the"
     for between in ("2.38 and 2.62", "1.75 and 3"):
         assert re.search(pattern.format(between), done.out)
+    scene = tpd.paper_scene()
+    trains = [train_of(scene.motion, frequency=f / 2.5) for f in (1.7, 3.0)]
+    needed = max(motion_history(dataclasses.replace(scene, motion=x)).needed_friction for x in trains)
+    assert f"a coefficient of friction of {needed:.4g} without a pendulum and" in " ".join(done.out.split())
     settled = done.rows("response.csv")
     assert [float(r["frequency_Hz"]) for r in settled] == frequencies(2.5, 1.7, 3.0, 2).tolist()
     for r in settled:

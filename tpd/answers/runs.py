@@ -194,7 +194,7 @@ class Runs(Printed, Tabular):
         """Return the runs as arrays of another shape."""
         return replace(self, **{name: x.reshape(shape) for name, x in self._arrays.items()})
 
-    def of(self, rows: np.ndarray) -> Runs:
+    def of(self, rows: np.ndarray | slice) -> Runs:
         """Return some of the runs, by their indices or by whether each belongs to them."""
         return replace(self, **{name: x[rows] for name, x in self._arrays.items()})
 

@@ -67,7 +67,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         if first < last:
             lines.append(overturned_between(tuple(settled.values()), first, last))
     if settled:
-        trains = [train_of(scene.motion, frequency=float(x)) for x in values / own]
+        trains = [train_of(scene.motion, frequency=float(x)) for x in settled[WITHOUT].frequency / own]
         lines += wrapped(sliding(scene, trains, pendulum))
     else:
         lines.append(outputs.PERIODIC_ONLY.format("--from-rest N"))

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from tpd.answers.motion_history import sliding
 from tpd.answers.runs import Runs, follow_scaled
@@ -97,10 +97,11 @@ def alternatives(problem: Problem) -> Alternatives:
     """Estimate what keeps the block of a problem on its base without a pendulum."""
     block, alone, gravity = problem.scene.block, problem.at_rest, float(problem.scene.gravity)
     lifts, damping = alone.uplift * gravity, SPECTRAL_DAMPING
-    if problem.levels:
+    if problem.groups:
         # The levels of a motion follow each other, and the last one is the strongest.
-        strongest = problem.stated_motions[len(problem.levels) - 1 :: len(problem.levels)]
-        periods = np.array([isolation_period(motion, lifts) for motion in strongest])
+        levels = max(1, len(problem.levels))
+        motions = problem.stated_motions[levels - 1 :: levels]
+        periods = np.array([isolation_period(motion, lifts) for motion in motions])
     else:
         lowest = float(problem.scene.motion.frequency * np.min(problem.conditions.column("frequency")))
         periods, damping = np.array([math.sqrt(1.0 + alone.peak / alone.uplift) / lowest]), 0.0
@@ -124,7 +125,7 @@ def isolation_period(motion: GroundMotion, acceleration: float) -> float:
     while period > shortest:
         longer, period = period, period / (1.0 + max(_STEP, -above / _STEEPEST))
         if (above := excess(period)) > 0.0:
-            return float(brentq(excess, period, longer, xtol=1e-4))
+            return float(root_scalar(excess, bracket=(period, longer), xtol=1e-4).root)
     return 0.0
 
 
@@ -162,19 +163,16 @@ class Assessment(Printed):
         the blocks that vary, at each level of the excitation."""
         if self.runs is None or self.stated is None:
             return needless(self.problem)
-        problem, levels = self.problem, self.problem.levels
+        problem, is_ground = self.problem, bool(self.problem.groups)
         scatter = f"with scatter ({problem.scatter_in_words(without_pendulum=True)})"
         # Runs under a harmonic also have other initial states, and a gradual growth of the excitation.
-        varied = "Runs from rest" if levels else "Validation runs from any initial state"
-        cases, lines = {"Stated block from rest": self.stated, f"{varied} {scatter}": self.runs}, list[str]()
-        for name, runs in cases.items():
-            each = levels if len(levels) > 1 else {"": np.ones(runs.tilt.size, dtype=bool)}
+        varied = f"{'Runs from rest' if is_ground else 'Validation runs from any initial state'} {scatter}"
+        lines, levels = list[str](), {f" at {name}": rows for name, rows in problem.levels.items()}
+        for name, runs in (("Stated block from rest", self.stated), (varied, self.runs)):
             # The conditions of a harmonic are no sample, so that their share has no interval.
-            is_sample = bool(levels) or runs is self.runs
-            lines += [
-                f"{name}{at and f' at {at}'}: {_outcome(runs.of(rows), is_sample)}."
-                for at, rows in each.items()
-            ]
+            is_sample = is_ground or runs is self.runs
+            for at, rows in levels.items() or [("", slice(None))]:
+                lines.append(f"{name}{at}: {_outcome(runs.of(rows), is_sample)}.")
         lines.append(sliding(problem.scene, problem.stated_motions))
         # If the base slides, the runs do not describe the block.
         return "\n".join(sorted(lines, key=lambda line: not line.startswith(SLIDES)))

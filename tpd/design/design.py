@@ -193,10 +193,9 @@ class Design(Printed):
 
     @cached_property
     def sliding(self) -> str:
-        """Sentence on the friction that the base needs in the runs of the best design; empty without runs."""
-        if self.runs is None or self.best is None:
-            return ""
-        return sliding(self.scene, self.problem.stated_motions, self.best.pendulum)
+        """Sentence on the friction that the base needs with the best design; empty if none was validated."""
+        pendulum = None if self.best is None else self.best.pendulum
+        return "" if pendulum is None else sliding(self.scene, self.problem.stated_motions, pendulum)
 
     @property
     def turned(self) -> np.ndarray:

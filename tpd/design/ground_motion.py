@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -233,7 +233,7 @@ class GroundMotionProblem(Problem):
         """See `Problem.at_rest`."""
         # The validation motions count as well. Conditions of the search with factors on other quantities than
         # the amplitude are additional conditions.
-        cases = [self._stated, *([self.conditions] if len(self.conditions.factors) > 1 else [])]
+        cases = [self._every_motion(), *([self.conditions] if len(self.conditions.factors) > 1 else [])]
         # The excitation of a condition is the peak of its motion times its factor.
         rows = np.concatenate([self._rows(_MASSLESS, self.scene, case)[1] for case in cases])
         return AtRest.of(rows[:, NU], rows[:, K], rows[:, F], self.scene.block.base_friction)
@@ -266,36 +266,34 @@ class GroundMotionProblem(Problem):
     def _scales(self) -> list[float]:
         return sorted(set(self.conditions.scales))
 
-    @cached_property
-    def _stated(self) -> Conditions:
-        return self._every_motion({}, 0)
-
     @property
-    def levels(self) -> dict[str, np.ndarray]:
+    def levels(self) -> dict[str, np.ndarray]:  # type: ignore[override]
         """See `Problem.levels`."""
         scales, motions = self._scales, sum(len(g.motions) for g in self.groups)
+        if len(scales) == 1:
+            return {}
         # The description may end with a remark behind a semicolon.
         measure = MEASURES[self.conditions.intensity].partition(";")[0]
-        names = (f"{x:g} ({measure})" for x in scales)
-        return {name: np.tile(np.eye(len(scales), dtype=bool)[i], motions) for i, name in enumerate(names)}
+        level = np.tile(scales, motions)
+        return {f"{x:g} ({measure})": level == x for x in scales}
 
     @property
-    def earthquakes(self) -> np.ndarray:
+    def earthquakes(self) -> np.ndarray:  # type: ignore[override]
         """See `Problem.earthquakes`."""
         return np.repeat(np.concatenate([g.events for g in self.groups]), len(self._scales))
 
     @property
     def stated_motions(self) -> list[GroundMotion]:
         """See `Problem.stated_motions`."""
-        return self._scaled(self._stated)
+        return self._scaled(self._every_motion())
 
     def _scaled(self, conditions: Conditions) -> list[GroundMotion]:
         """Return the motion of every condition with its size."""
         factors, which = motion_factors(self.scene, conditions), np.asarray(conditions.which)
         return [conditions.motions[i].scaled(float(x)) for i, x in zip(which, factors, strict=True)]
 
-    def _every_motion(self, scatter: Mapping[str, float], seed: int) -> Conditions:
-        """Return every motion of every group at every scale, with blocks that vary."""
+    def _every_motion(self, scatter: Mapping[str, float] | None = None, seed: int = 0) -> Conditions:
+        """Return every motion of every group at every scale, with the stated block or blocks that vary."""
         motions, of = [m for g in self.groups for m in g.motions], self.conditions.intensity
         return Conditions.records(motions, self._scales, intensity=of, scatter=scatter, seed=seed)
 

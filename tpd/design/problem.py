@@ -100,6 +100,11 @@ class Problem(ABC):
     """Largest number of designs that are validated, each by runs of its own."""
     groups: ClassVar[tuple[Any, ...]] = ()
     """Groups of ground motions; none under harmonic excitation."""
+    levels: ClassVar[Mapping[str, np.ndarray]] = {}
+    """Whether each validation run under ground motions belongs to a level of the intensity, by the
+    description of the level; empty if there is one level, and under harmonic excitation."""
+    earthquakes: ClassVar[np.ndarray | None] = None
+    """Number of the earthquake of each validation run; None under harmonic excitation."""
     rest_counts: ClassVar[bool] = False
     """Whether rest counts wherever the block can stay at rest, even if it rocks from other initial states."""
     spare: ClassVar[float] = 0.0
@@ -176,17 +181,6 @@ class Problem(ABC):
     @abstractmethod
     def allowed(self) -> float:
         """Largest share of the runs that may exceed a limit, among those in which the block stands."""
-
-    @property
-    def levels(self) -> dict[str, np.ndarray]:
-        """Whether each validation run under ground motions belongs to a level of the intensity, by the
-        description of the level; empty under harmonic excitation."""
-        return {}
-
-    @property
-    def earthquakes(self) -> np.ndarray | None:
-        """Number of the earthquake of each validation run; None under harmonic excitation."""
-        return None
 
     @property
     def scatter(self) -> dict[str, float]:

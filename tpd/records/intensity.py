@@ -178,10 +178,9 @@ def _exponential(x: np.ndarray) -> np.ndarray:
     `scipy.linalg.expm` starts the threads of LAPACK, which take ten times as long as all else here.
     """
     halvings = max(0, math.ceil(math.log2(np.abs(x).sum(axis=1).max()) + 1.0))
-    term = out = np.eye(len(x))
-    for n in range(1, 17):
-        term = term @ x / (n * 2.0**halvings)
-        out = out + term
+    out = one = np.eye(len(x))
+    for n in range(16, 0, -1):
+        out = one + x @ out / (n * 2.0**halvings)
     return np.linalg.matrix_power(out, 2**halvings)
 
 

@@ -165,12 +165,11 @@ def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
     """Yield a sentence for each of several levels of ground motions: the shares of the counted runs that
     overturn with and without the pendulum, with intervals over earthquakes."""
     counted = True if runs.counted is None else runs.counted
-    for name, rows in problem.levels.items() if len(problem.levels) > 1 else ():
+    for name, rows in problem.levels.items():
         cases = [case.of(rows & counted) for case in (runs.with_pendulum, runs.without_pendulum)]
-        count = cases[0].tilt.size
-        pendulum, without = (words.share(case.share_overturned) for case in cases)
-        runs = f"{count} run{'s' * (count != 1)} at {name}"
-        yield f"{runs}: {pendulum} overturn with the pendulum, {without} without it"
+        count, shares = cases[0].tilt.size, [words.share(case.share_overturned) for case in cases]
+        overturn = f"{shares[0]} overturn with the pendulum, {shares[1]} without it"
+        yield f"{count} run{'s' * (count != 1)} at {name}: {overturn}"
 
 
 def _pendulum(design: Design, details: Details) -> Iterator[tuple[str, str]]:

@@ -67,7 +67,7 @@ def over_runs(design: Design) -> list[Block]:
         for ramp in cases[0].share_by_ramp():
             shares = (words.share(o.share_by_ramp()[ramp]) for o in cases)
             rows.append((f"overturned, {label_of_ramp(ramp)}", *shares))
-    for name, of_level in design.problem.levels.items() if len(design.problem.levels) > 1 else ():
+    for name, of_level in design.problem.levels.items():
         shares = (words.share(o.of(of_level).share_overturned) for o in cases)
         rows.append((f"overturned, {name}", *shares))
     rows.append(("overturned, all runs", *(words.share(o.share_overturned) for o in cases)))
