@@ -164,20 +164,16 @@ def _repeated(records: Sequence[Record]) -> list[str]:
         better = (why for other, its in pairs if (why := _better(record, other, place, its)))
         reasons.append(f"the same as {first.source}" if first is not record else next(better, ""))
     for i, j in combinations(range(len(records)), 2):
-        if (
-            reasons[i]
-            or reasons[j]
-            or not (likeness := _likeness(records[i], records[j], places[i], places[j]))
-        ):
-            continue
-        if likeness < 1.0:
-            raise ValueError(
-                f"{records[i].source} and {records[j].source} may be one channel that was processed in two "
-                "ways: name only one of the files, or choose a column"
-            )
-        # The choice depends on what the files contain, and not on their order.
-        worse, better = sorted((i, j), key=lambda k: records[k].acceleration.tobytes())
-        reasons[worse] = f"the same motion as {records[better].source}"
+        first, second, out = records[i], records[j], reasons[i] or reasons[j]
+        likeness = 0.0 if out else _likeness(first, second, places[i], places[j])
+        if likeness == 0.5:
+            both = f"{first.source} and {second.source}"
+            wrong = f"{both} may be one channel that was processed in two ways"
+            raise ValueError(f"{wrong}: name only one of the files, or choose a column")
+        if likeness == 1.0:
+            # The choice depends on what the files contain, and not on their order.
+            worse, kept = sorted((i, j), key=lambda k: records[k].acceleration.tobytes())
+            reasons[worse] = f"the same motion as {records[kept].source}"
     return reasons
 
 
