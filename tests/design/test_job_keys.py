@@ -10,7 +10,7 @@ from tests.design.test_job import refusal
 from tpd.answers.ensemble import Ensemble
 from tpd.design import criteria
 from tpd.design import job as jobs
-from tpd.design.criteria import DesignSpace, Requirements
+from tpd.design.criteria import DesignSpace, Requirements, Risk
 from tpd.design.job_keys import SCHEMA, TABLES, json_schema
 from tpd.design.settings import Descent
 from tpd.scene.bob import Bob
@@ -75,3 +75,10 @@ def test_whatever_a_key_is_the_answer_is_a_job_or_one_sentence(table):
             said = refusal({table: {key: value}})
             assert said is None or "\n" not in said
             assert said is None or key in said or f"`{table}." in said, (key, value, said)
+
+
+@pytest.mark.mends("nothing said that the risk measure steers only the descents")
+def test_the_help_of_the_risk_measure_says_which_stages_use_it():
+    says = TABLES["risk"]["measure"].says
+    assert "only the descents use it, and later stages compare mean tilts" in says
+    assert "Under harmonic excitation only the descents minimise it" in " ".join(Risk.__doc__.split())

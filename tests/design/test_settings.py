@@ -22,9 +22,3 @@ import tpd
 def test_bad_settings_are_rejected(make, message):
     with pytest.raises(ValueError, match=message):
         make()
-
-
-def test_settings_are_plain_values():
-    names = {"optimiser": "custom", "model": "None", "searches": 3, "finish": 0}
-    found = tpd.Descent(optax.sgd(0.05), searches=3, finish=0).described
-    assert found == names | {"screening": 512, "steps": 20, "tolerance": 0.01}

@@ -247,14 +247,9 @@ class GroundMotionProblem(Problem):
         """See `Problem.trial_runs`. The runs are every motion at every scale, with blocks that vary as in the
         validation."""
         # Without this variation the trials would show a smaller swing than the validation.
-        some = self._trial_conditions.scattered(seed, **self.scatter)
-        return self._simulate(design, self.scene, some, Terms.linear.value)
-
-    @cached_property
-    def _trial_conditions(self) -> Conditions:
-        """Conditions of the trial runs, without the variation of the blocks."""
         repeats = -(-_TRIAL_RUNS // len(self.conditions)) if self.scatter else 1
-        return self.conditions * Conditions({"amplitude": np.ones(repeats)})
+        some = (self.conditions * Conditions({"amplitude": np.ones(repeats)})).scattered(seed, **self.scatter)
+        return self._simulate(design, self.scene, some, Terms.linear.value)
 
     def runs_alone(self, seed: int, progress: Any = None) -> Runs:
         """See `Problem.runs_alone`."""

@@ -372,18 +372,8 @@ class Job(ABC):
     @property
     def settings(self) -> dict[str, Any]:
         """Arguments of `tpd.optimise` except the scene."""
-        names = (
-            "space",
-            "conditions",
-            "risk",
-            "limits",
-            "method",
-            "ensemble",
-            "requirements",
-            "seed",
-            self.only,
-        )
-        return {name: getattr(self, name) for name in names}
+        names = ["space", "conditions", "risk", "limits", "method", "ensemble", "requirements", "seed"]
+        return {name: getattr(self, name) for name in [*names, self.only]}
 
     @property
     def tables(self) -> Tables:

@@ -369,15 +369,9 @@ def _rows_of(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, Any
             design = optimise(scenes[i], **settings)
         except ValueError as error:
             raise ValueError(f"`scenes[{i}]`: {error}") from None
-        pendulum, (value, without) = design.pendulum, design.risks
-        names = "mass", "length", "damping_ratio"
-        sizes = {name: np.nan if pendulum is None else float(getattr(pendulum, name)) for name in names}
-        rows.append(
-            {
-                "status": _STATUSES.index(design.status.name),
-                **sizes,
-                "value": value,
-                "value_without": without,
-            }
-        )
+        row = dict(zip(("value", "value_without"), design.risks, strict=True))
+        # Without a pendulum its sizes are NaN.
+        for name in ("mass", "length", "damping_ratio"):
+            row[name] = float(getattr(design.pendulum, name, np.nan))
+        rows.append({"status": _STATUSES.index(design.status.name), **row})
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}

@@ -7,8 +7,8 @@ evaluate next, and the best design.
 
 The swing of the bob varies little from run to run. For each limited quantity a process is fitted to a
 quantile, extrapolated with a tail that is common to all designs near the limit. This process identifies
-designs that exceed the limit too often, although each design alone has too few runs to show it. A quantity
-that no process describes counts as a limit that is exceeded.
+designs that exceed the limit too often, although each design alone has too few runs to show it. A limit whose
+quantile is unknown does not count as kept.
 """
 
 from __future__ import annotations
@@ -252,7 +252,10 @@ class Refinement:
         designs = np.array(self.designs)
         fixed = self.problem.fixed_sizes(designs)
         quantiles = {name: np.exp(x) for name, x in self._quantiles().items()}
-        sizes = [np.maximum(fixed[name], quantiles.get(name, fixed[name])) for name in fixed]
+        columns = [np.maximum(fixed[name], quantiles.get(name, fixed[name])) for name in fixed]
+        sizes = np.array(columns, dtype=float).reshape(len(fixed), len(designs)).T
+        # If no process could be fitted, only the validation can show whether a design keeps the limits.
+        known = np.isfinite(sizes).all(axis=1) | (self.process is None)
         x = self.problem.space.scaled(designs)
         trend = np.full(len(x), np.nan) if self.process is None else self.process.at(x)[0]
         counts = [(r.is_overturned.sum(), r.is_unanswered.sum(), len(r.outcome)) for r in self.runs]
@@ -262,10 +265,10 @@ class Refinement:
             value=np.array([self.problem.value_of(r) for r in self.runs])[order],
             trend=trend[order],
             names=tuple(fixed),
-            sizes=np.array(sizes, dtype=float).reshape(len(fixed), len(designs)).T[order],
+            sizes=sizes[order],
             overturned=(overturned / np.maximum(runs - unanswered, 1.0))[order],
             undecided=unanswered.astype(int)[order],
-            feasible=((self.keeps(x) >= self.likely) & self.possible(designs))[order],
+            feasible=((self.keeps(x) >= self.likely) & self.possible(designs) & known)[order],
             without_pendulum=self.without,
             process=self.process,
             limits=dict(self.limits),

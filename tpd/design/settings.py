@@ -69,18 +69,6 @@ class Descent:
         if isinstance(self.model, str):
             checks.one_of("model", self.model, MODELS)
 
-    @property
-    def optimiser_name(self) -> str:
-        """Name of the optimiser; "custom" for a transformation of optax."""
-        return self.optimiser if isinstance(self.optimiser, str) else "custom"
-
-    @property
-    def described(self) -> dict[str, object]:
-        """Settings as plain values, sufficient to repeat the search."""
-        names = "searches", "screening", "steps", "finish", "tolerance"
-        settings: dict[str, object] = {name: getattr(self, name) for name in names}
-        return settings | {"optimiser": self.optimiser_name, "model": repr(self.model)}
-
 
 def _check_transformation(optimiser: object) -> None:
     """Raise `ValueError` unless the optimiser is a transformation of optax that needs only gradients."""

@@ -149,8 +149,9 @@ def group(part: Part) -> str:
 
 def usage(design: Design) -> dict[str, float]:
     """Return the share of each limit that the best design uses, by the name of the limit."""
-    # A reserve is a lower bound, so the share of it that is used has no meaning.
-    return {name: x for name, x in design.usage.items() if name != "reserve"}
+    # A reserve is a lower bound, so the share of it that is used has no meaning. A share is unknown if the
+    # block stands in no validation run.
+    return {name: x for name, x in design.usage.items() if name != "reserve" and not math.isnan(x)}
 
 
 def groups(design: Design) -> dict[str, tuple[GroundMotion, ...]]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -157,7 +156,7 @@ class Conditions:
         factors = {k: v[chosen] for k, v in self.factors.items()}
         return replace(self, factors=factors, description=(phrase,), which=which)
 
-    @cached_property
+    @property
     def ranks(self) -> np.ndarray:
         """Position of every condition in an order by motions and factors, shape (n,).
 

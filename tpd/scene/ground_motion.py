@@ -8,6 +8,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,7 +62,7 @@ class GroundMotion:
         """Duration, s."""
         return len(self.pieces()) * self.piece
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """Text that only motions of equal accelerations share, whatever their names are."""
         sizes = float(self.pga), float(self.piece)
