@@ -164,7 +164,7 @@ def halves(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
 def run(quick: bool) -> list[dict[str, Any]]:
     """Return the rows of both parts."""
     rng = np.random.default_rng(SEED)
-    return [*chosen(rng, 10 if quick else 400), *halves(rng, 50 if quick else 500)]
+    return [*chosen(rng, 10 if quick else 250), *halves(rng, 50 if quick else 250)]
 
 
 def table(rows: list[dict[str, Any]]) -> str:

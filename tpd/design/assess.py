@@ -12,7 +12,7 @@ import numpy as np
 
 from tpd.answers.runs import Runs
 from tpd.answers.statistics import Share
-from tpd.core.formatting import Printed, number
+from tpd.core.formatting import Printed, compared, number
 from tpd.core.progress import Progress, shown, unreported
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
@@ -133,11 +133,11 @@ def needless(problem: Problem) -> str:
     """Return the sentence about a block that does not rock under the excitation, with its margin."""
     status, alone = problem.needs_none, problem.at_rest
     if status is DesignStatus.slides:
-        at, uplift = number(alone.base_friction or 0.0, 2), number(alone.uplift, 2)
+        at, uplift = compared(alone.base_friction or 0.0, alone.uplift)
         return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
     # The margin belongs between the two sentences of the status.
     verdict, after_push = DesignStatus.no_uplift.value.split(". ", 1)
-    times = number(alone.margin, 2)
+    times, _ = compared(alone.margin, 1.0)
     return f"{verdict}, and an excitation that is {times} times as strong would lift it. {after_push}"
 
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.core import checks
-from tpd.core.formatting import number
+from tpd.core.formatting import compared, number
 from tpd.scene.parameters import Parameters, check_parameters
 from tpd.scene.pytrees import Number
 from tpd.scene.scene import Scene
@@ -92,19 +92,19 @@ class AtRest(NamedTuple):
             hint = f". A dry base may have only {DRY:g}: state `base_friction`"
             least += more + (hint if self.needed_friction > DRY else "")
             return f"not before it lifts, if the coefficient of friction of the base is at least {least}"
+        least, base = compared(self.needed_friction, base)
+        needed = f"a coefficient of friction of {least} is needed"
         if self.slides:
-            return f"at {number(base, 2)} g, BEFORE IT LIFTS: a coefficient of friction of {least} is needed"
-        has = f"the base has {number(base, 2)}"
-        needed = f"a coefficient of friction of {least} is needed, {has}"
-        return f"not before it lifts: {needed}{more}"
+            return f"at {base} g, BEFORE IT LIFTS: {needed}"
+        return f"not before it lifts: {needed}, the base has {base}{more}"
 
     @property
     def lifting_in_words(self) -> str:
         """Text that says when the block at rest lifts, and whether the excitation is large enough."""
-        ratio, lifts = number(1.0 / self.margin, 3), "lifts" if self.margin < 1.0 else "does not lift"
+        lifts = "lifts" if self.margin < 1.0 else "does not lift"
         strongest = "the strongest condition" if self.conditions > 1 else "the excitation"
-        reaches = f"{strongest} reaches {number(self.peak, 3)} g, {ratio} times as much"
-        return f"at {number(self.uplift, 3)} g; {reaches}: the block {lifts}"
+        (peak, uplift), (ratio, _) = compared(self.peak, self.uplift, 3), compared(1.0 / self.margin, 1.0, 3)
+        return f"at {uplift} g; {strongest} reaches {peak} g, {ratio} times as much: the block {lifts}"
 
     def __str__(self) -> str:
         return f"  lifts   {self.lifting_in_words}\n  slides  {self.sliding_in_words}"
