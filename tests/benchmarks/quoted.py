@@ -180,6 +180,7 @@ def table(rows: list[dict[str, Any]]) -> str:
         **effect,
         passes="{passes:.1%}",
         **{
+            "sets that pass": "{cases:.0f}",
             "usual mean, of those that pass": "{mean alone:.1%}",
             "usual interval contains the truth": "{covers alone:.0%}",
             "quoted interval contains the truth": "{covers:.0%}",

@@ -9,9 +9,10 @@ import pytest
 
 from tests.designs import paired
 from tests.report.conftest import DESIGNS, LITTLE, STRIKES, against, details, ground, harmonic, rejected
+from tpd.answers.paired import Decision
 from tpd.design.as_built import Details, build_of
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind
-from tpd.report.answer import MOST, answer, verdict
+from tpd.report.answer import MOST, answer, pairs, verdict
 from tpd.report.blocks import Severity
 from tpd.report.words import comparison, percent, reduction
 
@@ -88,6 +89,34 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
     assert then.startswith("The pendulum increases the mean tilt by ")
     assert "share of runs that overturn by 100 % (95 % interval " in reduction(
         paired([np.inf] * 40 + [0.1] * 160, [np.inf] * 20 + [0.1] * 180), "tilt"
+    )
+
+
+@pytest.mark.mends("the runs that decided were quoted without a word")
+def test_estimates_that_allow_for_the_decision_say_so_and_what_the_runs_alone_show():
+    rng, quakes = np.random.default_rng(1), np.repeat(np.arange(11), 4)
+    with_it = 0.5 * (0.7 + 0.25 * rng.standard_normal(11))[quakes]
+    alone = paired(with_it, np.full(44, 0.5), cluster=quakes)
+    runs = replace(alone, passed=Decision("tilt", alone.margin("tilt", 0.1, 0.05)))
+    quoted, usual = runs.benefit, alone.benefit
+    interval = (
+        f"{100 * quoted.mean:.0f} % (95 % interval {100 * quoted.low:.0f} to {100 * quoted.high:.0f} %)"
+    )
+    assert reduction(runs, "tilt") == (
+        f"the pendulum reduces the mean tilt by {interval}. These estimates allow for the decision by the same "
+        f"runs (without it the first is {100 * usual.mean:.0f} %)"
+    )
+    assert "allow" not in reduction(alone, "tilt")
+    assert comparison(runs).caption.endswith(" The differences do not allow for the decision.")
+    assert runs.benefit_in_words.endswith(", which allows for the decision by the same runs")
+
+
+@pytest.mark.mends("the block exceeds a limit in 10.0 % of the runs, at most 10 % allowed")
+def test_a_share_beside_the_allowed_one_has_the_digits_that_decide():
+    near = replace(harmonic().best, over_limit=0.01004)
+    rows = dict(pairs(replace(harmonic(), validated=(near,)), Details()))
+    assert rows["runs"].startswith(
+        "1.004 % of the runs in which the block stands exceed a limit (at most 1.000 %"
     )
 
 

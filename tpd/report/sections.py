@@ -98,7 +98,8 @@ def _role(design: Design) -> str:
         return " The same runs decided whether the pendulum is recommended."
     before = f" {len(design.validated) - 1} designs were rejected before." if design.validated[1:] else ""
     decided = words.reduced(best.decided, best.measure)
-    return f" These runs were not used to choose the design.{before} In the runs that were used, {decided}."
+    counts = "were not used to choose the design, and their reduction counts"
+    return f" These runs {counts}.{before} In the runs that were used, {decided}."
 
 
 def _by_part(runs: PairedRuns) -> list[Block]:

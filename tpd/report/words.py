@@ -218,9 +218,9 @@ def reduction(runs: PairedRuns, measure: str) -> str:
     both = first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
     if runs.passed is None:
         return both
-    alone = reduced(runs.unconditional, runs.passed.measure)
+    _, alone, _ = runs.unconditional.reduction(measure)[0].fall_in_words()
     return (
-        f"{both}. The same runs decided, and these estimates allow for that. Without this correction, {alone}"
+        f"{both}. These estimates allow for the decision by the same runs (without it the first is {alone})"
     )
 
 
@@ -259,6 +259,7 @@ def comparison(runs: PairedRuns) -> Table:
         rows.append((_CHANGES[c.name], *shares, difference))
     unanswered = f" {runs.undecided} runs without an answer are left out." if runs.undecided else ""
     caption = f"{runs.description}. Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
+    caption += " The differences do not allow for the decision." if runs.passed else ""
     head = "", "with pendulum", "without pendulum", "difference (95 % interval)"
     return Table(head, tuple(rows), caption + unanswered)
 
