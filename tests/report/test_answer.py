@@ -99,16 +99,15 @@ def test_estimates_that_allow_for_the_decision_say_so_and_what_the_runs_alone_sh
     alone = paired(with_it, np.full(44, 0.5), cluster=quakes)
     runs = replace(alone, passed=Decision("tilt", alone.margin("tilt", 0.1, 0.05)))
     quoted, usual = runs.benefit, alone.benefit
-    interval = (
-        f"{100 * quoted.mean:.0f} % (95 % interval {100 * quoted.low:.0f} to {100 * quoted.high:.0f} %)"
-    )
+    ends = f"between {100 * quoted.low:.0f} and {100 * quoted.high:.0f} %"
     assert reduction(runs, "tilt") == (
-        f"the pendulum reduces the mean tilt by {interval}. These estimates allow for the decision by the same "
-        f"runs (without it the first is {100 * usual.mean:.0f} %)"
+        f"the reduction of the mean tilt is {ends} (95 % interval; {100 * usual.mean:.0f} % in these runs). "
+        "These intervals allow for the decision by the same runs"
     )
     assert "allow" not in reduction(alone, "tilt")
     assert comparison(runs).caption.endswith(" The differences do not allow for the decision.")
-    assert runs.benefit_in_words.endswith(", which allows for the decision by the same runs")
+    less = f"{100 * quoted.low:.0f} to {100 * quoted.high:.0f} % less tilt (95 % interval, which allows for"
+    assert runs.benefit_in_words.startswith(less)
 
 
 @pytest.mark.mends("the block exceeds a limit in 10.0 % of the runs, at most 10 % allowed")

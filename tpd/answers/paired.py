@@ -394,8 +394,11 @@ class PairedRuns(Printed):
             return "benefit unknown"
         # A negative benefit is an increase, which the text calls "more tilt".
         less, size, around = self.benefit.fall_in_words()
-        given = "" if self.passed is None else ", which allows for the decision by the same runs"
-        return f"{size} {'less' if less else 'more'} tilt{around}{given}"
+        if self.passed is not None:
+            low, high = (100.0 * x + 0.0 for x in (self.benefit.low, self.benefit.high))
+            given = "95 % interval, which allows for the decision by the same runs"
+            return f"{low:.0f} to {high:.0f} % less tilt ({given})"
+        return f"{size} {'less' if less else 'more'} tilt{around}"
 
     @property
     def overturning_in_words(self) -> str:

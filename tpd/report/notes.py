@@ -144,8 +144,8 @@ def wall_contacts(block: Block, pendulum: Pendulum, angles: Mapping[str, float])
     return [
         danger(
             f"{when[0].upper() + when[1:]} the bob, as {bob}, would reach {touched[0]} m from the block's "
-            f"axis and TOUCH the walls, which are {touched[1]} m from it. No model here includes that. The bob "
-            f"stays clear of the walls {fits} between rod and block. A search without `--exactly` and "
+            f"axis and TOUCH the walls, which are {touched[1]} m from it. No model here includes that. The "
+            f"bob stays clear of the walls {fits} between rod and block. A search without `--exactly` and "
             "`--no-walls` limits the clearance."
         )
         for when, angle in angles.items()

@@ -216,12 +216,7 @@ def reduction(runs: PairedRuns, measure: str) -> str:
     # Both clauses begin with "the", and the second one begins a sentence.
     first, then = reduced(runs, measure), reduced(runs, other)
     both = first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
-    if runs.passed is None:
-        return both
-    _, alone, _ = runs.unconditional.reduction(measure)[0].fall_in_words()
-    return (
-        f"{both}. These estimates allow for the decision by the same runs (without it the first is {alone})"
-    )
+    return both if runs.passed is None else f"{both}. These intervals allow for the decision by the same runs"
 
 
 def reduced(runs: PairedRuns, measure: str) -> str:
@@ -230,9 +225,7 @@ def reduced(runs: PairedRuns, measure: str) -> str:
     name, shares = "mean tilt", ""
     if measure == "overturning":
         pendulum, without = (percent(x, 1) for x in (overturned.with_pendulum, overturned.without_pendulum))
-        # The shares are those of the runs, which an estimate that allows for the decision does not repeat.
-        shares = f", from {without} to {pendulum}" if runs.passed is None else ""
-        name = "share of runs that overturn"
+        name, shares = "share of runs that overturn", f", from {without} to {pendulum}"
         # A relative reduction of zero does not exist.
         if overturned.without_pendulum == 0.0:
             return f"the block overturns in {pendulum} of the runs with the pendulum, and in none without it"
@@ -240,6 +233,11 @@ def reduced(runs: PairedRuns, measure: str) -> str:
         return f"the reduction of the {name} is unknown"
     is_less, by, around = size.fall_in_words()
     doubt = ", which is not significant" if is_less and not significant else ""
+    if runs.passed is not None and around:
+        # The estimate given the decision is uncertain: it can be negative for runs that hardly passed.
+        low, high, alone = map(percent, (size.low, size.high, runs.unconditional.reduction(measure)[0].mean))
+        between = f"between {low[:-2]} and {high} (95 % interval; {alone} in these runs{shares})"
+        return f"the reduction of the {name} is {between}{doubt}"
     return f"the pendulum {'reduces' if is_less else 'increases'} the {name} by {by}{around}{shares}{doubt}"
 
 
