@@ -325,7 +325,7 @@ class PairedRuns(Printed):
         # increase in one part may be hidden in the sum, so that each part is tested as well.
         overturned = [runs.is_overturned.astype(float) for runs in self._cases]
         for label, rows in (("", self.is_answered), *((part.label, part.rows) for part in self.parts)):
-            if change(overturned[0][rows], overturned[1][rows], self._clusters(rows)).is_above:
+            if change(overturned[0][rows], overturned[1][rows], self._clusters(rows)).low > 0.0:
                 return Overturned(label, *self._only(rows), int(rows.sum()))
         return None
 

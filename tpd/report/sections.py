@@ -65,10 +65,10 @@ def over_runs(design: Design) -> list[Block]:
     # Ground motions have no ramp: they grow as recorded.
     if runs.cluster is None:
         for ramp in cases[0].share_by_ramp():
-            shares = (words.share(o.share_by_ramp()[ramp]) for o in cases)
+            shares = (str(o.share_by_ramp()[ramp]) for o in cases)
             rows.append((f"overturned, {label_of_ramp(ramp)}", *shares))
-    rows.append(("overturned, all runs", *(words.share(o.share_overturned) for o in cases)))
-    rows.append(("at rest at the end", *(words.share(o.share_at_rest) for o in cases)))
+    rows.append(("overturned, all runs", *(str(o.share_overturned) for o in cases)))
+    rows.append(("at rest at the end", *(str(o.share_at_rest) for o in cases)))
     for name, quantity in (("largest tilt", "tilt"), ("settled tilt", "settled_tilt")):
         rows.append((f"{name} (rad): 50, 90, 99 % quantiles", *(_quantiles(o, quantity) for o in cases)))
     # The bob angle without a pendulum has no meaning.

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     # These modules load JAX, and the commands describe a scene before they wait for that.
     from tpd.answers.paired import PairedRuns, Part
     from tpd.answers.response import Response
-    from tpd.answers.statistics import Share
     from tpd.design.design import Design
 
 _CHANGES = {
@@ -60,11 +59,6 @@ def interval(value: float, low: float, high: float, digits: int = 0) -> str:
     if not math.isfinite(low):
         return percent(value, digits)
     return f"{percent(value, digits)} ({percent(low, digits)[:-2]} to {percent(high, digits)})"
-
-
-def share(of: Share) -> str:
-    """Format a share with its 95 % interval and one decimal: "10.9 % (9.2 to 13.0 %)"."""
-    return interval(*of, digits=1)
 
 
 def source_of_tilts(design: Design) -> str:
