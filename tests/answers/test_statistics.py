@@ -16,10 +16,10 @@ from tpd.answers.statistics import (
     chance_of,
     chance_of_either,
     change,
+    conditional_interval,
     degrees_of_freedom,
     fall,
     fit_lognormal,
-    given_passed,
     is_positive,
     mcnemar,
 )
@@ -135,7 +135,7 @@ def test_an_interval_that_allows_for_the_decision_contains_the_truth_of_samples_
     rng, error, least = np.random.default_rng(0), 0.06, 0.168
     means = rng.normal(truth, error, 40_000)
     means = means[means > least][:600]
-    found = [given_passed(of, of, of.mean - least) for of in (usual(m, error) for m in means)]
+    found = [conditional_interval(of, of, of.mean - least) for of in (usual(m, error) for m in means)]
     covered = np.mean([of.low <= truth <= of.high for of in found])
     assert 0.92 < covered < 0.98
     # The estimate is too large as often as too small; the mean of those that pass is too large.
@@ -153,17 +153,17 @@ def test_a_quantity_that_did_not_decide_is_corrected_by_its_correlation():
     rng, error, least, rho = np.random.default_rng(0), 0.06, 0.168, 0.7
     pairs = rng.multivariate_normal([0.1, 0.1], error**2 * np.array([[1.0, rho], [rho, 1.0]]), 40_000)
     found = [
-        given_passed(usual(second, error), usual(first, error), first - least, rho)
+        conditional_interval(usual(second, error), usual(first, error), first - least, rho)
         for first, second in pairs[pairs[:, 0] > least][:600]
     ]
     assert 0.92 < np.mean([of.low <= 0.1 <= of.high for of in found]) < 0.98
     # Without correlation, far above the threshold, or without a known interval, nothing changes.
     of = usual(0.2, 0.1)
-    assert given_passed(of, of, 0.1, 0.0) == of
-    far = given_passed(of, of, 2.0)
+    assert conditional_interval(of, of, 0.1, 0.0) == of
+    far = conditional_interval(of, of, 2.0)
     assert (far.mean, far.low, far.high) == pytest.approx((of.mean, of.low, of.high), abs=1e-6)
     unknown = Interval(0.2, -math.inf, math.inf)
-    assert given_passed(unknown, of, 0.1) == unknown
+    assert conditional_interval(unknown, of, 0.1) == unknown
 
 
 @pytest.mark.mends("a fall of runs that were all alike had an interval without a width")

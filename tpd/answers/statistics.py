@@ -90,7 +90,9 @@ class Interval:
         return less, f"{abs(mean):.0f} %", around
 
 
-def given_passed(of: Interval, decided: Interval, margin: float, correlation: float = 1.0) -> Interval:
+def conditional_interval(
+    of: Interval, decided: Interval, margin: float, correlation: float = 1.0
+) -> Interval:
     """Return the interval of a mean that is quoted only because its own sample passed a decision.
 
     A sample passes if one of its means is above a threshold. Given that it passes, this mean has a normal
@@ -112,7 +114,7 @@ def given_passed(of: Interval, decided: Interval, margin: float, correlation: fl
 
     Example:
         >>> of = Interval(0.2, 0.1, 0.3)
-        >>> [given_passed(of, of, margin).fall_in_words()[1:] for margin in (0.05, 0.5)]
+        >>> [conditional_interval(of, of, margin).fall_in_words()[1:] for margin in (0.05, 0.5)]
         [('18 %', ' (95 % interval 4 to 30 %)'), ('20 %', ' (95 % interval 10 to 30 %)')]
     """
     if not (math.isfinite(of.low) and correlation > 0.0):

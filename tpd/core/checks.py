@@ -337,8 +337,8 @@ def at_most(name: str, value: object, most: object, of: str) -> None:
     beyond = values > bounds * (1.0 + 1e-9)
     if np.any(beyond):
         first = tuple(np.argwhere(beyond)[0])
-        given, limit = compared(values[first], bounds[first], 6)
-        raise ValueError(f"`{name}` must be at most {limit}, {of}, but is {given}")
+        actual, limit = compared(values[first], bounds[first], 6)
+        raise ValueError(f"`{name}` must be at most {limit}, {of}, but is {actual}")
 
 
 def one_of(name: str, value: object, allowed: Sequence[str]) -> None:

@@ -228,7 +228,7 @@ def reduced(runs: PairedRuns, measure: str) -> str:
     is_less, by, around = size.fall_in_words()
     doubt = ", which is not significant" if is_less and not significant else ""
     if runs.passed is not None and around:
-        # The estimate given the decision is uncertain: it can be negative for runs that hardly passed.
+        # The estimate given the decision can be negative for runs that passed by a small margin.
         low, high, alone = map(percent, (size.low, size.high, runs.unconditional.reduction(measure)[0].mean))
         between = f"between {low[:-2]} and {high} (95 % interval; {alone} in these runs{shares})"
         return f"the reduction of the {name} is {between}{doubt}"
