@@ -9,11 +9,12 @@ import pytest
 
 from tests.designs import paired
 from tests.report.conftest import DESIGNS, LITTLE, STRIKES, against, details, ground, harmonic, rejected
+from tpd.answers.paired import Decision
 from tpd.design.as_built import Details, build_of
 from tpd.design.reasons import DesignStatus, Reason, ReasonKind
 from tpd.report.answer import MOST, answer, at_levels, dangers, pairs, verdict
 from tpd.report.blocks import Severity
-from tpd.report.words import comparison, percent, reduction, share
+from tpd.report.words import comparison, percent, reduction
 
 MANY = tuple(
     replace(LITTLE, kind=ReasonKind.breaks_limit, limit="-".join([f"limit {i}"] * 12)) for i in range(40)
@@ -88,6 +89,33 @@ def test_the_verdict_has_the_benefit_of_the_runs_that_are_quoted():
     assert then.startswith("The pendulum increases the mean tilt by ")
     assert "share of runs that overturn by 100 % (95 % interval " in reduction(
         paired([np.inf] * 40 + [0.1] * 160, [np.inf] * 20 + [0.1] * 180), "tilt"
+    )
+
+
+@pytest.mark.mends("the runs that decided were quoted without a word")
+def test_estimates_that_allow_for_the_decision_say_so_and_what_the_runs_alone_show():
+    rng, quakes = np.random.default_rng(1), np.repeat(np.arange(11), 4)
+    with_it = 0.5 * (0.7 + 0.25 * rng.standard_normal(11))[quakes]
+    alone = paired(with_it, np.full(44, 0.5), cluster=quakes)
+    runs = replace(alone, passed=Decision("tilt", alone.margin("tilt", 0.1, 0.05)))
+    quoted, usual = runs.benefit, alone.benefit
+    ends = f"between {100 * quoted.low:.0f} and {100 * quoted.high:.0f} %"
+    assert reduction(runs, "tilt") == (
+        f"the reduction of the mean tilt is {ends} (95 % interval; {100 * usual.mean:.0f} % in these runs). "
+        "These intervals allow for the decision by the same runs"
+    )
+    assert "allow" not in reduction(alone, "tilt")
+    assert comparison(runs).caption.endswith(" The differences do not allow for the decision.")
+    less = f"{100 * quoted.low:.0f} to {100 * quoted.high:.0f} % less tilt (95 % interval, which allows for"
+    assert runs.benefit_in_words.startswith(less)
+
+
+@pytest.mark.mends("the block exceeds a limit in 10.0 % of the runs, at most 10 % allowed")
+def test_a_share_beside_the_allowed_one_has_the_digits_that_decide():
+    near = replace(harmonic().best, over_limit=0.01004)
+    rows = dict(pairs(replace(harmonic(), validated=(near,)), Details()))
+    assert rows["runs"].startswith(
+        "1.004 % of the runs in which the block stands exceed a limit (at most 1.000 %"
     )
 
 
@@ -192,7 +220,7 @@ def test_the_answer_has_a_row_for_each_level_and_for_the_friction_of_the_runs():
     for i, scale in enumerate((2, 3)):
         rows = np.flatnonzero(design.runs.counted)[i::2]
         cases = (design.runs.with_pendulum.of(rows), design.runs.without_pendulum.of(rows))
-        pendulum, without = (share(case.share_overturned) for case in cases)
+        pendulum, without = (str(case.share_overturned) for case in cases)
         level = f"level 1 run at {scale} (PGA over g tan(alpha)): "
         assert f"{level}{pendulum} overturn with the pendulum, {without} without it" in said
     assert f"sliding {design.sliding}" in said

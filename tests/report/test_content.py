@@ -31,6 +31,26 @@ def test_the_first_screen_has_verdict_dangers_answer_and_one_comparison():
     assert report.comparison not in [block for s in report.sections for block in s.blocks]
 
 
+@pytest.mark.mends("one design had reductions of 26, 17, 12 and 21 % in one report")
+def test_every_other_reduction_of_a_report_says_which_one_counts():
+    report = content(harmonic(), details())
+    counts = "The reduction that counts is the one in the verdict."
+    (losses,) = section(report, "Other energy losses")
+    (tolerances,) = (b for b in section(report, "Build it") if isinstance(b, Table) and "tolerance" in b.head)
+    runs = next(b for b in section(report, "Validation runs") if isinstance(b, Table))
+    for table in (losses, tolerances):
+        assert counts in table.caption
+    assert "These runs were not used to choose the design, and their reduction counts." in runs.caption
+    assert "for comparison only" in dict(report.answer.rows)["losses"]
+
+
+@pytest.mark.mends("the excitation had its unit twice: (PGA in g) (PGA in g)")
+def test_the_intensity_of_the_motions_is_named_once():
+    (listed,) = section(content(ground(), Details()), "Assumptions")
+    (excitation,) = (text for text in listed.items if text.startswith("Excitation"))
+    assert excitation.count("PGA over g tan(alpha)") == 1
+
+
 @pytest.mark.parametrize("kind", DESIGNS)
 def test_sections_stand_in_one_order_and_are_left_out_where_they_are_empty(kind):
     order = ["Notes", "Build it", "Validation runs", "Other energy losses", "What limits the design"]

@@ -47,7 +47,7 @@ def test_a_bob_that_would_touch_the_walls_is_a_danger_with_a_remedy():
     most = np.arcsin((0.04 - ball) / 0.12)
     assert wall_contacts(SCENE.block, LIGHT, {"once settled": most - 1e-6, "on the way": most - 1e-6}) == []
     (note,) = wall_contacts(SCENE.block, LIGHT, {"once settled": 0.1, "in a transient": most + 1e-6})
-    start = "In a transient the bob, as a solid ball of steel, would reach 0.04 m from the block's axis"
+    start = "In a transient the bob, as a solid ball of steel, would reach 0.0400001 m"
     assert note.text.startswith(start)
     assert (
         f"clear of the walls up to an angle of {np.floor(1e3 * most) / 1e3:g} rad between rod and block"

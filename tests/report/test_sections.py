@@ -20,7 +20,7 @@ def test_validation_runs_stand_with_their_intervals():
     table, chance, by_group = sections.over_runs(harmonic())
     runs = harmonic().runs
     assert rows(table)["overturned, all runs"] == tuple(
-        words.share(o.share_overturned) for o in (runs.with_pendulum, runs.without_pendulum)
+        str(o.share_overturned) for o in (runs.with_pendulum, runs.without_pendulum)
     )
     assert "overturned, sudden starts" in rows(table)
     assert chance.text == runs.overturning_in_words
@@ -31,7 +31,7 @@ def test_validation_runs_stand_with_their_intervals():
         atol=0.5,
     )
     assert {row[3] for row in by_group.rows} == {"no"}
-    assert table.caption.startswith(f"{runs.description}. These runs were not used to choose the design.")
+    assert table.caption.startswith(f"{runs.description}. These runs were not used to choose the design, ")
 
 
 def test_a_group_that_is_worse_is_marked():

@@ -23,13 +23,13 @@ from tpd.answers.statistics import (
     chance_of,
     chance_of_either,
     change,
+    conditional_interval,
     fall,
-    given_passed,
     is_positive,
 )
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
-from tpd.core.formatting import Printed
+from tpd.core.formatting import Printed, percent
 from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import parameters_without_pendulum
@@ -140,7 +140,7 @@ class PairedRuns(Printed):
     """Whether the benefit counts each run; by default it counts all runs. The harm always counts all runs."""
     passed: Decision | None = None
     """Decision that these runs passed and for which alone they are quoted; None if they did not decide.
-    Benefit and reduction of overturning are estimates given this decision, see `statistics.given_passed`."""
+    Benefit and reduction of overturning are estimates given this decision, see `conditional_interval`."""
     worse: float = WORSE
     """Relative increase of the mean severity that is allowed in a part."""
 
@@ -198,7 +198,7 @@ class PairedRuns(Printed):
 
     @property
     def unconditional(self) -> PairedRuns:
-        """The same runs without regard to the decision that they passed."""
+        """These runs without regard to the decision that they passed."""
         return replace(self, passed=None)
 
     @cached_property
@@ -231,7 +231,7 @@ class PairedRuns(Printed):
             for by, (with_it, without) in ((of, pair), (decided, self._pair(self.passed.measure)))
         )
         size = np.sqrt((x @ x) * (y @ y))
-        return given_passed(of, decided, self.passed.margin, float(x @ y / size) if size else 1.0)
+        return conditional_interval(of, decided, self.passed.margin, float(x @ y / size) if size else 1.0)
 
     def _pair(self, measure: str) -> np.ndarray:
         """Return the measure of each counted run with and without the pendulum, shape (2, counted runs)."""
@@ -325,7 +325,7 @@ class PairedRuns(Printed):
         # increase in one part may be hidden in the sum, so that each part is tested as well.
         overturned = [runs.is_overturned.astype(float) for runs in self._cases]
         for label, rows in (("", self.is_answered), *((part.label, part.rows) for part in self.parts)):
-            if change(overturned[0][rows], overturned[1][rows], self._clusters(rows)).is_above:
+            if change(overturned[0][rows], overturned[1][rows], self._clusters(rows)).low > 0.0:
                 return Overturned(label, *self._only(rows), int(rows.sum()))
         return None
 
@@ -394,8 +394,11 @@ class PairedRuns(Printed):
             return "benefit unknown"
         # A negative benefit is an increase, which the text calls "more tilt".
         less, size, around = self.benefit.fall_in_words()
-        given = "" if self.passed is None else ", which allows for the decision by the same runs"
-        return f"{size} {'less' if less else 'more'} tilt{around}{given}"
+        if self.passed is not None:
+            low, high = (percent(x) for x in (self.benefit.low, self.benefit.high))
+            allows = "95 % interval, which allows for the decision by the same runs"
+            return f"{low[:-2]} to {high} less tilt ({allows})"
+        return f"{size} {'less' if less else 'more'} tilt{around}"
 
     @property
     def overturning_in_words(self) -> str:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq, root
+from scipy.optimize import root
 from scipy.special import bdtr, betaincinv, erfcx, log_ndtr, ndtr, ndtri, stdtrit
 
 SIGNIFICANT = 0.05
@@ -83,14 +83,6 @@ class Interval:
     high: float
     """Upper end of the interval; infinity if the interval is unknown."""
 
-    def words(self, share: bool = True) -> str:
-        """Return the mean and its interval as text, in per cent if the mean is a share."""
-        form = "{:+.1%}" if share else "{:+.3f}"
-        # With a single earthquake nothing but the mean is known.
-        if math.isinf(self.low):
-            return f"{form.format(self.mean)} (unknown)"
-        return f"{form.format(self.mean)} ({form.format(self.low)} to {form.format(self.high)})"
-
     def fall_in_words(self) -> tuple[bool, str, str]:
         """Return whether a relative change is a reduction, its size, and its interval as text."""
         # A share that rounds to zero must not read "-0 %".
@@ -100,13 +92,10 @@ class Interval:
         around = f" (95 % interval {low:.0f} to {high:.0f} %)" if math.isfinite(low) else ""
         return less, f"{abs(mean):.0f} %", around
 
-    @property
-    def is_above(self) -> bool:
-        """Whether the whole interval is above zero."""
-        return self.low > 0.0
 
-
-def given_passed(of: Interval, decided: Interval, margin: float, correlation: float = 1.0) -> Interval:
+def conditional_interval(
+    of: Interval, decided: Interval, margin: float, correlation: float = 1.0
+) -> Interval:
     """Return the interval of a mean that is quoted only because its own sample passed a decision.
 
     A sample passes if one of its means is above a threshold. Given that it passes, this mean has a normal
@@ -128,26 +117,21 @@ def given_passed(of: Interval, decided: Interval, margin: float, correlation: fl
 
     Example:
         >>> of = Interval(0.2, 0.1, 0.3)
-        >>> [given_passed(of, of, margin).words() for margin in (0.05, 0.5)]
-        ['+18.4% (+4.2% to +29.9%)', '+20.0% (+10.0% to +30.0%)']
+        >>> [conditional_interval(of, of, margin).fall_in_words()[1:] for margin in (0.05, 0.5)]
+        [('18 %', ' (95 % interval 4 to 30 %)'), ('20 %', ' (95 % interval 10 to 30 %)')]
     """
     if not (math.isfinite(of.low) and correlation > 0.0):
         return of
     quantile = float(ndtri(0.5 * (1.0 + _LEVEL)))
     passed = margin / (decided.mean - decided.low) * quantile / correlation
-    lowest = of.mean - _FARTHEST * (of.mean - of.low)
-
-    def excess(value: float, chance: float) -> float:
-        width = of.mean - of.low if value <= of.mean else of.high - of.mean
-        distance = (of.mean - value) / width * quantile
-        return float(log_ndtr(-distance) - log_ndtr(passed - distance)) - math.log(chance)
-
-    def end(chance: float) -> float:
-        if not excess(lowest, chance) < 0.0:
-            return lowest
-        return brentq(excess, lowest, of.high, (chance,)) if excess(of.high, chance) > 0.0 else of.high
-
-    return Interval(*(end(chance) for chance in (0.5, 0.5 * (1.0 - _LEVEL), 0.5 * (1.0 + _LEVEL))))
+    # Distance of the sample from possible true values in standard errors, and the probability that a sample
+    # that passes has at least this mean. This probability increases with the true value.
+    truths = np.linspace(of.mean - _FARTHEST * (of.mean - of.low), of.high, 2001)
+    width = np.where(truths <= of.mean, of.mean - of.low, of.high - of.mean)
+    distance = (of.mean - truths) / width * quantile
+    chance = np.exp(log_ndtr(-distance) - log_ndtr(passed - distance))
+    low, mean, high = np.interp((0.5 * (1.0 - _LEVEL), 0.5, 0.5 * (1.0 + _LEVEL)), chance, truths)
+    return Interval(float(mean), float(low), float(high))
 
 
 def unseen(n: int) -> float:
@@ -170,8 +154,8 @@ def change(
 
     Example:
         >>> overturned = np.array([True] * 30 + [False] * 70)
-        >>> change(np.zeros(100), overturned).words()
-        '-30.0% (-38.8% to -19.8%)'
+        >>> f"{change(np.zeros(100), overturned).high:.3f}"
+        '-0.198'
     """
     differences = with_pendulum.astype(float) - without_pendulum
     mean = float(differences.mean()) if differences.size else math.nan
@@ -201,8 +185,8 @@ def fall(
 
     Example:
         >>> overturned = np.array([True] * 30 + [False] * 70)
-        >>> fall(overturned & (np.arange(100) < 12), overturned).words()
-        '+60.0% (+37.2% to +77.0%)'
+        >>> fall(overturned & (np.arange(100) < 12), overturned).fall_in_words()
+        (True, '60 %', ' (95 % interval 37 to 77 %)')
     """
     if not without_pendulum.size:
         return Interval(math.nan, math.nan, math.nan)

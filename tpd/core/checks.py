@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar, runtime_che
 
 import numpy as np
 
-from tpd.core.formatting import meant
+from tpd.core.formatting import compared, meant
 
 if TYPE_CHECKING:
     import jax
@@ -359,7 +359,8 @@ def at_most(name: str, value: object, most: object, of: str) -> None:
     beyond = values > bounds * (1.0 + 1e-9)
     if np.any(beyond):
         first = tuple(np.argwhere(beyond)[0])
-        raise ValueError(f"`{name}` must be at most {bounds[first]:g}, {of}, but is {values[first]:g}")
+        actual, limit = compared(values[first], bounds[first], 6)
+        raise ValueError(f"`{name}` must be at most {limit}, {of}, but is {actual}")
 
 
 def one_of(name: str, value: object, allowed: Sequence[str]) -> None:

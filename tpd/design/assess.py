@@ -213,7 +213,7 @@ def needless(problem: Problem) -> str:
         return f"{status.value} It slides at {at} g, and lifts at {uplift} g. {status.remedy}"
     # The margin belongs between the two sentences of the status.
     verdict, after_push = DesignStatus.no_uplift.value.split(". ", 1)
-    times = compared(alone.margin, 1.0)[0]
+    times, _ = compared(alone.margin, 1.0)
     return f"{verdict}, and an excitation that is {times} times as strong would lift it. {after_push}"
 
 

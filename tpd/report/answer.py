@@ -167,7 +167,7 @@ def at_levels(problem: Problem, runs: PairedRuns) -> Iterator[str]:
     counted = True if runs.counted is None else runs.counted
     for name, rows in problem.levels.items():
         cases = [case.of(rows & counted) for case in (runs.with_pendulum, runs.without_pendulum)]
-        count, shares = cases[0].tilt.size, [words.share(case.share_overturned) for case in cases]
+        count, shares = cases[0].tilt.size, [str(case.share_overturned) for case in cases]
         overturn = f"{shares[0]} overturn with the pendulum, {shares[1]} without it"
         yield f"{count} run{'s' * (count != 1)} at {name}: {overturn}"
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tpd.answers.response import Response, window
+from tpd.core.formatting import compared
 from tpd.design.as_built import Details
 from tpd.design.criteria import Clearance, Requirements, limit_of
 from tpd.design.design import Design
@@ -149,13 +150,13 @@ def wall_contacts(block: Block, pendulum: Pendulum, angles: Mapping[str, float])
     fits = f"up to an angle of {clear[-1]:.3g} rad" if clear.size else "at no angle"
     return [
         danger(
-            f"{when[0].upper() + when[1:]} the bob, as {bob}, would reach {reach:.3g} m from the block's "
-            f"axis and TOUCH the walls, which are {wall:.3g} m from it. No model here includes that. The bob "
-            f"stays clear of the walls {fits} between rod and block. A search without `--exactly` and "
+            f"{when[0].upper() + when[1:]} the bob, as {bob}, would reach {touched[0]} m from the block's "
+            f"axis and TOUCH the walls, which are {touched[1]} m from it. No model here includes that. The "
+            f"bob stays clear of the walls {fits} between rod and block. A search without `--exactly` and "
             "`--no-walls` limits the clearance."
         )
         for when, angle in angles.items()
-        if (reach := float(bob.reach(mass, length, angle))) > wall
+        if (reach := float(bob.reach(mass, length, angle))) > wall and (touched := compared(reach, wall, 3))
     ]
 
 

@@ -65,13 +65,13 @@ def over_runs(design: Design) -> list[Block]:
     # Ground motions have no ramp: they grow as recorded.
     if runs.cluster is None:
         for ramp in cases[0].share_by_ramp():
-            shares = (words.share(o.share_by_ramp()[ramp]) for o in cases)
+            shares = (str(o.share_by_ramp()[ramp]) for o in cases)
             rows.append((f"overturned, {label_of_ramp(ramp)}", *shares))
     for name, of_level in design.problem.levels.items():
-        shares = (words.share(o.of(of_level).share_overturned) for o in cases)
+        shares = (str(o.of(of_level).share_overturned) for o in cases)
         rows.append((f"overturned, {name}", *shares))
-    rows.append(("overturned, all runs", *(words.share(o.share_overturned) for o in cases)))
-    rows.append(("at rest at the end", *(words.share(o.share_at_rest) for o in cases)))
+    rows.append(("overturned, all runs", *(str(o.share_overturned) for o in cases)))
+    rows.append(("at rest at the end", *(str(o.share_at_rest) for o in cases)))
     for name, quantity in (("largest tilt", "tilt"), ("settled tilt", "settled_tilt")):
         rows.append((f"{name} (rad): 50, 90, 99 % quantiles", *(_quantiles(o, quantity) for o in cases)))
     # The bob angle without a pendulum has no meaning.
@@ -102,7 +102,8 @@ def _role(design: Design) -> str:
         return " The same runs decided whether the pendulum is recommended."
     before = f" {len(design.validated) - 1} designs were rejected before." if design.validated[1:] else ""
     decided = words.reduced(best.decided, best.measure)
-    return f" These runs were not used to choose the design.{before} In the runs that were used, {decided}."
+    counts = "were not used to choose the design, and their reduction counts"
+    return f" These runs {counts}.{before} In the runs that were used, {decided}."
 
 
 def _by_part(runs: PairedRuns) -> list[Block]:

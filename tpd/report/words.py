@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     # These modules load JAX, and the commands describe a scene before they wait for that.
     from tpd.answers.paired import PairedRuns, Part
     from tpd.answers.response import Response
-    from tpd.answers.statistics import Share
     from tpd.design.design import Design
 
 _CHANGES = {
@@ -53,11 +52,6 @@ def interval(value: float, low: float, high: float, digits: int = 0) -> str:
     if not math.isfinite(low):
         return percent(value, digits)
     return f"{percent(value, digits)} ({percent(low, digits)[:-2]} to {percent(high, digits)})"
-
-
-def share(of: Share) -> str:
-    """Format a share with its 95 % interval and one decimal: "10.9 % (9.2 to 13.0 %)"."""
-    return interval(*of, digits=1)
 
 
 def source_of_tilts(design: Design) -> str:
@@ -183,12 +177,7 @@ def reduction(runs: PairedRuns, measure: str) -> str:
     # Both clauses begin with "the", and the second one begins a sentence.
     first, then = reduced(runs, measure), reduced(runs, other)
     both = first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
-    if runs.passed is None:
-        return both
-    alone = reduced(runs.unconditional, runs.passed.measure)
-    return (
-        f"{both}. The same runs decided, and these estimates allow for that. Without this correction, {alone}"
-    )
+    return both if runs.passed is None else f"{both}. These intervals allow for the decision by the same runs"
 
 
 def reduced(runs: PairedRuns, measure: str) -> str:
@@ -197,9 +186,7 @@ def reduced(runs: PairedRuns, measure: str) -> str:
     name, shares = "mean tilt", ""
     if measure == "overturning":
         pendulum, without = (percent(x, 1) for x in (overturned.with_pendulum, overturned.without_pendulum))
-        # The shares are those of the runs, which an estimate that allows for the decision does not repeat.
-        shares = f", from {without} to {pendulum}" if runs.passed is None else ""
-        name = "share of runs that overturn"
+        name, shares = "share of runs that overturn", f", from {without} to {pendulum}"
         # A relative reduction of zero does not exist.
         if overturned.without_pendulum == 0.0:
             return f"the block overturns in {pendulum} of the runs with the pendulum, and in none without it"
@@ -207,6 +194,11 @@ def reduced(runs: PairedRuns, measure: str) -> str:
         return f"the reduction of the {name} is unknown"
     is_less, by, around = size.fall_in_words()
     doubt = ", which is not significant" if is_less and not significant else ""
+    if runs.passed is not None and around:
+        # The estimate given the decision can be negative for runs that passed by a small margin.
+        low, high, alone = map(percent, (size.low, size.high, runs.unconditional.reduction(measure)[0].mean))
+        between = f"between {low[:-2]} and {high} (95 % interval; {alone} in these runs{shares})"
+        return f"the reduction of the {name} is {between}{doubt}"
     return f"the pendulum {'reduces' if is_less else 'increases'} the {name} by {by}{around}{shares}{doubt}"
 
 
@@ -226,6 +218,7 @@ def comparison(runs: PairedRuns) -> Table:
         rows.append((_CHANGES[c.name], *shares, difference))
     unanswered = f" {runs.undecided} runs without an answer are left out." if runs.undecided else ""
     caption = f"{runs.description}. Tilts: per cent of the toppling tilt. Overturned runs count as 100 %."
+    caption += " The differences do not allow for the decision." if runs.passed else ""
     head = "", "with pendulum", "without pendulum", "difference (95 % interval)"
     return Table(head, tuple(rows), caption + unanswered)
 

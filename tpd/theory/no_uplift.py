@@ -96,21 +96,18 @@ class AtRest(NamedTuple):
             hint = f". A dry base may have only {DRY:g}: state `base_friction`"
             least = number(self.needed_friction, 2) + more + (hint if self.needed_friction > DRY else "")
             return f"not before it lifts, if the coefficient of friction of the base is at least {least}"
-        least, has = compared(self.needed_friction, base)
+        least, base = compared(self.needed_friction, base)
+        needed = f"a coefficient of friction of {least} is needed"
         if self.slides:
-            return f"at {has} g, BEFORE IT LIFTS: a coefficient of friction of {least} is needed"
-        needed = f"a coefficient of friction of {least} is needed, the base has {has}"
-        return f"not before it lifts: {needed}{more}"
+            return f"at {base} g, BEFORE IT LIFTS: {needed}"
+        return f"not before it lifts: {needed}, the base has {base}{more}"
 
     @property
     def lifting_in_words(self) -> str:
         """Text that says when the block at rest lifts, and whether the excitation is large enough."""
-        ratio, lifts = (
-            compared(1.0 / self.margin, 1.0, 3)[0],
-            "lifts" if self.margin < 1.0 else "does not lift",
-        )
+        lifts = "lifts" if self.margin < 1.0 else "does not lift"
         strongest = "the strongest condition" if self.conditions > 1 else "the excitation"
-        peak, uplift = compared(self.peak, self.uplift, 3)
+        (peak, uplift), (ratio, _) = compared(self.peak, self.uplift, 3), compared(1.0 / self.margin, 1.0, 3)
         return f"at {uplift} g; {strongest} reaches {peak} g, {ratio} times as much: the block {lifts}"
 
     def __str__(self) -> str:
