@@ -158,3 +158,35 @@ def test_the_motions_of_the_largest_bob_angle_come_first():
     found = made.strongest_motions(DESIGN)
     expected = frequencies[np.argsort(-swing)]
     np.testing.assert_allclose([float(m.frequency) for m in found], expected)
+
+
+BAND = tpd.Conditions.band(SCENE, 2.3, 2.7, 3)
+SAMPLES = tpd.Conditions.scatter(4, 0, friction=0.123, mass=0.0456)
+
+
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        tpd.Conditions.exactly(),
+        tpd.Conditions.around(SCENE),
+        BAND,
+        BAND * tpd.Conditions.amplitudes(0.9, 1.05),
+        tpd.Conditions.exactly() * BAND * tpd.Conditions.amplitudes(0.9, 1.05) * SAMPLES,
+        SAMPLES,
+    ],
+    ids=lambda conditions: " * ".join(conditions.description) or "exactly",
+)
+@pytest.mark.mends("half widths of a scatter were read from a phrase that rounds them to whole per cents")
+def test_a_job_file_gives_the_same_conditions(conditions, tmp_path):
+    path = tmp_path / "job.toml"
+    made = HarmonicProblem.of(SCENE, conditions=conditions, limits=tpd.limits.POINT_BOB)
+    path.write_text(made.job.toml, encoding="utf-8")
+    job = tpd.Job.read(path)
+    again = tpd.Conditions.around(job.scene) if job.conditions is None else job.conditions
+    np.testing.assert_array_equal(again.factor_rows(), conditions.factor_rows())
+
+
+@pytest.mark.parametrize("conditions", [BAND * BAND, tpd.Conditions.around(SCENE, count=7)])
+def test_conditions_without_a_table_cannot_be_written(conditions):
+    with pytest.raises(ValueError, match="a job file cannot describe the conditions of this problem"):
+        _ = HarmonicProblem.of(SCENE, conditions=conditions).job

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, ClassVar
@@ -191,7 +190,7 @@ class HarmonicProblem(Problem):
         if self.objective != SteadyTilt():
             raise ValueError("a job file cannot describe an objective, which exists only in Python")
         conditions = Conditions.around(self.scene) if job.conditions is None else job.conditions
-        # The tables were recovered from phrases: check that they give the same conditions.
+        # Scatter with another seed, or a combination in another order, gives other conditions.
         rows = conditions.factor_rows(), self.conditions.factor_rows()
         if job.scene != self.scene or not np.array_equal(*rows):
             raise ValueError(
@@ -202,30 +201,15 @@ class HarmonicProblem(Problem):
 
     @property
     def tables(self) -> dict[str, dict[str, Any]]:
-        """Tables as in `Problem.tables`. The conditions are recovered from their factors and from the phrases
-        that describe them."""
-        tables = super().tables | {
+        """See `Problem.tables`."""
+        return super().tables | {
             "motion": vars(self.scene.motion),
             "requirements": vars(self.requirements),
             # Runs without a seed of their own use the seed of the search.
             "ensemble": vars(self.ensemble) | ({"seed": None} if self.ensemble.seed == self.seed else {}),
             "starts": {"kind": "rest" if self.rest_counts else "any"},
+            **(self.conditions.tables or {}),
         }
-        conditions, phrases = self.conditions, " * ".join(self.conditions.description)
-        if np.array_equal(conditions.factor_rows(), Conditions.around(self.scene).factor_rows()):
-            return tables
-        if len(conditions) == 1 and not conditions.factors:
-            return tables | {"conditions": {"exactly": True}}
-        table: dict[str, Any] = {}
-        if match := re.search(r"(\d+) frequencies from (\S+) to (\S+) Hz", phrases):
-            table |= {"band": [float(match[2]), float(match[3])], "frequencies": int(match[1])}
-        if match := re.search(r"amplitude factors ([\d.,e+ -]+)", phrases):
-            table["amplitudes"] = [float(x) for x in match[1].split(",")]
-        scatter = {}
-        if match := re.search(r"(\d+) samples of", phrases):
-            table["samples"] = int(match[1])
-            scatter = {name: 0.01 * float(x) for name, x in re.findall(r"(\w+) within (\d+)%", phrases)}
-        return tables | {"conditions": table, "scatter": scatter}
 
     @property
     def allowed(self) -> float:

@@ -41,6 +41,10 @@ MEASURES = {
 `tpd.records.intensity`."""
 
 
+_EXACTLY = {"conditions": {"exactly": True}}
+"""Table of a single condition, the excitation of the scene."""
+
+
 def train_of(motion: Harmonic, amplitude: float = 1.0, frequency: float = 1.0) -> Pulse:
     """Return the first periods from rest of a harmonic with factors on its amplitude and frequency."""
     a, f = motion.amplitude * amplitude * (motion.rate * frequency) ** 2, motion.frequency * frequency
@@ -81,6 +85,9 @@ class Conditions:
     """Name in `tpd.records.intensity` of the measure to which the amplitude of a ground motion refers."""
     scales: tuple[float, ...] = ()
     """Values of the intensity to which every ground motion is scaled."""
+    tables: Mapping[str, Mapping[str, Any]] | None = field(default=None, compare=False)
+    """Tables of a job file for these conditions of a harmonic; empty for the neighbourhood of the excitation,
+    which is the default of a job, and None if no table describes them."""
 
     def __post_init__(self) -> None:
         checks.instance("factors", self.factors, Mapping)
@@ -92,6 +99,8 @@ class Conditions:
         }
         object.__setattr__(self, "factors", factors)
         checks.instance("motions", self.motions, tuple)
+        if not (self.factors or self.motions):
+            object.__setattr__(self, "tables", _EXACTLY)
         if self.which is not None:
             checks.array("which", self.which, (-1,), "a vector of indices of motions")
         # All factors and the indices of the motions have one entry per condition.
@@ -129,6 +138,7 @@ class Conditions:
             which,
             self.intensity if self.motions else other.intensity,
             self.scales or other.scales,
+            _joined(self.tables, other.tables),
         )
 
     def column(self, name: str) -> np.ndarray:
@@ -154,7 +164,7 @@ class Conditions:
         phrase = f"{most} of {n} conditions: {', '.join(self.description)}"
         which = None if self.which is None else self.which[chosen]
         factors = {k: v[chosen] for k, v in self.factors.items()}
-        return replace(self, factors=factors, description=(phrase,), which=which)
+        return replace(self, factors=factors, description=(phrase,), which=which, tables=None)
 
     @property
     def ranks(self) -> np.ndarray:
@@ -240,7 +250,9 @@ class Conditions:
         low, high = own * (1.0 - frequency), own * (1.0 + frequency)
         phrase = f"{count} frequencies from {low:.3g} to {high:.3g} Hz"
         near = Conditions({"frequency": factors}, (phrase,), {"frequency": (own, "Hz")})
-        return near * Conditions.amplitudes(1.0, 1.0 + amplitude) if amplitude else near
+        near = near * Conditions.amplitudes(1.0, 1.0 + amplitude) if amplitude else near
+        is_usual = (frequency, amplitude, count) == (0.05, 0.1, 5)
+        return replace(near, tables={}) if is_usual else near
 
     @staticmethod
     def band(scene: Scene, low: checks.Real, high: checks.Real, count: checks.Whole = 20) -> Conditions:
@@ -256,7 +268,8 @@ class Conditions:
         count = checks.count("count", count, least=2)
         phrase = f"{count} frequencies from {low:g} to {high:g} Hz"
         factors = {"frequency": np.geomspace(low, high, count) / own}
-        return Conditions(factors, (phrase,), {"frequency": (own, "Hz")})
+        tables = {"conditions": {"band": [low, high], "frequencies": count}}
+        return Conditions(factors, (phrase,), {"frequency": (own, "Hz")}, tables=tables)
 
     @staticmethod
     def amplitudes(*factors: checks.Real) -> Conditions:
@@ -269,7 +282,8 @@ class Conditions:
             raise ValueError("`factors` must contain at least one number, but is empty")
         factors = tuple(checks.positive("factors", factor) for factor in factors)
         phrase = f"amplitude factors {', '.join(f'{x:g}' for x in factors)}"
-        return Conditions({"amplitude": np.array(factors, dtype=float)}, (phrase,))
+        tables = {"conditions": {"amplitudes": list(factors)}}
+        return Conditions({"amplitude": np.array(factors, dtype=float)}, (phrase,), tables=tables)
 
     @staticmethod
     def records(
@@ -357,7 +371,19 @@ class Conditions:
         columns = unit[:, [FACTORS.index(name) for name in used]]
         factors = factors_at(columns, {name: half_widths[name] for name in used})
         widths = ", ".join(f"{n} within {w:.0%}" for n, w in half_widths.items())
-        return Conditions(factors, (f"{size} samples of {widths or 'nothing'} (seed {seed})",))
+        tables = {"conditions": {"samples": size}, "scatter": half_widths}
+        phrase = f"{size} samples of {widths or 'nothing'} (seed {seed})"
+        return Conditions(factors, (phrase,), tables=tables)
+
+
+def _joined(first: Mapping[str, Any] | None, second: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    """Return the tables of a combination of conditions; None if no table describes it."""
+    if _EXACTLY in (first, second):
+        return second if first == _EXACTLY else first
+    # Two bands, for example, cannot both be in one table.
+    if not (first and second) or any(first.get(x, {}).keys() & keys.keys() for x, keys in second.items()):
+        return None
+    return {x: {**first.get(x, {}), **second.get(x, {})} for x in {**first, **second}}
 
 
 def _check_scene(scene: object) -> None:
