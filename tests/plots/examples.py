@@ -18,6 +18,7 @@ FRONT = Front(
 )
 """No pendulum is recommended with the lightest bob; the last point is the design."""
 SMALL = {
+    "space": tpd.DesignSpace(damping_ratio=0.1),
     "limits": tpd.limits.POINT_BOB,
     "method": tpd.Descent(searches=2, screening=32, steps=4, finish=1),
     "ensemble": tpd.Ensemble(size=64),

@@ -19,6 +19,7 @@ def harmonic(at_least: float = 0.1, measure: str | None = None) -> Design:
     """A pendulum that is recommended for the paper's block, or rejected for less than a share of benefit."""
     return tpd.optimise(
         SCENE,
+        tpd.DesignSpace(damping_ratio=0.1),
         limits=tpd.limits.POINT_BOB,
         method=tpd.Descent(searches=2, screening=32, steps=4, finish=1),
         ensemble=tpd.Ensemble(size=128),

@@ -254,9 +254,10 @@ class Refinement:
         quantiles = {name: np.exp(x) for name, x in self._quantiles().items()}
         columns = [np.maximum(fixed[name], quantiles.get(name, fixed[name])) for name in fixed]
         sizes = np.array(columns, dtype=float).reshape(len(fixed), len(designs)).T
-        # If no process could be fitted, only the validation can show whether a design keeps the limits.
-        known = np.isfinite(sizes).all(axis=1) | (self.process is None)
         x = self.problem.space.scaled(designs)
+        # If no process could be fitted, only the validation can show whether a design keeps the limits.
+        feasible = (self.keeps(x) >= self.likely) & self.possible(designs)
+        feasible &= np.isfinite(sizes).all(axis=1) | (self.process is None)
         trend = np.full(len(x), np.nan) if self.process is None else self.process.at(x)[0]
         counts = [(r.is_overturned.sum(), r.is_unanswered.sum(), len(r.outcome)) for r in self.runs]
         overturned, unanswered, runs = np.array(counts, dtype=float).T
@@ -268,7 +269,7 @@ class Refinement:
             sizes=sizes[order],
             overturned=(overturned / np.maximum(runs - unanswered, 1.0))[order],
             undecided=unanswered.astype(int)[order],
-            feasible=((self.keeps(x) >= self.likely) & self.possible(designs) & known)[order],
+            feasible=feasible[order],
             without_pendulum=self.without,
             process=self.process,
             limits=dict(self.limits),

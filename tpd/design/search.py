@@ -108,6 +108,10 @@ class Search:
 
     screened: np.ndarray = field(default_factory=_no_designs)
     """Designs (mu, lam, zeta) that were evaluated before the descents, (m, 3)."""
+    screened_value: np.ndarray = field(default_factory=_no_values)
+    """Risk of these designs plus the excess over limits, (m,)."""
+    screened_feasible: np.ndarray = field(default_factory=_no_values)
+    """Whether these designs keep the limits, (m,)."""
     paths: tuple[np.ndarray, ...] = ()
     """Designs along each descent, each (steps, 3)."""
     passed: np.ndarray = field(default_factory=_no_designs)
@@ -172,7 +176,8 @@ def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | No
     _check_size(orbits, e)
     local = orbits.linearised(e)
     # Designs slightly beyond a limit stay in the order, because a descent leads them back inside.
-    screened_value = orbits.value(e) + np.maximum(local.limit, 0.0).sum(axis=1)
+    excess = np.maximum(local.limit, 0.0).sum(axis=1)
+    screened_value = orbits.value(e) + excess
     # The number of starts is smaller than `searches` if screened designs coincide.
     chosen = best_apart(space.scaled(designs), screened_value, settings.searches)
 
@@ -223,6 +228,8 @@ def search(orbits: Orbits, settings: Descent, seed: int, progress: Progress | No
     values = np.where(kept & ~(contradicted & ~contradicted.all()), risk.of(exact.value), np.inf)
     return Search(
         screened=designs,
+        screened_value=screened_value,
+        screened_feasible=excess == 0.0,
         paths=tuple(space.unscaled(descents.path[:, i]) for i in range(len(x))),
         passed=space.unscaled(_passed(descents, x)),
         ends=space.unscaled(x),
