@@ -150,10 +150,9 @@ class Fragility(Printed, Cases):
         # A curve through so few earthquakes would rank the cases by chance.
         rows = [("  state", "case", *(("runs in this state",) if is_few else ("median", "dispersion")))]
         for name in self.without_pendulum:
-            for i, (label, case) in enumerate(zip(_LABELS, self.cases, strict=False)):
-                curve = case[name]
-                counted = f"{int(curve.counts.sum())} of {int(curve.total.sum())}"
-                rows.append(("" if i else f"  {name}", label, *((counted,) if is_few else curve.words)))
+            for label, case in zip(_LABELS, self.cases, strict=False):
+                counted = f"{int(case[name].counts.sum())} of {int(case[name].total.sum())}"
+                rows.append((f"  {name}", label, *((counted,) if is_few else case[name].words)))
         lines += aligned(rows)
         runs = len(self.motions) * len(self.stripes)
         # The outcomes without an answer are the same for all states, so that one curve of each case suffices.
@@ -168,7 +167,7 @@ class Fragility(Printed, Cases):
 
     @property
     def conclusion(self) -> str:
-        """Sentence on the medians of the gravest state, and whether they differ significantly."""
+        """Sentence on the medians of the last damage state, and whether they differ significantly."""
         if self.earthquakes < LEAST_EARTHQUAKES:
             few = f"With fewer than {LEAST_EARTHQUAKES} earthquakes"
             return f"{few} these counts do not predict other earthquakes."
