@@ -150,10 +150,9 @@ class Fragility(Printed, Cases):
         # A curve through so few earthquakes would rank the cases by chance.
         rows = [("  state", "case", *(("runs in this state",) if is_few else ("median", "dispersion")))]
         for name in self.without_pendulum:
-            for i, (label, case) in enumerate(zip(_LABELS, self.cases, strict=False)):
-                curve = case[name]
-                counted = f"{int(curve.counts.sum())} of {int(curve.total.sum())}"
-                rows.append(("" if i else f"  {name}", label, *((counted,) if is_few else curve.words)))
+            for label, case in zip(_LABELS, self.cases, strict=False):
+                counted = f"{int(case[name].counts.sum())} of {int(case[name].total.sum())}"
+                rows.append((f"  {name}", label, *((counted,) if is_few else case[name].words)))
         lines += aligned(rows)
         runs = len(self.motions) * len(self.stripes)
         # The outcomes without an answer are the same for all states, so that one curve of each case suffices.
@@ -168,16 +167,16 @@ class Fragility(Printed, Cases):
 
     @property
     def conclusion(self) -> str:
-        """Sentence on the medians of the gravest state, and whether they differ significantly."""
+        """Sentence on the medians of the last damage state, and whether they differ significantly."""
         if self.earthquakes < LEAST_EARTHQUAKES:
             few = f"With fewer than {LEAST_EARTHQUAKES} earthquakes"
             return f"{few} these counts do not predict other earthquakes."
         state = list(self.without_pendulum)[-1]
-        medians = [case[state].fit.median for case in self.cases]
+        first, last = (self.cases[i][state].fit.median for i in (0, -1))
         if self.p_medians is None:
-            return f"The median of the state {state} is {median_words(medians[0])}."
+            return f"The median of the state {state} is {median_words(first)}."
         # An infinite median is one above all stripes, and has no number.
-        two = " {} and {}".format(*compared(*medians)) if np.isfinite(medians).all() else ""
+        two = " {} and {}".format(*compared(first, last)) if math.isfinite(first + last) else ""
         differ = "differ" if self.p_medians[state] < SIGNIFICANT else "do not differ"
         return f"The medians{two} ({state}) {differ} significantly (p = {self.p_medians[state]:.2g})."
 
@@ -293,7 +292,8 @@ def fragility(
         # All stripes together: an earthquake has the smaller capacity in the case in which more of its runs
         # reach the state.
         each = np.repeat(quakes, len(stripes))
-        p_medians = {n: float(mcnemar(*hit.reshape(2, -1, 1), each)[0]) for n, hit in hits.items()}
+        runs = {n: hit.reshape(2, -1, 1) for n, hit in hits.items()}
+        p_medians = {n: float(mcnemar(one, other, each)[0]) for n, (one, other) in runs.items()}
     crossings = {name: tuple(_first_crossing(h, stripes) for h in hit) for name, hit in hits.items()}
     return Fragility(
         intensity=measure.name,

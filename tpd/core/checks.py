@@ -359,7 +359,7 @@ def at_most(name: str, value: object, most: object, of: str) -> None:
     beyond = values > bounds * (1.0 + 1e-9)
     if np.any(beyond):
         first = tuple(np.argwhere(beyond)[0])
-        actual, limit = compared(values[first], bounds[first], 6)
+        actual, limit = compared(float(values[first]), float(bounds[first]), 6)
         raise ValueError(f"`{name}` must be at most {limit}, {of}, but is {actual}")
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from tpd.answers.statistics import LEAST_EARTHQUAKES
-from tpd.core.formatting import compared, percent
+from tpd.core.formatting import compared, number, percent
 from tpd.design.criteria import LABELS
 
 
@@ -159,15 +159,12 @@ class Reason:
     @property
     def _numbers(self) -> dict[str, str]:
         """Numbers of the sentence, with the digits that show on which side of the limit each of them is."""
-        match self.kind:
-            case ReasonKind.touches_wall | ReasonKind.worse_condition | ReasonKind.too_little_benefit:
-                value, reference = compared(self.value, self.reference, 1, percent)
-            case ReasonKind.slides:
-                value, reference = compared(self.value, self.reference)
-            case ReasonKind.breaks_limit:
-                value, reference = compared(self.value, 1.0, 3)
-            case _:
-                value, reference = (f"{x:.0f}" for x in (self.value, self.reference))
+        kinds = ReasonKind.touches_wall, ReasonKind.worse_condition, ReasonKind.too_little_benefit
+        form, digits = (percent, 1) if self.kind in kinds else (number, 9)
+        digits = {ReasonKind.slides: 2, ReasonKind.breaks_limit: 3}.get(self.kind, digits)
+        # A limited quantity is over its limit.
+        limit = 1.0 if self.kind is ReasonKind.breaks_limit else self.reference
+        value, reference = compared(self.value, limit, digits, form)
         low, certain = compared(self.low, CERTAIN * self.reference, 1, percent)
         overturning = self.measure == "overturning"
         of = "share of runs that overturn" if overturning else "mean tilt"
