@@ -402,7 +402,7 @@ def test_no_value_of_the_page_is_unknown(show):
             cells = window.run(f"[...document.querySelectorAll('#{table} td')].map((x) => x.textContent)")
             assert not [text for text in cells if re.search("unknown|NaN|undefined|Infinity", text)]
     move(window, "length", 0)
-    assert row(window, "bob") == ("no body swings as this point", "exact")
+    assert row(window, "bob") == ("no body swings like it", "exact")
     assert row(window, "thickness", "limits")[0].endswith("exceeded")
     assert not window.errors
 

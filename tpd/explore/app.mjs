@@ -196,12 +196,12 @@ function runRows(runs) {
 }
 
 /** Return the share of a limit as a text, with the digits that decide. */
-function usedText({ name, share, exceeded }) {
+function usedText({ name, share, exceeded }, without) {
   const digits = [3, 4, 5, 6].map((n) => format(100 * share, n)).find((text) => text !== "100") ?? "100";
-  // The share of a change that is allowed would read as a change itself.
+  // The share of a change that is allowed would read as a change itself. Next to rest the limit is no such change.
   const change = share * (1 + limits.worsening) - 1, allowed = `${percent(limits.worsening)} more allowed`;
   const changed = `${percent(Math.abs(change))} ${change > 0 ? "more" : "less"} tilt, ${allowed}`;
-  return `${name === "worsening" ? changed : `${digits} %`}${exceeded ? ": exceeded" : ""}`;
+  return `${name === "worsening" && without > 0.02 ? changed : `${digits} %`}${exceeded ? ": exceeded" : ""}`;
 }
 
 /** Show both tables of results. */
@@ -212,8 +212,7 @@ function showResults(now, shares, basis, largest, alone, pendulum, body) {
   // The loads of a block that falls are no loads of a design.
   const force = largest.tension * mass * g, load = force < 1000 ? `${format(force)} N` : `${format(force / 1000)} kN`;
   const moment = `${format(damper * largest.rate)} N m`;
-  const { exists, mass: heavy, radius, rod } = body, wide = 2 * radius;
-  const size = exists ? `${format(heavy)} kg, ${format(wide)} m wide` : "no body swings as this point";
+  const size = body.exists ? `${format(body.mass)} kg, ${format(2 * body.radius)} m wide` : "no body swings like it";
   fill("results", [
     ["largest", "Largest tilt over the slenderness", unlessEnded(largest, angleText(largest.tilt)), source],
     ["largest-without", "Largest tilt without a pendulum", unlessEnded(alone, angleText(alone.tilt)), source],
@@ -224,10 +223,12 @@ function showResults(now, shares, basis, largest, alone, pendulum, body) {
     ["natural", "Natural frequency", `${format(natural)} Hz`, `${EXACT}, undamped, block at rest`],
     ["damper", "Damping of the hinge", `${format(damper)} N m s/rad`, EXACT],
     ["bob", "Bob as built", size, EXACT],
-    ["rod", "Rod to the centre of the bob", exists ? `${format(rod)} m` : "–", EXACT],
+    ["rod", "Rod to the centre of the bob", body.exists ? `${format(body.rod)} m` : "–", EXACT],
   ]);
-  const sourceOf = ({ name }) => (data.still.includes(name) ? EXACT : basis);
-  fill("limits", shares.map((own) => [own.name, data.limit_labels[own.name], usedText(own), sourceOf(own)]));
+  fill("limits", shares.map((own) => {
+    const source = data.still.includes(own.name) ? EXACT : basis;
+    return [own.name, data.limit_labels[own.name], usedText(own, now?.without.value), source];
+  }));
 }
 
 // Figures
@@ -276,8 +277,7 @@ function drawMap(now) {
   samples.forEach(({ mass, length, corners, body }, n) => {
     const pendulum = { mass, length, damping: state.damping };
     const tilt = mean(tilts, corners), swing = mean(swings, corners);
-    const hasTilt = Number.isFinite(tilt);
-    const own = hasTilt ? { tilt, swing } : restOf(pendulum);
+    const hasTilt = Number.isFinite(tilt), own = hasTilt ? { tilt, swing } : restOf(pendulum);
     const motion = hasTilt || own.margin > 0 ? { ...own, without: now.without.value } : null;
     // Light is the smallest tilt, dark the largest; a place without a value stays white.
     const shade = 235 - (150 * (tilt - least)) / (most - least || 1);
@@ -376,13 +376,13 @@ function drawMotions() {
     const text = `Tilt ${((phi * 180) / Math.PI).toFixed(2)}° at ${time.toFixed(1)} s.`;
     byId(`state-${name}`).textContent = hasEnded && time < clock ? `The block ${outcome}.` : text;
   });
-  const tilts = states.flatMap(({ path }) => path).map(([, tilt]) => Math.min(1.2, Math.abs(tilt)));
-  const most = 1.1 * tilts.reduce((a, b) => Math.max(a, b), 0.1);
+  const points = states.flatMap(({ path }) => path), larger = (a, [, tilt]) => Math.max(a, Math.abs(tilt));
+  const most = 1.1 * Math.min(1.2, points.reduce(larger, 0.1));
   const view = cleared(byId("trace")), vertical = { low: -most, high: most, label: "tilt" };
   const { px, py } = drawAxes(view, { low: from, high: from + span, label: "time (s)" }, vertical);
-  const points = states.map(({ path }) => path.map(([t, tilt]) => [px(t), py(clamped(tilt, -most, most))]));
-  drawLine(view.c, points[0], GREY, 2, [5, 3]);
-  drawLine(view.c, points[1], BLUE, 1.8);
+  const lines = states.map(({ path }) => path.map(([t, tilt]) => [px(t), py(clamped(tilt, -most, most))]));
+  drawLine(view.c, lines[0], GREY, 2, [5, 3]);
+  drawLine(view.c, lines[1], BLUE, 1.8);
 }
 
 // Everything together
@@ -390,7 +390,8 @@ function drawMotions() {
 /** Return the largest values without a pendulum, which only a change of the base motion or of the start changes. */
 function simulateAlone() {
   const key = JSON.stringify([excitation(), state.push]);
-  return (simulateAlone[key] ??= simulate(null));
+  if (simulateAlone.key !== key) [simulateAlone.key, simulateAlone.values] = [key, simulate(null)];
+  return simulateAlone.values;
 }
 
 /** Return the motion to which the limits apply, or null, and its source. */
@@ -438,12 +439,12 @@ function begin() {
   controls.forEach(addControl);
   const first = Object.fromEntries(controls.map(({ name, value }) => [name, value]));
   byId("reset").addEventListener("click", () => set(first));
-  const toggle = (button) => (button.textContent = (state.play = !state.play) ? "Pause" : "Play");
-  byId("play").addEventListener("click", ({ target }) => toggle(target));
+  const play = byId("play"), toggle = () => (play.textContent = (state.play = !state.play) ? "Pause" : "Play");
+  play.addEventListener("click", toggle);
   byId("restart").addEventListener("click", () => ((clock = 0), drawMotions()));
   byId("speed").addEventListener("change", ({ target }) => (state.speed = Number(target.value)));
-  const pushTo = (field) => (field.value = state.push = typedIn(field, PUSH, state.push));
-  byId("push").addEventListener("change", ({ target }) => (pushTo(target), update()));
+  const push = byId("push"), start = () => (push.value = state.push = typedIn(push, PUSH, state.push));
+  push.addEventListener("change", () => (start(), update()));
   byId("map").addEventListener("click", ({ offsetX, offsetY }) => {
     const { left, right, top, bottom } = drawMap.area;
     const [x, y] = [(offsetX - left) / (right - left), (bottom - offsetY) / (bottom - top)];
@@ -452,7 +453,7 @@ function begin() {
   });
   window.addEventListener("resize", () => update(false));
   // Readers who want less motion start the animation themselves.
-  if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) byId("play").click();
+  if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) toggle();
   set(first);
   requestAnimationFrame(animate);
 }

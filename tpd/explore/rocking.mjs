@@ -227,7 +227,8 @@ export class Motion {
   advance(until, each = () => {}) {
     let events = 0;
     while (!this.hasEnded && this.tau < until) {
-      // A step ends with its piece: the acceleration has a kink at every sample of a record, and may jump.
+      // A step ends with its piece: the acceleration has a kink at every sample of a record, and may jump. The free
+      // motion has pieces, too.
       const stop = Math.min(until, this.pieceEnd), left = stop - this.tau;
       const { name, h, end } = this.firstEvent(Math.min(this.step, left));
       this.y = end;
@@ -235,8 +236,7 @@ export class Motion {
       this.meet(name, h);
       if (this.tau === this.pieceEnd) {
         this.piece += 1;
-        const { powers, order, span } = this.ground;
-        this.pieceEnd = this.piece * order < powers.length ? (this.piece + 1) * span : Infinity;
+        this.pieceEnd = (this.piece + 1) * this.ground.span;
         // A jump of the acceleration may release a block that is held.
         if (this.kind !== SLIP) this.decide(this.kind === REST ? 0 : this.side, 0, this.load(this.tau));
       }
