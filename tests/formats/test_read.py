@@ -251,3 +251,10 @@ def test_the_header_of_a_waveform_decides(monkeypatch, header, message):
         trace = Trace(np.array([0.0, 0.5]))
         vars(trace.stats).update(sound)
         assert read_as(monkeypatch, trace)[0].peak == 0.5
+
+
+@pytest.mark.mends("the message on a name without a last part began with a colon")
+def test_a_message_on_the_current_folder_names_it():
+    for name in ("", "."):
+        with pytest.raises(UnreadableRecord, match=r"^\.: the path is a directory and not a file"):
+            Record.read(name)

@@ -22,9 +22,7 @@ from tpd.formats.channel import (
 )
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, NoAcceleration, UnreadableRecord, fortran, number
 
-_FIRST = (
-    r"^\s*(corrected|uncorrected|raw)\s+(\w+)\s*(?:counts|data)?\s*\(format v\S+ with (\d{1,3}) text lines\)"
-)
+_FIRST = r"^\s*(corrected|uncorrected|raw)\s+(\w+)\s*(?:counts)?\s*\(format v\S+ with (\d{1,3}) text lines\)"
 _DATA = (
     rf"^\s*({WHOLE})\s+(accel\w*|veloc\w*|displ\w*|raw accel\w*)\.?\s+pts,\s*approx\s+({NUMBER})\s+secs?,"
     r"\s*units\s*=\s*(.*?)\s*\(\s*(\d+)\s*\),\s*format\s*=\s*\([^()]*\)[\s.]*$"
@@ -82,9 +80,9 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | str:
     if _is_stated(reals[_LENGTH]):
         agree(len(values) * dt, float(reals[_LENGTH]), "the length in s", tolerance=1.5 * dt)
     stated = text.match(11, _PEAK, "the peak and its time")
-    units = stated[2], own, _CODES.get(code, f"of code {code}")
-    if len({FACTORS[unit_of(x, text.start + 11)] for x in units}) > 1:
-        raise UnreadableRecord(f"{text.where(11)} and the line above the samples state different units")
+    for unit_stated in (stated[2], _CODES.get(code, f"of code {code}")):
+        factor = FACTORS[unit_of(unit_stated, text.start + 11)]
+        agree(factor, FACTORS[unit_of(own, text.start + 11)], "the unit in m/s^2")
     peak, time = Decimal.of(stated[1]), Decimal.of(stated[3])
     # Samples have more digits than the statement.
     agree_on_peak(values, peak, text.where(11), digit=0.0)

@@ -71,7 +71,7 @@ def _volume_2(cursor: Cursor, unit: str | None) -> Channel:
     _headers(cursor, _V2_INTEGERS, _V2_REALS)
     values, data = _block(cursor, "accel", count, dt)
     own = unit_of(data.unit, data.line)
-    _agree_unit(unit_of(peak[2], text.start + 18), own)
+    agree(FACTORS[unit_of(peak[2], text.start + 18)], FACTORS[own], "the unit in m/s^2")
     agree_on_peak(values, Decimal.of(peak[1]), text.where(18), digit=data.digit)
     agree_on_peak_time(values, dt, Decimal.of(peak[3]), text.where(18))
     for kind in ("veloc", "displ"):
@@ -102,7 +102,7 @@ def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
         "the unit, the peak and its time",
     )
     for stated_unit in (peak[1], peak[3]):
-        _agree_unit(unit_of(stated_unit, text.start + 12), own)
+        agree(FACTORS[unit_of(stated_unit, text.start + 12)], FACTORS[own], "the unit in m/s^2")
     agree_on_peak(values, Decimal.of(peak[2]), text.where(12), digit=data.digit)
     agree_on_peak_time(values, dt, Decimal.of(peak[4]), text.where(12))
     cursor.match(_END, "the end of the channel")
@@ -152,12 +152,6 @@ class _Description:
     def digit(self) -> float:
         """Size of the last digit of a sample."""
         return 10.0**-self.decimals
-
-
-def _agree_unit(first: str, second: str) -> None:
-    """Raise `UnreadableRecord` if two statements of the unit differ."""
-    if FACTORS[first] != FACTORS[second]:
-        raise UnreadableRecord(f"the file states the unit twice and differently, {first} and {second}")
 
 
 def _words(text: Header, at: int) -> tuple[str, str, str]:

@@ -44,7 +44,7 @@ def is_peer(lines: Sequence[str]) -> bool:
     """Return whether lines are those of an AT2 file, also if it is damaged."""
     head = "\n".join(lines[:_HEAD]).upper()
     # Each mark alone also occurs above tables.
-    marks = "NPTS" in head, _TITLE.search(head), re.search(r"\bPEER\b", lines[0].upper())
+    marks = "NPTS" in head, "IN UNIT" in head, _TITLE.search(head), re.search(r"\bPEER\b", lines[0].upper())
     return sum(map(bool, marks)) >= 2
 
 
@@ -54,13 +54,12 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
     Raises:
         UnreadableRecord: the file is damaged, contradicts itself, or contains no acceleration.
     """
-    head: list[str] = []
+    head, (line, stated) = list[str](), _unit(cursor.lines[:_HEAD])
     # The header ends with the line that states the number of samples and the step.
     while not head or "NPTS" not in head[-1].upper():
         if len(head) == _HEAD:
             raise UnreadableRecord(f"the first {_HEAD} lines must state NPTS and DT, but do not")
         head.append(cursor.next("NPTS and DT"))
-    line, stated = _unit(head)
     numbers = _COUNT_AND_STEP.fullmatch(head[-1])
     units = [((numbers and numbers[i]) or "s").lower() for i in (3, 7)]
     if numbers is None or not {*units} <= {*TIMES}:
@@ -104,7 +103,8 @@ def _unit(head: Sequence[str]) -> tuple[int, str]:
         if other := re.search(r"VELOCITY|DISPLACEMENT", quantity[1], re.IGNORECASE):
             raise NoAcceleration(wrong, other[0].lower())
         raise UnreadableRecord(wrong)
-    for i, text in enumerate(head[:-1], 1):
+    count = next((i for i, text in enumerate(head) if "NPTS" in text.upper()), len(head))
+    for i, text in enumerate(head[:count], 1):
         if i != line and (word := _NO_NAME.search(text)):
             raise UnreadableRecord(f"line {i} has {shown(word[0])}, which is not understood")
     return line, unit_of(_FILTER.sub("", quantity[2]), line)

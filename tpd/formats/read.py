@@ -116,7 +116,7 @@ def channels(file: Path, how: Options) -> list[Channel]:
     number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
     if dt is not None and not (number and 0.0 < dt < float("inf")):
         raise ValueError(f"`dt` must be positive and finite, in s, but is {dt!r}")
-    channels, label = list[Channel](), file.name
+    channels, label = list[Channel](), file.name or str(file)
     try:
         read = _of_bytes(_content(file), how)
         # The name of a file with several channels says nothing about a single channel.

@@ -257,10 +257,8 @@ def _read_count(header: _Header, rows: list[_Row], used: Sequence[int]) -> list[
     # The count and the step may be in two lines, but the second number may also be a sample.
     step, count = sorted([values[0], number(rest[0][1][0], rest[0][0])])
     if len(cells) == 1 and count in (len(rest) - 1, total - 1) and STEPS[0] <= step <= _LONGEST_STEP:
-        wrong = (
-            f"lines {line} and {rest[0][0]} may be the number of samples, {count:g}, and the step, {step:g} s"
-        )
-        raise UnreadableRecord(wrong, skip=rest[0][0], dt=step)
+        pair = f"the number of samples, {count:g}, and the step, {step:g} s"
+        raise UnreadableRecord(f"lines {line} and {rest[0][0]} may be {pair}", skip=rest[0][0], dt=step)
     # A whole number above decimals is not a sample.
     decimals = sum("." in row[0] for _, row in rest)
     odd = len(cells) == 1 and values[0] and "." not in cells[0] and 2 * decimals > len(rest)
