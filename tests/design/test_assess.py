@@ -147,9 +147,6 @@ def test_each_record_counts_at_its_own_size():
     assert periods[0] < periods[1]
 
 
-@pytest.mark.mends(
-    "the isolation periods of the far-field set were computed by 660 spectral accelerations of 27 ms"
-)
 @pytest.mark.parametrize(("acceleration", "expected"), [(1e9, 0.0), (1e-9, math.inf)])
 def test_a_spectrum_below_or_above_an_acceleration_everywhere_has_no_root(acceleration, expected):
     assert isolation_period(tpd.records.el_centro(), acceleration) == expected

@@ -115,3 +115,13 @@ def test_dangers_come_first_among_the_reasons():
     assert table.rows[0][-1] == f"{STRIKES}; {LITTLE}"
     calm = dataclasses.replace(harmonic(), status=DesignStatus.no_uplift, validated=(), trials=None)
     assert [sections.over_runs(calm), sections.limiting(calm), sections.searched(calm, ())] == [[], [], []]
+
+
+@pytest.mark.mends("the report pooled all levels of ground motions, with intervals over runs")
+def test_each_level_of_ground_motions_has_a_row():
+    runs = ground().runs
+    found = rows(sections.over_runs(ground())[0])
+    for i, scale in enumerate((2, 3)):
+        cases = (case.of(np.arange(i, 4, 2)) for case in (runs.with_pendulum, runs.without_pendulum))
+        expected = tuple(words.share(case.share_overturned) for case in cases)
+        assert found[f"overturned, {scale} (PGA over g tan(alpha))"] == expected

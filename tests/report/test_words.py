@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import pytest
 
 import tpd
 from tests.report.conftest import harmonic
@@ -109,3 +110,12 @@ def test_limits_in_words():
     assert "a solid cylinder of 700 kg/m³, 2 times as high as wide" in words.limit(wood)
     said = [words.limit(limit) for limit in harmonic().problem.limits]
     assert said == ["stroke 0.5 rad", "reserve 0.05"]
+
+
+@pytest.mark.mends("a block of 0.55 m by 1.8 m toppled at 17.5°, which is its slenderness and not its angle")
+def test_the_toppling_angle_is_that_of_the_geometry():
+    block = tpd.Block(width=0.55, height=1.8, mass=700.0)
+    scene = tpd.Scene(block, tpd.paper_scene().motion)
+    # atan(0.55/1.8) = 16.99 degrees.
+    assert "topples at 0.2965 rad (17°)" in words.scene_lines(scene)[0]
+    assert "topples at 0.2965 rad (17°)" in words.block_of(scene)

@@ -194,7 +194,8 @@ def _outcome(runs: Runs, is_sample: bool) -> str:
     every = "the only run" if count == 1 else f"any of {count} runs"
     if share.value > 0.0:
         of = every if count == 1 else f"{100.0 * share.value:.1f} % of {count} runs"
-        over = "" if runs.cluster is None else f" over {len(np.unique(runs.cluster))} earthquakes"
+        events = 0 if runs.cluster is None else len(np.unique(runs.cluster))
+        over = f" over {events} earthquake{'s' * (events != 1)}" if events else ""
         ends = f" (95 % interval{over} {100.0 * share.low:.0f} to {100.0 * share.high:.0f} %)"
         return f"OVERTURNS in {of}{ends if is_sample and count > 1 else ''}"
     if not runs.is_lifted.any():
