@@ -222,4 +222,5 @@ _SLOPES = {group: once(partial(slopes, group=group)) for group in ASKED}
 
 def _orbits(fields: dict[str, Any]) -> Orbits:
     margins = {name: fields.pop(name) for name in ("fold", "symmetry", "torus", "sticking", "grazing")}
-    return Orbits(margins=Margins(**margins), **fields | {"status": status_of(fields["status"])})
+    fields["status"] = status_of(fields["status"])
+    return Orbits(margins=Margins(**margins), **fields)
