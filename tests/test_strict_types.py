@@ -32,9 +32,9 @@ CALLS = {
     "periodic orbit": lambda: tpd.periodic_orbit(P, np.array([0.05, 0.0, 0.0, 0.0])),
     "derivatives of a transient": lambda: trace(jax.grad(tilt_of), BLOCK),
     "critical scale": lambda: tpd.critical_scale(tpd.Scene(BLOCK, PULSE)),
-    "harmonic balance": lambda: tpd.theory.one_harmonic_branches(P),
+    "harmonic balance": lambda: trace(tpd.theory.one_harmonic_branches, P),
     "parametric balance": lambda: trace(tpd.theory.parametric_branches, P),
-    "neglected harmonics": lambda: tpd.theory.neglected_harmonics(P),
+    "neglected harmonics": lambda: trace(tpd.theory.neglected_harmonics, P),
     "descent": lambda: descended(PROBLEM, tpd.Descent(steps=2)),
 }
 

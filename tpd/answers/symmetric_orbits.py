@@ -221,7 +221,6 @@ _SLOPES = {group: once(partial(slopes, group=group)) for group in ASKED}
 
 
 def _orbits(fields: dict[str, Any]) -> Orbits:
-    margins = Margins(**{n: fields[n] for n in ("fold", "symmetry", "torus", "sticking", "grazing")})
-    names = ("amplitude", "swing", "state", "phase", "crossing", "multipliers", "overflow")
-    fields = {name: fields[name] for name in names} | {"status": status_of(fields["status"])}
-    return Orbits(margins=margins, **fields)
+    margins = {name: fields.pop(name) for name in ("fold", "symmetry", "torus", "sticking", "grazing")}
+    fields["status"] = status_of(fields["status"])
+    return Orbits(margins=Margins(**margins), **fields)

@@ -177,13 +177,13 @@ def _compiled(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 @lru_cache(maxsize=1)
 def _options() -> tuple[tuple[str, Any], ...]:
-    known: list[tuple[str, Any]] = []
+    usable: list[tuple[str, Any]] = []
     for option in OPTIONS if jax.default_backend() == "cpu" else ():
         # Another version of the compiler may not have this option.
         with contextlib.suppress(jax.errors.JaxRuntimeError):
             jax.jit(lambda: 0.0, compiler_options=dict([option]))()
-            known.append(option)
-    return tuple(known)
+            usable.append(option)
+    return tuple(usable)
 
 
 def aside(work: Callable[[], object]) -> Thread:

@@ -75,7 +75,8 @@ def _can_compile_parts() -> bool:
         # The trial itself compiles a part.
         _possible.append(bool(_OWN))
         try:
-            part = numba.njit(pipeline_class=PartCompiler, no_cpython_wrapper=True)(lambda x: x + 1.0)
+            options: Any = {"pipeline_class": PartCompiler, "no_cpython_wrapper": True}
+            part = numba.njit(**options)(lambda x: x + 1.0)
             numba.cfunc("float64(float64)")(lambda x: part(x))
         except Exception:
             _possible[0] = False

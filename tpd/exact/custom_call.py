@@ -22,11 +22,11 @@ from tpd.exact.motion import NO
 from tpd.exact.plant import compiled, part
 from tpd.exact.terms import WIDTH
 
-carray: Any = numba.carray
+carray: Any = numba.carray  # type: ignore[attr-defined]
 FRAME = 16
 """Number of 8-byte integers in a frame of XLA."""
-_VERSION = 0, 3
-"""Major and minor version of the interface whose columns are below. XLA refuses code of a version that it no
+_MAJOR, _MINOR = 0, 3
+"""Version of the interface whose columns are below. XLA refuses code of a version that it no
 longer supports. Check the columns in `xla/ffi/api/c_api.h` before this changes."""
 _SIZE, _EXTENSION, _STAGE, _OPERANDS, _OPERAND_LIST, _RESULTS, _RESULT_LIST = 0, 1, 4, 7, 9, 12, 14
 """Columns of such a frame: its size, an extension, the stage, the number of operands and the list of them,
@@ -69,8 +69,7 @@ BEGIN, RAMP = 0, 1
 
 def api_version() -> int:
     """Return the version of the FFI for which this module is written, as one integer."""
-    major, minor = _VERSION
-    return major | minor << 32
+    return _MAJOR | _MINOR << 32
 
 
 @intrinsic
