@@ -37,7 +37,7 @@ from tpd.exact.legs import (
     store_impacts,
     store_states,
 )
-from tpd.exact.motion import FIRST_PIECE, LEG, copy_to, larger_side
+from tpd.exact.motion import FIRST_PIECE, LEG, YES, copy_to, larger_side
 from tpd.exact.period_map import RUN, new_buffers, records_of
 from tpd.exact.plant import compiled, fill_plants
 from tpd.exact.repetition import SETTLED
@@ -77,7 +77,7 @@ def _settle(a, first, last):
     t, out, m = view(times, (last, 2), np.float64), view(results, (last,), SETTLED), buffers.motions[RUN]
     for n in range(first, last):
         copy_to(y[n], m.y)
-        settle(x[n], buffers, s[n], t[n, BEGIN], t[n, RAMP], out[n])
+        settle(x[n], buffers, s[n], t[n, BEGIN], t[n, RAMP], YES, out[n])
     _keep_alive(buffers)
 
 
