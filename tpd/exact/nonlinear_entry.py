@@ -355,9 +355,11 @@ def _settle(q, m, w, s, since, ramp, trial, out):
             status = repetition.OVERTURNED if ended == BEYOND else repetition.EVENT_BOUND
         elif repeats > 0 and not was_held:
             status = repetition.ROCKING
-        elif was_held and q.zeta == 0.0:
+        elif was_held and q.zeta == 0.0 and q.mu > 0.0:
             # An undamped bob may repeat only after several periods.
-            status, rest_swing = repetition.AT_REST, np.max(past[:repeats].swing)
+            status, rest_swing = repetition.AT_REST, 0.0
+            for j in range(repeats):
+                rest_swing = max(rest_swing, past[j].swing)
         elif math.isfinite(rest_swing) or (is_still and q.mu == 0.0):
             # The block is at rest under a massless bob whether or not its swing is known.
             status, peaks[SWING] = repetition.AT_REST, peaks[SWING] + 0.0 * rest_swing
