@@ -70,9 +70,9 @@ READER = np.dtype(
 )
 """A reader, which computes derivatives from legs: complex `plants`, one for each parameter and one for all
 other directions; the derivatives `dy` of the state and `shift` of the local time, in all directions, in that
-of the start time, and in the four coefficients of the forcing in the piece of a leg; the present state `now` with its accelerations; the `maps` of whole pieces for the
-slipping and for the held block, their derivatives `slopes`, and whether they are computed already
-(`has_map`)."""
+of the start time, and in the four coefficients of the forcing in the piece of a leg; the present state `now`
+with its accelerations; the `maps` of whole pieces for the slipping and for the held block, their derivatives
+`slopes`, and whether they are computed already (`has_map`)."""
 
 
 @part
@@ -304,7 +304,7 @@ def _store_angles(r, f, m, n, leg, first, last, by):
 
 @compiled
 def _shift_of_angle(r, leg, k, j):
-    """Return the derivative in direction j of the local time at which angle k is largest, at the end of a leg."""
+    """Return the derivative in direction j of the local time at which angle k is largest, near the leg's end."""
     if k < 2 or (leg.event != BOB and leg.event != RELATIVE):
         return r.shift[j]
     # A leg that ends where the bob turns keeps its length. The turning point itself is a little earlier or

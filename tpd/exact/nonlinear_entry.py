@@ -400,8 +400,8 @@ def _steady_state(q, m, w, s, trial, settled, out):
     for i in range(6):
         for j in range(WIDTH):
             out.by[i, j] = math.nan
-    if status in (repetition.OVERTURNED, repetition.FAILED):
-        out.amplitude = out.swing = math.inf if status == repetition.OVERTURNED else math.nan
+    if status == repetition.OVERTURNED:
+        out.amplitude = out.swing = math.inf
     rocks = status in (repetition.ROCKING, repetition.STICKING) and int(settled.periods) % 2 == 1
     out.symmetric = 1.0 if rocks and _is_symmetric(q, m, w, s, out.y) else 0.0
 

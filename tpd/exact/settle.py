@@ -105,7 +105,9 @@ def _let_bob_settle(q, m, legs, w, limits, s, tolerance, periods, whole, peaks):
         # exception is a motion that repeats, of which all periods are followed.
         for j in range(periods, 0, -1):
             swings = j * math.sqrt(q.held_q) / q.xi
-            repeats = j if abs(swings - np.rint(swings)) < tolerance else repeats
+            # The second part is the rounding error, which counts next to resonance.
+            change = 2.0 * math.pi * (abs(swings - np.rint(swings)) + 1e-15 * swings) * (reach - size)
+            repeats = j if change < tolerance * (q.nu + q.f) else repeats
         periods, size = repeats + (1 if s > 0.0 else 0), reach
     while n < periods and m.kind == kind and (q.zeta == 0.0 or (whole and reach > peaks[SWING])):
         _one_period(q, f, m, legs, w, s, 0.0, limits)
@@ -174,8 +176,8 @@ def settle(x, buffers, s, since, ramp, whole, out):
     The run starts from its state at tau = `since`.
 
     The run also ends after the number of periods in the settings `s`. The excitation grows linearly over
-    `ramp` periods. `out` is a record `tpd.exact.repetition.SETTLED`. Its peaks are those of the whole run only
-    if `whole`, because the bob of a block at rest may reach its largest angle later.
+    `ramp` periods. `out` is a record `tpd.exact.repetition.SETTLED`. Its peaks are those of the whole run
+    only if `whole`, because the bob of a block at rest may reach its largest angle later.
     """
     q, m, w, r = records_of(buffers)
     plant(x, q)
