@@ -74,7 +74,6 @@ class Runs(Printed, Tabular):
     """Index of the condition, or of the ground motion, of each run."""
     ramp: np.ndarray
     """Duration (s, or units of tau) over which the excitation grows."""
-    """Seconds (or units of tau) over which the excitation grows."""
     nu: np.ndarray
     """Slenderness of the block in each run, including its scatter."""
     mu: np.ndarray

@@ -176,10 +176,9 @@ def follow(
         `Settled` under a harmonic, `Followed` under ground motions. A batch gives leaves of leading axis n.
 
         One run of the linear equations under a ground motion has exact derivatives in the parameters, the
-        free time and the initial state: those of the angles, of their times, of the time of the first uplift,
-        of the state and of the growing coordinate. A derivative that does not exist is NaN, and so are that
-        of the time of overturning and all derivatives in the pieces. A run under a harmonic has no
-        derivatives.
+        pieces, the free time and the initial state: those of the angles, of their times, of the time of the
+        first uplift, of the state and of the growing coordinate. A derivative that does not exist is NaN, and
+        so is that of the time of overturning. A run under a harmonic has no derivatives.
 
     Raises:
         ValueError: the batch is empty, arrays have different lengths, a number is out of range, or `workers`
