@@ -1,5 +1,7 @@
 """The compiled event loop of the nonlinear equations: against the event loop of SciPy, and by hand."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,9 @@ import tpd
 from tests.reference import NAMES, EventDriven, settled
 from tpd.core import files
 from tpd.exact import nonlinear_entry
+from tpd.exact.rows import row_of
+from tpd.exact.runs import GroundForcing, follow
+from tpd.scene.status import names_of
 
 
 def scenes(kind, count, seed=4):
@@ -72,3 +77,38 @@ def test_where_nothing_can_be_stored_it_compiles_all_the_same(monkeypatch):
     monkeypatch.setattr(files, "_WARNINGS", set())
     with pytest.warns(UserWarning, match="every run compiles it: cannot cache function"):
         assert nonlinear_entry._entrance(5, 0)[1] == "compiled"
+
+
+@pytest.mark.mends(
+    "a bob that changed little in a period was taken to be settled, and its block at rest for good"
+)
+def test_a_bob_that_still_grows_may_lift_the_block_later():
+    # In resonance almost without damping the bob grows by 3e-5 rad in a period, and lifts at 0.045 rad.
+    nu, mu, lam = 0.03, 0.5, 1.0
+    xi = 1.0 / np.sqrt(lam * 0.75 / (1.0 + nu**2))
+    p = tpd.Parameters(nu=nu, mu=mu, lam=lam, zeta=1e-5, k=0.0, f=9e-6, xi=xi, e=0.9)
+    for periods, lifts in ((100, False), (2500, True)):
+        found = settled(tpd.Terms.nonlinear, p, np.zeros((1, 4)), periods=periods)
+        assert names_of(found.status)[0] == "not_settled"
+        assert (found.peak[0] > 0.0) == lifts
+    assert found.peak_swing[0] > 0.045
+    # A little off resonance the bob cannot lift the block, but grows for hundreds of periods.
+    found = settled(
+        tpd.Terms.nonlinear, dataclasses.replace(p, xi=0.9995 * xi), np.zeros((1, 4)), periods=3000
+    )
+    assert names_of(found.status)[0] == "rest"
+    assert found.peak_swing[0] == pytest.approx(0.0178, rel=0.01)
+    assert found.swing[0] == pytest.approx(0.00909, rel=0.01)
+
+
+@pytest.mark.mends("an impact that ended in rest lost the part of the bob's kick that depends on the side")
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_an_impact_that_ends_in_rest_kicks_the_bob_like_any_other(side):
+    x = [0.3, 0.1, 0.5, 0.1, 0.0, 1e-9, 1.0, 0.6]
+    y0 = np.array([side * 1e-12, 0.5, -side * 3e-3, 0.0])
+    expected = EventDriven(x, nonlinear=True).run(y0, np.array([0.0, 0.01]), quiet=0.02)[-1]
+    still = GroundForcing([np.zeros((1, 4))], 0.009)
+    row = row_of(tpd.Parameters(**(dict(zip(NAMES, x, strict=True)) | {"xi": 0.001})))
+    found = follow(tpd.Terms.nonlinear, row, still, y0=y0, rest_rate=0.02)
+    assert found.state[2] == 0.0
+    np.testing.assert_allclose(found.state, expected, rtol=0.0, atol=1e-8)

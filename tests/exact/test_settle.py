@@ -4,10 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from tests.exact.test_trajectory import SAMPLES, clock, states
 from tests.reference import REST, SLOW, box, exact, parameters, settled
-from tpd import Status, paper_scene
+from tpd import Parameters, Status, paper_scene, steady_state
 from tpd.exact.rows import row_of
 from tpd.exact.runs import Followed, GroundForcing, follow
 from tpd.exact.trajectories import trajectory
@@ -116,3 +117,74 @@ def test_what_capture_leaves_out_is_below_the_square_of_its_speed():
     # A threshold near rounding is met, or the bound on the steps ends the motion.
     y, exhausted = after(x, y0, span, np.array(1e-11))
     assert bool(exhausted) or y[0] == y[2] == 0.0
+
+
+def bob_alone(p, psi, rate, periods, nonlinear):
+    """The largest |psi| of the bob under a block that does not move, and of the last period; by SciPy."""
+    period, inertia, damping = p.period, p.lam * p.rho, p.hinge
+
+    def rates(t, y):
+        push, pull = p.f * np.sin(p.xi * t), y[0]
+        if nonlinear:
+            push, pull = push * np.cos(y[0]), np.sin(y[0])
+        return [y[1], (push - pull - damping * y[1]) / inertia]
+
+    turning = lambda t, y: y[1]  # noqa: E731
+    step = 0.2 * min(1.0 / p.xi, np.sqrt(inertia))
+    spans = {"t_span": (0.0, periods * period), "events": turning, "max_step": step}
+    sol = solve_ivp(rates, y0=[psi, rate], method="DOP853", rtol=1e-10, atol=1e-13, **spans)
+    angles, times = np.abs(sol.y_events[0][:, 0]), sol.t_events[0]
+    return max(abs(psi), angles.max()), angles[times > (periods - 1.01) * period].max(initial=0.0)
+
+
+@pytest.mark.mends("bounds on the bob's angle were given as its largest and as its settled angle")
+@pytest.mark.parametrize("equations", [Terms.linear, Terms.nonlinear])
+@pytest.mark.parametrize(
+    ("p", "y0", "periods"),
+    [
+        # At rest from the start; the block sticks at a tilt under a bob that decays; hardly any damping.
+        (Parameters(nu=0.3, mu=0.05, lam=0.5, zeta=0.02, k=0.05, f=0.2, xi=4.0, rho=0.7), REST, 300),
+        (
+            Parameters(nu=0.25, mu=0.05, lam=0.8, zeta=0.05, k=0.6, f=0.05, xi=40.0, rho=0.7, e=0.9),
+            (0.05, 0.0, 0.0, 0.3),
+            450,
+        ),
+        (Parameters(nu=0.3, mu=0.05, lam=0.5, zeta=0.005, k=0.0, f=0.02, xi=1.6, rho=0.7), REST, 400),
+    ],
+)
+def test_the_bob_of_a_block_that_stays_where_it_is_has_its_own_angles(equations, p, y0, periods):
+    found = settled(equations, p, np.array([y0]), periods=periods)
+    peak, last = bob_alone(p, y0[1], y0[3], periods, equations is Terms.nonlinear)
+    assert names_of(found.status)[0] == ("held" if y0[0] else "rest")
+    assert found.amplitude[0] == found.peak[0] == y0[0]
+    assert found.peak_swing[0] == pytest.approx(peak, rel=1e-5)
+    # The settled bob in closed form, and under the block that sticks also its small angles of (4).
+    known = float(uplift(p).swing)
+    if equations is Terms.linear or y0[0]:
+        assert found.swing[0] == pytest.approx(known, rel=1e-12 if equations is Terms.linear else 1e-6)
+    if not y0[0]:
+        assert found.swing[0] == pytest.approx(last, rel=2e-5)
+
+
+@pytest.mark.mends("the two swings of an undamped bob were added even if they never coincide")
+def test_an_undamped_bob_that_repeats_has_the_largest_angle_of_its_periods():
+    # Five swings of the bob take three periods of the forcing.
+    p = Parameters(nu=0.3, mu=0.05, lam=0.5, zeta=0.0, k=0.0, f=0.02, xi=0.6 / np.sqrt(0.5 * 0.7), rho=0.7)
+    found = settled(Terms.linear, p, np.zeros((1, 4)))
+    peak, _ = bob_alone(p, 0.0, 0.0, 6, nonlinear=False)
+    assert names_of(found.status)[0] == "rest"
+    assert [found.swing[0], found.peak_swing[0]] == pytest.approx([peak, peak], rel=1e-9)
+    assert float(steady_state(p).swing) == pytest.approx(peak, rel=1e-9)
+
+
+@pytest.mark.mends("next to the resonance of an undamped bob its swing was a rounding error, such as 0.0")
+@pytest.mark.parametrize("ulps", [0, 1, -1, 10_000])
+def test_a_bob_in_resonance_without_damping_has_no_swing_rather_than_zero(ulps):
+    for mu in (0.0, 0.05):
+        lam = 0.8
+        p = Parameters(nu=0.25, mu=mu, lam=lam, zeta=0.0, k=0.05, f=0.1, xi=1.0)
+        xi = float(1.0 / np.sqrt(lam * p.inertia_ratio)) * (1.0 + ulps * 2.2e-16)
+        p = Parameters(nu=0.25, mu=mu, lam=lam, zeta=0.0, k=0.05, f=0.1, xi=xi)
+        run, steady = settled(Terms.linear, p, np.zeros((1, 4))), steady_state(p)
+        for swing in (run.swing[0], run.peak_swing[0], float(steady.swing)):
+            assert not swing < 1e6, (mu, swing)

@@ -171,11 +171,13 @@ def _with_slope(p: Parameters, pieces: Any, late: Any, first: Any) -> Any:
 
     # The size of the motion is a parameter of the run, but the unknown of the implicit function.
     fixed = jax.tree.map(stop_gradient, p)
-    slope = jax.jvp(lambda s: growing(fixed, s), (at,), (jnp.ones_like(at),))[1]
+    slope = stop_gradient(jax.jvp(lambda s: growing(fixed, s), (at,), (jnp.ones_like(at),))[1])
     q = growing(p, at)
+    # In chaotic motions rounding may bring the block to rest at the crossing. The derivative is then unknown.
+    known = finite & (slope != 0.0)
     # The value of this correction is zero, and its derivative is that of the scale.
-    correction = -(q - stop_gradient(q)) / jnp.where(finite, stop_gradient(slope), 1.0)
-    return refused(first + correction, finite)
+    correction = -(q - stop_gradient(q)) / jnp.where(known, slope, 1.0)
+    return refused(first + correction, known)
 
 
 def _scanned(

@@ -40,10 +40,10 @@ class Transient(eqx.Module):
 
     Angles, their times and the state are differentiable if the status is stood or rocked: with respect to
     every SI quantity of block, pendulum and gravity, to the size and the time scale of the motion, to the
-    initial state and to the free time. The time of the first uplift is also differentiable if the block
-    overturns. Otherwise the derivatives are NaN, and `status` gives the reason. The derivatives of a time
-    that is infinite or zero, of the time of overturning, and all second derivatives are also NaN. Counts have
-    no derivatives.
+    samples of a record, to the cycles and the phase of a pulse, to the initial state and to the free time.
+    The time of the first uplift is also differentiable if the block overturns. Otherwise the derivatives are
+    NaN, and `status` gives the reason. The derivatives of a time that is infinite or zero, of the time of
+    overturning, and all second derivatives are also NaN. Counts have no derivatives.
 
     With the nonlinear equations (`Nonlinear`) all derivatives are NaN. Every landing then is an impact, and
     the block overturns if its tilt reaches a right angle before the end.

@@ -67,6 +67,14 @@ def span_of(q, f):
 
 
 @compiled
+def cubic_load(c0, c1, c2, c3, h, s):
+    """Return a cubic forcing from the local time `s` on, from its coefficients over a piece of duration h."""
+    zero, a, b, g = 0.0 * (h * s), c1 / h, c2 / (h * h), c3 / (h * h * h)
+    e0, e1 = c0 + s * (a + s * (b + s * g)), a + s * (2.0 * b + 3.0 * s * g)
+    return Load(zero, zero, e0, e1, b + 3.0 * s * g, g + zero)
+
+
+@compiled
 def load_at(q, f, i, s):
     """Return the forcing from the local time `s` of piece i on."""
     zero, h = 0.0 * (q.xi * s), q.xi
@@ -74,11 +82,8 @@ def load_at(q, f, i, s):
         return Load(h + zero, h * s, f.share + f.rate * s + zero, f.rate + zero, zero, zero)
     if i >= f.pieces:
         return Load(zero, zero, zero, zero, zero, zero)
-    # Expand the cubic about the time s.
     c = f.cubics
-    a, b, g = c[i, 1] / h, c[i, 2] / (h * h), c[i, 3] / (h * h * h)
-    e0, e1 = c[i, 0] + s * (a + s * (b + s * g)), a + s * (2.0 * b + 3.0 * s * g)
-    return Load(zero, zero, e0, e1, b + 3.0 * s * g, g + zero)
+    return cubic_load(c[i, 0], c[i, 1], c[i, 2], c[i, 3], h, s)
 
 
 @compiled

@@ -41,7 +41,7 @@ _FROM, _TO, _BUFFERS = 1, 2, 3
 buffer."""
 FIELDS = (
     *("task", "periods", "events", "rest_rate", "tolerance", "rtol", "lyapunov", "impacts", "slopes"),
-    *("pieces", "record", "free", "brief", "angles"),
+    *("pieces", "record", "free", "brief", "angles", "samples"),
 )
 SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
 """A row of settings for both models. A task ignores the settings that it does not need.
@@ -60,6 +60,7 @@ SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
 - `free`: duration of the free motion (tau).
 - `brief`: whether the free motion may end early, and turning points of the bob do not count.
 - `angles`: whether the derivatives of the largest angles are enough.
+- `samples`: whether the derivatives in the coefficients of the pieces are computed as well.
 """
 
 

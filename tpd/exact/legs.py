@@ -10,7 +10,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from tpd.exact.arcs import Load, arc_from, beginning, forcing_at, instant, launch, load_at, span_of, state_at
+from tpd.exact.arcs import (
+    Load,
+    arc_from,
+    beginning,
+    cubic_load,
+    forcing_at,
+    instant,
+    launch,
+    load_at,
+    span_of,
+    state_at,
+)
 from tpd.exact.contact_kernel import hold_margin, rates_after_impact
 from tpd.exact.events import BOB, CUT, END, FIRST, OVERTURN, RELATIVE, SECOND, STOP
 from tpd.exact.motion import WHOLE, angle_of, copy_to, larger_side
@@ -25,6 +36,12 @@ INPUTS = np.int64(13)
 STATE, _BEGINNING = np.int64(9), np.int64(-1)
 """Index of the first direction of the initial state; and the index that stands for the start of the run in
 `peak_legs`."""
+OF_END, OF_GROWING, OF_TIMES, OF_UPLIFT, OUTPUTS = map(np.int64, (3, 7, 8, 11, 12))
+"""Rows of the derivatives of a run under a ground motion, after those of the three angles: the state at the
+end, the growing coordinate, the three times, and the time of the first uplift. The last number is the number
+of rows."""
+_COEFFICIENTS, _ALL = np.int64(14), np.int64(18)
+"""Index of the first direction of a coefficient of the forcing, and the number of all directions."""
 FORCING, KIND, SIDE, STATES = map(np.int64, (6, 7, 8, 9))
 """Columns of a history after those of the state with its accelerations (forcing, kind of the mode, sign of
 the tilt), and the number of columns."""
@@ -42,8 +59,8 @@ coordinate at the start of the last leg (1), the times of the six angles (6), an
 READER = np.dtype(
     [
         ("plants", COMPLEX_PLANT, (10,)),
-        ("dy", np.float64, (4, 14)),
-        ("shift", np.float64, (14,)),
+        ("dy", np.float64, (4, 18)),
+        ("shift", np.float64, (18,)),
         ("now", np.float64, (6,)),
         ("maps", np.float64, (2, 4, 8)),
         ("slopes", np.float64, (2, 4, 8, 13)),
@@ -52,10 +69,10 @@ READER = np.dtype(
     align=True,
 )
 """A reader, which computes derivatives from legs: complex `plants`, one for each parameter and one for all
-other directions; the derivatives `dy` of the state and `shift` of the local time, in all directions and in
-that of the start time; the present state `now` with its accelerations; the `maps` of whole pieces for the
-slipping and for the held block, their derivatives `slopes`, and whether they are computed already
-(`has_map`)."""
+other directions; the derivatives `dy` of the state and `shift` of the local time, in all directions, in that
+of the start time, and in the four coefficients of the forcing in the piece of a leg; the present state `now`
+with its accelerations; the `maps` of whole pieces for the slipping and for the held block, their derivatives
+`slopes`, and whether they are computed already (`has_map`)."""
 
 
 @part
@@ -108,6 +125,15 @@ def _launch_along(q, f, leg, dy, j, s):
 
 
 @compiled
+def _unit_load(q, j, s):
+    """Return the forcing from the local time `s` on for the coefficient of direction j, with the value 1."""
+    k, none = j - _COEFFICIENTS, 0.0 * s
+    one = none + 1.0
+    c0, c1 = (one if k == 0 else none), (one if k == 1 else none)
+    return cubic_load(c0, c1, one if k == 2 else none, one if k == 3 else none, q.xi, s)
+
+
+@compiled
 def carry_through_leg(q, r, f, leg, first, last):
     """Carry the derivatives of a reader to the end of a leg, before its event.
 
@@ -116,6 +142,7 @@ def carry_through_leg(q, r, f, leg, first, last):
     # The real state is read from every leg, so that its rounding errors do not add up.
     e, duration, none = load_at(q, f, leg.piece, leg.start), leg.duration, 0.0 * leg.start
     arc, free = arc_from(q, leg, leg.y, e), Load(e.xi, none, none, none, none, none)
+    is_forced = not f.harmonic and leg.piece < f.pieces
     start, here = state_at(arc, beginning(arc), 0.0), instant(arc, duration)
     end, (eta, rate) = state_at(arc, here, duration), forcing_at(e, duration)
     for j in range(first, last):
@@ -126,13 +153,15 @@ def carry_through_leg(q, r, f, leg, first, last):
             delay = _event_delay(p, f, leg, a, s, *forcing_at(of, t))
         else:
             # No parameter changes in this direction. The change of the state evolves as a free motion without
-            # forcing, and a change of the start time shifts the whole arc.
+            # forcing, except for that of a coefficient of the forcing. A change of the start time shifts the
+            # whole arc.
             d, by = r.dy, r.shift[j]
+            extra = _unit_load(q, j, leg.start) if j >= _COEFFICIENTS and is_forced else free
             y0, y1 = d[TILT, j] - start[TILT_RATE] * by, d[SWING, j] - start[SWING_RATE] * by
             y2, y3 = d[TILT_RATE, j] - start[TILT_PULL] * by, d[SWING_RATE, j] - start[SWING_PULL] * by
             # The start of the leg moves as well. Convert the change of the state to a fixed start time, let
             # it evolve along the leg, and convert it back at the end.
-            c = state_at(launch(q, leg.kind, none, none, y0, y1, y2, y3, free), here, duration)
+            c = state_at(launch(q, leg.kind, none, none, y0, y1, y2, y3, extra), here, duration)
             a = (
                 complex(end[TILT], (c[TILT] + end[TILT_RATE] * by) * STEP),
                 complex(end[SWING], (c[SWING] + end[SWING_RATE] * by) * STEP),
@@ -141,7 +170,8 @@ def carry_through_leg(q, r, f, leg, first, last):
                 complex(end[TILT_PULL], 0.0),
                 complex(end[SWING_PULL], 0.0),
             )
-            delay = _event_delay(p, f, leg, a, s, complex(eta, rate * by * STEP), complex(rate, 0.0))
+            push, _ = forcing_at(extra, duration)
+            delay = _event_delay(p, f, leg, a, s, complex(eta, (rate * by + push) * STEP), complex(rate, 0.0))
         # The leg ends later by the delay, during which the state moves with its rates.
         for i in range(4):
             r.dy[i, j] = (a[i].imag + a[i + 2].real * delay) / STEP
@@ -267,14 +297,21 @@ def _store_angles(r, f, m, n, leg, first, last, by):
             by[ANGLES + k, j] = angle_of(r.dy[TILT, j], r.dy[SWING, j], k)
         if n < 0 or f.harmonic:
             continue
-        # A leg that ends where the bob turns keeps its length. The turning point itself is a little earlier
-        # or later.
-        turns, apart = k > 1 and (leg.event == BOB or leg.event == RELATIVE), 1.0 if k > 3 else 0.0
-        bend = r.now[SWING_PULL] - apart * r.now[TILT_PULL]
         pieces = leg.piece + (leg.duration if leg.event == WHOLE else 0.0)
         for j in range(first, last):
-            delay = -(r.dy[SWING_RATE, j] - apart * r.dy[TILT_RATE, j]) / bend if turns else 0.0
-            by[TIMES + k, j] = pieces * _plant(r, j).xi.imag / STEP + r.shift[j] + delay
+            by[TIMES + k, j] = pieces * _plant(r, j).xi.imag / STEP + _shift_of_angle(r, leg, k, j)
+
+
+@compiled
+def _shift_of_angle(r, leg, k, j):
+    """Return the derivative in direction j of the local time at which angle k is largest, near the leg's end."""
+    if k < 2 or (leg.event != BOB and leg.event != RELATIVE):
+        return r.shift[j]
+    # A leg that ends where the bob turns keeps its length. The turning point itself is a little earlier or
+    # later.
+    apart = 1.0 if k > 3 else 0.0
+    bend = r.now[SWING_PULL] - apart * r.now[TILT_PULL]
+    return r.shift[j] - (r.dy[SWING_RATE, j] - apart * r.dy[TILT_RATE, j]) / bend
 
 
 @compiled
@@ -336,6 +373,88 @@ def read_derivatives(q, f, m, legs, r, directions, angles_only, by):
         for j in range(first, inputs):
             by[END_STATE + i, j] = r.dy[i, j]
     return growing
+
+
+@compiled
+def _carry_back_through_pieces(r, leg, back, out):
+    """Carry derivatives from the end of a leg of whole pieces back to its start, see `read_forcing`."""
+    is_held, old = (1 if leg.kind != SLIP else 0), np.empty(4)
+    if r.has_map[is_held] == 0:
+        _store_maps(r, is_held, 1)
+        r.has_map[is_held] = 1
+    a = r.maps[is_held]
+    for n in range(leg.piece + int(leg.duration) - 1, leg.piece - 1, -1):
+        for row in range(OUTPUTS):
+            for i in range(4):
+                old[i], back[row, i] = back[row, i], 0.0
+            for i in range(4):
+                for k in range(4):
+                    back[row, k] += old[i] * a[i, k]
+                    out[row, n, k] += old[i] * a[i, 4 + k]
+    back[:, 4] = 0.0
+
+
+@compiled
+def read_forcing(q, f, m, legs, r, out):
+    """Add the derivatives of a run's results in the coefficients of its forcing to `out`.
+
+    The shape of `out` is (OUTPUTS, pieces, 4). The legs are read from the last to the first. `back` has the
+    derivatives in the state and the local time at the start of a leg, and `through` those in all directions
+    from `STATE` on. The reader must have its plants.
+    """
+    back, through, count = np.zeros((OUTPUTS, 5)), np.empty((OUTPUTS, _ALL)), min(m.n_legs, len(legs))
+    uplift_leg = _uplift_leg(legs, count)
+    r.has_map[:] = 0
+    for i in range(4):
+        back[OF_END + i, i] = 1.0
+    for n in range(count - 1, -1, -1):
+        leg = legs[n]
+        through[:] = 0.0
+        for j in range(STATE, _ALL):
+            r.shift[j] = 1.0 if j == INPUTS else 0.0
+            for i in range(4):
+                r.dy[i, j] = 1.0 if j == STATE + i else 0.0
+        if n == m.n_legs - 1 and leg.kind == SLIP:
+            e, none = load_at(q, f, leg.piece, leg.start), 0.0 * leg.start
+            for j in range(STATE, _ALL):
+                extra = Load(none, none, none, none, none, none)
+                if j == INPUTS:
+                    extra = Load(none, none, e.e1, 2.0 * e.e2, 3.0 * e.e3, none)
+                elif j >= _COEFFICIENTS and leg.piece < f.pieces:
+                    extra = _unit_load(q, j, leg.start)
+                y0, y1, y2, y3 = r.dy[TILT, j], r.dy[SWING, j], r.dy[TILT_RATE, j], r.dy[SWING_RATE, j]
+                through[OF_GROWING, j] = (
+                    launch(q, leg.kind, none, none, y0, y1, y2, y3, extra).tilt.on_s1 / q.a0
+                )
+        is_whole = leg.event == WHOLE
+        if not is_whole:
+            carry_through_leg(q, r, f, leg, STATE, _ALL)
+        for k in range(3):
+            best = larger_side(m, k)
+            if m.peak_legs[best] == n and is_whole:
+                back[k, TILT], back[k, SWING] = angle_of(1.0, 0.0, best), angle_of(0.0, 1.0, best)
+            elif m.peak_legs[best] == n:
+                for j in range(STATE, _ALL):
+                    through[k, j] = angle_of(r.dy[TILT, j], r.dy[SWING, j], best)
+                    through[OF_TIMES + k, j] = _shift_of_angle(r, leg, best, j)
+        if is_whole:
+            _carry_back_through_pieces(r, leg, back, out)
+        else:
+            carry_past_event(r, leg, STATE, _ALL)
+        for row in range(OUTPUTS):
+            for j in range(STATE, _ALL):
+                if is_whole:
+                    through[row, j] += back[row, j - STATE] if j < _COEFFICIENTS else 0.0
+                    continue
+                through[row, j] += back[row, 4] * r.shift[j]
+                for i in range(4):
+                    through[row, j] += back[row, i] * r.dy[i, j]
+            for i in range(5):
+                back[row, i] = through[row, STATE + i]
+            for k in range(4 if leg.piece < f.pieces else 0):
+                out[row, leg.piece, k] += through[row, _COEFFICIENTS + k]
+        if n == uplift_leg:
+            back[OF_UPLIFT, 4] += 1.0
 
 
 @compiled

@@ -29,15 +29,21 @@ from tpd.exact.legs import (
     ANGLES,
     GROWING,
     INPUTS,
+    OF_END,
+    OF_GROWING,
+    OF_TIMES,
+    OF_UPLIFT,
+    OUTPUTS,
     ROWS,
     STATES,
     TIMES,
     UPLIFT,
     read_derivatives,
+    read_forcing,
     store_impacts,
     store_states,
 )
-from tpd.exact.motion import FIRST_PIECE, LEG, copy_to, larger_side
+from tpd.exact.motion import FIRST_PIECE, LEG, YES, copy_to, larger_side
 from tpd.exact.period_map import RUN, new_buffers, records_of
 from tpd.exact.plant import compiled, fill_plants
 from tpd.exact.repetition import SETTLED
@@ -48,10 +54,6 @@ from tpd.exact.trajectory import trajectory
 
 SETTLE, TRAJECTORY, GROUND, HISTORY, STEADY_STATE, ORBIT = range(6)
 """Tasks, which are the first number of every row of settings. Histories are only for calls from Python."""
-_END, _GROWING, _AT, _UPLIFT, OUTPUTS = map(np.int64, (3, 7, 8, 11, 12))
-"""Rows of the derivatives of a run under a ground motion, after those of the three angles: the state at the
-end, the growing coordinate, the three times, and the time of the first uplift. The last number is the number
-of rows."""
 _USUAL_EVENTS = 20_000
 """Number of events for which memory is allocated at first."""
 
@@ -77,7 +79,7 @@ def _settle(a, first, last):
     t, out, m = view(times, (last, 2), np.float64), view(results, (last,), SETTLED), buffers.motions[RUN]
     for n in range(first, last):
         copy_to(y[n], m.y)
-        settle(x[n], buffers, s[n], t[n, BEGIN], t[n, RAMP], out[n])
+        settle(x[n], buffers, s[n], t[n, BEGIN], t[n, RAMP], YES, out[n])
     _keep_alive(buffers)
 
 
@@ -126,10 +128,10 @@ def _store_slopes(m, table, inputs, by):
             for k in range(3):
                 # Of the two sides of each angle only the larger one is a result.
                 best = larger_side(m, k)
-                by[k, j], by[_AT + k, j] = table[ANGLES + best, j], table[TIMES + best, j]
+                by[k, j], by[OF_TIMES + k, j] = table[ANGLES + best, j], table[TIMES + best, j]
             for i in range(4):
-                by[_END + i, j] = table[i, j]
-            by[_GROWING, j], by[_UPLIFT, j] = table[GROWING, j], table[UPLIFT, j]
+                by[OF_END + i, j] = table[i, j]
+            by[OF_GROWING, j], by[OF_UPLIFT, j] = table[GROWING, j], table[UPLIFT, j]
 
 
 @compiled
@@ -137,7 +139,8 @@ def _follow_ground(a, first, last, history):
     """Compute rows of the tasks GROUND and HISTORY (`history`), see `follow_ground_motion`.
 
     Operands: settings, parameters, initial states and pieces, for a history also times. Results: records
-    `FOLLOWED` and derivatives; for a history states, impacts and statuses.
+    `FOLLOWED`, derivatives, and those in the coefficients of the pieces; for a history states, impacts and
+    statuses.
     """
     s, x, y = inputs_of(a, last)
     buffers, (_, _, _, forcing, results, by, arrivals, ends) = new_buffers(), addresses_in(a)
@@ -181,6 +184,10 @@ def _follow_ground(a, first, last, history):
             fill_plants(x[n], r.plants)
             out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, table)
             _store_slopes(m, table, inputs, view(by, (last, OUTPUTS, INPUTS), np.float64)[n])
+            if s[n].samples != 0.0:
+                by_forcing = view(arrivals, (last, OUTPUTS, int(s[n].pieces), 4), np.float64)[n]
+                by_forcing[:] = 0.0
+                read_forcing(q, f, m, legs, r, by_forcing)
     _keep_alive(buffers)
 
 

@@ -49,6 +49,7 @@ from tpd.exact.motion import (
     update_angle,
     update_angles,
 )
+from tpd.exact.period_map import set_motion
 from tpd.exact.plant import PLANT, compiled, part
 from tpd.exact.repetition import LONGEST, NEWEST, SETTLED
 from tpd.exact.steady import STEADY
@@ -61,8 +62,11 @@ SETTLE, GROUND, STEADY_STATE, TRAJECTORY = range(4)
 """Tasks, which are the first number of every row of settings. Operands and results are those of
 `linear_entry`, without derivatives."""
 STILL = 1e-3
-"""Largest change of the bob's state in a period, in shares of its scale, at which the block counts as at
-rest."""
+"""Largest change of the bob's state in a period, in shares of its scale, at which the motion to which the bob
+settles is solved for."""
+_STEPS, _CLOSED, _DIFFERENCE = 12, 1e-9, 1e-4
+"""Bound on the steps of this solution; its largest residual, and the step of its differences, in shares of
+the scales."""
 MAX_STEPS = 20_000
 """Bound on the number of series for one piece of the forcing."""
 NOT_FINITE = 3
@@ -126,15 +130,15 @@ def _first_event(q, m, order, h, c):
 @compiled
 def _land(q, m, capture, eta):
     """Change the rates and the mode at the impact of a block that lands."""
-    y, rho, before = m.y, -0.5 * q.m21, m.y[TILT_RATE]
+    y, rho, before, side = m.y, -0.5 * q.m21, m.y[TILT_RATE], m.tilt
     sine, cosine = math.sin(y[SWING]), math.cos(y[SWING])
-    ratio = velocity_ratio(q.e, q.nu, q.mu, q.lam, rho, m.tilt, sine, cosine)
+    ratio = velocity_ratio(q.e, q.nu, q.mu, q.lam, rho, side, sine, cosine)
     # A slow impact on a block that can be held is the end of a rattle: no rate remains.
     if abs(ratio * before) <= capture:
         decide(q, y, 0.0, 0.0, eta, m)
         if m.kind == REST:
             ratio = 0.0
-    y[SWING_RATE] += bob_change(ratio, q.e, q.nu, q.mu, q.lam, rho, m.tilt, sine, cosine) * before
+    y[SWING_RATE] += bob_change(ratio, q.e, q.nu, q.mu, q.lam, rho, side, sine, cosine) * before
     y[TILT_RATE] = after = ratio * before
     decide(q, y, 0.0, math.copysign(1.0, after) if after != 0.0 else 0.0, eta, m)
 
@@ -218,21 +222,6 @@ def advance(q, f, m, w, i, s, end):
 
 
 @compiled
-def _is_still(q, m, before):
-    """Whether the block was at rest, or held at a tilt, for a whole period with a steady bob.
-
-    `before` is the state one period earlier, from which the bob must not differ much.
-    """
-    y = m.y
-    is_resting = m.kind == REST and largest(m, TILT) == 0.0
-    is_sticking = m.kind == STICK and y[TILT] == before[TILT]
-    angles = max(abs(y[TILT] - before[TILT]), abs(y[SWING] - before[SWING]))
-    rates = max(abs(y[TILT_RATE] - before[TILT_RATE]), abs(y[SWING_RATE] - before[SWING_RATE]))
-    change = max(angles, rates / q.xi) / (q.nu + q.f)
-    return (is_resting or is_sticking) and (change < STILL or q.mu == 0.0)
-
-
-@compiled
 def _one_period(q, f, m, w, s, ramp_end, events):
     """Follow a motion from the local time `s` to the end of the forcing period.
 
@@ -258,10 +247,82 @@ def _scaled(q, w):
 
 
 @compiled
-def _settle(q, m, w, s, since, ramp, out):
+def _is_still(q, m, before):
+    """Whether the block was at rest, or held at a tilt, for a whole period with an almost steady bob.
+
+    `before` is the state one period earlier.
+    """
+    y = m.y
+    is_resting = m.kind == REST and largest(m, TILT) == 0.0
+    is_sticking = m.kind == STICK and y[TILT] == before[TILT]
+    angles = max(abs(y[TILT] - before[TILT]), abs(y[SWING] - before[SWING]))
+    rates = max(abs(y[TILT_RATE] - before[TILT_RATE]), abs(y[SWING_RATE] - before[SWING_RATE]))
+    change = max(angles, rates / q.xi) / (q.nu + q.f)
+    return (is_resting or is_sticking) and (change < STILL or q.mu == 0.0)
+
+
+@compiled
+def _stays_held(q, m, w, psi, rate, trial):
+    """Simulate a period from a state of the bob at tau = 0. Return whether the block stays held."""
+    set_motion(m.y, m, trial)
+    trial.y[SWING], trial.y[SWING_RATE] = psi, rate
+    # A release would be an event, and only one event is allowed.
+    return _one_period(q, steady(np.empty((0, 4))), trial, w, 0.0, 0.0, 1) == ARRIVED
+
+
+@compiled
+def _settled_swing(q, m, w, scales, remaining, trial, peaks):
+    """Return the largest |psi| of the settled bob, or NaN unless the block is certainly held permanently.
+
+    If it is held, this replaces the state of `m` by the settled one and updates `peaks`, for which the motion
+    is followed for at most the number of `remaining` periods. An undamped bob is followed for all of them.
+    `trial` is another motion.
+    """
+    psi, rate, span, n = m.y[SWING], m.y[SWING_RATE], math.sqrt(q.m22), 0
+    step, moved, by, error = _DIFFERENCE * scales[SWING], np.empty((3, 2)), np.empty((2, 2)), math.inf
+    # Newton's method on the map of a period, with the derivatives at its start.
+    while error > _CLOSED and n < _STEPS:
+        for j in range(2 if n == 0 else 0, -1, -1):
+            u, v = psi + (step if j == 1 else 0.0), rate + (step / span if j == 2 else 0.0)
+            if not _stays_held(q, m, w, u, v, trial):
+                return math.nan
+            moved[j, 0], moved[j, 1] = trial.y[SWING] - u, trial.y[SWING_RATE] - v
+        if n == 0:
+            for i in range(2):
+                by[i, 0] = (moved[1, i] - moved[0, i]) / step
+                by[i, 1] = (moved[2, i] - moved[0, i]) * span / step
+        error = max(abs(moved[0, 0]) / scales[SWING], abs(moved[0, 1]) / scales[SWING_RATE])
+        regular = by[0, 0] * by[1, 1] - by[0, 1] * by[1, 0]
+        psi -= (by[1, 1] * moved[0, 0] - by[0, 1] * moved[0, 1]) / regular
+        rate -= (by[0, 0] * moved[0, 1] - by[1, 0] * moved[0, 0]) / regular
+        n += 1
+    # A motion that attracts, or that of an undamped bob, has no real multiplier beyond 1 or -1. Damping gives
+    # the product of both.
+    attracts = abs(2.0 + by[0, 0] + by[1, 1]) < 1.0 + math.exp(-q.c2 / q.m22 * w.period)
+    # While the bob settles, its own swing adds to the moment on the block. Small angles give this share, and
+    # twice of it includes the rest.
+    own, slack = math.hypot(m.y[SWING] - psi, span * (m.y[SWING_RATE] - rate)), q.slack
+    q.slack -= 2.0 * own * (q.up - 1.0 + abs(q.bias) / span)
+    is_held = error <= _CLOSED and attracts and _stays_held(q, m, w, psi, rate, trial)
+    q.slack, swing, u, v = slack, largest(trial, SWING), m.y[SWING], m.y[SWING_RATE]
+    while is_held and remaining > 0 and (q.zeta == 0.0 or swing + own > peaks[SWING]):
+        is_held = _stays_held(q, m, w, u, v, trial)
+        u, v, remaining = trial.y[SWING], trial.y[SWING_RATE], remaining - 1
+        own = math.hypot(u - psi, span * (v - rate))
+        peaks[SWING] = max(peaks[SWING], largest(trial, SWING))
+        # An undamped bob keeps its own swing.
+        swing = max(swing, largest(trial, SWING)) if q.zeta == 0.0 else swing
+    if q.zeta > 0.0 and is_held:
+        m.y[SWING], m.y[SWING_RATE] = psi, rate
+    peaks[SWING] = max(peaks[SWING], swing)
+    return swing if is_held else math.nan
+
+
+@compiled
+def _settle(q, m, w, s, since, ramp, trial, out):
     """Simulate a run until it repeats, rests or overturns, see `tpd.exact.settle.settle`.
 
-    The run starts from its state at tau = `since`.
+    The run starts from its state at tau = `since`. `trial` is another motion.
     """
     y, cubics, scales, events = m.y, np.empty((0, 4)), _scaled(q, w), int(s.events)
     past, peaks = np.zeros(LONGEST, repetition.PERIOD), np.zeros(2)
@@ -271,6 +332,7 @@ def _settle(q, m, w, s, since, ramp, out):
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
     # A start within a period has another phase than the ends of periods, so that the two cannot be compared.
     count, status, repeats, elapsed = (1 if since == 0.0 else 0), repetition.NOT_SETTLED, 0, 0
+    wait, rest_swing = 0, math.nan
     while elapsed < s.periods and status == repetition.NOT_SETTLED:
         if elapsed > 0:
             f, ramp_end = repetition.excitation_in(ramp, w.period, float(elapsed), 0.0, cubics)
@@ -281,17 +343,28 @@ def _settle(q, m, w, s, since, ramp, out):
         # States before the excitation became steady do not count for a repetition or for rest.
         is_steady = f.rate == 0.0 and ended == ARRIVED
         repeats = repetition.repeats_after(q, y, past, count, scales, s.tolerance) if is_steady else 0
-        is_resting = is_steady and count > 0 and _is_still(q, m, past[NEWEST].y)
+        is_still = is_steady and count > 0 and _is_still(q, m, past[NEWEST].y)
         count = repetition.store_period(past, count if is_steady else 0, y, peak, swing, m.hold_level)
+        was_held = repeats > 0 and repetition.was_held(past, repeats)
+        if (is_still or was_held) and elapsed >= wait:
+            rest_swing = _settled_swing(q, m, w, scales, int(s.periods) - elapsed, trial, peaks)
+            wait = elapsed + _STEPS
         if ended == NOT_FINITE or not is_finite(y):
             status = repetition.FAILED
         elif ended != ARRIVED:
             status = repetition.OVERTURNED if ended == BEYOND else repetition.EVENT_BOUND
-        elif is_resting:
-            status = repetition.AT_REST
-        elif repeats > 0:
-            # Under a block that never moved, the bob may repeat only after several periods.
-            status = repetition.AT_REST if repetition.was_held(past, repeats) else repetition.ROCKING
+        elif repeats > 0 and not was_held:
+            status = repetition.ROCKING
+        elif was_held and q.zeta == 0.0 and q.mu > 0.0:
+            # An undamped bob may repeat only after several periods.
+            status, rest_swing = repetition.AT_REST, 0.0
+            for j in range(repeats):
+                rest_swing = max(rest_swing, past[j].swing)
+        elif math.isfinite(rest_swing) or (is_still and q.mu == 0.0):
+            # The block is at rest under a massless bob whether or not its swing is known.
+            status, peaks[SWING] = repetition.AT_REST, peaks[SWING] + 0.0 * rest_swing
+    if status == repetition.AT_REST:
+        past[NEWEST].swing = rest_swing
     repetition.store_settled(status, repeats, elapsed, m, past, peaks, out)
 
 
@@ -312,13 +385,13 @@ def _is_symmetric(q, m, w, s, y):
 
 
 @compiled
-def _steady_state(q, m, w, s, settled, out):
+def _steady_state(q, m, w, s, trial, settled, out):
     """Simulate a run from its state at tau = 0 until it settles, and write its steady state into `out`.
 
     The largest multiplier, the Lyapunov exponent and the derivatives are NaN, because this model does not
     compute them. The fields `fold` and `multipliers` are not written.
     """
-    _settle(q, m, w, s, 0.0, 0.0, settled)
+    _settle(q, m, w, s, 0.0, 0.0, trial, settled)
     status = int(settled.status)
     copy_to(settled.y, out.y)
     out.amplitude, out.swing = settled.amplitude, settled.swing
@@ -327,8 +400,8 @@ def _steady_state(q, m, w, s, settled, out):
     for i in range(6):
         for j in range(WIDTH):
             out.by[i, j] = math.nan
-    if status in (repetition.OVERTURNED, repetition.FAILED):
-        out.amplitude = out.swing = math.inf if status == repetition.OVERTURNED else math.nan
+    if status == repetition.OVERTURNED:
+        out.amplitude = out.swing = math.inf
     rocks = status in (repetition.ROCKING, repetition.STICKING) and int(settled.periods) % 2 == 1
     out.symmetric = 1.0 if rocks and _is_symmetric(q, m, w, s, out.y) else 0.0
 
@@ -407,17 +480,17 @@ def _run(a, first, last):
     Numbers that this model does not compute are NaN.
     """
     (s, x, start), (_, _, _, extra, results, ends, _, _) = inputs_of(a, last), addresses_in(a)
-    plants, motions, works = np.empty(1, PLANT), np.zeros(1, MOTION), np.zeros(1, series.WORK)
+    plants, motions, works = np.empty(1, PLANT), np.zeros(2, MOTION), np.zeros(1, series.WORK)
     spare, count = np.empty(1, SETTLED), int(s[first].periods)
-    q, m, w = plants[0], motions[0], works[0]
+    q, m, trial, w = plants[0], motions[0], motions[1], works[0]
     for n in range(first, last):
         series.prepare(x[n], s[n], q, w)
         copy_to(start[n], m.y)
         if s[n].task == SETTLE:
             t, settled = view(extra, (last, 2), np.float64), view(results, (last,), SETTLED)
-            _settle(q, m, w, s[n], t[n, BEGIN], t[n, RAMP], settled[n])
+            _settle(q, m, w, s[n], t[n, BEGIN], t[n, RAMP], trial, settled[n])
         elif s[n].task == STEADY_STATE:
-            _steady_state(q, m, w, s[n], spare[FIRST_PIECE], view(extra, (last,), STEADY)[n])
+            _steady_state(q, m, w, s[n], trial, spare[FIRST_PIECE], view(extra, (last,), STEADY)[n])
         elif s[n].task == TRAJECTORY:
             times = view(extra, (last, count), np.float64)
             states = view(results, (last, count, 4), np.float64)

@@ -27,6 +27,8 @@ from tpd.core.machine_code import PartCompiler
 from tpd.exact.terms import LAM, MU, NU, RHO, WIDTH, XI, ZETA, E, F, K
 from tpd.scene import impacts
 
+_RESONANT = 1e-10
+"""Smallest dynamic stiffness of an undamped bob under a held block for which its response is computed."""
 STEP = 1e-100
 """Imaginary part of an input in whose direction a derivative is computed.
 
@@ -271,6 +273,10 @@ def plant(x, q):
     q.tilt_sin, q.tilt_cos, q.bob_sin, q.bob_cos = of_tilt_and_bob
     q.tilt_lag_sin, q.tilt_lag_cos, q.bob_lag_sin, q.bob_lag_cos = lags
     q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos = of_swing
+    # Next to the resonance of an undamped bob under a held block the response is so large that the motion
+    # would be the rounding error of a difference.
+    if mu.real > 0.0 and c2.real == 0.0 and abs(1.0 - (xi * xi * m22).real) < _RESONANT * f.real:
+        q.swing_sin = q.swing_cos = np.nan * f
 
 
 @compiled

@@ -112,6 +112,8 @@ def store_settled(status, repeats, elapsed, m, past, peaks, out):
         status = HELD if m.y[TILT] != 0.0 else AT_REST
     if status == OVERTURNED:
         peaks[TILT] = peaks[SWING] = math.inf
+    if status == FAILED:
+        amplitude = swing = peaks[TILT] = peaks[SWING] = math.nan
     copy_to(m.y, out.y)
     out.amplitude, out.swing, out.peak, out.peak_swing = amplitude, swing, peaks[TILT], peaks[SWING]
     out.kind, out.tilt, out.direction = m.kind, m.tilt, m.direction

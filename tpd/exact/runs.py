@@ -176,10 +176,9 @@ def follow(
         `Settled` under a harmonic, `Followed` under ground motions. A batch gives leaves of leading axis n.
 
         One run of the linear equations under a ground motion has exact derivatives in the parameters, the
-        free time and the initial state: those of the angles, of their times, of the time of the first uplift,
-        of the state and of the growing coordinate. A derivative that does not exist is NaN, and so are that
-        of the time of overturning and all derivatives in the pieces. A run under a harmonic has no
-        derivatives.
+        pieces, the free time and the initial state: those of the angles, of their times, of the time of the
+        first uplift, of the state and of the growing coordinate. A derivative that does not exist is NaN, and
+        so is that of the time of overturning. A run under a harmonic has no derivatives.
 
     Raises:
         ValueError: the batch is empty, arrays have different lengths, a number is out of range, or `workers`
@@ -364,14 +363,22 @@ def _steady_call(equations: Terms, limits: Limits) -> tuple[Compiled, np.ndarray
     return engine, row, numbers_in(engine.entry().STEADY)
 
 
-def _ground_run_from(inputs: float, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
-    """Call the compiled code for one run. `inputs` is 0 without derivatives, otherwise 1."""
+def _ground_run_from(derivatives: int, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
+    """Call the compiled code for one run.
+
+    `derivatives` is 0 without derivatives, 1 with them, and 2 if those in the pieces are needed as well.
+    """
     entry = LINEAR.entry()
-    shapes = shape(numbers_in(entry.FOLLOWED)), shape(*((entry.OUTPUTS, entry.INPUTS) if inputs else (1, 1)))
-    return LINEAR(shapes, settings, x, y, pieces)
+    shapes = (
+        shape(numbers_in(entry.FOLLOWED)),
+        shape(entry.OUTPUTS, entry.INPUTS),
+        shape(entry.OUTPUTS, *pieces.shape),
+    )
+    return LINEAR(shapes[: 1 + derivatives], settings, x, y, pieces)
 
 
-_ground_run_with_slopes = once(partial(_ground_run_from, 1.0))
+_ground_run_with_slopes = once(partial(_ground_run_from, 1))
+_ground_run_with_all_slopes = once(partial(_ground_run_from, 2))
 
 
 @jax.custom_jvp
@@ -381,7 +388,7 @@ def _ground_run(x: Array, y: Array, pieces: Array, settings: Array) -> tuple[Arr
     These are the three largest angles; the state at the end with the growing coordinate; the times of the
     angles, of the first uplift and of overturning; and all results as floats.
     """
-    out, _ = _ground_run_from(0.0, settings, x, y, pieces)
+    (out,) = _ground_run_from(0, settings, x, y, pieces)
     return _divided(out)
 
 
@@ -410,12 +417,18 @@ def _ground_run_jvp(primals: tuple, tangents: tuple) -> tuple:
     xs, ys, samples, times = (
         jnp.zeros(t.shape, jnp.float64) if isinstance(t, SymbolicZero) else t for t in tangents
     )
-    direction = jnp.concatenate([xs, ys])
+    direction, point = jnp.concatenate([xs, ys]), jnp.concatenate([x, y])
+    if not isinstance(of_pieces, SymbolicZero):
+        with_all = with_slopes.at[column("samples")].set(1.0)
+        _, by, by_forcing = _ground_run_with_all_slopes(with_all, x, y, pieces)
+        # A result without derivatives has none in the pieces either.
+        by_angles = by_end = jnp.hstack([by, by_forcing.reshape(len(by), -1) + 0.0 * by[:, :1]])
+        direction, point = jnp.append(direction, samples), jnp.append(point, pieces)
     angles, end = by_angles[ANGLES] @ direction, by_end[END] @ direction
     # The time of overturning never has a derivative, and some of the other times have none. `moved` lets such
     # a NaN reach only the program that needs this derivative.
     slopes = jnp.concatenate([by_angles[TIMES], jnp.full((1, direction.size), jnp.nan)])
-    at = moved(slopes, direction, jnp.concatenate([x, y]))
+    at = moved(slopes, direction, point)
     # With a longer free time the state moves on: angles change with their rates, and rates with the
     # accelerations.
     rates = jnp.concatenate([of.state[TILT_RATE:], jnp.zeros(1)])
@@ -428,11 +441,6 @@ def _ground_run_jvp(primals: tuple, tangents: tuple) -> tuple:
     sides = jnp.sign(jnp.stack([tilt, swing, swing - tilt]))
     angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[column("free")]
     at = at + jnp.concatenate([last.astype(float), jnp.zeros(2)]) * times[column("free")]
-    if not isinstance(of_pieces, SymbolicZero):
-        # The derivatives in the samples of a record are not computed. They are NaN, because zero would be
-        # wrong.
-        unknown = jnp.nan * jnp.sum(samples)
-        angles, end, at = angles + unknown, end + unknown, at + unknown
     return _divided(out), (angles, end, at, jnp.zeros_like(out))
 
 

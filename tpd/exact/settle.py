@@ -30,10 +30,10 @@ _PERIODS_PER_SEARCH = 24
 
 @compiled
 def _bob_under_held(q, y, phase):
-    """Return the largest moment on a held block, and the largest |psi| (rad), from now on.
+    """Return bounds on the moment on a held block and on |psi| (rad), from now on.
 
-    The moment includes the forcing, the decaying swing and the steady swing. The state `y` is at a phase of a
-    steady forcing. The bob under a block that does not move is a damped oscillator.
+    Both include the forcing, the decaying swing and the steady swing. The state `y` is at a phase of a steady
+    forcing. The bob under a block that does not move is a damped oscillator.
     """
     s, c, sine, cosine = q.swing_sin, q.swing_cos, math.sin(phase), math.cos(phase)
     two_mu = q.up - 1.0
@@ -47,30 +47,18 @@ def _bob_under_held(q, y, phase):
 
 
 @compiled
-def _come_to_rest(q, y):
-    """Replace a state at tau = 0 by the one that it approaches under a block that rests or sticks.
-
-    An undamped bob keeps its own swing.
-    """
-    if q.zeta > 0.0:
-        y[SWING], y[TILT_RATE], y[SWING_RATE] = q.swing_cos, 0.0, q.xi * q.swing_sin
-
-
-@compiled
 def _is_at_rest(q, m, peak, phase, tolerance):
-    """Whether the block rests or sticks permanently under a steady excitation, and the largest |psi| (rad).
+    """Whether the block rests or sticks permanently under a steady excitation.
 
     `peak` is the largest tilt of the last period. If that tilt is negligible at the end of a rattle, this
     changes the mode and the state to rest.
     """
     y, mode = m.y, m
-    pull, reach = _bob_under_held(q, y, phase)
+    pull, _ = _bob_under_held(q, y, phase)
     # Relative margin between the holding moment on the base and the largest moment.
     margin = 1.0 - pull / (q.weight + q.k)
-    if mode.kind == REST:
-        return margin >= 0.0, reach
     if mode.kind != STICK:
-        return False, reach
+        return mode.kind == REST and margin >= 0.0
     # A rattle with e < 1 comes to rest within finite time, and a slow impact ends it at once. Hops under
     # strong friction do not end like this: friction holds the block a little above its base until the moment
     # has changed its sign. One hop then takes a large part of a period, and each hop is smaller than the
@@ -79,37 +67,60 @@ def _is_at_rest(q, m, peak, phase, tolerance):
     low = max(peak, abs(y[TILT])) < tolerance * q.nu
     if low and (q.k > 0.0 or q.e < 1.0) and margin > 0.0:
         mode.kind, y[TILT] = REST, 0.0
-        return True, reach
+        return True
     # A block that sticks at a tilt stays there if friction alone exceeds the moment.
-    lever = abs(q.up * y[TILT] - mode.tilt * q.weight)
-    if y[TILT] != 0.0 and pull + lever < q.k:
-        return True, (math.hypot(q.swing_sin, q.swing_cos) if q.held_p > 0.0 else reach)
-    return False, reach
+    return y[TILT] != 0.0 and pull + abs(q.up * y[TILT] - mode.tilt * q.weight) < q.k
 
 
 @compiled
-def _repeats_at_rest(q, m, past, repeats, tolerance):
-    """Whether a motion that repeats with the block held all the time continues like this permanently.
-
-    `repeats` is the number of periods after which the motion repeats. If the result is true, this changes the
-    state to the one that the motion approaches, and writes the largest |psi| into the last period.
-    """
+def _repeats_at_rest(q, m, tolerance):
+    """Whether a motion that repeats with the block held all the time continues like this permanently."""
     # The decay of a damped bob that is still to come is smaller than the tolerance. But the steady swing may
     # exceed the holding moment by a small amount, and lift the block. An undamped bob continues as in these
     # periods.
     if q.zeta == 0.0:
-        for j in range(1, repeats):
-            past[0].swing = max(past[0].swing, past[j].swing)
         return True
-    psi, tilting, swinging = m.y[SWING], m.y[TILT_RATE], m.y[SWING_RATE]
-    _come_to_rest(q, m.y)
-    is_resting, reach = _is_at_rest(q, m, 0.0, 0.0, tolerance)
+    psi, rate = m.y[SWING], m.y[SWING_RATE]
+    m.y[SWING], m.y[SWING_RATE] = q.swing_cos, q.xi * q.swing_sin
+    is_resting = _is_at_rest(q, m, 0.0, 0.0, tolerance)
     # If the block may lift, restore the state.
-    if is_resting:
-        past[0].swing = reach
-    else:
-        m.y[SWING], m.y[TILT_RATE], m.y[SWING_RATE] = psi, tilting, swinging
+    if not is_resting:
+        m.y[SWING], m.y[SWING_RATE] = psi, rate
     return is_resting
+
+
+@compiled
+def _let_bob_settle(q, m, legs, w, limits, s, tolerance, periods, whole, peaks):
+    """Replace the state under a block that rests or sticks permanently by the one that it approaches.
+
+    Returns the largest |psi| of the settled bob. If `whole`, the motion is followed from the local time `s`
+    until the bob cannot exceed its largest angle so far, but not for more than a number of periods, to update
+    `peaks`.
+    """
+    y, f, kind, tilt, swing = m.y, steady(np.empty((0, 4))), m.kind, m.y[TILT], 0.0
+    (_, reach), size, n = _bob_under_held(q, y, q.xi * s), math.hypot(q.swing_sin, q.swing_cos), 0
+    repeats = 0
+    if q.zeta == 0.0:
+        # An undamped bob keeps its own swing, and its largest angle is the sum of both amplitudes. The
+        # exception is a motion that repeats, of which all periods are followed.
+        for j in range(periods, 0, -1):
+            swings = j * math.sqrt(q.held_q) / q.xi
+            # The second part is the rounding error, which counts next to resonance.
+            change = 2.0 * math.pi * (abs(swings - np.rint(swings)) + 1e-15 * swings) * (reach - size)
+            repeats = j if change < tolerance * (q.nu + q.f) else repeats
+        periods, size = repeats + (1 if s > 0.0 else 0), reach
+    while n < periods and m.kind == kind and (q.zeta == 0.0 or (whole and reach > peaks[SWING])):
+        _one_period(q, f, m, legs, w, s, 0.0, limits)
+        swing = max(swing, largest(m, SWING))
+        peaks[SWING] = max(peaks[SWING], swing)
+        (_, reach), s, n = _bob_under_held(q, y, 0.0), 0.0, n + 1
+    if q.zeta > 0.0:
+        y[SWING], y[SWING_RATE] = q.swing_cos, q.xi * q.swing_sin
+    elif repeats > 0:
+        size = swing
+    # A moment that equals the limit except for rounding does not lift the block.
+    m.kind, y[TILT], y[TILT_RATE], peaks[SWING] = kind, tilt, 0.0, max(peaks[SWING], size)
+    return size
 
 
 @compiled
@@ -159,13 +170,14 @@ def _one_period(q, f, m, legs, w, s, ramp_end, limits):
 
 
 @compiled
-def settle(x, buffers, s, since, ramp, out):
+def settle(x, buffers, s, since, ramp, whole, out):
     """Simulate a run until it repeats, rests or overturns, and write the result to `out`.
 
     The run starts from its state at tau = `since`.
 
     The run also ends after the number of periods in the settings `s`. The excitation grows linearly over
-    `ramp` periods. `out` is a record `tpd.exact.repetition.SETTLED`.
+    `ramp` periods. `out` is a record `tpd.exact.repetition.SETTLED`. Its peaks are those of the whole run
+    only if `whole`, because the bob of a block at rest may reach its largest angle later.
     """
     q, m, w, r = records_of(buffers)
     plant(x, q)
@@ -183,10 +195,7 @@ def settle(x, buffers, s, since, ramp, out):
     is_resting = False
     # A block that starts at rest may rest permanently, which needs no simulation.
     if m.kind == REST and f.rate == 0.0:
-        is_resting, reach = _is_at_rest(q, m, peaks[TILT], q.xi * since, tolerance)
-        if is_resting:
-            last[0].swing, peaks[SWING] = reach, max(peaks[SWING], reach)
-            _come_to_rest(q, y)
+        is_resting = _is_at_rest(q, m, peaks[TILT], q.xi * since, tolerance)
     # A start within a period has another phase than the ends of periods, so that the two cannot be compared.
     count, repeats, elapsed, wait = (1 if since == 0.0 else 0), 0, 0, 0
     status = repetition.AT_REST if is_resting else repetition.NOT_SETTLED
@@ -204,12 +213,7 @@ def settle(x, buffers, s, since, ramp, out):
         peak, swing = max(largest(m, TILT), abs(y[TILT])), largest(m, SWING)
         # Largest angles of this period, and of the whole run.
         peaks[TILT], peaks[SWING] = max(peaks[TILT], peak), max(peaks[SWING], swing)
-        is_resting = False
-        if sound and not is_growing:
-            is_resting, reach = _is_at_rest(q, m, peak, 0.0, tolerance)
-            if is_resting:
-                _come_to_rest(q, y)
-                peaks[SWING], swing = max(peaks[SWING], reach), reach
+        is_resting = sound and not is_growing and _is_at_rest(q, m, peak, 0.0, tolerance)
         # States before the excitation became steady do not count for a repetition.
         is_steady = sound and not was_growing
         repeats = repetition.repeats_after(q, y, last, count, scales, tolerance) if is_steady else 0
@@ -221,7 +225,7 @@ def settle(x, buffers, s, since, ramp, out):
         elif repeats > 0 and not repetition.was_held(last, repeats):
             status = repetition.ROCKING
         elif repeats > 0:
-            is_resting = _repeats_at_rest(q, m, last, repeats, tolerance)
+            is_resting = _repeats_at_rest(q, m, tolerance)
             status = repetition.AT_REST if is_resting else repetition.NOT_SETTLED
             # A damped bob under a block at rest repeats after one period, whatever the number of periods was
             # before.
@@ -236,11 +240,11 @@ def settle(x, buffers, s, since, ramp, out):
                 if orbit_near(q, m, buffers, past, count, limits, candidate):
                     status, repeats = repetition.ROCKING, candidate
                     # A block that sticks at a tilt all the time does not rock.
-                    is_resting, reach = _is_at_rest(q, m, last[0].tilt, 0.0, tolerance)
-                    if is_resting:
-                        _come_to_rest(q, y)
-                        status, repeats, last[0].swing = repetition.AT_REST, 0, reach
-                        peaks[SWING] = max(reach, peaks[SWING])
+                    if _is_at_rest(q, m, last[0].tilt, 0.0, tolerance):
+                        status, repeats = repetition.AT_REST, 0
+    if status == repetition.AT_REST:
+        begin, remaining = (since if elapsed == 0 else 0.0), int(s.periods) - elapsed
+        last[0].swing = _let_bob_settle(q, m, legs, w, limits, begin, tolerance, remaining, whole, peaks)
     if status != repetition.OVERTURNED and not is_finite(y):
         status = repetition.FAILED
     repetition.store_settled(status, repeats, elapsed, m, last, peaks, out)

@@ -17,7 +17,7 @@ from tpd.exact.follow import BEYOND, EXHAUSTED
 from tpd.exact.half_map_kernel import is_neutral
 from tpd.exact.legs import ANGLES, STATE
 from tpd.exact.march import prepare_march
-from tpd.exact.motion import FIRST_PIECE, copy_to, is_finite, larger_side
+from tpd.exact.motion import FIRST_PIECE, NO, copy_to, is_finite, larger_side
 from tpd.exact.period_map import (
     APPROACHING,
     BEST,
@@ -212,7 +212,7 @@ def steady_state(x, y0, s, near, buffers, out):
         settled.status, settled.periods, settled.elapsed = repetition.ROCKING, s.periods, 0.0
         settled.amplitude = settled.swing = math.nan
     else:
-        settle(x, buffers, s, 0.0, 0.0, settled)
+        settle(x, buffers, s, 0.0, 0.0, NO, settled)
     outcome, periods, out.elapsed = int(settled.status), int(settled.periods), settled.elapsed
     copy_to(m.y, y)
     residual, separation, multiplier, to_fold, fold = math.inf, math.nan, math.inf, 1.0, math.nan

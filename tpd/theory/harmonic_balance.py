@@ -58,7 +58,8 @@ class _Balance(NamedTuple):
 def _balance(p: Parameters, order: int = 1) -> _Balance:
     """Compute the coefficients at the frequency `order` times xi, for an odd `order`."""
     linear, c, rho, xi = Linear(p), p.hinge, p.inertia_ratio, order * p.xi
-    d = 1.0 - p.lam * rho * xi**2 + 1j * xi * c
+    # D is zero at the resonance of an undamped bob. Python would raise an error for the division by it.
+    d = jnp.asarray(1.0 - p.lam * rho * xi**2 + 1j * xi * c)
     h = 2.0 * p.mu * rho * p.lam * xi**2 - 1j * xi * p.mu * p.lam * c
     drive = 2.0 * rho * xi**2 - 1j * xi * c
     a = -linear.m11 * xi**2 - linear.tilt + 1j * xi * linear.c1 - h * drive / d
@@ -79,7 +80,8 @@ def _dot(z: _Amplitude, w: _Amplitude) -> Number:
 class HarmonicBranches(NamedTuple):
     """Roots of a one-harmonic balance. Angles are in rad.
 
-    The last axis has the upper and the lower branch, and zeros where a branch does not exist. As a rule the
+    The last axis has the upper and the lower branch, and zeros where a branch does not exist. At the resonance
+    of an undamped bob the balance is not finite, and all numbers are NaN. As a rule the
     upper branch is stable. The lower branch is the saddle between rocking and rest; it exists while
     |B| f < (4/pi) |(1 + mu) nu + i k|.
     """
@@ -100,7 +102,9 @@ def _branches_of(
     """Return the branches from amplitudes phi (any positive number where none exists) and forcings F."""
     z = (forcing - balance.drive * phi) / balance.d
     phase = jnp.arctan2(jnp.real(forcing), -jnp.imag(forcing))
-    amplitude, swing, phase = (jnp.where(exists, x, 0.0) for x in (phi, jnp.sqrt(_abs2(z)), phase))
+    # Where the balance is not finite, it is unknown whether a branch exists.
+    none = 0.0 * _abs2(balance.a)
+    amplitude, swing, phase = (jnp.where(exists, x, none) for x in (phi, jnp.sqrt(_abs2(z)), phase))
     return HarmonicBranches(amplitude, swing, phase, exists)
 
 
