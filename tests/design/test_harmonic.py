@@ -160,7 +160,7 @@ def test_the_motions_of_the_largest_bob_angle_come_first():
     np.testing.assert_allclose([float(m.frequency) for m in found], expected)
 
 
-BAND = tpd.Conditions.band(SCENE, 2.3, 2.7, 3)
+THREE = tpd.Conditions.band(SCENE, 2.3, 2.7, 3)
 SAMPLES = tpd.Conditions.scatter(4, 0, friction=0.123, mass=0.0456)
 
 
@@ -169,9 +169,9 @@ SAMPLES = tpd.Conditions.scatter(4, 0, friction=0.123, mass=0.0456)
     [
         tpd.Conditions.exactly(),
         tpd.Conditions.around(SCENE),
-        BAND,
-        BAND * tpd.Conditions.amplitudes(0.9, 1.05),
-        tpd.Conditions.exactly() * BAND * tpd.Conditions.amplitudes(0.9, 1.05) * SAMPLES,
+        THREE,
+        THREE * tpd.Conditions.amplitudes(0.9, 1.05),
+        tpd.Conditions.exactly() * THREE * tpd.Conditions.amplitudes(0.9, 1.05) * SAMPLES,
         SAMPLES,
     ],
     ids=lambda conditions: " * ".join(conditions.description) or "exactly",
@@ -186,7 +186,7 @@ def test_a_job_file_gives_the_same_conditions(conditions, tmp_path):
     np.testing.assert_array_equal(again.factor_rows(), conditions.factor_rows())
 
 
-@pytest.mark.parametrize("conditions", [BAND * BAND, tpd.Conditions.around(SCENE, count=7)])
+@pytest.mark.parametrize("conditions", [THREE * THREE, tpd.Conditions.around(SCENE, count=7)])
 def test_conditions_without_a_table_cannot_be_written(conditions):
     with pytest.raises(ValueError, match="a job file cannot describe the conditions of this problem"):
         _ = HarmonicProblem.of(SCENE, conditions=conditions).job
