@@ -441,19 +441,3 @@ def test_the_page_needs_no_network_and_is_small(pages):
         assert len(text) < 2_000_000
         assert not re.search(r"https?://|<link|@import|src=", text)
         assert not re.search(r"^(import|export) ", text, flags=re.MULTILINE)
-
-
-@pytest.mark.mends("the animation took other steps than the tables, and could end otherwise")
-def test_the_animation_shows_the_motion_of_the_tables(window, tmp_path):
-    job = job_of({"block": BLOCK | {"restitution": 0.9}, "motion": COSINE})
-    window.open(tpd.explore(job).write(tmp_path / "pulse.html"))
-    type_in(window, "scale", "5")
-    # The animation runs until its text is no tilt any more.
-    window.run(
-        """new Promise((done) => {
-        const text = document.getElementById("state-without");
-        const wait = () => (text.textContent.startsWith("Tilt") ? requestAnimationFrame(wait) : done());
-        wait(); })"""
-    )
-    ended = window.run("document.getElementById('state-without').textContent")
-    assert ended == f"The block {row(window, 'largest-without')[0]}."
