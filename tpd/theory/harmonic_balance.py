@@ -77,9 +77,9 @@ def _dot(z: _Amplitude, w: _Amplitude) -> Number:
 class HarmonicBranches(NamedTuple):
     """Roots of a one-harmonic balance. Angles are in rad.
 
-    The last axis has the upper and the lower branch, and zeros where a branch does not exist. At the resonance
-    of an undamped bob the balance is not finite, and all numbers are NaN. As a rule the
-    upper branch is stable. The lower branch is the saddle between rocking and rest; it exists while
+    The last axis has the upper and the lower branch, and zeros where a branch does not exist. At the
+    resonance of an undamped bob the balance is not finite, and all numbers are NaN. As a rule the upper
+    branch is stable. The lower branch is the saddle between rocking and rest; it exists while
     |B| f < (4/pi) |(1 + mu) nu + i k|.
     """
 
