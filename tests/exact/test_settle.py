@@ -168,8 +168,10 @@ def test_the_bob_of_a_block_that_stays_where_it_is_has_its_own_angles(equations,
 
 @pytest.mark.mends("the two swings of an undamped bob were added even if they never coincide")
 def test_an_undamped_bob_that_repeats_has_the_largest_angle_of_its_periods():
-    # Five swings of the bob take three periods of the forcing.
-    p = Parameters(nu=0.3, mu=0.05, lam=0.5, zeta=0.0, k=0.0, f=0.02, xi=0.6 / np.sqrt(0.5 * 0.7), rho=0.7)
+    # Three swings of the bob take two periods of the forcing, and never add up to the sum of the amplitudes.
+    p = Parameters(
+        nu=0.3, mu=0.05, lam=0.5, zeta=0.0, k=0.0, f=0.02, xi=2.0 / 3.0 / np.sqrt(0.5 * 0.7), rho=0.7
+    )
     found = settled(Terms.linear, p, np.zeros((1, 4)))
     peak, _ = bob_alone(p, 0.0, 0.0, 6, nonlinear=False)
     assert names_of(found.status)[0] == "rest"

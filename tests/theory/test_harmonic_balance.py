@@ -164,3 +164,14 @@ def test_gradients_of_both_branches_are_those_of_differences(form, x):
         assert there[:, 0].all()
         scale = np.abs(expected) + np.abs(values) / max(abs(x[i]), 0.1)
         assert np.all((np.abs(slopes[..., i] - expected) <= 1e-8 * scale)[there]), name
+
+
+@pytest.mark.mends("in resonance without damping the balance was a division by zero, or had a swing of zero")
+@pytest.mark.parametrize("as_arrays", [False, True])
+def test_the_balance_in_resonance_without_damping_has_no_number_rather_than_zero(as_arrays):
+    kind = jnp.asarray if as_arrays else float
+    sizes = {"nu": 0.25, "mu": 0.05, "lam": 1.0, "zeta": 0.0, "k": 0.05, "f": 0.1, "xi": 1.0, "rho": 1.0}
+    found = one_harmonic(Parameters(**{name: kind(x) for name, x in sizes.items()}))
+    assert not found.exists
+    assert np.isnan(found.amplitude)
+    assert np.isnan(found.swing)

@@ -304,7 +304,7 @@ def _store_angles(r, f, m, n, leg, first, last, by):
 
 @compiled
 def _shift_of_angle(r, leg, k, j):
-    """Return the derivative in direction j of the local time at which angle k is largest, near the leg's end."""
+    """Return the derivative in direction j of the local time of the largest angle k, at the end of a leg."""
     if k < 2 or (leg.event != BOB and leg.event != RELATIVE):
         return r.shift[j]
     # A leg that ends where the bob turns keeps its length. The turning point itself is a little earlier or
