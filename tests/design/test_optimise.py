@@ -360,7 +360,8 @@ def test_a_fixed_rod_is_that_of_every_answer(harmonic):
     assert (point.length, point.mass <= 0.19 * SCENE.block.mass) == (pytest.approx(0.12), True)
     ground = designs.GROUND | {"requirements": tpd.limits.Requirements(at_least=0.005, measure="tilt")}
     other = tpd.optimise(designs.BLOCK, tpd.DesignSpace(length=1.0, damping_ratio=0.3), **ground)
-    assert (other.pendulum.length, other.pendulum.damping_ratio) == (pytest.approx(1.0), 0.3)
+    best = other.best.pendulum
+    assert (best.length, best.damping_ratio) == (pytest.approx(1.0), 0.3)
 
 
 def test_a_fixed_bob_is_that_of_the_answer_and_has_no_lighter_ones():

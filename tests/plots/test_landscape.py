@@ -99,7 +99,7 @@ def test_a_design_without_trials_has_no_landscape(single):
     [
         ({"mass_ratio": 0.1, "damping_ratio": (0.05, 0.4)}, (1, 2), "at μ = 0.1 (-)"),
         ({"length_ratio": 0.6, "damping_ratio": (0.05, 0.4)}, (0, 2), "at λ = 0.6 (-)"),
-        ({"length_ratio": 0.6}, (0,), None),
+        ({"length_ratio": 0.6, "damping_ratio": 0.1}, (0,), None),
         ({"mass_ratio": 0.1, "length_ratio": 0.6, "damping_ratio": (0.05, 0.4)}, (2,), None),
     ],
 )
@@ -134,7 +134,7 @@ def test_the_edge_of_a_limit_is_where_the_process_that_decides_is_zero(single):
     sizes = np.exp(u[:, 1:2] - 0.2)
     given = {"designs": single.space.unscaled(u), "names": ("stroke",), "sizes": sizes}
     given |= {"limits": {"stroke": deciding}, "undecided": np.zeros(60, int)}
-    problem = dataclasses.replace(single.problem, limits=(tpd.limits.Stroke(1.5),))
+    problem = dataclasses.replace(single.problem, limits=())
     trials = dataclasses.replace(single.trials, **given, process=fit(Observations(u, u[:, 0])))
     ax = tpd.plot(dataclasses.replace(single, problem=problem, trials=trials))
     edge = next(c for c in ax.collections if [to_hex(e) for e in c.get_edgecolor()] == [ORANGE])

@@ -369,9 +369,9 @@ def _rows_of(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, Any
             design = optimise(scenes[i], **settings)
         except ValueError as error:
             raise ValueError(f"`scenes[{i}]`: {error}") from None
-        row = dict(zip(("value", "value_without"), design.risks, strict=True))
+        names, values = ("mass", "length", "damping_ratio"), design.risks
         # Without a pendulum its sizes are NaN.
-        for name in ("mass", "length", "damping_ratio"):
-            row[name] = float(getattr(design.pendulum, name, np.nan))
-        rows.append({"status": _STATUSES.index(design.status.name), **row})
+        sizes = {name: float(getattr(design.pendulum, name, np.nan)) for name in names}
+        status = _STATUSES.index(design.status.name)
+        rows.append({"status": status, **sizes, "value": values[0], "value_without": values[1]})
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
