@@ -66,6 +66,22 @@ def test_five_earthquakes_on_either_side_are_needed_for_a_verdict(motions, valid
     assert problem(motions, validation_share=validation_share).evidence is DesignStatus[evidence]
 
 
+@pytest.mark.parametrize(("earthquakes", "divided"), [(79, False), (80, True)])
+def test_half_of_many_validation_earthquakes_is_quoted_and_does_not_decide(earthquakes, divided):
+    made = problem(RECORDS)
+    tuned, held = made.groups
+    events = 100 + np.arange(len(held.motions)) % earthquakes
+    many = dataclasses.replace(held, motions=held.motions * 10, events=np.arange(100, 100 + earthquakes))
+    assert dataclasses.replace(made, groups=(tuned, many)).has_validation_runs is divided
+    # An earthquake in two groups counts once.
+    assert (
+        dataclasses.replace(
+            made, groups=(tuned, many, dataclasses.replace(held, events=events))
+        ).has_validation_runs
+        is divided
+    )
+
+
 def test_the_problem_is_that_of_the_group_that_is_tuned_to():
     made = problem(seed=3)
     tuned, held = made.groups

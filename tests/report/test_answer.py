@@ -110,6 +110,15 @@ def test_estimates_that_allow_for_the_decision_say_so_and_what_the_runs_alone_sh
     assert runs.benefit_in_words.startswith(less)
 
 
+def test_too_few_earthquakes_are_said_first():
+    said = verdict(ground()).text
+    assert said.startswith(
+        "TOO FEW EARTHQUAKES to validate a pendulum: the search and the validation need at least 5"
+    )
+    # The bob touches the walls as well, which is a danger.
+    assert flat(answer(ground())).startswith("DANGER: TOO FEW EARTHQUAKES")
+
+
 @pytest.mark.mends("the block exceeds a limit in 10.0 % of the runs, at most 10 % allowed")
 def test_a_share_beside_the_allowed_one_has_the_digits_that_decide():
     near = replace(harmonic().best, over_limit=0.01004)
