@@ -40,6 +40,8 @@ OF_END, OF_GROWING, OF_TIMES, OF_UPLIFT, OUTPUTS = map(np.int64, (3, 7, 8, 11, 1
 """Rows of the derivatives of a run under a ground motion, after those of the three angles: the state at the
 end, the growing coordinate, the three times, and the time of the first uplift. The last number is the number
 of rows."""
+_TIME = np.int64(4)
+"""Index of the local time at the start of a leg, after the state."""
 _COEFFICIENTS, _ALL = np.int64(14), np.int64(18)
 """Index of the first direction of a coefficient of the forcing, and the number of all directions."""
 FORCING, KIND, SIDE, STATES = map(np.int64, (6, 7, 8, 9))
@@ -391,7 +393,7 @@ def _carry_back_through_pieces(r, leg, back, out):
                 for k in range(4):
                     back[row, k] += old[i] * a[i, k]
                     out[row, n, k] += old[i] * a[i, 4 + k]
-    back[:, 4] = 0.0
+    back[:, _TIME] = 0.0
 
 
 @compiled
@@ -446,7 +448,7 @@ def read_forcing(q, f, m, legs, r, out):
                 if is_whole:
                     through[row, j] += back[row, j - STATE] if j < _COEFFICIENTS else 0.0
                     continue
-                through[row, j] += back[row, 4] * r.shift[j]
+                through[row, j] += back[row, _TIME] * r.shift[j]
                 for i in range(4):
                     through[row, j] += back[row, i] * r.dy[i, j]
             for i in range(5):
@@ -454,7 +456,7 @@ def read_forcing(q, f, m, legs, r, out):
             for k in range(4 if leg.piece < f.pieces else 0):
                 out[row, leg.piece, k] += through[row, _COEFFICIENTS + k]
         if n == uplift_leg:
-            back[OF_UPLIFT, 4] += 1.0
+            back[OF_UPLIFT, _TIME] += 1.0
 
 
 @compiled

@@ -279,26 +279,28 @@ def _settled_swing(q, m, w, scales, remaining, trial, peaks):
     `trial` is another motion.
     """
     psi, rate, span, n = m.y[SWING], m.y[SWING_RATE], math.sqrt(q.m22), 0
-    step, moved, by, error = _DIFFERENCE * scales[SWING], np.empty((3, 2)), np.empty((2, 2)), math.inf
+    step, error, a, b, c, d, g, h = _DIFFERENCE * scales[SWING], math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     # Newton's method on the map of a period, with the derivatives at its start.
     while error > _CLOSED and n < _STEPS:
         for j in range(2 if n == 0 else 0, -1, -1):
             u, v = psi + (step if j == 1 else 0.0), rate + (step / span if j == 2 else 0.0)
             if not _stays_held(q, m, w, u, v, trial):
                 return math.nan
-            moved[j, 0], moved[j, 1] = trial.y[SWING] - u, trial.y[SWING_RATE] - v
+            # Changes in a period from the state (g, h), another angle (a, c) and another rate (b, d).
+            g, h = trial.y[SWING] - u, trial.y[SWING_RATE] - v
+            a, c = (g, h) if j == 1 else (a, c)
+            b, d = (g, h) if j == 2 else (b, d)
         if n == 0:
-            for i in range(2):
-                by[i, 0] = (moved[1, i] - moved[0, i]) / step
-                by[i, 1] = (moved[2, i] - moved[0, i]) * span / step
-        error = max(abs(moved[0, 0]) / scales[SWING], abs(moved[0, 1]) / scales[SWING_RATE])
-        regular = by[0, 0] * by[1, 1] - by[0, 1] * by[1, 0]
-        psi -= (by[1, 1] * moved[0, 0] - by[0, 1] * moved[0, 1]) / regular
-        rate -= (by[0, 0] * moved[0, 1] - by[1, 0] * moved[0, 0]) / regular
-        n += 1
+            a, c, b, d = (a - g) / step, (c - h) / step, (b - g) * span / step, (d - h) * span / step
+        error = max(abs(g) / scales[SWING], abs(h) / scales[SWING_RATE])
+        psi, rate, n = (
+            psi - (d * g - b * h) / (a * d - b * c),
+            rate - (a * h - c * g) / (a * d - b * c),
+            n + 1,
+        )
     # A motion that attracts, or that of an undamped bob, has no real multiplier beyond 1 or -1. Damping gives
     # the product of both.
-    attracts = abs(2.0 + by[0, 0] + by[1, 1]) < 1.0 + math.exp(-q.c2 / q.m22 * w.period)
+    attracts = abs(2.0 + a + d) < 1.0 + math.exp(-q.c2 / q.m22 * w.period)
     # While the bob settles, its own swing adds to the moment on the block. Small angles give this share, and
     # twice of it includes the rest.
     own, slack = math.hypot(m.y[SWING] - psi, span * (m.y[SWING_RATE] - rate)), q.slack

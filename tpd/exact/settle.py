@@ -90,7 +90,7 @@ def _repeats_at_rest(q, m, tolerance):
 
 
 @compiled
-def _let_bob_settle(q, m, legs, w, limits, s, tolerance, periods, whole, peaks):
+def _let_bob_settle(q, m, w, limits, s, tolerance, periods, whole, peaks):
     """Replace the state under a block that rests or sticks permanently by the one that it approaches.
 
     Returns the largest |psi| of the settled bob. If `whole`, the motion is followed from the local time `s`
@@ -99,7 +99,7 @@ def _let_bob_settle(q, m, legs, w, limits, s, tolerance, periods, whole, peaks):
     """
     y, f, kind, tilt, swing = m.y, steady(np.empty((0, 4))), m.kind, m.y[TILT], 0.0
     (_, reach), size, n = _bob_under_held(q, y, q.xi * s), math.hypot(q.swing_sin, q.swing_cos), 0
-    repeats = 0
+    repeats, legs = 0, np.empty(0, LEG)
     if q.zeta == 0.0:
         # An undamped bob keeps its own swing, and its largest angle is the sum of both amplitudes. The
         # exception is a motion that repeats, of which all periods are followed.
@@ -244,7 +244,7 @@ def settle(x, buffers, s, since, ramp, whole, out):
                         status, repeats = repetition.AT_REST, 0
     if status == repetition.AT_REST:
         begin, remaining = (since if elapsed == 0 else 0.0), int(s.periods) - elapsed
-        last[0].swing = _let_bob_settle(q, m, legs, w, limits, begin, tolerance, remaining, whole, peaks)
+        last[0].swing = _let_bob_settle(q, m, w, limits, begin, tolerance, remaining, whole, peaks)
     if status != repetition.OVERTURNED and not is_finite(y):
         status = repetition.FAILED
     repetition.store_settled(status, repeats, elapsed, m, last, peaks, out)
