@@ -101,8 +101,8 @@ def test_estimates_that_allow_for_the_decision_say_so_and_what_the_runs_alone_sh
     quoted, usual = runs.benefit, alone.benefit
     ends = f"between {100 * quoted.low:.0f} and {100 * quoted.high:.0f} %"
     assert reduction(runs, "tilt") == (
-        f"the reduction of the mean tilt is {ends} (95 % interval; {100 * usual.mean:.0f} % in these runs). "
-        "These intervals allow for the decision by the same runs"
+        f"the mean tilt falls by {100 * usual.mean:.0f} % in these runs; its true reduction is {ends} (95 % "
+        "interval). The intervals allow for the fact that these runs also decided"
     )
     assert "allow" not in reduction(alone, "tilt")
     assert comparison(runs).caption.endswith(" The differences do not allow for the decision.")

@@ -177,7 +177,7 @@ def reduction(runs: PairedRuns, measure: str) -> str:
     # Both clauses begin with "the", and the second one begins a sentence.
     first, then = reduced(runs, measure), reduced(runs, other)
     both = first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
-    return both if runs.passed is None else f"{both}. These intervals allow for the decision by the same runs"
+    return both if runs.passed is None else f"{both}. The intervals allow for the fact that these runs also decided"
 
 
 def reduced(runs: PairedRuns, measure: str) -> str:
@@ -196,9 +196,10 @@ def reduced(runs: PairedRuns, measure: str) -> str:
     doubt = ", which is not significant" if is_less and not significant else ""
     if runs.passed is not None and around:
         # The estimate given the decision can be negative for runs that passed by a small margin.
-        low, high, alone = map(percent, (size.low, size.high, runs.unconditional.reduction(measure)[0].mean))
-        between = f"between {low[:-2]} and {high} (95 % interval; {alone} in these runs{shares})"
-        return f"the reduction of the {name} is {between}{doubt}"
+        alone = runs.unconditional.reduction(measure)[0].mean
+        change = f"{'increases' if alone < 0.0 else 'falls'} by {percent(abs(alone))}"
+        between = f"between {percent(size.low)[:-2]} and {percent(size.high)} (95 % interval)"
+        return f"the {name} {change} in these runs{shares}{doubt}; its true reduction is {between}"
     return f"the pendulum {'reduces' if is_less else 'increases'} the {name} by {by}{around}{shares}{doubt}"
 
 
