@@ -9,6 +9,7 @@ import tpd
 from tests.browser.node import needs_node, run
 from tpd.design.criteria import Evaluation, Geometry
 from tpd.design.optimise import problem_of
+from tpd.design.sizes import evaluate_sizes
 from tpd.explore.content import block_numbers, content
 from tpd.scene.conditions import Conditions
 from tpd.scene.impacts import housner
@@ -73,7 +74,7 @@ def test_the_limits_are_those_of_the_search(pendulum, bob):
     at = Evaluation.blank(1, 1)._replace(
         tilt=np.full((1, 1), tilt), swing=np.full((1, 1), swing), design=design
     )
-    expected = {s.name: float(s.value[0, 0]) for limit in limits for s in limit.sizes(at, geometry)}
+    expected = {s.name: float(s.value[0, 0]) for s in evaluate_sizes(limits, at, geometry)}
     values = {limit.name: next(iter(vars(limit).values())) for limit in ALL} | {"clearance": True}
     motion = {"tilt": tilt, "swing": swing, "without": without}
     shares = run(

@@ -93,7 +93,6 @@ optimise --mass-ratio 0.1 0.2 --pendulum-mass 2 | [space] `mass` and `mass_ratio
 optimise --pendulum-mass 20 | [space] `mass` must be between 0 and 16.224 kg in this block, but is 20
 optimise --pendulum-length 0.1 0.5 | [space] `length` must be between 0.0002 and 0.4 m in this block, but is
 optimise --pendulum-length long | `space.length` must be a number or a pair of numbers, but is 'long'
-optimise --pendulum-mass 1 --pendulum-length 0.1 | [space] a search needs two bounds for mass, length or
 optimise --pendulum-mass 1 --pareto | `search.pareto` requires two bounds for the mass, `space.mass` or
 optimise --pendulum-mass 0 | [space] `mass` must be positive and finite, but is 0
 optimise --damping 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
@@ -225,12 +224,12 @@ response BOB --points 9 --points=10 | argument --points: it is given 2 times
 shake SIZE --pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 1 --phase 90 | 6.28319 rad, but is 90
 shake SIZE PULSE | [motion] `pga`, the peak acceleration of the pulse in g, is missing (--pga G)
 assess SIZE PULSE --scales 2 | [motion] `pga`, the peak acceleration of the pulse in g, is missing (--pga G)
-record '' | `path` must name a file, but is ''
-fragility SIZE --records el-centro '' | `path` must name a file, but is ''
+record '' | the name of a record must not be empty, but is ''
+fragility SIZE --records el-centro '' | the name of a record must not be empty, but is ''
 optimise --scene '' | argument --scene: the name of a file is empty or has control characters: ''
 map BOB X --y lam 0.1 1 --out '' | argument --out: the name of a file is empty or has control characters: ''
 export --as mjcf --out '' | argument --out: the name of a file is empty or has control characters: ''
-job motion.records = [''] | `path` must name a file, but is ''
+assess SIZE --scales 1 --records '' | the name of a record must not be empty, but is ''
 job motion.records = ["C:\Users\a.AT2"] | write a path with backslashes in single quotes
 job motion.records = ["C:\temp\new.AT2"] | write a path with backslashes in single quotes
 fragility SIZE --records el-centro --intensity sa | a spectral acceleration, needs `period` (--period S)

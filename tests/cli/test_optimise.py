@@ -150,7 +150,7 @@ def test_a_design_on_records_is_repeated_by_its_scene_alone(on_records, tmp_path
     assert first.status == 3
     assert "\r" not in first.err, "no progress bar in a pipe"
     assert all(line.startswith("tpd") for line in first.err.splitlines())
-    assert first.out.startswith("NOT RECOMMENDED: ")
+    assert first.out.startswith("TOO FEW EARTHQUAKES")
     monkeypatch.chdir(tmp_path)
     again = call("optimise --json --scene", str(folder / "first" / "scene.toml"), out=tmp_path / "again")
     assert again.status == 3

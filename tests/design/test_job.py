@@ -388,7 +388,12 @@ def test_a_stated_amplitude_factor_of_one_is_the_only_condition():
 
 @pytest.mark.mends("the damping ratio was 0.1 under a harmonic, and 0.05 to 1 under records")
 @pytest.mark.parametrize(
-    "motion", [{}, {"pulse": "ricker", "pulse_frequency": 1.0}, {"records": ["el-centro"], "scales": [2.0]}]
+    "motion",
+    [
+        {},
+        {"pulse": "ricker", "pulse_frequency": 1.0, "pga": 0.2},
+        {"records": ["el-centro"], "scales": [2.0]},
+    ],
 )
 def test_the_default_design_space_is_one_for_all_motions(motion):
     assert jobs.job_of({"motion": motion}).space == DesignSpace()

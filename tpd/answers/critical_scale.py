@@ -174,10 +174,10 @@ def _with_slope(p: Parameters, pieces: Any, late: Any, first: Any) -> Any:
     slope = stop_gradient(jax.jvp(lambda s: growing(fixed, s), (at,), (jnp.ones_like(at),))[1])
     q = growing(p, at)
     # In chaotic motions rounding may bring the block to rest at the crossing. The derivative is then unknown.
-    known = finite & (slope != 0.0)
+    is_regular = finite & (slope != 0.0)
     # The value of this correction is zero, and its derivative is that of the scale.
-    correction = -(q - stop_gradient(q)) / jnp.where(known, slope, 1.0)
-    return refused(first + correction, known)
+    correction = -(q - stop_gradient(q)) / jnp.where(is_regular, slope, 1.0)
+    return refused(first + correction, is_regular)
 
 
 def _scanned(

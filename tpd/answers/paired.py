@@ -140,7 +140,7 @@ class PairedRuns(Printed):
     """Whether the benefit counts each run; by default it counts all runs. The harm always counts all runs."""
     passed: Decision | None = None
     """Decision that these runs passed and for which alone they are quoted; None if they did not decide.
-    Benefit and reduction of overturning are estimates given this decision, see `conditional_interval`."""
+    Benefit and reduction of overturning are estimates given this decision (truncated normal)."""
     worse: float = WORSE
     """Relative increase of the mean severity that is allowed in a part."""
 

@@ -257,7 +257,7 @@ class Details(Printed):
     losses: tuple[LossCase, ...] = ()
     """Benefit if the block loses its energy in another way."""
     histories: tuple[TimeHistory, ...] = ()
-    """Motions from rest under harmonic excitation, see `time_histories`."""
+    """Motions from rest under harmonic excitation, without and with the pendulum."""
     responses: tuple[Response, ...] = ()
     """Settled response over frequency after a start from rest, without a pendulum and with the one that is
     offered. It is computed only if the conditions differ in the motion of the base alone."""

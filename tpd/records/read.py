@@ -72,7 +72,7 @@ def read_motions(
 
     for i, name in enumerate(names):
         if not name.strip():
-            raise ValueError("the name of a record must not be empty, but is")
+            raise ValueError("the name of a record must not be empty, but is ''")
         if name in SETS or name in BUILT_IN:
             try:
                 named = fema_p695(SETS[name]) if name in SETS else [BUILT_IN[name]()]

@@ -177,7 +177,11 @@ def reduction(runs: PairedRuns, measure: str) -> str:
     # Both clauses begin with "the", and the second one begins a sentence.
     first, then = reduced(runs, measure), reduced(runs, other)
     both = first if other == "overturning" != runs.first_measure else f"{first}. T{then[1:]}"
-    return both if runs.passed is None else f"{both}. The intervals allow for the fact that these runs also decided"
+    return (
+        both
+        if runs.passed is None
+        else f"{both}. The intervals allow for the fact that these runs also decided"
+    )
 
 
 def reduced(runs: PairedRuns, measure: str) -> str:
