@@ -264,16 +264,15 @@ def check_unit(unit: str) -> str:
     return plain(unit)
 
 
-def choose_unit(stated: str | None, unit: str | None) -> str:
-    """Return the unit that a file states or, if it states none, the unit that the user passes."""
-    if stated is None and unit is None:
+def factor_of(stated: str | None, unit: str | None) -> float:
+    """Return the factor of the unit that a file states or, if it states none, that the user passes."""
+    own = stated if unit is None else check_unit(unit)
+    if own is None:
         raise UnreadableRecord("the header states no unit of acceleration: give `unit`, such as unit='g'")
-    if unit is None:
-        return stated or ""
     # Units with equal factors are the same unit, such as gal and cm/s2.
-    if stated is not None and FACTORS[check_unit(unit)] != FACTORS[stated]:
+    if stated is not None and FACTORS[own] != FACTORS[stated]:
         raise StatedByFile(f"the header states the unit {stated}, but `unit` is {unit!r}", "unit")
-    return check_unit(unit)
+    return FACTORS[own]
 
 
 def orientation(text: str) -> bool | None:

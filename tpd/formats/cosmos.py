@@ -17,7 +17,7 @@ from tpd.formats.channel import (
     agree,
     agree_on_peak,
     agree_on_peak_time,
-    choose_unit,
+    factor_of,
     unit_of,
 )
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, NoAcceleration, UnreadableRecord, fortran, number
@@ -98,7 +98,7 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | str:
     name = " ".join(station[1].split()) if station else ""
     notes = () if first[1].lower() == "corrected" else (UNCORRECTED,)
     event = re.sub(r"^r(?:ecord|crd) of\s+", "", " ".join(text.lines[1].split()), flags=re.IGNORECASE)
-    factor = FACTORS[choose_unit(unit_of(own, cursor.at), unit)]
+    factor = factor_of(unit_of(own, cursor.at), unit)
     return Channel(values * factor, dt, component, f"{name}/{component}".strip("/"), event, notes)
 
 

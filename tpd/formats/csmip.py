@@ -20,7 +20,7 @@ from tpd.formats.channel import (
     agree_on_count,
     agree_on_peak,
     agree_on_peak_time,
-    choose_unit,
+    factor_of,
     unit_of,
 )
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord, fortran, real, shown
@@ -78,7 +78,7 @@ def _volume_2(cursor: Cursor, unit: str | None) -> Channel:
         # Velocities and displacements are not used, but a file that is damaged here is not reliable.
         _block(cursor, kind, count, dt)
     cursor.match(_END, "the end of the channel")
-    return Channel(values * FACTORS[choose_unit(own, unit)], dt, component, f"{name}/{component}", event)
+    return Channel(values * factor_of(own, unit), dt, component, f"{name}/{component}", event)
 
 
 def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
@@ -106,9 +106,7 @@ def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
     agree_on_peak(values, Decimal.of(peak[2]), text.where(12), digit=data.digit)
     agree_on_peak_time(values, dt, Decimal.of(peak[4]), text.where(12))
     cursor.match(_END, "the end of the channel")
-    return Channel(
-        values * FACTORS[choose_unit(own, unit)], dt, component, f"{name}/{component}", event, (UNCORRECTED,)
-    )
+    return Channel(values * factor_of(own, unit), dt, component, f"{name}/{component}", event, (UNCORRECTED,))
 
 
 def _read_description(cursor: Cursor) -> tuple[int, float, _Description]:
@@ -132,7 +130,7 @@ def _read_description(cursor: Cursor) -> tuple[int, float, _Description]:
     if rate_or_step <= 0.0:
         raise UnreadableRecord(f"line {cursor.at} must state a rate or a step above zero")
     # Digitised films have a fixed format of columns, which the line does not state.
-    shape = fortran(line, cursor.at) if match[2] else (8, 9, 6)
+    shape = fortran(line, cursor.at) if match[2] else (8, 9, 1e-6)
     step = 1.0 / rate_or_step if match[2] else rate_or_step
     return int(match[1]), step, _Description(match[3] or match[5], cursor.at, *shape)
 
@@ -146,12 +144,8 @@ class _Description:
     """Number of this line."""
     columns: int
     width: int
-    decimals: int
-
-    @property
-    def digit(self) -> float:
-        """Size of the last digit of a sample."""
-        return 10.0**-self.decimals
+    digit: float
+    """Size of the last digit of a sample."""
 
 
 def _words(text: Header, at: int) -> tuple[str, str, str]:
@@ -186,5 +180,7 @@ def _block(cursor: Cursor, kind: str, count: int, dt: float) -> tuple[np.ndarray
     agree_on_count(count, int(match[1]), f"line {at}")
     agree(dt, real(match[2]), "the step in s")
     # Old files state no format. All of them have the same one.
-    data = _Description(match[3] or match[4] or "", at, *(fortran(match[5], at) if match[5] else (8, 10, 3)))
+    data = _Description(
+        match[3] or match[4] or "", at, *(fortran(match[5], at) if match[5] else (8, 10, 1e-3))
+    )
     return cursor.fixed(count, data.columns, data.width, "samples"), data

@@ -13,7 +13,7 @@ from tpd.formats.channel import (
     agree_on_count,
     agree_on_peak,
     agree_on_peak_time,
-    choose_unit,
+    factor_of,
     unit_of,
 )
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, real
@@ -82,5 +82,4 @@ def _block(cursor: Cursor, unit: str | None) -> Channel:
         agree(real(raw[1]) * FACTORS[unit_of(raw[2], text.start + 11)], FACTORS[own], "the unit in m/s^2")
     notes = () if corrected else (UNCORRECTED,)
     name, event = " ".join(text.lines[1].split()[1:2]), " ".join(text.lines[7].split())
-    factor = FACTORS[choose_unit(own, unit)]
-    return Channel(values * factor, dt, component, f"{name}/{component}", event, notes)
+    return Channel(values * factor_of(own, unit), dt, component, f"{name}/{component}", event, notes)

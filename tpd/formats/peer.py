@@ -6,12 +6,11 @@ import re
 from collections.abc import Sequence
 
 from tpd.formats.channel import (
-    FACTORS,
     TIMES,
     Channel,
     agree,
     agree_on_count,
-    choose_unit,
+    factor_of,
     orientation,
     unit_of,
 )
@@ -84,7 +83,7 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
     component = re.sub(r"\(.*?\)", "", name.rpartition(",")[2]).strip() if "," in name else ""
     if orientation(component) is None:
         component = ""
-    return [Channel(values * FACTORS[choose_unit(stated, unit)], dt, component, name, event)]
+    return [Channel(values * factor_of(stated, unit), dt, component, name, event)]
 
 
 def _unit(head: Sequence[str]) -> tuple[int, str]:

@@ -10,7 +10,7 @@ import io
 import re
 import warnings
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -20,20 +20,17 @@ import numpy as np
 
 from tpd.formats import cosmos, csmip, esm, geonet, knet, peer, smc
 from tpd.formats.channel import (
-    BASELINES,
-    FACTORS,
     UNSTATED,
     Channel,
     check_channel,
-    check_unit,
-    choose_unit,
+    factor_of,
     note_direction,
     of_file,
     orientation,
     scale_channel,
 )
-from tpd.formats.table import ROWS, read_table
 from tpd.formats.table import Options as Options
+from tpd.formats.table import read_table
 from tpd.formats.text import Cursor, NoAcceleration, StatedByFile, UnreadableRecord, shown
 
 _MOST = 200_000_000
@@ -107,15 +104,6 @@ _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
 
 def channels(file: Path, how: Options) -> list[Channel]:
     """Return all channels of a file after checks. Options and errors are those of `tpd.Record.read`."""
-    dt = how.dt
-    if how.unit is not None:
-        check_unit(how.unit)
-    _check_options(how.columns, how.skip, how.scale)
-    if how.baseline is not None and how.baseline not in BASELINES:
-        raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)}, but is {how.baseline!r}")
-    number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
-    if dt is not None and not (number and 0.0 < dt < float("inf")):
-        raise ValueError(f"`dt` must be positive and finite, in s, but is {dt!r}")
     channels, label = list[Channel](), file.name or str(file)
     try:
         read = _of_bytes(_content(file), how)
@@ -125,8 +113,8 @@ def channels(file: Path, how: Options) -> list[Channel]:
             if len(read) > 1:
                 component = f" ({channel.component})" if channel.component else ""
                 label = f"{file.name}, channel {i}{component}"
-            if dt is not None and abs(dt - channel.dt) > 1e-6 * channel.dt:
-                wrong = f"the file states a step of {channel.dt:g} s, but `dt` is {dt:g} s"
+            if how.dt is not None and abs(how.dt - channel.dt) > 1e-6 * channel.dt:
+                wrong = f"the file states a step of {channel.dt:g} s, but `dt` is {how.dt:g} s"
                 raise StatedByFile(wrong, "dt")
             channel = note_direction(check_channel(scale_channel(channel, how.scale), how.baseline), named)
             channels.append(replace(channel, source=label))
@@ -134,29 +122,6 @@ def channels(file: Path, how: Options) -> list[Channel]:
         error.args = (f"{label}: {error.args[0]}",)
         raise
     return channels
-
-
-def _check_options(columns: Any, skip: Any, scale: Any) -> None:
-    """Raise `ValueError` if an option of a table is of the wrong form."""
-
-    def is_whole(value: Any, least: int) -> bool:
-        return isinstance(value, int) and not isinstance(value, bool) and value >= least
-
-    if not is_whole(skip, 0):
-        raise ValueError(f"`skip` must be a number of lines, 0 or more, but is {skip!r}")
-    if not isinstance(scale, (int, float)) or isinstance(scale, bool) or not 0.0 < abs(scale) < float("inf"):
-        raise ValueError(f"`scale` must be a finite number other than 0, but is {scale!r}")
-    if columns is None or columns == ROWS:
-        return
-    pairs = list(columns.items()) if isinstance(columns, Mapping) else []
-    numbers = [at for _, at in pairs]
-    if not pairs or not all(isinstance(name, str) and is_whole(at, 1) for name, at in pairs):
-        raise ValueError(
-            f"`columns` must map names to column numbers, from 1, such as {{'time': 1, 'N': 2}}, or be "
-            f"{ROWS!r}, but is {columns!r}"
-        )
-    if len(set(numbers)) < len(numbers):
-        raise ValueError(f"`columns` must contain each column once, but is {columns!r}")
 
 
 def one_channel(file: Path, channel: int | None, how: Options) -> Channel:
@@ -319,8 +284,7 @@ def _channel(trace: Any, unit: str | None) -> Channel:
     if not np.isfinite(values).all():
         raise UnreadableRecord(f"{trace.id} contains numbers that are not finite")
     # Such files state no unit, so that the user must pass it.
-    factor = FACTORS[choose_unit(None, unit)]
-    event, component = str(stats.starttime)[:10], stats.channel
+    factor, event, component = factor_of(None, unit), str(stats.starttime)[:10], stats.channel
     # SAC files also state the angle between a component and the vertical.
     if orientation(component) is None and sac.get("cmpinc") in (0.0, 180.0):
         component = f"{component} up".strip()

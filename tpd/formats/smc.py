@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tpd.formats.channel import FACTORS, UNCORRECTED, Channel, agree_on_peak, agree_on_peak_time, choose_unit
+from tpd.formats.channel import UNCORRECTED, Channel, agree_on_peak, agree_on_peak_time, factor_of
 from tpd.formats.text import Cursor, Decimal, NoAcceleration, UnreadableRecord, shown
 
 _KINDS = re.compile(r"^\s*(\d?)\s*(UN)?CORRECTED\s+ACCELEROGRAM(.*)", re.IGNORECASE)
@@ -70,8 +70,7 @@ def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
     component, event = component or (named[1] if named else ""), " ".join(text[3].split())
     match = re.search(r"station\s*=\s*(.*?)\s*(?:component\s*=.*)?$", text[5], flags=re.IGNORECASE)
     station = " ".join(match[1].split()) if match else ""
-    notes = () if not kind[2] else (UNCORRECTED,)
-    factor = FACTORS[choose_unit("cm/s2", unit)]
+    notes, factor = ((UNCORRECTED,) if kind[2] else ()), factor_of("cm/s2", unit)
     return [Channel(values * factor, dt, component, f"{station}/{component}", event, notes)]
 
 

@@ -17,14 +17,17 @@ from itertools import pairwise
 from statistics import mode
 from typing import Any
 
+from tpd.core import checks
 from tpd.formats.channel import (
+    BASELINES,
     FACTORS,
     STEPS,
     TIMES,
     Channel,
     agree,
     agree_on_count,
-    choose_unit,
+    check_unit,
+    factor_of,
     is_component,
     orientation,
     plain,
@@ -113,6 +116,30 @@ class Options:
     skip: int = 0
     """Number of lines at the top that are skipped."""
     scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if type(self.skip) is not int or self.skip < 0:
+            raise ValueError(f"`skip` must be a number of lines, 0 or more, but is {self.skip!r}")
+        checks.set_checked(self, checks.number, "scale")
+        if self.scale == 0.0:
+            raise ValueError("`scale` must be a finite number other than 0, but is 0")
+        if self.dt is not None:
+            checks.set_checked(self, checks.positive, "dt")
+        if self.unit is not None:
+            check_unit(self.unit)
+        if self.baseline is not None:
+            checks.one_of("baseline", self.baseline, BASELINES)
+        if self.columns is None or self.columns == ROWS:
+            return
+        columns = self.columns if isinstance(self.columns, Mapping) else {}
+        are_numbers = all(type(at) is int and at >= 1 for at in columns.values())
+        if not columns or not (are_numbers and all(isinstance(name, str) for name in columns)):
+            raise ValueError(
+                f"`columns` must map names to column numbers, from 1, such as {{'time': 1, 'N': 2}}, or be "
+                f"{ROWS!r}, but is {self.columns!r}"
+            )
+        if len(set(columns.values())) < len(columns):
+            raise ValueError(f"`columns` must contain each column once, but is {columns!r}")
 
 
 @dataclass(frozen=True)
@@ -235,10 +262,8 @@ def _rows(
     # was not cut.
     ends = [cells[-1].partition(".")[2] for _, cells in lines if len(cells) > 1]
     even = len(ends) > 2 and len({len(end) for end in ends}) == 1 and len(lines[-1][1]) == len(lines[-2][1])
-    if not (cursor.ended or (even and ends[0])):
-        raise UnreadableRecord(
-            f"the last line, {len(cursor.lines)}, must end with a line break: it may be cut"
-        )
+    cursor.at = len(cursor.lines)
+    cursor.require_end(whole=bool(even and ends[0]))
     # In a single column a blank line may stand for a sample, and is an error below.
     return [(i, cells or [""]) for i, cells in lines if cells or len(lines[0][1]) == 1]
 
@@ -445,7 +470,7 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
             raise UnreadableRecord(f"the header states several units of acceleration: {', '.join(units)}")
         read = [(line, cell) for line, cells in rows for cell in (cells if in_rows else cells[i : i + 1])]
         name = column.component or ("" if len(accelerations) == 1 else f"column {i + 1}")
-        factor = FACTORS[choose_unit(next(iter(units), None), how.unit)]
+        factor = factor_of(next(iter(units), None), how.unit)
         channels.append(Channel(numbers(read) * factor, step, name, name, notes=notes))
     return channels
 

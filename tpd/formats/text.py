@@ -340,10 +340,10 @@ class Cursor:
         return numbers(values)
 
 
-def fortran(text: str, line: int) -> tuple[int, int, int]:
-    """Return columns, width and number of decimals of a format such as (8F10.5)."""
+def fortran(text: str, line: int) -> tuple[int, int, float]:
+    """Return columns, width and size of the last digit of a format such as (8F10.5)."""
     # A format without a number of columns has one column.
     match = re.search(r"\(\s*(\d{0,3})\s*[FEGI]\s*(\d{1,2})(?:\.(\d{1,2}))?\s*\)", text, flags=re.IGNORECASE)
     if match is None or int(match[2]) == 0 or match[1] == "0":
         raise UnreadableRecord(f"line {line} must state the format of its numbers, but is {shown(text)}")
-    return int(match[1] or 1), int(match[2]), int(match[3] or 0)
+    return int(match[1] or 1), int(match[2]), 10.0 ** -int(match[3] or 0)
