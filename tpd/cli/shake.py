@@ -139,16 +139,15 @@ def difference(without: float, pendulum: float) -> str:
 
 def _films(histories: dict[str, MotionHistory]) -> dict[str, TimeHistory]:
     """Return the motions of the animation by the names of their cases."""
-    return {
-        name: TimeHistory(
-            with_pendulum=h.swing is not None,
-            time=h.times,
-            tilt=h.tilt,
-            bob=np.zeros_like(h.tilt) if h.swing is None else h.swing,
-            overturned=h.overturned,
-        )
-        for name, h in histories.items()
-    }
+    films = {}
+    for name, h in histories.items():
+        motion = {
+            "time": h.times,
+            "tilt": h.tilt,
+            "bob": np.zeros_like(h.tilt) if h.swing is None else h.swing,
+        }
+        films[name] = TimeHistory(with_pendulum=h.swing is not None, overturned=h.overturned, **motion)
+    return films
 
 
 def _tables(histories: dict[str, MotionHistory], films: dict[str, TimeHistory]) -> Iterator[tuple[str, str]]:

@@ -225,9 +225,8 @@ def array(name: str, value: object, shape: tuple[int, ...], of: str) -> Any:
     traced = _holds_traced(value)
     try:
         numbers: Any = _jax_numpy().asarray(value, dtype=float) if traced else np.asarray(value)
-        fits = len(numbers.shape) == len(shape) and all(
-            n == m or m < 0 < n for n, m in zip(numbers.shape, shape, strict=True)
-        )
+        pairs = zip(numbers.shape, shape, strict=False)
+        fits = numbers.ndim == len(shape) and all(n == m or m < 0 < n for n, m in pairs)
         if fits and traced:
             return numbers
         if fits and numbers.dtype.kind in _REAL:
@@ -331,9 +330,8 @@ def not_negative(name: str, value: object, *bounds: Any, every: bool = False) ->
 
 def within(name: str, value: object, low: float, high: float, unit: str = "", *, every: bool = False) -> Any:
     """Return a number as `positive` does, but between `low` and `high`, both included."""
-    return _check(
-        name, value, f"between {low:g} and {high:g}{unit}", lambda x: (x >= low) & (x <= high), every
-    )
+    allowed = f"between {low:g} and {high:g}{unit}"
+    return _check(name, value, allowed, lambda x: (x >= low) & (x <= high), every)
 
 
 def tolerance(name: str, value: object) -> Any:
@@ -381,9 +379,8 @@ def interval(name: str, value: Any, low: float, high: float) -> tuple[float, flo
     if not (type(lo) is float and type(hi) is float):
         raise ValueError(f"`{name}` must be a pair of numbers (low, high), but is {shown(value)}")
     if not (math.isfinite(lo) and math.isfinite(hi) and low <= lo < hi <= high):
-        raise ValueError(
-            f"`{name}` must be an interval low < high within {low:g} to {high:g}, but is {lo:g} to {hi:g}"
-        )
+        allowed = f"an interval low < high within {low:g} to {high:g}"
+        raise ValueError(f"`{name}` must be {allowed}, but is {lo:g} to {hi:g}")
     return lo, hi
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -116,11 +115,8 @@ class EngineVerdict(Printed):
     @property
     def losses(self) -> str:
         """Sentences that compare the losses of the engine and the block."""
-        without: Any = parameters_under(self.scene, None)
-        e = float(without.velocity_ratio)
         # The engine has the friction of rocking of the block, but impacts of its own.
-        block: Any = self.scene.block
-        friction = float(block.friction)
+        e, friction = float(self.scene.block.velocity_ratio), float(self.scene.block.friction)
         text = f"Velocity ratio of an impact: {self.restitution:.3f} in the engine (from free rocking)"
         if abs(e - self.restitution) <= MATCH:
             text += f", {e:.3f} for the block."
