@@ -14,17 +14,8 @@ STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity, m/s^2."""
 GREATEST_PEAK = 100.0
 """Largest plausible acceleration of an earthquake, m/s^2: twice the strongest recorded."""
-FACTORS = {
-    "g": STANDARD_GRAVITY,
-    "mg": 1e-3 * STANDARD_GRAVITY,
-    "m/s2": 1.0,
-    "cm/s2": 0.01,
-    "gal": 0.01,
-    "mm/s2": 0.001,
-    "in/s2": 0.0254,
-    "ft/s2": 0.3048,
-    "%g": 0.01 * STANDARD_GRAVITY,
-}
+FACTORS = {"g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "m/s2": 1.0, "cm/s2": 0.01, "gal": 0.01}
+FACTORS |= {"mm/s2": 0.001, "in/s2": 0.0254, "ft/s2": 0.3048, "%g": 0.01 * STANDARD_GRAVITY}
 """Factors that convert a unit to m/s^2."""
 _SHOWN = ", ".join(FACTORS)
 """Units as a message lists them."""
@@ -124,8 +115,7 @@ def check_channel(channel: Channel, baseline: str | None = "none") -> Channel:
             f"the peak must be at most {GREATEST_PEAK:g} m/s^2, but is {channel.peak:g} m/s^2: the "
             "unit or a number is wrong"
         )
-    peak = channel.peak
-    if peak == 0.0:
+    if (peak := channel.peak) == 0.0:
         return channel.with_notes("all samples are zero")
     if baseline is None:
         baseline = "mean" if any(note in RAW for note in channel.notes) else "none"
@@ -251,9 +241,8 @@ def unit_of(text: str, line: int) -> str:
     """
     unit = plain(text)
     if unit not in FACTORS:
-        raise UnreadableRecord(
-            f"line {line} must state a unit of acceleration ({_SHOWN}), but has {shown(text)}"
-        )
+        wanted = f"a unit of acceleration ({_SHOWN})"
+        raise UnreadableRecord(f"line {line} must state {wanted}, but has {shown(text)}")
     return unit
 
 

@@ -120,9 +120,8 @@ def _samples(cursor: Cursor) -> tuple[str, str, int, np.ndarray]:
 def _header(cursor: Cursor, what: str) -> np.ndarray:
     """Return one of the two headers of numbers. There may be no blank between two fields."""
     line = cursor.peek()
-    stated = cursor.match(
-        rf"^\s*({WHOLE})\s+{what}-header values follow on\s+({WHOLE})\s+lines", f"the {what} header"
-    )
+    form = rf"^\s*({WHOLE})\s+{what}-header values follow on\s+({WHOLE})\s+lines"
+    stated = cursor.match(form, f"the {what} header")
     _, width, _ = fortran(line, cursor.at)
     values: list[float] = []
     for _ in range(int(stated[2])):

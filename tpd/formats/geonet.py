@@ -19,6 +19,7 @@ from tpd.formats.channel import (
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, real
 
 _FIRST = re.compile(r"^\s*(un)?corrected accelerogram\b.*\b(GNS|GeoNet)\b", re.IGNORECASE)
+_PEAK = rf"^\s*acceleration\W+peak\s+({NUMBER})\s+(\S+)\s+at\s+({NUMBER})\s+s"
 _TEXT, _COLUMNS, _WIDTH = 16, 10, 8
 # Indices in the header of integers (4 lines) and in that of reals (6 lines).
 _COUNT_V1, _COUNT, _VELOCITIES, _DISPLACEMENTS = 30, 33, 34, 35
@@ -28,9 +29,8 @@ _STEP, _PADDING = 25, 21
 def is_geonet(lines: Sequence[str]) -> bool:
     """Return whether lines are those of a GeoNet file, also if it is damaged."""
     head = "\n".join(lines[:_TEXT])
-    return bool(_FIRST.match(lines[0])) or bool(
-        re.search(r"^Component\b.*", head, re.MULTILINE) and "mm/s" in head
-    )
+    has_component = re.search(r"^Component\b", head, re.MULTILINE) and "mm/s" in head
+    return bool(_FIRST.match(lines[0]) or has_component)
 
 
 def read_geonet(cursor: Cursor, unit: str | None) -> list[Channel]:
@@ -57,9 +57,8 @@ def _block(cursor: Cursor, unit: str | None) -> Channel:
     places, blocks = (_COUNT if corrected else _COUNT_V1, _VELOCITIES, _DISPLACEMENTS), []
     for place, of in zip(places, ("samples", "velocities", "displacements"), strict=True):
         if integers[place] < 0:
-            raise UnreadableRecord(
-                f"the header must state the number of {of}, but states {integers[place]:g}"
-            )
+            wanted = f"the number of {of}"
+            raise UnreadableRecord(f"the header must state {wanted}, but states {integers[place]:g}")
         blocks.append(cursor.fixed(int(integers[place]), _COLUMNS, _WIDTH, of))
     values, what = blocks[0], rf"number of points\s+({WHOLE})\s+duration\s+({NUMBER})\s*s"
     number = text.match(10, what, "points and duration")
@@ -69,9 +68,7 @@ def _block(cursor: Cursor, unit: str | None) -> Channel:
     length = Decimal.of(number[2])
     # For n samples some files state the time from the first to the last sample, and others n steps.
     agree(len(values) * dt, length.value, "the length in s", 1.01 * dt + length.unit)
-    peak = text.match(
-        14, rf"^\s*acceleration\W+peak\s+({NUMBER})\s+(\S+)\s+at\s+({NUMBER})\s+s", "the peak and its time"
-    )
+    peak = text.match(14, _PEAK, "the peak and its time")
     size, time, own = Decimal.of(peak[1]), Decimal.of(peak[3]), unit_of(peak[2], text.start + 14)
     agree_on_peak(values, size, text.where(14), digit=size.unit)
     # Times are relative to the first recorded sample, before which zeros may be inserted.

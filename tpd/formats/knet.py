@@ -70,9 +70,8 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
         # A number that was cut is too short. The blank at the end of a line may be missing.
         short = len(line) % _COLUMN not in (0, _COLUMN - 1)
         if short or any(not re.fullmatch(r"\s*-?\d+\s?", cell) for cell in row):
-            raise UnreadableRecord(
-                f"line {cursor.at} must contain whole numbers of {_COLUMN} characters, but is {shown(line)}"
-            )
+            wanted = f"whole numbers of {_COLUMN} characters"
+            raise UnreadableRecord(f"line {cursor.at} must contain {wanted}, but is {shown(line)}")
         numbers += [number(cell, cursor.at) for cell in row]
     cursor.require_end()
     counts = np.array(numbers)
@@ -129,9 +128,8 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
     while cursor.peek().startswith("#"):
         head.append(cursor.next("the columns").lstrip("# ").strip())
     if not head or not _COLUMNS.match("#" + head[-1]):
-        raise UnreadableRecord(
-            f"line {cursor.at} must name the columns, but is {shown(head[-1] if head else '')}"
-        )
+        last = shown(head[-1] if head else "")
+        raise UnreadableRecord(f"line {cursor.at} must name the columns, but is {last}")
     names = [name.strip() for name in head[-1].split(",")][2:]
     rows, first = [], cursor.line
     while not cursor.only_blank_lines_follow():

@@ -93,9 +93,8 @@ def _unit(head: Sequence[str]) -> tuple[int, str]:
     """
     matches = [(i, match) for i, line in enumerate(head, 1) if (match := _QUANTITY.fullmatch(line))]
     if not matches:
-        raise UnreadableRecord(
-            "the header must state ACCELERATION TIME SERIES IN UNITS OF a unit, but does not"
-        )
+        wanted = "ACCELERATION TIME SERIES IN UNITS OF a unit"
+        raise UnreadableRecord(f"the header must state {wanted}, but does not")
     line, quantity = matches[0]
     if quantity[1].upper() != "ACCELERATION":
         wrong = f"line {line} must state an ACCELERATION, but is {shown(head[line - 1])}"

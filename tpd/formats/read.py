@@ -132,11 +132,9 @@ def one_channel(file: Path, channel: int | None, how: Options) -> Channel:
     if channel is None and len(every) == 1:
         return every[0]
     if channel is None or not 0 <= channel < len(every):
-        listed = ", ".join(
-            f"{i}: {c.component or 'unnamed'} ({c.peak:.3g} m/s^2)" for i, c in enumerate(every)
-        )
+        each = (f"{i}: {c.component or 'unnamed'} ({c.peak:.3g} m/s^2)" for i, c in enumerate(every))
         wrong = "choose one by `channel`" if channel is None else f"`channel` is {channel}"
-        raise UnreadableRecord(f"{file.name}: the file has the channels {listed}; {wrong}")
+        raise UnreadableRecord(f"{file.name}: the file has the channels {', '.join(each)}; {wrong}")
     return every[channel]
 
 
@@ -251,9 +249,8 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
         raise UnreadableRecord("the file contains no trace")
     identities = [trace.id for trace in stream]
     if len(set(identities)) < len(identities):
-        raise UnreadableRecord(
-            f"samples are missing: a channel has several pieces ({', '.join(identities[:9])})"
-        )
+        pieces = ", ".join(identities[:9])
+        raise UnreadableRecord(f"samples are missing: a channel has several pieces ({pieces})")
     return [_channel(trace, unit) for trace in stream]
 
 

@@ -52,9 +52,8 @@ def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
     # Check the rate before the samples, because the samples of a film are pairs of time and acceleration.
     rate = float(reals[_RATE])
     if rate > _UNKNOWN_REAL:
-        raise UnreadableRecord(
-            "the header states no rate: the samples are at unequal times, read from a film"
-        )
+        why = "the samples are at unequal times, read from a film"
+        raise UnreadableRecord(f"the header states no rate: {why}")
     if not 1.0 <= rate <= 1e5:
         raise UnreadableRecord(f"the header must state a rate of 1 to 1e5 samples/s, but states {rate:g}")
     dt = 1.0 / rate

@@ -290,9 +290,8 @@ class Cursor:
             whole: whether the file shows in another way that it was not cut.
         """
         if not self.only_blank_lines_follow():
-            raise UnreadableRecord(
-                f"line {self.line} must be the end of the file, but is {shown(self.peek())}"
-            )
+            last = shown(self.peek())
+            raise UnreadableRecord(f"line {self.line} must be the end of the file, but is {last}")
         if not (self.ended or whole):
             raise UnreadableRecord(
                 f"the last line, {len(self.lines)}, must end with a line break, but does not: the file may "

