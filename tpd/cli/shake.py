@@ -141,12 +141,9 @@ def _films(histories: dict[str, MotionHistory]) -> dict[str, TimeHistory]:
     """Return the motions of the animation by the names of their cases."""
     films = {}
     for name, h in histories.items():
-        motion = {
-            "time": h.times,
-            "tilt": h.tilt,
-            "bob": np.zeros_like(h.tilt) if h.swing is None else h.swing,
-        }
-        films[name] = TimeHistory(with_pendulum=h.swing is not None, overturned=h.overturned, **motion)
+        bob = np.zeros_like(h.tilt) if h.swing is None else h.swing
+        how = {"with_pendulum": h.swing is not None, "overturned": h.overturned}
+        films[name] = TimeHistory(time=h.times, tilt=h.tilt, bob=bob, **how)
     return films
 
 

@@ -27,6 +27,7 @@ import numpy as np
 
 from tpd.core import checks, files, process
 from tpd.core.batch import elements
+from tpd.core.formatting import install
 from tpd.core.progress import unreported
 
 Results = dict[str, np.ndarray]
@@ -94,8 +95,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             import distributed
             from dask.config import set as settings
         except ModuleNotFoundError:
-            how = "pip install '.[dask]' in the folder of the source of tpd"
-            raise ValueError(f"a cluster needs Dask: {how}") from None
+            raise ValueError(f"a cluster needs Dask: {install('dask')}") from None
         self.folder, self.workers, self.dask = place, workers or os.cpu_count() or 1, dask
         self._distributed: Any = distributed
         self._settings: Any = settings

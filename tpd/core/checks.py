@@ -137,10 +137,9 @@ def _check_meaning(name: str, value: Any) -> None:
         units = [getattr(x, of) for x in owners for of in ("unit", "units", "magnitude") if hasattr(x, of)]
         units += [attributes[of] for of in ("unit", "units") if of in attributes]
         if units:
-            raise ValueError(
-                f"`{name}` must be plain numbers, but is {shown(value)} with the unit '{units[0]}': convert "
-                "it to the unit that the documentation states, and pass its value"
-            )
+            wrong = f"`{name}` must be plain numbers, but is {shown(value)} with the unit '{units[0]}'"
+            remedy = "convert it to the unit that the documentation states, and pass its value"
+            raise ValueError(f"{wrong}: {remedy}")
 
 
 def shown(value: object) -> str:
@@ -164,9 +163,8 @@ def instance(name: str, value: Any, of: type | tuple[type, ...], hint: str = "")
     classes = of if isinstance(of, tuple) else (of,)
     names = " or ".join(c.__name__.removeprefix("Abstract") for c in classes)
     if inspect.isclass(value) and issubclass(value, classes):
-        raise ValueError(
-            f"`{name}` must be an object of {names}, `{value.__name__}(...)`, but is the class itself"
-        )
+        allowed = f"an object of {names}, `{value.__name__}(...)`"
+        raise ValueError(f"`{name}` must be {allowed}, but is the class itself")
     raise ValueError(f"`{name}` must be a {names}, but is {shown(value)}{hint}")
 
 
@@ -390,7 +388,5 @@ def require_x64() -> None:
 
     # The library does not change this setting, because it would affect other computations of the user.
     if not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
-        raise RuntimeError(
-            "tpd needs 64-bit floats, but JAX is in 32-bit mode: call "
-            'jax.config.update("jax_enable_x64", True) before using it'
-        )
+        remedy = 'call jax.config.update("jax_enable_x64", True) before using it'
+        raise RuntimeError(f"tpd needs 64-bit floats, but JAX is in 32-bit mode: {remedy}")

@@ -57,6 +57,11 @@ def compared(
     return next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
 
 
+def install(extra: str) -> str:
+    """Return the command that installs an extra of this package."""
+    return f"pip install '.[{extra}]' in the folder of the source of tpd"
+
+
 class Printed:
     """Base class of results that print themselves. A subclass defines `__str__`, a few lines with units.
 
@@ -87,10 +92,8 @@ class Tabular:
         try:
             import pandas as pd
         except ModuleNotFoundError:
-            raise ImportError(
-                "`to_dataframe` needs pandas, which is not installed: pip install '.[pandas]' in the "
-                "folder of the source of tpd"
-            ) from None
+            wrong = "`to_dataframe` needs pandas, which is not installed"
+            raise ImportError(f"{wrong}: {install('pandas')}") from None
         return pd.DataFrame(self.columns())
 
 

@@ -117,14 +117,13 @@ class EngineVerdict(Printed):
         """Sentences that compare the losses of the engine and the block."""
         # The engine has the friction of rocking of the block, but impacts of its own.
         e, friction = float(self.scene.block.velocity_ratio), float(self.scene.block.friction)
-        text = f"Velocity ratio of an impact: {self.restitution:.3f} in the engine (from free rocking)"
-        if abs(e - self.restitution) <= MATCH:
-            text += f", {e:.3f} for the block."
-        else:
-            text += f", {e:.3f} for the block: the losses differ, because the engine has Housner's impacts."
+        engine = f"{self.restitution:.3f} in the engine (from free rocking)"
+        text = f"Velocity ratio of an impact: {engine}, {e:.3f} for the block"
+        if abs(e - self.restitution) > MATCH:
+            text += ": the losses differ, because the engine has Housner's impacts"
         if friction > 0.0:
-            text += " The engine also has the friction of rocking of the block."
-        return text
+            text += ". The engine also has the friction of rocking of the block"
+        return f"{text}."
 
     @property
     def warning(self) -> str:
@@ -132,10 +131,9 @@ class EngineVerdict(Printed):
         # A disagreement is the more serious warning, so that it comes first.
         if self.disagrees:
             word = "harms" if self.benefit < 0.0 else "helps"
-            return (
-                f"DANGER: in {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of toppling). "
-                f"The equations (4) predict the opposite ({-self.expected_benefit:+.3f})."
-            )
+            found = f"in {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of toppling)"
+            expected = f"The equations (4) predict the opposite ({-self.expected_benefit:+.3f})"
+            return f"DANGER: {found}. {expected}."
         if self.step_matters:
             return f"DANGER: whether the pendulum helps in {self.engine} depends on its time step."
         return ""
@@ -274,9 +272,9 @@ class _Case:
         body = replace(self.bodies(None, _FINER)[0], friction=0.0)
         e = free_rocking(body)
         if not abs(e - body.housner) <= MATCH:
+            wanted, actual = f"{body.housner:.3f} of the velocity (Housner)", f"keeps {e:.3f}"
             raise ValueError(
-                f"impacts of the engine must keep {body.housner:.3f} of the velocity (Housner), but a block "
-                f"that rocks freely keeps {e:.3f}"
+                f"impacts of the engine must keep {wanted}, but a block that rocks freely {actual}"
             )
         return e
 

@@ -111,10 +111,8 @@ def check_channel(channel: Channel, baseline: str | None = "none") -> Channel:
     if not (STEPS[0] <= dt <= STEPS[1]):
         raise UnreadableRecord(f"the step must be {STEPS[0]:g} s to {STEPS[1]:g} s, but is {dt:g} s")
     if not (np.isfinite(a).all() and channel.peak <= GREATEST_PEAK):
-        raise UnreadableRecord(
-            f"the peak must be at most {GREATEST_PEAK:g} m/s^2, but is {channel.peak:g} m/s^2: the "
-            "unit or a number is wrong"
-        )
+        wrong = f"the peak must be at most {GREATEST_PEAK:g} m/s^2, but is {channel.peak:g} m/s^2"
+        raise UnreadableRecord(f"{wrong}: the unit or a number is wrong")
     if (peak := channel.peak) == 0.0:
         return channel.with_notes("all samples are zero")
     if baseline is None:
@@ -208,10 +206,8 @@ def agree_on_peak_time(
     size = np.abs(values)
     times = start + dt * np.flatnonzero(size >= size.max() * (1.0 - 1e-9))
     if np.min(np.abs(times - stated.value)) > dt + 0.51 * stated.unit + 1e-9 * stated.value:
-        raise UnreadableRecord(
-            f"{where} states the peak at {stated.value:g} s, but in samples {dt:g} s apart it is at "
-            f"{times[0]:g} s"
-        )
+        actual = f"in samples {dt:g} s apart it is at {times[0]:g} s"
+        raise UnreadableRecord(f"{where} states the peak at {stated.value:g} s, but {actual}")
 
 
 def agree(first: float, second: float, what: str, tolerance: float = 0.0) -> None:

@@ -107,10 +107,8 @@ def _samples(cursor: Cursor) -> tuple[str, str, int, np.ndarray]:
     line = cursor.peek()
     data = cursor.match(_DATA, "number, length, unit and format of the samples")
     if "count" in data[4].lower() or data[2].lower().startswith("raw"):
-        raise NoAcceleration(
-            f"line {cursor.at} states counts of the instrument: a file in a unit of acceleration is needed",
-            "counts of the instrument",
-        )
+        content, remedy = "counts of the instrument", "a file in a unit of acceleration is needed"
+        raise NoAcceleration(f"line {cursor.at} states {content}: {remedy}", content)
     columns, width, _ = fortran(line, cursor.at)
     values = cursor.fixed(int(data[1]), columns, width, "samples")
     cursor.match(r"^\W*end-?\s?of-?\s?data", "the end of the data")

@@ -111,10 +111,8 @@ def _read_description(cursor: Cursor) -> tuple[int, float, _Description]:
     """Return number and step of the samples of a Volume 1, and the other statements of the line above
     them."""
     if "points" not in cursor.peek().lower():
-        raise UnreadableRecord(
-            f"line {cursor.line} must describe the samples. A film that was digitised at unequal times has "
-            "no such line: use its Volume 2"
-        )
+        film = "A film that was digitised at unequal times has no such line: use its Volume 2"
+        raise UnreadableRecord(f"line {cursor.line} must describe the samples. {film}")
     line = cursor.peek()
     # Digital instruments have a sampling rate, and digitised films have a step.
     by_rate = rf"accelerogram points at\s+({NUMBER})\s+pts/sec,? in units of\s+(.+?)\s*\.?\s+format:?\s*"

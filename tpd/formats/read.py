@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from tpd.core.formatting import install
 from tpd.formats import cosmos, csmip, esm, geonet, knet, peer, smc
 from tpd.formats.channel import (
     UNSTATED,
@@ -42,6 +43,7 @@ _BINARY = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f]")
 _UNPACK = "unpack it first"
 _SHEET = "save the sheet as CSV"
 _TABLE = "save time in s and acceleration as a table of text, such as CSV"
+_SAVE = "save the acceleration as a table in m/s2"
 _MATLAB_4 = rb"[\x00-\x34]\x00{3}.{8}[\x00\x01]\x00{3}.\x00{3}[A-Za-z]\w*\x00"
 """MATLAB 4 files contain no name of the format, only sizes and the name of the first array."""
 _NO_TEXT = (
@@ -202,10 +204,8 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
     # If the byte 0x1a ends the file, its last line may have no line break.
     cursor = Cursor(lines[:-1] if whole else lines, ended=whole or text != data)
     if "RENADIC" in " ".join(cursor.lines[:15]).upper():
-        raise UnreadableRecord(
-            "the format of RENADIC (Chile) is not read: save time in s and acceleration as two columns, with "
-            "a header that states the unit"
-        )
+        remedy = "save time in s and acceleration as two columns, with a header that states the unit"
+        raise UnreadableRecord(f"the format of RENADIC (Chile) is not read: {remedy}")
     if _SPECTRA.match(cursor.peek()):
         raise NoAcceleration(f"a motion is needed, but line 1 is {shown(cursor.peek())}", "response spectrum")
     # The reader that recognises a file must read it, even if the file is damaged. A damaged file must not be
@@ -213,10 +213,8 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
     for is_format, reader in _FORMATS:
         if is_format(cursor.lines):
             if how.columns is not None or how.skip:
-                raise UnreadableRecord(
-                    f"`columns` and `skip` are allowed only for tables, but the file is in the format of "
-                    f"{reader.__module__.rpartition('.')[2].upper()}"
-                )
+                wrong = "`columns` and `skip` are allowed only for tables, but the file is in the format of"
+                raise UnreadableRecord(f"{wrong} {reader.__module__.rpartition('.')[2].upper()}")
             return reader(cursor, how.unit)
     return read_table(cursor, how)
 
@@ -234,10 +232,8 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
             warnings.simplefilter("ignore")
             obspy = import_module("obspy")
     except ImportError:
-        raise NoAcceleration(
-            "the file is not a text; miniSEED and other formats of seismology need the extra `obspy`: "
-            "pip install '.[obspy]' in the folder of the source of tpd"
-        ) from None
+        needs = "miniSEED and other formats of seismology need the extra `obspy`"
+        raise NoAcceleration(f"the file is not a text; {needs}: {install('obspy')}") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -261,11 +257,8 @@ def _channel(trace: Any, unit: str | None) -> Channel:
     if np.ma.is_masked(samples):
         raise UnreadableRecord(f"samples of {trace.id} are missing")
     if not np.issubdtype(samples.dtype, np.floating):
-        raise NoAcceleration(
-            f"{trace.id} contains counts of the instrument: remove its response with ObsPy and save the "
-            "acceleration as a table in m/s2",
-            "counts of the instrument",
-        )
+        remedy, content = f"remove its response with ObsPy and {_SAVE}", "counts of the instrument"
+        raise NoAcceleration(f"{trace.id} contains {content}: {remedy}", content)
     stats, sac = trace.stats, getattr(trace.stats, "sac", {})
     seg_y = (getattr(stats, name, {}).get("trace_header") for name in ("segy", "su"))
     contents = [values.get(sac.get(field, 0)) for field, values in _SAC.items()]
@@ -273,10 +266,8 @@ def _channel(trace: Any, unit: str | None) -> Channel:
     if content := next(filter(None, contents), ""):
         raise NoAcceleration(f"{trace.id} contains no acceleration: its header states {content}", content)
     if (factor := getattr(stats, "calib", 1.0)) != 1.0:
-        raise UnreadableRecord(
-            f"the header of {trace.id} states the factor {factor:g}, which may be missing in the samples: "
-            "apply it with ObsPy and save the acceleration as a table in m/s2"
-        )
+        wrong = f"the header of {trace.id} states the factor {factor:g}, which may be missing in the samples"
+        raise UnreadableRecord(f"{wrong}: apply it with ObsPy and {_SAVE}")
     values = np.array(samples, dtype=float)
     if not np.isfinite(values).all():
         raise UnreadableRecord(f"{trace.id} contains numbers that are not finite")

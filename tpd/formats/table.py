@@ -134,10 +134,8 @@ class Options:
         columns = self.columns if isinstance(self.columns, Mapping) else {}
         are_numbers = all(type(at) is int and at >= 1 for at in columns.values())
         if not columns or not (are_numbers and all(isinstance(name, str) for name in columns)):
-            raise ValueError(
-                f"`columns` must map names to column numbers, from 1, such as {{'time': 1, 'N': 2}}, or be "
-                f"{ROWS!r}, but is {self.columns!r}"
-            )
+            allowed = f"map names to column numbers, from 1, such as {{'time': 1, 'N': 2}}, or be {ROWS!r}"
+            raise ValueError(f"`columns` must {allowed}, but is {self.columns!r}")
         if len(set(columns.values())) < len(columns):
             raise ValueError(f"`columns` must contain each column once, but is {columns!r}")
 
@@ -250,10 +248,8 @@ def _rows(
     first, (line, text) = printed[0][0], printed[-1]
     # One comma in every row separates two columns only if there are several.
     if not is_table and "," in text and all(_DECIMAL.fullmatch(x) for _, x in printed):
-        raise UnreadableRecord(
-            f"line {line} has {shown(text)}, which may be one number with a decimal comma: write the numbers "
-            "with decimal points"
-        )
+        wrong = f"line {line} has {shown(text)}, which may be one number with a decimal comma"
+        raise UnreadableRecord(f"{wrong}: write the numbers with decimal points")
     no_thousands("\n".join(cursor.lines[first - 1 :]), split)
     lines = [(i, split(line)) for i, line in enumerate(cursor.lines[first - 1 :], first)]
     while not lines[-1][1]:
@@ -288,12 +284,11 @@ def _read_count(header: _Header, rows: list[_Row], used: Sequence[int]) -> list[
     decimals = sum("." in row[0] for _, row in rest)
     odd = len(cells) == 1 and values[0] and "." not in cells[0] and 2 * decimals > len(rest)
     if wide or odd:
-        raise UnreadableRecord(
-            f"line {line} has {shown(' '.join(cells))}, which is neither a row like the others nor the "
-            f"number of samples ({total} samples in {len(rest)} rows) with the step in s",
-            # The next line may be a step in another unit, or a sample.
-            **({} if values[0] in (len(rest) - 1, total - 1) else {"skip": line}),
-        )
+        wrong = f"line {line} has {shown(' '.join(cells))}, which is neither a row like the others nor"
+        statement = f"the number of samples ({total} samples in {len(rest)} rows) with the step in s"
+        # The next line may be a step in another unit, or a sample.
+        remedy = {} if values[0] in (len(rest) - 1, total - 1) else {"skip": line}
+        raise UnreadableRecord(f"{wrong} {statement}", **remedy)
     return rows
 
 
@@ -443,9 +438,8 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
         unit = columns[i].unit
         step = step_of([(line, cells[i]) for line, cells in rows], TIMES[unit or "s"], step)
         if unit is None and step > _LONGEST_STEP:
-            raise UnreadableRecord(
-                f"times with steps of {step:g} need a unit: name them 'time (s)' or 'time (ms)' in `columns`"
-            )
+            remedy = "name them 'time (s)' or 'time (ms)' in `columns`"
+            raise UnreadableRecord(f"times with steps of {step:g} need a unit: {remedy}")
     if step is None:
         raise UnreadableRecord("the table states no times and no step: give `dt` in s, such as dt=0.01")
     accelerations = {i: column for i, column in columns.items() if column.quantity == "acceleration"}
@@ -490,18 +484,16 @@ def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Co
     columns: dict[int, _Column] = {}
     for name, at in wanted.items():
         if piece := _unknown_word([name], at - 1):
-            raise ValueError(
-                f"`columns` must contain names of times, accelerations or components, such as 'time (ms)', N "
-                f"and E, but has {shown(name)}, in which {shown(piece)} is not understood"
-            )
+            allowed = "names of times, accelerations or components, such as 'time (ms)', N and E"
+            wrong = f"{shown(name)}, in which {shown(piece)} is not understood"
+            raise ValueError(f"`columns` must contain {allowed}, but has {wrong}")
         column = _column(name, first=at == 1)
         says = _column(header.cells[at - 1], first=at == 1) if at <= len(header.cells) else column
         units = {FACTORS.get(u) or TIMES.get(u, u) for u in (column.unit, says.unit) if u}
         axes = {_axis(c.component) for c in (column, says) if c.component}
         if column.quantity != says.quantity or len(units) > 1 or len(axes) > 1:
-            raise UnreadableRecord(
-                f"the header names column {at} {shown(header.cells[at - 1])}, but `columns` names it {name!r}"
-            )
+            stated = f"the header names column {at} {shown(header.cells[at - 1])}"
+            raise UnreadableRecord(f"{stated}, but `columns` names it {name!r}")
         columns[at - 1] = replace(column, unit=column.unit or says.unit)
     return columns
 

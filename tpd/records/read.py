@@ -123,10 +123,9 @@ def read_motions(
     # The user may not know that a folder counts as one earthquake.
     for name, count in Counter(folder for _, _, folder in unique if folder).items():
         if count > 1:
-            messages.append(
-                f"note: {count} records of the folder {name} state no earthquake and count as one; "
-                "if they belong to several, give the files one by one, with their `event`"
-            )
+            assumed = f"{count} records of the folder {name} state no earthquake and count as one"
+            advice = "if they belong to several, give the files one by one, with their `event`"
+            messages.append(f"note: {assumed}; {advice}")
     if omitted:
         messages.insert(0, f"left out: {'; '.join(omitted)}")
     if not unique:

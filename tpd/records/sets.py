@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
+from tpd.core.formatting import install
 from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.scene.record import Record
 
@@ -24,8 +25,7 @@ SETS = {
     "near-field-no-pulse": "nearfield_no_pulse.hdf5",
 }
 """Files of the sets."""
-_EXTRA = "pip install '.[records]' in the folder of the source of tpd"
-_MISSING = f"the records of FEMA P695 need an extra: {_EXTRA}"
+_MISSING = f"the records of FEMA P695 need an extra: {install('records')}"
 
 
 def el_centro() -> Record:

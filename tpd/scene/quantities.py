@@ -235,10 +235,8 @@ class Axis:
     @property
     def others(self) -> tuple[str, ...]:
         """Names of the other numbers, in the order of the columns of `jacobian` after the first."""
-        absent = self.setup.scene and not self.setup.has_pendulum
-        return tuple(
-            n for n in self.setup.values if n != self.name and not (absent and n.startswith("pendulum_"))
-        )
+        absent = _OF_PENDULUM if self.setup.scene and not self.setup.has_pendulum else ()
+        return tuple(n for n in self.setup.values if n not in (self.name, *absent))
 
     def check(self, *values: float) -> None:
         """Raise `ValueError` unless all values are in range."""

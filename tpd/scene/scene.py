@@ -158,10 +158,8 @@ class Block:
             return
         wide, hollow, high, mass = np.broadcast_arrays(*sizes)
         if np.any(hollow >= wide):
-            raise ValueError(
-                f"`cavity_width` must be less than the width of the block, {np.max(self.width):g} m, because "
-                f"the walls have a thickness, but is {np.max(self.cavity_width):g} m"
-            )
+            most = f"the width of the block, {np.max(wide):g} m, because the walls have a thickness"
+            raise ValueError(f"`cavity_width` must be less than {most}, but is {np.max(hollow):g} m")
         density = np.max(mass / ((wide**2 - hollow**2) * high))
         if density > DENSEST_WALLS:
             raise ValueError(
@@ -408,10 +406,8 @@ def check_proportions(width: Any, height: Any, mass: Any) -> None:
     narrow = width < LEAST_SLENDERNESS * height
     if np.any(narrow):
         wide, high = width[narrow][0], height[narrow][0]
-        raise ValueError(
-            f"`width` must be at least {LEAST_SLENDERNESS:g} of `height`, but is {wide:g} m of {high:g} m: "
-            "are both in m?"
-        )
+        least = f"at least {LEAST_SLENDERNESS:g} of `height`"
+        raise ValueError(f"`width` must be {least}, but is {wide:g} m of {high:g} m: are both in m?")
     # Extreme numbers must lead to the message below, and not to a warning of NumPy.
     with np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore"):
         density = mass / (width**2 * height)
@@ -443,10 +439,9 @@ def check_excitation(amplitude: Any, frequency: Any) -> None:
     # The message shows the strongest of several excitations.
     i = np.unravel_index(np.argmax(shares), shares.shape)
     if shares[i] > LARGEST_SHAKING:
-        raise ValueError(
-            f"`amplitude` and `frequency` must give an acceleration of at most {LARGEST_SHAKING:g} g, but "
-            f"{amplitude[i]:g} m at {frequency[i]:g} Hz give {shares[i]:.3g} g: are they in m and Hz?"
-        )
+        allowed = f"an acceleration of at most {LARGEST_SHAKING:g} g"
+        actual = f"{amplitude[i]:g} m at {frequency[i]:g} Hz give {shares[i]:.3g} g: are they in m and Hz?"
+        raise ValueError(f"`amplitude` and `frequency` must give {allowed}, but {actual}")
 
 
 def check_damping(name: str, value: Any) -> None:
