@@ -15,7 +15,7 @@ from tpd.core import checks
 from tpd.core.formatting import Printed, aligned, number
 from tpd.core.progress import Progress, shown
 from tpd.engines.rigid_body import SLIDING, RigidBody, body_of, parameters_under
-from tpd.engines.rollouts import EngineRuns, available, follow, free_rocking
+from tpd.engines.rollouts import Accelerations, EngineRuns, available, follow, free_rocking
 from tpd.exact.rows import row_of
 from tpd.exact.runs import GroundForcing, HarmonicForcing
 from tpd.scene.ground_motion import GroundMotion
@@ -324,9 +324,7 @@ class _Case:
         none, bounced = np.zeros(n), np.zeros(n, dtype=bool)
         return EngineRuns(table.is_overturned, table.tilt, table.settled_tilt, none, none, bounced)
 
-    def _shaking(
-        self, runs: Plan, few: int
-    ) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray]:
+    def _shaking(self, runs: Plan, few: int) -> tuple[Accelerations, np.ndarray, np.ndarray]:
         """Return the base acceleration as a function of time, and two times for each run.
 
         The times are the duration of the run, and the time from which a tilt counts as settled, both in s

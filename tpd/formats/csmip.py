@@ -74,15 +74,14 @@ def _volume_2(cursor: Cursor, unit: str | None) -> Channel:
     peak = text.match(18, _PEAK, "the peak acceleration")
     _headers(cursor, _V2_INTEGERS, _V2_REALS)
     values, data = _block(cursor, "accel", count, dt)
-    own = unit_of(data.unit, data.line)
-    agree(FACTORS[unit_of(peak[2], text.start + 18)], FACTORS[own], "the unit in m/s^2")
+    agree(FACTORS[unit_of(peak[2], text.start + 18)], FACTORS[data.unit], "the unit in m/s^2")
     agree_on_peak(values, Decimal.of(peak[1]), text.where(18), digit=data.digit)
     agree_on_peak_time(values, dt, Decimal.of(peak[3]), text.where(18))
     for kind in ("veloc", "displ"):
         # Velocities and displacements are not used, but a file that is damaged here is not reliable.
         _block(cursor, kind, count, dt)
     cursor.match(_END, "the end of the channel")
-    return Channel(values * factor_of(own, unit), dt, component, f"{name}/{component}", event)
+    return Channel(values * factor_of(data.unit, unit), dt, component, f"{name}/{component}", event)
 
 
 def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
@@ -97,14 +96,15 @@ def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
     # For n samples some files state n steps, and others n - 1 steps.
     agree(count * dt, length.value, "the length in s", 0.51 * length.unit + 1.01 * dt)
     values = cursor.fixed(count, data.columns, data.width, "samples")
-    own = unit_of(data.unit, data.line)
     peak = text.match(12, _UNIT_AND_PEAK, "the unit, the peak and its time")
     for stated_unit in (peak[1], peak[3]):
-        agree(FACTORS[unit_of(stated_unit, text.start + 12)], FACTORS[own], "the unit in m/s^2")
+        agree(FACTORS[unit_of(stated_unit, text.start + 12)], FACTORS[data.unit], "the unit in m/s^2")
     agree_on_peak(values, Decimal.of(peak[2]), text.where(12), digit=data.digit)
     agree_on_peak_time(values, dt, Decimal.of(peak[4]), text.where(12))
     cursor.match(_END, "the end of the channel")
-    return Channel(values * factor_of(own, unit), dt, component, f"{name}/{component}", event, (UNCORRECTED,))
+    return Channel(
+        values * factor_of(data.unit, unit), dt, component, f"{name}/{component}", event, (UNCORRECTED,)
+    )
 
 
 def _read_description(cursor: Cursor) -> tuple[int, float, _Description]:
@@ -125,7 +125,7 @@ def _read_description(cursor: Cursor) -> tuple[int, float, _Description]:
     # Digitised films have a fixed format of columns, which the line does not state.
     shape = fortran(line, cursor.at) if match[2] else (8, 9, 1e-6)
     step = 1.0 / rate_or_step if match[2] else rate_or_step
-    return int(match[1]), step, _Description(match[3] or match[5], cursor.at, *shape)
+    return int(match[1]), step, _Description(unit_of(match[3] or match[5], cursor.at), *shape)
 
 
 @dataclass(frozen=True)
@@ -133,8 +133,7 @@ class _Description:
     """Statements about samples in the line above them."""
 
     unit: str
-    line: int
-    """Number of this line."""
+    """Unit of acceleration; that of velocities and displacements as it is written."""
     columns: int
     width: int
     digit: float
@@ -173,5 +172,6 @@ def _block(cursor: Cursor, kind: str, count: int, dt: float) -> tuple[np.ndarray
     agree(dt, real(match[2]), "the step in s")
     # Old files state no format. All of them have the same one.
     shape = fortran(match[5], at) if match[5] else (8, 10, 1e-3)
-    data = _Description(match[3] or match[4] or "", at, *shape)
+    unit = match[3] or match[4] or ""
+    data = _Description(unit_of(unit, at) if kind == "accel" else unit, *shape)
     return cursor.fixed(count, data.columns, data.width, "samples"), data

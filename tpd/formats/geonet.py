@@ -16,9 +16,10 @@ from tpd.formats.channel import (
     factor_of,
     unit_of,
 )
-from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, real
+from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, count_of, real
 
 _FIRST = re.compile(r"^\s*(un)?corrected accelerogram\b.*\b(GNS|GeoNet)\b", re.IGNORECASE)
+_POINTS = rf"number of points\s+({WHOLE})\s+duration\s+({NUMBER})\s*s"
 _PEAK = rf"^\s*acceleration\W+peak\s+({NUMBER})\s+(\S+)\s+at\s+({NUMBER})\s+s"
 _TEXT, _COLUMNS, _WIDTH = 16, 10, 8
 # Indices in the header of integers (4 lines) and in that of reals (6 lines).
@@ -54,14 +55,11 @@ def _block(cursor: Cursor, unit: str | None) -> Channel:
     integers = cursor.fixed(40, _COLUMNS, _WIDTH, "integers of the header")
     reals = cursor.fixed(60, _COLUMNS, _WIDTH, "reals of the header")
     # Velocities and displacements follow the accelerations. They are read only to skip them.
-    places, blocks = (_COUNT if corrected else _COUNT_V1, _VELOCITIES, _DISPLACEMENTS), []
-    for place, of in zip(places, ("samples", "velocities", "displacements"), strict=True):
-        if integers[place] < 0:
-            wanted = f"the number of {of}"
-            raise UnreadableRecord(f"the header must state {wanted}, but states {integers[place]:g}")
-        blocks.append(cursor.fixed(int(integers[place]), _COLUMNS, _WIDTH, of))
-    values, what = blocks[0], rf"number of points\s+({WHOLE})\s+duration\s+({NUMBER})\s*s"
-    number = text.match(10, what, "points and duration")
+    places = {"samples": _COUNT if corrected else _COUNT_V1}
+    places |= {"velocities": _VELOCITIES, "displacements": _DISPLACEMENTS}
+    counts = {of: count_of(integers, place, of) for of, place in places.items()}
+    values, *_ = [cursor.fixed(count, _COLUMNS, _WIDTH, of) for of, count in counts.items()]
+    number = text.match(10, _POINTS, "points and duration")
     agree_on_count(int(number[1]), len(values), text.where(10))
     dt = real(text.match(11, rf"at\s+(?:intervals of\s+)?({NUMBER})\s+s(?:ec)?\b", "the step")[1])
     agree(dt, float(reals[_STEP]), "the step in s")

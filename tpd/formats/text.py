@@ -331,6 +331,14 @@ class Cursor:
         return numbers(values)
 
 
+def count_of(integers: np.ndarray, place: int, what: str) -> int:
+    """Return a number of a header that must be a count."""
+    value = integers[place]
+    if value < 0 or value != int(value):
+        raise UnreadableRecord(f"the header must state the number of {what}, but states {value:g}")
+    return int(value)
+
+
 def fortran(text: str, line: int) -> tuple[int, int, float]:
     """Return columns, width and size of the last digit of a format such as (8F10.5)."""
     # A format without a number of columns has one column.

@@ -189,8 +189,7 @@ def _bound(states: np.ndarray, h: float, damping: float) -> np.ndarray:
     It is the sum of a bound on the polynomial that solves the equation of the oscillator, and of the
     amplitude of the free motion around it, which only decreases.
     """
-    x, rate, *derivatives = states
-    a0, a1, a2, a3 = derivatives
+    x, rate, a0, a1, a2, a3 = states
     # Derivatives of the polynomial, beginning with the highest.
     p3 = -a3
     p2 = -a2 - 2.0 * damping * p3

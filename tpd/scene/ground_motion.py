@@ -108,10 +108,10 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     for j, i in itertools.combinations(range(len(events)), 2):
         # If two motions are copies with different names, both names belong to one earthquake. Replace the
         # name everywhere.
-        both_named = bool(events[i] and events[j])
-        if names[i] != names[j] and (
-            (both_named and is_one(events[i], events[j])) or are_copies(motions[i], motions[j])
-        ):
+        if names[i] == names[j]:
+            continue
+        is_named = bool(events[i] and events[j]) and is_one(events[i], events[j])
+        if is_named or are_copies(motions[i], motions[j]):
             names = [names[j] if name == names[i] else name for name in names]
     return names
 

@@ -361,26 +361,18 @@ class Scene:
         # not be zero. Any usual value serves.
         if pendulum is None:
             pendulum = Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3)
+        out = {name: getattr(block, name) for name in ("width", "height", "mass", "friction")}
         # Keys without a value are left out, so that rho and e follow the other quantities.
-        own = {} if block.radius_of_gyration is None else {"radius_of_gyration": block.radius_of_gyration}
+        if not isinstance(block.restitution, str):
+            out["restitution"] = block.restitution
+        if block.radius_of_gyration is not None:
+            out["radius_of_gyration"] = block.radius_of_gyration
         if isinstance(motion, Harmonic):
-            excitation = {"amplitude": motion.amplitude, "frequency": motion.frequency}
+            out |= {"amplitude": motion.amplitude, "frequency": motion.frequency}
         else:
-            excitation = {"peak": motion.pga, "frequency": 1.0 / motion.piece}
-        restitution = {} if isinstance(block.restitution, str) else {"restitution": block.velocity_ratio}
-        return {
-            "width": block.width,
-            "height": block.height,
-            "mass": block.mass,
-            "friction": block.friction,
-            **restitution,
-            **own,
-            **excitation,
-            "gravity": self.gravity,
-            "pendulum_mass": pendulum.mass,
-            "pendulum_length": pendulum.length,
-            "pendulum_damping": pendulum.damping_ratio,
-        }
+            out |= {"peak": motion.pga, "frequency": 1.0 / motion.piece}
+        out |= {"gravity": self.gravity, "pendulum_mass": pendulum.mass, "pendulum_length": pendulum.length}
+        return out | {"pendulum_damping": pendulum.damping_ratio}
 
     def pendulum(self, *, mass_ratio: Real, length_ratio: Real, damping_ratio: Real) -> Pendulum:
         """Return the pendulum in SI units with the ratios mu, lam and zeta."""
