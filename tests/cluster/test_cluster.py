@@ -236,7 +236,7 @@ def test_two_callers_have_the_same_batch_on_one_cluster(cluster, tmp_path):
 
 def test_without_dask_the_message_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ValueError, match=r"pip install \'\.\[dask\]\'"):
+    with pytest.raises(ValueError, match=r"pip install '.\[dask\]'"):
         Cluster(tmp_path)
 
 

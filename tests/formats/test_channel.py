@@ -30,19 +30,16 @@ def test_units():
     factors = [1.0] * 4 + [0.01] * 2 + [0.001, G, 0.01 * G, 0.001 * G, 0.0254]
     for unit, factor in zip(units, factors, strict=True):
         assert FACTORS[plain(unit)] == pytest.approx(factor, rel=1e-15)
-        assert (
-            channel.choose_unit(None, unit)
-            == channel.choose_unit(plain(unit), unit)
-            == channel.unit_of(unit, 1)
-        )
+        assert channel.unit_of(unit, 1) == plain(unit)
+        assert channel.factor_of(None, unit) == channel.factor_of(plain(unit), unit) == FACTORS[plain(unit)]
 
 
 def test_a_unit_is_known_and_none_overrules_another():
     for ask, said in (
         (lambda: channel.unit_of("furlong", 7), "line 7 must state a unit of acceleration"),
         (lambda: channel.check_unit("furlong"), "`unit` must be one of g, .* but is 'furlong'"),
-        (lambda: channel.choose_unit(None, None), "states no unit of acceleration: give `unit`"),
-        (lambda: channel.choose_unit("cm/s2", "g"), "states the unit cm/s2, but `unit` is 'g'"),
+        (lambda: channel.factor_of(None, None), "states no unit of acceleration: give `unit`"),
+        (lambda: channel.factor_of("cm/s2", "g"), "states the unit cm/s2, but `unit` is 'g'"),
     ):
         with pytest.raises(ValueError, match=said):
             ask()

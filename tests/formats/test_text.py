@@ -23,8 +23,8 @@ def test_numbers_as_printed():
 
 
 def test_formats_of_fortran():
-    assert text.fortran("Format: (8f9.6)", 1) == (8, 9, 6)
-    assert text.fortran("(F10)", 1) == (1, 10, 0)
+    assert text.fortran("Format: (8f9.6)", 1) == (8, 9, 1e-6)
+    assert text.fortran("(F10)", 1) == (1, 10, 1.0)
     for wrong in ("", "(8f0.6)", "(0f9.6)", "8f9.6"):
         with pytest.raises(UnreadableRecord, match="line 2 must state the format of its numbers"):
             text.fortran(wrong, 2)

@@ -157,8 +157,7 @@ def _ratios_outside(validation: Validated, space: DesignSpace) -> list[str]:
         # The ratio is computed from SI units and may differ from a bound by rounding.
         if not low * (1.0 - 1e-9) <= ratio <= high * (1.0 + 1e-9):
             bounds = number(low) if low == high else f"{number(low)} to {number(high)}"
-            sentences.append(
-                f"The {name} ratio {number(ratio)} lies outside of the design space of the job ({bounds}), "
-                "so that `tpd optimise` cannot return this pendulum."
-            )
+            outside = f"lies outside of the design space of the job ({bounds})"
+            meaning = "`tpd optimise` cannot return this pendulum"
+            sentences.append(f"The {name} ratio {number(ratio)} {outside}, so that {meaning}.")
     return sentences

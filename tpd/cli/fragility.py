@@ -53,9 +53,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     friction = wrapped(sliding(scene, scaled, pendulum))
     print_answer("", str(curves), *friction)
     # There is one picture for each damage state. It is drawn when `outputs.write` calls the function.
-    pictures = {
-        f"fragility_{name}.png": partial(outputs.plot, curves, name) for name in curves.without_pendulum
-    }
+    states = curves.without_pendulum
+    pictures = {f"fragility_{name}.png": partial(outputs.plot, curves, name) for name in states}
     outputs.write(options.out, _tables(job, pendulum, curves), pictures)
     return SOUND
 

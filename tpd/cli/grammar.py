@@ -25,21 +25,19 @@ _DONE = "Exit status: 0 success; 2 invalid input, the message says what is allow
 """Explanation of the exit status of most commands."""
 
 
-def _key_options(table: str, **metavars: str | tuple[str, ...]) -> tuple[Option, ...]:
+def _options_of(table: str, **metavars: str | tuple[str, ...]) -> tuple[Option, ...]:
     """Return one option for each key of a table. The option is named like the key."""
     return tuple(Option(f"--{key.replace('_', '-')}", table, key, x) for key, x in metavars.items())
 
 
 BLOCK = (
-    *_key_options("block", width="M", height="M", mass="KG", friction="K", restitution="E"),
-    *_key_options("block", radius_of_gyration="M", base_friction="MU"),
+    *_options_of("block", width="M", height="M", mass="KG", friction="K", restitution="E"),
+    *_options_of("block", radius_of_gyration="M", base_friction="MU"),
     Option("--cavity", "block", "cavity_width", "M"),
 )
-HARMONIC = _key_options("motion", amplitude="M", frequency="HZ")
-PULSE = _key_options("motion", pulse="KIND", pulse_frequency="HZ", cycles="N", phase="RAD", pga="G")
-READING = _key_options(
-    "motion", channel="N", dt="S", unit="UNIT", baseline="WORD", columns="NAME=N", skip="N"
-)
+HARMONIC = _options_of("motion", amplitude="M", frequency="HZ")
+PULSE = _options_of("motion", pulse="KIND", pulse_frequency="HZ", cycles="N", phase="RAD", pga="G")
+READING = _options_of("motion", channel="N", dt="S", unit="UNIT", baseline="WORD", columns="NAME=N", skip="N")
 _FACTOR: dict[str, Any] = {"one": True, "also": {"intensity": "scale"}}
 # Commands that simulate one motion have `--record` and a factor `--scale`. Commands that need several have
 # `--records` and `--scales`; there `--scale` multiplies the samples of a file.
@@ -49,16 +47,15 @@ RECORD = (
     Option("--scale", "motion", "scales", "X", help="factor on the acceleration of the motion", **_FACTOR),
 )
 RECORDS = (
-    *_key_options("motion", records="FILE", scales="X", intensity="WORD", event="NAME"),
+    *_options_of("motion", records="FILE", scales="X", intensity="WORD", event="NAME"),
     *READING,
-    *_key_options("motion", scale="X"),
+    *_options_of("motion", scale="X"),
 )
 VALIDATION_SHARE = Option("--validation-share", "motion", "validation_share", "X")
-NO_WALLS = Option(
-    "--no-walls", "limits", "clearance", value=False, help="no walls around the bob: no limit on clearance"
-)
+_NO_WALLS = "no walls around the bob: no limit on clearance"
+NO_WALLS = Option("--no-walls", "limits", "clearance", value=False, help=_NO_WALLS)
 DESIGN = (
-    *_key_options("space", mass_ratio=("LO", "HI"), length_ratio=("LO", "HI")),
+    *_options_of("space", mass_ratio=("LO", "HI"), length_ratio=("LO", "HI")),
     Option("--pendulum-mass", "space", "mass", ("LO", "HI")),
     Option("--pendulum-length", "space", "length", ("LO", "HI")),
     Option("--damping", "space", "damping_ratio", ("LO", "HI")),
@@ -75,7 +72,7 @@ CONDITIONS = (
     Option("--from-rest", "starts", "kind", value="rest", help=_REST),
 )
 SEARCH = (
-    *_key_options("search", optimiser="WORD", searches="N", starts="N", steps="N"),
+    *_options_of("search", optimiser="WORD", searches="N", starts="N", steps="N"),
     Option("--at-least", "requirements", "at_least", "X"),
     Option("--reduce", "requirements", "measure", "WORD"),
     Option("--allowed", "requirements", "wall_contacts", "X"),
@@ -116,9 +113,7 @@ def _add_switch(to: Any, flag: str, text: str) -> None:
     to.add_argument(flag, action="store_true", help=text)
 
 
-def _add_group(
-    command: Parser, title: str, options: Iterable[Option], text: str | None = None
-) -> argparse._ArgumentGroup:
+def _add_group(command: Parser, title: str, options: Iterable[Option], text: str | None = None) -> Any:
     """Add options as a group with a title and an explanation."""
     group = command.add_argument_group(title, text)
     for option in options:
@@ -244,12 +239,8 @@ def _check(command: Parser) -> None:
 
 
 def _explore(command: Parser) -> None:
-    command.add_argument(
-        "source",
-        type=path_of,
-        metavar="DESIGN",
-        help="report directory, its design.json, or a job file in TOML",
-    )
+    text = "report directory, its design.json, or a job file in TOML"
+    command.add_argument("source", type=path_of, metavar="DESIGN", help=text)
     text = "default explore.html in the report directory; for a job file, in the working directory"
     command.add_argument("--out", type=path_of, metavar="FILE", help=text)
     _add_switch(command, "--open", "open the page in the browser")
@@ -262,11 +253,8 @@ def _response(command: Parser) -> None:
     _add_number(command, "--from", "HZ", f"lowest {text.format(0.4)}", dest="low")
     _add_number(command, "--to", "HZ", f"highest {text.format(2)}", dest="high")
     _add_number(command, "--points", "N", "number of points on each branch (default 400)", int, default=400)
-    text = (
-        "vary the frequency ratio xi at constant base acceleration f; --from and --to are values of xi, "
-        "dimensionless"
-    )
-    _add_switch(command, "--dimensionless", text)
+    text = "vary the frequency ratio xi at constant base acceleration f; --from and --to are values of xi"
+    _add_switch(command, "--dimensionless", f"{text}, dimensionless")
     text = "number of frequencies at which motions from rest are simulated, 0 for none (default 40)"
     _add_number(command, "--from-rest", "N", text, int, default=40)
     _add_out(command, "tpd-response")
@@ -285,9 +273,8 @@ def _map(command: Parser) -> None:
 
 def _shake(command: Parser) -> None:
     _add_case(command, *PULSE, *RECORD)
-    _add_number(
-        command, "--free", "S", "free motion after the base has stopped, s (default 20)", default=20.0
-    )
+    text = "free motion after the base has stopped, s (default 20)"
+    _add_number(command, "--free", "S", text, default=20.0)
     _add_out(command, "tpd-shake")
 
 
@@ -323,17 +310,10 @@ def _export(command: Parser) -> None:
 
 
 COMMANDS = {
-    "new": _new,
-    "record": _record,
-    "assess": _assess,
-    "optimise": _optimise,
-    "check": _check,
-    "explore": _explore,
-    "response": _response,
-    "map": _map,
-    "shake": _shake,
-    "spectrum": _spectrum,
-    "fragility": _fragility,
-    "export": _export,
+    function.__name__.removeprefix("_"): function
+    for function in (
+        *(_new, _record, _assess, _optimise, _check, _explore),
+        *(_response, _map, _shake, _spectrum, _fragility, _export),
+    )
 }
 """Functions that add the options of each command. The help texts of the commands are in `commands.toml`."""

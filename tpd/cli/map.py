@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from tpd.answers.design_map import DesignMap, design_map
+from tpd.answers.design_map import design_map
 from tpd.cli import common, outputs
 from tpd.cli.interrupts import SOUND, print_answer
 from tpd.core import checks, files
@@ -47,7 +45,14 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         print(outputs.PERIODIC_ONLY.format("--from-rest"))
     # The pictures are drawn when `outputs.write` calls these functions, after the numbers are written.
     pictures = {f"{name}.png": partial(outputs.plot, m, name) for name in ("amplitude", "swing", "margin")}
-    outputs.write(options.out, _tables(m, common.json_inputs(scene, pendulum)), pictures)
+    axes = {"x": (m.x_name, *m.x[[0, -1]].tolist()), "y": (m.y_name, *m.y[[0, -1]].tolist())}
+    # The values of the axes replace those of the scene and the pendulum in the inputs.
+    inputs = {**common.json_inputs(scene, pendulum), "varied": axes, "points": len(m.x), "start": m.start}
+    tables = {
+        "map.csv": files.as_table(m.columns()),
+        "map.json": files.as_json({**inputs, "statuses": m.counts}),
+    }
+    outputs.write(options.out, tables.items(), pictures)
     return SOUND
 
 
@@ -63,12 +68,3 @@ def _axis(flag: str, words: list[str]) -> tuple[str, float, float]:
     if name in common.LARGEST:
         checks.at_most(flag, high, *common.LARGEST[name])
     return name, low, high
-
-
-def _tables(m: DesignMap, inputs: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield the names and contents of the files of numbers."""
-    yield "map.csv", files.as_table(m.columns())
-    axes = {"x": (m.x_name, *m.x[[0, -1]].tolist()), "y": (m.y_name, *m.y[[0, -1]].tolist())}
-    # The values of the axes replace those of the scene and the pendulum in `inputs`.
-    content = {**inputs, "varied": axes, "points": len(m.x), "start": m.start, "statuses": m.counts}
-    yield "map.json", files.as_json(content)

@@ -31,11 +31,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     with Bar() as bar:
         design, points = solve(problem, bar), ()
         # Lighter pendulums make sense only beside a pendulum that is recommended.
-        if (
-            job.full["search"]["pareto"]
-            and design.pendulum is not None
-            and design.status.name == "recommended"
-        ):
+        is_recommended = design.pendulum is not None and design.status.name == "recommended"
+        if job.full["search"]["pareto"] and is_recommended:
             points = front(design, progress=bar)
         # Details are results that only the report needs, such as responses and tolerances.
         shown = details(design, front=points, progress=bar)

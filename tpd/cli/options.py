@@ -61,9 +61,8 @@ class Parser(argparse.ArgumentParser):
             message += _suggestion(choice[1], re.findall(r"[\w-]+", choice[2]))
         from tpd.core.formatting import number_hint
 
-        message = message.replace(
-            "invalid path_of value", "the name of a file is empty or has control characters"
-        )
+        bad_name = "the name of a file is empty or has control characters"
+        message = message.replace("invalid path_of value", bad_name)
         message += number_hint(message)
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
@@ -89,9 +88,7 @@ def _parts(key: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _count(part: dict[str, Any]) -> int:
     """Return the number of values that a schema allows: 1 unless it is an array, 0 for any number."""
-    if part.get("type") != "array":
-        return 1
-    return len(part.get("prefixItems", ()))
+    return len(part.get("prefixItems", ())) if part.get("type") == "array" else 1
 
 
 @dataclass(frozen=True)
@@ -129,14 +126,8 @@ class Option:
         count = 0 if self.metavar is None else None
         if self.metavar is not None and counts != {1} and not self.one:
             count = max(counts) if min(counts) > 1 else "+"
-        parser.add_argument(
-            self.flag,
-            action=_Set,
-            option=self,
-            nargs=count,
-            metavar=self.metavar,
-            help=(self.help or text).replace("%", "%%"),
-        )
+        text = (self.help or text).replace("%", "%%")
+        parser.add_argument(self.flag, action=_Set, option=self, nargs=count, metavar=self.metavar, help=text)
 
     def values_of(self, values: Any) -> dict[str, Any]:
         """Return the keys that the option sets with their values.

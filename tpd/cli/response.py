@@ -79,10 +79,8 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
     }
     sizes = "status", "amplitude_rad", "swing_rad", "phase_rad", "multiplier"
     rows = (row for label, case_orbits in orbits.items() for row in _rows(label, case_orbits))
-    tables = [
-        ("response.json", files.as_json(content)),
-        ("branches.csv", files.as_csv(("case", "branch", name, *sizes), rows)),
-    ]
+    table = files.as_csv(("case", "branch", name, *sizes), rows)
+    tables = [("response.json", files.as_json(content)), ("branches.csv", table)]
 
     def draw(responses: dict[str, Response] | None = None) -> Any:
         # The import of Matplotlib waits until the numbers are written.

@@ -67,7 +67,11 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         results[name] = {**_numbers(nonlinear), "equations": "nonlinear", "linear": _numbers(linear) | counts}
     content = files.as_json({**common.json_inputs(scene, pendulum, job), "results": results})
     # The animation uses the histories, which come from the linear equations.
-    films = _films(histories)
+    films: dict[str, TimeHistory] = {}
+    for name, h in histories.items():
+        bob = np.zeros_like(h.tilt) if h.swing is None else h.swing
+        how = {"with_pendulum": h.swing is not None, "overturned": h.overturned}
+        films[name] = TimeHistory(time=h.times, tilt=h.tilt, bob=bob, **how)
     numbers = ("shake.json", content), *_tables(histories, films)
 
     def draw() -> Any:
@@ -135,20 +139,6 @@ def difference(without: float, pendulum: float) -> str:
     change = 100.0 * (pendulum / without - 1.0)
     size = f"{number(abs(change), 2)} % {'larger' if change > 0.0 else 'smaller'}"
     return f"With the pendulum the largest tilt is {size} (nonlinear equations)."
-
-
-def _films(histories: dict[str, MotionHistory]) -> dict[str, TimeHistory]:
-    """Return the motions of the animation by the names of their cases."""
-    return {
-        name: TimeHistory(
-            with_pendulum=h.swing is not None,
-            time=h.times,
-            tilt=h.tilt,
-            bob=np.zeros_like(h.tilt) if h.swing is None else h.swing,
-            overturned=h.overturned,
-        )
-        for name, h in histories.items()
-    }
 
 
 def _tables(histories: dict[str, MotionHistory], films: dict[str, TimeHistory]) -> Iterator[tuple[str, str]]:

@@ -27,6 +27,7 @@ import numpy as np
 
 from tpd.core import checks, files, process
 from tpd.core.batch import elements
+from tpd.core.formatting import install
 from tpd.core.progress import unreported
 
 Results = dict[str, np.ndarray]
@@ -94,9 +95,7 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             import distributed
             from dask.config import set as settings
         except ModuleNotFoundError:
-            raise ValueError(
-                "a cluster needs Dask: pip install '.[dask]' in the folder of the source of tpd"
-            ) from None
+            raise ValueError(f"a cluster needs Dask: {install('dask')}") from None
         self.folder, self.workers, self.dask = place, workers or os.cpu_count() or 1, dask
         self._distributed: Any = distributed
         self._settings: Any = settings
@@ -162,9 +161,8 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
         try:
             client.wait_for_workers(1, timeout=_WAIT)
         except TimeoutError:
-            raise ClusterError(
-                f"the cluster has had no worker for {_WAIT:.0f} s: start one by `dask worker`"
-            ) from None
+            wrong = f"the cluster has had no worker for {_WAIT:.0f} s"
+            raise ClusterError(f"{wrong}: start one by `dask worker`") from None
         # `pure=False` makes each submission a new one. Otherwise Dask would return the failure of an earlier
         # submission. The shared arguments are the result of a submission as well, so that Dask computes them
         # again if their worker is lost.
@@ -185,9 +183,8 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
             raise ClusterError(f"too many workers were lost over one chunk: {error}") from None
         except (CancelledError, self._distributed.comm.CommClosedError) as error:
             self.close()
-            raise ClusterError(
-                f"the scheduler of the cluster is lost ({error}); the finished chunks are stored"
-            ) from None
+            wrong = f"the scheduler of the cluster is lost ({error})"
+            raise ClusterError(f"{wrong}; the finished chunks are stored") from None
         finally:
             # Chunks that are still waiting are cancelled, also if the caller stops this generator.
             queue.clear()
@@ -237,9 +234,8 @@ def _compute(version: str, common: bytes, part: bytes) -> tuple[int, Results]:
     from distributed.protocol import pickle
 
     if environment_fingerprint() != version:
-        raise ClusterError(
-            "a worker of the cluster has another version of Python, tpd or its packages: install the same"
-        )
+        wrong = "a worker of the cluster has another version of Python, tpd or its packages"
+        raise ClusterError(f"{wrong}: install the same")
     # This must precede the next line: otherwise JAX would convert arrays to 32 bits when they are unpickled.
     process.use_64_bits()
     (task, shared), (number, own) = pickle.loads(common), pickle.loads(part)
@@ -307,10 +303,8 @@ def fingerprint(*values: Any) -> str:
 def source_fingerprint() -> str:
     """Return the fingerprint of the source of this package. Another version may compute other digits."""
     root = Path(__file__).parents[1]
-    sources = files.source_files(root)
-    return fingerprint(
-        [(Path(os.path.relpath(path, root)).as_posix(), path.read_bytes()) for path in sources]
-    )
+    paths = {path: Path(os.path.relpath(path, root)).as_posix() for path in files.source_files(root)}
+    return fingerprint([(name, path.read_bytes()) for path, name in paths.items()])
 
 
 @lru_cache(maxsize=1)

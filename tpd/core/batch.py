@@ -121,9 +121,8 @@ def elements(batch: Any) -> tuple[Callable[[Any], Any], int]:
     arrays = [_array(x) for x in leaves]
     lengths = {len(x) for x in arrays if x.ndim}
     if len(lengths) != 1 or 0 in lengths:
-        raise ValueError(
-            f"`batch` must be arrays of one length above zero, but has lengths {sorted(lengths)}"
-        )
+        allowed = "arrays of one length above zero"
+        raise ValueError(f"`batch` must be {allowed}, but has lengths {sorted(lengths)}")
     return lambda at: jax.tree.unflatten(structure, [x[at] if x.ndim else x for x in arrays]), lengths.pop()
 
 

@@ -137,10 +137,9 @@ def _check_meaning(name: str, value: Any) -> None:
         units = [getattr(x, of) for x in owners for of in ("unit", "units", "magnitude") if hasattr(x, of)]
         units += [attributes[of] for of in ("unit", "units") if of in attributes]
         if units:
-            raise ValueError(
-                f"`{name}` must be plain numbers, but is {shown(value)} with the unit '{units[0]}': convert "
-                "it to the unit that the documentation states, and pass its value"
-            )
+            wrong = f"`{name}` must be plain numbers, but is {shown(value)} with the unit '{units[0]}'"
+            remedy = "convert it to the unit that the documentation states, and pass its value"
+            raise ValueError(f"{wrong}: {remedy}")
 
 
 def shown(value: object) -> str:
@@ -164,9 +163,8 @@ def instance(name: str, value: Any, of: type | tuple[type, ...], hint: str = "")
     classes = of if isinstance(of, tuple) else (of,)
     names = " or ".join(c.__name__.removeprefix("Abstract") for c in classes)
     if inspect.isclass(value) and issubclass(value, classes):
-        raise ValueError(
-            f"`{name}` must be an object of {names}, `{value.__name__}(...)`, but is the class itself"
-        )
+        allowed = f"an object of {names}, `{value.__name__}(...)`"
+        raise ValueError(f"`{name}` must be {allowed}, but is the class itself")
     raise ValueError(f"`{name}` must be a {names}, but is {shown(value)}{hint}")
 
 
@@ -225,9 +223,8 @@ def array(name: str, value: object, shape: tuple[int, ...], of: str) -> Any:
     traced = _holds_traced(value)
     try:
         numbers: Any = _jax_numpy().asarray(value, dtype=float) if traced else np.asarray(value)
-        fits = len(numbers.shape) == len(shape) and all(
-            n == m or m < 0 < n for n, m in zip(numbers.shape, shape, strict=True)
-        )
+        pairs = zip(numbers.shape, shape, strict=False)
+        fits = numbers.ndim == len(shape) and all(n == m or m < 0 < n for n, m in pairs)
         if fits and traced:
             return numbers
         if fits and numbers.dtype.kind in _REAL:
@@ -331,9 +328,8 @@ def not_negative(name: str, value: object, *bounds: Any, every: bool = False) ->
 
 def within(name: str, value: object, low: float, high: float, unit: str = "", *, every: bool = False) -> Any:
     """Return a number as `positive` does, but between `low` and `high`, both included."""
-    return _check(
-        name, value, f"between {low:g} and {high:g}{unit}", lambda x: (x >= low) & (x <= high), every
-    )
+    allowed = f"between {low:g} and {high:g}{unit}"
+    return _check(name, value, allowed, lambda x: (x >= low) & (x <= high), every)
 
 
 def tolerance(name: str, value: object) -> Any:
@@ -381,9 +377,8 @@ def interval(name: str, value: Any, low: float, high: float) -> tuple[float, flo
     if not (type(lo) is float and type(hi) is float):
         raise ValueError(f"`{name}` must be a pair of numbers (low, high), but is {shown(value)}")
     if not (math.isfinite(lo) and math.isfinite(hi) and low <= lo < hi <= high):
-        raise ValueError(
-            f"`{name}` must be an interval low < high within {low:g} to {high:g}, but is {lo:g} to {hi:g}"
-        )
+        allowed = f"an interval low < high within {low:g} to {high:g}"
+        raise ValueError(f"`{name}` must be {allowed}, but is {lo:g} to {hi:g}")
     return lo, hi
 
 
@@ -393,7 +388,5 @@ def require_x64() -> None:
 
     # The library does not change this setting, because it would affect other computations of the user.
     if not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
-        raise RuntimeError(
-            "tpd needs 64-bit floats, but JAX is in 32-bit mode: call "
-            'jax.config.update("jax_enable_x64", True) before using it'
-        )
+        remedy = 'call jax.config.update("jax_enable_x64", True) before using it'
+        raise RuntimeError(f"tpd needs 64-bit floats, but JAX is in 32-bit mode: {remedy}")

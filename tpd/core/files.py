@@ -52,9 +52,8 @@ def claim(directory: Path, *, overwrite: bool) -> None:
     if os.path.lexists(directory) and not directory.is_dir():
         raise ValueError(f"cannot write the report: {directory} is a file, not a directory")
     if not overwrite and any(_visible(directory)):
-        raise ValueError(
-            f"{directory} already contains files: choose another directory with --out, or pass --overwrite"
-        )
+        remedy = "choose another directory with --out, or pass --overwrite"
+        raise ValueError(f"{directory} already contains files: {remedy}")
     # Folders are created when the results are written: invalid input leaves no folder behind.
     nearest = next(folder for folder in (directory, *directory.parents) if os.path.lexists(folder))
     try:
@@ -108,18 +107,6 @@ def readable(text: str) -> str:
 def source_files(folder: Path) -> list[Path]:
     """Return the Python files in a folder of this package, or the wheel that contains the folder."""
     return sorted(folder.rglob("*.py")) or [next(path for path in folder.parents if path.is_file())]
-
-
-def make_folder(folder: Path) -> None:
-    """Create a folder and its parents, unless it exists.
-
-    Raises:
-        OSError: the folder cannot be created, or something else has its name.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder)) from None
 
 
 def place(path: Path, content: str | bytes, of: str = "") -> Path:
@@ -359,9 +346,8 @@ def today() -> str:
         seconds = time.time() if written is None else int(written)
         return datetime.fromtimestamp(seconds, UTC).date().isoformat()
     except (ValueError, OverflowError, OSError):
-        raise ValueError(
-            f"`SOURCE_DATE_EPOCH` must be a whole number of seconds since 1970, but is {written!r}"
-        ) from None
+        allowed = "a whole number of seconds since 1970"
+        raise ValueError(f"`SOURCE_DATE_EPOCH` must be {allowed}, but is {written!r}") from None
 
 
 def _finite(value: Any) -> Any:

@@ -57,6 +57,11 @@ def compared(
     return next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
 
 
+def install(extra: str) -> str:
+    """Return the command that installs an extra of this package."""
+    return f"pip install '.[{extra}]' in the folder of the source of tpd"
+
+
 class Printed:
     """Base class of results that print themselves. A subclass defines `__str__`, a few lines with units.
 
@@ -87,10 +92,8 @@ class Tabular:
         try:
             import pandas as pd
         except ModuleNotFoundError:
-            raise ImportError(
-                "`to_dataframe` needs pandas, which is not installed: pip install '.[pandas]' in the "
-                "folder of the source of tpd"
-            ) from None
+            wrong = "`to_dataframe` needs pandas, which is not installed"
+            raise ImportError(f"{wrong}: {install('pandas')}") from None
         return pd.DataFrame(self.columns())
 
 
@@ -136,16 +139,14 @@ def number_hint(text: str) -> str:
     return "" if share is None else f"; write {float(share[1]) / 100:g} for {share[0]}"
 
 
-RENAMED = dict(
-    re.findall(
-        r"(\w+)=(\S+)",
-        "worth=requirements strikes=wall_contacts held_out=validation_share room=clearance file=out "
-        "demand=measure measure=risk.measure from_rest=starts.kind method=finish study=details "
-        "Worth=Requirements Room=Clearance Study=Details verdict=paired_runs Verdict=PairedRuns "
-        "Segmented=Nonlinear Sequential=Descent HarmonicDesign=Design GroundDesign=Design "
-        "analysis=answers closed_form=theory stroke=swing_limit,limits.stroke",
-    )
+_RENAMED = (
+    "worth=requirements strikes=wall_contacts held_out=validation_share room=clearance file=out "
+    "demand=measure measure=risk.measure from_rest=starts.kind method=finish study=details "
+    "Worth=Requirements Room=Clearance Study=Details verdict=paired_runs Verdict=PairedRuns "
+    "Segmented=Nonlinear Sequential=Descent HarmonicDesign=Design GroundDesign=Design "
+    "analysis=answers closed_form=theory stroke=swing_limit,limits.stroke"
 )
+RENAMED = dict(re.findall(r"(\w+)=(\S+)", _RENAMED))
 """New names by the old names of tables, keys, options, arguments and classes, see `changes.md` in the guide.
 The first of several that is allowed counts. A new name with a dot is a key in another table of a job file."""
 

@@ -9,7 +9,6 @@ import contextlib
 import math
 import os
 import sys
-import zlib
 from importlib import import_module
 from pathlib import Path
 
@@ -73,12 +72,9 @@ def _remove_damaged(cache: Path) -> None:
 def _is_whole(content: bytes) -> bool:
     """Return whether a file of the cache of JAX, compressed by zstd or zlib, can be decompressed."""
     try:
-        if content.startswith(b"\x28\xb5\x2f\xfd"):
-            import_module("compression.zstd" if sys.version_info >= (3, 14) else "zstandard").decompress(
-                content
-            )
-        else:
-            zlib.decompress(content)
+        zstd = "compression.zstd" if sys.version_info >= (3, 14) else "zstandard"
+        is_zstd = content.startswith(b"\x28\xb5\x2f\xfd")
+        import_module(zstd if is_zstd else "zlib").decompress(content)
     except ImportError:
         return True
     except Exception:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from tpd.core import checks
 from tpd.core.formatting import Printed, aligned, number
 from tpd.core.progress import Progress, shown
 from tpd.engines.rigid_body import SLIDING, RigidBody, body_of, parameters_under
-from tpd.engines.rollouts import EngineRuns, available, follow, free_rocking
+from tpd.engines.rollouts import Accelerations, EngineRuns, available, follow, free_rocking
 from tpd.exact.rows import row_of
 from tpd.exact.runs import GroundForcing, HarmonicForcing
 from tpd.scene.ground_motion import GroundMotion
@@ -116,19 +115,15 @@ class EngineVerdict(Printed):
     @property
     def losses(self) -> str:
         """Sentences that compare the losses of the engine and the block."""
-        without: Any = parameters_under(self.scene, None)
-        e = float(without.velocity_ratio)
         # The engine has the friction of rocking of the block, but impacts of its own.
-        block: Any = self.scene.block
-        friction = float(block.friction)
-        text = f"Velocity ratio of an impact: {self.restitution:.3f} in the engine (from free rocking)"
-        if abs(e - self.restitution) <= MATCH:
-            text += f", {e:.3f} for the block."
-        else:
-            text += f", {e:.3f} for the block: the losses differ, because the engine has Housner's impacts."
+        e, friction = float(self.scene.block.velocity_ratio), float(self.scene.block.friction)
+        engine = f"{self.restitution:.3f} in the engine (from free rocking)"
+        text = f"Velocity ratio of an impact: {engine}, {e:.3f} for the block"
+        if abs(e - self.restitution) > MATCH:
+            text += ": the losses differ, because the engine has Housner's impacts"
         if friction > 0.0:
-            text += " The engine also has the friction of rocking of the block."
-        return text
+            text += ". The engine also has the friction of rocking of the block"
+        return f"{text}."
 
     @property
     def warning(self) -> str:
@@ -136,10 +131,9 @@ class EngineVerdict(Printed):
         # A disagreement is the more serious warning, so that it comes first.
         if self.disagrees:
             word = "harms" if self.benefit < 0.0 else "helps"
-            return (
-                f"DANGER: in {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of toppling). "
-                f"The equations (4) predict the opposite ({-self.expected_benefit:+.3f})."
-            )
+            found = f"in {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of toppling)"
+            expected = f"The equations (4) predict the opposite ({-self.expected_benefit:+.3f})"
+            return f"DANGER: {found}. {expected}."
         if self.step_matters:
             return f"DANGER: whether the pendulum helps in {self.engine} depends on its time step."
         return ""
@@ -278,9 +272,9 @@ class _Case:
         body = replace(self.bodies(None, _FINER)[0], friction=0.0)
         e = free_rocking(body)
         if not abs(e - body.housner) <= MATCH:
+            wanted, actual = f"{body.housner:.3f} of the velocity (Housner)", f"keeps {e:.3f}"
             raise ValueError(
-                f"impacts of the engine must keep {body.housner:.3f} of the velocity (Housner), but a block "
-                f"that rocks freely keeps {e:.3f}"
+                f"impacts of the engine must keep {wanted}, but a block that rocks freely {actual}"
             )
         return e
 
@@ -330,9 +324,7 @@ class _Case:
         none, bounced = np.zeros(n), np.zeros(n, dtype=bool)
         return EngineRuns(table.is_overturned, table.tilt, table.settled_tilt, none, none, bounced)
 
-    def _shaking(
-        self, runs: Plan, few: int
-    ) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray]:
+    def _shaking(self, runs: Plan, few: int) -> tuple[Accelerations, np.ndarray, np.ndarray]:
         """Return the base acceleration as a function of time, and two times for each run.
 
         The times are the duration of the run, and the time from which a tilt counts as settled, both in s

@@ -98,9 +98,8 @@ def _rendered(template: str, **values: Any) -> str:
 
     source = resources.files("tpd.engines").joinpath(template).read_text(encoding="utf-8")
     # A name that is missing in the template raises an error and does not leave a gap in the model.
-    environment = jinja2.Environment(
-        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
-    )
+    blocks: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, **blocks)
     return environment.from_string(source).render(values)
 
 

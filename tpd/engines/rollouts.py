@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tpd.core.formatting import install
 from tpd.core.progress import unreported
 from tpd.engines.rigid_body import RigidBody
 
@@ -54,9 +55,7 @@ def available() -> str:
     try:
         return str(_mujoco().__version__)
     except ImportError as error:
-        raise ValueError(
-            "the engine MuJoCo is not installed: pip install '.[engines]' in the folder of the source of tpd"
-        ) from error
+        raise ValueError(f"the engine MuJoCo is not installed: {install('engines')}") from error
 
 
 def _mujoco() -> Any:

@@ -14,17 +14,8 @@ STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity, m/s^2."""
 GREATEST_PEAK = 100.0
 """Largest plausible acceleration of an earthquake, m/s^2: twice the strongest recorded."""
-FACTORS = {
-    "g": STANDARD_GRAVITY,
-    "mg": 1e-3 * STANDARD_GRAVITY,
-    "m/s2": 1.0,
-    "cm/s2": 0.01,
-    "gal": 0.01,
-    "mm/s2": 0.001,
-    "in/s2": 0.0254,
-    "ft/s2": 0.3048,
-    "%g": 0.01 * STANDARD_GRAVITY,
-}
+FACTORS = {"g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "m/s2": 1.0, "cm/s2": 0.01, "gal": 0.01}
+FACTORS |= {"mm/s2": 0.001, "in/s2": 0.0254, "ft/s2": 0.3048, "%g": 0.01 * STANDARD_GRAVITY}
 """Factors that convert a unit to m/s^2."""
 _SHOWN = ", ".join(FACTORS)
 """Units as a message lists them."""
@@ -120,12 +111,9 @@ def check_channel(channel: Channel, baseline: str | None = "none") -> Channel:
     if not (STEPS[0] <= dt <= STEPS[1]):
         raise UnreadableRecord(f"the step must be {STEPS[0]:g} s to {STEPS[1]:g} s, but is {dt:g} s")
     if not (np.isfinite(a).all() and channel.peak <= GREATEST_PEAK):
-        raise UnreadableRecord(
-            f"the peak must be at most {GREATEST_PEAK:g} m/s^2, but is {channel.peak:g} m/s^2: the "
-            "unit or a number is wrong"
-        )
-    peak = channel.peak
-    if peak == 0.0:
+        wrong = f"the peak must be at most {GREATEST_PEAK:g} m/s^2, but is {channel.peak:g} m/s^2"
+        raise UnreadableRecord(f"{wrong}: the unit or a number is wrong")
+    if (peak := channel.peak) == 0.0:
         return channel.with_notes("all samples are zero")
     if baseline is None:
         baseline = "mean" if any(note in RAW for note in channel.notes) else "none"
@@ -218,10 +206,8 @@ def agree_on_peak_time(
     size = np.abs(values)
     times = start + dt * np.flatnonzero(size >= size.max() * (1.0 - 1e-9))
     if np.min(np.abs(times - stated.value)) > dt + 0.51 * stated.unit + 1e-9 * stated.value:
-        raise UnreadableRecord(
-            f"{where} states the peak at {stated.value:g} s, but in samples {dt:g} s apart it is at "
-            f"{times[0]:g} s"
-        )
+        actual = f"in samples {dt:g} s apart it is at {times[0]:g} s"
+        raise UnreadableRecord(f"{where} states the peak at {stated.value:g} s, but {actual}")
 
 
 def agree(first: float, second: float, what: str, tolerance: float = 0.0) -> None:
@@ -251,9 +237,8 @@ def unit_of(text: str, line: int) -> str:
     """
     unit = plain(text)
     if unit not in FACTORS:
-        raise UnreadableRecord(
-            f"line {line} must state a unit of acceleration ({_SHOWN}), but has {shown(text)}"
-        )
+        wanted = f"a unit of acceleration ({_SHOWN})"
+        raise UnreadableRecord(f"line {line} must state {wanted}, but has {shown(text)}")
     return unit
 
 
@@ -264,16 +249,15 @@ def check_unit(unit: str) -> str:
     return plain(unit)
 
 
-def choose_unit(stated: str | None, unit: str | None) -> str:
-    """Return the unit that a file states or, if it states none, the unit that the user passes."""
-    if stated is None and unit is None:
+def factor_of(stated: str | None, unit: str | None) -> float:
+    """Return the factor of the unit that a file states or, if it states none, that the user passes."""
+    own = stated if unit is None else check_unit(unit)
+    if own is None:
         raise UnreadableRecord("the header states no unit of acceleration: give `unit`, such as unit='g'")
-    if unit is None:
-        return stated or ""
     # Units with equal factors are the same unit, such as gal and cm/s2.
-    if stated is not None and FACTORS[check_unit(unit)] != FACTORS[stated]:
+    if stated is not None and FACTORS[own] != FACTORS[stated]:
         raise StatedByFile(f"the header states the unit {stated}, but `unit` is {unit!r}", "unit")
-    return check_unit(unit)
+    return FACTORS[own]
 
 
 def orientation(text: str) -> bool | None:

@@ -17,7 +17,7 @@ from tpd.formats.channel import (
     agree,
     agree_on_peak,
     agree_on_peak_time,
-    choose_unit,
+    factor_of,
     unit_of,
 )
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, NoAcceleration, UnreadableRecord, fortran, number
@@ -98,7 +98,7 @@ def _block(cursor: Cursor, unit: str | None) -> Channel | str:
     name = " ".join(station[1].split()) if station else ""
     notes = () if first[1].lower() == "corrected" else (UNCORRECTED,)
     event = re.sub(r"^r(?:ecord|crd) of\s+", "", " ".join(text.lines[1].split()), flags=re.IGNORECASE)
-    factor = FACTORS[choose_unit(unit_of(own, cursor.at), unit)]
+    factor = factor_of(unit_of(own, cursor.at), unit)
     return Channel(values * factor, dt, component, f"{name}/{component}".strip("/"), event, notes)
 
 
@@ -107,10 +107,8 @@ def _samples(cursor: Cursor) -> tuple[str, str, int, np.ndarray]:
     line = cursor.peek()
     data = cursor.match(_DATA, "number, length, unit and format of the samples")
     if "count" in data[4].lower() or data[2].lower().startswith("raw"):
-        raise NoAcceleration(
-            f"line {cursor.at} states counts of the instrument: a file in a unit of acceleration is needed",
-            "counts of the instrument",
-        )
+        content, remedy = "counts of the instrument", "a file in a unit of acceleration is needed"
+        raise NoAcceleration(f"line {cursor.at} states {content}: {remedy}", content)
     columns, width, _ = fortran(line, cursor.at)
     values = cursor.fixed(int(data[1]), columns, width, "samples")
     cursor.match(r"^\W*end-?\s?of-?\s?data", "the end of the data")
@@ -120,9 +118,8 @@ def _samples(cursor: Cursor) -> tuple[str, str, int, np.ndarray]:
 def _header(cursor: Cursor, what: str) -> np.ndarray:
     """Return one of the two headers of numbers. There may be no blank between two fields."""
     line = cursor.peek()
-    stated = cursor.match(
-        rf"^\s*({WHOLE})\s+{what}-header values follow on\s+({WHOLE})\s+lines", f"the {what} header"
-    )
+    form = rf"^\s*({WHOLE})\s+{what}-header values follow on\s+({WHOLE})\s+lines"
+    stated = cursor.match(form, f"the {what} header")
     _, width, _ = fortran(line, cursor.at)
     values: list[float] = []
     for _ in range(int(stated[2])):

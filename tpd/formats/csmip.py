@@ -20,7 +20,7 @@ from tpd.formats.channel import (
     agree_on_count,
     agree_on_peak,
     agree_on_peak_time,
-    choose_unit,
+    factor_of,
     unit_of,
 )
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, Header, UnreadableRecord, fortran, real, shown
@@ -30,6 +30,12 @@ _V2_TEXT, _V2_INTEGERS, _V2_REALS = 25, 7, 13
 _V1_TEXT, _V1_INTEGERS, _V1_REALS = 13, 7, 7
 _END = r"^/&.*end of data"
 _CHANNEL = r"\bchan\w*\s+\d+\s*:\s*(\S.*?)\s*$"
+# Statements in the text of a Volume 2, and the last two in that of a Volume 1.
+_PEAK = rf"peak\s+acceleration\s*=\s*({NUMBER})\s+(\S+)\s+at\s+({NUMBER})"
+_POINTS = rf"points\s*=\s*({WHOLE})\s+record length\s*=\s*({NUMBER})\s*sec"
+_UNIT_AND_PEAK = (
+    rf"units of.* (?:sec and|is)\s+(.+?)\s*\.?\s+max\s*=\s*({NUMBER})\s*(\S+?)\s*,?\s+at\s+({NUMBER})"
+)
 
 
 def is_csmip(lines: Sequence[str]) -> bool:
@@ -65,29 +71,24 @@ def _volume_2(cursor: Cursor, unit: str | None) -> Channel:
     component, event, name = _words(text, at=8)
     count = int(text.match(16, rf"^\s*({WHOLE})\s+points of", "the number of points")[1])
     dt = real(text.match(17, rf"intervals? of\s+({NUMBER})\s+sec", "the step")[1])
-    peak = text.match(
-        18, rf"peak\s+acceleration\s*=\s*({NUMBER})\s+(\S+)\s+at\s+({NUMBER})", "the peak acceleration"
-    )
+    peak = text.match(18, _PEAK, "the peak acceleration")
     _headers(cursor, _V2_INTEGERS, _V2_REALS)
     values, data = _block(cursor, "accel", count, dt)
-    own = unit_of(data.unit, data.line)
-    agree(FACTORS[unit_of(peak[2], text.start + 18)], FACTORS[own], "the unit in m/s^2")
+    agree(FACTORS[unit_of(peak[2], text.start + 18)], FACTORS[data.unit], "the unit in m/s^2")
     agree_on_peak(values, Decimal.of(peak[1]), text.where(18), digit=data.digit)
     agree_on_peak_time(values, dt, Decimal.of(peak[3]), text.where(18))
     for kind in ("veloc", "displ"):
         # Velocities and displacements are not used, but a file that is damaged here is not reliable.
         _block(cursor, kind, count, dt)
     cursor.match(_END, "the end of the channel")
-    return Channel(values * FACTORS[choose_unit(own, unit)], dt, component, f"{name}/{component}", event)
+    return Channel(values * factor_of(data.unit, unit), dt, component, f"{name}/{component}", event)
 
 
 def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
     """Return the channel of the next block of a Volume 1."""
     text = cursor.header(_V1_TEXT)
     component, event, name = _words(text, at=7)
-    stated = text.match(
-        11, rf"points\s*=\s*({WHOLE})\s+record length\s*=\s*({NUMBER})\s*sec", "points and length"
-    )
+    stated = text.match(11, _POINTS, "points and length")
     _headers(cursor, _V1_INTEGERS, _V1_REALS)
     count, dt, data = _read_description(cursor)
     agree_on_count(int(stated[1]), count, text.where(11))
@@ -95,19 +96,14 @@ def _volume_1(cursor: Cursor, unit: str | None) -> Channel:
     # For n samples some files state n steps, and others n - 1 steps.
     agree(count * dt, length.value, "the length in s", 0.51 * length.unit + 1.01 * dt)
     values = cursor.fixed(count, data.columns, data.width, "samples")
-    own = unit_of(data.unit, data.line)
-    peak = text.match(
-        12,
-        rf"units of.* (?:sec and|is)\s+(.+?)\s*\.?\s+max\s*=\s*({NUMBER})\s*(\S+?)\s*,?\s+at\s+({NUMBER})",
-        "the unit, the peak and its time",
-    )
+    peak = text.match(12, _UNIT_AND_PEAK, "the unit, the peak and its time")
     for stated_unit in (peak[1], peak[3]):
-        agree(FACTORS[unit_of(stated_unit, text.start + 12)], FACTORS[own], "the unit in m/s^2")
+        agree(FACTORS[unit_of(stated_unit, text.start + 12)], FACTORS[data.unit], "the unit in m/s^2")
     agree_on_peak(values, Decimal.of(peak[2]), text.where(12), digit=data.digit)
     agree_on_peak_time(values, dt, Decimal.of(peak[4]), text.where(12))
     cursor.match(_END, "the end of the channel")
     return Channel(
-        values * FACTORS[choose_unit(own, unit)], dt, component, f"{name}/{component}", event, (UNCORRECTED,)
+        values * factor_of(data.unit, unit), dt, component, f"{name}/{component}", event, (UNCORRECTED,)
     )
 
 
@@ -115,26 +111,21 @@ def _read_description(cursor: Cursor) -> tuple[int, float, _Description]:
     """Return number and step of the samples of a Volume 1, and the other statements of the line above
     them."""
     if "points" not in cursor.peek().lower():
-        raise UnreadableRecord(
-            f"line {cursor.line} must describe the samples. A film that was digitised at unequal times has "
-            "no such line: use its Volume 2"
-        )
+        film = "A film that was digitised at unequal times has no such line: use its Volume 2"
+        raise UnreadableRecord(f"line {cursor.line} must describe the samples. {film}")
     line = cursor.peek()
     # Digital instruments have a sampling rate, and digitised films have a step.
-    by_rate = (
-        rf"accelerogram points at\s+({NUMBER})\s+pts/sec,? in units of\s+(.+?)\s*\.?\s+format:?\s*\([^()]*\)"
-    )
+    by_rate = rf"accelerogram points at\s+({NUMBER})\s+pts/sec,? in units of\s+(.+?)\s*\.?\s+format:?\s*"
     by_step = rf"points of accel data equally spaced at\s+({NUMBER})\s+sec\.?\s+\(units:\s*([^)]*)\)"
-    match = cursor.match(
-        rf"^\s*({WHOLE})\s+(?:{by_rate}|{by_step})\W*$", "number, step and unit of the samples"
-    )
+    form = rf"^\s*({WHOLE})\s+(?:{by_rate}\([^()]*\)|{by_step})\W*$"
+    match = cursor.match(form, "number, step and unit of the samples")
     rate_or_step = real(match[2] or match[4])
     if rate_or_step <= 0.0:
         raise UnreadableRecord(f"line {cursor.at} must state a rate or a step above zero")
     # Digitised films have a fixed format of columns, which the line does not state.
-    shape = fortran(line, cursor.at) if match[2] else (8, 9, 6)
+    shape = fortran(line, cursor.at) if match[2] else (8, 9, 1e-6)
     step = 1.0 / rate_or_step if match[2] else rate_or_step
-    return int(match[1]), step, _Description(match[3] or match[5], cursor.at, *shape)
+    return int(match[1]), step, _Description(unit_of(match[3] or match[5], cursor.at), *shape)
 
 
 @dataclass(frozen=True)
@@ -142,16 +133,11 @@ class _Description:
     """Statements about samples in the line above them."""
 
     unit: str
-    line: int
-    """Number of this line."""
+    """Unit of acceleration; that of velocities and displacements as it is written."""
     columns: int
     width: int
-    decimals: int
-
-    @property
-    def digit(self) -> float:
-        """Size of the last digit of a sample."""
-        return 10.0**-self.decimals
+    digit: float
+    """Size of the last digit of a sample."""
 
 
 def _words(text: Header, at: int) -> tuple[str, str, str]:
@@ -170,9 +156,8 @@ def _headers(cursor: Cursor, integers: int, reals: int) -> None:
         for _ in range(rows):
             line = cursor.next(f"the end of the {what} header").rstrip()
             if len(line) % width or re.search(r"[A-Za-z]{2}", line):
-                raise UnreadableRecord(
-                    f"line {cursor.at} must belong to the {what} header, but is {shown(line)}"
-                )
+                wrong = f"line {cursor.at} must belong to the {what} header"
+                raise UnreadableRecord(f"{wrong}, but is {shown(line)}")
 
 
 def _block(cursor: Cursor, kind: str, count: int, dt: float) -> tuple[np.ndarray, _Description]:
@@ -186,5 +171,7 @@ def _block(cursor: Cursor, kind: str, count: int, dt: float) -> tuple[np.ndarray
     agree_on_count(count, int(match[1]), f"line {at}")
     agree(dt, real(match[2]), "the step in s")
     # Old files state no format. All of them have the same one.
-    data = _Description(match[3] or match[4] or "", at, *(fortran(match[5], at) if match[5] else (8, 10, 3)))
+    shape = fortran(match[5], at) if match[5] else (8, 10, 1e-3)
+    unit = match[3] or match[4] or ""
+    data = _Description(unit_of(unit, at) if kind == "accel" else unit, *shape)
     return cursor.fixed(count, data.columns, data.width, "samples"), data

@@ -16,7 +16,7 @@ from tpd.formats.channel import (
     agree_on_count,
     agree_on_peak,
     agree_on_peak_time,
-    choose_unit,
+    factor_of,
     unit_of,
 )
 from tpd.formats.text import NUMBER, Cursor, Decimal, NoAcceleration, UnreadableRecord, shown
@@ -72,7 +72,7 @@ def read_esm(cursor: Cursor, unit: str | None) -> list[Channel]:
     component, event = _text(head, "STREAM"), _text(head, *_EVENT)
     name = f"{_text(head, 'NETWORK')}.{_text(head, 'STATION_CODE')}/{component}"
     # A record with its baseline removed counts as corrected.
-    factor, baseline = FACTORS[choose_unit(stated, unit)], _text(head, "BASELINE_CORRECTION").upper()
+    factor, baseline = factor_of(stated, unit), _text(head, "BASELINE_CORRECTION").upper()
     removed = "REMOVED" in baseline and "NOT" not in baseline
     notes = () if removed else (UNCORRECTED if baseline else UNSTATED,)
     return [Channel(values * factor, dt, component, name, event and f"{event} UTC", notes)]

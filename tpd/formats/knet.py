@@ -19,7 +19,7 @@ from tpd.formats.channel import (
     agree,
     agree_on_count,
     agree_on_peak,
-    choose_unit,
+    factor_of,
     unit_of,
 )
 from tpd.formats.text import NUMBER, WHOLE, Cursor, Decimal, UnreadableRecord, number, real, shown
@@ -70,9 +70,8 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
         # A number that was cut is too short. The blank at the end of a line may be missing.
         short = len(line) % _COLUMN not in (0, _COLUMN - 1)
         if short or any(not re.fullmatch(r"\s*-?\d+\s?", cell) for cell in row):
-            raise UnreadableRecord(
-                f"line {cursor.at} must contain whole numbers of {_COLUMN} characters, but is {shown(line)}"
-            )
+            wanted = f"whole numbers of {_COLUMN} characters"
+            raise UnreadableRecord(f"line {cursor.at} must contain {wanted}, but is {shown(line)}")
         numbers += [number(cell, cursor.at) for cell in row]
     cursor.require_end()
     counts = np.array(numbers)
@@ -87,7 +86,7 @@ def read_knet(cursor: Cursor, unit: str | None) -> list[Channel]:
     notes = (UNCORRECTED, BOREHOLE) if head["Dir."] in _BOREHOLE else (UNCORRECTED,)
     component = (_BOREHOLE | _SURFACE).get(head["Dir."], head["Dir."])
     name, event = f"{head['Station Code']}/{component}", f"{head['Origin Time']} JST M{head['Mag.']}"
-    return [Channel(values * FACTORS[choose_unit(stated, unit)], 1.0 / rate, component, name, event, notes)]
+    return [Channel(values * factor_of(stated, unit), 1.0 / rate, component, name, event, notes)]
 
 
 def _head(cursor: Cursor) -> dict[str, str]:
@@ -129,9 +128,8 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
     while cursor.peek().startswith("#"):
         head.append(cursor.next("the columns").lstrip("# ").strip())
     if not head or not _COLUMNS.match("#" + head[-1]):
-        raise UnreadableRecord(
-            f"line {cursor.at} must name the columns, but is {shown(head[-1] if head else '')}"
-        )
+        last = shown(head[-1] if head else "")
+        raise UnreadableRecord(f"line {cursor.at} must name the columns, but is {last}")
     names = [name.strip() for name in head[-1].split(",")][2:]
     rows, first = [], cursor.line
     while not cursor.only_blank_lines_follow():
@@ -159,7 +157,7 @@ def read_knet_csv(cursor: Cursor, unit: str | None) -> list[Channel]:
     words, channels = f"{event[0]} JST M{event[-1]}" if len(event) > 1 else "", []
     for name, column in zip(names, values.T[1:], strict=True):
         component, _, own = name.rstrip(")").partition("(")
-        factor = FACTORS[choose_unit(unit_of(own, cursor.at), unit)]
+        factor = factor_of(unit_of(own, cursor.at), unit)
         # KiK-net uses the number 1 for the instrument in the borehole, and 2 for that at the surface.
         is_deep = component.endswith("1") and any(name.startswith(f"{component[:-1]}2") for name in names)
         notes = (UNCORRECTED, BOREHOLE) if is_deep else (UNCORRECTED,)

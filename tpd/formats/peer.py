@@ -6,12 +6,11 @@ import re
 from collections.abc import Sequence
 
 from tpd.formats.channel import (
-    FACTORS,
     TIMES,
     Channel,
     agree,
     agree_on_count,
-    choose_unit,
+    factor_of,
     orientation,
     unit_of,
 )
@@ -84,7 +83,7 @@ def read_peer(cursor: Cursor, unit: str | None) -> list[Channel]:
     component = re.sub(r"\(.*?\)", "", name.rpartition(",")[2]).strip() if "," in name else ""
     if orientation(component) is None:
         component = ""
-    return [Channel(values * FACTORS[choose_unit(stated, unit)], dt, component, name, event)]
+    return [Channel(values * factor_of(stated, unit), dt, component, name, event)]
 
 
 def _unit(head: Sequence[str]) -> tuple[int, str]:
@@ -94,9 +93,8 @@ def _unit(head: Sequence[str]) -> tuple[int, str]:
     """
     matches = [(i, match) for i, line in enumerate(head, 1) if (match := _QUANTITY.fullmatch(line))]
     if not matches:
-        raise UnreadableRecord(
-            "the header must state ACCELERATION TIME SERIES IN UNITS OF a unit, but does not"
-        )
+        wanted = "ACCELERATION TIME SERIES IN UNITS OF a unit"
+        raise UnreadableRecord(f"the header must state {wanted}, but does not")
     line, quantity = matches[0]
     if quantity[1].upper() != "ACCELERATION":
         wrong = f"line {line} must state an ACCELERATION, but is {shown(head[line - 1])}"

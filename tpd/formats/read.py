@@ -10,7 +10,7 @@ import io
 import re
 import warnings
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -18,22 +18,20 @@ from typing import Any
 
 import numpy as np
 
+from tpd.core.formatting import install
 from tpd.formats import cosmos, csmip, esm, geonet, knet, peer, smc
 from tpd.formats.channel import (
-    BASELINES,
-    FACTORS,
     UNSTATED,
     Channel,
     check_channel,
-    check_unit,
-    choose_unit,
+    factor_of,
     note_direction,
     of_file,
     orientation,
     scale_channel,
 )
-from tpd.formats.table import ROWS, read_table
 from tpd.formats.table import Options as Options
+from tpd.formats.table import read_table
 from tpd.formats.text import Cursor, NoAcceleration, StatedByFile, UnreadableRecord, shown
 
 _MOST = 200_000_000
@@ -45,6 +43,7 @@ _BINARY = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f]")
 _UNPACK = "unpack it first"
 _SHEET = "save the sheet as CSV"
 _TABLE = "save time in s and acceleration as a table of text, such as CSV"
+_SAVE = "save the acceleration as a table in m/s2"
 _MATLAB_4 = rb"[\x00-\x34]\x00{3}.{8}[\x00\x01]\x00{3}.\x00{3}[A-Za-z]\w*\x00"
 """MATLAB 4 files contain no name of the format, only sizes and the name of the first array."""
 _NO_TEXT = (
@@ -107,15 +106,6 @@ _FORMATS: tuple[tuple[Callable[[Sequence[str]], bool], Reader], ...] = (
 
 def channels(file: Path, how: Options) -> list[Channel]:
     """Return all channels of a file after checks. Options and errors are those of `tpd.Record.read`."""
-    dt = how.dt
-    if how.unit is not None:
-        check_unit(how.unit)
-    _check_options(how.columns, how.skip, how.scale)
-    if how.baseline is not None and how.baseline not in BASELINES:
-        raise ValueError(f"`baseline` must be one of {', '.join(BASELINES)}, but is {how.baseline!r}")
-    number = isinstance(dt, (int, float)) and not isinstance(dt, bool)
-    if dt is not None and not (number and 0.0 < dt < float("inf")):
-        raise ValueError(f"`dt` must be positive and finite, in s, but is {dt!r}")
     channels, label = list[Channel](), file.name or str(file)
     try:
         read = _of_bytes(_content(file), how)
@@ -125,8 +115,8 @@ def channels(file: Path, how: Options) -> list[Channel]:
             if len(read) > 1:
                 component = f" ({channel.component})" if channel.component else ""
                 label = f"{file.name}, channel {i}{component}"
-            if dt is not None and abs(dt - channel.dt) > 1e-6 * channel.dt:
-                wrong = f"the file states a step of {channel.dt:g} s, but `dt` is {dt:g} s"
+            if how.dt is not None and abs(how.dt - channel.dt) > 1e-6 * channel.dt:
+                wrong = f"the file states a step of {channel.dt:g} s, but `dt` is {how.dt:g} s"
                 raise StatedByFile(wrong, "dt")
             channel = note_direction(check_channel(scale_channel(channel, how.scale), how.baseline), named)
             channels.append(replace(channel, source=label))
@@ -134,29 +124,6 @@ def channels(file: Path, how: Options) -> list[Channel]:
         error.args = (f"{label}: {error.args[0]}",)
         raise
     return channels
-
-
-def _check_options(columns: Any, skip: Any, scale: Any) -> None:
-    """Raise `ValueError` if an option of a table is of the wrong form."""
-
-    def is_whole(value: Any, least: int) -> bool:
-        return isinstance(value, int) and not isinstance(value, bool) and value >= least
-
-    if not is_whole(skip, 0):
-        raise ValueError(f"`skip` must be a number of lines, 0 or more, but is {skip!r}")
-    if not isinstance(scale, (int, float)) or isinstance(scale, bool) or not 0.0 < abs(scale) < float("inf"):
-        raise ValueError(f"`scale` must be a finite number other than 0, but is {scale!r}")
-    if columns is None or columns == ROWS:
-        return
-    pairs = list(columns.items()) if isinstance(columns, Mapping) else []
-    numbers = [at for _, at in pairs]
-    if not pairs or not all(isinstance(name, str) and is_whole(at, 1) for name, at in pairs):
-        raise ValueError(
-            f"`columns` must map names to column numbers, from 1, such as {{'time': 1, 'N': 2}}, or be "
-            f"{ROWS!r}, but is {columns!r}"
-        )
-    if len(set(numbers)) < len(numbers):
-        raise ValueError(f"`columns` must contain each column once, but is {columns!r}")
 
 
 def one_channel(file: Path, channel: int | None, how: Options) -> Channel:
@@ -167,11 +134,9 @@ def one_channel(file: Path, channel: int | None, how: Options) -> Channel:
     if channel is None and len(every) == 1:
         return every[0]
     if channel is None or not 0 <= channel < len(every):
-        listed = ", ".join(
-            f"{i}: {c.component or 'unnamed'} ({c.peak:.3g} m/s^2)" for i, c in enumerate(every)
-        )
+        each = (f"{i}: {c.component or 'unnamed'} ({c.peak:.3g} m/s^2)" for i, c in enumerate(every))
         wrong = "choose one by `channel`" if channel is None else f"`channel` is {channel}"
-        raise UnreadableRecord(f"{file.name}: the file has the channels {listed}; {wrong}")
+        raise UnreadableRecord(f"{file.name}: the file has the channels {', '.join(each)}; {wrong}")
     return every[channel]
 
 
@@ -239,10 +204,8 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
     # If the byte 0x1a ends the file, its last line may have no line break.
     cursor = Cursor(lines[:-1] if whole else lines, ended=whole or text != data)
     if "RENADIC" in " ".join(cursor.lines[:15]).upper():
-        raise UnreadableRecord(
-            "the format of RENADIC (Chile) is not read: save time in s and acceleration as two columns, with "
-            "a header that states the unit"
-        )
+        remedy = "save time in s and acceleration as two columns, with a header that states the unit"
+        raise UnreadableRecord(f"the format of RENADIC (Chile) is not read: {remedy}")
     if _SPECTRA.match(cursor.peek()):
         raise NoAcceleration(f"a motion is needed, but line 1 is {shown(cursor.peek())}", "response spectrum")
     # The reader that recognises a file must read it, even if the file is damaged. A damaged file must not be
@@ -250,10 +213,8 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
     for is_format, reader in _FORMATS:
         if is_format(cursor.lines):
             if how.columns is not None or how.skip:
-                raise UnreadableRecord(
-                    f"`columns` and `skip` are allowed only for tables, but the file is in the format of "
-                    f"{reader.__module__.rpartition('.')[2].upper()}"
-                )
+                wrong = "`columns` and `skip` are allowed only for tables, but the file is in the format of"
+                raise UnreadableRecord(f"{wrong} {reader.__module__.rpartition('.')[2].upper()}")
             return reader(cursor, how.unit)
     return read_table(cursor, how)
 
@@ -271,10 +232,8 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
             warnings.simplefilter("ignore")
             obspy = import_module("obspy")
     except ImportError:
-        raise NoAcceleration(
-            "the file is not a text; miniSEED and other formats of seismology need the extra `obspy`: "
-            "pip install '.[obspy]' in the folder of the source of tpd"
-        ) from None
+        needs = "miniSEED and other formats of seismology need the extra `obspy`"
+        raise NoAcceleration(f"the file is not a text; {needs}: {install('obspy')}") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -286,9 +245,8 @@ def read_waveforms(data: bytes, unit: str | None) -> list[Channel]:
         raise UnreadableRecord("the file contains no trace")
     identities = [trace.id for trace in stream]
     if len(set(identities)) < len(identities):
-        raise UnreadableRecord(
-            f"samples are missing: a channel has several pieces ({', '.join(identities[:9])})"
-        )
+        pieces = ", ".join(identities[:9])
+        raise UnreadableRecord(f"samples are missing: a channel has several pieces ({pieces})")
     return [_channel(trace, unit) for trace in stream]
 
 
@@ -299,11 +257,8 @@ def _channel(trace: Any, unit: str | None) -> Channel:
     if np.ma.is_masked(samples):
         raise UnreadableRecord(f"samples of {trace.id} are missing")
     if not np.issubdtype(samples.dtype, np.floating):
-        raise NoAcceleration(
-            f"{trace.id} contains counts of the instrument: remove its response with ObsPy and save the "
-            "acceleration as a table in m/s2",
-            "counts of the instrument",
-        )
+        remedy, content = f"remove its response with ObsPy and {_SAVE}", "counts of the instrument"
+        raise NoAcceleration(f"{trace.id} contains {content}: {remedy}", content)
     stats, sac = trace.stats, getattr(trace.stats, "sac", {})
     seg_y = (getattr(stats, name, {}).get("trace_header") for name in ("segy", "su"))
     contents = [values.get(sac.get(field, 0)) for field, values in _SAC.items()]
@@ -311,16 +266,13 @@ def _channel(trace: Any, unit: str | None) -> Channel:
     if content := next(filter(None, contents), ""):
         raise NoAcceleration(f"{trace.id} contains no acceleration: its header states {content}", content)
     if (factor := getattr(stats, "calib", 1.0)) != 1.0:
-        raise UnreadableRecord(
-            f"the header of {trace.id} states the factor {factor:g}, which may be missing in the samples: "
-            "apply it with ObsPy and save the acceleration as a table in m/s2"
-        )
+        wrong = f"the header of {trace.id} states the factor {factor:g}, which may be missing in the samples"
+        raise UnreadableRecord(f"{wrong}: apply it with ObsPy and {_SAVE}")
     values = np.array(samples, dtype=float)
     if not np.isfinite(values).all():
         raise UnreadableRecord(f"{trace.id} contains numbers that are not finite")
     # Such files state no unit, so that the user must pass it.
-    factor = FACTORS[choose_unit(None, unit)]
-    event, component = str(stats.starttime)[:10], stats.channel
+    factor, event, component = factor_of(None, unit), str(stats.starttime)[:10], stats.channel
     # SAC files also state the angle between a component and the vertical.
     if orientation(component) is None and sac.get("cmpinc") in (0.0, 180.0):
         component = f"{component} up".strip()

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tpd.formats.channel import FACTORS, UNCORRECTED, Channel, agree_on_peak, agree_on_peak_time, choose_unit
-from tpd.formats.text import Cursor, Decimal, NoAcceleration, UnreadableRecord, shown
+from tpd.formats.channel import UNCORRECTED, Channel, agree_on_peak, agree_on_peak_time, factor_of
+from tpd.formats.text import Cursor, Decimal, NoAcceleration, UnreadableRecord, count_of, shown
 
 _KINDS = re.compile(r"^\s*(\d?)\s*(UN)?CORRECTED\s+ACCELEROGRAM(.*)", re.IGNORECASE)
 _OTHER = re.compile(r"^\s*\d\s+(VELOCITY|DISPLACEMENT|RESPONSE|FOURIER)", re.IGNORECASE)
@@ -52,14 +52,13 @@ def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
     # Check the rate before the samples, because the samples of a film are pairs of time and acceleration.
     rate = float(reals[_RATE])
     if rate > _UNKNOWN_REAL:
-        raise UnreadableRecord(
-            "the header states no rate: the samples are at unequal times, read from a film"
-        )
+        why = "the samples are at unequal times, read from a film"
+        raise UnreadableRecord(f"the header states no rate: {why}")
     if not 1.0 <= rate <= 1e5:
         raise UnreadableRecord(f"the header must state a rate of 1 to 1e5 samples/s, but states {rate:g}")
     dt = 1.0 / rate
-    cursor.comments(_whole(integers, _COMMENTS, "comment lines"))
-    values = cursor.fixed(_whole(integers, _COUNT, "samples"), 8, 10, "samples")
+    cursor.comments(count_of(integers, _COMMENTS, "comment lines"))
+    values = cursor.fixed(count_of(integers, _COUNT, "samples"), 8, 10, "samples")
     cursor.require_end()
     _agree(values, dt, reals, printed)
     # The line of the station may also contain the component: "component= UP".
@@ -70,17 +69,8 @@ def read_smc(cursor: Cursor, unit: str | None) -> list[Channel]:
     component, event = component or (named[1] if named else ""), " ".join(text[3].split())
     match = re.search(r"station\s*=\s*(.*?)\s*(?:component\s*=.*)?$", text[5], flags=re.IGNORECASE)
     station = " ".join(match[1].split()) if match else ""
-    notes = () if not kind[2] else (UNCORRECTED,)
-    factor = FACTORS[choose_unit("cm/s2", unit)]
+    notes, factor = ((UNCORRECTED,) if kind[2] else ()), factor_of("cm/s2", unit)
     return [Channel(values * factor, dt, component, f"{station}/{component}", event, notes)]
-
-
-def _whole(integers: np.ndarray, place: int, what: str) -> int:
-    """Return a number of the header that must be a count."""
-    value = integers[place]
-    if value < 0 or value != int(value):
-        raise UnreadableRecord(f"the header must state the number of {what}, but states {value:g}")
-    return int(value)
 
 
 def _agree(values: np.ndarray, dt: float, reals: np.ndarray, printed: list[str]) -> None:

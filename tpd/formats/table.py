@@ -17,14 +17,17 @@ from itertools import pairwise
 from statistics import mode
 from typing import Any
 
+from tpd.core import checks
 from tpd.formats.channel import (
+    BASELINES,
     FACTORS,
     STEPS,
     TIMES,
     Channel,
     agree,
     agree_on_count,
-    choose_unit,
+    check_unit,
+    factor_of,
     is_component,
     orientation,
     plain,
@@ -113,6 +116,28 @@ class Options:
     skip: int = 0
     """Number of lines at the top that are skipped."""
     scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if type(self.skip) is not int or self.skip < 0:
+            raise ValueError(f"`skip` must be a number of lines, 0 or more, but is {self.skip!r}")
+        checks.set_checked(self, checks.number, "scale")
+        if self.scale == 0.0:
+            raise ValueError("`scale` must be a finite number other than 0, but is 0")
+        if self.dt is not None:
+            checks.set_checked(self, checks.positive, "dt")
+        if self.unit is not None:
+            check_unit(self.unit)
+        if self.baseline is not None:
+            checks.one_of("baseline", self.baseline, BASELINES)
+        if self.columns is None or self.columns == ROWS:
+            return
+        columns = self.columns if isinstance(self.columns, Mapping) else {}
+        are_numbers = all(type(at) is int and at >= 1 for at in columns.values())
+        if not columns or not (are_numbers and all(isinstance(name, str) for name in columns)):
+            allowed = f"map names to column numbers, from 1, such as {{'time': 1, 'N': 2}}, or be {ROWS!r}"
+            raise ValueError(f"`columns` must {allowed}, but is {self.columns!r}")
+        if len(set(columns.values())) < len(columns):
+            raise ValueError(f"`columns` must contain each column once, but is {columns!r}")
 
 
 @dataclass(frozen=True)
@@ -223,10 +248,8 @@ def _rows(
     first, (line, text) = printed[0][0], printed[-1]
     # One comma in every row separates two columns only if there are several.
     if not is_table and "," in text and all(_DECIMAL.fullmatch(x) for _, x in printed):
-        raise UnreadableRecord(
-            f"line {line} has {shown(text)}, which may be one number with a decimal comma: write the numbers "
-            "with decimal points"
-        )
+        wrong = f"line {line} has {shown(text)}, which may be one number with a decimal comma"
+        raise UnreadableRecord(f"{wrong}: write the numbers with decimal points")
     no_thousands("\n".join(cursor.lines[first - 1 :]), split)
     lines = [(i, split(line)) for i, line in enumerate(cursor.lines[first - 1 :], first)]
     while not lines[-1][1]:
@@ -235,10 +258,8 @@ def _rows(
     # was not cut.
     ends = [cells[-1].partition(".")[2] for _, cells in lines if len(cells) > 1]
     even = len(ends) > 2 and len({len(end) for end in ends}) == 1 and len(lines[-1][1]) == len(lines[-2][1])
-    if not (cursor.ended or (even and ends[0])):
-        raise UnreadableRecord(
-            f"the last line, {len(cursor.lines)}, must end with a line break: it may be cut"
-        )
+    cursor.at = len(cursor.lines)
+    cursor.require_end(whole=bool(even and ends[0]))
     # In a single column a blank line may stand for a sample, and is an error below.
     return [(i, cells or [""]) for i, cells in lines if cells or len(lines[0][1]) == 1]
 
@@ -263,12 +284,11 @@ def _read_count(header: _Header, rows: list[_Row], used: Sequence[int]) -> list[
     decimals = sum("." in row[0] for _, row in rest)
     odd = len(cells) == 1 and values[0] and "." not in cells[0] and 2 * decimals > len(rest)
     if wide or odd:
-        raise UnreadableRecord(
-            f"line {line} has {shown(' '.join(cells))}, which is neither a row like the others nor the "
-            f"number of samples ({total} samples in {len(rest)} rows) with the step in s",
-            # The next line may be a step in another unit, or a sample.
-            **({} if values[0] in (len(rest) - 1, total - 1) else {"skip": line}),
-        )
+        wrong = f"line {line} has {shown(' '.join(cells))}, which is neither a row like the others nor"
+        statement = f"the number of samples ({total} samples in {len(rest)} rows) with the step in s"
+        # The next line may be a step in another unit, or a sample.
+        remedy = {} if values[0] in (len(rest) - 1, total - 1) else {"skip": line}
+        raise UnreadableRecord(f"{wrong} {statement}", **remedy)
     return rows
 
 
@@ -418,9 +438,8 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
         unit = columns[i].unit
         step = step_of([(line, cells[i]) for line, cells in rows], TIMES[unit or "s"], step)
         if unit is None and step > _LONGEST_STEP:
-            raise UnreadableRecord(
-                f"times with steps of {step:g} need a unit: name them 'time (s)' or 'time (ms)' in `columns`"
-            )
+            remedy = "name them 'time (s)' or 'time (ms)' in `columns`"
+            raise UnreadableRecord(f"times with steps of {step:g} need a unit: {remedy}")
     if step is None:
         raise UnreadableRecord("the table states no times and no step: give `dt` in s, such as dt=0.01")
     accelerations = {i: column for i, column in columns.items() if column.quantity == "acceleration"}
@@ -445,7 +464,7 @@ def _channels(header: _Header, rows: Sequence[_Row], how: Options) -> list[Chann
             raise UnreadableRecord(f"the header states several units of acceleration: {', '.join(units)}")
         read = [(line, cell) for line, cells in rows for cell in (cells if in_rows else cells[i : i + 1])]
         name = column.component or ("" if len(accelerations) == 1 else f"column {i + 1}")
-        factor = FACTORS[choose_unit(next(iter(units), None), how.unit)]
+        factor = factor_of(next(iter(units), None), how.unit)
         channels.append(Channel(numbers(read) * factor, step, name, name, notes=notes))
     return channels
 
@@ -465,18 +484,16 @@ def _chosen_columns(header: _Header, wanted: Mapping[str, int]) -> dict[int, _Co
     columns: dict[int, _Column] = {}
     for name, at in wanted.items():
         if piece := _unknown_word([name], at - 1):
-            raise ValueError(
-                f"`columns` must contain names of times, accelerations or components, such as 'time (ms)', N "
-                f"and E, but has {shown(name)}, in which {shown(piece)} is not understood"
-            )
+            allowed = "names of times, accelerations or components, such as 'time (ms)', N and E"
+            wrong = f"{shown(name)}, in which {shown(piece)} is not understood"
+            raise ValueError(f"`columns` must contain {allowed}, but has {wrong}")
         column = _column(name, first=at == 1)
         says = _column(header.cells[at - 1], first=at == 1) if at <= len(header.cells) else column
         units = {FACTORS.get(u) or TIMES.get(u, u) for u in (column.unit, says.unit) if u}
         axes = {_axis(c.component) for c in (column, says) if c.component}
         if column.quantity != says.quantity or len(units) > 1 or len(axes) > 1:
-            raise UnreadableRecord(
-                f"the header names column {at} {shown(header.cells[at - 1])}, but `columns` names it {name!r}"
-            )
+            stated = f"the header names column {at} {shown(header.cells[at - 1])}"
+            raise UnreadableRecord(f"{stated}, but `columns` names it {name!r}")
         columns[at - 1] = replace(column, unit=column.unit or says.unit)
     return columns
 

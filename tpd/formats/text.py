@@ -157,10 +157,9 @@ def no_thousands(text: str, split: Callable[[str], list[str]]) -> None:
     commas = [word for word in words if "," in word and len(split(word)) == 1]
     for marked in (commas, [word for word in words if commas and "," not in word]):
         if marked and all(map(_THOUSANDS.fullmatch, marked)):
-            raise UnreadableRecord(
-                f"{shown(marked[0])} may have a separator of thousands or a decimal one: write the numbers "
-                "with decimal points and without separators of thousands"
-            )
+            wrong = f"{shown(marked[0])} may have a separator of thousands or a decimal one"
+            remedy = "write the numbers with decimal points and without separators of thousands"
+            raise UnreadableRecord(f"{wrong}: {remedy}")
 
 
 def step_of(times: Sequence[tuple[int, str]], scale: float, stated: float | None) -> float:
@@ -202,9 +201,8 @@ def step_of(times: Sequence[tuple[int, str]], scale: float, stated: float | None
             raise UnreadableRecord(f"the times must have equal steps, but {where} is {step_text}")
         # With coarse times a missing time would not be noticed, and several rates in Hz may be possible.
         if 2.1 * float(np.max(margin)) > high or (stated is None and high - low > low * high):
-            raise UnreadableRecord(
-                "the times have too few digits to show equal steps: leave them out of `columns` and give `dt`"
-            )
+            remedy = "leave them out of `columns` and give `dt`"
+            raise UnreadableRecord(f"the times have too few digits to show equal steps: {remedy}")
         # Prefer a step that is a whole rate in Hz, then the one with the fewest digits.
         rounded = [1.0 / max(1, round(1.0 / step)), *(float(f"{step:.{n}g}") for n in range(1, 12))]
         step = next((x for x in rounded if low <= x <= high), step)
@@ -290,14 +288,11 @@ class Cursor:
             whole: whether the file shows in another way that it was not cut.
         """
         if not self.only_blank_lines_follow():
-            raise UnreadableRecord(
-                f"line {self.line} must be the end of the file, but is {shown(self.peek())}"
-            )
+            last = shown(self.peek())
+            raise UnreadableRecord(f"line {self.line} must be the end of the file, but is {last}")
         if not (self.ended or whole):
-            raise UnreadableRecord(
-                f"the last line, {len(self.lines)}, must end with a line break, but does not: the file may "
-                "be cut"
-            )
+            wrong = f"the last line, {len(self.lines)}, must end with a line break, but does not"
+            raise UnreadableRecord(f"{wrong}: the file may be cut")
 
     def match(self, pattern: str, what: str) -> re.Match[str]:
         """Return the match of a pattern, ignoring case, in the next line."""
@@ -317,10 +312,8 @@ class Cursor:
             line = self.next(f"all {count} {what} ({len(values)} were read)").rstrip()
             expected = min(columns, count - len(values))
             if len(line) != expected * width:
-                raise UnreadableRecord(
-                    f"line {self.at} must contain {expected} {what} of {width} characters, but is "
-                    f"{shown(line)}"
-                )
+                wanted = f"{expected} {what} of {width} characters"
+                raise UnreadableRecord(f"line {self.at} must contain {wanted}, but is {shown(line)}")
             values += [(self.at, line[i : i + width].strip()) for i in range(0, len(line), width)]
         return numbers(values)
 
@@ -331,19 +324,25 @@ class Cursor:
             # Fortran omits the letter of an exponent of three digits: .1234500-100 is one number.
             line = re.sub(r"(\.\d*)([+-]\d{3})(?![\d.])", r"\1E\2", self.next(what))
             if odd := re.search(r"\S*\.\d*[+-]\d+(?![\d.])\S*", line):
-                raise UnreadableRecord(
-                    f"line {self.at} has {shown(odd[0])}, which may be one number without the letter of its "
-                    "exponent, or two numbers"
-                )
+                meaning = "one number without the letter of its exponent, or two numbers"
+                raise UnreadableRecord(f"line {self.at} has {shown(odd[0])}, which may be {meaning}")
             # In columns of Fortran a negative number may follow the previous number without a blank.
             values += [(self.at, token) for token in re.sub(r"(?<=[\d.])(?=[+-])", " ", line).split()]
         return numbers(values)
 
 
-def fortran(text: str, line: int) -> tuple[int, int, int]:
-    """Return columns, width and number of decimals of a format such as (8F10.5)."""
+def count_of(integers: np.ndarray, place: int, what: str) -> int:
+    """Return a number of a header that must be a count."""
+    value = integers[place]
+    if value < 0 or value != int(value):
+        raise UnreadableRecord(f"the header must state the number of {what}, but states {value:g}")
+    return int(value)
+
+
+def fortran(text: str, line: int) -> tuple[int, int, float]:
+    """Return columns, width and size of the last digit of a format such as (8F10.5)."""
     # A format without a number of columns has one column.
     match = re.search(r"\(\s*(\d{0,3})\s*[FEGI]\s*(\d{1,2})(?:\.(\d{1,2}))?\s*\)", text, flags=re.IGNORECASE)
     if match is None or int(match[2]) == 0 or match[1] == "0":
         raise UnreadableRecord(f"line {line} must state the format of its numbers, but is {shown(text)}")
-    return int(match[1] or 1), int(match[2]), int(match[3] or 0)
+    return int(match[1] or 1), int(match[2]), 10.0 ** -int(match[3] or 0)

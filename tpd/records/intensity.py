@@ -136,9 +136,8 @@ def spectral_acceleration(
     rates = np.diag([1.0, 0.0, 1.0, 1.0, 1.0], 1)
     rates[1, :3] = -1.0, -2.0 * damping, -1.0
     # Rows of the states: displacement, its rate, and the acceleration of the base with its three derivatives.
-    states = np.concatenate(
-        [np.zeros((2, len(c))), c.T * (factorial(np.arange(4)) / h ** np.arange(4))[:, None]]
-    )
+    derivatives = c.T * (factorial(np.arange(4)) / h ** np.arange(4))[:, None]
+    states = np.concatenate([np.zeros((2, len(c))), derivatives])
     # Free motion is the real part of size exp(exponent t). The pushes of the pieces add up to the sizes after
     # each piece. Every round doubles the number of pieces whose pushes are included.
     exponent, (x, rate) = complex(-damping, free), _exponential(rates * h)[:2, 2:] @ states[2:]
@@ -190,8 +189,7 @@ def _bound(states: np.ndarray, h: float, damping: float) -> np.ndarray:
     It is the sum of a bound on the polynomial that solves the equation of the oscillator, and of the
     amplitude of the free motion around it, which only decreases.
     """
-    x, rate, *derivatives = states
-    a0, a1, a2, a3 = derivatives
+    x, rate, a0, a1, a2, a3 = states
     # Derivatives of the polynomial, beginning with the highest.
     p3 = -a3
     p2 = -a2 - 2.0 * damping * p3

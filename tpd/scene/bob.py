@@ -147,7 +147,7 @@ def _repeat(step: Callable[..., Any], x: Any, *fixed: Any) -> Any:
         return x
     from jax import lax
 
-    x, *fixed = map(lax.stop_gradient, (x, *fixed))
+    x, fixed = lax.stop_gradient((x, fixed))
 
     def moves(state: tuple[Any, Any, Any]) -> Any:
         i, before, now = state

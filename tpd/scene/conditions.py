@@ -103,17 +103,17 @@ class Conditions:
             object.__setattr__(self, "tables", _EXACTLY)
         if self.which is not None:
             checks.array("which", self.which, (-1,), "a vector of indices of motions")
-        # All factors and the indices of the motions have one entry per condition.
-        lengths = sorted({len(values) for values in (*self.factors.values(), *self._chosen)})
-        if len(lengths) > 1:
-            raise ValueError(f"`factors` must be of one length, but have lengths {lengths}")
+        if len(self._lengths) > 1:
+            raise ValueError(f"`factors` must be of one length, but have lengths {self._lengths}")
 
     def __len__(self) -> int:
-        return max((len(v) for v in (*self.factors.values(), *self._chosen)), default=1)
+        return self._lengths[0] if self._lengths else 1
 
     @property
-    def _chosen(self) -> tuple[np.ndarray, ...]:
-        return () if self.which is None else (self.which,)
+    def _lengths(self) -> list[int]:
+        # All factors and the indices of the motions have one entry per condition.
+        columns = (*self.factors.values(), *(() if self.which is None else (self.which,)))
+        return sorted({len(values) for values in columns})
 
     def __mul__(self, other: Conditions) -> Conditions:
         if not isinstance(other, Conditions):
@@ -122,11 +122,9 @@ class Conditions:
         n, m = len(self), len(other)
         if self.motions and other.motions:
             raise ValueError("only one of two sets of conditions can have ground motions, but both have some")
-        names = {*self.factors, *other.factors}
+        names = [name for name in FACTORS if name in {*self.factors, *other.factors}]
         # If both sets have a factor on the same quantity, the factors are multiplied.
-        factors = {
-            n_: np.repeat(self.column(n_), m) * np.tile(other.column(n_), n) for n_ in FACTORS if n_ in names
-        }
+        factors = {x: np.repeat(self.column(x), m) * np.tile(other.column(x), n) for x in names}
         # The second set varies fastest, as in the factors.
         which = None if self.which is None else np.repeat(self.which, m)
         which = which if other.which is None else np.tile(other.which, n)
@@ -367,9 +365,8 @@ class Conditions:
         # Draw a column for every name, so that the samples of one quantity do not depend on which others
         # vary.
         unit = latin_hypercube(np.random.default_rng(seed), size, len(FACTORS), axis_by_axis=True)
-        used = [name for name in FACTORS if name in half_widths]
-        columns = unit[:, [FACTORS.index(name) for name in used]]
-        factors = factors_at(columns, {name: half_widths[name] for name in used})
+        every = factors_at(unit, {name: half_widths.get(name, 0.0) for name in FACTORS})
+        factors = {name: x for name, x in every.items() if name in half_widths}
         widths = ", ".join(f"{n} within {w:.0%}" for n, w in half_widths.items())
         tables = {"conditions": {"samples": size}, "scatter": half_widths}
         phrase = f"{size} samples of {widths or 'nothing'} (seed {seed})"
@@ -467,10 +464,9 @@ def check_reach(spread: Any) -> None:
     checks.set_checked(spread, checks.not_negative, "tilt tilt_rate swing swing_rate")
     checks.at_most("tilt", spread.tilt, 1.0, "a block that stands on its corner")
     checks.at_most("swing", spread.swing, 0.5 * np.pi, "a right angle in rad")
+    fastest = "ten times the rate that overturns a block or a bob"
     for name in ("tilt_rate", "swing_rate"):
-        checks.at_most(
-            name, getattr(spread, name), FASTEST, "ten times the rate that overturns a block or a bob"
-        )
+        checks.at_most(name, getattr(spread, name), FASTEST, fastest)
 
 
 def factors_at(unit: np.ndarray, half_widths: Mapping[str, float]) -> dict[str, np.ndarray]:

@@ -30,10 +30,7 @@ _DATES = (
 _TIME = re.compile(r"[\s,t_-]*([01]?\d|2[0-3]):?([0-5]\d)(?::?[0-5]\d(?:\.\d*)?)?(?![\d:])")
 _ZONES = {"utc": 0, "ut": 0, "gmt": 0, "jst": 9, "pst": -8, "pdt": -7}
 """Hours ahead of universal time, by time zone."""
-_IDLE = (
-    *("earthquake", "eq", "record", "rcrd", "of", "the"),
-    *("mon", "tue", "wed", "thu", "fri", "sat", "sun"),
-)
+_IDLE = ("earthquake", "eq", "record", "rcrd", "of", "the", "mon", "tue", "wed", "thu", "fri", "sat", "sun")
 """Words that do not distinguish earthquakes."""
 _EARLIEST_SHORT = 33
 """First year of the century to which years of two digits belong: 1933, the year of the first strong-motion
@@ -90,9 +87,8 @@ def _dated(before: str, day: date, after: str) -> Earthquake:
         time = datetime(day.year, day.month, day.day, int(clock[1]), int(clock[2]))
         time -= timedelta(hours=_ZONES[zone] if zone else 0)
     # In K-NET files the magnitude follows the time. It is not part of the name.
-    return Earthquake(
-        _name(f"{before} {re.sub(r'm[lws]?[ =]*[0-9.]+', ' ', after)}", ()), day.year, day, time, zone
-    )
+    name = _name(f"{before} {re.sub(r'm[lws]?[ =]*[0-9.]+', ' ', after)}", ())
+    return Earthquake(name, day.year, day, time, zone)
 
 
 def _date(year: str, month: str, day: str) -> date | None:

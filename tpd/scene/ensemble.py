@@ -109,9 +109,8 @@ class Ensemble:
         ramps = ramps if isinstance(ramps, (tuple, list)) or np.ndim(ramps) else (ramps,)
         if not len(ramps):
             raise ValueError("`ramps` must contain at least one duration, but is empty")
-        object.__setattr__(
-            self, "ramps", tuple(checks.not_negative("ramps", ramp, 0.0, LONGEST_FREE) for ramp in ramps)
-        )
+        ramps = tuple(checks.not_negative("ramps", ramp, 0.0, LONGEST_FREE) for ramp in ramps)
+        object.__setattr__(self, "ramps", ramps)
 
     @property
     def half_widths(self) -> dict[str, float]:
@@ -147,9 +146,8 @@ class Ensemble:
         quantities. The first row is the nominal run.
         """
         seed = self.seed or 0
-        generators = zip((seed, [seed, 5], [seed, 6]), _DRAWS, strict=True)
-        cubes = (latin_hypercube(np.random.default_rng(s), self.size, n) for s, n in generators)
-        unit = np.hstack(list(cubes))
+        draws = zip((seed, [seed, 5], [seed, 6]), _DRAWS, strict=True)
+        unit = np.hstack([latin_hypercube(np.random.default_rng(s), self.size, n) for s, n in draws])
         # The middle of every range is the nominal value. Phase and ramp are nominal at zero.
         unit[0] = 0.5
         unit[0, 4:6] = 0.0

@@ -77,9 +77,8 @@ class GroundMotion:
             ValueError: both or none are given, or the value is not positive.
         """
         if (pga is None) == (pga_g is None):
-            raise ValueError(
-                f"exactly one of `pga` and `pga_g` must be given, but they are {pga} and {pga_g}"
-            )
+            both = f"they are {pga} and {pga_g}"
+            raise ValueError(f"exactly one of `pga` and `pga_g` must be given, but {both}")
         if pga_g is not None:
             pga = checks.positive("pga_g", pga_g) * STANDARD_GRAVITY
         peak = checks.positive("pga", pga)
@@ -109,10 +108,10 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     for j, i in itertools.combinations(range(len(events)), 2):
         # If two motions are copies with different names, both names belong to one earthquake. Replace the
         # name everywhere.
-        both_named = bool(events[i] and events[j])
-        if names[i] != names[j] and (
-            (both_named and is_one(events[i], events[j])) or are_copies(motions[i], motions[j])
-        ):
+        if names[i] == names[j]:
+            continue
+        is_named = bool(events[i] and events[j]) and is_one(events[i], events[j])
+        if is_named or are_copies(motions[i], motions[j]):
             names = [names[j] if name == names[i] else name for name in names]
     return names
 
@@ -292,13 +291,8 @@ class Pulse(GroundMotion):
         """
         velocity = checks.not_negative("velocity", velocity)
         frequency = checks.positive("frequency", frequency)
-        return cls(
-            kind="mavroeidis-papageorgiou",
-            acceleration=2.0 * math.pi * frequency * velocity,
-            frequency=frequency,
-            cycles=cycles,
-            phase=phase,
-        )
+        kind, peak = "mavroeidis-papageorgiou", 2.0 * math.pi * frequency * velocity
+        return cls(kind=kind, acceleration=peak, frequency=frequency, cycles=cycles, phase=phase)
 
     @property
     def periods(self) -> Real:

@@ -112,9 +112,8 @@ class Setup:
         """
         checks.instance("subject", subject, (Parameters, Scene))
         if isinstance(subject, Scene):
-            checks.instance(
-                "motion", subject.motion, Harmonic, ": use `tpd.transient` for pulses and records"
-            )
+            other = ": use `tpd.transient` for pulses and records"
+            checks.instance("motion", subject.motion, Harmonic, other)
             values = {n: checks.plain(n, v, single=True) for n, v in subject.quantities(pendulum).items()}
             return Setup(values, True, pendulum is not None)
         if pendulum is not None:
@@ -236,10 +235,8 @@ class Axis:
     @property
     def others(self) -> tuple[str, ...]:
         """Names of the other numbers, in the order of the columns of `jacobian` after the first."""
-        absent = self.setup.scene and not self.setup.has_pendulum
-        return tuple(
-            n for n in self.setup.values if n != self.name and not (absent and n.startswith("pendulum_"))
-        )
+        absent = _OF_PENDULUM if self.setup.scene and not self.setup.has_pendulum else ()
+        return tuple(n for n in self.setup.values if n not in (self.name, *absent))
 
     def check(self, *values: float) -> None:
         """Raise `ValueError` unless all values are in range."""

@@ -72,10 +72,9 @@ class Record(GroundMotion):
             raise ValueError(f"`notes` must be a tuple of strings, but is {checks.shown(self.notes)}")
         is_concrete = checks.is_concrete(self.acceleration) and checks.is_concrete(self.scale)
         if is_concrete and float(self.pga) > GREATEST_PEAK:
-            raise ValueError(
-                f"`acceleration` must be at most {GREATEST_PEAK:g} m/s^2 at its peak, but is "
-                f"{float(self.pga):g} m/s^2: is it in cm/s^2?"
-            )
+            allowed = f"at most {GREATEST_PEAK:g} m/s^2 at its peak"
+            actual = f"{float(self.pga):g} m/s^2: is it in cm/s^2?"
+            raise ValueError(f"`acceleration` must be {allowed}, but is {actual}")
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Record):

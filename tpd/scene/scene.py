@@ -112,19 +112,15 @@ class Block:
             checks.positive(name, getattr(self, name), every=True)
         check_proportions(self.width, self.height, self.mass)
         self._check_losses()
-        if self.radius_of_gyration is not None:
-            # A block that is not a uniform rectangle states its radius of gyration.
-            checks.positive("radius_of_gyration", self.radius_of_gyration, every=True)
+        # A block that is not a uniform rectangle states its radius of gyration.
+        if (radius := self.radius_of_gyration) is not None:
+            checks.positive("radius_of_gyration", radius, every=True)
             # The radius is largest if all of the mass is in the corners.
-            most = 0.5 * (self.width**2 + self.height**2) ** 0.5
-            checks.at_most(
-                "radius_of_gyration", self.radius_of_gyration, most, "half the diagonal of the block"
-            )
-            if checks.is_concrete(most) and np.any(self.radius_of_gyration < LEAST_GYRATION * most):
-                raise ValueError(
-                    f"`radius_of_gyration` must be at least {LEAST_GYRATION:g} of half the diagonal of the "
-                    f"block, but is {np.min(self.radius_of_gyration):g} m: is it that of the cross-section?"
-                )
+            most, of = 0.5 * (self.width**2 + self.height**2) ** 0.5, "half the diagonal of the block"
+            checks.at_most("radius_of_gyration", radius, most, of)
+            if checks.is_concrete(most) and np.any(radius < LEAST_GYRATION * most):
+                wrong = f"`radius_of_gyration` must be at least {LEAST_GYRATION:g} of {of}"
+                raise ValueError(f"{wrong}, but is {np.min(radius):g} m: is it that of the cross-section?")
         self._check_cavity()
         if self.base_friction is not None:
             checks.positive("base_friction", self.base_friction, 0.0, LARGEST_COEFFICIENT, every=True)
@@ -140,21 +136,16 @@ class Block:
         # The only text that is allowed is "housner": any other text is a misspelling.
         if self.restitution is None or isinstance(self.restitution, str):
             if self.restitution != HOUSNER:
-                raise ValueError(
-                    f"`restitution` must be a number or {HOUSNER!r}, but is {self.restitution!r}"
-                )
+                allowed = f"a number or {HOUSNER!r}"
+                raise ValueError(f"`restitution` must be {allowed}, but is {self.restitution!r}")
         else:
             checks.positive("restitution", self.restitution, 0.0, 1.0, every=True)
         checks.not_negative("friction", self.friction, every=True)
         # The moment of the weight about a corner is M g a = nu M g b, and it decreases with the tilt. A
         # larger friction moment would hold the block at any tilt, so that it neither returns nor overturns.
-        checks.at_most(
-            "friction",
-            self.friction,
-            self.slenderness,
-            "width/height (it is a moment over M g b and not a coefficient of sliding; a larger one holds "
-            "the block at any tilt)",
-        )
+        meaning = "it is a moment over M g b and not a coefficient of sliding"
+        most = f"width/height ({meaning}; a larger one holds the block at any tilt)"
+        checks.at_most("friction", self.friction, self.slenderness, most)
 
     def _check_cavity(self) -> None:
         """Check the width of the cavity."""
@@ -167,10 +158,8 @@ class Block:
             return
         wide, hollow, high, mass = np.broadcast_arrays(*sizes)
         if np.any(hollow >= wide):
-            raise ValueError(
-                f"`cavity_width` must be less than the width of the block, {np.max(self.width):g} m, because "
-                f"the walls have a thickness, but is {np.max(self.cavity_width):g} m"
-            )
+            most = f"the width of the block, {np.max(wide):g} m, because the walls have a thickness"
+            raise ValueError(f"`cavity_width` must be less than {most}, but is {np.max(hollow):g} m")
         density = np.max(mass / ((wide**2 - hollow**2) * high))
         if density > DENSEST_WALLS:
             raise ValueError(
@@ -372,37 +361,25 @@ class Scene:
         # not be zero. Any usual value serves.
         if pendulum is None:
             pendulum = Pendulum(mass=0.0, length=block.half_height, damping_ratio=0.3)
+        out = {name: getattr(block, name) for name in ("width", "height", "mass", "friction")}
         # Keys without a value are left out, so that rho and e follow the other quantities.
-        own = {} if block.radius_of_gyration is None else {"radius_of_gyration": block.radius_of_gyration}
-        excitation = (
-            {"amplitude": motion.amplitude, "frequency": motion.frequency}
-            if isinstance(motion, Harmonic)
-            else {"peak": motion.pga, "frequency": 1.0 / motion.piece}
-        )
-        restitution = {} if isinstance(block.restitution, str) else {"restitution": block.velocity_ratio}
-        return {
-            "width": block.width,
-            "height": block.height,
-            "mass": block.mass,
-            "friction": block.friction,
-            **restitution,
-            **own,
-            **excitation,
-            "gravity": self.gravity,
-            "pendulum_mass": pendulum.mass,
-            "pendulum_length": pendulum.length,
-            "pendulum_damping": pendulum.damping_ratio,
-        }
+        if not isinstance(block.restitution, str):
+            out["restitution"] = block.restitution
+        if block.radius_of_gyration is not None:
+            out["radius_of_gyration"] = block.radius_of_gyration
+        if isinstance(motion, Harmonic):
+            out |= {"amplitude": motion.amplitude, "frequency": motion.frequency}
+        else:
+            out |= {"peak": motion.pga, "frequency": 1.0 / motion.piece}
+        out |= {"gravity": self.gravity, "pendulum_mass": pendulum.mass, "pendulum_length": pendulum.length}
+        return out | {"pendulum_damping": pendulum.damping_ratio}
 
     def pendulum(self, *, mass_ratio: Real, length_ratio: Real, damping_ratio: Real) -> Pendulum:
         """Return the pendulum in SI units with the ratios mu, lam and zeta."""
         mass_ratio = checks.not_negative("mass_ratio", mass_ratio, every=True)
         length_ratio = checks.not_negative("length_ratio", length_ratio, every=True)
-        return Pendulum(
-            mass=mass_ratio * self.block.mass,
-            length=length_ratio * self.block.half_height,
-            damping_ratio=damping_ratio,
-        )
+        mass, length = mass_ratio * self.block.mass, length_ratio * self.block.half_height
+        return Pendulum(mass=mass, length=length, damping_ratio=damping_ratio)
 
 
 def check_proportions(width: Any, height: Any, mass: Any) -> None:
@@ -421,10 +398,8 @@ def check_proportions(width: Any, height: Any, mass: Any) -> None:
     narrow = width < LEAST_SLENDERNESS * height
     if np.any(narrow):
         wide, high = width[narrow][0], height[narrow][0]
-        raise ValueError(
-            f"`width` must be at least {LEAST_SLENDERNESS:g} of `height`, but is {wide:g} m of {high:g} m: "
-            "are both in m?"
-        )
+        least = f"at least {LEAST_SLENDERNESS:g} of `height`"
+        raise ValueError(f"`width` must be {least}, but is {wide:g} m of {high:g} m: are both in m?")
     # Extreme numbers must lead to the message below, and not to a warning of NumPy.
     with np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore"):
         density = mass / (width**2 * height)
@@ -456,10 +431,9 @@ def check_excitation(amplitude: Any, frequency: Any) -> None:
     # The message shows the strongest of several excitations.
     i = np.unravel_index(np.argmax(shares), shares.shape)
     if shares[i] > LARGEST_SHAKING:
-        raise ValueError(
-            f"`amplitude` and `frequency` must give an acceleration of at most {LARGEST_SHAKING:g} g, but "
-            f"{amplitude[i]:g} m at {frequency[i]:g} Hz give {shares[i]:.3g} g: are they in m and Hz?"
-        )
+        allowed = f"an acceleration of at most {LARGEST_SHAKING:g} g"
+        actual = f"{amplitude[i]:g} m at {frequency[i]:g} Hz give {shares[i]:.3g} g: are they in m and Hz?"
+        raise ValueError(f"`amplitude` and `frequency` must give {allowed}, but {actual}")
 
 
 def check_damping(name: str, value: Any) -> None:

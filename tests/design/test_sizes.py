@@ -1,0 +1,86 @@
+"""Sizes of limits and objectives for many designs: order, derivatives, and functions that are rejected."""
+
+import dataclasses
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import tpd
+from tpd.design.criteria import Evaluation, Geometry
+from tpd.design.sizes import evaluate_sizes
+
+SCENE = tpd.paper_scene()
+GEOMETRY = Geometry.of(SCENE, tpd.Conditions.amplitudes(1.0, 1.1))
+
+
+@dataclasses.dataclass(frozen=True)
+class LongestRod(tpd.limits.Limit):
+    """Limit of a user: the length of the equivalent pendulum."""
+
+    length: float
+    name: ClassVar[str] = "rod"
+
+    def size(self, motion, design, geometry):
+        return geometry.rod(design) / self.length
+
+
+@dataclasses.dataclass(frozen=True)
+class Anything(tpd.limits.Limit):
+    """Limit of a user: any function of the tilt."""
+
+    of: object
+    name: ClassVar[str] = "anything"
+
+    def size(self, motion, design, geometry):
+        return self.of(motion.tilt)
+
+
+def evaluation(m: int, n: int = 2) -> Evaluation:
+    slope = np.broadcast_to(np.array([1.0, 2.0, 3.0]), (m, n, 3))
+    return Evaluation.blank(m, n)._replace(design=np.full((m, 3), 0.2), tilt_slope=slope)
+
+
+def test_a_limit_of_a_user_needs_no_slopes():
+    (size,) = evaluate_sizes([LongestRod(0.1)], evaluation(3), GEOMETRY, slopes=True)
+    np.testing.assert_allclose(size.value, 0.2 * SCENE.block.half_height / 0.1)
+    np.testing.assert_allclose(size.slope, np.broadcast_to([0.0, 2.0, 0.0], (3, 2, 3)), atol=1e-12)
+
+
+def test_derivatives_of_the_motion_are_those_of_the_evaluation():
+    (size,) = evaluate_sizes([Anything(lambda tilt: tilt**2)], evaluation(1), GEOMETRY, slopes=True)
+    np.testing.assert_allclose(size.slope[0, 0], [2.0, 4.0, 6.0])
+    (constant,) = evaluate_sizes([Anything(lambda tilt: 0.7)], evaluation(1), GEOMETRY, slopes=True)
+    np.testing.assert_array_equal(constant.value, 0.7)
+    np.testing.assert_array_equal(constant.slope, 0.0)
+
+
+def test_a_derivative_that_does_not_exist_is_zero():
+    e = evaluation(1)._replace(tilt=np.zeros((1, 2)))
+    (size,) = evaluate_sizes([Anything(jnp.sqrt)], e, GEOMETRY, slopes=True)
+    np.testing.assert_array_equal(size.slope, 0.0)
+
+
+def test_sizes_are_in_the_order_of_the_limits_also_without_a_design():
+    limits = tpd.limits.Stroke(), tpd.limits.Clearance(), LongestRod(0.1)
+    names = ["stroke", "clearance", "thickness", "depth", "rod"]
+    for shape in ((3, 2), (0, 2), (1, 0)):
+        geometry = (
+            GEOMETRY if shape[1] else dataclasses.replace(GEOMETRY, wall=np.ones(0), slenderness=np.ones(0))
+        )
+        if not shape[1]:
+            none = dict.fromkeys(("mass_factor", "length_factor"), np.ones(0))
+            geometry = dataclasses.replace(geometry, **none)
+        sizes = evaluate_sizes(limits, evaluation(*shape), geometry)
+        assert [(size.name, size.value.shape) for size in sizes] == [(name, shape) for name in names]
+    assert evaluate_sizes([], evaluation(1), GEOMETRY) == []
+
+
+@pytest.mark.parametrize("of", [lambda x: jnp.ones(3) * x, float, lambda x: x if x > 0.0 else 0.0])
+def test_a_function_that_jax_cannot_differentiate_is_rejected_in_one_sentence(of):
+    with pytest.raises(
+        ValueError, match="`size` of each of anything must be one number that JAX can"
+    ) as error:
+        evaluate_sizes([Anything(of)], evaluation(1), GEOMETRY, slopes=True)
+    assert "\n" not in str(error.value)
