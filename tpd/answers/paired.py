@@ -378,14 +378,8 @@ class PairedRuns(Printed):
         # The true outcome lies between these two extremes. A verdict is certain if it holds for both.
         if self.is_answered.all():
             return ()
-        return tuple(
-            replace(
-                self,
-                with_pendulum=self.with_pendulum.ended(against),
-                without_pendulum=self.without_pendulum.ended(not against),
-            )
-            for against in (True, False)
-        )
+        ends = ((self.with_pendulum.ended(x), self.without_pendulum.ended(not x)) for x in (True, False))
+        return tuple(replace(self, with_pendulum=one, without_pendulum=other) for one, other in ends)
 
     @property
     def benefit_in_words(self) -> str:
@@ -415,10 +409,8 @@ class PairedRuns(Printed):
     def summary(self) -> dict[str, Any]:
         """Return both cases, the benefit and the runs that differ, for JSON."""
         with_only, without_only = self.only
-        mean = {
-            "with": [part.with_pendulum for part in self.parts],
-            "without": [part.without_pendulum for part in self.parts],
-        }
+        cases = ("with", "without")
+        mean = {case: [getattr(part, f"{case}_pendulum") for part in self.parts] for case in cases}
         return {
             "runs": self.description,
             "pairs": self.pairs,
