@@ -254,8 +254,7 @@ def _followed(
 ) -> dict[str, np.ndarray]:
     """Return the answers from an initial state: the angles of the orbit reached, or of the motion itself."""
     n = len(np.asarray(p.nu))
-    forcing = HarmonicForcing()
-    settled = follow(Terms.linear, row_of(p), forcing, y0=np.tile(y0, (n, 1)), **options)
+    settled = follow(Terms.linear, row_of(p), HarmonicForcing(), y0=np.tile(y0, (n, 1)), **options)
     codes = np.asarray(code_of(settled.status))
     # An undamped bob swings for ever, and its swing depends on how the block came to rest. A damped bob has
     # the steady swing of the closed form.

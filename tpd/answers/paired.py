@@ -489,19 +489,14 @@ def paired_runs(
         checks.positive("mu", subject.mu)
     ensemble = (Ensemble() if ensemble is None else ensemble).seeded(0)
     conditions = Conditions() if conditions is None else conditions
-
     # Both cases have the ensemble with the same seed, hence the same initial states, phases and scatter.
-    def follow(subject: Parameters | Scene, pendulum: Pendulum | None) -> Runs:
-        runs: dict[str, Any] = {"ensemble": ensemble, "conditions": conditions, "equations": equations}
-        where: dict[str, Any] = {"workers": workers, "cluster": cluster, "progress": progress}
-        return outcomes(subject, pendulum, rtol=rtol, **where, **runs)
-
-    with_pendulum = follow(subject, pendulum)
+    options: dict[str, Any] = {"ensemble": ensemble, "conditions": conditions, "equations": equations}
+    options |= {"rtol": rtol, "workers": workers, "cluster": cluster, "progress": progress}
+    alone = subject if isinstance(subject, Scene) else parameters_without_pendulum(subject)
+    with_pendulum = outcomes(subject, pendulum, **options)
     return PairedRuns(
         with_pendulum=with_pendulum,
-        without_pendulum=follow(
-            subject if isinstance(subject, Scene) else parameters_without_pendulum(subject), None
-        ),
+        without_pendulum=outcomes(alone, **options),
         group=with_pendulum.condition,
         labels=tuple(map(conditions.label, range(len(conditions)))),
     )
