@@ -197,7 +197,7 @@ def test_separated_outcomes_are_drawn_as_far_as_they_are_known(found):
     [
         ({"scales": [2.0, 1.0]}, "`scales` must be a vector of 1 or more increasing numbers"),
         ({"intensity": "pgx"}, "`intensity` must be"),
-        ({"intensity": "sa"}, "`period` must be given only with"),
+        ({"intensity": "sa"}, "needs `period`"),
         ({"states": {"bad": -1.0}}, "`states` must name"),
     ],
 )
