@@ -430,9 +430,9 @@ def _compare(answer: _Answer, exact: Settled | None) -> _Answer:
     if exact is None:
         return answer
     (code,) = jax.tree.leaves(exact.status)
+    amplitude = jnp.where(code == code_of(Status.overturned), jnp.inf, exact.amplitude)
     # The difference is zero if both motions rest or both overturn, and infinite if only one does.
-    relative = jnp.abs(answer.amplitude / exact.amplitude - 1.0)
-    error = jnp.where(answer.amplitude == exact.amplitude, 0.0, relative)
+    error = jnp.where(answer.amplitude == amplitude, 0.0, jnp.abs(answer.amplitude / amplitude - 1.0))
     is_answered = jnp.logical_not(is_one_of(code, Status.not_settled, *UNANSWERED))
     is_settled = is_one_of(answer.status, *SETTLED, Status.overturned)
     status = jnp.where(is_settled & is_answered & (error > INEXACT), code_of(Status.inexact), answer.status)
