@@ -10,7 +10,7 @@ import pytest
 
 from tpd.exact import custom_call
 from tpd.exact.calling import LINEAR
-from tpd.exact.custom_call import FIELDS, FRAME, SETTINGS, api_version
+from tpd.exact.custom_call import API_VERSION, FIELDS, FRAME, SETTINGS
 
 
 def test_settings_are_a_row_by_name_and_no_other_name_passes():
@@ -28,7 +28,7 @@ def test_the_version_is_that_of_the_columns_whatever_the_installed_xla_declares(
     header.parent.mkdir(parents=True)
     header.write_text("#define XLA_FFI_API_MAJOR 4\n#define XLA_FFI_API_MINOR 9\n")
     monkeypatch.setattr(jaxlib, "__file__", str(tmp_path / "__init__.py"))
-    assert api_version() == 0 + 3 * 2**32
+    assert API_VERSION == 0 + 3 * 2**32
 
 
 def test_xla_refuses_code_of_a_version_that_it_does_not_support():
@@ -41,7 +41,7 @@ def test_xla_refuses_code_of_a_version_that_it_does_not_support():
 
     # JAX registers nothing before it knows its devices.
     jax.devices()
-    handlers = of_version(api_version()), of_version(9 + 9 * 2**32)
+    handlers = of_version(API_VERSION), of_version(9 + 9 * 2**32)
     register = partial(jax.ffi.register_ffi_target, platform="cpu")
     register("tpd_of_this_version", jax.ffi.pycapsule(handlers[0].address))
     with pytest.raises(jax.errors.JaxRuntimeError, match=r"API version \(9.9\) is incompatible"):

@@ -13,7 +13,7 @@ from tpd.theory.equations import Terms
 
 def test_the_steady_state_is_where_the_motion_settles():
     p, steady, limits = as_arrays(parameters(WITH[0].x)), np.zeros(1, entry.STEADY), {"periods": 500}
-    limits |= {"events": 500, "rest_rate": 2e-7, "tolerance": 1e-8, "lyapunov": 100}
+    limits |= {"events": 500, "rest_rate": 2e-7, "tolerance": 1e-8, "lyapunov_periods": 100}
     row = row_of(p)[None].copy()
     entry.run(0, 1, np.array([LINEAR.settings("STEADY_STATE", **limits)]), row, np.zeros((1, 4)), steady)
     known, found = exact(WITH[0].x), settled(Terms.linear, p, np.zeros((1, 4)))

@@ -76,7 +76,7 @@ def test_where_nothing_can_be_stored_it_compiles_all_the_same(monkeypatch):
     monkeypatch.setattr(nonlinear_entry.numba, "cfunc", cfunc)
     monkeypatch.setattr(files, "_WARNINGS", set())
     with pytest.warns(UserWarning, match="every run compiles it: cannot cache function"):
-        assert nonlinear_entry._entrance(5, 0)[1] == "compiled"
+        assert nonlinear_entry._entrance(5)[1] == "compiled"
 
 
 @pytest.mark.mends(

@@ -80,10 +80,8 @@ class Auto(AbstractChoice):
         # closed form neglects.
         steady, reserve, share = _at_rest(fixed, y0)
         if float(share) <= min(self.tolerance, float(reserve)):
-            remaining = (
-                f"{100.0 * float(reserve):.1f} % of the moment that would lift the block remains in reserve"
-            )
-            why = f"the block never lifts: {remaining} at all times"
+            spare = f"{100.0 * float(reserve):.1f} % of the moment that would lift the block"
+            why = f"the block never lifts: {spare} remains in reserve at all times"
             return replace(steady, model="uplift", estimate=share, reason=why)
         # The second model: the exact solution of the linear equations.
         steady, estimate = _exact(fixed, y0)
@@ -93,8 +91,7 @@ class Auto(AbstractChoice):
         # The nonlinear equations take most of the time. They are not followed if the initial state is already
         # next to the settled motion.
         near = close and bool(jnp.max(jnp.abs(y0 - steady.state) / scale_of(fixed)) < _NEAR)
-        run = (Terms.nonlinear, row_of(fixed), HarmonicForcing())
-        reached = None if near else follow(*run, y0=y0)
+        reached = None if near else follow(Terms.nonlinear, row_of(fixed), HarmonicForcing(), y0=y0)
         if close and (reached is None or _is_same_motion(steady, reached)):
             why = f"the estimated error of the linear equations is within {limit}"
             return replace(steady, model="exact", estimate=estimate, reason=why)

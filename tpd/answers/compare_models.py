@@ -24,7 +24,7 @@ from tpd.models.smoothed import Smoothed
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import Setup, parameters_without_pendulum
 from tpd.scene.scene import Pendulum, Scene
-from tpd.scene.status import SETTLED, Status, names_of, status_name
+from tpd.scene.status import SETTLED, names_of, status_name
 from tpd.theory.equations import Terms
 from tpd.theory.harmonic_balance import one_harmonic
 from tpd.theory.no_uplift import uplift
@@ -245,11 +245,7 @@ def _followed(model: AbstractModel, p: Parameters) -> _Sizes:
 
 
 def _sizes_of(settled: Settled | Steady) -> _Sizes:
-    name = status_name(settled.status)
-    # The angles of an overturned block depend on when the motion was stopped.
-    if settled.status == Status.overturned:
-        return math.inf, math.inf, name
-    return float(settled.amplitude), float(settled.swing), name
+    return float(settled.amplitude), float(settled.swing), status_name(settled.status)
 
 
 class _Model(NamedTuple):

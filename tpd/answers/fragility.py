@@ -285,8 +285,7 @@ def fragility(
         changed = tuple(float(np.mean(x)) if len(x) else math.nan for x in answered)
         unanswered = tuple(int(x.sum()) for x in nonlinear_runs.is_unanswered)
     # Motions of one earthquake are dependent, so that the test counts earthquakes.
-    p_values = None
-    p_medians = None
+    p_values, p_medians = None, None
     if pendulum is not None:
         p_values = {name: mcnemar(hit[0], hit[1], quakes) for name, hit in hits.items()}
         # All stripes together: an earthquake has the smaller capacity in the case in which more of its runs

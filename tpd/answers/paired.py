@@ -378,14 +378,8 @@ class PairedRuns(Printed):
         # The true outcome lies between these two extremes. A verdict is certain if it holds for both.
         if self.is_answered.all():
             return ()
-        return tuple(
-            replace(
-                self,
-                with_pendulum=self.with_pendulum.ended(against),
-                without_pendulum=self.without_pendulum.ended(not against),
-            )
-            for against in (True, False)
-        )
+        ends = ((self.with_pendulum.ended(x), self.without_pendulum.ended(not x)) for x in (True, False))
+        return tuple(replace(self, with_pendulum=one, without_pendulum=other) for one, other in ends)
 
     @property
     def benefit_in_words(self) -> str:
@@ -415,10 +409,8 @@ class PairedRuns(Printed):
     def summary(self) -> dict[str, Any]:
         """Return both cases, the benefit and the runs that differ, for JSON."""
         with_only, without_only = self.only
-        mean = {
-            "with": [part.with_pendulum for part in self.parts],
-            "without": [part.without_pendulum for part in self.parts],
-        }
+        cases = ("with", "without")
+        mean = {case: [getattr(part, f"{case}_pendulum") for part in self.parts] for case in cases}
         return {
             "runs": self.description,
             "pairs": self.pairs,
@@ -497,19 +489,14 @@ def paired_runs(
         checks.positive("mu", subject.mu)
     ensemble = (Ensemble() if ensemble is None else ensemble).seeded(0)
     conditions = Conditions() if conditions is None else conditions
-
     # Both cases have the ensemble with the same seed, hence the same initial states, phases and scatter.
-    def follow(subject: Parameters | Scene, pendulum: Pendulum | None) -> Runs:
-        runs: dict[str, Any] = {"ensemble": ensemble, "conditions": conditions, "equations": equations}
-        where: dict[str, Any] = {"workers": workers, "cluster": cluster, "progress": progress}
-        return outcomes(subject, pendulum, rtol=rtol, **where, **runs)
-
-    with_pendulum = follow(subject, pendulum)
+    options: dict[str, Any] = {"ensemble": ensemble, "conditions": conditions, "equations": equations}
+    options |= {"rtol": rtol, "workers": workers, "cluster": cluster, "progress": progress}
+    alone = subject if isinstance(subject, Scene) else parameters_without_pendulum(subject)
+    with_pendulum = outcomes(subject, pendulum, **options)
     return PairedRuns(
         with_pendulum=with_pendulum,
-        without_pendulum=follow(
-            subject if isinstance(subject, Scene) else parameters_without_pendulum(subject), None
-        ),
+        without_pendulum=outcomes(alone, **options),
         group=with_pendulum.condition,
         labels=tuple(map(conditions.label, range(len(conditions)))),
     )

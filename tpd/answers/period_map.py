@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
@@ -125,7 +124,7 @@ def _linearised(p: Parameters, model: AbstractFlow, settled: Settled) -> _Along:
     def along(y: Any, memory: Any) -> tuple[Orbit, Any]:
         x = jnp.concatenate([flat, y])
         # The run continues from another state and another discrete state than `settled`.
-        now = eqx.tree_at(lambda s: s.memory, settled, memory, is_leaf=lambda leaf: leaf is None)
+        now = settled._replace(memory=memory)
 
         def run(x: Float[Array, "n"]) -> tuple[Float[Array, "6"], tuple]:
             cycle = model.cycle(unflatten(x[:size]), now, x[size:])

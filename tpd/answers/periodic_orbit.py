@@ -137,15 +137,10 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
     entry, x = LINEAR.entry(), row_of(as_arrays(single(p)))
     settings = LINEAR.settings("ORBIT", periods=periods, events=events, rest_rate=rest_rate)
     inputs = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, y0, periods)]
-    size = numbers_in(entry.STEADY)
     # Known numbers need no JAX program. Inside `jax.grad` outside of a program they are known, too.
-    if all(map(checks.is_concrete, inputs)):
-        record = np.empty(size)
-        row, parameters, start = (np.ascontiguousarray(v, dtype=float) for v in (settings, *inputs[:2]))
-        # One run of compiled code on the host, which writes its result into `record`.
-        entry.run(0, 1, row, parameters, start, record)
-    else:
-        (record,) = LINEAR((shape(size),), packed(map(stop_gradient, settings)), *inputs[:2])
+    known = all(map(checks.is_concrete, inputs))
+    call, row = (LINEAR.on_host, settings) if known else (LINEAR, packed(map(stop_gradient, settings)))
+    (record,) = call((shape(numbers_in(entry.STEADY)),), row, *inputs[:2])
     fields = parts(record, entry.STEADY)
     # Slopes are real numbers, so that complex numbers are divided into their two parts.
     numbers = jnp.concatenate([record[:_SIZES], fields.multipliers.reshape(-1), fields.fold[None]])

@@ -329,24 +329,19 @@ def _results(
     if isinstance(motions, Settled):
         # `amplitude` and `swing` are those of the settled motion; `peak` and `peak_swing` include the
         # transient.
-        tilt, settled, swing, settled_swing = map(
-            np.asarray, (motions.peak, motions.amplitude, motions.peak_swing, motions.swing)
-        )
+        sizes = motions.peak, motions.amplitude, motions.peak_swing, motions.swing
         # The rod angle is not recorded under a harmonic. The sum of tilt and swing is an upper bound of it.
-        sizes = tilt, settled, swing, settled_swing, swing + tilt, settled_swing + settled
-        outcome, impacts = np.asarray(code_of(motions.status)), np.full(len(tilt), np.nan)
+        sizes += motions.peak_swing + motions.peak, motions.swing + motions.amplitude
+        outcome, impacts = code_of(motions.status), np.full_like(motions.peak, np.nan)
     else:
         # A run under a ground motion has no steady state. Its largest angles take the place of the settled.
         sizes = (motions.tilt,) * 2 + (motions.swing,) * 2 + (motions.relative,) * 2
         outcome, impacts = _SHAKEN[motions.status.astype(int)], motions.impacts
-    # Overturned runs have infinite angles, and runs without an answer have NaN, see `Runs`.
-    overturned, unanswered = outcome == code_of(Status.overturned), is_one_of(outcome, *UNANSWERED)
-
-    def answered(x: np.ndarray) -> np.ndarray:
-        return np.where(unanswered, np.nan, x)
-
-    angles = {n: answered(np.where(overturned, np.inf, x)) for n, x in zip(ANGLES, sizes, strict=True)}
-    return {**angles, "impacts": answered(impacts), "outcome": outcome.astype(np.int8)}
+    # Overturned runs have infinite angles. Runs without an answer have NaN, see `Runs`.
+    unanswered = is_one_of(outcome, *UNANSWERED)
+    numbers = zip((*ANGLES, "impacts"), (*sizes, impacts), strict=True)
+    results = {name: np.where(unanswered, np.nan, x) for name, x in numbers}
+    return results | {"outcome": outcome.astype(np.int8)}
 
 
 def rows_of(

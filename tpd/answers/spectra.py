@@ -16,6 +16,7 @@ from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
 from tpd.exact.runs import GroundForcing
+from tpd.exact.terms import XI
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion, Pulse
 from tpd.scene.pytrees import single
 from tpd.scene.scene import Block, Pendulum, Scene
@@ -211,7 +212,7 @@ def rocking_spectrum(
     rows = [rows_of(block, c, [motion], gravity) for c in ([None] if pendulum is None else [None, pendulum])]
     x = np.repeat(np.concatenate(rows), times.size, axis=0)
     # Only the dimensionless duration of a piece depends on the size.
-    x[:, 6] = float(motion.piece) * np.tile(rates, len(rows))
+    x[:, XI] = float(motion.piece) * np.tile(rates, len(rows))
     # The free time is given in seconds, but compiled code needs it in dimensionless time.
     late = free * np.tile(rates, len(rows))
     pieces = np.asarray(motion.pieces(), dtype=float)

@@ -388,10 +388,8 @@ class Lognormal:
         """Median with its interval, and dispersion, as text."""
         if math.isnan(self.median):
             nothing = self.seen is not None and not self.seen.size
-            return (
-                "unknown",
-                "no outcome is known" if nothing else "the share does not grow with the intensity",
-            )
+            why = "no outcome is known" if nothing else "the share does not grow with the intensity"
+            return "unknown", why
         where = median_words(self.median)
         if 0.0 < self.median < math.inf:
             where += " ({:.4g} to {:.4g})".format(*self.interval())

@@ -312,8 +312,7 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     # then cost one product with the slopes, and never differentiate the loops that solve for the orbit.
     values = numbers_of(p)
     plain = _PLAIN.issuperset(map(type, values)) and type(y0) is np.ndarray
-    compiled = isinstance(model, AbstractCompiled)
-    if plain and compiled:
+    if plain and isinstance(model, AbstractCompiled):
         # The most frequent call. It takes as long as two tests of whether JAX traces a value, so that no such
         # test is made here.
         return _steady(_answer(solve(model.equations, np.array(values), y0, model.limits))[0])
@@ -322,14 +321,13 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     values = single(values)
     is_concrete, *fixed = all(map(checks.is_concrete, (*values, y0))), *map(_without_tangent, values)
     start = _without_tangent(y0)
-    if compiled:
-        # Compiled code needs no JAX program if all its inputs are known numbers.
-        concrete = all(map(checks.is_concrete, (*fixed, start)))
-        x = np.array(fixed, dtype=float) if concrete else packed(fixed)
-        start = start if concrete else jnp.asarray(start, float)
+    # Compiled code needs no JAX program if all its inputs are known numbers.
+    known = all(map(checks.is_concrete, (*fixed, start)))
+    x: Any = np.array(fixed, dtype=float) if known else packed(fixed)
+    start = start if known else jnp.asarray(start, float)
+    if isinstance(model, AbstractCompiled):
         answer, slopes = _answer(solve(model.equations, x, start, model.limits))
     else:
-        x: Any = np.array(fixed, dtype=float) if all(map(checks.is_concrete, fixed)) else packed(fixed)
         # `eqx.filter_jit` separates arrays from other leaves in Python at every call. A model without array
         # leaves can be a static argument of `jax.jit`, which is faster.
         flow = cast("AbstractFlow", model)
@@ -418,7 +416,7 @@ def _solve(x: Float[Array, "9"], model: AbstractFlow, y0: State) -> tuple[_Answe
     # status is set to failed.
     fixed = from_row(jnp.where(sane, x, 1.0))
     settled = model.settle(fixed, jnp.where(sane, y0, 0.0))
-    settled = eqx.tree_at(lambda s: s.status, settled, Status.where(sane, settled.status, Status.failed))
+    settled = settled._replace(status=Status.where(sane, settled.status, Status.failed))
     answer, slopes = _evaluate(fixed, model, settled)
     return _compare(answer, model.settle_exactly(fixed, jnp.where(sane, y0, 0.0))), slopes
 
@@ -489,7 +487,6 @@ def _sizes_of(p: Any, reached: Settled, orbit: Orbit, status: Any, multiplier: A
     last = jnp.where(status == code_of(Status.failed), unknown, jnp.stack([reached.amplitude, reached.swing]))
     sizes, slopes = implicit(orbit)
     last = jnp.where(is_one_of(status, *NOT_ATTRACTING), orbit.sizes, last)
-    last = jnp.where(status == code_of(Status.overturned), jnp.full(2, jnp.inf), last)
     sizes, slopes = jnp.where(isolated, sizes, last), jnp.where(isolated, slopes, jnp.nan)
     bob_rests = rests & (sizes[1] == 0.0)
     # The amplitude of a block at rest is zero for all neighbouring parameters, so that its slopes are zero.

@@ -26,7 +26,8 @@ carray: Any = numba.carray  # type: ignore[attr-defined]
 FRAME = 16
 """Number of 8-byte integers in a frame of XLA."""
 _MAJOR, _MINOR = 0, 3
-"""Version of the interface whose columns are below. XLA refuses code of a version that it no
+API_VERSION = _MAJOR | _MINOR << 32
+"""Version of the interface whose columns are below, as one integer. XLA refuses code of a version that it no
 longer supports. Check the columns in `xla/ffi/api/c_api.h` before this changes."""
 _SIZE, _EXTENSION, _STAGE, _OPERANDS, _OPERAND_LIST, _RESULTS, _RESULT_LIST = 0, 1, 4, 7, 9, 12, 14
 """Columns of such a frame: its size, an extension, the stage, the number of operands and the list of them,
@@ -40,7 +41,7 @@ _FROM, _TO, _BUFFERS = 1, 2, 3
 """Columns of a frame from Python, whose size is 0: the first row, the row after the last, and the first
 buffer."""
 FIELDS = (
-    *("task", "periods", "events", "rest_rate", "tolerance", "rtol", "lyapunov", "impacts", "slopes"),
+    *("task", "periods", "events", "rest_rate", "tolerance", "rtol", "lyapunov_periods", "impacts", "slopes"),
     *("pieces", "record", "free", "brief", "angles", "samples"),
 )
 SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
@@ -52,7 +53,7 @@ SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
 - `rest_rate`: largest speed |phi'|/nu of an impact that may end in rest.
 - `tolerance`: difference between two periods that counts as settled.
 - `rtol`: relative tolerance of a step.
-- `lyapunov`: number of periods over which the separation of neighbouring runs is measured.
+- `lyapunov_periods`: number of periods over which the separation of neighbouring runs is measured.
 - `impacts`: number of impacts for which there is memory.
 - `slopes`: number of directions that have derivatives.
 - `pieces`: number of pieces of the forcing.
@@ -66,11 +67,6 @@ SETTINGS = np.dtype([(name, np.float64) for name in FIELDS])
 
 BEGIN, RAMP = 0, 1
 """Columns of the times of a run under a harmonic: the start, and the duration of the ramp in periods."""
-
-
-def api_version() -> int:
-    """Return the version of the FFI for which this module is written, as one integer."""
-    return _MAJOR | _MINOR << 32
 
 
 @intrinsic

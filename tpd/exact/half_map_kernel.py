@@ -56,9 +56,7 @@ def store_half_map(q, m, t, path, g):
     # A massless bob does not act on the block. The block has two multipliers then, and the other two are
     # zero.
     column_step = 2 if q.mu.real == 0.0 else 1
-    for i in range(4):
-        for j in range(4):
-            g[i, j] = 0.0
+    g[:] = 0.0
     for j in range(0, 4, column_step):
         # Column j of G: a unit difference, carried through the first arc, the crossing, the second arc and
         # the turning point.

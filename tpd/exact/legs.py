@@ -445,9 +445,6 @@ def read_forcing(q, f, m, legs, r, out):
             carry_past_event(r, leg, STATE, _ALL)
         for row in range(OUTPUTS):
             for j in range(STATE, _ALL):
-                if is_whole:
-                    through[row, j] += back[row, j - STATE] if j < _COEFFICIENTS else 0.0
-                    continue
                 through[row, j] += back[row, _TIME] * r.shift[j]
                 for i in range(4):
                     through[row, j] += back[row, i] * r.dy[i, j]
@@ -473,8 +470,7 @@ def store_impacts(q, legs, count, impacts):
             # The next leg starts with the state after the impact. After the last impact the block rests.
             impacts[k, _RATE] = legs[n + 1].y[TILT_RATE] if n + 1 < count else 0.0
             k += 1
-    for i in range(k, len(impacts)):
-        impacts[i, _WHEN] = impacts[i, _RATE] = np.nan
+    impacts[k:] = np.nan
 
 
 @compiled
@@ -511,6 +507,4 @@ def store_states(q, f, legs, count, times, out):
                 a = state_at(arc, instant(arc, h), h)
                 for i in range(4):
                     y[i] = a[i]
-    for k in range(at, len(times)):
-        for i in range(out.shape[1]):
-            out[k, i] = np.nan
+    out[at:] = np.nan

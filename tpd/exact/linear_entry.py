@@ -12,11 +12,11 @@ from tpd.core.machine_code import stored
 from tpd.exact.arcs import Load, arc_from, beginning, state_at
 from tpd.exact.compiling import checksum
 from tpd.exact.custom_call import (
+    API_VERSION,
     BEGIN,
     RAMP,
     SETTINGS,
     addresses_in,
-    api_version,
     inputs_of,
     on_host,
     pieces,
@@ -49,7 +49,7 @@ from tpd.exact.plant import compiled, fill_plants
 from tpd.exact.repetition import SETTLED
 from tpd.exact.settle import settle
 from tpd.exact.steady import STEADY, steady_state
-from tpd.exact.terms import FAILED, SWING_PULL, TILT_PULL
+from tpd.exact.terms import SWING_PULL, TILT_PULL
 from tpd.exact.trajectory import trajectory
 
 SETTLE, TRAJECTORY, GROUND, HISTORY, STEADY_STATE, ORBIT = range(6)
@@ -59,52 +59,39 @@ _USUAL_EVENTS = 20_000
 
 
 @compiled
-def _keep_alive(buffers):
-    """Keep the arrays alive until here.
-
-    Numba frees an array after its last use, even if a record still points to it.
-    """
-    return len(buffers.motions)
-
-
-@compiled
-def _settle(a, first, last):
+def _settle(a, first, last, buffers):
     """Compute rows of the task SETTLE, see `settle`.
 
     Operands: settings, parameters, initial states, and begin and ramp of each run. Results: records
     `SETTLED`.
     """
-    s, x, y = inputs_of(a, last)
-    buffers, (_, _, _, times, results, _, _, _) = new_buffers(), addresses_in(a)
+    (s, x, y), (_, _, _, times, results, _, _, _) = inputs_of(a, last), addresses_in(a)
     t, out, m = view(times, (last, 2), np.float64), view(results, (last,), SETTLED), buffers.motions[RUN]
     for n in range(first, last):
         copy_to(y[n], m.y)
         settle(x[n], buffers, s[n], t[n, BEGIN], t[n, RAMP], YES, out[n])
-    _keep_alive(buffers)
 
 
 @compiled
-def _steady(a, first, last, near):
+def _steady(a, first, last, near, buffers):
     """Compute rows of the tasks STEADY_STATE and ORBIT (`near`), see `steady_state`.
 
     Operands: settings, parameters and initial states. Results: records `STEADY`.
     """
-    (s, x, y), buffers, (_, _, _, results, _, _, _, _) = inputs_of(a, last), new_buffers(), addresses_in(a)
+    (s, x, y), (_, _, _, results, _, _, _, _) = inputs_of(a, last), addresses_in(a)
     out = view(results, (last,), STEADY)
     for n in range(first, last):
         steady_state(x[n], y[n], s[n], near, buffers, out[n])
-    _keep_alive(buffers)
 
 
 @compiled
-def _trajectory(a, first, last):
+def _trajectory(a, first, last, buffers):
     """Compute rows of the task TRAJECTORY, see `trajectory`.
 
     Operands: settings, parameters, initial states and times. Results: states with their time derivatives,
     statuses, and derivatives.
     """
-    s, x, y = inputs_of(a, last)
-    buffers, (_, _, _, clock, states, ends, slopes, _) = new_buffers(), addresses_in(a)
+    (s, x, y), (_, _, _, clock, states, ends, slopes, _) = inputs_of(a, last), addresses_in(a)
     count, (q, m, w, r) = int(s[first].periods), records_of(buffers)
     times, out = view(clock, (last, count), np.float64), view(states, (last, count, 8), np.float64)
     statuses = view(ends, (last,), np.float64)
@@ -112,7 +99,6 @@ def _trajectory(a, first, last):
         by = view(slopes, (last, count if s[n].slopes != 0.0 else 1, 4, INPUTS + 1), np.float64)
         copy_to(y[n], m.y)
         statuses[n] = trajectory(x[n], q, m, w, r, s[n], times[n], out[n], by[n])
-    _keep_alive(buffers)
 
 
 @compiled
@@ -121,47 +107,41 @@ def _store_slopes(m, table, inputs, by):
 
     The directions from `inputs` on stay zero. The derivative of a time that has none is NaN.
     """
-    for j in range(INPUTS):
-        for i in range(OUTPUTS):
-            by[i, j] = 0.0
-        if j < inputs:
-            for k in range(3):
-                # Of the two sides of each angle only the larger one is a result.
-                best = larger_side(m, k)
-                by[k, j], by[OF_TIMES + k, j] = table[ANGLES + best, j], table[TIMES + best, j]
-            for i in range(4):
-                by[OF_END + i, j] = table[i, j]
-            by[OF_GROWING, j], by[OF_UPLIFT, j] = table[GROWING, j], table[UPLIFT, j]
+    by[:] = 0.0
+    for j in range(inputs):
+        for k in range(3):
+            # Of the two sides of each angle only the larger one is a result.
+            best = larger_side(m, k)
+            by[k, j], by[OF_TIMES + k, j] = table[ANGLES + best, j], table[TIMES + best, j]
+        for i in range(4):
+            by[OF_END + i, j] = table[i, j]
+        by[OF_GROWING, j], by[OF_UPLIFT, j] = table[GROWING, j], table[UPLIFT, j]
 
 
 @compiled
-def _follow_ground(a, first, last, history):
+def _follow_ground(a, first, last, history, buffers):
     """Compute rows of the tasks GROUND and HISTORY (`history`), see `follow_ground_motion`.
 
     Operands: settings, parameters, initial states and pieces, for a history also times. Results: records
     `FOLLOWED`, derivatives, and those in the coefficients of the pieces; for a history states, impacts and
     statuses.
     """
-    s, x, y = inputs_of(a, last)
-    buffers, (_, _, _, forcing, results, by, arrivals, ends) = new_buffers(), addresses_in(a)
+    (s, x, y), (_, _, _, forcing, results, by, arrivals, ends) = inputs_of(a, last), addresses_in(a)
     no_legs, table, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
     q, m, w, r = records_of(buffers)
     for n in range(first, last):
-        f, status = pieces(forcing, s[n], n), FAILED
+        f = pieces(forcing, s[n], n)
         # Few runs have more legs than this, and such runs are repeated with enough memory. The operating
         # system assigns memory only when it is written, so that a large array costs nothing.
         capacity = 2 * (int(s[n].pieces) + min(int(s[n].events), _USUAL_EVENTS)) + 64
         legs = np.empty(capacity, LEG) if slopes or history else no_legs
-        m.n_legs = len(legs) + 1
-        while m.n_legs > len(legs):
+        while True:
             copy_to(y[n], m.y)
             status = follow_ground_motion(x[n], q, f, m, legs, w, s[n])
             # Without derivatives no legs are needed.
-            if not (slopes or history):
+            if m.n_legs <= len(legs) or not (slopes or history):
                 break
-            if m.n_legs > len(legs):
-                legs = np.empty(m.n_legs, LEG)
-                m.n_legs += 1
+            legs = np.empty(m.n_legs, LEG)
         if history:
             count, n_impacts = int(s[n].periods), int(s[n].impacts)
             times, size = view(results, (last, count), np.float64), (last, count, STATES)
@@ -178,9 +158,7 @@ def _follow_ground(a, first, last, history):
         if slopes:
             inputs = int(s[n].slopes)
             # Derivatives that do not exist are never written, and must be NaN.
-            for i in range(ROWS):
-                for j in range(INPUTS):
-                    table[i, j] = math.nan
+            table[:] = math.nan
             fill_plants(x[n], r.plants)
             out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, table)
             _store_slopes(m, table, inputs, view(by, (last, OUTPUTS, INPUTS), np.float64)[n])
@@ -188,36 +166,32 @@ def _follow_ground(a, first, last, history):
                 by_forcing = view(arrivals, (last, OUTPUTS, int(s[n].pieces), 4), np.float64)[n]
                 by_forcing[:] = 0.0
                 read_forcing(q, f, m, legs, r, by_forcing)
-    _keep_alive(buffers)
 
 
 @compiled
 def _run(a, first, last):
     """Compute rows of the task that the settings name."""
     settings, _, _, _, _, _, _, _ = addresses_in(a)
-    task = view(settings, (last,), SETTINGS)[first].task
+    task, buffers = view(settings, (last,), SETTINGS)[first].task, new_buffers()
     if task == SETTLE:
-        _settle(a, first, last)
+        _settle(a, first, last, buffers)
     elif task in (STEADY_STATE, ORBIT):
-        _steady(a, first, last, task == ORBIT)
+        _steady(a, first, last, task == ORBIT, buffers)
     elif task == TRAJECTORY:
-        _trajectory(a, first, last)
+        _trajectory(a, first, last, buffers)
     else:
-        _follow_ground(a, first, last, task == HISTORY)
+        _follow_ground(a, first, last, task == HISTORY, buffers)
+    # A record does not keep its array alive, and Numba frees an array after its last use.
+    return len(buffers.motions)
 
 
-def _entrance(version: int, api: int) -> Any:
-    """Return the entry point to the compiled code.
-
-    Args:
-        version: checksum of the sources.
-        api: version of XLA's interface.
-    """
+def _entrance(version: int) -> Any:
+    """Return the entry point to the compiled code. `version` is the checksum of the sources."""
 
     def call(address):
         """Compute the rows that a frame describes. XLA takes the result 0 for success."""
         a = np.zeros(8, np.int64)
-        first, last, by_host = rows_of(address, a, api)
+        first, last, by_host = rows_of(address, a, API_VERSION)
         # There is only one call of `_run`: Numba would compile all functions below it again for each other
         # kind of argument.
         if last > first:
@@ -230,7 +204,7 @@ def _entrance(version: int, api: int) -> Any:
     return stored(call, numba.cfunc, "int64(int64)")
 
 
-CALL = _entrance(checksum(), api_version())
+CALL = _entrance(checksum())
 """The entry point, an FFI handler for XLA."""
 run = on_host(CALL)
 """Function for calls from Python. The arguments are the first row, the row after the last, then operands and

@@ -23,11 +23,11 @@ from tpd.exact.arcs import forcing_at, load_at, span_of, steady
 from tpd.exact.compiling import checksum
 from tpd.exact.contact_kernel import bob_change, mode_of, sign, velocity_ratio
 from tpd.exact.custom_call import (
+    API_VERSION,
     BEGIN,
     RAMP,
     SETTINGS,
     addresses_in,
-    api_version,
     inputs_of,
     on_host,
     pieces,
@@ -53,7 +53,7 @@ from tpd.exact.period_map import set_motion
 from tpd.exact.plant import PLANT, compiled, part
 from tpd.exact.repetition import LONGEST, NEWEST, SETTLED
 from tpd.exact.steady import STEADY
-from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_RATE, SYMMETRIC, TILT, TILT_RATE, WIDTH
+from tpd.exact.terms import REST, SLIP, STICK, SWING, SWING_RATE, SYMMETRIC, TILT, TILT_RATE
 from tpd.exact.trajectory import ROUNDING
 
 __all__ = ["CALL", "FOLLOWED", "SETTINGS", "SETTLED", "STEADY", "run"]
@@ -271,6 +271,13 @@ def _stays_held(q, m, w, psi, rate, trial):
 
 
 @compiled
+def _change_of_bob(q, m, w, psi, rate, trial):
+    """Return the change of the bob's state in a period from tau = 0 on; NaN unless the block stays held."""
+    is_held = _stays_held(q, m, w, psi, rate, trial)
+    return (trial.y[SWING] - psi, trial.y[SWING_RATE] - rate) if is_held else (math.nan, math.nan)
+
+
+@compiled
 def _settled_swing(q, m, w, scales, remaining, trial, peaks):
     """Return the largest |psi| of the settled bob, or NaN unless the block is certainly held permanently.
 
@@ -279,25 +286,24 @@ def _settled_swing(q, m, w, scales, remaining, trial, peaks):
     `trial` is another motion.
     """
     psi, rate, span, n = m.y[SWING], m.y[SWING_RATE], math.sqrt(q.m22), 0
-    step, error, a, b, c, d, g, h = _DIFFERENCE * scales[SWING], math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    # Newton's method on the map of a period, with the derivatives at its start.
+    step, error = _DIFFERENCE * scales[SWING], math.inf
+    # Newton's method on the map of a period, which changes the state by (f, g), with the derivatives at its
+    # start.
+    f_rate, g_rate = _change_of_bob(q, m, w, psi, rate + step / span, trial)
+    f_psi, g_psi = _change_of_bob(q, m, w, psi + step, rate, trial)
+    f, g = _change_of_bob(q, m, w, psi, rate, trial)
+    a, b = (f_psi - f) / step, (f_rate - f) * span / step
+    c, d = (g_psi - g) / step, (g_rate - g) * span / step
     while error > _CLOSED and n < _STEPS:
-        for j in range(2 if n == 0 else 0, -1, -1):
-            u, v = psi + (step if j == 1 else 0.0), rate + (step / span if j == 2 else 0.0)
-            if not _stays_held(q, m, w, u, v, trial):
-                return math.nan
-            # Changes in a period from the state (g, h), another angle (a, c) and another rate (b, d).
-            g, h = trial.y[SWING] - u, trial.y[SWING_RATE] - v
-            a, c = (g, h) if j == 1 else (a, c)
-            b, d = (g, h) if j == 2 else (b, d)
-        if n == 0:
-            a, c, b, d = (a - g) / step, (c - h) / step, (b - g) * span / step, (d - h) * span / step
-        error = max(abs(g) / scales[SWING], abs(h) / scales[SWING_RATE])
-        psi, rate, n = (
-            psi - (d * g - b * h) / (a * d - b * c),
-            rate - (a * h - c * g) / (a * d - b * c),
-            n + 1,
-        )
+        if n > 0:
+            f, g = _change_of_bob(q, m, w, psi, rate, trial)
+        if not math.isfinite(a + b + c + d + f + g):
+            return math.nan
+        error = max(abs(f) / scales[SWING], abs(g) / scales[SWING_RATE])
+        regular = a * d - b * c
+        psi -= (d * f - b * g) / regular
+        rate -= (a * g - c * f) / regular
+        n += 1
     # A motion that attracts, or that of an undamped bob, has no real multiplier beyond 1 or -1. Damping gives
     # the product of both.
     attracts = abs(2.0 + a + d) < 1.0 + math.exp(-q.c2 / q.m22 * w.period)
@@ -399,11 +405,7 @@ def _steady_state(q, m, w, s, trial, settled, out):
     out.amplitude, out.swing = settled.amplitude, settled.swing
     out.multiplier = out.lyapunov = math.nan
     out.status, out.periods, out.elapsed = status, settled.periods, settled.elapsed
-    for i in range(6):
-        for j in range(WIDTH):
-            out.by[i, j] = math.nan
-    if status == repetition.OVERTURNED:
-        out.amplitude = out.swing = math.inf
+    out.by[:] = math.nan
     rocks = status in (repetition.ROCKING, repetition.STICKING) and int(settled.periods) % 2 == 1
     out.symmetric = 1.0 if rocks and _is_symmetric(q, m, w, s, out.y) else 0.0
 
@@ -505,18 +507,13 @@ def _run(a, first, last):
     return len(plants) + len(motions) + len(works) + len(spare)
 
 
-def _entrance(version: int, api: int) -> Any:
-    """Return the entry point to the compiled code.
-
-    Args:
-        version: checksum of the sources.
-        api: version of XLA's interface.
-    """
+def _entrance(version: int) -> Any:
+    """Return the entry point to the compiled code. `version` is the checksum of the sources."""
 
     def call(address):
         """Compute the rows that a frame describes. XLA takes the result 0 for success."""
         a = np.zeros(8, np.int64)
-        first, last, by_host = rows_of(address, a, api)
+        first, last, by_host = rows_of(address, a, API_VERSION)
         if last > first:
             _run(a, first, last)
         return version if by_host else 0
@@ -526,7 +523,7 @@ def _entrance(version: int, api: int) -> Any:
     return stored(call, numba.cfunc, "int64(int64)")
 
 
-CALL = _entrance(checksum(), api_version())
+CALL = _entrance(checksum())
 """The entry point, an FFI handler for XLA."""
 run = on_host(CALL)
 """Function for calls from Python. The arguments are the first row, the row after the last, then operands and

@@ -9,7 +9,7 @@ import numpy as np
 
 from tpd.core.machine_code import stored
 from tpd.exact.compiling import checksum
-from tpd.exact.custom_call import addresses_in, api_version, on_host, rows_of, view
+from tpd.exact.custom_call import API_VERSION, addresses_in, on_host, rows_of, view
 from tpd.exact.motion import FIRST_PIECE
 from tpd.exact.plant import part
 from tpd.exact.symmetric_orbit_kernel import (
@@ -68,18 +68,13 @@ def _run(a, first, last):
     return len(works)
 
 
-def _entrance(version: int, api: int) -> Any:
-    """Return the entry point to the compiled code.
-
-    Args:
-        version: checksum of the sources.
-        api: version of XLA's interface.
-    """
+def _entrance(version: int) -> Any:
+    """Return the entry point to the compiled code. `version` is the checksum of the sources."""
 
     def call(address):
         """Compute the rows that a frame describes. XLA takes the result 0 for success."""
         a = np.zeros(8, np.int64)
-        first, last, by_host = rows_of(address, a, api)
+        first, last, by_host = rows_of(address, a, API_VERSION)
         if last > first:
             _run(a, first, last)
         return version if by_host else 0
@@ -89,7 +84,7 @@ def _entrance(version: int, api: int) -> Any:
     return stored(call, numba.cfunc, "int64(int64)")
 
 
-CALL = _entrance(checksum(), api_version())
+CALL = _entrance(checksum())
 """The entry point, an FFI handler for XLA."""
 run = on_host(CALL)
 """Function for calls from Python. The arguments are the first row, the row after the last, then operands and

@@ -149,14 +149,6 @@ def _include_event_at_end(q, f, m, legs, w, mode0, limits):
 
 
 @compiled
-def clear_derivatives(c):
-    """Set the derivatives of a cycle to NaN."""
-    for i in range(ROWS):
-        for j in range(INPUTS):
-            c.by[i, j] = math.nan
-
-
-@compiled
 def follow_cycle(q, m, buffers, limits, periods, c):
     """Simulate a number of periods, and write them into the cycle `c`.
 
@@ -187,7 +179,7 @@ def follow_cycle(q, m, buffers, limits, periods, c):
     c.hold_level, c.step, c.ending = m.hold_level, 0.0, ended
     # Without an end the record still holds the derivatives of the cycle before.
     if not sound:
-        clear_derivatives(c)
+        c.by[:] = math.nan
 
 
 @compiled

@@ -111,7 +111,7 @@ def store_settled(status, repeats, elapsed, m, past, peaks, out):
         amplitude, swing = abs(m.y[TILT]), past[NEWEST].swing
         status = HELD if m.y[TILT] != 0.0 else AT_REST
     if status == OVERTURNED:
-        peaks[TILT] = peaks[SWING] = math.inf
+        amplitude = swing = peaks[TILT] = peaks[SWING] = math.inf
     if status == FAILED:
         amplitude = swing = peaks[TILT] = peaks[SWING] = math.nan
     copy_to(m.y, out.y)

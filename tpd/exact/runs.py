@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -25,7 +24,7 @@ from tpd.exact.rows import packed
 from tpd.exact.terms import ENDS, TILT_PULL, TILT_RATE, XI
 from tpd.scene.parameters import NAMES
 from tpd.scene.pytrees import Number, State
-from tpd.scene.status import Status, codes_of
+from tpd.scene.status import Status, codes_of, status_of
 from tpd.theory.equations import Terms
 
 ENGINES = {Terms.linear: LINEAR, Terms.nonlinear: NONLINEAR}
@@ -77,7 +76,7 @@ class GroundForcing(NamedTuple):
     """Index into `records` for each run."""
 
 
-class Settled(eqx.Module):
+class Settled(NamedTuple):
     """The state to which a run has settled.
 
     It has no derivatives and serves as initial guess for a periodic orbit.
@@ -90,7 +89,8 @@ class Settled(eqx.Module):
     periods: Int[Array, ""]
     """Number of forcing periods in one period of the motion."""
     amplitude: Number
-    """Largest |phi| (rad) of the last periods. This is the result if there is no periodic orbit."""
+    """Largest |phi| (rad) of the last periods. This is the result if there is no periodic orbit. All four
+    angles are infinite if the block overturns."""
     swing: Number
     """Largest |psi| (rad) of the last periods."""
     status: Status
@@ -199,10 +199,7 @@ def follow(
     is_batch = np.ndim(rows) > 1 or np.ndim(y0) > 1
     # Without tracing, even one run is computed as a batch: otherwise JAX would compile a program for it.
     if is_batch or all(map(checks.is_concrete, jax.tree.leaves((rows, y0, forcing, limits)))):
-        x, y = (
-            (rows, y0) if is_batch else (np.asarray(rows)[None], None if y0 is None else np.asarray(y0)[None])
-        )
-        batch = _Batch.of(x, y, workers, progress)
+        batch = _Batch.of(rows, y0, workers, progress)
         if ground:
             runs = _run_batch(engine, batch, forcing, limits | {"brief": brief})
             return runs if is_batch else Followed(*(x[0] for x in runs))
@@ -228,19 +225,31 @@ class _Batch(NamedTuple):
 
     @staticmethod
     def of(rows: Any, y0: Any, workers: int | None, progress: Any) -> _Batch:
-        """Return the batch of `rows` and initial states `y0`, and repeat a single row or state."""
-        starts = np.zeros((len(rows), 4)) if y0 is None else np.array(y0, dtype=float, order="C")
+        """Return the batch of `rows` and initial states `y0`, and repeat a single row."""
+        rows = np.atleast_2d(rows)
+        starts = np.zeros((len(rows), 4)) if y0 is None else np.array(y0, dtype=float, order="C", ndmin=2)
         n, width = len(starts), len(NAMES)
-        if n == 0 or starts.shape != (n, 4) or np.shape(rows) not in ((width,), (n, width)):
-            shapes = f"{np.shape(rows)} and {starts.shape}"
+        if n == 0 or starts.shape != (n, 4) or rows.shape not in ((1, width), (n, width)):
+            shapes = f"{rows.shape} and {starts.shape}"
             raise ValueError(f"`rows` must have shape (n, {width}) and `y0` (n, 4), but have {shapes}")
         wide = np.ascontiguousarray(np.broadcast_to(rows, (n, width)), dtype=float)
         return _Batch(starts, wide, workers, progress)
 
-    def fill(self, engine: Compiled, settings: np.ndarray, table: np.ndarray, results: np.ndarray) -> None:
-        """Compute the results of all runs. `table` holds the further operand of the runs: times or pieces."""
+    def computed(
+        self, engine: Compiled, task: str, record: np.dtype, table: np.ndarray, /, **limits: Any
+    ) -> np.ndarray:
+        """Return the records of all runs as floats.
+
+        `table` holds the further operand of the runs: times or pieces. Settings are numbers or arrays (n,).
+        """
+        entry, n = engine.entry(), len(self.rows)
+        settings: Any = np.zeros(n, entry.SETTINGS)
+        for name, value in {"task": getattr(entry, task), **limits}.items():
+            settings[name] = value
+        results = np.zeros(n, record)
         buffers = settings, self.rows, self.starts, table, results
-        engine.in_threads(len(self.rows), self.workers, self.progress, *buffers)
+        engine.in_threads(n, self.workers, self.progress, *buffers)
+        return results.view(float).reshape(n, -1)
 
 
 def _settle_batch(
@@ -257,47 +266,29 @@ def _settle_batch(
         raise ValueError(f"`begin` must lie within the first forcing period, but is {begins[late]}")
     checks.not_negative("ramp", ramps, every=True)
     # The module is loaded here and not with the package, because it loads Numba.
-    entry = engine.entry()
-    settings = np.full(n, np.array(tuple(engine.settings("SETTLE", **limits)), entry.SETTINGS))
-    results = np.empty(n, entry.SETTLED)
-    batch.fill(engine, settings, times, results)
-    return _settled_of(results.view(float).reshape(n, -1), entry.SETTLED)
+    record = engine.entry().SETTLED
+    return _settled_of(batch.computed(engine, "SETTLE", record, times, **limits), record)
 
 
 def _settled_of(numbers: Any, record: np.dtype) -> Settled:
     """Return `Settled` from records of compiled code as floats, shape (..., n)."""
     of, index = parts(numbers, record), codes_of(ENDS)
     code, periods, elapsed = (x.astype(int) for x in (of.status, of.periods, of.elapsed))
-    status = index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code]
-    # Build the object from its leaves, because the fields are annotated with the shapes of a single run.
-    leaves = [of.y, periods, of.amplitude, of.swing, status, elapsed, of.peak, of.peak_swing]
-    return jax.tree.unflatten(_structure(), leaves)
-
-
-@lru_cache(maxsize=1)
-def _structure() -> Any:
-    """Return the pytree structure of `Settled`."""
-    none, count = jnp.zeros(()), jnp.zeros((), int)
-    return jax.tree.structure(
-        Settled(jnp.zeros(4), None, count, none, none, Status.failed, count, none, none)
-    )
+    status = status_of(index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code])
+    sizes, peaks = (of.amplitude, of.swing), (of.peak, of.peak_swing)
+    return Settled(of.y, None, periods, *sizes, status, elapsed, *peaks)
 
 
 def _run_batch(engine: Compiled, batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
     """Simulate a batch of runs under ground motions."""
-    entry, n = engine.entry(), len(batch.rows)
     lengths, which = np.array([len(r) for r in forcing.records]), np.asarray(forcing.which)
     # All ground motions are stored in one array. Each run has the row of its first piece.
     firsts = np.cumsum(lengths) - lengths
     # The equations contain minus the acceleration of the base.
     pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in forcing.records]))
-    settings: Any = np.zeros(n, entry.SETTINGS)
-    places = {"task": entry.GROUND, "pieces": lengths[which], "record": firsts[which], "free": forcing.free}
-    for name, value in {**places, **limits}.items():
-        settings[name] = value
-    results = np.zeros(n, entry.FOLLOWED)
-    batch.fill(engine, settings, pieces, results)
-    return _followed_of(results.view(float).reshape(n, -1))
+    places = {"pieces": lengths[which], "record": firsts[which], "free": forcing.free}
+    record = engine.entry().FOLLOWED
+    return _followed_of(batch.computed(engine, "GROUND", record, pieces, **places, **limits))
 
 
 def _run_one(engine: Compiled, row: Any, y0: Any, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
@@ -342,8 +333,8 @@ def solve(equations: Terms, x: Any, y0: Any, limits: Limits) -> Any:
         x: row of parameters, shape (9,).
         y0: initial state at tau = 0, shape (4,). If `x` and `y0` are NumPy arrays, so is the result, and no
             JAX program runs.
-        limits: periods, events, tolerance and rest_rate. The linear equations also need `lyapunov`, the
-            number of periods over which the separation of neighbouring runs is measured. The nonlinear
+        limits: periods, events, tolerance and rest_rate. The linear equations also need `lyapunov_periods`,
+            the number of periods over which the separation of neighbouring runs is measured. The nonlinear
             equations also need rtol.
     """
     engine, row, n = _steady_call(equations, limits)

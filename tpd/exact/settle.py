@@ -90,16 +90,17 @@ def _repeats_at_rest(q, m, tolerance):
 
 
 @compiled
-def _let_bob_settle(q, m, w, limits, s, tolerance, periods, whole, peaks):
+def _let_bob_settle(buffers, limits, s, tolerance, periods, whole, peaks):
     """Replace the state under a block that rests or sticks permanently by the one that it approaches.
 
     Returns the largest |psi| of the settled bob. If `whole`, the motion is followed from the local time `s`
     until the bob cannot exceed its largest angle so far, but not for more than a number of periods, to update
     `peaks`.
     """
+    (q, m, w, _), legs = records_of(buffers), np.empty(0, LEG)
     y, f, kind, tilt, swing = m.y, steady(np.empty((0, 4))), m.kind, m.y[TILT], 0.0
     (_, reach), size, n = _bob_under_held(q, y, q.xi * s), math.hypot(q.swing_sin, q.swing_cos), 0
-    repeats, legs = 0, np.empty(0, LEG)
+    repeats = 0
     if q.zeta == 0.0:
         # An undamped bob keeps its own swing, and its largest angle is the sum of both amplitudes. The
         # exception is a motion that repeats, of which all periods are followed.
@@ -192,13 +193,12 @@ def settle(x, buffers, s, since, ramp, whole, out):
     f, ramp_end = repetition.excitation_in(ramp, period, 0.0, since, cubics)
     decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), forcing_now(q, f, since), m)
     peaks[TILT], peaks[SWING] = abs(y[TILT]), abs(y[SWING])
-    is_resting = False
+    status = repetition.NOT_SETTLED
     # A block that starts at rest may rest permanently, which needs no simulation.
-    if m.kind == REST and f.rate == 0.0:
-        is_resting = _is_at_rest(q, m, peaks[TILT], q.xi * since, tolerance)
+    if m.kind == REST and f.rate == 0.0 and _is_at_rest(q, m, peaks[TILT], q.xi * since, tolerance):
+        status = repetition.AT_REST
     # A start within a period has another phase than the ends of periods, so that the two cannot be compared.
     count, repeats, elapsed, wait = (1 if since == 0.0 else 0), 0, 0, 0
-    status = repetition.AT_REST if is_resting else repetition.NOT_SETTLED
     # If the square of an angle overflows, the proofs of the event search fail. Let such a run end as failed.
     if not math.isfinite(q.tilt_sin * q.tilt_sin + q.bob_sin * q.bob_sin):
         y[TILT] = math.nan
@@ -225,8 +225,7 @@ def settle(x, buffers, s, since, ramp, whole, out):
         elif repeats > 0 and not repetition.was_held(last, repeats):
             status = repetition.ROCKING
         elif repeats > 0:
-            is_resting = _repeats_at_rest(q, m, tolerance)
-            status = repetition.AT_REST if is_resting else repetition.NOT_SETTLED
+            status = repetition.AT_REST if _repeats_at_rest(q, m, tolerance) else repetition.NOT_SETTLED
             # A damped bob under a block at rest repeats after one period, whatever the number of periods was
             # before.
             repeats = 0 if q.zeta > 0.0 or status == repetition.NOT_SETTLED else repeats
@@ -244,7 +243,7 @@ def settle(x, buffers, s, since, ramp, whole, out):
                         status, repeats = repetition.AT_REST, 0
     if status == repetition.AT_REST:
         begin, remaining = (since if elapsed == 0 else 0.0), int(s.periods) - elapsed
-        last[0].swing = _let_bob_settle(q, m, w, limits, begin, tolerance, remaining, whole, peaks)
+        last[0].swing = _let_bob_settle(buffers, limits, begin, tolerance, remaining, whole, peaks)
     if status != repetition.OVERTURNED and not is_finite(y):
         status = repetition.FAILED
     repetition.store_settled(status, repeats, elapsed, m, last, peaks, out)

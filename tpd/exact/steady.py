@@ -24,7 +24,6 @@ from tpd.exact.period_map import (
     CYCLE_START,
     LATEST,
     Limits,
-    clear_derivatives,
     find_orbit,
     follow_cycle,
     multipliers,
@@ -191,12 +190,10 @@ def steady_state(x, y0, s, near, buffers, out):
     # All numbers stay NaN, and the status failed, until they get a value.
     out.amplitude = out.swing = out.multiplier = out.lyapunov = out.fold = math.nan
     out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, repetition.FAILED
-    for i in range(4):
-        roots[i] = math.nan
+    roots[:] = math.nan
+    out.by[:] = math.nan
     for j in range(WIDTH):
         total += abs(x[j])
-        for i in range(6):
-            out.by[i, j] = math.nan
     for i in range(4):
         total += abs(y0[i])
     copy_to(y0, m.y)
@@ -221,9 +218,9 @@ def steady_state(x, y0, s, near, buffers, out):
     # A run that has overturned or failed has no orbit.
     if outcome in (repetition.ROCKING, repetition.STICKING, repetition.AT_REST, repetition.NOT_SETTLED):
         fill_plants(x, r.plants)
-        clear_derivatives(c)
+        c.by[:] = math.nan
         if outcome == repetition.NOT_SETTLED:
-            separation = _measure_lyapunov(q, m, buffers, limits, int(s.lyapunov), y)
+            separation = _measure_lyapunov(q, m, buffers, limits, int(s.lyapunov_periods), y)
         else:
             residual = find_orbit(q, m, buffers, limits, periods, y)
             # A motion that approaches its orbit alternately from both sides first repeats after two periods.
@@ -289,8 +286,8 @@ def steady_state(x, y0, s, near, buffers, out):
     if periodic or status == repetition.HELD or singular:
         out.multiplier, out.fold = multiplier, fold
     else:
-        for i in range(4):
-            roots[i] = math.nan
-            # If there is no orbit near a state, the last state of Newton's method is not a result.
-            y[i] = math.nan if near else y[i]
+        roots[:] = math.nan
+        # If there is no orbit near a state, the last state of Newton's method is not a result.
+        if near:
+            y[:] = math.nan
     out.status, out.periods = status, periods

@@ -6,10 +6,9 @@ equations (4). Both models keep the sign functions and smooth nothing.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from tpd.core import checks
-from tpd.exact.runs import Limits
 from tpd.models.base import COMPILED_PERIODS, AbstractCompiled, setting
 from tpd.theory.equations import Terms
 
@@ -53,16 +52,6 @@ class Piecewise(AbstractCompiled):
 
     equations: ClassVar[Terms] = Terms.linear
 
-    @property
-    def limits(self) -> Limits:
-        """Settings with which the compiled code computes a steady state."""
-        # Reading a field through `vars` is five times faster than through the attribute of an Equinox module,
-        # and this property is a notable part of a call of `steady_state`.
-        fields = vars(self)
-        repetition = ("periods", fields["max_periods"]), ("tolerance", fields["tolerance"])
-        events = ("events", fields["max_events"]), ("rest_rate", fields["rest_rate"])
-        return *repetition, *events, ("lyapunov", fields["lyapunov_periods"])
-
 
 class Nonlinear(AbstractCompiled):
     """Nonlinear equations (4), solved with Taylor series that are joined at events.
@@ -104,14 +93,3 @@ class Nonlinear(AbstractCompiled):
     The error is of the order of its square."""
 
     equations: ClassVar[Terms] = Terms.nonlinear
-
-    @property
-    def accuracy(self) -> dict[str, Any]:
-        """Settings, by their names, with which the compiled code follows a part of a motion."""
-        return {**super().accuracy, "rtol": self.rtol}
-
-    @property
-    def limits(self) -> Limits:
-        """Settings with which the compiled code computes a steady state."""
-        repetition = {"periods": self.max_periods, "tolerance": self.tolerance}
-        return tuple({**repetition, **self.accuracy}.items())

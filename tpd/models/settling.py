@@ -45,28 +45,13 @@ class Period(NamedTuple):
 
 
 class Record(NamedTuple):
-    """The last `LONGEST` periods of a motion, the newest first."""
+    """The periods of a motion so far."""
 
-    y: State
-    """Current state."""
-    memory: Any
-    """Current discrete state, see `Settled.memory`."""
-    past: Float[Array, "longest 4"]
-    """States at the ends of the periods; infinite where there are fewer periods."""
-    amplitudes: Float[Array, "longest"]
-    """Largest |phi| of each period, rad."""
-    swings: Float[Array, "longest"]
-    """Largest |psi| of each period, rad."""
-    sticks: Bool[Array, "longest"]
-    """Whether the block was held during a part of each period."""
+    past: Period
+    """The last `LONGEST` periods, the newest first along the first axis of each field. Where there are fewer
+    periods, the states are infinite."""
     repeats: Int[Array, ""]
     """Number of periods after which the motion repeats; 0 if it does not repeat."""
-    rests: Bool[Array, ""]
-    """Whether the block has stopped moving for good."""
-    overturned: Bool[Array, ""]
-    """Whether the block has overturned."""
-    exhausted: Bool[Array, ""]
-    """Whether a limit ended the last period early."""
     elapsed: Int[Array, ""]
     """Number of periods so far."""
     peak: Number
@@ -75,72 +60,66 @@ class Record(NamedTuple):
     """Largest |psi| so far, rad."""
 
     @property
+    def newest(self) -> Period:
+        """The last period."""
+        return jax.tree.map(lambda x: x[0], self.past)
+
+    @property
     def done(self) -> Bool[Array, ""]:
         """Whether the outcome of the motion is known, so that no further period is necessary."""
-        return (self.repeats > 0) | self.rests | self.overturned | self.exhausted
+        last = self.newest
+        return (self.repeats > 0) | last.rests | last.overturned | last.exhausted
 
     def add(self, period: Period, scale: Float[Array, "4"], tolerance: float) -> Record:
         """Return the record with one more period."""
         # The new state is compared with the states after the last few periods: a motion of period n repeats
         # the n-th of them. States are compared, and not amplitudes, because two different motions may have
         # the same amplitude.
-        errors = jnp.max(jnp.abs(period.y[None] - self.past) / scale[None], axis=1)
+        errors = jnp.max(jnp.abs(period.y[None] - self.past.y) / scale[None], axis=1)
         # A transient that alternates and converges to a motion of period one repeats after two periods sooner
         # than after one. Once one error is below the tolerance, the shortest period with a similarly small
         # error is therefore selected.
         repeats = jnp.where(jnp.any(errors < tolerance), jnp.argmax(errors < 100.0 * tolerance) + 1, 0)
-
-        def push(new: Array | float, old: Array) -> Array:
-            return jnp.concatenate([jnp.asarray(new)[None], old[:-1]])
-
-        return Record(
-            period.y,
-            period.memory,
-            push(period.y, self.past),
-            push(period.amplitude, self.amplitudes),
-            push(period.swing, self.swings),
-            push(period.sticks, self.sticks),
-            # After an early end the state may be unchanged, which is not a repetition.
-            jnp.where(period.exhausted, 0, repeats),
-            period.rests,
-            period.overturned,
-            period.exhausted,
-            self.elapsed + 1,
-            jnp.maximum(self.peak, period.peak),
-            jnp.maximum(self.peak_swing, period.peak_swing),
-        )
+        push = lambda new, old: jnp.concatenate([jnp.asarray(new)[None], old[:-1]])  # noqa: E731
+        past = jax.tree.map(push, period, self.past)
+        # After an early end the state may be unchanged, which is not a repetition.
+        repeats = jnp.where(period.exhausted, 0, repeats)
+        peak, swing = jnp.maximum(self.peak, period.peak), jnp.maximum(self.peak_swing, period.peak_swing)
+        return Record(past, repeats, self.elapsed + 1, peak, swing)
 
     def settled(self) -> Settled:
         """Return the settled motion with its status."""
-        periods = jnp.maximum(self.repeats, 1)
+        periods, past, last = jnp.maximum(self.repeats, 1), self.past, self.newest
         # Only the periods of the repeating motion itself count. Earlier periods belong to the transient.
         own = (jnp.arange(LONGEST) < periods) | (self.repeats == 0)
-        swing, amplitude = (jnp.max(jnp.where(own, x, 0.0)) for x in (self.swings, self.amplitudes))
-        sticks = jnp.any(self.sticks & (jnp.arange(LONGEST) < periods))
+        swing, amplitude = (jnp.max(jnp.where(own, x, 0.0)) for x in (past.swing, past.amplitude))
+        sticks = jnp.any(past.sticks & (jnp.arange(LONGEST) < periods))
         # Later lines overrule earlier ones.
         status = Status.where(sticks, Status.sticking, Status.rocking)
         status = Status.where(self.repeats > 0, status, Status.not_settled)
-        status = Status.where(self.exhausted, Status.event_bound, status)
-        is_tilted = self.rests & (self.y[TILT] != 0.0)
-        status = Status.where(self.rests, Status.where(is_tilted, Status.held, Status.rest), status)
+        status = Status.where(last.exhausted, Status.event_bound, status)
+        resting = Status.where(last.y[TILT] != 0.0, Status.held, Status.rest)
+        status = Status.where(last.rests, resting, status)
         # If the block never moves, the motion of the bob may repeat before its remaining decay is proved to
         # be too small to lift the block.
         still = (self.repeats > 0) & (amplitude == 0.0)
         status = Status.where(still, Status.rest, status)
-        status = Status.where(self.overturned, Status.overturned, status)
-        status = Status.where(jnp.all(jnp.isfinite(self.y)), status, Status.failed)
-        swing = jnp.where(self.rests, self.swings[0], swing)
-        amplitude = jnp.where(self.rests, jnp.abs(self.y[TILT]), amplitude)
-        peaks = (jnp.where(self.overturned, jnp.inf, x) for x in (self.peak, self.peak_swing))
-        return Settled(self.y, self.memory, periods, amplitude, swing, status, self.elapsed, *peaks)
+        status = Status.where(last.overturned, Status.overturned, status)
+        status = Status.where(jnp.all(jnp.isfinite(last.y)), status, Status.failed)
+        swing = jnp.where(last.rests, last.swing, swing)
+        amplitude = jnp.where(last.rests, jnp.abs(last.y[TILT]), amplitude)
+        sizes = amplitude, swing, self.peak, self.peak_swing
+        amplitude, swing, *peaks = (jnp.where(last.overturned, jnp.inf, x) for x in sizes)
+        return Settled(last.y, last.memory, periods, amplitude, swing, status, self.elapsed, *peaks)
 
 
 def blank(y0: State, memory: Any) -> Record:
     """Return the record of a motion before its first period."""
-    no, count, none = jnp.zeros((), bool), jnp.zeros((), int), jnp.zeros(LONGEST)
-    past = jnp.full((LONGEST, 4), jnp.inf).at[0].set(y0)
-    peaks = jnp.abs(y0[TILT]), jnp.abs(y0[SWING])
-    return Record(y0, memory, past, none, none, jnp.zeros(LONGEST, bool), count, no, no, no, count, *peaks)
+    no, none, count = jnp.zeros(LONGEST, bool), jnp.zeros(LONGEST), jnp.zeros((), int)
+    memories = jax.tree.map(lambda x: jnp.stack([x] * LONGEST), memory)
+    states = jnp.full((LONGEST, 4), jnp.inf).at[0].set(y0)
+    past = Period(states, memories, none, none, no, no, no, no, none, none)
+    return Record(past, count, count, jnp.abs(y0[TILT]), jnp.abs(y0[SWING]))
 
 
 def scale_of(p: Any, *, bob: Any = None) -> Float[Array, "4"]:
@@ -175,6 +154,6 @@ def settle(
         return ~r.done & (r.elapsed < max_periods)
 
     def step(r: Record) -> Record:
-        return r.add(one_period(r.y, r.memory), scale, tolerance)
+        return r.add(one_period(r.newest.y, r.newest.memory), scale, tolerance)
 
     return jax.lax.while_loop(goes_on, step, blank(y0, memory)).settled()

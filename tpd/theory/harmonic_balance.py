@@ -229,10 +229,8 @@ def neglected_harmonics(p: Parameters) -> Neglected:
     rotation = friction * turn - 1j * weight * crossing
     pull = balance.a * phi + balance.signs
     shift = -_dot(pull, rotation) / _dot(pull, balance.a)
-    bound = SAFETY * (jnp.abs(shift) + jnp.abs(at_turn)) / phi
-    return Neglected(
-        jnp.where(both.exists, (shift + at_turn) / phi, 0.0), jnp.where(both.exists, bound, jnp.inf)
-    )
+    correction, bound = (shift + at_turn) / phi, SAFETY * (jnp.abs(shift) + jnp.abs(at_turn)) / phi
+    return Neglected(jnp.where(both.exists, correction, 0.0), jnp.where(both.exists, bound, jnp.inf))
 
 
 @jax.numpy_dtype_promotion("standard")
