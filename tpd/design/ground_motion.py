@@ -11,6 +11,7 @@ import enum
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain, compress
 from typing import Any, ClassVar
 
 import numpy as np
@@ -40,7 +41,7 @@ from tpd.exact.terms import NU, F, K
 from tpd.records.intensity import intensity_of
 from tpd.records.read import BUILT_IN
 from tpd.scene.conditions import MEASURES, Conditions, latin_hypercube, under_all
-from tpd.scene.ground_motion import GroundMotion, Pulse, earthquakes_of, events_of
+from tpd.scene.ground_motion import GroundMotion, Pulse, earthquakes_of
 from tpd.scene.parameters import Parameters, unchecked
 from tpd.scene.record import Record
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
@@ -434,9 +435,7 @@ def grouped(
         if is_outside.sum() >= share * len(numbers):
             break
         is_outside |= numbers == event
-    inside, outside = (
-        tuple(m for m, x in zip(motions, is_outside, strict=True) if x == out) for out in (0, 1)
-    )
+    inside, outside = (tuple(compress(motions, is_outside == out)) for out in (False, True))
     if not inside:
         raise ValueError(
             f"`validation_share` must leave an earthquake for the search, but it uses all {len(events)}: "
@@ -450,29 +449,22 @@ def grouped(
 def _others(
     motions: Sequence[GroundMotion], validation_share: Mapping[str, Sequence[GroundMotion]]
 ) -> tuple[Group, ...]:
-    # An earthquake that the search uses does not test the design, so its motions are left out of the groups.
-    others = {}
     for name, listed in validation_share.items():
         for i, motion in enumerate(listed):
             checks.instance(f"validation_share[{name!r}][{i}]", motion, GroundMotion)
-        # A motion without the name of its earthquake is never left out.
-        events = events_of([*motions, *listed])
-        remaining = tuple(
-            m
-            for m, event in zip(listed, events[len(motions) :], strict=True)
-            if event not in events[: len(motions)]
-        )
-        if not remaining:
+    # Number the earthquakes over all groups together: an earthquake, or copies of one motion, in two groups
+    # must have the same number.
+    numbers = earthquakes_of([*motions, *chain(*validation_share.values())])
+    used, *parts = np.split(numbers, np.cumsum([len(motions), *map(len, validation_share.values())])[:-1])
+    groups = [Group("tuned to", Role.tuned, tuple(motions), used)]
+    for (name, listed), events in zip(validation_share.items(), parts, strict=True):
+        # An earthquake that the search uses does not test the design, so its motions are left out of the
+        # group. A motion without the name of its earthquake is never left out.
+        is_new = ~np.isin(events, used)
+        if not is_new.any():
             raise ValueError(
                 "`validation_share` must contain motions of earthquakes that the search does not use, but "
                 f"{name!r} has none"
             )
-        others[name] = remaining
-    # Number the earthquakes over all groups together: an earthquake, or copies of one motion, in two groups
-    # must have the same number.
-    every = [*motions, *(m for group in others.values() for m in group)]
-    numbers = earthquakes_of(every)
-    ends = np.cumsum([len(motions), *(len(group) for group in others.values())])
-    parts = np.split(numbers, ends[:-1])
-    rest = (Group(n, Role.validation, m, x) for (n, m), x in zip(others.items(), parts[1:], strict=True))
-    return (Group("tuned to", Role.tuned, tuple(motions), parts[0]), *rest)
+        groups.append(Group(name, Role.validation, tuple(compress(listed, is_new)), events[is_new]))
+    return tuple(groups)
