@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, compress
 from typing import Any, ClassVar
@@ -23,15 +23,7 @@ from tpd.answers.statistics import LEAST_EARTHQUAKES
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
-from tpd.design.criteria import (
-    KINDS,
-    Clearance,
-    DesignSpace,
-    Limit,
-    Requirements,
-    Risk,
-    Stroke,
-)
+from tpd.design.criteria import KINDS, Clearance, DesignSpace, Limit, Risk, Stroke
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
 from tpd.design.reasons import DesignStatus
 from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
@@ -42,22 +34,19 @@ from tpd.records.intensity import intensity_of
 from tpd.records.read import BUILT_IN
 from tpd.scene.conditions import MEASURES, Conditions, latin_hypercube, under_all
 from tpd.scene.ground_motion import GroundMotion, Pulse, earthquakes_of
-from tpd.scene.parameters import Parameters, unchecked
+from tpd.scene.parameters import unchecked
 from tpd.scene.record import Record
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
 _USUAL = {
-    "space": DesignSpace(),
     "risk": Risk.expected(),
     "limits": (Stroke(), Clearance()),
     "method": GroundSearch(),
     "ensemble": Ensemble(),
-    "requirements": Requirements(),
-    "seed": 0,
 }
-"""Default inputs."""
+"""Default inputs, apart from those of all problems."""
 _MASSLESS = np.array([0.0, 1.0, 0.3])
 """Design with a bob without mass, which does not act on the block."""
 _LEAST_FOR_HALVES = 80
@@ -91,13 +80,9 @@ class Group:
     """Whether the search or the validation uses the group."""
     motions: tuple[GroundMotion, ...]
     """Ground motions of the group."""
-    events: np.ndarray = field(default=None)  # type: ignore[assignment]
+    events: np.ndarray
     """Number of the earthquake of every motion, shape (motions,). The numbers are common to all groups of a
-    design. Default: numbers within this group."""
-
-    def __post_init__(self) -> None:
-        if self.events is None:
-            object.__setattr__(self, "events", earthquakes_of(self.motions))
+    design."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -191,11 +176,8 @@ class GroundMotionProblem(Problem):
                 motion |= {name: getattr(pulse, name) for name in ("cycles", "phase")}
         else:
             motion |= {"records": [_name_of(m) for m in motions], "validation_share": validation or 0.0}
-        return super().tables | {
-            "motion": motion,
-            "requirements": vars(self.requirements),
-            "ensemble": {name: getattr(self.ensemble, name) for name in SCATTERED},
-        }
+        ensemble = {name: getattr(self.ensemble, name) for name in SCATTERED}
+        return super().tables | {"motion": motion, "ensemble": ensemble}
 
     @property
     def rounds(self) -> tuple[int, int]:
@@ -236,7 +218,7 @@ class GroundMotionProblem(Problem):
         # the amplitude are additional conditions.
         cases = [self._every_motion(), *([self.conditions] if len(self.conditions.factors) > 1 else [])]
         # The excitation of a condition is the peak of its motion times its factor.
-        rows = np.concatenate([self._rows(_MASSLESS, self.scene, case)[1] for case in cases])
+        rows = np.concatenate([self._rows(_MASSLESS, self.scene, case) for case in cases])
         return AtRest.of(rows[:, NU], rows[:, K], rows[:, F], self.scene.block.base_friction)
 
     def candidates(self, progress: Progress) -> tuple[np.ndarray, None]:
@@ -351,8 +333,7 @@ class GroundMotionProblem(Problem):
         most = MAX_EVENTS if equations == Terms.nonlinear.value else _EVENTS
         # Without a pendulum use a bob without mass. It does not act on the block, whose properties vary as in
         # the runs with the pendulum.
-        row = _MASSLESS if design is None else design
-        _, rows = self._rows(row, scene, conditions)
+        rows = self._rows(_MASSLESS if design is None else design, scene, conditions)
         condition = np.asarray(conditions.which)
         pieces = [np.asarray(m.pieces(), dtype=float) for m in conditions.motions]
         forcing = GroundForcing(pieces, FREE * float(scene.rate), condition)
@@ -360,11 +341,8 @@ class GroundMotionProblem(Problem):
             Terms(equations), rows, forcing, events=most, condition=condition, seed=seed, progress=progress
         )
 
-    def _rows(
-        self, design: np.ndarray, scene: Scene, conditions: Conditions
-    ) -> tuple[Parameters, np.ndarray]:
-        """Return the parameters of a design under all conditions, as `Parameters` and as rows (n, 9) of
-        compiled code."""
+    def _rows(self, design: np.ndarray, scene: Scene, conditions: Conditions) -> np.ndarray:
+        """Return the parameters of a design under all conditions as rows (n, 9) of compiled code."""
         which, motions = np.asarray(conditions.which), conditions.motions
         factor = motion_factors(scene, conditions)
         unit = Scene(scene.block, _UNIT, scene.gravity)
@@ -377,7 +355,7 @@ class GroundMotionProblem(Problem):
         h = np.array([float(x.piece) for x in motions]) * float(unit.rate)
         # With a higher frequency the pieces of a motion are shorter.
         pieces = h[which] / conditions.column("frequency")
-        return q, row_of(unchecked(q, f=q.f * f[which] * factor), piece=pieces)
+        return row_of(unchecked(q, f=q.f * f[which] * factor), piece=pieces)
 
 
 def _name_of(motion: GroundMotion) -> str:

@@ -342,16 +342,13 @@ def placed(table: str, values: Any, folder: Path) -> Any:
     if table != "motion" or not isinstance(values, Mapping):
         return values
 
-    def place(value: Any) -> Any:
+    # An empty name would become the folder, and the reader rejects it.
+    kept, out = {*BUILT_IN, *SETS, ""}, dict(values)
+    for key in values.keys() & {"records", "validation_share"}:
         # Values of a wrong type are left as they are: their check comes later.
-        is_list = isinstance(value, (list, tuple)) and all(isinstance(name, str) for name in value)
-        # An empty name would become the folder, and the reader rejects it.
-        kept = {*BUILT_IN, *SETS, ""}
-        if not is_list:
-            return value
-        return [x if x in kept else readable(str(folder.resolve() / path_of(x))) for x in value]
-
-    return {key: place(x) if key in ("records", "validation_share") else x for key, x in values.items()}
+        if isinstance(x := values[key], (list, tuple)) and all(isinstance(name, str) for name in x):
+            out[key] = type(x)(n if n in kept else readable(str(folder.resolve() / path_of(n))) for n in x)
+    return out
 
 
 def as_typed(tables: Mapping[str, Any]) -> Tables:
@@ -433,10 +430,7 @@ def complete(tables: Mapping[str, Any]) -> Tables:
         full[table] = defaults | typed.get(table, {})
     full["motion"]["kind"] = kind
     # Paths from the command line are relative to the working directory. Those of a file are absolute already.
-    full["motion"] |= {
-        key: tuple(x) if isinstance(x, list) else x
-        for key, x in placed("motion", full["motion"], Path()).items()
-    }
+    full["motion"] = placed("motion", full["motion"], Path())
     return full
 
 

@@ -48,6 +48,8 @@ from tpd.theory.no_uplift import AtRest
 MOST_MOTIONS = 24
 """Largest number of motions for which the loads on the pendulum are computed."""
 
+_USUAL: dict[str, Any] = {"space": DesignSpace(), "requirements": Requirements(), "seed": 0}
+"""Default inputs of all problems."""
 _SCATTERED = {
     "mass": "the bob's mass",
     "length": "the rod's length",
@@ -169,6 +171,7 @@ class Problem(ABC):
             "space": vars(self.space),
             "risk": {"measure": measure, "share": risk.share if measure == "cvar" else None},
             "limits": limits,
+            "requirements": vars(self.requirements),
             "search": search | {"seed": self.seed},
         }
 
@@ -399,6 +402,7 @@ def complete(scene: Scene, defaults: Mapping[str, Any], inputs: Mapping[str, Any
     """
     # 32-bit numbers would give wrong results without an error, so check this first.
     checks.require_x64()
+    defaults = _USUAL | defaults
     if unknown := inputs.keys() - defaults.keys():
         raise TypeError(f"a problem has no input `{min(unknown)}`: its inputs are {', '.join(defaults)}")
     checked = {n: default if inputs.get(n) is None else inputs[n] for n, default in defaults.items()}

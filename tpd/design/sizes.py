@@ -44,7 +44,11 @@ def evaluate_sizes(
     design = Ratios(*(np.broadcast_to(x[:, None], (m, n)) for x in e.design.T))
     numbers = [np.broadcast_to(getattr(g, name), (m, n)) for name in _NUMBERS]
     batch = [motion, design, numbers, *([moves] if slopes else [])]
-    flat = jax.tree.map(lambda x: x.reshape(m * n, *x.shape[2:]), batch)
+    # A batch must not be empty. Without any motion it is one of ones, whose result is left out.
+    count = m * n
+    flat = jax.tree.map(
+        lambda x: x.reshape(count, *x.shape[2:]) if count else np.ones((1, *x.shape[2:])), batch
+    )
     try:
         values, by = in_chunks(_sizes_of(functions, g.bob, slopes), flat)
     except (TypeError, jax.errors.JAXTypeError) as error:
@@ -54,8 +58,8 @@ def evaluate_sizes(
             f"without `if`), but has the error: {why}"
         ) from error
     # A derivative that does not exist shows no direction.
-    finite = {name: np.where(np.isfinite(x), x, 0.0).reshape(m, n, 3) for name, x in by.items()}
-    return [Size(name, x.reshape(m, n), finite.get(name, none)) for name, x in values.items()]
+    finite = {name: np.where(np.isfinite(x), x, 0.0)[:count].reshape(m, n, 3) for name, x in by.items()}
+    return [Size(name, x[:count].reshape(m, n), finite.get(name, none)) for name, x in values.items()]
 
 
 @lru_cache(maxsize=64)
