@@ -25,7 +25,7 @@ from tpd.core import checks
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import KINDS, Clearance, DesignSpace, Limit, Risk, Stroke
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
-from tpd.design.reasons import DesignStatus
+from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
 from tpd.exact.rows import row_of
 from tpd.exact.runs import GroundForcing
@@ -91,8 +91,11 @@ class GroundMotionProblem(Problem):
 
     groups: tuple[Group, ...]  # type: ignore[misc]
     """Motions that the design is tuned to, followed by the motions that are kept for the validation."""
-    # The same earthquakes validate both designs, see `tpd.design.optimise.solve`.
+    # The same earthquakes validate both designs. The second one is validated only if the benefit of the first
+    # is sufficient and limits are the only reason against it. Otherwise several designs could be validated
+    # until the benefit of one of them is large by chance.
     attempts: ClassVar[int] = 2
+    retries = frozenset({ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.slides})
     # The design reaches its limits under the motions that it is tuned to. Other earthquakes may cause a
     # larger swing, so the trials leave a part of every limit unused.
     spare: ClassVar[float] = 0.05
@@ -180,7 +183,7 @@ class GroundMotionProblem(Problem):
         return super().tables | {"motion": motion, "ensemble": ensemble}
 
     @property
-    def rounds(self) -> tuple[int, int]:
+    def rounds(self) -> tuple[int, int]:  # type: ignore[override]
         """See `Problem.rounds`: every round has one design."""
         return self.method.steps, 1
 
@@ -195,7 +198,7 @@ class GroundMotionProblem(Problem):
         return {name: width for name, width in super().scatter.items() if name in SCATTERED}
 
     @property
-    def evidence(self) -> DesignStatus:
+    def evidence(self) -> DesignStatus:  # type: ignore[override]
         """See `Problem.evidence`."""
         tuned, others = map(self._earthquakes, Role)
         if not others:
@@ -203,7 +206,7 @@ class GroundMotionProblem(Problem):
         return DesignStatus.recommended if min(tuned, others) >= LEAST_EARTHQUAKES else DesignStatus.too_few
 
     @property
-    def has_validation_runs(self) -> bool:
+    def has_validation_runs(self) -> bool:  # type: ignore[override]
         """See `Problem.has_validation_runs`."""
         return self._earthquakes(Role.validation) >= _LEAST_FOR_HALVES
 

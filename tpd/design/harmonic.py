@@ -107,8 +107,9 @@ class HarmonicProblem(Problem):
     """Initial states of the search."""
     objective: Objective
     """Quantity that the descents minimise. Trials and validation compare tilts."""
+    settles: ClassVar[bool] = True
     attempts: ClassVar[int] = 3
-    rounds: ClassVar[tuple[int, int]] = 6, 8  # type: ignore[override]
+    rounds: ClassVar[tuple[int, int]] = 6, 8
 
     @staticmethod
     def of(

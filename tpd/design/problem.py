@@ -37,7 +37,7 @@ from tpd.design.criteria import (
 )
 from tpd.design.job import Job, job_of
 from tpd.design.job_keys import TABLES
-from tpd.design.reasons import DesignStatus
+from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.sizes import evaluate_sizes
 from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
@@ -100,6 +100,16 @@ class Problem(ABC):
     """Seed of all random choices."""
     attempts: ClassVar[int]
     """Largest number of designs that are validated, each by runs of its own."""
+    settles: ClassVar[bool] = False
+    """Whether the motions settle, and have orbits, a response over frequency and dimensionless parameters."""
+    retries: ClassVar[frozenset[ReasonKind]] = frozenset(ReasonKind)
+    """Reasons against a design after which another design is validated."""
+    rounds: ClassVar[tuple[int, int]]
+    """Number of rounds of further trials after the candidates, and number of designs per round."""
+    evidence: ClassVar[DesignStatus] = DesignStatus.recommended
+    """Status of a design that passes the validation, as far as the excitation allows a verdict."""
+    has_validation_runs: ClassVar[bool] = True
+    """Whether some validation runs take no part in the decision and are reported instead."""
     groups: ClassVar[tuple[Any, ...]] = ()
     """Groups of ground motions; none under harmonic excitation."""
     levels: ClassVar[Mapping[str, np.ndarray]] = {}
@@ -177,11 +187,6 @@ class Problem(ABC):
 
     @property
     @abstractmethod
-    def rounds(self) -> tuple[int, int]:
-        """Number of rounds of further trials after the candidates, and number of designs per round."""
-
-    @property
-    @abstractmethod
     def allowed(self) -> float:
         """Largest share of the runs that may exceed a limit, among those in which the block stands."""
 
@@ -205,16 +210,6 @@ class Problem(ABC):
                 by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
         listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
         return "; ".join(listed) or "none"
-
-    @property
-    def has_validation_runs(self) -> bool:
-        """Whether some validation runs take no part in the decision and are reported instead."""
-        return True
-
-    @property
-    def evidence(self) -> DesignStatus:
-        """Status of a design that passes the validation, as far as the excitation allows a verdict."""
-        return DesignStatus.recommended
 
     @property
     def run_limits(self) -> tuple[Limit, ...]:
