@@ -355,7 +355,7 @@ def _rows_of(
             design = optimise(scenes[i], **settings)
         except ValueError as error:
             raise ValueError(f"`scenes[{i}]`: {error}") from None
-        row = dict(zip(("value", "value_without"), design.risks, strict=True))
+        row: dict[str, float] = dict(zip(("value", "value_without"), design.risks, strict=True))
         # Without a pendulum its sizes are NaN.
         for name in ("mass", "length", "damping_ratio"):
             row[name] = float(getattr(design.pendulum, name, np.nan))

@@ -384,7 +384,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     return {key: list(x) if isinstance(x, tuple) else x for key, x in plain.items() if x is not None}
 
 
-def complete(scene: Scene, defaults: Mapping[str, Any], inputs: Mapping[str, Any]) -> dict[str, Any]:
+def complete(scene: Scene, defaults: dict[str, Any], inputs: Mapping[str, Any]) -> dict[str, Any]:
     """Return the inputs that all problems have, checked and with defaults in place of None and of missing
     inputs.
 
