@@ -608,8 +608,8 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> tuple[Tables, Ta
     # only a key that had an effect before and has none after is left out.
     is_switched = bool(chosen) and set(kinds_in(base.get("motion", {})) or ["harmonic"]) != set(chosen)
     full = complete(out)
-    given = ((table, key) for table, values in base.items() for key in values.keys() - over.get(table, {}))
-    idle = [place for place in given if lacks(full, *place)]
+    places = ((table, key) for table, values in base.items() for key in values.keys() - over.get(table, {}))
+    idle = [place for place in places if lacks(full, *place)]
     before = complete(base) if idle and not is_switched else None
     for table, key in idle:
         if before is None or not lacks(before, table, key):
