@@ -24,9 +24,6 @@ from tpd.core.formatting import ends, interval, percent
 
 SIGNIFICANT = 0.05
 """Probability below which a difference between two shares is significant."""
-LEAST_EARTHQUAKES = 5
-"""Smallest number of earthquakes from which statements about other earthquakes are made. With fewer, the
-variation between earthquakes cannot be estimated."""
 _LEVEL = 0.95
 """Confidence level of all intervals."""
 _WEIGHT = 1.2

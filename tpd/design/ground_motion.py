@@ -19,7 +19,6 @@ import numpy as np
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import PairedRuns
 from tpd.answers.runs import Runs, follow_runs
-from tpd.answers.statistics import LEAST_EARTHQUAKES
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
@@ -33,7 +32,7 @@ from tpd.exact.terms import NU, F, K
 from tpd.records.intensity import intensity_of
 from tpd.records.read import BUILT_IN
 from tpd.scene.conditions import MEASURES, Conditions, latin_hypercube, under_all
-from tpd.scene.ground_motion import GroundMotion, Pulse, earthquakes_of
+from tpd.scene.ground_motion import LEAST_EARTHQUAKES, GroundMotion, Pulse, earthquakes_of
 from tpd.scene.parameters import unchecked
 from tpd.scene.record import Record
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene

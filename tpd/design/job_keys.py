@@ -211,6 +211,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "measure": Key(Literal["overturning", "tilt"], None, (Requirements, "measure")),
     },
     "search": {
+        "model": _descent["model"],
         **_descent,
         **_ground_search,
         # The default depends on the search.
