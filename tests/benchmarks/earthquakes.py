@@ -63,9 +63,9 @@ def run(quick: bool) -> list[dict[str, Any]]:
 def _draw(found: Any) -> None:
     """Draw the picture of the README, which needs the runs themselves; they are not stored."""
     from tests.benchmarks.stored import PICTURES
-    from tpd.plots.style import png
+    from tpd.plots.style import saved
 
-    (PICTURES / "column.png").write_bytes(png(tpd.plot(found, "benefit").figure))
+    (PICTURES / "column.png").write_bytes(saved(tpd.plot(found, "benefit")))
 
 
 def table(rows: list[dict[str, Any]]) -> str:

@@ -187,7 +187,7 @@ def pages() -> dict[Path, str]:
 
 def draw(names: Iterable[str] = NAMES) -> None:
     """Write the pages, and the pictures of benchmarks that have results."""
-    from tpd.plots.style import png
+    from tpd.plots.style import saved
 
     RESULTS.mkdir(exist_ok=True)
     for path, text in pages().items():
@@ -197,4 +197,4 @@ def draw(names: Iterable[str] = NAMES) -> None:
         if found is None or not hasattr(module(name), "pictures"):
             continue
         for picture, figure in module(name).pictures(found.rows).items():
-            (PICTURES / picture).write_bytes(png(figure))
+            (PICTURES / picture).write_bytes(saved(figure))

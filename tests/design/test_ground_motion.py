@@ -8,10 +8,10 @@ import pytest
 import tpd
 from tests.designs import BLOCK, GROUND, noise, records
 from tpd.core.progress import unreported
-from tpd.design.ground_motion import GroundMotionProblem, Group, Role, grouped, motion_factors
+from tpd.design.ground_motion import GroundMotionProblem, Role, grouped, motion_factors
 from tpd.design.problem import Variation
 from tpd.design.reasons import DesignStatus
-from tpd.scene.ground_motion import events_of
+from tpd.scene.ground_motion import earthquakes_of, events_of
 
 DESIGN = np.array([0.12, 0.4, 0.5])
 RECORDS = records()
@@ -48,7 +48,7 @@ def test_an_earthquake_has_one_number_in_all_groups():
     groups = grouped([tuned], {"x": [a, b], "y": [b.scaled(3.0), c]}, 0)
     assert groups[1].events[1] == groups[2].events[0]
     assert len({*groups[0].events, *groups[1].events, *groups[2].events}) == 4
-    assert Group("alone", Role.tuned, (a, a.scaled(2.0), b)).events.tolist() in ([0, 0, 1], [1, 1, 0])
+    assert earthquakes_of((a, a.scaled(2.0), b)).tolist() in ([0, 0, 1], [1, 1, 0])
 
 
 @pytest.mark.parametrize(

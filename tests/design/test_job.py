@@ -163,13 +163,14 @@ def test_keys_without_effect_are_not_written():
 )
 def test_what_an_option_makes_pointless_in_a_file_is_dropped(given, over, dropped):
     table, key = dropped.split(".")
-    merged = jobs.merged(given, over)
+    merged, full = jobs.merged(given, over)
     assert key in given[table]
     assert key not in merged[table]
-    jobs.job_of(merged)
+    # The completion that a merge needs is the one that the job has.
+    assert jobs.job_of(merged, full).full == jobs.job_of(merged).full
     # What is pointless in the file itself stays an error.
     with pytest.raises(ValueError, match=r"^`risk.share` requires `risk.measure` cvar, which this job does"):
-        jobs.job_of(jobs.merged({"risk": {"share": 0.2}}, {"search": {"seed": 1}}))
+        jobs.job_of(*jobs.merged({"risk": {"share": 0.2}}, {"search": {"seed": 1}}))
 
 
 @pytest.mark.mends('`intensity = "pga"` counted m/s^2, and `pga` g')
@@ -239,14 +240,15 @@ def test_an_option_that_chooses_records_drops_what_a_file_says_of_a_harmonic():
         "search": {"searches": 3, "seed": 4},
         "scatter": {"frequency": 0.1, "length": 0.03},
     }
-    merged = jobs.merged(given, {"motion": RECORDS})
+    merged, full = jobs.merged(given, {"motion": RECORDS})
     assert merged["motion"] == RECORDS | {"kind": "records"}
     assert (merged["conditions"], merged["limits"]) == ({}, {"stroke": 0.4})
     assert (merged["requirements"], merged["search"]) == ({"worse": 0.02, "at_least": 0.2}, {"seed": 4})
-    job = jobs.job_of(merged)
+    job = jobs.job_of(merged, full)
+    assert job.full == jobs.job_of(merged).full
     assert job.ensemble == Ensemble(length=0.03)
     # What is of neither kind is dropped as well, and a harmonic drops what is of records.
-    harmonic = jobs.merged({"motion": RECORDS}, {"motion": {"amplitude": 0.02}})
+    harmonic, _ = jobs.merged({"motion": RECORDS}, {"motion": {"amplitude": 0.02}})
     assert harmonic["motion"] == {"amplitude": 0.02, "kind": "harmonic"}
 
 

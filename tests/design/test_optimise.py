@@ -398,7 +398,7 @@ class Quakes(NoisyProblem):
 
     attempts = 2
     has_validation_runs = False
-    groups = ("tuned to", "validation")
+    retries = GroundMotionProblem.retries
     helps = True
 
     def paired_runs(self, design, seed, **how):

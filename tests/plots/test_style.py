@@ -14,7 +14,7 @@ from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
 from tpd.plots.drawing import plot_design
 from tpd.plots.landscape import plot_landscape
 from tpd.plots.response import plot_motions, plot_response
-from tpd.plots.style import CASES, LABELS, edge, in_degrees, legend, new_axes, png, svg
+from tpd.plots.style import CASES, LABELS, edge, in_degrees, legend, new_axes, saved
 
 
 def test_files_repeat_and_words_stay_words():
@@ -25,10 +25,10 @@ def test_files_repeat_and_words_stay_words():
         in_degrees(ax)
         return ax
 
-    ax, found = drawn(), svg(drawn().figure)
-    assert found == svg(ax.figure)
+    ax, found = drawn(), saved(drawn().figure, "svg")
+    assert found == saved(ax.figure, "svg")
     assert b">tilt</text>" in found
-    assert png(ax.figure).startswith(b"\x89PNG")
+    assert saved(ax.figure).startswith(b"\x89PNG")
     (degrees,) = ax.child_axes
     assert degrees.get_ylim() == pytest.approx(np.degrees(ax.get_ylim()))
 
@@ -90,7 +90,7 @@ PICTURES: dict[str, Any] = {
 
 def pictures(draw) -> dict[str, bytes]:
     """Files of a picture: by this package, by its user, and as a notebook shows it."""
-    found = {"png": png(np.ravel(draw())[0].figure), "svg": svg(np.ravel(draw())[0].figure)}
+    found = {kind: saved(draw(), kind) for kind in ("png", "svg")}
     figure = np.ravel(draw())[0].figure
     for name, save in {
         "saved": lambda file: figure.savefig(file, format="png"),

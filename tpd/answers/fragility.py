@@ -17,7 +17,6 @@ import numpy as np
 
 from tpd.answers.runs import CASE_KEYS, Cases, Progress, follow_scaled
 from tpd.answers.statistics import (
-    LEAST_EARTHQUAKES,
     SIGNIFICANT,
     Lognormal,
     fit_lognormal,
@@ -29,7 +28,13 @@ from tpd.cluster.cluster import Cluster
 from tpd.core import checks
 from tpd.core.formatting import Printed, aligned, compared
 from tpd.records.intensity import intensity_of
-from tpd.scene.ground_motion import STANDARD_GRAVITY, GroundMotion, earthquakes_of, refuse_zeros
+from tpd.scene.ground_motion import (
+    LEAST_EARTHQUAKES,
+    STANDARD_GRAVITY,
+    GroundMotion,
+    earthquakes_of,
+    refuse_zeros,
+)
 from tpd.scene.scene import Block, Pendulum
 from tpd.theory.equations import Terms
 

@@ -29,7 +29,7 @@ from tpd.answers.statistics import (
 )
 from tpd.cluster.cluster import Cluster
 from tpd.core import checks
-from tpd.core.formatting import Printed, percent
+from tpd.core.formatting import Printed, ends
 from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import Parameters
 from tpd.scene.quantities import parameters_without_pendulum
@@ -389,9 +389,8 @@ class PairedRuns(Printed):
         # A negative benefit is an increase, which the text calls "more tilt".
         less, size, around = self.benefit.fall_in_words()
         if self.passed is not None:
-            low, high = (percent(x) for x in (self.benefit.low, self.benefit.high))
             allows = "95 % interval, which allows for the decision by the same runs"
-            return f"{low[:-2]} to {high} less tilt ({allows})"
+            return f"{ends(self.benefit.low, self.benefit.high)} less tilt ({allows})"
         return f"{size} {'less' if less else 'more'} tilt{around}"
 
     @property

@@ -20,11 +20,10 @@ import numpy as np
 from scipy.optimize import root
 from scipy.special import bdtr, betaincinv, erfcx, log_ndtr, ndtr, ndtri, stdtrit
 
+from tpd.core.formatting import ends, interval, percent
+
 SIGNIFICANT = 0.05
 """Probability below which a difference between two shares is significant."""
-LEAST_EARTHQUAKES = 5
-"""Smallest number of earthquakes from which statements about other earthquakes are made. With fewer, the
-variation between earthquakes cannot be estimated."""
 _LEVEL = 0.95
 """Confidence level of all intervals."""
 _WEIGHT = 1.2
@@ -69,7 +68,7 @@ class Share(NamedTuple):
         return Share(s, max(0.0, middle - half), min(1.0, middle + half))
 
     def __str__(self) -> str:
-        return f"{100.0 * self.value:.1f} % ({100.0 * self.low:.1f} to {100.0 * self.high:.1f} %)"
+        return interval(*self, digits=1)
 
 
 @dataclass(frozen=True)
@@ -87,10 +86,9 @@ class Interval:
         """Return whether a relative change is a reduction, its size, and its interval as text."""
         # A share that rounds to zero must not read "-0 %".
         less = self.mean > -0.005
-        ends = (self.mean, self.low, self.high) if less else (-self.mean, -self.high, -self.low)
-        mean, low, high = (100.0 * x + 0.0 for x in ends)
-        around = f" (95 % interval {low:.0f} to {high:.0f} %)" if math.isfinite(low) else ""
-        return less, f"{abs(mean):.0f} %", around
+        low, high = (self.low, self.high) if less else (-self.high, -self.low)
+        around = f" (95 % interval {ends(low, high)})" if math.isfinite(low) else ""
+        return less, percent(abs(self.mean)), around
 
 
 def conditional_interval(

@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tpd.core import files, progress
 
 PERIODIC_ONLY = (
@@ -43,11 +41,10 @@ def write(out: Path, tables: Iterable[tuple[str, str]], pictures: Mapping[str, C
 
     def drawn(draw: Callable[[], Any]) -> bytes:
         # Matplotlib is imported here, because its import may fail: it rejects some settings of users.
-        from tpd.plots.style import own_style, png
+        from tpd.plots.style import own_style, saved
 
         with own_style():
-            drawing = draw()
-            return drawing if isinstance(drawing, bytes) else png(np.ravel(drawing)[0].figure)
+            return saved(draw())
 
     # All tables are computed before the first one is written, so that an interruption leaves all or none.
     contents = dict(tables)

@@ -37,6 +37,20 @@ def percent(share: float, digits: int = 0) -> str:
     return f"{round(100.0 * share, digits) + 0.0:.{digits}f} %"
 
 
+def ends(low: float, high: float, digits: int = 0) -> str:
+    """Format the ends of an interval of shares in per cent, such as "22 to 28 %"."""
+    return f"{percent(low, digits)[:-2]} to {percent(high, digits)}"
+
+
+def interval(value: float, low: float, high: float, digits: int = 0) -> str:
+    """Format a share with the ends of its interval in per cent, such as "25 % (22 to 28 %)".
+
+    The interval is left out if it is unknown.
+    """
+    around = f" ({ends(low, high, digits)})" if math.isfinite(low) else ""
+    return percent(value, digits) + around
+
+
 def compared(
     value: float, limit: float, digits: int = 2, form: Callable[[float, int], str] = number
 ) -> tuple[str, str]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -272,11 +273,7 @@ class Details(Printed):
         for name, shares in falls.items():
             listed = " or ".join(dict.fromkeys(f"{number(100.0 * x, 3)} %" for x in shares))
             rows.append((name, f"reduction of the mean tilt {listed}"))
-        counts = {
-            "histories": len(self.histories),
-            "responses": len(self.responses),
-            "front": len(self.front),
-        }
+        counts = {name: len(getattr(self, name)) for name in ("histories", "responses", "front")}
         rows += [(name, f"{count} results") for name, count in counts.items() if count]
         return "\n".join(["Details of a design", *(f"  {name:32}{text}" for name, text in rows)])
 
@@ -317,10 +314,8 @@ def details(
     if set(design.conditions.factors) <= {"amplitude", "frequency"}:
         values = scene.motion.frequency * _BAND
         cases = (None,) if pendulum is None else (None, pendulum)
-        how = {"progress": progress}
-        responses = tuple(
-            settled_response(scene, "frequency", values, pendulum=case, **how) for case in cases
-        )
+        answer = partial(settled_response, scene, "frequency", values, progress=progress)
+        responses = tuple(answer(pendulum=case) for case in cases)
     return replace(out, histories=time_histories(scene, pendulum), responses=responses)
 
 
@@ -434,12 +429,9 @@ def sensitivity_of(design: Design, progress: Progress = unreported) -> tuple[Sen
     """
     if design.pendulum is None:
         return ()
-    scene = design.scene
-    absent = {
-        "restitution": float(scene.block.velocity_ratio) == 1.0,
-        "friction": not scene.block.friction,
-    }
-    names = [name for name in _VARIED if not absent.get(name, False)]
+    scene, block = design.scene, design.scene.block
+    present = {"restitution": float(block.velocity_ratio) != 1.0, "friction": block.friction}
+    names = [name for name in _VARIED if present.get(name, True)]
     # The reference is the same runs with stated values. They are fewer than the validation runs, so that
     # their benefit differs.
     reference = _compare(design).benefit

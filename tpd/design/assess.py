@@ -15,7 +15,7 @@ from tpd.answers.motion_history import sliding
 from tpd.answers.runs import Runs, follow_scaled
 from tpd.answers.statistics import Share
 from tpd.answers.transient import FREE
-from tpd.core.formatting import Printed, compared, number
+from tpd.core.formatting import Printed, compared, ends, number, percent
 from tpd.core.progress import Progress, shown, unreported
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
@@ -97,7 +97,7 @@ def alternatives(problem: Problem) -> Alternatives:
     """Estimate what keeps the block of a problem on its base without a pendulum."""
     block, alone, gravity = problem.scene.block, problem.at_rest, float(problem.scene.gravity)
     lifts, damping = alone.uplift * gravity, SPECTRAL_DAMPING
-    if problem.groups:
+    if not problem.settles:
         # The levels of a motion follow each other, and the last one is the strongest.
         levels = max(1, len(problem.levels))
         motions = problem.stated_motions[levels - 1 :: levels]
@@ -163,7 +163,7 @@ class Assessment(Printed):
         the blocks that vary, at each level of the excitation."""
         if self.runs is None or self.stated is None:
             return needless(self.problem)
-        problem, is_ground = self.problem, bool(self.problem.groups)
+        problem, is_ground = self.problem, not self.problem.settles
         scatter = f"with scatter ({problem.scatter_in_words(without_pendulum=True)})"
         # Runs under a harmonic also have other initial states, and a gradual growth of the excitation.
         varied = f"{'Runs from rest' if is_ground else 'Validation runs from any initial state'} {scatter}"
@@ -193,17 +193,17 @@ def _outcome(runs: Runs, is_sample: bool) -> str:
     share, count = runs.share_overturned, int(np.sum(~runs.is_unanswered))
     every = "the only run" if count == 1 else f"any of {count} runs"
     if share.value > 0.0:
-        of = every if count == 1 else f"{100.0 * share.value:.1f} % of {count} runs"
+        of = every if count == 1 else f"{percent(share.value, 1)} of {count} runs"
         events = 0 if runs.cluster is None else len(np.unique(runs.cluster))
         over = f" over {events} earthquake{'s' * (events != 1)}" if events else ""
-        ends = f" (95 % interval{over} {100.0 * share.low:.0f} to {100.0 * share.high:.0f} %)"
-        return f"OVERTURNS in {of}{ends if is_sample and count > 1 else ''}"
+        around = f" (95 % interval{over} {ends(share.low, share.high)})" if is_sample and count > 1 else ""
+        return f"OVERTURNS in {of}{around}"
     if not runs.is_lifted.any():
         return f"STAYS ON ITS BASE in {every}" if count else "no run has a result"
     # The runs are nonlinear: the toppling angle is that of the geometry.
-    tilt = 100.0 * float(np.nanmax(runs.settled_tilt / np.arctan(runs.nu)))
+    tilt = percent(float(np.nanmax(runs.settled_tilt / np.arctan(runs.nu))))
     most = "" if count == 1 else "at most "
-    return f"ROCKS, AND DOES NOT OVERTURN in {every}: its tilt is {most}{tilt:.0f} % of the toppling angle"
+    return f"ROCKS, AND DOES NOT OVERTURN in {every}: its tilt is {most}{tilt} of the toppling angle"
 
 
 def needless(problem: Problem) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from tpd.answers.motion_history import sliding
 from tpd.answers.paired import PairedRuns
 from tpd.answers.statistics import Interval
-from tpd.core.formatting import Printed, number
+from tpd.core.formatting import Printed, number, percent
 from tpd.design.criteria import LABELS, STILL, DesignSpace, stroke_limit
 from tpd.design.problem import Problem
 from tpd.design.reasons import OFFERED, DesignStatus, Reason, ReasonKind
@@ -271,9 +271,9 @@ class Design(Printed):
             )
         if runs is not None:
             share = runs.change("overturned")
-            shares = " with the pendulum, ".join(f"{100.0 * x:.1f} %" for x in share[1:3]) + " without it"
+            pendulum_share, without = (percent(x, 1) for x in share[1:3])
             lines.append(f"  benefit     {runs.benefit_in_words}; {runs.description}")
-            lines.append(f"  overturned  {shares}")
+            lines.append(f"  overturned  {pendulum_share} with the pendulum, {without} without it")
         lines += [f"  reason      {refusal}" for refusal in self.refusals[:_MOST_REASONS]]
         lines += [f"  inputs      {self.remedy}"] if self.remedy else []
         return "\n".join(lines)

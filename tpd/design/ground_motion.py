@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain, compress
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,21 +19,12 @@ import numpy as np
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import PairedRuns
 from tpd.answers.runs import Runs, follow_runs
-from tpd.answers.statistics import LEAST_EARTHQUAKES
 from tpd.answers.transient import FREE, MAX_EVENTS
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
-from tpd.design.criteria import (
-    KINDS,
-    Clearance,
-    DesignSpace,
-    Limit,
-    Requirements,
-    Risk,
-    Stroke,
-)
+from tpd.design.criteria import KINDS, Clearance, DesignSpace, Limit, Risk, Stroke
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
-from tpd.design.reasons import DesignStatus
+from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
 from tpd.exact.rows import row_of
 from tpd.exact.runs import GroundForcing
@@ -40,23 +32,20 @@ from tpd.exact.terms import NU, F, K
 from tpd.records.intensity import intensity_of
 from tpd.records.read import BUILT_IN
 from tpd.scene.conditions import MEASURES, Conditions, latin_hypercube, under_all
-from tpd.scene.ground_motion import GroundMotion, Pulse, earthquakes_of, events_of
-from tpd.scene.parameters import Parameters, unchecked
+from tpd.scene.ground_motion import LEAST_EARTHQUAKES, GroundMotion, Pulse, earthquakes_of
+from tpd.scene.parameters import unchecked
 from tpd.scene.record import Record
 from tpd.scene.scene import STANDARD_GRAVITY, Block, Scene
 from tpd.theory.equations import Terms
 from tpd.theory.no_uplift import AtRest
 
 _USUAL = {
-    "space": DesignSpace(),
     "risk": Risk.expected(),
     "limits": (Stroke(), Clearance()),
     "method": GroundSearch(),
     "ensemble": Ensemble(),
-    "requirements": Requirements(),
-    "seed": 0,
 }
-"""Default inputs."""
+"""Default inputs, apart from those of all problems."""
 _MASSLESS = np.array([0.0, 1.0, 0.3])
 """Design with a bob without mass, which does not act on the block."""
 _LEAST_FOR_HALVES = 80
@@ -90,13 +79,9 @@ class Group:
     """Whether the search or the validation uses the group."""
     motions: tuple[GroundMotion, ...]
     """Ground motions of the group."""
-    events: np.ndarray = field(default=None)  # type: ignore[assignment]
+    events: np.ndarray
     """Number of the earthquake of every motion, shape (motions,). The numbers are common to all groups of a
-    design. Default: numbers within this group."""
-
-    def __post_init__(self) -> None:
-        if self.events is None:
-            object.__setattr__(self, "events", earthquakes_of(self.motions))
+    design."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -105,8 +90,11 @@ class GroundMotionProblem(Problem):
 
     groups: tuple[Group, ...]  # type: ignore[misc]
     """Motions that the design is tuned to, followed by the motions that are kept for the validation."""
-    # The same earthquakes validate both designs, see `tpd.design.optimise.solve`.
+    # The same earthquakes validate both designs. The second one is validated only if the benefit of the first
+    # is sufficient and limits are the only reason against it. Otherwise several designs could be validated
+    # until the benefit of one of them is large by chance.
     attempts: ClassVar[int] = 2
+    retries = frozenset({ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.slides})
     # The design reaches its limits under the motions that it is tuned to. Other earthquakes may cause a
     # larger swing, so the trials leave a part of every limit unused.
     spare: ClassVar[float] = 0.05
@@ -190,14 +178,11 @@ class GroundMotionProblem(Problem):
                 motion |= {name: getattr(pulse, name) for name in ("cycles", "phase")}
         else:
             motion |= {"records": [_name_of(m) for m in motions], "validation_share": validation or 0.0}
-        return super().tables | {
-            "motion": motion,
-            "requirements": vars(self.requirements),
-            "ensemble": {name: getattr(self.ensemble, name) for name in SCATTERED},
-        }
+        ensemble = {name: getattr(self.ensemble, name) for name in SCATTERED}
+        return super().tables | {"motion": motion, "ensemble": ensemble}
 
     @property
-    def rounds(self) -> tuple[int, int]:
+    def rounds(self) -> tuple[int, int]:  # type: ignore[override]
         """See `Problem.rounds`: every round has one design."""
         return self.method.steps, 1
 
@@ -212,7 +197,7 @@ class GroundMotionProblem(Problem):
         return {name: width for name, width in super().scatter.items() if name in SCATTERED}
 
     @property
-    def evidence(self) -> DesignStatus:
+    def evidence(self) -> DesignStatus:  # type: ignore[override]
         """See `Problem.evidence`."""
         tuned, others = map(self._earthquakes, Role)
         if not others:
@@ -220,7 +205,7 @@ class GroundMotionProblem(Problem):
         return DesignStatus.recommended if min(tuned, others) >= LEAST_EARTHQUAKES else DesignStatus.too_few
 
     @property
-    def has_validation_runs(self) -> bool:
+    def has_validation_runs(self) -> bool:  # type: ignore[override]
         """See `Problem.has_validation_runs`."""
         return self._earthquakes(Role.validation) >= _LEAST_FOR_HALVES
 
@@ -235,7 +220,7 @@ class GroundMotionProblem(Problem):
         # the amplitude are additional conditions.
         cases = [self._every_motion(), *([self.conditions] if len(self.conditions.factors) > 1 else [])]
         # The excitation of a condition is the peak of its motion times its factor.
-        rows = np.concatenate([self._rows(_MASSLESS, self.scene, case)[1] for case in cases])
+        rows = np.concatenate([self._rows(_MASSLESS, self.scene, case) for case in cases])
         return AtRest.of(rows[:, NU], rows[:, K], rows[:, F], self.scene.block.base_friction)
 
     def candidates(self, progress: Progress) -> tuple[np.ndarray, None]:
@@ -350,8 +335,7 @@ class GroundMotionProblem(Problem):
         most = MAX_EVENTS if equations == Terms.nonlinear.value else _EVENTS
         # Without a pendulum use a bob without mass. It does not act on the block, whose properties vary as in
         # the runs with the pendulum.
-        row = _MASSLESS if design is None else design
-        _, rows = self._rows(row, scene, conditions)
+        rows = self._rows(_MASSLESS if design is None else design, scene, conditions)
         condition = np.asarray(conditions.which)
         pieces = [np.asarray(m.pieces(), dtype=float) for m in conditions.motions]
         forcing = GroundForcing(pieces, FREE * float(scene.rate), condition)
@@ -359,11 +343,8 @@ class GroundMotionProblem(Problem):
             Terms(equations), rows, forcing, events=most, condition=condition, seed=seed, progress=progress
         )
 
-    def _rows(
-        self, design: np.ndarray, scene: Scene, conditions: Conditions
-    ) -> tuple[Parameters, np.ndarray]:
-        """Return the parameters of a design under all conditions, as `Parameters` and as rows (n, 9) of
-        compiled code."""
+    def _rows(self, design: np.ndarray, scene: Scene, conditions: Conditions) -> np.ndarray:
+        """Return the parameters of a design under all conditions as rows (n, 9) of compiled code."""
         which, motions = np.asarray(conditions.which), conditions.motions
         factor = motion_factors(scene, conditions)
         unit = Scene(scene.block, _UNIT, scene.gravity)
@@ -376,7 +357,7 @@ class GroundMotionProblem(Problem):
         h = np.array([float(x.piece) for x in motions]) * float(unit.rate)
         # With a higher frequency the pieces of a motion are shorter.
         pieces = h[which] / conditions.column("frequency")
-        return q, row_of(unchecked(q, f=q.f * f[which] * factor), piece=pieces)
+        return row_of(unchecked(q, f=q.f * f[which] * factor), piece=pieces)
 
 
 def _name_of(motion: GroundMotion) -> str:
@@ -434,9 +415,7 @@ def grouped(
         if is_outside.sum() >= share * len(numbers):
             break
         is_outside |= numbers == event
-    inside, outside = (
-        tuple(m for m, x in zip(motions, is_outside, strict=True) if x == out) for out in (0, 1)
-    )
+    inside, outside = (tuple(compress(motions, is_outside == out)) for out in (False, True))
     if not inside:
         raise ValueError(
             f"`validation_share` must leave an earthquake for the search, but it uses all {len(events)}: "
@@ -450,29 +429,22 @@ def grouped(
 def _others(
     motions: Sequence[GroundMotion], validation_share: Mapping[str, Sequence[GroundMotion]]
 ) -> tuple[Group, ...]:
-    # An earthquake that the search uses does not test the design, so its motions are left out of the groups.
-    others = {}
     for name, listed in validation_share.items():
         for i, motion in enumerate(listed):
             checks.instance(f"validation_share[{name!r}][{i}]", motion, GroundMotion)
-        # A motion without the name of its earthquake is never left out.
-        events = events_of([*motions, *listed])
-        remaining = tuple(
-            m
-            for m, event in zip(listed, events[len(motions) :], strict=True)
-            if event not in events[: len(motions)]
-        )
-        if not remaining:
+    # Number the earthquakes over all groups together: an earthquake, or copies of one motion, in two groups
+    # must have the same number.
+    numbers = earthquakes_of([*motions, *chain(*validation_share.values())])
+    used, *parts = np.split(numbers, np.cumsum([len(motions), *map(len, validation_share.values())])[:-1])
+    groups = [Group("tuned to", Role.tuned, tuple(motions), used)]
+    for (name, listed), events in zip(validation_share.items(), parts, strict=True):
+        # An earthquake that the search uses does not test the design, so its motions are left out of the
+        # group. A motion without the name of its earthquake is never left out.
+        is_new = ~np.isin(events, used)
+        if not is_new.any():
             raise ValueError(
                 "`validation_share` must contain motions of earthquakes that the search does not use, but "
                 f"{name!r} has none"
             )
-        others[name] = remaining
-    # Number the earthquakes over all groups together: an earthquake, or copies of one motion, in two groups
-    # must have the same number.
-    every = [*motions, *(m for group in others.values() for m in group)]
-    numbers = earthquakes_of(every)
-    ends = np.cumsum([len(motions), *(len(group) for group in others.values())])
-    parts = np.split(numbers, ends[:-1])
-    rest = (Group(n, Role.validation, m, x) for (n, m), x in zip(others.items(), parts[1:], strict=True))
-    return (Group("tuned to", Role.tuned, tuple(motions), parts[0]), *rest)
+        groups.append(Group(name, Role.validation, tuple(compress(listed, is_new)), events[is_new]))
+    return tuple(groups)

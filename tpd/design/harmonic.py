@@ -20,7 +20,6 @@ from tpd.design.criteria import (
     DesignSpace,
     Evaluation,
     Objective,
-    Requirements,
     Risk,
     SteadyTilt,
     check_moves,
@@ -48,8 +47,6 @@ from tpd.theory.no_uplift import AtRest, uplift
 
 TRIAL_RUNS, TRIAL_PERIODS = 128, 50
 """Number of runs of a trial, and largest number of forcing periods of each run."""
-_ROUNDS = 6, 8
-"""Number of rounds of further trials, and number of designs per round."""
 _WITHOUT = 8
 """Factor on the number of runs without a pendulum, since every design is compared with their mean tilt."""
 _COMPARED = 256
@@ -64,15 +61,12 @@ of designs that are drawn to select the latter."""
 _SAME = 1e-6
 """Relative difference of tilts below which a simulated motion is identified with an orbit."""
 _USUAL = {
-    "space": DesignSpace(),
     "risk": Risk.worst(),
     "limits": DEFAULT_LIMITS,
     "method": Descent(),
     "ensemble": Ensemble(size=VALIDATION_RUNS),
-    "requirements": Requirements(),
-    "seed": 0,
 }
-"""Default inputs."""
+"""Default inputs, apart from those of all problems."""
 _SMOOTH = 0.2
 """Smallest velocity ratio of impacts for which descents use smoothed impacts."""
 
@@ -111,11 +105,11 @@ class HarmonicProblem(Problem):
 
     starts: Starts
     """Initial states of the search."""
-    model: Any
-    """Model that gives the gradients of the descents."""
     objective: Objective
     """Quantity that the descents minimise. Trials and validation compare tilts."""
+    settles: ClassVar[bool] = True
     attempts: ClassVar[int] = 3
+    rounds: ClassVar[tuple[int, int]] = 6, 8
 
     @staticmethod
     def of(
@@ -146,42 +140,52 @@ class HarmonicProblem(Problem):
         conditions = Conditions.around(scene) if conditions is None else conditions
         check_moves(scene, conditions)
         check_scatter(scene, {name for name, v in conditions.factors.items() if np.ptp(v) > 0.0}, searched)
-        # Housner's coefficient of restitution is smallest for the heaviest bob, so check that end of the
-        # space.
-        heaviest = under_all(as_arrays(scene.parameters()), searched.ends[1:], conditions)
-        # If impacts lose much energy, the error of smoothed impacts approaches the tolerance of the search.
-        smooth = bool(np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH))
-        model = _model_of(checked["method"].model, smooth)
-        model.check(heaviest)
         starts = Starts.any() if starts is None else starts
         if starts.kind is StartKind.sampled:
             raise ValueError(
                 "`starts` of a design must be Starts.any() or Starts.rest(), but is a sampled set: "
                 "`ensemble` defines the initial states of the runs"
             )
-        return HarmonicProblem(
+        problem = HarmonicProblem(
             scene=scene,
             conditions=conditions,
             starts=starts,
             objective=SteadyTilt() if objective is None else check_objective(objective),
-            model=model,
             **checked | {"ensemble": checked["ensemble"].seeded(checked["seed"])},
         )
+        # The model is chosen now, because it may not fit the block.
+        _ = problem.model
+        return problem
 
     @property
     def rest_counts(self) -> bool:  # type: ignore[override]
         """See `Problem.rest_counts`."""
         return self.starts.kind is StartKind.rest
 
-    @property
-    def rounds(self) -> tuple[int, int]:
-        """See `Problem.rounds`."""
-        return _ROUNDS
+    @cached_property
+    def model(self) -> Any:
+        """Model that gives the gradients of the descents.
 
-    @property
-    def inputs(self) -> dict[str, Any]:
-        """Inputs as in `Problem.inputs`, without the model, which follows from the method."""
-        return {name: x for name, x in super().inputs.items() if name != "model"}
+        Raises:
+            ValueError: the symmetric orbits of the model cannot be computed, or it does not fit the block.
+        """
+        # Housner's coefficient of restitution is smallest for the heaviest bob, so check that end of the
+        # space.
+        heaviest = under_all(as_arrays(self.scene.parameters()), self.space.ends[1:], self.conditions)
+        # If impacts lose much energy, the error of smoothed impacts approaches the tolerance of the search.
+        is_smooth = np.all(np.asarray(heaviest.velocity_ratio) >= _SMOOTH)
+        named = {"smoothed": SMOOTHED, "piecewise": Piecewise(), None: SMOOTHED if is_smooth else Piecewise()}
+        model: Any = self.method.model
+        if model is None or isinstance(model, str):
+            model = named[model]
+        is_linear = isinstance(model, Smoothed) and model.terms is Terms.linear
+        if not (is_linear or isinstance(model, Piecewise)):
+            raise ValueError(
+                "`model` must be Smoothed() with linear terms, or Piecewise(), because only their symmetric "
+                f"orbits can be followed, but is {checks.shown(model)}"
+            )
+        model.check(heaviest)
+        return model
 
     @property
     def job(self) -> Job:
@@ -204,7 +208,6 @@ class HarmonicProblem(Problem):
         """See `Problem.tables`."""
         return super().tables | {
             "motion": vars(self.scene.motion),
-            "requirements": vars(self.requirements),
             # Runs without a seed of their own use the seed of the search.
             "ensemble": vars(self.ensemble) | ({"seed": None} if self.ensemble.seed == self.seed else {}),
             "starts": {"kind": "rest" if self.rest_counts else "any"},
@@ -373,16 +376,3 @@ class HarmonicProblem(Problem):
         order = np.argsort(-np.nan_to_num(swing, posinf=-1.0, nan=-1.0), kind="stable")
         motions = self.stated_motions
         return [motions[i] for i in order[:MOST_MOTIONS]]
-
-
-def _model_of(model: Any, smooth: bool) -> Any:
-    """Return the model of a descent; raise `ValueError` if its symmetric orbits cannot be computed."""
-    named = {"smoothed": SMOOTHED, "piecewise": Piecewise(), None: SMOOTHED if smooth else Piecewise()}
-    if model is None or isinstance(model, str):
-        return named[model]
-    if isinstance(model, Piecewise) or (isinstance(model, Smoothed) and model.terms is Terms.linear):
-        return model
-    raise ValueError(
-        "`model` must be Smoothed() with linear terms, or Piecewise(), because only their symmetric orbits "
-        f"can be followed, but is {checks.shown(model)}"
-    )

@@ -9,7 +9,7 @@ import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -582,8 +582,8 @@ def read(path: Path) -> dict[str, Any]:
     return {table: placed(table, values, path.parent) for table, values in tables.items()}
 
 
-def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> Tables:
-    """Return the tables `base` with the values of `over` in place of their own.
+def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> tuple[Tables, Tables]:
+    """Return the tables `base` with the values of `over` in place of their own, as given and complete.
 
     A key that has no effect any more because of `over` is left out. A file with a share for the measure cvar
     can then be run with another measure, and a file with a harmonic can be run with records.
@@ -607,24 +607,29 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> Tables:
     # A key may depend on another key of the file, on an option, or on a default. Compare before and after:
     # only a key that had an effect before and has none after is left out.
     is_switched = bool(chosen) and set(kinds_in(base.get("motion", {})) or ["harmonic"]) != set(chosen)
-    after = complete(out)
-    before = after if is_switched else complete(base)
-    for table, values in base.items():
-        for key in values:
-            is_idle = key not in over.get(table, {}) and lacks(after, table, key)
-            if is_idle and (is_switched or not lacks(before, table, key)):
-                del out[table][key]
-    return out
+    full = complete(out)
+    places = ((table, key) for table, values in base.items() for key in values.keys() - over.get(table, {}))
+    idle = [place for place in places if lacks(full, *place)]
+    before = complete(base) if idle and not is_switched else None
+    for table, key in idle:
+        if before is None or not lacks(before, table, key):
+            out[table].pop(key, None)
+            full[table][key] = default_of(full["motion"]["kind"], table, key)
+    return out, full
 
 
-def job_of(tables: Mapping[str, Any]) -> Job:
+def job_of(tables: Mapping[str, Any], full: Tables | None = None) -> Job:
     """Return the job from the tables of a job file. Keys that are left out have their defaults.
+
+    Args:
+        tables: tables as given.
+        full: the complete tables, if they are known; see `merged`.
 
     Raises:
         ValueError: a table or key is unknown, a value is not allowed, a key has no effect, or the block is
             incomplete.
     """
-    full = complete(tables)
+    full = complete(tables) if full is None else full
     for table, values in full.items():
         for key, value in values.items():
             # A key without an effect is an error, because a user would rely on the limit or the seed. A file
@@ -651,11 +656,10 @@ def job_of(tables: Mapping[str, Any]) -> Job:
     _ = job.risk, job.limits, job.requirements
     # Some defaults depend on other keys. Their values are stored, so that the job keeps its meaning in a
     # later version with other defaults.
-    numbers = {name: getattr(job.method, name) for name in keys_of(job.search)}
-    stored = {"block": ("friction", "restitution", "cavity_width"), "search": tuple(numbers)}
-    stored["space"] = tuple(TWINS.values())
-    own = {"block": vars(job.block), "search": numbers, "space": vars(job.space)}
-    return replace(job, full={t: v | {k: own[t][k] for k in stored.get(t, ())} for t, v in full.items()})
+    full["block"] |= {name: getattr(job.block, name) for name in ("friction", "restitution", "cavity_width")}
+    full["search"] |= {name: getattr(job.method, name) for name in keys_of(job.search)}
+    full["space"] |= {name: getattr(job.space, name) for name in TWINS.values()}
+    return job
 
 
 def _check_whole_block(tables: Mapping[str, Any], required_keys: Sequence[str]) -> None:

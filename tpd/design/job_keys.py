@@ -95,19 +95,8 @@ def _limit(kind: type[Limit]) -> Key:
     return Key(float | bool if is_number else bool, default, (kind, None))
 
 
-def _of_searches() -> dict[str, Key]:
-    """Return the keys of both searches. A key whose default depends on the search has no default here."""
-    keys: dict[str, Key] = {}
-    for kind in (Descent, GroundSearch):
-        for name, key in keys_of(kind).items():
-            other = keys.setdefault(name, key)
-            if other.default != key.default:
-                keys[name] = other._replace(default=None)
-    return keys
-
-
 _names = ", ".join((*BUILT_IN, *SETS))
-_pulse = keys_of(Pulse)
+_pulse, _descent, _ground_search = map(keys_of, (Pulse, Descent, GroundSearch))
 TABLES: dict[str, dict[str, Key]] = {
     "project": {
         "name": Key(
@@ -222,13 +211,11 @@ TABLES: dict[str, dict[str, Key]] = {
         "measure": Key(Literal["overturning", "tilt"], None, (Requirements, "measure")),
     },
     "search": {
-        "model": Key(
-            Literal["smoothed", "piecewise"],
-            None,
-            "model that gives the gradients: smoothed (default; smoothed signs and impacts, orbits followed "
-            "by diffrax) or piecewise (exact orbits)",
-        ),
-        **_of_searches(),
+        "model": _descent["model"],
+        **_descent,
+        **_ground_search,
+        # The default depends on the search.
+        "steps": _descent["steps"]._replace(default=None),
         "seed": Key(_Whole, 0, "seed of all random choices, including those of the validation runs"),
         "pareto": Key(bool, False, "also find three lighter pendulums, each with its own validation"),
     },
@@ -238,67 +225,52 @@ TABLES: dict[str, dict[str, Key]] = {
 READING = ("channel", "dt", "unit", "baseline", "columns", "skip", "scale")
 """Keys of [motion] that control how files of records are read."""
 _SHAKEN = ("pulse", "records")
-_USUAL = {("risk", "measure"): "expected"}
-_DEFAULTS: dict[str, dict[tuple[str, str], Any]] = {
-    "harmonic": {("ensemble", "size"): VALIDATION_RUNS},
-    "pulse": _USUAL | {("motion", "intensity"): "scale", ("motion", "scales"): (1.0,)},
-    "records": _USUAL
-    | {("motion", "intensity"): "pga_star", ("motion", "validation_share"): VALIDATION_SHARE},
+_DEFAULTS: dict[str, dict[str, Any]] = {
+    "harmonic": {"ensemble.size": VALIDATION_RUNS},
+    "pulse": {"risk.measure": "expected", "motion.intensity": "scale", "motion.scales": (1.0,)},
+    "records": {
+        "risk.measure": "expected",
+        "motion.intensity": "pga_star",
+        "motion.validation_share": VALIDATION_SHARE,
+    },
 }
 """Defaults that depend on the kind of motion and replace those of `TABLES`."""
-_KINDS: dict[tuple[str, str], tuple[str, ...]] = {
-    **{("motion", name): ("harmonic",) for name in ("amplitude", "frequency")},
-    **{("motion", name): ("pulse",) for name in ("pulse", "pulse_frequency", "cycles", "phase")},
-    **{("motion", name): _SHAKEN for name in ("pga", "scales", "intensity")},
-    **{("motion", name): ("records",) for name in ("records", "validation_share", "event", *READING)},
-    **{(table, name): ("harmonic",) for table in ("conditions", "starts") for name in TABLES[table]},
-    **{("limits", kind.name): ("harmonic",) for kind in KINDS if not kind.of_motion},
-    **{
-        ("search", name): ("harmonic",)
-        for name in ("model", *_of_searches())
-        if name not in keys_of(GroundSearch)
-    },
-    **{("search", name): _SHAKEN for name in keys_of(GroundSearch) if name not in keys_of(Descent)},
-    **{
-        (table, name): ("harmonic",)
-        for table in ("scatter", "ensemble")
-        for name in TABLES[table]
-        if name not in SCATTERED
-    },
+_KINDS: dict[str, tuple[str, ...]] = {
+    **{f"motion.{name}": ("harmonic",) for name in ("amplitude", "frequency")},
+    **{f"motion.{name}": ("pulse",) for name in ("pulse", "pulse_frequency", "cycles", "phase")},
+    **{f"motion.{name}": _SHAKEN for name in ("pga", "scales", "intensity")},
+    **{f"motion.{name}": ("records",) for name in ("records", "validation_share", "event", *READING)},
+    **{f"{table}.{name}": ("harmonic",) for table in ("conditions", "starts") for name in TABLES[table]},
+    **{f"limits.{kind.name}": ("harmonic",) for kind in KINDS if not kind.of_motion},
+    **{f"search.{name}": ("harmonic",) for name in _descent.keys() - _ground_search},
+    **{f"search.{name}": _SHAKEN for name in _ground_search.keys() - _descent},
+    **{f"scatter.{name}": ("harmonic",) for name in TABLES["scatter"].keys() - SCATTERED},
+    **{f"ensemble.{name}": ("harmonic",) for name in TABLES["ensemble"].keys() - SCATTERED},
 }
-"""Kinds of motion under which a key has an effect. Keys that are not listed have an effect under all
-kinds."""
+"""Kinds of motion under which a key, TABLE.KEY, has an effect. Keys that are not listed have an effect under
+all kinds."""
 MOTIONS = {"harmonic": "a harmonic motion", "pulse": "a pulse", "records": "records"}
 """Kinds of motion in words."""
+_WITH_PHASE = "mavroeidis-papageorgiou"
 _CYCLIC = [name for name, kind in PULSES.items() if kind.periods is None]
 _FILE = ("a file of a record", lambda full: full["motion"]["records"] is None or _names_files(full))
 _SEVERAL = ("several conditions, [conditions] or [scatter]", lambda full: size_of(full) > 1)
-_ONLY_WITH: dict[tuple[str, str], tuple[str, Callable[[Tables], bool]]] = {
-    ("motion", "cycles"): (
-        f"the pulses {' and '.join(_CYCLIC)}",
-        lambda full: full["motion"]["pulse"] in _CYCLIC,
-    ),
-    **{("motion", name): _FILE for name in ("event", *READING)},
-    ("motion", "phase"): (
-        "the pulse mavroeidis-papageorgiou",
-        lambda full: full["motion"]["pulse"] == "mavroeidis-papageorgiou",
-    ),
-    ("conditions", "exactly"): (
-        "a single motion (no band, no amplitudes and no scatter)",
-        lambda full: size_of(full) == 1,
-    ),
-    ("bob", "aspect"): ("`bob.shape` cylinder", lambda full: full["bob"]["shape"] == "cylinder"),
-    ("conditions", "frequencies"): (
-        "a band, `conditions.band`",
-        lambda full: full["conditions"]["band"] is not None,
-    ),
-    ("conditions", "samples"): ("a width in [scatter]", lambda full: bool(widths_of(full))),
-    ("search", "pareto"): (
-        "two bounds for the mass, `space.mass` or `space.mass_ratio`",
+_TWO_BOUNDS = "two bounds for the mass, `space.mass` or `space.mass_ratio`"
+_ALONE = "a single motion (no band, no amplitudes and no scatter)"
+_ONLY_WITH: dict[str, tuple[str, Callable[[Tables], bool]]] = {
+    "motion.cycles": (f"the pulses {' and '.join(_CYCLIC)}", lambda full: full["motion"]["pulse"] in _CYCLIC),
+    "motion.phase": (f"the pulse {_WITH_PHASE}", lambda full: full["motion"]["pulse"] == _WITH_PHASE),
+    **{f"motion.{name}": _FILE for name in ("event", *READING)},
+    "conditions.exactly": (_ALONE, lambda full: size_of(full) == 1),
+    "conditions.frequencies": ("a band, `conditions.band`", lambda full: bool(full["conditions"]["band"])),
+    "conditions.samples": ("a width in [scatter]", lambda full: bool(widths_of(full))),
+    "bob.aspect": ("`bob.shape` cylinder", lambda full: full["bob"]["shape"] == "cylinder"),
+    "search.pareto": (
+        _TWO_BOUNDS,
         lambda full: not any(isinstance(full["space"][x], float) for x in ("mass", "mass_ratio")),
     ),
-    ("risk", "measure"): _SEVERAL,
-    ("risk", "share"): ("`risk.measure` cvar", lambda full: full["risk"]["measure"] == "cvar"),
+    "risk.measure": _SEVERAL,
+    "risk.share": ("`risk.measure` cvar", lambda full: full["risk"]["measure"] == "cvar"),
 }
 """Keys that have an effect only together with another key: words for the other key, and a function that tests
 whether a job has it."""
@@ -342,16 +314,13 @@ def placed(table: str, values: Any, folder: Path) -> Any:
     if table != "motion" or not isinstance(values, Mapping):
         return values
 
-    def place(value: Any) -> Any:
+    # An empty name would become the folder, and the reader rejects it.
+    kept, out = {*BUILT_IN, *SETS, ""}, dict(values)
+    for key in values.keys() & {"records", "validation_share"}:
         # Values of a wrong type are left as they are: their check comes later.
-        is_list = isinstance(value, (list, tuple)) and all(isinstance(name, str) for name in value)
-        # An empty name would become the folder, and the reader rejects it.
-        kept = {*BUILT_IN, *SETS, ""}
-        if not is_list:
-            return value
-        return [x if x in kept else readable(str(folder.resolve() / path_of(x))) for x in value]
-
-    return {key: place(x) if key in ("records", "validation_share") else x for key, x in values.items()}
+        if isinstance(x := values[key], (list, tuple)) and all(isinstance(name, str) for name in x):
+            out[key] = type(x)(n if n in kept else readable(str(folder.resolve() / path_of(n))) for n in x)
+    return out
 
 
 def as_typed(tables: Mapping[str, Any]) -> Tables:
@@ -411,7 +380,7 @@ def kinds_in(motion: Mapping[str, Any]) -> dict[str, list[str]]:
         return {motion["kind"]: ["kind"]}
     keys: dict[str, list[str]] = {}
     for key in motion:
-        kinds = _KINDS["motion", key]
+        kinds = _KINDS[f"motion.{key}"]
         # A key that several kinds of motion have does not decide between them.
         if len(kinds) == 1:
             keys.setdefault(kinds[0], []).append(key)
@@ -433,24 +402,21 @@ def complete(tables: Mapping[str, Any]) -> Tables:
         full[table] = defaults | typed.get(table, {})
     full["motion"]["kind"] = kind
     # Paths from the command line are relative to the working directory. Those of a file are absolute already.
-    full["motion"] |= {
-        key: tuple(x) if isinstance(x, list) else x
-        for key, x in placed("motion", full["motion"], Path()).items()
-    }
+    full["motion"] = placed("motion", full["motion"], Path())
     return full
 
 
 def default_of(kind: str, table: str, name: str) -> Any:
     """Return the default of a key under a kind of motion."""
-    return _DEFAULTS[kind].get((table, name), TABLES[table][name].default)
+    return _DEFAULTS[kind].get(f"{table}.{name}", TABLES[table][name].default)
 
 
 def lacks(full: Tables, table: str, key: str) -> str:
     """Return words for what a key requires and the job does not have; empty if the key has an effect."""
-    kinds = _KINDS.get((table, key), tuple(MOTIONS))
+    kinds = _KINDS.get(f"{table}.{key}", tuple(MOTIONS))
     if full["motion"]["kind"] not in kinds:
         return " or ".join(MOTIONS[kind] for kind in kinds)
-    words, holds = _ONLY_WITH.get((table, key), ("", bool))
+    words, holds = _ONLY_WITH.get(f"{table}.{key}", ("", bool))
     return "" if holds(full) else words
 
 

@@ -22,13 +22,13 @@ from tpd.answers.statistics import Interval
 from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, aligned, counted, number
-from tpd.core.progress import Progress, shown, shown_count, unreported
+from tpd.core.progress import Count, Progress, shown, shown_count, unreported
 from tpd.design.criteria import DesignSpace, Limit, Objective, Requirements, Risk
 from tpd.design.design import Design, FrontPoint
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.problem import Problem
-from tpd.design.reasons import DesignStatus, ReasonKind
+from tpd.design.reasons import DesignStatus
 from tpd.design.refine import apart, refine
 from tpd.design.settings import Descent, GroundSearch
 from tpd.design.validate import Validated, validate
@@ -38,8 +38,6 @@ from tpd.scene.scene import Block, Scene
 
 _SURER = 0.6
 """Factor on the accepted probability that the next design breaks a limit, after a design was rejected."""
-_OF_LIMITS = {ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.slides}
-"""Reasons that are limits, and not a lack of benefit."""
 _PROMISING = 0.3
 """Share of the required benefit that the trend must predict for a further design, else the validation
 ends."""
@@ -112,14 +110,8 @@ def optimise(
             push it may still rock or overturn.
     """
     inputs: dict[str, Any] = {"risk": risk, "limits": limits, "method": method, "ensemble": ensemble}
-    inputs |= {
-        "requirements": requirements,
-        "seed": seed,
-        "validation_share": validation_share,
-        "objective": objective,
-        "starts": starts,
-    }
-    problem = problem_of(scene, space, conditions=conditions, **inputs)
+    inputs |= {"requirements": requirements, "seed": seed, "objective": objective, "starts": starts}
+    problem = problem_of(scene, space, conditions=conditions, validation_share=validation_share, **inputs)
     with shown(progress) as report:
         return solve(problem, report)
 
@@ -175,10 +167,7 @@ def solve(problem: Problem, progress: Progress = unreported) -> Design:
         status = result.status
         if not result.reasons:
             break
-        # Under ground motions the same earthquakes validate every design. A further design is validated only
-        # if the benefit of this one is sufficient. Otherwise several designs could be validated until the
-        # benefit of one of them is large by chance.
-        if problem.groups and not {reason.kind for reason in result.reasons} <= _OF_LIMITS:
+        if not {reason.kind for reason in result.reasons} <= problem.retries:
             break
         if result.decided is not None:
             # The validation runs are more accurate than the trial of this design, and also inform the trend
@@ -260,8 +249,7 @@ def front(
         )
     points = []
     for i, share in enumerate(shares):
-        if progress is not None:
-            progress("front", i, len(shares))
+        (progress or unreported)("front", i, len(shares))
         space = replace(design.space, mass_ratio=(low, float(share)))
         lighter = optimise(**design.again(space=space, **({} if method is None else {"method": method})))
         points.append(_point(float(share * block.mass), lighter))
@@ -349,11 +337,7 @@ def optimise_all(
     shared, n = (tuple(scenes), settings), len(scenes)
     with shown_count(progress, "searching") as report:
         if cluster is None:
-            parts = []
-            for i in range(n):
-                parts.append(_rows_of(np.array([i]), *shared))
-                report(i + 1, n)
-            columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+            columns = _rows_of(np.arange(n), *shared, report)
         else:
             # A search takes seconds. Each is a chunk of its own, so that a failure loses only one search.
             columns = cluster.map("designs", _rows_of, np.arange(n), shared, chunk=1, progress=report)
@@ -361,7 +345,9 @@ def optimise_all(
     return Designs(status=status, **columns)
 
 
-def _rows_of(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, Any]) -> dict[str, np.ndarray]:
+def _rows_of(
+    which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, Any], report: Count = unreported
+) -> dict[str, np.ndarray]:
     """Return the designs of some of the scenes as columns, with the status as an index into `_STATUSES`."""
     rows = []
     for i in map(int, which):
@@ -369,9 +355,10 @@ def _rows_of(which: np.ndarray, scenes: tuple[Any, ...], settings: dict[str, Any
             design = optimise(scenes[i], **settings)
         except ValueError as error:
             raise ValueError(f"`scenes[{i}]`: {error}") from None
-        names, values = ("mass", "length", "damping_ratio"), design.risks
+        row: dict[str, float] = dict(zip(("value", "value_without"), design.risks, strict=True))
         # Without a pendulum its sizes are NaN.
-        sizes = {name: float(getattr(design.pendulum, name, np.nan)) for name in names}
-        status = _STATUSES.index(design.status.name)
-        rows.append({"status": status, **sizes, "value": values[0], "value_without": values[1]})
+        for name in ("mass", "length", "damping_ratio"):
+            row[name] = float(getattr(design.pendulum, name, np.nan))
+        rows.append({"status": _STATUSES.index(design.status.name), **row})
+        report(len(rows), len(which))
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}

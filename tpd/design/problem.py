@@ -37,7 +37,7 @@ from tpd.design.criteria import (
 )
 from tpd.design.job import Job, job_of
 from tpd.design.job_keys import TABLES
-from tpd.design.reasons import DesignStatus
+from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.sizes import evaluate_sizes
 from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
@@ -48,6 +48,8 @@ from tpd.theory.no_uplift import AtRest
 MOST_MOTIONS = 24
 """Largest number of motions for which the loads on the pendulum are computed."""
 
+_USUAL: dict[str, Any] = {"space": DesignSpace(), "requirements": Requirements(), "seed": 0}
+"""Default inputs of all problems."""
 _SCATTERED = {
     "mass": "the bob's mass",
     "length": "the rod's length",
@@ -98,6 +100,16 @@ class Problem(ABC):
     """Seed of all random choices."""
     attempts: ClassVar[int]
     """Largest number of designs that are validated, each by runs of its own."""
+    settles: ClassVar[bool] = False
+    """Whether the motions settle, and have orbits, a response over frequency and dimensionless parameters."""
+    retries: ClassVar[frozenset[ReasonKind]] = frozenset(ReasonKind)
+    """Reasons against a design after which another design is validated."""
+    rounds: ClassVar[tuple[int, int]]
+    """Number of rounds of further trials after the candidates, and number of designs per round."""
+    evidence: ClassVar[DesignStatus] = DesignStatus.recommended
+    """Status of a design that passes the validation, as far as the excitation allows a verdict."""
+    has_validation_runs: ClassVar[bool] = True
+    """Whether some validation runs take no part in the decision and are reported instead."""
     groups: ClassVar[tuple[Any, ...]] = ()
     """Groups of ground motions; none under harmonic excitation."""
     levels: ClassVar[Mapping[str, np.ndarray]] = {}
@@ -169,13 +181,9 @@ class Problem(ABC):
             "space": vars(self.space),
             "risk": {"measure": measure, "share": risk.share if measure == "cvar" else None},
             "limits": limits,
+            "requirements": vars(self.requirements),
             "search": search | {"seed": self.seed},
         }
-
-    @property
-    @abstractmethod
-    def rounds(self) -> tuple[int, int]:
-        """Number of rounds of further trials after the candidates, and number of designs per round."""
 
     @property
     @abstractmethod
@@ -202,16 +210,6 @@ class Problem(ABC):
                 by_width.setdefault(width, []).append(_SCATTERED.get(name, name))
         listed = (f"{', '.join(names)} ±{100.0 * width:.2g} %" for width, names in sorted(by_width.items()))
         return "; ".join(listed) or "none"
-
-    @property
-    def has_validation_runs(self) -> bool:
-        """Whether some validation runs take no part in the decision and are reported instead."""
-        return True
-
-    @property
-    def evidence(self) -> DesignStatus:
-        """Status of a design that passes the validation, as far as the excitation allows a verdict."""
-        return DesignStatus.recommended
 
     @property
     def run_limits(self) -> tuple[Limit, ...]:
@@ -386,7 +384,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     return {key: list(x) if isinstance(x, tuple) else x for key, x in plain.items() if x is not None}
 
 
-def complete(scene: Scene, defaults: Mapping[str, Any], inputs: Mapping[str, Any]) -> dict[str, Any]:
+def complete(scene: Scene, defaults: dict[str, Any], inputs: Mapping[str, Any]) -> dict[str, Any]:
     """Return the inputs that all problems have, checked and with defaults in place of None and of missing
     inputs.
 
@@ -399,6 +397,7 @@ def complete(scene: Scene, defaults: Mapping[str, Any], inputs: Mapping[str, Any
     """
     # 32-bit numbers would give wrong results without an error, so check this first.
     checks.require_x64()
+    defaults = _USUAL | defaults
     if unknown := inputs.keys() - defaults.keys():
         raise TypeError(f"a problem has no input `{min(unknown)}`: its inputs are {', '.join(defaults)}")
     checked = {n: default if inputs.get(n) is None else inputs[n] for n, default in defaults.items()}

@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from tpd.answers.statistics import LEAST_EARTHQUAKES
 from tpd.core.formatting import compared, number, percent
 from tpd.design.criteria import LABELS
+from tpd.scene.ground_motion import LEAST_EARTHQUAKES
 
 
 class DesignStatus(enum.Enum):

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, cast
 
@@ -99,44 +99,41 @@ class SearchStatus(enum.Enum):
     infeasible = "found no design within the limits"
 
 
-_no_designs, _no_values = partial(np.zeros, (0, 3)), partial(np.zeros, 0)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Search:
     """History of the search, for later stages, reports and plots."""
 
-    screened: np.ndarray = field(default_factory=_no_designs)
+    screened: np.ndarray
     """Designs (mu, lam, zeta) that were evaluated before the descents, (m, 3)."""
-    screened_value: np.ndarray = field(default_factory=_no_values)
+    screened_value: np.ndarray
     """Risk of these designs plus the excess over limits, (m,)."""
-    screened_feasible: np.ndarray = field(default_factory=_no_values)
+    screened_feasible: np.ndarray
     """Whether these designs keep the limits, (m,)."""
-    paths: tuple[np.ndarray, ...] = ()
+    paths: tuple[np.ndarray, ...]
     """Designs along each descent, each (steps, 3)."""
-    passed: np.ndarray = field(default_factory=_no_designs)
+    passed: np.ndarray
     """Best designs of the paths that lie apart from each other and from the ends, best first, (k, 3)."""
-    ends: np.ndarray = field(default_factory=_no_designs)
+    ends: np.ndarray
     """Best design of each descent after the finish, (searches, 3)."""
-    end_values: np.ndarray = field(default_factory=_no_values)
+    end_values: np.ndarray
     """Risk of each end; infinite if a limit is broken or the exact solution contradicts the descent."""
-    order: np.ndarray = field(default_factory=partial(np.zeros, 0, int))
+    order: np.ndarray
     """Indices of all ends, best first."""
-    statuses: tuple[SearchStatus, ...] = ()
+    statuses: tuple[SearchStatus, ...]
     """How each descent ended."""
-    mismatch: np.ndarray = field(default_factory=partial(np.zeros, (0, 2)))
+    mismatch: np.ndarray
     """Largest relative differences of merits (mostly tilts) and of slopes between the model of the descent
     and the exact solution at its end, (searches, 2). Zero if the descent used exact orbits."""
-    stopped: np.ndarray = field(default_factory=_no_values)
+    stopped: np.ndarray
     """Number of orbits that the model could not follow along each descent, (searches,). The exact solution
     replaced them."""
-    evaluations: int = 0
+    evaluations: int
     """Number of designs that were evaluated, including the screening."""
-    descended: float = np.inf
+    descended: float
     """Smallest risk after the descents, plus the penalty of a broken limit."""
-    finished: float = np.inf
+    finished: float
     """Smallest risk after the finish, plus the penalty of a broken limit."""
-    description: str = ""
+    description: str
     """Words for the number of designs from which the search started."""
 
     @property
@@ -147,9 +144,7 @@ class Search:
 
     @property
     def message(self) -> str:
-        """Sentence on the descents and the finish; empty if there was no search."""
-        if not self.statuses:
-            return ""
+        """Sentence on the descents and the finish."""
         gained = self.descended - self.finished
         if not np.isfinite(self.descended) or gained <= 0.0:
             return f"The descents reach a risk of {self.descended:.4g}, and the finish does not improve it."
@@ -339,8 +334,9 @@ class Ends(NamedTuple):
         """Return the best designs after one more design (m, d) of each descent."""
         merit = merit_of(local, risk)
         better = merit < self.merit
-        parts = zip(local, self.local, strict=True)
-        local = Linearisation(*(np.where(_rows(better, new), new, old) for new, old in parts))
+        # The flags (m,) get further axes, because the slopes have more axes than the values.
+        flags = (better.reshape(-1, *(1,) * (part.ndim - 1)) for part in local)
+        local = Linearisation(*map(np.where, flags, local, self.local))
         x, merit = np.where(better[:, None], x, self.x), np.where(better, merit, self.merit)
         path = np.concatenate([self.path, x[None]]), np.concatenate([self.path_merit, merit[None]])
         return Ends(x, local, merit, *path)
@@ -429,11 +425,6 @@ def smoothed_merit(at: Linearisation, cap: float, width: float) -> tuple[np.ndar
 
 def _sigmoid(x: np.ndarray) -> np.ndarray:
     return 0.5 * (1.0 + np.tanh(0.5 * x))
-
-
-def _rows(chosen: np.ndarray, like: np.ndarray) -> np.ndarray:
-    """Reshape flags (m,) so that they broadcast with an array (m, ...)."""
-    return chosen.reshape(-1, *(1,) * (like.ndim - 1))
 
 
 class Finish(NamedTuple):

@@ -14,7 +14,7 @@ from typing import Any
 
 from tpd.core.files import path_of
 from tpd.core.formatting import Printed
-from tpd.design.job import Job, job_of
+from tpd.design.job import Job, job_of, naming
 from tpd.design.reasons import DesignStatus
 from tpd.scene.scene import Pendulum
 
@@ -121,10 +121,8 @@ def _pendulum(content: dict[str, Any]) -> Pendulum | None:
     values, names = _key(content, "pendulum", dict), [f.name for f in fields(Pendulum)]
     if set(values) != set(names):
         raise ValueError(f"`pendulum` must have {', '.join(names)}, but has {', '.join(values) or 'none'}")
-    try:
+    with naming("pendulum"):
         return Pendulum(**values)
-    except ValueError as error:
-        raise ValueError(f"[pendulum] {error}") from None
 
 
 def _status(content: dict[str, Any]) -> DesignStatus:

@@ -274,19 +274,13 @@ def _values_of(pendulum: Pendulum) -> dict[str, float]:
 
 def _controls(own: Mapping[str, float], ranges: Mapping[str, tuple[float, float]]) -> list[dict[str, Any]]:
     """Controls of the page: each with its name, label, unit, group, first value and range."""
-    return [
-        {
-            "name": name,
-            "label": _LABELS[name][0],
-            "unit": _LABELS[name][1],
-            "group": "pendulum" if name in _QUANTITIES else "excitation",
-            "value": value,
-            "low": ranges[name][0],
-            "high": ranges[name][1],
-            "log": name not in _LINEAR,
-        }
-        for name, value in own.items()
-    ]
+    controls = []
+    for name, value in own.items():
+        (label, unit), (low, high) = _LABELS[name], ranges[name]
+        group = "pendulum" if name in _QUANTITIES else "excitation"
+        texts = {"name": name, "label": label, "unit": unit, "group": group}
+        controls.append(texts | {"value": value, "low": low, "high": high, "log": name not in _LINEAR})
+    return controls
 
 
 def _stored_runs(problem: Problem, answer: Answer) -> Iterator[dict[str, Any]]:

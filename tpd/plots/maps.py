@@ -12,11 +12,11 @@ from matplotlib.patches import Patch
 from tpd.answers.design_map import DesignMap
 from tpd.answers.fragility import Curve, Fragility
 from tpd.answers.spectra import OVERTURNS, ROCKS, STANDS, UNDECIDED, OverturningSpectrum, RockingSpectrum
-from tpd.answers.statistics import LEAST_EARTHQUAKES
 from tpd.core import checks
 from tpd.formats.channel import STANDARD_GRAVITY
 from tpd.plots.style import CASES, GREY, INK, LABELS, LINES, edge, legend, new_axes, own_style
 from tpd.records.intensity import base_motion, significant_times, spectral_acceleration
+from tpd.scene.ground_motion import LEAST_EARTHQUAKES
 from tpd.scene.record import Record
 
 _MOVING = ("rocking", "sticking", "near_fold", "grazing")

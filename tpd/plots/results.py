@@ -94,7 +94,7 @@ def plot(
 def draw_design(design: Design, what: str = "landscape", ax: Any = None) -> Any:
     """Draw one picture of a design, see `plot`."""
     # Designs for ground motions have fewer pictures. The message of an error must list the right ones.
-    pictures = _OF_GROUND if design.conditions.motions else _OF_HARMONIC
+    pictures = _OF_HARMONIC if design.problem.settles else _OF_GROUND
     checks.one_of("what", what, tuple(pictures))
     return pictures[what](design, ax)
 

@@ -135,15 +135,16 @@ def new_axes(rows: int = 1, size: tuple[float, float] = (7.0, 4.6), columns: int
     return figure.subplots(rows, columns, sharex=rows > 1, sharey=columns > 1)
 
 
-def svg(figure: Any) -> bytes:
-    """Return the content of an SVG file of the figure. Equal figures have equal files."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return buffer.getvalue()
+def saved(picture: Any, kind: str = "png") -> bytes:
+    """Return the content of a file of a picture. Equal pictures have equal files.
 
-
-def png(figure: Any) -> bytes:
-    """Return the content of a PNG file of the figure."""
+    Args:
+        picture: axes, an array of axes of one figure, a figure, or the content itself.
+        kind: "png" or "svg".
+    """
+    if isinstance(picture, bytes):
+        return picture
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
+    metadata = {"Date": None} if kind == "svg" else None
+    np.ravel(picture)[0].figure.savefig(buffer, format=kind, metadata=metadata)
     return buffer.getvalue()

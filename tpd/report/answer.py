@@ -232,7 +232,7 @@ def _more(design: Design, directory: Path | None) -> Iterator[tuple[str, str]]:
     at = shlex.quote(str(directory))
     # Under ground motions the search itself used earthquakes, so these checks are offered for harmonic jobs
     # only.
-    if design.search is not None and design.pendulum is not None:
+    if design.problem.settles and design.pendulum is not None:
         records = f"earthquakes (run `tpd fragility {at} --records el-centro loma-prieta`)"
         yield "not checked", f"{records}; contact and sliding (run `tpd check {at} --engine mujoco`)"
     yield "report", f"{directory / 'report.html'}"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-from tpd.core.formatting import number
+from tpd.core.formatting import interval, number, percent
 from tpd.design.as_built import ARM, SAFETY, YIELD, Build, Details
 from tpd.design.design import Design
 from tpd.design.reasons import DesignStatus
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
-from tpd.report.words import COMPARISON, interval, percent, point
+from tpd.report.words import COMPARISON, kept, point
 
 _PULL = "pull-and-release test, above"
 _NAMES = {
@@ -154,8 +154,7 @@ def _reach(design: Design, build: Build) -> list[tuple[Cell, ...]]:
     """Return a row with the distance that the bob needs on each side; no row without runs that show it."""
     if not math.isfinite(build.reach):
         return []
-    share = percent(1.0 - design.problem.allowed)
-    text = f"the bob stays within this distance in {share} of the validation runs in which the block stands"
+    text = f"the bob stays within this distance in {kept(design)}"
     wall = f"; the wall is at {number(build.wall)} m" if math.isfinite(build.wall) else ""
     return [("bob, largest distance from the block's axis", f"{number(build.reach)} m", text + wall)]
 

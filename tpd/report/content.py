@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tpd.core import files
-from tpd.core.formatting import number
+from tpd.core.formatting import interval, number
 from tpd.design.as_built import Details
 from tpd.design.design import Design, FrontPoint
 from tpd.report import answer, construction, sections, words
@@ -123,10 +123,10 @@ def content(
 
 def names(design: Design, details: Details) -> tuple[str, ...]:
     """Return the names of the pictures for which the design and its details have data."""
-    is_harmonic = design.problem.without_pendulum is not None
+    settles = design.problem.settles
     has_data = {
         "benefit.svg": design.runs is not None,
-        "conditions.svg": is_harmonic and len(design.conditions) > 1 and design.conditions.axis is not None,
+        "conditions.svg": settles and len(design.conditions) > 1 and design.conditions.axis is not None,
         "search.png": design.trials is not None and design.trials.process is not None,
         "response.svg": bool(details.responses),
         "motion.svg": bool(details.histories),
@@ -146,7 +146,7 @@ def _front(points: Sequence[FrontPoint], design: Design) -> Table:
             rows.append((f"{number(p.most)} kg", p.status.replace("_", " "), None))
             continue
         size = f"{words.point(p.pendulum)}, ζ = {number(float(p.pendulum.damping_ratio))}"
-        benefit = None if math.isnan(p.benefit[0]) else words.interval(*p.benefit)
+        benefit = None if math.isnan(p.benefit[0]) else interval(*p.benefit)
         rows.append((f"{number(p.most)} kg", size, benefit))
     own = "The last row is this report's design."
     if points[-1].pendulum != design.pendulum:
@@ -170,7 +170,7 @@ def _assumptions(design: Design) -> list[str]:
     ]
     limits = "; ".join(map(words.limit, problem.limits)) or "none"
     # Ground motions are described by their conditions, a harmonic motion by its formula.
-    if design.conditions.motions:
+    if not problem.settles:
         text.append(f"Excitation from rest: {'; '.join(design.conditions.description)}.")
     else:
         more = "" if len(design.conditions) == 1 else ", with the changes of the conditions"

@@ -150,7 +150,7 @@ def draw(name: str, design: Design, details: Details) -> bytes:
     """
     # Matplotlib loads slowly. The text is written before, without it.
     from tpd.plots import animation, compare, drawing, landscape, response
-    from tpd.plots.style import png, svg
+    from tpd.plots.style import saved
 
     scene, histories, limit = design.scene, details.histories, design.stroke_limit
     drawings: dict[str, Callable[[], Any]] = {
@@ -164,12 +164,7 @@ def draw(name: str, design: Design, details: Details) -> bytes:
         "animation.gif": lambda: animation.animate(scene, design.pendulum, histories),
     }
     checks.one_of("name", name, names(design, details))
-    axes = drawings[name]()
-    if isinstance(axes, bytes):
-        return axes
-    # A plot function returns one axes object, or an array of several in one figure.
-    figure = (axes if hasattr(axes, "figure") else axes[0]).figure
-    return svg(figure) if name.endswith("svg") else png(figure)
+    return saved(drawings[name](), name.rpartition(".")[2])
 
 
 def response_csv(responses: Sequence[Response]) -> str:

@@ -36,18 +36,14 @@ def as_json(
     """Return a design as JSON with sorted keys. Infinite and unknown numbers are strings."""
     pendulum, gravity, problem = design.pendulum, float(design.scene.gravity), design.problem
     # Under ground motions the dimensionless frequency and amplitude of a harmonic do not exist.
-    p = design.scene.parameters(pendulum) if design.problem.without_pendulum is not None else None
+    p = design.scene.parameters(pendulum) if problem.settles else None
     # A limit with one field is written as the value of this field, and a limit without fields as true. A
     # limit that the user defined may have several fields.
     fields_of = {limit.name: vars(limit) for limit in problem.limits}
     limits = {n: next(iter(x.values())) if len(x) == 1 else x or True for n, x in fields_of.items()}
     # The measure that was decided is known only after the validation, if the job leaves the choice to the
     # program.
-    measure = (
-        problem.requirements.measure
-        if design.best is None
-        else design.best.measure or problem.requirements.measure
-    )
+    measure = (design.best and design.best.measure) or problem.requirements.measure
     entries = {
         "version": VERSION,
         "status": design.status.name,

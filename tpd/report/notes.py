@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -59,21 +60,16 @@ def _runs(design: Design) -> Iterator[Note]:
     if design.pendulum is not None:
         # A job can allow wall contact in any share of the runs. This note compares with the usual share, so
         # that the reader learns of frequent wall contact even if the job allows it.
-        if limit_of(design.problem.limits, Clearance) is not None and best.over_limit > max(
-            Requirements().allowed, 0.0 if runs.cluster is None else Requirements().broken
-        ):
+        usual = replace(design.problem, requirements=Requirements()).allowed
+        if limit_of(design.problem.limits, Clearance) is not None and best.over_limit > usual:
             share = percent(best.over_limit, 1)
             yield danger(f"A limit is exceeded in {share} of the runs in which the block stands.")
         required = design.problem.requirements.at_least
-        if (
-            best.quoted is not None
-            and best.decided is not None
-            and (runs.reduction(best.measure)[0].mean < required)
-        ):
+        if best.quoted and best.decided and runs.reduction(best.measure)[0].mean < required:
             # Runs that took no part in the decision, and estimates that allow for it, can miss the
             # requirement by chance although the decision was right.
             quoted = "independent runs, which show less"
-            if best.quoted.passed is not None:
+            if runs.passed is not None:
                 quoted = "the smaller estimate that allows for this choice"
             yield note(
                 f"In the runs that were used to choose the pendulum, {reduced(best.decided, best.measure)}. "

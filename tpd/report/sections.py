@@ -184,10 +184,7 @@ def limiting(design: Design) -> list[Block]:
     )
     usage = ", ".join(f"{LABELS.get(n, n)} {words.percent(x)}" for n, x in words.usage(design).items())
     if usage:
-        share = (
-            f"{words.percent(1.0 - design.problem.allowed)} of the validation runs in which the block stands"
-        )
-        text += f" Share of each limit that the best design uses in {share}: {usage}."
+        text += f" Share of each limit that the best design uses in {words.kept(design)}: {usage}."
     return [Text(text), Table(head, tuple(rows[:_MOST]), caption)]
 
 
@@ -204,7 +201,7 @@ def _row(design: Design, name: str, i: int | None) -> tuple[Cell, ...]:
 def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
     """Return the exact settled motion under each condition; an empty list under ground motions."""
     without, best, n = design.problem.without_pendulum, design.best, len(design.conditions)
-    if without is None:
+    if not design.problem.settles:
         return []
     pendulum = None if best is None else best.exact
     risk = design.problem.risk.name
@@ -213,7 +210,10 @@ def settled(design: Design, figure: Sequence[Block]) -> list[Block]:
         rows.append((f"{risk} tilt with pendulum", words.risk(design, pendulum.value)))
     if design.pendulum is not None:
         rows.append(("largest bob angle", words.angle(design.swing)))
-    caption = f"{words.source_of_tilts(design)}. Linear equations."
+    source = "Tilts: largest attracting symmetric orbit, over all initial states"
+    if design.problem.rest_counts:
+        source = "Tilts: zero where the block can rest, else those of the largest attracting symmetric orbit"
+    caption = f"{source}. Linear equations."
     out: list[Block] = [Table(("", "value"), tuple(rows), caption), *figure]
     # A table with one condition would repeat the table above.
     if n == 1:
@@ -251,7 +251,7 @@ def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
     text = f"Trial runs of the linear equations evaluated {len(trials.designs)} designs."
     if unanswered := int(trials.undecided.sum()):
         text += f" {unanswered} runs without an answer are left out."
-    if search is not None and search.statuses:
+    if search is not None:
         # Descents with the same outcome are counted.
         ends = "; ".join(f"{n} {what}" for what, n in Counter(s.value for s in search.statuses).items())
         text += (
@@ -272,11 +272,7 @@ def searched(design: Design, figure: Sequence[Block]) -> list[Block]:
 def rejected(design: Design) -> list[Block]:
     """Return a table of the designs that did not pass the validation, with the reasons."""
     rows = tuple(
-        (
-            *map(float, v.design),
-            None if v.runs is None else v.runs.benefit_in_words,
-            "; ".join(v.refusals),
-        )
+        (*map(float, v.design), v.runs and v.runs.benefit_in_words, "; ".join(v.refusals))
         for v in design.validated
         if v.reasons
     )

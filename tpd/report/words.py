@@ -44,21 +44,9 @@ def angle(x: float) -> str:
     return f"{number(x)} rad ({number(math.degrees(x), 3)}°)"
 
 
-def interval(value: float, low: float, high: float, digits: int = 0) -> str:
-    """Format a share with the ends of its interval in per cent, such as "25 % (22 to 28 %)".
-
-    The interval is left out if it is unknown.
-    """
-    if not math.isfinite(low):
-        return percent(value, digits)
-    return f"{percent(value, digits)} ({percent(low, digits)[:-2]} to {percent(high, digits)})"
-
-
-def source_of_tilts(design: Design) -> str:
-    """Return a sentence that says which motion the settled tilts of the search describe."""
-    if design.problem.rest_counts:
-        return "Tilts: zero where the block can rest, else those of the largest attracting symmetric orbit"
-    return "Tilts: largest attracting symmetric orbit, over all initial states"
+def kept(design: Design) -> str:
+    """Return words for the share of the validation runs that must keep all limits."""
+    return f"{percent(1.0 - design.problem.allowed)} of the validation runs in which the block stands"
 
 
 def finite_max(values: np.ndarray) -> float:
@@ -280,7 +268,7 @@ def block_of(scene: Scene) -> str:
 def excitation(design: Design) -> str:
     """Describe the excitation of a design in one sentence."""
     scene = design.scene
-    if design.conditions.motions:
+    if not design.problem.settles:
         listed = ", ".join(f"{name}: {len(motions)}" for name, motions in groups(design).items())
         return f"ground motions from rest ({listed})"
     return f"{_motion(scene)}, largest acceleration {number(float(scene.peak), 3)} g"

@@ -20,6 +20,9 @@ from tpd.scene.earthquakes import is_one
 
 LONGEST_FREE = 1e5
 """Longest free motion (s) that is simulated after a ground motion."""
+LEAST_EARTHQUAKES = 5
+"""Smallest number of earthquakes from which statements about other earthquakes are made. With fewer, the
+variation between earthquakes cannot be estimated."""
 
 GREATEST_PULSE = 1e4
 """Largest acceleration of a pulse, m/s^2."""
