@@ -29,8 +29,8 @@ from tests.measures import (
 from tests.test_english import messages
 
 LAYERS = (
-    "formats",
     "core",
+    "formats",
     "cluster",
     "scene",
     "records",

@@ -72,7 +72,7 @@ def _sizes_of(functions: tuple[Limit | Objective, ...], bob: Bob, slopes: bool) 
 
     def with_slopes(motion: Motion, design: Ratios, numbers: Any, moves: Motion) -> Any:
         def along(move: Motion, axis: Any) -> Any:
-            return jax.jvp(lambda *x: sizes(*x, numbers), (motion, design), (move, Ratios(*axis)))
+            return jax.jvp(lambda m, d: sizes(m, d, numbers), (motion, design), (move, Ratios(*axis)))
 
         return jax.vmap(along, in_axes=-1, out_axes=(None, -1))(moves, jnp.eye(3))
 
