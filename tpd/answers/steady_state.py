@@ -487,6 +487,7 @@ def _sizes_of(p: Any, reached: Settled, orbit: Orbit, status: Any, multiplier: A
     last = jnp.where(status == code_of(Status.failed), unknown, jnp.stack([reached.amplitude, reached.swing]))
     sizes, slopes = implicit(orbit)
     last = jnp.where(is_one_of(status, *NOT_ATTRACTING), orbit.sizes, last)
+    last = jnp.where(status == code_of(Status.overturned), jnp.full(2, jnp.inf), last)
     sizes, slopes = jnp.where(isolated, sizes, last), jnp.where(isolated, slopes, jnp.nan)
     bob_rests = rests & (sizes[1] == 0.0)
     # The amplitude of a block at rest is zero for all neighbouring parameters, so that its slopes are zero.
