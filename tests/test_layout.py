@@ -46,22 +46,24 @@ LAYERS = (
     "cli",
 )
 LAST = {
-    "code lines": 19_396,
-    "modules": 172,
+    "code lines": 19_700,
+    "modules": 173,
     # Modules that are loaded by name count.
-    "modules that the main job may import": 126,
-    "code lines of these": 16_643,
+    "modules that the main job may import": 127,
+    "code lines of these": 16_977,
     "floors, all imports counted": 22,
     "functions of ten or more arguments": 0,
-    "functions of eight lines or fewer, called once": 42,
-    "columns by number in compiled code": 105,
+    "functions of eight lines or fewer, called once": 41,
+    "columns by number in compiled code": 99,
     "imports by string": 0,
-    COMMENTS: 10.2,
+    COMMENTS: 10.4,
 }
 """Measures of the last version. Store a better value when a measure improves, and never a worse one.
 
 There were exceptions: the page of `tpd explore` added 341 code lines and 5 modules, and complete sentences
-with the names of the glossary added 125 lines."""
+with the names of the glossary added 125 lines. A round of corrections added 304 lines and one module: readers
+of records that reject headers, derivatives in the samples of a record, intervals that allow for the decision,
+files of earlier results, and limits that JAX differentiates."""
 
 
 def folder(module: str) -> str:

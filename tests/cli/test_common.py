@@ -224,21 +224,12 @@ response BOB --points 9 --points=10 | argument --points: it is given 2 times
 shake SIZE --pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 1 --phase 90 | 6.28319 rad, but is 90
 shake SIZE PULSE | [motion] `pga`, the peak acceleration of the pulse in g, is missing (--pga G)
 assess SIZE PULSE --scales 2 | [motion] `pga`, the peak acceleration of the pulse in g, is missing (--pga G)
-<<<<<<< HEAD
 record '' | the name of a record must not be empty, but is ''
 fragility SIZE --records el-centro '' | the name of a record must not be empty, but is ''
 optimise --scene '' | argument --scene: the name of a file is empty or has control characters: ''
 map BOB X --y lam 0.1 1 --out '' | argument --out: the name of a file is empty or has control characters: ''
 export --as mjcf --out '' | argument --out: the name of a file is empty or has control characters: ''
 assess SIZE --scales 1 --records '' | the name of a record must not be empty, but is ''
-=======
-record '' | the name of a record must not be empty
-fragility SIZE --records el-centro '' | the name of a record must not be empty
-optimise --scene '' | argument --scene: the name of a file is empty or has control characters: ''
-map BOB X --y lam 0.1 1 --out '' | argument --out: the name of a file is empty or has control characters: ''
-export --as mjcf --out '' | argument --out: the name of a file is empty or has control characters: ''
-job motion.records = ['']; motion.scales = [1] | the name of a record must not be empty
->>>>>>> p-a
 job motion.records = ["C:\Users\a.AT2"] | write a path with backslashes in single quotes
 job motion.records = ["C:\temp\new.AT2"] | write a path with backslashes in single quotes
 fragility SIZE --records el-centro --intensity sa | a spectral acceleration, needs `period` (--period S)
