@@ -287,8 +287,8 @@ def _read_count(header: _Header, rows: list[_Row], used: Sequence[int]) -> list[
         statement = f"the number of samples ({total} samples in {len(rest)} rows) with the step in s"
         # The next line may be a step in another unit, or a sample.
         remedy = {} if values[0] in (len(rest) - 1, total - 1) else {"skip": line}
-        wrong = f"line {line} has {shown(' '.join(cells))}, which is neither a row like the others"
-        raise UnreadableRecord(f"{wrong} nor {statement}", **remedy)
+        neither = f"which is neither a row like the others nor {statement}"
+        raise UnreadableRecord(f"line {line} has {shown(' '.join(cells))}, {neither}", **remedy)
     return rows
 
 
