@@ -161,8 +161,8 @@ class Cluster(contextlib.AbstractContextManager["Cluster"]):
         try:
             client.wait_for_workers(1, timeout=_WAIT)
         except TimeoutError:
-            wrong = f"the cluster has had no worker for {_WAIT:.0f} s"
-            raise ClusterError(f"{wrong}: start one by `dask worker`") from None
+            wait = f"{_WAIT:.0f} s: start one by `dask worker`"
+            raise ClusterError(f"the cluster has had no worker for {wait}") from None
         # `pure=False` makes each submission a new one. Otherwise Dask would return the failure of an earlier
         # submission. The shared arguments are the result of a submission as well, so that Dask computes them
         # again if their worker is lost.
@@ -234,8 +234,8 @@ def _compute(version: str, common: bytes, part: bytes) -> tuple[int, Results]:
     from distributed.protocol import pickle
 
     if environment_fingerprint() != version:
-        wrong = "a worker of the cluster has another version of Python, tpd or its packages"
-        raise ClusterError(f"{wrong}: install the same")
+        what = "Python, tpd or its packages: install the same"
+        raise ClusterError(f"a worker of the cluster has another version of {what}")
     # This must precede the next line: otherwise JAX would convert arrays to 32 bits when they are unpickled.
     process.use_64_bits()
     (task, shared), (number, own) = pickle.loads(common), pickle.loads(part)

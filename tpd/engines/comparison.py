@@ -131,9 +131,9 @@ class EngineVerdict(Printed):
         # A disagreement is the more serious warning, so that it comes first.
         if self.disagrees:
             word = "harms" if self.benefit < 0.0 else "helps"
-            found = f"in {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of toppling)"
+            effect = f"in {self.engine} the pendulum {word} (mean tilt {-self.benefit:+.3f} of toppling)"
             expected = f"The equations (4) predict the opposite ({-self.expected_benefit:+.3f})"
-            return f"DANGER: {found}. {expected}."
+            return f"DANGER: {effect}. {expected}."
         if self.step_matters:
             return f"DANGER: whether the pendulum helps in {self.engine} depends on its time step."
         return ""

@@ -213,8 +213,8 @@ def _of_bytes(data: bytes, how: Options) -> list[Channel]:
     for is_format, reader in _FORMATS:
         if is_format(cursor.lines):
             if how.columns is not None or how.skip:
-                wrong = "`columns` and `skip` are allowed only for tables, but the file is in the format of"
-                raise UnreadableRecord(f"{wrong} {reader.__module__.rpartition('.')[2].upper()}")
+                own = f"the file is in the format of {reader.__module__.rpartition('.')[2].upper()}"
+                raise UnreadableRecord(f"`columns` and `skip` are allowed only for tables, but {own}")
             return reader(cursor, how.unit)
     return read_table(cursor, how)
 
@@ -266,8 +266,8 @@ def _channel(trace: Any, unit: str | None) -> Channel:
     if content := next(filter(None, contents), ""):
         raise NoAcceleration(f"{trace.id} contains no acceleration: its header states {content}", content)
     if (factor := getattr(stats, "calib", 1.0)) != 1.0:
-        wrong = f"the header of {trace.id} states the factor {factor:g}, which may be missing in the samples"
-        raise UnreadableRecord(f"{wrong}: apply it with ObsPy and {_SAVE}")
+        meaning = f"which may be missing in the samples: apply it with ObsPy and {_SAVE}"
+        raise UnreadableRecord(f"the header of {trace.id} states the factor {factor:g}, {meaning}")
     values = np.array(samples, dtype=float)
     if not np.isfinite(values).all():
         raise UnreadableRecord(f"{trace.id} contains numbers that are not finite")

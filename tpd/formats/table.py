@@ -248,8 +248,8 @@ def _rows(
     first, (line, text) = printed[0][0], printed[-1]
     # One comma in every row separates two columns only if there are several.
     if not is_table and "," in text and all(_DECIMAL.fullmatch(x) for _, x in printed):
-        wrong = f"line {line} has {shown(text)}, which may be one number with a decimal comma"
-        raise UnreadableRecord(f"{wrong}: write the numbers with decimal points")
+        meaning = "one number with a decimal comma: write the numbers with decimal points"
+        raise UnreadableRecord(f"line {line} has {shown(text)}, which may be {meaning}")
     no_thousands("\n".join(cursor.lines[first - 1 :]), split)
     lines = [(i, split(line)) for i, line in enumerate(cursor.lines[first - 1 :], first)]
     while not lines[-1][1]:
@@ -284,11 +284,11 @@ def _read_count(header: _Header, rows: list[_Row], used: Sequence[int]) -> list[
     decimals = sum("." in row[0] for _, row in rest)
     odd = len(cells) == 1 and values[0] and "." not in cells[0] and 2 * decimals > len(rest)
     if wide or odd:
-        wrong = f"line {line} has {shown(' '.join(cells))}, which is neither a row like the others nor"
         statement = f"the number of samples ({total} samples in {len(rest)} rows) with the step in s"
         # The next line may be a step in another unit, or a sample.
         remedy = {} if values[0] in (len(rest) - 1, total - 1) else {"skip": line}
-        raise UnreadableRecord(f"{wrong} {statement}", **remedy)
+        neither = f"which is neither a row like the others nor {statement}"
+        raise UnreadableRecord(f"line {line} has {shown(' '.join(cells))}, {neither}", **remedy)
     return rows
 
 
