@@ -115,8 +115,7 @@ def test_too_few_earthquakes_are_said_first():
     assert said.startswith(
         "TOO FEW EARTHQUAKES to validate a pendulum: the search and the validation need at least 5"
     )
-    # The bob touches the walls as well, which is a danger.
-    assert flat(answer(ground())).startswith("DANGER: TOO FEW EARTHQUAKES")
+    assert flat(answer(ground())).startswith("TOO FEW EARTHQUAKES")
 
 
 @pytest.mark.mends("the block exceeds a limit in 10.0 % of the runs, at most 10 % allowed")

@@ -268,7 +268,8 @@ class PairedRuns(Printed):
             low: smallest lower end of its interval. The reduction must also be significant.
         """
         gain, significant = self.reduction(measure)
-        return min(gain.mean - least, gain.low - low) if significant else -np.inf
+        # NumPy's minimum is NaN if one of the numbers is NaN.
+        return float(np.minimum(gain.mean - least, gain.low - low)) if significant else -np.inf
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
@@ -388,7 +389,7 @@ class PairedRuns(Printed):
             return "benefit unknown"
         # A negative benefit is an increase, which the text calls "more tilt".
         less, size, around = self.benefit.fall_in_words()
-        if self.passed is not None:
+        if self.passed is not None and around:
             allows = "95 % interval, which allows for the decision by the same runs"
             return f"{ends(self.benefit.low, self.benefit.high)} less tilt ({allows})"
         return f"{size} {'less' if less else 'more'} tilt{around}"

@@ -138,8 +138,8 @@ def _near(p: Parameters, y0: ArrayLike, periods: ArrayLike, events: int, rest_ra
     settings = LINEAR.settings("ORBIT", periods=periods, events=events, rest_rate=rest_rate)
     inputs = [v if checks.is_concrete(v) else stop_gradient(v) for v in (x, y0, periods)]
     # Known numbers need no JAX program. Inside `jax.grad` outside of a program they are known, too.
-    known = all(map(checks.is_concrete, inputs))
-    call, row = (LINEAR.on_host, settings) if known else (LINEAR, packed(map(stop_gradient, settings)))
+    is_plain = all(map(checks.is_concrete, inputs))
+    call, row = (LINEAR.on_host, settings) if is_plain else (LINEAR, packed(map(stop_gradient, settings)))
     (record,) = call((shape(numbers_in(entry.STEADY)),), row, *inputs[:2])
     fields = parts(record, entry.STEADY)
     # Slopes are real numbers, so that complex numbers are divided into their two parts.

@@ -105,7 +105,7 @@ def conditional_interval(
 
     The standard errors are those that the usual intervals imply for a normal distribution. As in the hybrid
     intervals of I. Andrews, T. Kitagawa and A. McCloskey (Q. J. Econ. 139, 2024), a very wide usual interval
-    bounds the lower end.
+    bounds the lower end. The upper end is at least the mean of the sample.
 
     Args:
         of: mean with its usual interval.
@@ -129,7 +129,8 @@ def conditional_interval(
     distance = (of.mean - truths) / width * quantile
     chance = np.exp(log_ndtr(-distance) - log_ndtr(passed - distance))
     low, mean, high = np.interp((0.5 * (1.0 - _LEVEL), 0.5, 0.5 * (1.0 + _LEVEL)), chance, truths)
-    return Interval(float(mean), float(low), float(high))
+    # Very close to the threshold the upper end would fall to the bound of the lower end.
+    return Interval(float(mean), float(low), max(float(high), of.mean))
 
 
 def unseen(n: int) -> float:

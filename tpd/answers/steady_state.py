@@ -322,9 +322,9 @@ def _steady_state(p: Parameters, model: AbstractModel, y0: State) -> Steady:
     is_concrete, *fixed = all(map(checks.is_concrete, (*values, y0))), *map(_without_tangent, values)
     start = _without_tangent(y0)
     # Compiled code needs no JAX program if all its inputs are known numbers.
-    known = all(map(checks.is_concrete, (*fixed, start)))
-    x: Any = np.array(fixed, dtype=float) if known else packed(fixed)
-    start = start if known else jnp.asarray(start, float)
+    is_plain = all(map(checks.is_concrete, (*fixed, start)))
+    x: Any = np.array(fixed, dtype=float) if is_plain else packed(fixed)
+    start = start if is_plain else jnp.asarray(start, float)
     if isinstance(model, AbstractCompiled):
         answer, slopes = _answer(solve(model.equations, x, start, model.limits))
     else:

@@ -109,7 +109,7 @@ def _check_by_models(
         share, most = compared(validation.over_limit, problem.allowed, 1, words.percent)
         sentences += [
             f"{runs.description}: {words.reduction(runs, validation.measure)}.",
-            f"The pendulum exceeds a limit in {share} of the runs in which the block does not overturn "
+            f"The pendulum exceeds a limit in {share} of the runs in which the block stands "
             f"(allowed: at most {most}).",
         ]
         if runs.undecided:

@@ -158,8 +158,10 @@ def _remove(paths: Iterable[Path]) -> None:
 def _listed(folder: Path) -> dict[str, list[str]]:
     """Return the listed files of a folder: main file of the result and checksum of the file, by name."""
     try:
-        return json.loads((folder / _LIST).read_bytes())
-    except (OSError, ValueError):
+        listed = json.loads((folder / _LIST).read_bytes())
+        return {name: [str(of), str(digest)] for name, (of, digest) in listed.items()}
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+        # Without a list that can be read, all files in the folder are foreign.
         return {}
 
 
@@ -167,7 +169,8 @@ class Results:
     """Files of one result in a folder. They replace those of an earlier result of the same kind.
 
     Files of the earlier result are removed first if they are as they were written. Files that were changed,
-    files of other results, and files of other programs remain, and `remaining` names them.
+    files of other results, and files of other programs remain unless the new result has a file of that name.
+    `remaining` names them.
     """
 
     def __init__(self, folder: Path, main: str) -> None:

@@ -164,9 +164,10 @@ class Assessment(Printed):
         if self.runs is None or self.stated is None:
             return needless(self.problem)
         problem, is_ground = self.problem, not self.problem.settles
-        scatter = f"with scatter ({problem.scatter_in_words(without_pendulum=True)})"
+        scatter = f"scatter ({problem.scatter_in_words(without_pendulum=True)})"
         # Runs under a harmonic also have other initial states, and a gradual growth of the excitation.
-        varied = f"{'Runs from rest' if is_ground else 'Validation runs from any initial state'} {scatter}"
+        begin = "from rest with" if is_ground else "with random initial states and"
+        varied = f"{'Runs' if is_ground else 'Validation runs'} {begin} {scatter}"
         lines, levels = list[str](), {f" at {name}": rows for name, rows in problem.levels.items()}
         for name, runs in (("Stated block from rest", self.stated), (varied, self.runs)):
             # The conditions of a harmonic are no sample, so that their share has no interval.
@@ -190,7 +191,10 @@ class Assessment(Printed):
 
 def _outcome(runs: Runs, is_sample: bool) -> str:
     """Return a clause on whether a block without a pendulum overturns, rocks or stays on its base."""
-    share, count = runs.share_overturned, int(np.sum(~runs.is_unanswered))
+    answered = ~runs.is_unanswered
+    share, count = runs.share_overturned, int(np.sum(answered))
+    if not count:
+        return "no run has a result"
     every = "the only run" if count == 1 else f"any of {count} runs"
     if share.value > 0.0:
         of = every if count == 1 else f"{percent(share.value, 1)} of {count} runs"
@@ -199,9 +203,9 @@ def _outcome(runs: Runs, is_sample: bool) -> str:
         around = f" (95 % interval{over} {ends(share.low, share.high)})" if is_sample and count > 1 else ""
         return f"OVERTURNS in {of}{around}"
     if not runs.is_lifted.any():
-        return f"STAYS ON ITS BASE in {every}" if count else "no run has a result"
+        return f"STAYS ON ITS BASE in {every}"
     # The runs are nonlinear: the toppling angle is that of the geometry.
-    tilt = percent(float(np.nanmax(runs.settled_tilt / np.arctan(runs.nu))))
+    tilt = percent(float(np.max(runs.tilt[answered] / np.arctan(runs.nu[answered]))))
     most = "" if count == 1 else "at most "
     return f"ROCKS, AND DOES NOT OVERTURN in {every}: its tilt is {most}{tilt} of the toppling angle"
 

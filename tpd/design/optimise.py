@@ -2,7 +2,8 @@
 
 *Search* yields candidates: under harmonic excitation by descents on smoothed orbits, under ground motions by
 a sample of the design space. *Refine* evaluates the candidates and further designs by trial runs. *Validate*
-decides by paired runs that no other stage has used.
+decides by paired runs that no other stage has used. Under ground motions the same earthquakes validate every
+design.
 
 `front` solves a problem again with lighter bobs, and `optimise_all` finds pendulums for many blocks.
 """

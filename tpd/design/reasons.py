@@ -141,6 +141,11 @@ class Reason:
     def shortfall(self) -> float:
         """Amount by which the requirement is missed, as a share of the runs, of the tilt or of the limit."""
         match self.kind:
+            case ReasonKind.breaks_limit | ReasonKind.touches_wall | ReasonKind.slides if math.isnan(
+                self.value
+            ):
+                # A quantity that is not known is no limit that is kept.
+                return math.inf
             case ReasonKind.overturns_more:
                 return abs(self.value - self.reference) / max(self.total, 1)
             case ReasonKind.rests_less:
@@ -182,7 +187,9 @@ class Reason:
         return self.kind.value.format(
             **vars(self) | self._numbers | {"limit": LABELS.get(self.limit, self.limit)},
             of=f" ({self.condition})" if self.condition else "",
-            others=f", and higher under {self.total - 1} other conditions" if self.total > 1 else "",
+            others=f", and higher under {self.total - 1} other condition{'s' if self.total > 2 else ''}"
+            if self.total > 1
+            else "",
         )
 
 

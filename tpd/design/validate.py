@@ -165,7 +165,9 @@ def _sliding(problem: Problem, design: np.ndarray) -> list[Reason]:
     if friction is None:
         return []
     needed = needed_friction(problem.scene, problem.stated_motions, pendulum)
-    return [Reason(kind=ReasonKind.slides, value=needed, reference=friction)] if needed > friction else []
+    return (
+        [Reason(kind=ReasonKind.slides, value=needed, reference=friction)] if not needed <= friction else []
+    )
 
 
 def _by_runs(

@@ -59,7 +59,7 @@ def read_motions(
     """
     # One name applies to all records. Otherwise every entry of `names` needs its own.
     if events is not None and len(events) not in (1, len(names)):
-        allowed = f"one name, or one for each of the {len(names)} of `records`"
+        allowed = f"one name, or one for each of the {len(names)} `records`"
         raise ValueError(f"`event` must have {allowed}, but has {len(events)}")
     # Records with the earthquake of each, and with the folder that is assumed to be one earthquake.
     read: list[tuple[Record, str, str]] = []
@@ -136,7 +136,7 @@ def read_motions(
     sizes = [(record.source or record.name, facts(record)["pga_g"]) for record, _, _ in unique]
     if odd := [f"{name} ({number(x)} g)" for name, x in sizes if not _USUAL[0] <= x <= _USUAL[1]]:
         usual = f"usual are {_USUAL[0]:g} to {_USUAL[1]:g} g"
-        wrong = f"the PGA is implausible ({usual}), check the unit and the samples: {'; '.join(odd)}"
+        wrong = f"the PGA is implausible ({usual}). Check the unit and the samples: {'; '.join(odd)}"
         messages.append(f"warning: {wrong}")
     return motions, messages + _unknown(motions) + same_earthquakes(motions)
 

@@ -168,7 +168,9 @@ def _assumptions(design: Design) -> list[str]:
         "The bob is a point mass on a massless rod. The hinge is in the middle of the top and has a viscous "
         "damper.",
     ]
-    limits = "; ".join(map(words.limit, problem.limits)) or "none"
+    limits = "; ".join(map(words.limit, problem.run_limits)) or "none"
+    orbits = "; ".join(words.limit(limit) for limit in problem.limits if not limit.of_motion)
+    of_orbits = f" Limits on the settled motion under each condition: {orbits}." if orbits else ""
     # Ground motions are described by their conditions, a harmonic motion by its formula.
     if not problem.settles:
         text.append(f"Excitation from rest: {'; '.join(design.conditions.description)}.")
@@ -186,7 +188,7 @@ def _assumptions(design: Design) -> list[str]:
         f"Scatter of the validation runs: {problem.scatter_in_words()}. Each is uniformly distributed and "
         "the same with and without the pendulum.",
         f"Limits, which all but {words.percent(problem.allowed)} of the runs in which the block stands must "
-        f"keep: {limits}.",
+        f"keep: {limits}.{of_orbits}",
     ]
 
 

@@ -161,11 +161,11 @@ def limiting(design: Design) -> list[Block]:
     trials = design.trials
     if trials is None:
         return []
-    # A ratio above 1 exceeds the limit.
-    counts = {n: int(np.sum(x > 1.0)) for n, x in zip(trials.names, trials.sizes.T, strict=True)}
+    # A ratio above 1 exceeds the limit, and an unknown one does not keep it.
+    counts = {n: int(np.sum(~(x <= 1.0))) for n, x in zip(trials.names, trials.sizes.T, strict=True)}
     over = ", ".join(f"{LABELS.get(name, name)} {n}" for name, n in counts.items() if n)
     text = f"{int(trials.feasible.sum())} of {len(trials.designs)} designs with trial runs keep all limits."
-    text += f" Number of designs that exceed each limit: {over}." if over else ""
+    text += f" Number of designs that exceed each limit, or for which it is unknown: {over}." if over else ""
     # `best_without` ignores the limits that are its arguments.
     best = trials.best_without()
     rows = [_row(design, "all limits", best)]
@@ -183,8 +183,9 @@ def limiting(design: Design) -> list[Block]:
         f"{gain} Without a pendulum the mean tilt is {words.percent(trials.without_pendulum, 1)}."
     )
     usage = ", ".join(f"{LABELS.get(n, n)} {words.percent(x)}" for n, x in words.usage(design).items())
+    which = "recommended pendulum" if design.pendulum else "nearest design"
     if usage:
-        text += f" Share of each limit that the best design uses in {words.kept(design)}: {usage}."
+        text += f" Share of each limit that the {which} uses in {words.kept(design)}: {usage}."
     return [Text(text), Table(head, tuple(rows[:_MOST]), caption)]
 
 
