@@ -137,6 +137,7 @@ def test_an_interval_that_allows_for_the_decision_contains_the_truth_of_samples_
     means = means[means > least][:600]
     found = [conditional_interval(of, of, of.mean - least) for of in (usual(m, error) for m in means)]
     covered = np.mean([of.low <= truth <= of.high for of in found])
+    # The upper end is at least the mean of the sample, which covers a little more close to the threshold.
     assert 0.92 < covered < 0.99
     # The estimate is too large as often as too small; the mean of those that pass is too large.
     assert 0.4 < np.mean([of.mean > truth for of in found]) < 0.56
@@ -156,7 +157,7 @@ def test_a_quantity_that_did_not_decide_is_corrected_by_its_correlation():
         conditional_interval(usual(second, error), usual(first, error), first - least, rho)
         for first, second in pairs[pairs[:, 0] > least][:600]
     ]
-    assert 0.92 < np.mean([of.low <= 0.1 <= of.high for of in found]) < 0.99
+    assert 0.92 < np.mean([of.low <= 0.1 <= of.high for of in found]) < 0.98
     # Without correlation, far above the threshold, or without a known interval, nothing changes.
     of = usual(0.2, 0.1)
     assert conditional_interval(of, of, 0.1, 0.0) == of
