@@ -54,7 +54,7 @@ def test_an_implausible_size_is_a_warning(table, unit, shown):
     done = call("record", table(unit))
     assert done.status == 0
     assert done.out.splitlines()[1] == (
-        "warning: the PGA is implausible (usual are 0.001 to 2 g), check the unit and the samples: "
+        "warning: the PGA is implausible (usual are 0.001 to 2 g). Check the unit and the samples: "
         f"quake.csv ({shown})"
     )
 

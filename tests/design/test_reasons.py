@@ -141,3 +141,15 @@ def test_only_a_validated_design_or_none_needed_is_sound_and_every_status_has_a_
     assert all(status.remedy.endswith(".") for status in DesignStatus)
     assert all(status.value[:2].isupper() and status.value.endswith(".") for status in DesignStatus)
     assert len({status.value for status in DesignStatus}) == len(DesignStatus) == 8
+
+
+@pytest.mark.mends("a reduction of at least 0.0 % was required")
+def test_a_reduction_that_only_has_to_be_significant_has_no_number():
+    reason = Reason(kind=ReasonKind.too_little_benefit, value=0.05, reference=0.0, low=-0.01, measure="tilt")
+    assert str(reason).endswith("(95 % interval from -1.0 %), but a significant reduction is required")
+
+
+@pytest.mark.mends("a limit of unknown size ranked as the best one")
+def test_an_unknown_quantity_has_the_largest_shortfall():
+    for kind in (ReasonKind.breaks_limit, ReasonKind.touches_wall, ReasonKind.slides):
+        assert Reason(kind=kind, value=math.nan, reference=0.3).shortfall == math.inf

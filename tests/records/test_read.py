@@ -399,7 +399,7 @@ def test_an_implausible_peak_is_a_message_of_every_command(tmp_path):
     folder = put(tmp_path / "quake", a=in_table(wave, "gal", 3), b=nameless(2))
     _, said = read_motions([folder, "el-centro"])
     assert (
-        "warning: the PGA is implausible (usual are 0.001 to 2 g), check the unit and the samples: "
+        "warning: the PGA is implausible (usual are 0.001 to 2 g). Check the unit and the samples: "
         "a.asc (10.2 g)" in said
     )
 

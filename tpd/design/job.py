@@ -566,7 +566,8 @@ def read(path: Path) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8-sig")
         tables = tomllib.loads(text)
     except OSError as error:
-        raise ValueError(f"cannot read {path}: {error.strerror or error}") from None
+        hint = f"; name a job file, such as {path / 'scene.toml'}" if path.is_dir() else ""
+        raise ValueError(f"cannot read {path}: {error.strerror or error}{hint}") from None
     except UnicodeDecodeError:
         raise ValueError(f"{path} is not a text file in UTF-8") from None
     except tomllib.TOMLDecodeError as error:

@@ -103,10 +103,7 @@ class ReasonKind(enum.Enum):
         "the block ends at rest in {value} of {total} runs with the pendulum, and in {reference} "
         "without it; a decrease by one tenth is allowed"
     )
-    too_little_benefit = (
-        "the {falls}, but a significant reduction of at least {reference} is required, with an interval "
-        "that begins above {certain}"
-    )
+    too_little_benefit = "the {falls}, but {required}"
     slides = (
         "while the block rocks with the pendulum, its base needs a coefficient of friction of {value}, "
         "but has {reference}: the base would slide, and the equations have no sliding"
@@ -181,7 +178,11 @@ class Reason:
             falls += f" (95 % interval from {low})"
         else:
             falls += " (too few earthquakes or overturned runs for an interval)"
-        return {"value": value, "reference": reference, "certain": certain, "falls": falls}
+        required = "a significant reduction is required"
+        if self.reference > 0.0:
+            required = f"a significant reduction of at least {reference} is required"
+            required += f", with an interval that begins above {certain}"
+        return {"value": value, "reference": reference, "falls": falls, "required": required}
 
     def __str__(self) -> str:
         return self.kind.value.format(

@@ -300,5 +300,5 @@ def _files_of(path: Path) -> tuple[list[Path], list[str]]:
         return [path], []
     every = sorted(path.iterdir())
     files = [file for file in every if file.is_file() and not file.name.startswith(".")]
-    others = (x for x in every if x not in files)
+    others = (x for x in every if x not in files and not x.name.startswith("."))
     return files, [f"{x.name} ({'a folder in a folder' if x.is_dir() else 'no motion'})" for x in others]
