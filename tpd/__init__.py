@@ -36,7 +36,7 @@ import lazy_loader
 
 __version__ = "0.2.0"
 
-# In a wheel on the import path the stub is no file of its own, which `lazy_loader.attach_stub` would need.
+# `lazy_loader.attach_stub` needs the stub as a separate file. A wheel on the import path has none.
 _names: dict[str | None, list[str]] = {}
 for _node in ast.parse(pkgutil.get_data(__name__, "__init__.pyi") or "").body:
     if isinstance(_node, ast.ImportFrom):

@@ -584,7 +584,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> tuple[Tables, Tables]:
-    """Return the tables `base` with the values of `over` in place of their own, as given and complete.
+    """Return the tables `base`, in which values of `over` replace earlier ones, as given and complete.
 
     A key that has no effect any more because of `over` is left out. A file with a share for the measure cvar
     can then be run with another measure, and a file with a harmonic can be run with records.

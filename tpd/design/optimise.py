@@ -71,7 +71,7 @@ def optimise(
     gradients of the steady amplitudes, and exact gradients refine the best results. Trial runs of the linear
     equations then compare these designs with others, and a Gaussian process proposes further designs. The
     best design is validated by paired runs of the nonlinear equations. The runs must show the benefit that
-    `requirements` states, and no harm. At most three designs are validated, each by runs of its own. Under
+    `requirements` states, and no harm. At most three designs are validated, each by new runs. Under
     ground motions the same earthquakes validate every design, so that there are at most two designs, and the
     second one is validated only if limits are the only reason against the first.
 

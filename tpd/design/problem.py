@@ -99,7 +99,7 @@ class Problem(ABC):
     seed: int
     """Seed of all random choices."""
     attempts: ClassVar[int]
-    """Largest number of designs that are validated, each by runs of its own."""
+    """Largest number of designs that are validated."""
     settles: ClassVar[bool] = False
     """Whether the motions settle, and have orbits, a response over frequency and dimensionless parameters."""
     retries: ClassVar[frozenset[ReasonKind]] = frozenset(ReasonKind)
