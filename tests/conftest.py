@@ -34,7 +34,7 @@ KNOWN = batch.OPTIONS if jax.__version_info__ < (0, 11, 2) else batch.OPTIONS[:1
 OPTIONS = " ".join(f"--{name}={str(value).lower()}" for name, value in KNOWN)
 os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {OPTIONS}"
 
-compiling = import_module("tpd.exact.compiling")
+compiling = import_module("tpd.compiled.compiling")
 # The hook parses what is imported, and Python 3.11 cannot parse in two threads at once. A thread of the
 # package loads compiled code: everything else is imported before.
 for module in pkgutil.walk_packages(import_module("tpd").__path__, "tpd."):
@@ -64,7 +64,7 @@ LONGEST = (
     "answers/test_steady_state",
     "models/test_compiled",
     "cli/test_optimise",
-    "exact/test_linear",
+    "compiled/test_linear",
 )
 """Modules that go first, so that no worker is left alone with one at the end."""
 

@@ -9,7 +9,7 @@ import numpy as np
 
 import tpd
 from tpd.answers.paired import PairedRuns
-from tpd.answers.runs import ANGLES, Runs
+from tpd.answers.run_table import ANGLES, Runs
 from tpd.core.progress import unreported
 from tpd.design.design import Design
 from tpd.design.problem import STATED, Problem

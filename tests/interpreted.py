@@ -29,12 +29,12 @@ def results() -> dict[str, Any]:
     from tpd.answers.bifurcations import bifurcations
     from tpd.answers.ensemble import plan
     from tpd.answers.motion_history import motion_history
-    from tpd.answers.runs import ANGLES, follow_scaled
+    from tpd.answers.run_table import ANGLES, follow_scaled
+    from tpd.compiled.orbits import orbit_slopes, solve_orbits
+    from tpd.compiled.rows import row_of
+    from tpd.compiled.simulate import HarmonicForcing, follow
     from tpd.design.criteria import Geometry
     from tpd.design.orbits import Orbits
-    from tpd.exact.orbits import orbit_slopes, solve_orbits
-    from tpd.exact.rows import row_of
-    from tpd.exact.runs import HarmonicForcing, follow
     from tpd.scene.parameters import NAMES, Parameters
 
     def leaves(tree: Any) -> list[float]:
@@ -105,7 +105,7 @@ def interpret() -> None:
     """Let Python run what Numba compiles, from its entrances on."""
     import numba
 
-    from tpd.exact import custom_call
+    from tpd.compiled import custom_call
 
     def records(make: Any) -> Any:
         def made(*args: Any, **options: Any) -> np.ndarray:
@@ -123,7 +123,7 @@ def interpret() -> None:
     np.empty, np.zeros = records(np.empty), records(np.zeros)
     custom_call.view = view
     numba.cfunc = lambda *_, **__: lambda function: SimpleNamespace(address=0)  # type: ignore[assignment]
-    from tpd.exact import linear_entry, nonlinear_entry, orbit_entry
+    from tpd.compiled import linear_entry, nonlinear_entry, orbit_entry
 
     for entry in (linear_entry, nonlinear_entry, orbit_entry):
 

@@ -173,7 +173,7 @@ def numbered_columns() -> int:
     """Whole numbers within subscripts of compiled code."""
     found = 0
     for path in FILES:
-        if path.relative_to(ROOT).parts[0] not in ("exact", "models"):
+        if path.relative_to(ROOT).parts[0] not in ("compiled", "models"):
             continue
         for node in ast.walk(tree(path)):
             if isinstance(node, ast.Subscript):

@@ -20,8 +20,8 @@ from scipy.integrate import solve_ivp
 from tpd import Parameters, Piecewise, Smoothed, simulate, status_name, steady_state, symmetric_orbits
 from tpd.answers.steady_state import Steady
 from tpd.answers.symmetric_orbits import Orbits, all_symmetric_orbits
-from tpd.exact.rows import row_of
-from tpd.exact.runs import HarmonicForcing, Settled, follow
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import HarmonicForcing, Settled, follow
 from tpd.models.base import AbstractModel
 from tpd.theory.equations import Linear, Terms
 

@@ -35,7 +35,7 @@ LAYERS = (
     "scene",
     "records",
     "theory",
-    "exact",
+    "compiled",
     "models",
     "answers",
     "engines",

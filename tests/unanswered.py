@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tpd.exact import runs
-from tpd.exact.follow import EVENT_BOUND
+from tpd.compiled import simulate
+from tpd.compiled.follow import EVENT_BOUND
 from tpd.theory.equations import Terms
 
 
@@ -18,7 +18,7 @@ def unanswered(
 ) -> list[np.ndarray]:
     """Let motions by the linear equations end at the bound on events where the function says so of their rows
     of parameters. Returns the rows that are followed from now on."""
-    follow, followed = runs.follow, []
+    follow, followed = simulate.follow, []
 
     def stub(equations: Terms, rows: np.ndarray, *others: Any, **options: Any) -> Any:
         found = follow(equations, rows, *others, **options)

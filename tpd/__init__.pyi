@@ -36,8 +36,8 @@ from .design.settings import Descent as Descent
 from .design.settings import GroundSearch as GroundSearch
 from .design.stored_design import read_design as read_design
 from .explore.page import explore as explore
-from .models.compiled import Nonlinear as Nonlinear
-from .models.compiled import Piecewise as Piecewise
+from .models.piecewise import Nonlinear as Nonlinear
+from .models.piecewise import Piecewise as Piecewise
 from .models.smoothed import Smoothed as Smoothed
 from .plots.results import plot as plot
 from .report.files import write_report as write_report

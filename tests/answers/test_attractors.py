@@ -5,7 +5,7 @@ import pytest
 from tests.reference import WITHOUT, parameters
 from tests.reference import exact as solve
 from tpd import Starts, attractors
-from tpd.models.compiled import Piecewise
+from tpd.models.piecewise import Piecewise
 
 BARE_BLOCK = parameters(WITHOUT[1].x)
 """Rests, rocks or overturns, as it starts."""

@@ -9,7 +9,7 @@ import pytest
 
 import tpd
 from tests.unanswered import unanswered
-from tpd.exact.terms import F
+from tpd.compiled.columns import F
 
 GRAVITY = 9.80665
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)

@@ -10,9 +10,9 @@ from scipy.stats import binomtest
 import tpd
 from tests.unanswered import unanswered
 from tpd.answers.fragility import Fragility
-from tpd.exact import runs
-from tpd.exact.follow import EVENT_BOUND
-from tpd.exact.terms import MU, F
+from tpd.compiled import simulate
+from tpd.compiled.columns import MU, F
+from tpd.compiled.follow import EVENT_BOUND
 
 GRAVITY = 9.80665
 STATUE = tpd.Block(width=0.45, height=1.8, mass=900.0, friction=0.0, restitution="housner")
@@ -153,7 +153,7 @@ def test_verdicts_are_compared_where_both_equations_answer(monkeypatch):
 
 @pytest.mark.mends("runs that the nonlinear equations do not answer left no trace")
 def test_runs_that_the_nonlinear_equations_do_not_answer_are_named(monkeypatch):
-    follow = runs.follow
+    follow = simulate.follow
 
     def stub(equations, rows, *others, **options):
         found = follow(equations, rows, *others, **options)

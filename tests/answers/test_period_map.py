@@ -8,7 +8,7 @@ import pytest
 from tests.reference import WITH, differences, parameters, smoothed
 from tpd import Smoothed
 from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, refine
-from tpd.exact.rows import numbers_of, packed
+from tpd.compiled.rows import numbers_of, packed
 from tpd.scene.parameters import from_row
 from tpd.scene.status import index_of
 

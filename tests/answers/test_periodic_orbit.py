@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.exact.orbit_cases import chosen, felt
+from tests.compiled.orbit_cases import chosen, felt
 from tests.reference import UNSTABLE, WITHOUT, along, differences, parameters
 from tpd import status_name
 from tpd.answers.periodic_orbit import PeriodicOrbit, continue_orbit, periodic_orbit

@@ -7,7 +7,7 @@ import pytest
 
 import tpd
 from tests.unanswered import unanswered
-from tpd.exact.terms import MU, XI, F
+from tpd.compiled.columns import MU, XI, F
 
 COLUMN = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
 PENDULUM = tpd.Pendulum(mass=450.0, length=0.9, damping_ratio=0.1)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.exact.test_steady import LOSSES
+from tests.compiled.test_steady import LOSSES
 from tests.reference import (
     CONSERVING,
     LEANING,
@@ -24,7 +24,7 @@ from tpd import Parameters, Status, simulate, status_name, steady_state, symmetr
 from tpd.answers.period_map import Orbit
 from tpd.answers.steady_state import _Answer, _compare, _status
 from tpd.answers.symmetric_orbits import all_symmetric_orbits
-from tpd.exact.runs import Settled
+from tpd.compiled.simulate import Settled
 from tpd.scene.status import index_of, names_of
 from tpd.theory import uplift
 

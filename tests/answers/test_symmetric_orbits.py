@@ -1,6 +1,6 @@
 """All symmetric period-one orbits at once: known answers, derivatives, where orbits end, and limits.
 
-`tests/exact` has the search, the multipliers and the swings."""
+`tests/compiled` has the search, the multipliers and the swings."""
 
 import dataclasses
 import functools
@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import tpd
 from tests.answers.test_bifurcations import HIGH, LOW, Kind, lost
 from tests.answers.test_bifurcations import WITHOUT as FOLDING
-from tests.exact.orbit_cases import Answers, among, chosen, full, solve
+from tests.compiled.orbit_cases import Answers, among, chosen, full, solve
 from tests.properties.bounded import bounded
 from tests.reference import CONSERVING, MOVING, NAMES, UNSTABLE, differences, exact, named
 from tpd import status_name

@@ -12,9 +12,9 @@ import tpd
 from tests.reference import NAMES, EventDriven, differences
 from tests.truth import GRAVITY, load
 from tpd.answers.critical_scale import _scanned
-from tpd.answers.runs import follow_scaled
+from tpd.answers.run_table import follow_scaled
 from tpd.answers.transient import _follow
-from tpd.exact.rows import ground_row_of
+from tpd.compiled.rows import ground_row_of
 
 TABLE = load("ground")
 CASES = {case["name"]: case for case in TABLE["cases"]}

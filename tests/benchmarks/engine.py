@@ -62,8 +62,8 @@ def run(quick: bool) -> list[dict[str, Any]]:
     from tests.benchmarks.precision.peers import METHODS
     from tests.benchmarks.precision.scenes import SCENES
     from tpd.answers.ensemble import plan
-    from tpd.exact.rows import row_of
-    from tpd.exact.runs import HarmonicForcing, follow
+    from tpd.compiled.rows import row_of
+    from tpd.compiled.simulate import HarmonicForcing, follow
     from tpd.scene.parameters import as_arrays
     from tpd.scene.quantities import parameters_of
 

@@ -60,18 +60,18 @@ class Guard(NamedTuple):
 
 
 def _tests(module: str, *names: str) -> tuple[str, ...]:
-    """Return identifiers for pytest of tests of a module such as "exact/steady"."""
+    """Return identifiers for pytest of tests of a module such as "compiled/steady"."""
     folder, _, name = module.rpartition("/")
     return tuple(f"tests/{folder}/test_{name}.py::test_{test}" for test in names)
 
 
 def _lost(name: str) -> tuple[str, ...]:
-    """Return tests of the verdict on a periodic motion, in `tests/exact/test_steady.py`."""
-    return _tests("exact/steady", f"the_verdict_has_a_name_for_each_loss[{name}]")
+    """Return tests of the verdict on a periodic motion, in `tests/compiled/test_steady.py`."""
+    return _tests("compiled/steady", f"the_verdict_has_a_name_for_each_loss[{name}]")
 
 
 def _kernel(case: str) -> tuple[str, ...]:
-    return _tests("exact/symmetric_orbit_kernel", f"an_orbit_about_to_be_lost_has_a_name[{case}]")
+    return _tests("compiled/symmetric_orbit_kernel", f"an_orbit_about_to_be_lost_has_a_name[{case}]")
 
 
 def _ends(case: str) -> tuple[str, ...]:
@@ -84,7 +84,7 @@ def _smoothed(name: str) -> tuple[str, ...]:
 
 _OVERTURNS = "an_overturning_has_a_status_and_no_gradient"
 _SADDLE = "starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name"
-_ORBITS, _STEADY = "exact/symmetric_orbit_kernel:_status", "exact/steady:verdict"
+_ORBITS, _STEADY = "compiled/symmetric_orbit_kernel:_status", "compiled/steady:verdict"
 _SETTLED = "models/settling:Record.settled"
 # fmt: off
 GUARDS = (
@@ -94,8 +94,8 @@ GUARDS = (
     Guard("loss of symmetry", "steady_state: unstable if a multiplier exceeds 1",
           _STEADY, never("UNSTABLE"), _lost("what5-unstable")),
     Guard("loss of symmetry", "steady_state: symmetric only if both sides of the motion agree",
-          "exact/steady:steady_state", without_term("symmetric", "asymmetry"),
-          _tests("exact/steady", "a_motion_that_leans_is_not_called_symmetric")),
+          "compiled/steady:steady_state", without_term("symmetric", "asymmetry"),
+          _tests("compiled/steady", "a_motion_that_leans_is_not_called_symmetric")),
     Guard("grazing", "orbits: no derivative if the block almost stops above its base",
           _ORBITS, constant("GRAZING", -1.0), _kernel("0.5-1e-08-grazing")),
     Guard("grazing", "steady_state: grazing if an event is crossed too slowly",
@@ -103,12 +103,12 @@ GUARDS = (
     Guard("onset of sticking", "statuses: sticking if the block was held",
           _SETTLED, never("sticking"), _ends("periods2-sticking-3")),
     Guard("rattling to rest", "contact: an impact slower than the capture speed is rest",
-          "exact/contact_kernel:handle_event", nothing_true("capture"),
-          _tests("exact/settle", "the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed",
+          "compiled/contact_kernel:handle_event", nothing_true("capture"),
+          _tests("compiled/settle", "the_hops_of_a_rattle_grow_as_the_logarithm_of_the_capture_speed",
                    "what_capture_leaves_out_is_below_the_square_of_its_speed")),
     Guard("period three and chaos", "steady_state: aperiodic if neighbouring motions separate",
           _STEADY, never("APERIODIC_STATUS"),
-          _tests("exact/steady", "the_verdict_has_a_name_for_each_loss[what8-aperiodic]",
+          _tests("compiled/steady", "the_verdict_has_a_name_for_each_loss[what8-aperiodic]",
                    "a_chaotic_motion_is_aperiodic_and_its_derivative_grows_at_the_reported_rate")),
     Guard("period three and chaos", "periodic_orbit: unstable if a multiplier exceeds 1",
           _STEADY, never("UNSTABLE"),
@@ -120,17 +120,17 @@ GUARDS = (
           _SETTLED, never("overturned"),
           (*_ends("periods7-overturned-1"), *_smoothed(_OVERTURNS))),
     Guard("near overturning", "steady_state: unstable on the saddle between rocking and overturning",
-          _STEADY, never("UNSTABLE"), _tests("models/compiled", _SADDLE)),
+          _STEADY, never("UNSTABLE"), _tests("models/piecewise", _SADDLE)),
     Guard("no derivative without an orbit", "steady_state: derivatives only of settled motions that attract",
-          "exact/steady:steady_state", without_term("isolated", "rocks"),
-          (*_tests("models/compiled", _SADDLE),
-           *_tests("exact/steady", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"))),
+          "compiled/steady:steady_state", without_term("isolated", "rocks"),
+          (*_tests("models/piecewise", _SADDLE),
+           *_tests("compiled/steady", "a_motion_too_slow_to_repeat_is_not_settled_rather_than_aperiodic"))),
     Guard("resonance without damping; very strong excitation",
           "every model: failed if a number is not finite",
           _SETTLED, never("failed"), _ends("periods8-failed-1")),
     Guard("slow excitation", "steady_state: event_bound if the period of a resting block was cut short",
-          "exact/steady:steady_state", never("EVENT_BOUND"),
-          _tests("models/compiled", "a_period_too_long_to_be_followed_is_told")),
+          "compiled/steady:steady_state", never("EVENT_BOUND"),
+          _tests("models/piecewise", "a_period_too_long_to_be_followed_is_told")),
     Guard("smoothing too sharp", "Smoothed: sharpness within bounds",
           "core/checks:within", constant("low", -1.0),
           _smoothed("settings_out_of_range_are_refused")),
@@ -145,7 +145,7 @@ GUARDS = (
           _tests("answers/steady_state", "in_32_bits_every_call_refuses_by_name")),
     Guard("scales", "scene: omega0 is computed from the half height",
           "scene/scene:_rate", constant("half_height", 0.2),
-          _tests("models/compiled", "neither_millimetres_nor_kilometres_change_a_dimensionless_answer")),
+          _tests("models/piecewise", "neither_millimetres_nor_kilometres_change_a_dimensionless_answer")),
 )
 # fmt: on
 

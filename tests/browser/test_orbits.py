@@ -7,8 +7,8 @@ import pytest
 
 import tpd
 from tests.browser.node import needs_node, run
-from tpd.exact.orbits import solve_orbits
-from tpd.exact.rows import row_of
+from tpd.compiled.orbits import solve_orbits
+from tpd.compiled.rows import row_of
 from tpd.explore.content import content
 from tpd.explore.tables import Table, axis, solve
 from tpd.scene.parameters import Parameters

@@ -57,8 +57,8 @@ def test_ground_motions_are_described_with_their_sizes_and_a_harmonic_by_its_sce
 def test_compiled_programs_can_be_stored():
     """Check that no program calls back to Python: JAX would compile such a program in every run."""
     code = """
-from tpd.core import process
-process.use_64_bits()
+from tpd.core import jax_setup
+jax_setup.use_64_bits()
 import equinox as eqx, jax
 text = jax.jit(lambda x: eqx.error_if(x, x < 0.0, "negative")).lower(0.1).as_text()
 assert "callback" not in text

@@ -14,9 +14,9 @@ from numba.core.compiler_lock import global_compiler_lock
 
 from tests.damage import damage
 from tpd import core
+from tpd.compiled.plant import compiled
 from tpd.core import machine_code
 from tpd.core.machine_code import stored
-from tpd.exact.plant import compiled
 
 
 def cubed(x):

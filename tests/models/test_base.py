@@ -6,7 +6,7 @@ import pytest
 
 from tests.reference import WITH, box, parameters
 from tpd import Nonlinear, Parameters, Piecewise, status_name, steady_state
-from tpd.exact.runs import EVENTS, PERIODS, REST_RATES
+from tpd.compiled.simulate import EVENTS, PERIODS, REST_RATES
 
 
 def same(kind):

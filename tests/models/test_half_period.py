@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.exact import orbits
-from tpd.exact.rows import row_of
+from tpd.compiled import orbits
+from tpd.compiled.rows import row_of
 from tpd.models.half_period import half_period, newton
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import FACTORS, under

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.exact.test_trajectory import STICKING
+from tests.compiled.test_trajectory import STICKING
 from tests.models.test_compiled import E, moved
 from tests.reference import (
     MOVING,

@@ -25,8 +25,8 @@ if sys.argv[1] == "other":
 import tpd
 from tpd.theory.equations import Terms
 from tpd.scene.parameters import as_arrays
-from tpd.exact.rows import row_of
-from tpd.exact.runs import HarmonicForcing, follow
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import HarmonicForcing, follow
 hung = tpd.Pendulum(mass=1.0, length=0.1, damping_ratio=0.1)
 p = dataclasses.replace(tpd.paper_scene().parameters(hung), e=float(sys.argv[2]))
 start = [0.2, 0.0, 0.0, 0.0]

@@ -13,7 +13,7 @@ import sympy as sp
 
 from tests.reference import EventDriven, matrices, parameters
 from tpd import Parameters
-from tpd.exact.contact_kernel import moment as moment_of
+from tpd.compiled.contact_kernel import moment as moment_of
 from tpd.theory.equations import Equations, Linear, Terms, smoothed_rates
 
 NU, MU, LAM, RHO, F, XI, K, HINGE, TAU = SYMBOLS = sp.symbols("nu mu lam rho f xi k c_p tau", positive=True)

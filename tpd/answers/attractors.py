@@ -15,12 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.answers.steady_state import Steady, steady_state
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import HarmonicForcing, Settled, follow
 from tpd.core import checks
 from tpd.core.formatting import Printed, counted_periods
 from tpd.core.progress import shown_count
-from tpd.exact.rows import row_of
-from tpd.exact.runs import HarmonicForcing, Settled, follow
-from tpd.models.compiled import Piecewise
+from tpd.models.piecewise import Piecewise
 from tpd.models.settling import scale_of
 from tpd.scene.ensemble import StartKind as StartKind
 from tpd.scene.ensemble import Starts as Starts

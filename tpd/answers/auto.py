@@ -18,11 +18,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.answers.steady_state import Steady, steady_state
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import HarmonicForcing, Settled, follow
 from tpd.core import checks
-from tpd.exact.rows import row_of
-from tpd.exact.runs import HarmonicForcing, Settled, follow
 from tpd.models.base import AbstractChoice, setting
-from tpd.models.compiled import Nonlinear, Piecewise
+from tpd.models.piecewise import Nonlinear, Piecewise
 from tpd.models.settling import scale_of
 from tpd.scene.impacts import linear_ratio, velocity_ratio
 from tpd.scene.parameters import Parameters, as_arrays

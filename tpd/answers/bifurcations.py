@@ -1,9 +1,9 @@
 """Branches of symmetric period-one orbits as one parameter varies, and their bifurcations.
 
 At a bifurcation one more function of crossing time, phase and parameter vanishes, in addition to the two
-conditions of the orbit (`tpd.exact.orbits.Vanishing`). This is a square system in closed form, which Newton's
-method solves to rounding. A sweep of the parameter gives the initial guesses, and the orbits on both sides of
-a bifurcation must agree with its kind.
+conditions of the orbit (`tpd.compiled.orbits.Vanishing`). This is a square system in closed form, which
+Newton's method solves to rounding. A sweep of the parameter gives the initial guesses, and the orbits on both
+sides of a bifurcation must agree with its kind.
 
 The varying parameter is given by its name: one of nu, mu, lam, zeta, k, f, xi, e and rho, with the other
 parameters constant. For a scene it may also be width, height, mass, friction, restitution, amplitude,
@@ -24,10 +24,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.answers.symmetric_orbits import ORBITS, Margins, Orbits, all_symmetric_orbits
+from tpd.compiled.columns import BROKEN, CROSSED, FLAT, MERGED, STUCK, TOUCHED, TURNING, XI
+from tpd.compiled.orbits import sample_path, vanishing
 from tpd.core import checks
 from tpd.core.formatting import Printed
-from tpd.exact.orbits import sample_path, vanishing
-from tpd.exact.terms import BROKEN, CROSSED, FLAT, MERGED, STUCK, TOUCHED, TURNING, XI
 from tpd.scene.parameters import Parameters, from_row
 from tpd.scene.quantities import UNITS, Axis
 from tpd.scene.scene import Pendulum, Scene

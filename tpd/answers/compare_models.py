@@ -13,13 +13,13 @@ import equinox as eqx
 import jax
 
 from tpd.answers.steady_state import Steady, steady_state
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import HarmonicForcing, Settled, follow
 from tpd.core import checks
 from tpd.core.formatting import Printed
 from tpd.core.progress import Progress, shown
-from tpd.exact.rows import row_of
-from tpd.exact.runs import HarmonicForcing, Settled, follow
 from tpd.models.base import AbstractModel
-from tpd.models.compiled import Piecewise
+from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.scene.parameters import Parameters, as_arrays
 from tpd.scene.quantities import Setup, parameters_without_pendulum

@@ -21,15 +21,15 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
-from tpd.answers.runs import Runs, follow_runs
+from tpd.answers.run_table import Runs, follow_runs
 from tpd.answers.transient import FREE
+from tpd.compiled import simulate
+from tpd.compiled.columns import F
+from tpd.compiled.derivatives import refused
+from tpd.compiled.rows import ground_row_of
+from tpd.compiled.simulate import GroundForcing
 from tpd.core import checks
 from tpd.core.checks import Real
-from tpd.exact import runs
-from tpd.exact.derivatives import refused
-from tpd.exact.rows import ground_row_of
-from tpd.exact.runs import GroundForcing
-from tpd.exact.terms import F
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion, refuse_zeros
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, single
@@ -167,7 +167,7 @@ def _with_slope(p: Parameters, pieces: Any, late: Any, first: Any) -> Any:
     # The growing coordinate q of the last arc as a function of the parameters and the scale.
     def growing(p: Parameters, scale: Any) -> Any:
         wide = eqx.tree_at(lambda q: q.f, p, p.f * scale)
-        return runs.follow(Terms.linear, ground_row_of(wide), GroundForcing([pieces], late)).growing
+        return simulate.follow(Terms.linear, ground_row_of(wide), GroundForcing([pieces], late)).growing
 
     # The size of the motion is a parameter of the run, but the unknown of the implicit function.
     fixed = jax.tree.map(stop_gradient, p)

@@ -12,11 +12,11 @@ import numpy as np
 
 from tpd.answers.symmetric_orbits import Orbits, all_symmetric_orbits
 from tpd.cluster.cluster import Cluster, check_where
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted, span
 from tpd.core.progress import shown_count
-from tpd.exact.rows import row_of
-from tpd.exact.runs import HarmonicForcing, follow
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import NAMES, Parameters, from_row
 from tpd.scene.quantities import UNITS, Setup, named

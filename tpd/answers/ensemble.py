@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tpd.answers.runs import Runs, follow_runs
+from tpd.answers.run_table import Runs, follow_runs
 from tpd.cluster.cluster import Cluster, check_where
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import HarmonicForcing
 from tpd.core import checks
 from tpd.core.progress import shown_count
-from tpd.exact.rows import row_of
-from tpd.exact.runs import HarmonicForcing
 from tpd.scene.conditions import FACTORS, Conditions, check_restitution, factors_at, under
 from tpd.scene.ensemble import Ensemble
 from tpd.scene.parameters import Parameters

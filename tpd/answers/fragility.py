@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.runs import CASE_KEYS, Cases, Progress, follow_scaled
+from tpd.answers.run_table import CASE_KEYS, Cases, Progress, follow_scaled
 from tpd.answers.statistics import (
     SIGNIFICANT,
     Lognormal,

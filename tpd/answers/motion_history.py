@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tpd.answers.runs import rows_of
+from tpd.answers.run_table import rows_of
 from tpd.answers.transient import FREE, MAX_EVENTS
+from tpd.compiled.columns import SHAKEN, SLIP
+from tpd.compiled.trajectories import history
 from tpd.core import checks
-from tpd.exact.terms import SHAKEN, SLIP
-from tpd.exact.trajectories import history
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
 from tpd.scene.scene import Pendulum, Scene
 from tpd.scene.status import Status

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tpd.answers.ensemble import Ensemble, outcomes
-from tpd.answers.runs import UNANSWERED_ROW, Runs, label_of_ramp
+from tpd.answers.run_table import UNANSWERED_ROW, Runs, label_of_ramp
 from tpd.answers.statistics import (
     SIGNIFICANT,
     Interval,

@@ -1,8 +1,8 @@
 """Newton's method on the map of some forcing periods, for models that are JAX programs.
 
-`tpd.exact.period_map` explains the method, its limits and its criterion for an orbit. One run in forward mode
-gives the map P and its derivative DP, hence the Newton step and the Floquet multipliers, and together with
-dP/dp the derivative of the orbit.
+`tpd.compiled.period_map` explains the method, its limits and its criterion for an orbit. One run in forward
+mode gives the map P and its derivative DP, hence the Newton step and the Floquet multipliers, and together
+with dP/dp the derivative of the orbit.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from tpd.exact.runs import Settled
-from tpd.exact.terms import LAST_STEP, NEWTON_STEPS, RESIDUAL
+from tpd.compiled.columns import LAST_STEP, NEWTON_STEPS, RESIDUAL
+from tpd.compiled.simulate import Settled
 from tpd.models.base import AbstractFlow
 from tpd.models.settling import scale_of
 from tpd.scene.parameters import Parameters
@@ -171,7 +171,8 @@ def implicit(orbit: Orbit) -> tuple[Any, Any]:
 
     The derivatives are those of (amplitude, swing, state) with respect to the parameters, shape (6, n).
     """
-    # The implicit function theorem, see `tpd.exact.steady`. At a fold the caller replaces the slopes by NaN.
+    # The implicit function theorem, see `tpd.compiled.steady`. At a fold the caller replaces the slopes by
+    # NaN.
     right = jnp.concatenate([(orbit.end - orbit.y)[:, None], orbit.by_parameter[:4]], axis=1)
     follow = jnp.linalg.solve(jnp.eye(4) - orbit.by_state[:4], right)
     moves = orbit.by_state[4:] @ follow

@@ -1,7 +1,7 @@
 """Periodic orbits of the exact model near a state: of period n, asymmetric, sticking, resting, with impacts.
 
 Newton's method on the map of the periods of the orbit finds both attracting and repelling orbits
-(`tpd.exact.period_map`). An orbit can therefore be continued where no simulation would stay near it. Its
+(`tpd.compiled.period_map`). An orbit can therefore be continued where no simulation would stay near it. Its
 derivatives follow from the implicit function theorem.
 """
 
@@ -14,12 +14,12 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
+from tpd.compiled.calling import LINEAR, numbers_in, parts, shape
+from tpd.compiled.columns import STEADY_STATUSES
+from tpd.compiled.derivatives import with_slopes
+from tpd.compiled.rows import packed, row_of
+from tpd.compiled.simulate import EVENTS, REST_RATES
 from tpd.core import checks
-from tpd.exact.calling import LINEAR, numbers_in, parts, shape
-from tpd.exact.derivatives import with_slopes
-from tpd.exact.rows import packed, row_of
-from tpd.exact.runs import EVENTS, REST_RATES
-from tpd.exact.terms import STEADY_STATUSES
 from tpd.scene.parameters import Parameters, as_arrays, check_parameters
 from tpd.scene.pytrees import single
 from tpd.scene.status import Status, index_of

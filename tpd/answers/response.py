@@ -10,13 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from tpd.answers.bifurcations import Bifurcation, Sweep, along, bifurcations
-from tpd.answers.runs import follow_runs
+from tpd.answers.run_table import follow_runs
 from tpd.answers.statistics import Share
 from tpd.answers.steady_state import steady_state
+from tpd.compiled.simulate import HarmonicForcing
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, counted, span
 from tpd.core.progress import Progress, shown
-from tpd.exact.runs import HarmonicForcing
 from tpd.scene.parameters import Parameters, as_arrays, from_row
 from tpd.scene.quantities import UNITS, Axis
 from tpd.scene.scene import Pendulum, Scene

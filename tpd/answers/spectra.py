@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from tpd.answers.runs import CASE_KEYS, Cases, Progress, follow_runs, follow_scaled, rows_of
+from tpd.answers.run_table import CASE_KEYS, Cases, Progress, follow_runs, follow_scaled, rows_of
 from tpd.answers.transient import FREE
 from tpd.cluster.cluster import Cluster
+from tpd.compiled.columns import XI
+from tpd.compiled.simulate import GroundForcing
 from tpd.core import checks
-from tpd.exact.runs import GroundForcing
-from tpd.exact.terms import XI
 from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion, Pulse
 from tpd.scene.pytrees import single
 from tpd.scene.scene import Block, Pendulum, Scene

@@ -25,15 +25,15 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
 from tpd.answers.period_map import Orbit, implicit, is_rocking, multipliers, refine
+from tpd.compiled.calling import LINEAR, parts
+from tpd.compiled.columns import GRAZING, NEAR_FOLD, RESIDUAL, STEADY_STATUSES, SYMMETRIC, is_neutral
+from tpd.compiled.derivatives import joined, refused
+from tpd.compiled.rows import numbers_of, packed
+from tpd.compiled.simulate import Settled, solve
 from tpd.core import checks
 from tpd.core.formatting import counted_periods, number
-from tpd.exact.calling import LINEAR, parts
-from tpd.exact.derivatives import joined, refused
-from tpd.exact.rows import numbers_of, packed
-from tpd.exact.runs import Settled, solve
-from tpd.exact.terms import GRAZING, NEAR_FOLD, RESIDUAL, STEADY_STATUSES, SYMMETRIC, is_neutral
 from tpd.models.base import AbstractChoice, AbstractCompiled, AbstractFlow, AbstractModel
-from tpd.models.compiled import Piecewise
+from tpd.models.piecewise import Piecewise
 from tpd.scene.parameters import Parameters, as_arrays, check_parameters, from_row
 from tpd.scene.pytrees import Number, State, single
 from tpd.scene.status import (

@@ -2,8 +2,8 @@
 
 Most rocking motions that attract are such orbits: one swing to either side in each forcing period, the second
 swing being the mirror image of the first. The orbits are the roots of one scalar equation
-(`tpd.exact.half_period_kernel`), so that no motion is simulated. Their derivatives follow from the implicit
-function theorem.
+(`tpd.compiled.half_period_kernel`), so that no motion is simulated. Their derivatives follow from the
+implicit function theorem.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from tpd.compiled.calling import ORBITS as ENGINE
+from tpd.compiled.calling import parts
+from tpd.compiled.columns import ASKED, SIZES, STATUSES
+from tpd.compiled.derivatives import moved, once
+from tpd.compiled.orbits import slopes, solve_orbits, solved
+from tpd.compiled.rows import row_of
 from tpd.core.batch import AT_ONCE
-from tpd.exact.calling import ORBITS as ENGINE
-from tpd.exact.calling import parts
-from tpd.exact.derivatives import moved, once
-from tpd.exact.orbits import slopes, solve_orbits, solved
-from tpd.exact.rows import row_of
-from tpd.exact.terms import ASKED, SIZES, STATUSES
 from tpd.scene.parameters import Parameters, check_parameters
 from tpd.scene.pytrees import Number
 from tpd.scene.status import Status, codes_of, status_of

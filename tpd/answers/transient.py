@@ -13,14 +13,14 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Float, Int
 
+from tpd.compiled.columns import GRAZING, ROCKED, SHAKEN, STOOD
+from tpd.compiled.derivatives import refused
+from tpd.compiled.rows import ground_row_of
+from tpd.compiled.simulate import Followed, GroundForcing, follow
 from tpd.core import checks
 from tpd.core.checks import Real, Whole
-from tpd.exact.derivatives import refused
-from tpd.exact.rows import ground_row_of
-from tpd.exact.runs import Followed, GroundForcing, follow
-from tpd.exact.terms import GRAZING, ROCKED, SHAKEN, STOOD
 from tpd.models.base import AbstractModel
-from tpd.models.compiled import Nonlinear, Piecewise
+from tpd.models.piecewise import Nonlinear, Piecewise
 from tpd.scene.ground_motion import LONGEST_FREE, GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, single

@@ -47,11 +47,11 @@ def main(arguments: list[str] | None = None) -> int:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     # The processes of a cluster may end together with this one. Python would warn of leaked resources.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
-    from tpd.cli import interrupts
+    from tpd.cli import terminal
 
-    with interrupts.lasting_output():
+    with terminal.lasting_output():
         options = grammar.parse_args()
-        warnings.showwarning = interrupts.show_warning
+        warnings.showwarning = terminal.show_warning
         return _run(options, options.activity.format(**vars(options)))
 
 
@@ -60,17 +60,17 @@ def _run(options: argparse.Namespace, activity: str = "") -> int:
 
     Args:
         options: parsed options with the name of the command.
-        activity: description of the work, printed if the input is valid; see `interrupts.announced`.
+        activity: description of the work, printed if the input is valid; see `terminal.announced`.
     """
     try:
         # Commands without a description are quick and do not need JAX.
         if not options.activity:
             return import_module(f"tpd.cli.{options.command}").run(options)
-        from tpd.cli import common, interrupts
+        from tpd.cli import common, terminal
 
         # All inputs are checked before JAX is imported, which takes seconds.
         case = common.check_inputs(options)
-        with interrupts.announced(activity):
+        with terminal.announced(activity):
             common.set_up_jax(case.job)
             return import_module(f"tpd.cli.{options.command}").run(options, case)
     except Exception as error:
@@ -79,7 +79,7 @@ def _run(options: argparse.Namespace, activity: str = "") -> int:
 
 def _report_error(error: Exception) -> int:
     """Print an error as one sentence and return the exit status. An error of the program itself is raised."""
-    from tpd.cli.interrupts import BAD_INPUT
+    from tpd.cli.terminal import BAD_INPUT
 
     if isinstance(error, MemoryError):
         print("tpd: the memory is not sufficient for this job: compute fewer points at once", file=sys.stderr)

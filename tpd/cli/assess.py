@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from tpd.cli import common
-from tpd.cli.interrupts import SOUND, print_answer
+from tpd.cli.terminal import SOUND, print_answer
 from tpd.core.progress import Bar
 from tpd.design.assess import assessed, problem_alone
 from tpd.report.blocks import wrapped

@@ -9,7 +9,7 @@ from typing import Any
 from tpd.answers.compare_models import MODELS, QUICK, check
 from tpd.answers.motion_history import sliding
 from tpd.cli import common
-from tpd.cli.interrupts import SOUND, UNSOUND, print_answer
+from tpd.cli.terminal import SOUND, UNSOUND, print_answer
 from tpd.core import checks
 from tpd.core.formatting import compared, number
 from tpd.core.progress import Bar

@@ -138,10 +138,10 @@ def read_case(options: argparse.Namespace) -> Case:
 
 def set_up_jax(job: jobs.Job) -> None:
     """Configure JAX before any module imports it, and start to compile what the job needs."""
-    from tpd.core import process
-    from tpd.exact import compiling
+    from tpd.compiled import compiling
+    from tpd.core import jax_setup
 
-    if (folder := process.use_64_bits()) is not None:
+    if (folder := jax_setup.use_64_bits()) is not None:
         # Compilation in the background saves time; without it the modules are compiled when they are used.
         with contextlib.suppress(OSError):
             compiling.compile_beside(folder, job.compiled)

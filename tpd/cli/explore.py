@@ -6,7 +6,7 @@ import argparse
 import webbrowser
 from pathlib import Path
 
-from tpd.cli import common, interrupts
+from tpd.cli import common, terminal
 from tpd.core import files
 from tpd.design.job import Job
 from tpd.design.stored_design import StoredDesign, read_design
@@ -25,7 +25,7 @@ def run(options: argparse.Namespace) -> int:
     files.claim_file(out, overwrite=options.overwrite)
     job = subject.job if isinstance(subject, StoredDesign) else subject
     print("\n".join(job.all_messages), end="\n" if job.all_messages else "")
-    with interrupts.announced(f"computing the orbits of the page {out}"):
+    with terminal.announced(f"computing the orbits of the page {out}"):
         common.set_up_jax(job)
         # JAX must be set up before a module imports it.
         from tpd.explore.page import explore, link
@@ -36,4 +36,4 @@ def run(options: argparse.Namespace) -> int:
         print(f"linked from: {report}")
     if options.open and not webbrowser.open(out.resolve().as_uri()):
         print("no browser was found: open the page yourself")
-    return interrupts.SOUND
+    return terminal.SOUND

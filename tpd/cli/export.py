@@ -10,7 +10,7 @@ import numpy as np
 
 from tpd.cli import common
 from tpd.cli.grammar import EXPORTED
-from tpd.cli.interrupts import SOUND
+from tpd.cli.terminal import SOUND
 from tpd.core import files
 from tpd.engines.rigid_body import mjcf, opensees
 from tpd.scene.scene import Pendulum, Scene

@@ -12,9 +12,9 @@ import numpy as np
 
 from tpd.answers.fragility import Fragility, fragility
 from tpd.answers.motion_history import sliding
-from tpd.answers.runs import CASE_KEYS
+from tpd.answers.run_table import CASE_KEYS
 from tpd.cli import common, outputs
-from tpd.cli.interrupts import SOUND, print_answer
+from tpd.cli.terminal import SOUND, print_answer
 from tpd.core import files
 from tpd.core.progress import Bar
 from tpd.design.job import Job

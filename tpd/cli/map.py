@@ -9,7 +9,7 @@ import numpy as np
 
 from tpd.answers.design_map import design_map
 from tpd.cli import common, outputs
-from tpd.cli.interrupts import SOUND, print_answer
+from tpd.cli.terminal import SOUND, print_answer
 from tpd.core import checks, files
 from tpd.core.progress import Bar
 from tpd.scene.quantities import named

@@ -8,7 +8,7 @@ import shlex
 from importlib import resources
 from pathlib import Path
 
-from tpd.cli.interrupts import SOUND
+from tpd.cli.terminal import SOUND
 from tpd.core import files
 
 

@@ -6,7 +6,7 @@ import argparse
 from functools import partial
 
 from tpd.cli import common
-from tpd.cli.interrupts import SOUND, UNSOUND, print_answer
+from tpd.cli.terminal import SOUND, UNSOUND, print_answer
 from tpd.core import files
 from tpd.core.progress import Bar, say
 from tpd.design.as_built import Details, details

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from tpd.cli import outputs
-from tpd.cli.interrupts import SOUND
 from tpd.cli.options import set_keys, tables_of
+from tpd.cli.terminal import SOUND
 from tpd.core import files
 from tpd.core.formatting import aligned, number
 from tpd.design.job import job_of

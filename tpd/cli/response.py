@@ -22,7 +22,7 @@ from tpd.answers.response import (
 )
 from tpd.cli import common, outputs
 from tpd.cli.common import WITHOUT
-from tpd.cli.interrupts import SOUND, print_answer
+from tpd.cli.terminal import SOUND, print_answer
 from tpd.core import checks, files
 from tpd.core.progress import Bar
 from tpd.report.blocks import wrapped

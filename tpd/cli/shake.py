@@ -13,11 +13,11 @@ from tpd.answers.motion_history import STRONG, MotionHistory, motion_history
 from tpd.answers.transient import Transient, transient
 from tpd.cli import common, outputs
 from tpd.cli.common import WITH, WITHOUT
-from tpd.cli.interrupts import SOUND, UNSOUND, print_answer
+from tpd.cli.terminal import SOUND, UNSOUND, print_answer
 from tpd.core import files
 from tpd.core.formatting import number
 from tpd.design.as_built import TimeHistory
-from tpd.models.compiled import Nonlinear
+from tpd.models.piecewise import Nonlinear
 from tpd.report.blocks import wrapped
 from tpd.scene.status import STANDING, UNANSWERED, Status, is_one_of, status_name
 from tpd.theory.no_uplift import AtRest, sliding_in_runs

@@ -11,7 +11,7 @@ import numpy as np
 
 from tpd.answers.spectra import OverturningSpectrum, RockingSpectrum, overturning_spectrum, rocking_spectrum
 from tpd.cli import common, outputs
-from tpd.cli.interrupts import SOUND, print_answer
+from tpd.cli.terminal import SOUND, print_answer
 from tpd.core import checks, files
 from tpd.core.progress import Bar
 from tpd.scene.ground_motion import Pulse

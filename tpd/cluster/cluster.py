@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from tpd.core import checks, files, process
+from tpd.core import checks, files, jax_setup
 from tpd.core.batch import elements
 from tpd.core.formatting import install
 from tpd.core.progress import unreported
@@ -237,7 +237,7 @@ def _compute(version: str, common: bytes, part: bytes) -> tuple[int, Results]:
         what = "Python, tpd or its packages: install the same"
         raise ClusterError(f"a worker of the cluster has another version of {what}")
     # This must precede the next line: otherwise JAX would convert arrays to 32 bits when they are unpickled.
-    process.use_64_bits()
+    jax_setup.use_64_bits()
     (task, shared), (number, own) = pickle.loads(common), pickle.loads(part)
     return number, {name: np.asarray(values) for name, values in task(own, *shared).items()}
 

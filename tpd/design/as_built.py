@@ -24,7 +24,7 @@ from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import bob_of
 from tpd.design.design import Design, FrontPoint
 from tpd.design.problem import Variation
-from tpd.models.compiled import Piecewise
+from tpd.models.piecewise import Piecewise
 from tpd.scene.bob import STEEL, Bob
 from tpd.scene.conditions import Conditions
 from tpd.scene.parameters import as_arrays

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 from tpd.answers.motion_history import sliding
-from tpd.answers.runs import Runs, follow_scaled
+from tpd.answers.run_table import Runs, follow_scaled
 from tpd.answers.statistics import Share
 from tpd.answers.transient import FREE
 from tpd.core.formatting import Printed, compared, ends, number, percent

@@ -18,17 +18,17 @@ import numpy as np
 
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import PairedRuns
-from tpd.answers.runs import Runs, follow_runs
+from tpd.answers.run_table import Runs, follow_runs
 from tpd.answers.transient import FREE, MAX_EVENTS
+from tpd.compiled.columns import NU, F, K
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import GroundForcing
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import KINDS, Clearance, DesignSpace, Limit, Risk, Stroke
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
-from tpd.exact.rows import row_of
-from tpd.exact.runs import GroundForcing
-from tpd.exact.terms import NU, F, K
 from tpd.records.intensity import intensity_of
 from tpd.records.read import BUILT_IN
 from tpd.scene.conditions import MEASURES, Conditions, latin_hypercube, under_all

@@ -11,7 +11,10 @@ import numpy as np
 from tpd.answers.attractors import StartKind, Starts
 from tpd.answers.ensemble import Ensemble, outcomes
 from tpd.answers.paired import PairedRuns, paired_runs
-from tpd.answers.runs import Runs
+from tpd.answers.run_table import Runs
+from tpd.compiled.calling import load_compiled
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
 from tpd.core.batch import aside
 from tpd.core.progress import Progress, unreported
@@ -32,10 +35,7 @@ from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complet
 from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent
 from tpd.design.sizes import evaluate_sizes
-from tpd.exact.calling import load_compiled
-from tpd.exact.rows import row_of
-from tpd.exact.runs import HarmonicForcing, follow
-from tpd.models.compiled import Piecewise
+from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, latin_hypercube, train_of, under_all
 from tpd.scene.ground_motion import GroundMotion

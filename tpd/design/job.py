@@ -14,6 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
+from tpd.compiled import compiling
 from tpd.core import checks
 from tpd.core.files import path_of
 from tpd.core.formatting import number_hint
@@ -47,7 +48,6 @@ from tpd.design.job_keys import (
     widths_of,
 )
 from tpd.design.settings import SCATTERED, Descent, GroundSearch
-from tpd.exact import compiling
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
 from tpd.records.intensity import OF_JOBS, intensity_of

@@ -18,6 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tpd.compiled.columns import LAM, MU, SIZES, ZETA, E
+from tpd.compiled.orbits import orbit_slopes, solve_orbits
+from tpd.compiled.rows import row_of
 from tpd.core.batch import in_chunks, prepare
 from tpd.core.progress import Count, unreported
 from tpd.design.criteria import (
@@ -36,9 +39,6 @@ from tpd.design.criteria import (
     Worsening,
 )
 from tpd.design.sizes import evaluate_sizes
-from tpd.exact.orbits import orbit_slopes, solve_orbits
-from tpd.exact.rows import row_of
-from tpd.exact.terms import LAM, MU, SIZES, ZETA, E
 from tpd.models.half_period import half_period, newton
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, under, under_all
@@ -55,8 +55,8 @@ rounding or where a limit has no derivative, and the design still keeps the limi
 KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
 """Motions of a design under a condition, see `Evaluation.kind`."""
 _KIND_OF = np.array([ROCKING, UNSTABLE, UNSTABLE, NEAR, NEAR, NONE])
-"""Index into `KINDS` for each status of an orbit, see `tpd.exact.terms`. The best motion has the smallest
-index."""
+"""Index into `KINDS` for each status of an orbit, see `tpd.compiled.columns`. The best motion has the
+smallest index."""
 _DESIGN = {"mass": MU, "length": LAM, "damping": ZETA}
 """Columns of the parameters of a design, by the names of their factors in conditions."""
 _RESERVE = ("fold", "symmetry", "torus")

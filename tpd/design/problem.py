@@ -16,7 +16,7 @@ import numpy as np
 
 from tpd.answers.ensemble import Ensemble
 from tpd.answers.paired import PairedRuns
-from tpd.answers.runs import Runs
+from tpd.answers.run_table import Runs
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
 from tpd.design.criteria import (

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tpd.answers.paired import FEWER
-from tpd.answers.runs import Runs
+from tpd.answers.run_table import Runs
 from tpd.core.progress import Progress
 from tpd.design.criteria import STILL, first_apart
 from tpd.design.gaussian_process import (

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tpd.answers.ensemble import Ensemble, Plan, plan
-from tpd.answers.runs import follow_runs
+from tpd.answers.run_table import follow_runs
 from tpd.answers.statistics import Share
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import GroundForcing, HarmonicForcing
 from tpd.core import checks
 from tpd.core.formatting import Printed, aligned, number
 from tpd.core.progress import Progress, shown
 from tpd.engines.rigid_body import SLIDING, RigidBody, body_of, parameters_under
 from tpd.engines.rollouts import Accelerations, EngineRuns, available, follow, free_rocking
-from tpd.exact.rows import row_of
-from tpd.exact.runs import GroundForcing, HarmonicForcing
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Harmonic, Pendulum, Scene

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tpd.exact.orbits import solve_orbits
-from tpd.exact.rows import row_of
-from tpd.exact.terms import SIZES, STATUSES
+from tpd.compiled.columns import SIZES, STATUSES
+from tpd.compiled.orbits import solve_orbits
+from tpd.compiled.rows import row_of
 from tpd.scene.parameters import Parameters
 from tpd.scene.scene import Scene, dimensionless
 

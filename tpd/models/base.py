@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 import equinox as eqx
 from jaxtyping import Array, Bool, Float
 
-from tpd.exact.rows import row_of
-from tpd.exact.runs import HarmonicForcing, Limits, Settled, follow
-from tpd.exact.trajectories import trajectory
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import HarmonicForcing, Limits, Settled, follow
+from tpd.compiled.trajectories import trajectory
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status

@@ -29,7 +29,7 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
-from tpd.exact.terms import SWING, SWING_RATE, TILT, TILT_RATE
+from tpd.compiled.columns import SWING, SWING_RATE, TILT, TILT_RATE
 from tpd.models.smoothed import Field, Smoothed
 from tpd.scene.conditions import under
 from tpd.scene.parameters import Parameters, as_arrays

@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from tpd.exact.runs import Settled
-from tpd.exact.terms import SWING, TILT
+from tpd.compiled.columns import SWING, TILT
+from tpd.compiled.simulate import Settled
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State
 from tpd.scene.status import Status

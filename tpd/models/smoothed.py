@@ -13,12 +13,12 @@ import optimistix
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float
 
+from tpd.compiled.columns import SWING, TILT, TILT_RATE
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import HarmonicForcing, Settled, follow
 from tpd.core import checks
-from tpd.exact.rows import row_of
-from tpd.exact.runs import HarmonicForcing, Settled, follow
-from tpd.exact.terms import SWING, TILT, TILT_RATE
 from tpd.models.base import MOST_PERIODS, AbstractFlow, Cycle, setting
-from tpd.models.compiled import Piecewise
+from tpd.models.piecewise import Piecewise
 from tpd.models.settling import Period, settle
 from tpd.scene.parameters import Parameters
 from tpd.scene.pytrees import Number, State

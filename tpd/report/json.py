@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tpd.answers.paired import PairedRuns
-from tpd.answers.runs import Runs
+from tpd.answers.run_table import Runs
 from tpd.core import files
 from tpd.design.as_built import Details
 from tpd.design.design import Design

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tpd.answers.paired import PairedRuns
-from tpd.answers.runs import Runs, label_of_ramp
+from tpd.answers.run_table import Runs, label_of_ramp
 from tpd.core.formatting import number
 from tpd.design.as_built import Details
 from tpd.design.criteria import LABELS

@@ -1,13 +1,13 @@
 """Law of impacts: the rates of block and bob after an impact of the block on its base.
 
 All models take the law from this module: the exact engine and its orbits, the smoothed and the nonlinear
-models, in JAX and in compiled code (`tpd.exact.plant.shared`). To change the law, edit `velocity_ratio`, and
-`bob_change` if the bob reacts differently. Complex numbers carry derivatives.
+models, in JAX and in compiled code (`tpd.compiled.plant.shared`). To change the law, edit `velocity_ratio`,
+and `bob_change` if the bob reacts differently. Complex numbers carry derivatives.
 
 All models assume that the changes of both rates are proportional to phi' before the impact. A ratio that
 depends on the rates themselves would require other equations of the symmetric orbits
-(`tpd.exact.half_period_kernel`) and of the smoothed impact (`tpd.theory.equations`). The models also assume
-that `e` = 1 loses no energy, and that a slow rattle ends.
+(`tpd.compiled.half_period_kernel`) and of the smoothed impact (`tpd.theory.equations`). The models also
+assume that `e` = 1 loses no energy, and that a slow rattle ends.
 """
 
 from __future__ import annotations

@@ -1,0 +1,69 @@
+"""Compiled code under JAX: called by XLA, by the host where XLA cannot, and first asked under a trace."""
+
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import jax
+import numpy as np
+import pytest
+
+import tpd
+from tests.reference import box, parameters
+from tpd import Piecewise, steady_state
+from tpd.compiled.calling import LINEAR
+
+BLOCK = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9)
+SCENE = tpd.Scene(BLOCK, tpd.Pulse.one_sine(acceleration=3.0, frequency=1.2))
+
+
+def tilt(length):
+    return tpd.transient(SCENE, tpd.Pendulum(mass=450.0, length=length, damping_ratio=0.1), free=2.0).tilt
+
+
+def test_with_another_device_about_the_processor_still_runs_the_compiled_code(monkeypatch):
+    x, y = box(1, seed=9)
+    model = Piecewise(max_periods=3)
+    ours = jax.jit(lambda x, y: model.settle(parameters(x), y).y)(x[0], y[0])
+    others = [SimpleNamespace(platform=name) for name in ("cpu", "cuda")]
+    monkeypatch.setattr(jax, "devices", lambda: others)
+    theirs = jax.jit(lambda x, y: model.settle(parameters(x), y).y)(x[0], y[0])
+    np.testing.assert_array_equal(ours, theirs)
+
+
+def test_without_the_custom_call_the_host_answers(monkeypatch):
+    x, y = box(6, seed=10)
+
+    def answers():
+        # Programs that were compiled before hold the custom call.
+        jax.clear_caches()
+        one = jax.value_and_grad(lambda x, y: steady_state(parameters(x), y0=y).amplitude)
+        return *jax.jit(jax.vmap(one))(x, y), *jax.value_and_grad(tilt)(0.9)
+
+    direct = answers()
+    monkeypatch.setattr(LINEAR, "is_direct", lambda: False)
+    try:
+        for ours, theirs in zip(answers(), direct, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+    finally:
+        jax.clear_caches()
+
+
+def test_a_wrong_answer_to_the_trial_is_said(monkeypatch):
+    compiled = LINEAR
+    monkeypatch.setattr(compiled, "_is_direct", None)
+    monkeypatch.setattr(compiled, "on_host", lambda *_: (np.zeros(3), np.zeros(3)))
+    with pytest.warns(UserWarning, match="of the linear equations directly .its answer to a trial is wrong"):
+        assert not compiled.is_direct()
+
+
+def test_the_first_question_may_come_under_a_trace():
+    code = (
+        "import warnings; warnings.simplefilter('error', UserWarning); import jax; "
+        "jax.config.update('jax_enable_x64', True); import tpd; "
+        "b = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9); "
+        "s = tpd.Scene(b, tpd.Pulse.one_sine(acceleration=3.0, frequency=1.2)); "
+        "print(float(jax.jit(lambda s: tpd.transient(s, free=2.0).tilt)(s)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert float(done.stdout) == pytest.approx(float(tpd.transient(SCENE, free=2.0).tilt), rel=1e-12)

@@ -1,0 +1,29 @@
+"""Names and bounds of the symmetric orbits."""
+
+import pytest
+
+from tpd.compiled.columns import ASKED, SIZES, is_neutral
+
+
+def test_places_asked_for_together_cover_every_size_once():
+    covered = [i for first, last in sorted(ASKED) for i in range(first, last)]
+    assert covered == list(range(SIZES["state"].stop))
+    for (first, last), names in ASKED.items():
+        places = [SIZES[name] for name in names]
+        assert places == ([slice(first, last)] if names == ("state",) else list(range(first, last)))
+
+
+@pytest.mark.parametrize(
+    ("k", "e", "mu", "zeta", "largest", "neutral"),
+    [
+        # A double multiplier is known to the root of rounding where nothing takes energy.
+        (0.0, 1.0, 0.0, 0.2, 1.0 + 5e-7, True),
+        (0.0, 1.0, 0.1, 0.0, 0.3, True),
+        (0.0, 1.0, 0.1, 0.0, 1.1, False),
+        (0.01, 1.0, 0.0, 0.2, 1.0 + 5e-7, False),
+        (0.0, 0.9, 0.0, 0.2, 1.0 + 5e-7, False),
+        (0.01, 0.9, 0.1, 0.2, 1.0 + 5e-12, True),
+    ],
+)
+def test_an_orbit_is_neutral_where_nothing_takes_energy_or_rounding_decides(k, e, mu, zeta, largest, neutral):
+    assert bool(is_neutral(k, e, mu, zeta, largest)) is neutral

@@ -1,0 +1,73 @@
+"""Multipliers of a symmetric orbit: roots of a quartic, the characteristic polynomial, and the map itself."""
+
+import numpy as np
+import pytest
+
+from tests.compiled.orbit_cases import chosen, felt
+from tests.compiled.plants import entry
+from tests.reference import along
+from tpd.compiled import half_map_kernel
+
+store_roots, characteristic = entry(half_map_kernel.store_roots), entry(half_map_kernel.characteristic)
+determinants = entry(half_map_kernel.determinants)
+
+
+def roots(c):
+    """Of a quartic, coefficients c1 to c4."""
+    found = np.empty(4, complex)
+    store_roots(tuple(map(float, c)), found)
+    return found
+
+
+def farthest(a, b):
+    """The largest distance from a number in one set to the nearest in the other."""
+    apart = np.abs(a[:, None] - b)
+    return max(apart.min(axis=0).max(), apart.min(axis=1).max())
+
+
+def test_roots_are_those_of_numpy_and_come_in_conjugate_pairs():
+    for row in np.random.default_rng(11).normal(size=(100, 4)) * [4.0, 6.0, 4.0, 1.0]:
+        found, expected = roots(row), np.roots([1.0, *row])
+        near = np.abs(expected[:, None] - expected)[~np.eye(4, dtype=bool)].min()
+        reach = 1e-13 * np.abs(expected).max() / min(near, 1.0)
+        assert farthest(found, expected) < reach
+        assert farthest(found, found.conj()) < 2.0 * reach
+
+
+@pytest.mark.parametrize(
+    ("expected", "reach"),
+    [
+        ((0.5, 0.5, -0.3, 0.1), 1e-7),
+        ((0.5, 0.5, 0.5, 0.1), 1e-4),
+        ((0.7, 0.7, 0.7, 0.7), 1e-3),
+        ((0.6 + 0.3j, 0.6 - 0.3j, 0.6 + 0.3j, 0.6 - 0.3j), 1e-6),
+        ((-1.0, -1.0, 1.0, 1.0), 1e-6),
+        ((0.0, 0.0, 0.0, 0.0), 1e-9),
+        ((0.4, -0.9, 0.0, 0.0), 1e-6),
+        ((1.0 + 1e-9, 0.3, 0.2 + 0.1j, 0.2 - 0.1j), 1e-14),
+    ],
+    ids=["double", "triple", "fourfold", "double pair", "two doubles", "zero", "no bob", "near unity"],
+)
+def test_a_root_of_order_m_is_known_to_the_mth_root_of_rounding(expected, reach):
+    assert farthest(roots(np.poly(expected)[1:].real), np.array(expected)) < reach
+
+
+def test_polynomial_and_determinants_are_those_of_the_eigenvalues():
+    for m in np.random.default_rng(13).normal(size=(50, 4, 4)):
+        np.testing.assert_allclose(characteristic(m), np.poly(m)[1:], rtol=1e-11, atol=1e-12)
+        g = np.linalg.eigvals(m)
+        pairs = [g[i] * g[j] for i in range(4) for j in range(i)]
+        expected = np.prod(1.0 - g), np.prod(1.0 + g), np.prod(1.0 - np.array(pairs))
+        np.testing.assert_allclose(determinants(characteristic(m)), np.real(expected), rtol=1e-9, atol=1e-10)
+        assert farthest(roots(characteristic(m)), g) < 1e-9 * np.abs(g).max()
+
+
+def test_multipliers_and_margins_are_those_of_the_return_map_wherever_it_is_cut():
+    for x, o in [*chosen(6, "rocking"), *chosen(4, "unstable")]:
+        period, reach = 2.0 * np.pi / x[6], 1e-8 * np.abs(o.multipliers).max()
+        ys, slopes, _ = along(x, o.state, np.array([0.0, 0.27, 1.0]) * period)
+        later = along(x, ys[1], np.array([0.27, 1.27]) * period)[1]
+        for by in (slopes[2], later[1]):
+            assert farthest(o.multipliers, np.linalg.eigvals(felt(x, by))) < reach
+        expected = np.linalg.det(np.eye(4) - felt(x, slopes[2]))
+        assert o.fold * o.symmetry == pytest.approx(expected, rel=1e-9, abs=1e-10)

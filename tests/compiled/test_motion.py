@@ -1,0 +1,46 @@
+"""The tally of a followed motion: its largest angles, where they were met, and its legs."""
+
+import numba
+import numpy as np
+
+from tpd.compiled import motion
+from tpd.compiled.motion import LEG, MOTION
+
+
+@numba.njit
+def tally(motions, path):
+    """Count the angles of a path (phi, psi, tau)."""
+    m = motions[0]
+    motion.reset_counts(m)
+    m.y[0], m.y[1] = path[0, 0], path[0, 1]
+    motion.reset_angles(m)
+    for i in range(1, len(path)):
+        motion.update_angles(m, path[i, 0], path[i, 1], path[i, 2])
+        m.n_legs += 1
+    return motion.larger_side(m, 0), motion.larger_side(m, 1), motion.larger_side(m, 2)
+
+
+@numba.njit
+def record(motions, legs, y):
+    for n in range(3):
+        motion.record_leg(motions[0], legs, n, 0.1 * n, 0.2, 7, y)
+
+
+def test_the_largest_angles_to_both_sides_are_kept_with_the_first_leg_that_met_them():
+    motions = np.zeros(1, MOTION)
+    path = np.array([[0.1, 0.0, 0.0], [-0.2, 0.3, 1.0], [-0.2, 0.1, 2.0], [0.05, -0.5, 3.0]])
+    assert tally(motions, path) == (1, 3, 5)
+    m = motions[0]
+    np.testing.assert_allclose(m["peaks"], [0.1, 0.2, 0.3, 0.5, 0.5, 0.55])
+    assert m["peak_legs"].tolist() == [-1, 0, 0, 2, 0, 2]
+    assert m["peak_times"].tolist() == [0.0, 1.0, 1.0, 3.0, 1.0, 3.0]
+
+
+def test_legs_beyond_the_room_are_counted_and_not_written():
+    motions, legs = np.zeros(1, MOTION), np.zeros(2, LEG)
+    motions["kind"], motions["direction"] = 1.0, -1.0
+    record(motions, legs, np.arange(4.0))
+    assert motions["n_legs"][0] == 3
+    assert legs["piece"].tolist() == [0, 1]
+    assert legs["direction"].tolist() == [-1.0, -1.0]
+    np.testing.assert_array_equal(legs["y"][1], np.arange(4.0))

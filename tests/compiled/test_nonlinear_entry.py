@@ -1,0 +1,114 @@
+"""The compiled event loop of the nonlinear equations: against the event loop of SciPy, and by hand."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tpd
+from tests.reference import NAMES, EventDriven, settled
+from tpd.compiled import nonlinear_entry
+from tpd.compiled.rows import row_of
+from tpd.compiled.simulate import GroundForcing, follow
+from tpd.core import files
+from tpd.scene.status import names_of
+
+
+def scenes(kind, count, seed=4):
+    """Random parameters and starts, friction from none to that which holds a leaning block."""
+    u = np.random.default_rng(seed).random((count, 12))
+    nu, pendulum, lossy = 0.1 + 0.25 * u[:, 0], kind.startswith("hung"), kind.endswith("impacts")
+    p = tpd.Parameters(
+        nu=nu,
+        mu=(0.02 + 0.3 * u[:, 1]) * pendulum,
+        lam=0.2 + 1.3 * u[:, 2],
+        zeta=0.05 + 0.3 * u[:, 3],
+        k=nu * u[:, 4] ** 2 * (0.3 if lossy else 1.0),
+        f=nu * (0.4 + (1.2 if pendulum else 2.0) * u[:, 5]),
+        xi=1.0 + 6.0 * u[:, 6],
+        e=0.6 + 0.35 * u[:, 7] if lossy else np.ones(count),
+    )
+    reach = np.stack([0.6 * nu, 0.3 + 0.0 * nu, 0.3 * nu, 0.3 + 0.0 * nu], axis=1)
+    return p, (2.0 * u[:, 8:12] - 1.0) * reach
+
+
+@pytest.mark.parametrize("kind", ["hung", "bare", "impacts", "hung impacts"])
+def test_random_motions_are_those_of_the_event_loop(kind):
+    p, y0 = scenes(kind, 8)
+    found = settled(tpd.Terms.nonlinear, p, y0, periods=3, rtol=1e-11)
+    kinds, compared = set(), 0
+    for i in np.flatnonzero(found.elapsed == 3):
+        x = [float(np.broadcast_to(getattr(p, name), 8)[i]) for name in NAMES]
+        loop = EventDriven(x, nonlinear=True)
+        expected = loop.run(y0[i], np.array([0.0, 6.0 * np.pi / x[6]]), quiet=1e-4)
+        if len(expected) < 2:
+            continue
+        felt = slice(None) if kind.startswith("hung") else slice(None, None, 2)
+        # What is left out at the end of a rattle is of the square of its speed.
+        np.testing.assert_allclose(found.y[i, felt], expected[-1, felt], rtol=0, atol=1e-6)
+        kinds |= set(loop.kinds)
+        compared += 1
+    assert compared >= 3
+    assert kinds >= {"slip"}
+
+
+@pytest.mark.parametrize("ramp", [0.2, 1.25, 2.0])
+def test_growing_shaking_at_any_phase_is_that_of_the_event_loop(ramp):
+    x = [0.25, 0.2, 0.8, 0.1, 0.05, 0.5, 3.5, 1.0]
+    p, period = tpd.Parameters(**dict(zip(NAMES, x, strict=True))), 2.0 * np.pi / 3.5
+    begin, y0 = (
+        np.array([0.0, 0.3, 0.9]) * period,
+        0.1 * np.array([[0.2, 0, 0, 0], [0, 1, 0, 0], [-1, 0, 1, 0]]),
+    )
+    found = settled(tpd.Terms.nonlinear, p, y0, periods=3, rtol=1e-11, begin=begin, ramp=ramp)
+    for i in range(3):
+        loop = EventDriven(x, growth=ramp * period, nonlinear=True)
+        expected = loop.run(y0[i], np.array([begin[i], 3 * period]), quiet=1e-4)
+        np.testing.assert_allclose(found.y[i], expected[-1], rtol=0, atol=1e-7)
+
+
+def test_where_nothing_can_be_stored_it_compiles_all_the_same(monkeypatch):
+    def cfunc(*_, cache=False, **__):
+        if cache:
+            raise RuntimeError("cannot cache function: no locator available")
+        return lambda function: (function, "compiled")
+
+    monkeypatch.setattr(nonlinear_entry.numba, "cfunc", cfunc)
+    monkeypatch.setattr(files, "_WARNINGS", set())
+    with pytest.warns(UserWarning, match="every run compiles it: cannot cache function"):
+        assert nonlinear_entry._entrance(5)[1] == "compiled"
+
+
+@pytest.mark.mends(
+    "a bob that changed little in a period was taken to be settled, and its block at rest for good"
+)
+def test_a_bob_that_still_grows_may_lift_the_block_later():
+    # In resonance almost without damping the bob grows by 3e-5 rad in a period, and lifts at 0.045 rad.
+    nu, mu, lam = 0.03, 0.5, 1.0
+    xi = 1.0 / np.sqrt(lam * 0.75 / (1.0 + nu**2))
+    p = tpd.Parameters(nu=nu, mu=mu, lam=lam, zeta=1e-5, k=0.0, f=9e-6, xi=xi, e=0.9)
+    for periods, lifts in ((100, False), (2500, True)):
+        found = settled(tpd.Terms.nonlinear, p, np.zeros((1, 4)), periods=periods)
+        assert names_of(found.status)[0] == "not_settled"
+        assert (found.peak[0] > 0.0) == lifts
+    assert found.peak_swing[0] > 0.045
+    # A little off resonance the bob cannot lift the block, but grows for hundreds of periods.
+    found = settled(
+        tpd.Terms.nonlinear, dataclasses.replace(p, xi=0.9995 * xi), np.zeros((1, 4)), periods=3000
+    )
+    assert names_of(found.status)[0] == "rest"
+    assert found.peak_swing[0] == pytest.approx(0.0178, rel=0.01)
+    assert found.swing[0] == pytest.approx(0.00909, rel=0.01)
+
+
+@pytest.mark.mends("an impact that ended in rest lost the part of the bob's kick that depends on the side")
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_an_impact_that_ends_in_rest_kicks_the_bob_like_any_other(side):
+    x = [0.3, 0.1, 0.5, 0.1, 0.0, 1e-9, 1.0, 0.6]
+    y0 = np.array([side * 1e-12, 0.5, -side * 3e-3, 0.0])
+    expected = EventDriven(x, nonlinear=True).run(y0, np.array([0.0, 0.01]), quiet=0.02)[-1]
+    still = GroundForcing([np.zeros((1, 4))], 0.009)
+    row = row_of(tpd.Parameters(**(dict(zip(NAMES, x, strict=True)) | {"xi": 0.001})))
+    found = follow(tpd.Terms.nonlinear, row, still, y0=y0, rest_rate=0.02)
+    assert found.state[2] == 0.0
+    np.testing.assert_allclose(found.state, expected, rtol=0.0, atol=1e-8)

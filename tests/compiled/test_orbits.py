@@ -1,0 +1,48 @@
+"""Symmetric orbits of batches on the host, and of one design under JAX."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.compiled.orbit_cases import ROWS
+from tests.reference import parameters
+from tpd.compiled import orbits as engine
+from tpd.compiled.columns import SIZES
+from tpd.compiled.rows import row_of
+
+X = np.array([row_of(parameters(row["parameters"])) for row in ROWS[:40]])
+
+
+def test_a_batch_is_its_designs_on_any_number_of_threads():
+    calls = []
+    alone = engine.solve_orbits(X, workers=1, progress=lambda *done: calls.append(done))
+    assert calls[-1] == (40, 40)
+    np.testing.assert_array_equal(alone["sizes"], engine.solve_orbits(X, workers=2)["sizes"])
+    for i in (0, 7):
+        one = engine.solve_orbits(X[i : i + 1])[0]
+        np.testing.assert_array_equal(one["sizes"], alone[i]["sizes"])
+        known = engine.solved(X[i])
+        traced = jax.jit(engine.solved)(jnp.asarray(X[i]))
+        np.testing.assert_array_equal(known, traced)
+
+
+def test_slopes_are_linear_in_the_direction_and_nan_where_not_asked_for():
+    orbits = engine.solve_orbits(X)
+    basis = np.broadcast_to(np.eye(9), (len(X), 9, 9))
+    along = np.broadcast_to(np.linspace(0.1, 0.9, 9), (len(X), 1, 9))
+    every = engine.orbit_slopes(X, orbits, basis, (0, 11))
+    one = engine.orbit_slopes(X, orbits, along, (0, 3))[:, :, 0]
+    there = np.isfinite(every[:, :, 0, 0])
+    assert np.sum(there) > 10
+    expected = np.einsum("nmds,d->nms", every, along[0, 0])
+    np.testing.assert_allclose(one[there][:, :3], expected[there][:, :3], rtol=1e-10, atol=1e-12)
+    assert np.all(np.isnan(one[:, :, SIZES["swing"] :]))
+    i = int(np.argmax(there[:, 0]))
+    alone = engine.slopes(X[i], engine.solved(X[i]), (0, 3))
+    np.testing.assert_allclose(alone[0, :, :3], every[i, 0, :, :3], rtol=1e-12)
+
+
+def test_no_batch_is_refused():
+    with pytest.raises(ValueError, match=r"must have shape \(n,\), but the batch has shape \(\)"):
+        engine.solve_orbits(X[0])

@@ -1,0 +1,66 @@
+"""When a motion repeats itself, and how its shaking grows."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tpd.compiled import repetition as r
+
+STATE = np.array([0.1, 0.2, -0.1, 0.3])
+
+
+class Past:
+    """The last states of a motion, newest first, as rows or as records."""
+
+    def __init__(self, states):
+        self.states = states
+
+    def __getitem__(self, key):
+        return self.states[key[0]][key[1]] if isinstance(key, tuple) else SimpleNamespace(y=self.states[key])
+
+
+def after(past, *, mu=0.1):
+    return r.repeats_after.py_func(SimpleNamespace(mu=mu), STATE, Past(past), len(past), np.ones(4), 1e-8)
+
+
+@pytest.mark.parametrize(("period", "expected"), [(1, 1), (3, 3), (8, 8), (0, 0)])
+def test_the_period_is_that_after_which_the_state_returns(period, expected):
+    assert after([STATE + (0.0 if j + 1 == period else 0.01) for j in range(8)]) == expected
+
+
+def test_the_shortest_period_that_is_close_as_well_counts():
+    # On its way to period one a motion may alternate.
+    assert after([STATE + 5e-7, STATE + 1e-9]) == 1
+    assert after([STATE + 5e-6, STATE + 1e-9]) == 2
+    assert after([STATE + 5e-7]) == 0
+
+
+def test_a_bob_without_mass_does_not_count():
+    past = [STATE + np.array([0.0, 1.0, 0.0, 1.0])]
+    assert after(past) == 0
+    assert after(past, mu=0.0) == 1
+
+
+@pytest.mark.parametrize(("xi", "known"), [(4.0, [0.2, 0.5, 0.8, 2.0]), (0.1, [0.2, 0.5, 0.2, 0.5])])
+def test_scales_grow_with_the_rate_of_the_shaking(xi, known):
+    np.testing.assert_allclose(r.scales_of.py_func(SimpleNamespace(nu=0.2, f=0.3, xi=xi)), known)
+
+
+@pytest.mark.parametrize(
+    ("elapsed", "since", "share", "until"),
+    [
+        # Over two and a half periods of length 3: it grows in the first two, and for a half of the third.
+        (0.0, 0.0, 0.0, 7.5),
+        (1.0, 0.0, 0.4, 4.5),
+        (2.0, 1.0, 0.8, 1.5),
+        (2.0, 1.6, 1.0, 0.0),
+        (3.0, 0.0, 1.0, 0.0),
+    ],
+)
+def test_the_shaking_grows_until_it_has_its_full_size(monkeypatch, elapsed, since, share, until):
+    monkeypatch.setattr(r, "steady", lambda cubics: r.Forcing(True, 1.0, 0.0, 0, cubics))
+    f, grown = r.excitation_in.py_func(2.5, 3.0, elapsed, since, np.empty((0, 4)))
+    assert f.share == pytest.approx(share)
+    assert grown == pytest.approx(until)
+    assert f.share + f.rate * grown == pytest.approx(1.0)

@@ -1,0 +1,35 @@
+"""Rows of parameters: read by name, in whatever order these are defined."""
+
+import json
+import subprocess
+import sys
+
+import jax.numpy as jnp
+import numpy as np
+
+from tests import interpreted
+from tests.reference import WITH, parameters
+from tpd.compiled.rows import numbers_of, packed, row_of
+from tpd.scene.parameters import NAMES, from_row
+
+
+def test_parameters_come_back_with_ratios_of_their_own():
+    p = parameters((*WITH[0].x, 0.8))
+    q = from_row(packed(numbers_of(p)))
+    assert float(q.rho) == float(p.inertia_ratio)
+    np.testing.assert_array_equal(row_of(q), row_of(p))
+    many = row_of(parameters((*WITH[0].x[:6], np.array([2.0, 3.0]))), piece=np.array([0.1, 0.2]))
+    np.testing.assert_array_equal(many[:, NAMES.index("xi")], [0.1, 0.2])
+    assert isinstance(row_of(parameters(jnp.asarray(WITH[0].x))), np.ndarray)
+
+
+def test_no_result_depends_on_the_order_of_the_parameters():
+    # The interpreted kernels also check the compiled ones.
+    command = [sys.executable, "-m", "tests.interpreted", *sorted(NAMES)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    other, ours = json.loads(done.stdout), interpreted.results()
+    assert sorted(NAMES) != list(NAMES)
+    assert other.keys() == ours.keys()
+    for name in ours:
+        one, two = interpreted.flat(ours[name]), interpreted.flat(other[name])
+        np.testing.assert_allclose(one, two, rtol=1e-8, atol=1e-11, err_msg=name)

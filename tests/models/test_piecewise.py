@@ -1,0 +1,326 @@
+"""The exact model: known answers and gradients, losses next to folds and events, and its limits."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.answers.test_bifurcations import TOUCHING, Kind, lost
+from tests.answers.test_bifurcations import WITHOUT as FOLDING
+from tests.compiled.orbit_cases import among
+from tests.compiled.orbit_cases import solve as orbits
+from tests.compiled.test_trajectory import STICKING
+from tests.reference import (
+    CASES,
+    LEANING,
+    NAMES,
+    OVERTURNING,
+    REST,
+    STILL,
+    WITH,
+    WITHOUT,
+    EventDriven,
+    assert_overturned,
+    differences,
+    exact,
+    named,
+    parameters,
+)
+from tpd import (
+    Block,
+    Harmonic,
+    Nonlinear,
+    Parameters,
+    Pendulum,
+    Piecewise,
+    Scene,
+    simulate,
+    status_name,
+    steady_state,
+)
+from tpd.scene.impacts import housner
+from tpd.scene.status import SETTLED, names_of
+
+NU, MU, LAM, ZETA, K, F, XI, E = range(8)
+
+
+def moved(x, i, value):
+    """All eight parameters, one of them changed."""
+    out = np.ones(8)
+    out[: len(x)] = x
+    out[i] = value
+    return out
+
+
+def power(distances, values):
+    """The exponent of a power law."""
+    return float(np.polyfit(np.log(distances), np.log(values), 1)[0])
+
+
+# Known answers
+
+
+@pytest.mark.parametrize("case", CASES, ids=named)
+def test_amplitude_and_gradient_are_the_known_ones(case):
+    answer = exact(case.x, case.y0)
+    assert answer.status == ("rest" if case is STILL else "rocking")
+    assert answer.amplitude == pytest.approx(case.amplitude, rel=case.amplitude_rtol, abs=case.amplitude_atol)
+    known = np.isfinite(case.gradient)
+    found, expected = answer.slopes[0][known], np.array(case.gradient)[known]
+    np.testing.assert_allclose(found, expected, rtol=case.gradient_rtol, atol=case.gradient_atol)
+
+
+@pytest.mark.parametrize("x", [STILL.x, (*WITH[3].x, 0.8)], ids=["rest", "impacts"])
+def test_amplitude_and_swing_have_the_gradients_of_differences(x):
+    # From the settled state, since far steps from elsewhere may end on another orbit. The amplitude is known
+    # to about 1e-14 of itself, hence its differences to 1e-8 even where they are small.
+    answer = exact(x)
+    for i in range(len(x)):
+        expected = differences(
+            lambda x: np.array([(a := exact(x, answer.steady.state)).amplitude, a.swing]), x, i
+        )
+        np.testing.assert_allclose(answer.slopes[:2, i], expected, rtol=1e-7, atol=1e-11, err_msg=NAMES[i])
+
+
+def test_the_gradient_of_a_bare_block_says_what_a_first_light_bob_would_do():
+    case = WITHOUT[0]
+    without, h = exact(case.x, case.y0), 1e-4
+    values = [exact(moved(case.x, MU, mu), case.y0).amplitude for mu in (0, h, 2 * h, 3 * h)]
+    assert without.slopes[0, MU] == pytest.approx(np.dot([-11, 18, -9, 2], values) / (6 * h), rel=1e-6)
+
+
+@pytest.mark.mends("the derivative of the estimate was zero")
+def test_an_estimate_that_nobody_made_has_no_derivative():
+    def estimate(mu):
+        return jnp.asarray(steady_state(parameters((0.25, mu, *WITH[0].x[2:]))).estimate)
+
+    assert np.isnan(jax.grad(estimate)(0.05))
+
+
+def test_settings_that_make_no_sense_are_refused():
+    with pytest.raises(ValueError, match="`max_periods` must be a whole number, 1 or more, but is 0"):
+        Piecewise(max_periods=0)
+
+
+# Folds, breaking of symmetry, grazing, sticking
+
+
+def test_next_to_a_fold_the_gradient_is_refused_by_name():
+    x = moved(FOLDING, F, (b := lost(Kind.fold)).value * (1.0 + 5e-14))
+    o = orbits([x])
+    assert list(o.status[0, :2]) == ["near_fold", "near_fold"]
+    assert np.all(np.isnan(o.slopes[0, :2]))
+    np.testing.assert_allclose(o.amplitude[0, :2], b.amplitude, rtol=1e-5)
+    settled = exact(x, o.state[0, 0])
+    assert settled.status == "near_fold"
+    assert np.all(np.isnan(settled.slopes))
+    assert settled.amplitude == pytest.approx(b.amplitude, rel=1e-5)
+
+
+def test_next_to_a_grazing_the_gradient_is_refused_by_name():
+    b, distances = lost(Kind.grazing), 10.0 ** np.linspace(-9.0, -3.0, 7)
+    o = among(TOUCHING, "f", b.value * (1.0 - distances))
+    # The margin vanishes in proportion: below 1e-7 of what is usual it is called grazing.
+    assert power(distances, o.grazing[:, 1]) == pytest.approx(1.0, abs=0.01)
+    told = o.status[:, 1] == "grazing"
+    np.testing.assert_array_equal(told, o.grazing[:, 1] < 1e-7)
+    assert 2 <= told.sum() <= 4
+    assert np.all(np.isnan(o.slopes[told, 1]))
+    assert np.all(np.isfinite(o.slopes[~told, 1]))
+    np.testing.assert_allclose(o.amplitude[told, 1], b.amplitude, rtol=1e-6)
+    assert among(TOUCHING, "f", np.array([b.value * (1.0 + 1e-6)])).status[0, 1] == "no_orbit"
+
+
+# Overturning
+
+
+def test_an_overturning_has_a_status_and_no_gradient():
+    assert_overturned(exact(OVERTURNING))
+
+
+def test_starts_that_all_but_overturn_have_the_attractor_s_answer_or_a_name():
+    answers, low, high = [], 0.16, 0.3
+    for _ in range(45):
+        tilt = 0.5 * (low + high)
+        answers.append(exact(WITHOUT[1].x, (tilt, 0.0, 0.0, 0.0)))
+        low, high = (low, tilt) if answers[-1].status == "overturned" else (tilt, high)
+    # Every one is the attractor with its gradient, or rest, or lost, or the saddle in between, refused.
+    assert {a.status for a in answers} == {"rocking", "rest", "overturned", "unstable"}
+    saddle = next(a.amplitude for a in answers if a.status == "unstable")
+    assert saddle > 0.2
+    sizes = {"rocking": WITHOUT[1].amplitude, "rest": 0.0, "overturned": np.inf, "unstable": saddle}
+    for a in answers:
+        assert a.amplitude == pytest.approx(sizes[a.status], rel=1e-6)
+        assert np.all(np.isfinite(a.slopes[0])) == (a.status in names_of(SETTLED))
+
+
+# Limits
+
+
+def test_at_resonance_a_bob_under_a_resting_block_swings_by_its_damping_alone():
+    nu, lam, f = 0.25, 0.8, 0.1
+    xi = np.sqrt((1.0 + nu**2) / (0.75 * lam))
+    for zeta in (1e-1, 1e-3, 1e-6):
+        light = exact((nu, 0.0, lam, zeta, 0.05, f, xi))
+        assert light.status == "rest"
+        assert light.swing == pytest.approx(f / (2.0 * zeta), rel=1e-9)
+        assert light.slopes[1, ZETA] == pytest.approx(-f / (2.0 * zeta**2), rel=1e-6)
+    for zeta in (1e-2, 1e-8):
+        heavy = exact((nu, 0.1, lam, zeta, 0.05, f, xi))
+        assert heavy.status in ("overturned", "event_bound")
+        assert np.all(np.isnan(heavy.slopes))
+
+
+def test_resonance_without_damping_to_the_last_digit_is_told():
+    # 1 - lam rho xi^2 is zero.
+    answer = exact((0.5, 0.1, 1.0 / 0.6, 0.0, 0.05, 0.1, 1.0))
+    assert answer.status == "failed"
+    assert np.isnan(answer.amplitude)
+    assert np.all(np.isnan(answer.slopes))
+
+
+def test_a_period_too_long_to_be_followed_is_told():
+    answer = exact((0.2, 0.1, 0.4, 0.2, 0.05, 0.1, 1e-6))
+    assert answer.status == "event_bound"
+    assert np.all(np.isnan(answer.slopes))
+
+
+@pytest.mark.parametrize("f", [1e1, 1e100, 1e300])
+def test_huge_shaking_overturns_or_is_told_to_be_beyond_numbers(f):
+    answer = exact((0.2, 0.1, 0.4, 0.2, 0.05, f, 3.5))
+    assert answer.status == ("failed" if f == 1e300 else "overturned")
+    assert np.all(np.isnan(answer.slopes))
+
+
+def dimensionless(size, mass):
+    """The paper's block and its shaking, `size` times as large and shaken that much slower."""
+    block = Block(width=0.1 * size, height=0.4 * size, mass=mass, friction=0.05, restitution=1.0)
+    motion = Harmonic(amplitude=0.015 * size, frequency=2.5 / np.sqrt(size))
+    p = Scene(block, motion).parameters(Pendulum(mass=0.05 * mass, length=0.04 * size, damping_ratio=0.1))
+    return tuple(float(getattr(p, n)) for n in ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e"))
+
+
+@pytest.mark.parametrize(("height", "density"), [(1e-3, 4e5), (1e3, 20.0)])
+def test_neither_millimetres_nor_kilometres_change_a_dimensionless_answer(height, density):
+    x = dimensionless(height / 0.4, density * height**3 / 16.0)
+    usual = dimensionless(1.0, 16.2)
+    np.testing.assert_allclose(x, usual, rtol=1e-14)
+    answer, expected = exact(x), exact(usual)
+    assert answer.status == expected.status == "rocking"
+    assert answer.amplitude == pytest.approx(expected.amplitude, rel=1e-11)
+    np.testing.assert_allclose(answer.slopes[0], expected.slopes[0], rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("x", [WITH[0].x, WITH[3].x, STICKING, STILL.x, OVERTURNING], ids=str)
+def test_a_steady_state_is_that_of_integration(x):
+    ours, loop = steady_state(parameters(x), model=Nonlinear()), EventDriven(x, nonlinear=True)
+    assert math.isnan(ours.multiplier)
+    assert math.isnan(ours.lyapunov)
+    times = np.linspace(0.0, 40.0 * loop.period_of_excitation, 41)
+    if status_name(ours.status) == "overturned":
+        assert len(loop.run(REST, times)) < len(times)
+        return
+    sizes, end = loop.period(ours.state, int(ours.periods))
+    np.testing.assert_allclose([ours.amplitude, ours.swing], sizes, rtol=2e-6, atol=2e-8 * x[0])
+    # Capture at rest neglects a motion whose size is the square of the capture speed.
+    np.testing.assert_allclose(end, ours.state, rtol=0, atol=1e-6)
+    held = {kind for kind in loop.kinds if kind != "slip"}
+    assert bool(held) == (status_name(ours.status) != "rocking")
+
+
+SETTLED_AMPLITUDE = 0.0659875
+"""rad; of WITH[3] by equations (4). SciPy's LSODA with tanh for the signs, of width 1e-3, 3e-4 and 1e-4,
+gives 0.066007, 0.066000 and 0.065997."""
+
+
+def test_the_settled_nonlinear_amplitude_is_the_known_one_and_near_the_linear_one():
+    found = steady_state(parameters(WITH[3].x), model=Nonlinear())
+    assert status_name(found.status) == "rocking"
+    assert found.amplitude == pytest.approx(SETTLED_AMPLITUDE, rel=1e-5)
+    assert found.amplitude == pytest.approx(WITH[3].amplitude, rel=0.01)
+    assert found.amplitude != pytest.approx(WITH[3].amplitude, rel=1e-3)
+
+
+def test_the_distance_of_the_linear_model_falls_as_the_square_of_the_angles():
+    """Proportional nu, k and f scale the linear motion only; rho stays."""
+    scales, apart = np.geomspace(0.5, 0.01, 4), []
+    for s in scales:
+        x = np.array(WITH[3].x) * np.array([s, 1, 1, 1, s, s, 1])
+        x = np.array([*x, housner(x[0], 0.75 / (1.0 + x[0] ** 2), x[1])])
+        nonlinear = steady_state(parameters(x), model=Nonlinear())
+        apart.append(abs(nonlinear.amplitude / exact(x).amplitude - 1.0))
+    slopes = np.diff(np.log(apart)) / np.diff(np.log(scales))
+    assert np.polyfit(np.log(scales), np.log(apart), 1)[0] == pytest.approx(2.0, abs=0.1)
+    assert np.all(np.abs(slopes - 2.0) < 0.2)
+
+
+@pytest.mark.parametrize(
+    ("x", "y0", "periods"),
+    [
+        (WITH[3].x, REST, 5),
+        ((0.2, 0.0, 0.4, 0.2, 0.05, 0.1, 2.0), (0.16, 0.0, 0.0, 0.0), 5),
+        ((0.2, 0.1, 0.5, 0.1, 0.08, 0.3, 3.0, 0.7), (0.1, 0.1, 0.0, 0.3), 4),
+        ((0.25, 0.05, 0.8, 0.1, 0.2, 0.5, 3.5), (0.08, 0.1, 0.0, 0.0), 4),
+    ],
+    ids=["pendulum", "no pendulum", "impacts", "sticking"],
+)
+def test_motions_of_both_equations_are_those_of_the_event_loop(x, y0, periods):
+    felt = [0, 2] if x[1] == 0 else [0, 1, 2, 3]
+    for nonlinear, model in ((False, Piecewise()), (True, Nonlinear())):
+        loop = EventDriven(x, nonlinear=nonlinear)
+        times = np.linspace(0.0, periods * loop.period_of_excitation, 11)
+        motion, known = (
+            simulate(parameters(x), np.array(y0), times, model=model),
+            loop.run(y0, times, quiet=1e-7),
+        )
+        assert (status_name(motion.status) == "overturned") == (len(known) < len(times))
+        ys = np.asarray(motion.ys)[: len(known), felt]
+        np.testing.assert_allclose(ys, known[:, felt], rtol=0, atol=2e-6 * x[0])
+
+
+def test_a_block_that_friction_holds_is_held():
+    found = steady_state(parameters(LEANING[0]), y0=np.array(LEANING[1]), model=Nonlinear())
+    assert status_name(found.status) == "held"
+    assert found.amplitude == pytest.approx(LEANING[1][0], rel=1e-12)
+
+
+def test_values_are_those_under_jit_and_derivatives_are_nan():
+    x = WITH[0].x
+
+    def amplitude(nu):
+        return steady_state(parameters((nu, *x[1:])), model=Nonlinear()).amplitude
+
+    known = steady_state(parameters(x), model=Nonlinear()).amplitude
+    assert jax.jit(amplitude)(x[0]) == jax.vmap(amplitude)(np.array([x[0]]))[0] == known
+    assert math.isnan(jax.grad(amplitude)(x[0]))
+    assert math.isnan(jax.jit(jax.grad(amplitude))(x[0]))
+
+
+@pytest.mark.parametrize("count", [0, 40])
+def test_states_over_time_are_those_of_integration(count):
+    p, y0 = parameters(STICKING), np.array([0.02, 0.1, 0.0, -0.1])
+    times = (count + np.array([0.3, 0.31, 1.0, 1.7, 4.25])) * 2.0 * np.pi / STICKING[6]
+    ours = simulate(p, y0, times, model=Nonlinear())
+    assert status_name(ours.status) == "rocking"
+    loop = EventDriven(STICKING, nonlinear=True)
+    known = loop.run(y0, times, quiet=1e-7)
+    np.testing.assert_allclose(ours.ys, known, rtol=0, atol=1e-7)
+    slope = jax.jacfwd(lambda y: simulate(p, y, times, model=Nonlinear()).ys)(y0)
+    assert np.all(np.isnan(slope))
+
+
+def test_a_trajectory_ends_where_the_block_overturns():
+    found = simulate(parameters(OVERTURNING), np.zeros(4), np.linspace(0.0, 60.0, 13), model=Nonlinear())
+    assert status_name(found.status) == "overturned"
+    finite = np.isfinite(found.ys).all(axis=1)
+    assert finite[0]
+    assert not finite[-1]
+
+
+def test_too_few_events_are_said():
+    p = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.5)
+    model = Nonlinear(max_events=1)
+    assert status_name(steady_state(p, model=model).status) == "event_bound"
+    assert status_name(simulate(p, np.zeros(4), [0.0, 9.0], model=model).status) == "event_bound"

@@ -1,0 +1,405 @@
+"""Table of runs, for ensembles, paired runs, fragility, spectra, critical scales and trial runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tpd.answers.statistics import Share
+from tpd.cluster.cluster import Cluster, check_where
+from tpd.compiled import simulate
+from tpd.compiled.columns import LAM, MU, NU, SHAKEN, F
+from tpd.compiled.rows import ground_row_of
+from tpd.compiled.simulate import GroundForcing, HarmonicForcing, Settled
+from tpd.core import checks
+from tpd.core.formatting import Printed, Tabular
+from tpd.scene.ground_motion import LONGEST_FREE, STANDARD_GRAVITY, GroundMotion
+from tpd.scene.pytrees import single
+from tpd.scene.scene import Block, Pendulum, Scene
+from tpd.scene.status import SETTLED, UNANSWERED, Status, code_of, codes_of, is_one_of, names_of
+from tpd.theory.equations import Terms
+
+Progress = Callable[[int, int], None]
+"""Function that is called with (number of finished runs, number of all runs)."""
+ANGLES = ("tilt", "settled_tilt", "swing", "settled_swing", "rod_angle", "settled_rod_angle")
+"""Names of the angles of a run, which are fields of `Runs`."""
+_QUANTILES = {
+    "largest tilt, rad": "tilt",
+    "settled tilt, rad": "settled_tilt",
+    "bob's angle, rad": "swing",
+}
+_KEYS = {"peak": "tilt", "amplitude": "settled_tilt", "peak_swing": "swing", "swing": "settled_swing"}
+"""Angles by their keys in JSON."""
+UNANSWERED_ROW = "runs without an answer"
+"""Label of the number of runs without an answer, in tables."""
+_SHAKEN = codes_of(SHAKEN)
+"""Numbers of outcomes, by the numbers that compiled code uses under ground motions."""
+_CHUNKS = {Terms.linear: 2048, Terms.nonlinear: 128}
+"""Number of runs under a harmonic in one chunk for a cluster: some tenths of a second of work."""
+_PIECES = 1 << 21
+"""Number of pieces of ground motion in one chunk for a cluster."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Runs(Printed, Tabular):
+    """Runs of one block: NumPy arrays of the same shape.
+
+    Angles are in rad. They are infinite in a run in which the block overturns, because their values would
+    depend on the time at which the run was stopped. A run has no answer if it reached the limit on events, or
+    ended without finite numbers. All its results are NaN, and shares and quantiles do not count it. Without a
+    pendulum the angles of the rod are those of a bob that is too light to act on the block.
+
+    Attributes:
+        equations: equations of the runs.
+        seed: seed of the ensemble.
+        condition: index of the condition, or of the ground motion.
+        ramp: duration over which the excitation grows, s or units of tau.
+        nu, mu, lam: slenderness, mass ratio and length ratio.
+        tilt, settled_tilt: largest and settled |phi|.
+        swing, settled_swing: largest and settled |psi|.
+        rod_angle, settled_rod_angle: largest and settled angle between rod and block.
+        impacts: number of impacts.
+        outcome: number of the status.
+        cluster: number of the earthquake.
+    """
+
+    equations: Terms
+    """Equations of the runs: linear or nonlinear."""
+    seed: int = 0
+    """Seed of the ensemble."""
+    condition: np.ndarray
+    """Index of the condition, or of the ground motion, of each run."""
+    ramp: np.ndarray
+    """Duration (s, or units of tau) over which the excitation grows."""
+    nu: np.ndarray
+    """Slenderness of the block in each run, including its scatter."""
+    mu: np.ndarray
+    """Mass ratio of the pendulum."""
+    lam: np.ndarray
+    """Length ratio."""
+    tilt: np.ndarray
+    """Largest |phi|, transient included."""
+    settled_tilt: np.ndarray
+    """Settled |phi|, or the largest of the last periods. Under a ground motion the largest of the run."""
+    swing: np.ndarray
+    """Largest |psi|, transient included."""
+    settled_swing: np.ndarray
+    """Settled |psi|, or the largest of the last periods. Under a ground motion the largest of the run."""
+    rod_angle: np.ndarray
+    """Largest angle between rod and block, |psi - phi|. Runs under a harmonic do not record this angle. Then
+    it is the sum of the largest tilt and the largest swing, which is an upper bound."""
+    settled_rod_angle: np.ndarray
+    """Largest angle between rod and block of the settled motion, with the same bound under a harmonic."""
+    impacts: np.ndarray
+    """Number of impacts under a ground motion; NaN under a harmonic."""
+    outcome: np.ndarray
+    """Numbers of statuses, see `tpd.scene.status`. The status is not_settled if a run has not settled within
+    its periods."""
+    cluster: np.ndarray | None = None
+    """Number of the earthquake of each run; None if all runs are independent."""
+
+    @property
+    def is_overturned(self) -> np.ndarray:
+        """Whether the block overturns in each run."""
+        return self.outcome == code_of(Status.overturned)
+
+    @property
+    def is_unanswered(self) -> np.ndarray:
+        """Whether each run has no answer."""
+        return is_one_of(self.outcome, *UNANSWERED)
+
+    @property
+    def is_at_rest(self) -> np.ndarray:
+        """Whether the block comes to rest for good in each run."""
+        return self.outcome == code_of(Status.rest)
+
+    @property
+    def is_lifted(self) -> np.ndarray:
+        """Whether the block certainly leaves its base in each run. The runs must begin at rest."""
+        return self.tilt > 0.0
+
+    @property
+    def stands(self) -> np.ndarray:
+        """Whether the block certainly does not overturn in each run."""
+        return ~(self.is_overturned | self.is_unanswered)
+
+    @property
+    def severity(self) -> np.ndarray:
+        """Settled tilt divided by the slenderness, from 0 to 1.
+
+        It is 1 if the block overturns, and NaN without an answer.
+        """
+        # The upper bound of 1 keeps means finite. An overturned block counts as much as one on its corner.
+        return np.where(self.is_unanswered, np.nan, np.fmin(self.settled_tilt / self.nu, 1.0))
+
+    @property
+    def share_overturned(self) -> Share:
+        """Share of the runs in which the block overturns."""
+        return self._share(self.is_overturned)
+
+    @property
+    def share_at_rest(self) -> Share:
+        """Share of the runs in which the block comes to rest for good."""
+        return self._share(self.is_at_rest)
+
+    @property
+    def share_settled(self) -> Share:
+        """Share of the runs that reach a periodic motion, or rest."""
+        return self._share(is_one_of(self.outcome, *SETTLED))
+
+    def _share(self, hits: np.ndarray) -> Share:
+        answered = ~self.is_unanswered
+        return Share.of(hits[answered], None if self.cluster is None else self.cluster[answered])
+
+    def share_by_ramp(self) -> dict[float, Share]:
+        """Return the share of overturned runs for each duration over which the excitation grows."""
+        # Runs with the same duration of growth form one group.
+        answered = ~self.is_unanswered
+        return {
+            float(r): Share.of(self.is_overturned[answered & (self.ramp == r)]) for r in np.unique(self.ramp)
+        }
+
+    def quantiles(self, angle: str, at: tuple[float, ...] = (0.5, 0.9, 0.99)) -> tuple[float, ...]:
+        """Return quantiles of one of the angles of `tpd.answers.run_table.ANGLES`.
+
+        A quantile is the smallest value that at least the share `at` of the runs does not exceed. It is
+        infinite if so many runs can only be reached with runs that overturn.
+        """
+        # Overturned runs have infinite angles, so that they come last in the order.
+        values = np.sort(getattr(self, angle)[~self.is_unanswered])
+        # Without answered runs nothing is known of the quantiles.
+        if not len(values):
+            return (math.nan,) * len(at)
+        return tuple(float(values[min(len(values) - 1, math.ceil(q * len(values)) - 1)]) for q in at)
+
+    def ended(self, overturns: bool) -> Runs:
+        """Return the runs with an outcome for each run without an answer: overturned, or at rest."""
+        size, status = (math.inf, Status.overturned) if overturns else (0.0, Status.rest)
+        # Angles, and with them the severity, follow from the outcome. Answered runs keep their values.
+        ends = dict.fromkeys(ANGLES, size) | {"outcome": code_of(status)}
+        return replace(
+            self, **{name: np.where(self.is_unanswered, x, getattr(self, name)) for name, x in ends.items()}
+        )
+
+    @property
+    def _arrays(self) -> dict[str, np.ndarray]:
+        # Equations and seed are common to all runs, and not every table has earthquakes.
+        return {name: x for name, x in vars(self).items() if isinstance(x, np.ndarray)}
+
+    def reshape(self, *shape: int) -> Runs:
+        """Return the runs as arrays of another shape."""
+        return replace(self, **{name: x.reshape(shape) for name, x in self._arrays.items()})
+
+    def of(self, rows: np.ndarray | slice) -> Runs:
+        """Return some of the runs, by their indices or by whether each belongs to them."""
+        return replace(self, **{name: x[rows] for name, x in self._arrays.items()})
+
+    def columns(self) -> dict[str, Any]:
+        """Columns of a table with a row for each run: its inputs, its results and the name of its outcome."""
+        table = {name: x.ravel() for name, x in self._arrays.items()}
+        return table | {"outcome": names_of(table["outcome"])}
+
+    def summary(self) -> dict[str, Any]:
+        """Return equations, shares with their intervals, and quantiles, for JSON."""
+        shares = {n: tuple(getattr(self, f"share_{n}")) for n in ("overturned", "at_rest", "settled")}
+        return {
+            "equations": self.equations.value,
+            "undecided": int(self.is_unanswered.sum()),
+            "shares": shares,
+            "quantiles_50_90_99": {key: self.quantiles(angle) for key, angle in _KEYS.items()},
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return the rows of a table: a label, and a share or quantiles as text."""
+        out = [("overturned", str(self.share_overturned))]
+        out += [
+            (f"  {label_of_ramp(r)}", f"{100.0 * x.value:.1f} %") for r, x in self.share_by_ramp().items()
+        ]
+        # The report shows the same rows.
+        out.append(("at rest in the end", str(self.share_at_rest)))
+        for name, angle in _QUANTILES.items():
+            values = self.quantiles(angle)
+            sizes = (f"{v:.4f}".replace("nan", "unknown").replace("inf", "overturns") for v in values)
+            out.append((f"{name}: 50, 90, 99 %", "  ".join(sizes)))
+        return out
+
+    def __str__(self) -> str:
+        head = f"{self.outcome.size} runs of the {self.equations.value} equations, seed {self.seed}"
+        lines = [head, *(f"  {name:36}{text:>26}" for name, text in self.rows())]
+        if self.is_unanswered.any():
+            lines.append(f"  {UNANSWERED_ROW:36}{self.is_unanswered.sum():>26}")
+        return "\n".join(lines)
+
+
+class Cases(Tabular):
+    """Base class of results without a pendulum and, if there is a pendulum, with it."""
+
+    cases: Any
+    """Results of the cases. The first is the case without the pendulum."""
+
+    @property
+    def without_pendulum(self) -> Any:
+        """Result without the pendulum."""
+        return self.cases[0]
+
+    @property
+    def with_pendulum(self) -> Any:
+        """Result with the pendulum; None if there is no pendulum."""
+        return self.cases[1] if len(self.cases) > 1 else None
+
+
+CASE_KEYS = ("without_pendulum", "with_pendulum")
+"""Keys of the cases in tables and files."""
+
+
+def label_of_ramp(ramp: float) -> str:
+    """Return a label for the runs in which the excitation grows over `ramp` seconds."""
+    return "sudden starts" if ramp == 0.0 else f"starts over {ramp:g} s"
+
+
+def follow_runs(
+    equations: Terms,
+    rows: np.ndarray,
+    forcing: HarmonicForcing | GroundForcing,
+    *,
+    y0: np.ndarray | None = None,
+    events: int | None = None,
+    rtol: checks.Real = 1e-8,
+    brief: bool = False,
+    condition: Any = 0,
+    ramp: Any = 0.0,
+    seed: int = 0,
+    workers: checks.Whole | None = None,
+    cluster: Cluster | None = None,
+    progress: Progress | None = None,
+) -> Runs:
+    """Follow runs in threads, or on a cluster.
+
+    Args:
+        equations, rows, forcing, y0, events, rtol, brief: see `tpd.compiled.simulate.follow`; of n runs.
+        condition, ramp, seed: inputs of the runs that are only recorded in the table.
+        workers: number of threads; all cores by default.
+        cluster: processes or machines in place of threads.
+        progress: function that is called with (number of finished runs, number of all runs).
+    """
+    check_where(workers, cluster, progress)
+    n, ground = len(rows), isinstance(forcing, GroundForcing)
+    # The fields of the forcing with one value for each run, of the two kinds of forcing.
+    per_run = {name: getattr(forcing, name) for name in (("free", "which") if ground else ("begin", "ramp"))}
+    # Inputs that differ between runs are divided among the chunks of a cluster. The others are sent once.
+    batch = {name: np.broadcast_to(x, n) for name, x in per_run.items()}
+    batch |= {"rows": rows, "y0": np.zeros((n, 4)) if y0 is None else y0}
+    limits = {"events": events, "rtol": rtol, "brief": brief}
+    # `_results` puts these fields back, so that they are replaced by zero in the shared forcing.
+    shared = equations, forcing._replace(**dict.fromkeys(per_run, 0)), limits
+    if cluster is None:
+        results = _results(batch, *shared, workers, progress)
+    else:
+        # The longer the ground motions are, the fewer runs are in a chunk.
+        chunk = _CHUNKS[equations]
+        if isinstance(forcing, GroundForcing):
+            chunk = int(np.clip(_PIECES // max(map(len, forcing.records)), 128, 16_384))
+        results = cluster.map("runs", _results, batch, shared, chunk=chunk, progress=progress)
+    inputs = {"condition": np.broadcast_to(condition, n), "ramp": np.broadcast_to(ramp, n)}
+    # Slenderness and pendulum may scatter, so that the table records them for each run.
+    design = {"nu": rows[:, NU], "mu": rows[:, MU], "lam": rows[:, LAM]}
+    return Runs(equations=equations, seed=seed, **inputs, **design, **results)
+
+
+def _results(
+    batch: dict[str, np.ndarray],
+    equations: Terms,
+    forcing: HarmonicForcing | GroundForcing,
+    limits: dict[str, Any],
+    # On a cluster the processes share the cores, so that each uses one thread.
+    workers: int | None = 1,
+    progress: Progress | None = None,
+) -> dict[str, np.ndarray]:
+    """Return the results of runs by the names of the fields of `Runs`.
+
+    `batch` has the rows, the initial states, and those fields of the forcing that differ between runs.
+    """
+    forcing = forcing._replace(**{name: x for name, x in batch.items() if name in forcing._fields})
+    settings = {"y0": batch["y0"], "workers": workers, "progress": progress}
+    motions = simulate.follow(equations, batch["rows"], forcing, **settings, **limits)
+    if isinstance(motions, Settled):
+        # `amplitude` and `swing` are those of the settled motion; `peak` and `peak_swing` include the
+        # transient.
+        sizes = motions.peak, motions.amplitude, motions.peak_swing, motions.swing
+        # The rod angle is not recorded under a harmonic. The sum of tilt and swing is an upper bound of it.
+        sizes += motions.peak_swing + motions.peak, motions.swing + motions.amplitude
+        outcome, impacts = code_of(motions.status), np.full_like(motions.peak, np.nan)
+    else:
+        # A run under a ground motion has no steady state. Its largest angles take the place of the settled.
+        sizes = (motions.tilt,) * 2 + (motions.swing,) * 2 + (motions.relative,) * 2
+        outcome, impacts = _SHAKEN[motions.status.astype(int)], motions.impacts
+    # Overturned runs have infinite angles. Runs without an answer have NaN, see `Runs`.
+    unanswered = is_one_of(outcome, *UNANSWERED)
+    numbers = zip((*ANGLES, "impacts"), (*sizes, impacts), strict=True)
+    results = {name: np.where(unanswered, np.nan, x) for name, x in numbers}
+    return results | {"outcome": outcome.astype(np.int8)}
+
+
+def rows_of(
+    block: Block, pendulum: Pendulum | None, motions: Sequence[GroundMotion], gravity: float
+) -> np.ndarray:
+    """Return the parameters of compiled code for each motion at its own size, shape (motions, 9)."""
+    # With NumPy numbers JAX compiles no program.
+    shaken = (Scene(block, motion, gravity).ground_parameters(pendulum) for motion in motions)
+    return np.array([ground_row_of(p) for p in map(single, shaken)])
+
+
+def follow_scaled(
+    block: Block,
+    pendulums: Sequence[Pendulum | None],
+    motions: Sequence[GroundMotion],
+    factors: np.ndarray,
+    *,
+    gravity: float = STANDARD_GRAVITY,
+    free: float,
+    equations: Terms = Terms.linear,
+    brief: bool = False,
+    **options: Any,
+) -> Runs:
+    """Follow a block with each pendulum, from rest, under every motion multiplied by each of its factors.
+
+    Args:
+        block: block with its friction and restitution.
+        pendulums: pendulums; None for the block without a pendulum.
+        motions: pulses or records.
+        factors: factors on the motions, shape (motions, ...), at least 0.
+        gravity: acceleration of gravity, m/s^2.
+        free: duration of the free motion after each ground motion, s.
+        equations: linear or nonlinear.
+        brief: whether only the tilt, the uplift, the impacts before an overturning and the outcome are
+            needed.
+        options: `workers`, `cluster` and `progress`, see `follow_runs`.
+
+    Returns:
+        Runs of the shape (pendulums, motions, ...).
+
+    Raises:
+        ValueError: a shape that does not fit, or a number out of range.
+    """
+    for i, motion in enumerate(motions):
+        checks.instance(f"motions[{i}]", motion, GroundMotion)
+    if len(factors) != len(motions) or not len(motions):
+        expected = f"a row for each of {len(motions)} motions"
+        raise ValueError(f"`factors` must have {expected}, but has {factors.shape}")
+    checks.not_negative("factors", factors, every=True)
+    free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
+    # The runs of one record are neighbours, so that its samples stay in the cache of the processor.
+    which = np.repeat(np.arange(len(motions)), factors[0].size)
+    # One row for each pendulum, motion and factor. A factor multiplies the amplitude F of the row.
+    x = np.concatenate([rows_of(block, pendulum, motions, gravity)[which] for pendulum in pendulums])
+    x[:, F] *= np.tile(factors.ravel(), len(pendulums))
+    records = [np.asarray(m.pieces(), dtype=float) for m in motions]
+    # Compiled code has dimensionless times, hence the rate of the block.
+    late = free * single(Scene(block, motions[0], gravity).rate)
+    forcing = GroundForcing(records, late, np.tile(which, len(pendulums)))
+    table = follow_runs(equations, x, forcing, brief=brief, condition=forcing.which, **options)
+    return table.reshape(len(pendulums), *factors.shape)

@@ -1,0 +1,218 @@
+"""Calls of compiled code from JAX programs and from Python.
+
+The code runs on the CPU. XLA calls it directly as a custom call. If XLA cannot do that, or if the program
+runs on another device, JAX transfers the numbers to the host and back. `vmap` turns a batch into one call.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable
+from threading import Lock
+from types import SimpleNamespace
+from typing import Any, cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from tpd.compiled import compiling
+from tpd.compiled.rows import row_of
+from tpd.core.batch import PIECE, shared
+from tpd.scene.parameters import Parameters
+
+Trial = Callable[[Any], tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]]
+"""Function that returns the shapes of the results and the operands of a trial call, for a `Compiled`
+module."""
+
+
+def shape(*sizes: Any) -> jax.ShapeDtypeStruct:
+    """Return the shape of an array of floats."""
+    return jax.ShapeDtypeStruct(tuple(int(size) for size in sizes), np.float64)
+
+
+def numbers_in(record: np.dtype) -> int:
+    """Return the number of floats in a record of compiled code."""
+    return record.itemsize // 8
+
+
+def parts(numbers: Any, record: np.dtype) -> Any:
+    """Return the fields of records of floats as attributes of one object.
+
+    `numbers` has shape (..., n), with one record in its last axis. A field with complex numbers gets one more
+    axis of length 2, for the real and the imaginary part.
+    """
+    answer, fields = {}, cast("Any", record.fields)
+    for name, (kind, begin) in fields.items():
+        # NumPy counts in bytes, and every number of a record has eight of them.
+        place = begin // 8
+        size = kind.itemsize // 8
+        complex_axis = (2,) if kind.base.kind == "c" else ()
+        shape = *numbers.shape[:-1], *kind.shape, *complex_axis
+        answer[name] = numbers[..., place : place + size].reshape(shape)
+    return SimpleNamespace(**answer)
+
+
+class Compiled:
+    """Entry point to a module with compiled code, which has the attributes `CALL` and `run`."""
+
+    def __init__(self, module: str, target: str, of: str, trial: Trial) -> None:
+        """Store the arguments. The module is loaded when it is needed.
+
+        Args:
+            module: full name of the module.
+            target: name of the entry point in XLA programs.
+            of: name of the models in warnings.
+            trial: function that returns a trial call, which compares the results of XLA and of Python.
+        """
+        self._module, self._target, self._subject, self._trial = module, target, of, trial
+        self._lock = Lock()
+        self._is_direct: bool | None = None
+        self._entry: Any = None
+
+    def entry(self) -> Any:
+        """Return the module. It is imported at the first call, because it loads Numba."""
+        if self._entry is None:
+            compiling.load(self._module)
+            self._entry = sys.modules[self._module]
+        return self._entry
+
+    def settings(self, task: str, **values: Any) -> list[Any]:
+        """Return a row of settings for a task. Settings that are not passed are zero.
+
+        Raises:
+            TypeError: there is no setting of that name, which is an error in the package.
+        """
+        entry = self.entry()
+        values["task"] = getattr(entry, task)
+        row = [values.pop(name, 0.0) for name in entry.SETTINGS.names]
+        if values:
+            raise TypeError(f"there are no settings {', '.join(values)}")
+        return row
+
+    def is_direct(self) -> bool:
+        """Whether XLA can call the code directly, which a trial call shows the first time."""
+        # The lock prevents two threads from registering the entry point at the same time.
+        with self._lock:
+            if self._is_direct is None:
+                self._is_direct = self._check_direct_call()
+            return self._is_direct
+
+    def _check_direct_call(self) -> bool:
+        """Compare the results of a trial call through XLA with the results of the same call from Python."""
+        entry, why = self.entry(), "its answer to a trial is wrong"
+        try:
+            jax.ffi.register_ffi_target(self._target, jax.ffi.pycapsule(entry.CALL.address), platform="cpu")
+            shapes, operands = self._trial(self)
+            cpu, *_ = jax.local_devices(backend="cpu")
+            # This method may run while JAX traces a program. The trial itself must be computed and not
+            # traced.
+            with jax.default_device(cpu), jax.ensure_compile_time_eval(), jax.enable_x64(True):
+                answer = jax.ffi.ffi_call(self._target, shapes)(*operands)
+            reference = self.on_host(shapes, *operands)
+            agrees = all(np.array_equal(a, b, equal_nan=True) for a, b in zip(answer, reference, strict=True))
+        except Exception as error:
+            agrees, why = False, f"{type(error).__name__}: {error}"
+        if not agrees:
+            warnings.warn(
+                f"JAX cannot call the compiled code of {self._subject} directly ({why}). It calls the code "
+                "through Python, which is slower",
+                stacklevel=2,
+            )
+        return agrees
+
+    def on_host(self, shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> tuple[np.ndarray, ...]:
+        """Compute the results in this process, for operands that are NumPy arrays.
+
+        All operands and results have the same leading batch axes, before their own axes.
+        """
+        run = self.entry().run
+        wide = [np.asarray(x, dtype=float) for x in operands]
+        # The settings are the first operand, with one row for each run.
+        settings, *_ = wide
+        batch = settings.shape[:-1]
+        rows = int(np.prod(batch))
+        # The kernel takes contiguous arrays with one leading axis.
+        flat = [np.ascontiguousarray(x.reshape(rows, *x.shape[len(batch) :])) for x in wide]
+        out = [np.zeros((rows, *s.shape)) for s in shapes]
+        if rows:
+            run(0, rows, *flat, *out)
+        return tuple(x.reshape(*batch, *x.shape[1:]) for x in out)
+
+    def in_threads(
+        self,
+        n: int,
+        workers: int | None,
+        progress: Callable[[int, int], None] | None,
+        *buffers: np.ndarray,
+        piece: tuple[int, int] = PIECE,
+    ) -> None:
+        """Compute n rows in several threads, and write the results into the buffers.
+
+        Args:
+            n: number of rows.
+            workers, progress, piece: see `tpd.core.batch.shared`.
+            buffers: contiguous arrays, operands before results.
+        """
+        entry = self.entry()
+
+        def run(first: int, last: int) -> int:
+            entry.run(first, last, *buffers)
+            return last - first
+
+        shared(run, n, workers, progress, piece=piece)
+
+    def __call__(self, shapes: tuple[jax.ShapeDtypeStruct, ...], *operands: Any) -> Any:
+        """Return the results for operands that JAX traces."""
+        wide = [jnp.asarray(x, dtype=jnp.float64) for x in operands]
+
+        def by_xla(*a: Any) -> Any:
+            return jax.ffi.ffi_call(self._target, shapes, vmap_method="broadcast_all")(*a)
+
+        def by_host(*a: Any) -> Any:
+            return jax.pure_callback(
+                lambda *b: self.on_host(shapes, *b), shapes, *a, vmap_method="broadcast_all"
+            )
+
+        if not self.is_direct():
+            return by_host(*wide)
+        # Without another device a plain custom call makes a smaller XLA program.
+        if all(device.platform == "cpu" for device in jax.devices()):
+            return by_xla(*wide)
+        return jax.lax.platform_dependent(*wide, cpu=by_xla, default=by_host)
+
+
+_TRIAL = Parameters(nu=0.25, mu=0.1, lam=0.6, zeta=0.1, k=0.05, f=0.4, xi=2.0, rho=0.7, e=0.9)
+"""Parameters of the trial calls."""
+
+
+def _run_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
+    """Return the trial call of a run over one forcing period."""
+    settings = np.array(of.settings("SETTLE", periods=1.0, events=100.0, rest_rate=2e-7, rtol=1e-8))
+    return (shape(numbers_in(of.entry().SETTLED)),), (settings, row_of(_TRIAL), np.zeros(4), np.zeros(2))
+
+
+def _orbit_trial(of: Compiled) -> tuple[tuple[jax.ShapeDtypeStruct, ...], tuple[np.ndarray, ...]]:
+    """Return the trial call for symmetric orbits, which samples the path of a solution.
+
+    A trial that solves for orbits would not do: it leaves unused fields of the results unset, so that the two
+    results could differ there.
+    """
+    settings, u = np.array(of.settings("SAMPLE_PATH")), np.array([0.7, 0.3, 0.0])
+    return (shape(numbers_in(of.entry().PATH_SAMPLES)),), (settings, row_of(_TRIAL), u)
+
+
+LINEAR = Compiled("tpd.compiled.linear_entry", "tpd_exact", "the linear equations", _run_trial)
+"""Compiled code of the exact model, equations (25)."""
+NONLINEAR = Compiled("tpd.compiled.nonlinear_entry", "tpd_nonlinear", "the nonlinear equations", _run_trial)
+"""Compiled code of the nonlinear model, equations (4). It has the tasks `SETTLE`, `GROUND`, `STEADY_STATE`
+and `TRAJECTORY`."""
+ORBITS = Compiled("tpd.compiled.orbit_entry", "tpd_symmetric_orbits", "symmetric orbits", _orbit_trial)
+"""Compiled code of the symmetric orbits."""
+
+
+def load_compiled() -> None:
+    """Load the compiled code of both models. Compile the code first if this machine has not stored it yet."""
+    LINEAR.is_direct()
+    NONLINEAR.entry()

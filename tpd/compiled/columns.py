@@ -1,0 +1,79 @@
+"""Constants that compiled code and JAX code share. This module loads neither of them.
+
+These are the kinds of modes, the columns of states, and the statuses, sizes and bounds of orbits. The bounds
+define near which points an orbit loses its derivatives, and which orbits neither attract nor repel.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tpd.scene.parameters import NAMES
+
+SLIP, STICK, REST = range(3)
+"""Kinds of the modes of the contact, see `tpd.compiled.contact_kernel`: the block moves; it is held at a
+tilt; it is held on its base."""
+TILT, SWING, TILT_RATE, SWING_RATE, TILT_PULL, SWING_PULL = range(6)
+"""Columns of a state: phi, psi, phi', psi', and where they follow, the accelerations phi'' and psi''."""
+APART = 2
+"""Index of the third angle psi - phi, after TILT and SWING."""
+NU, MU, LAM, ZETA = map(NAMES.index, ("nu", "mu", "lam", "zeta"))
+K, F, XI, RHO, E = map(NAMES.index, ("k", "f", "xi", "rho", "e"))
+"""Columns of the parameters in a row."""
+WIDTH = len(NAMES)
+"""Number of parameters."""
+STATUSES = ("rocking", "unstable", "neutral", "near_fold", "grazing", "no_orbit")
+"""Names of the statuses of symmetric orbits, by their numbers in compiled code."""
+ENDS = ("rocking", "sticking", "rest", "held", "overturned", "not_settled", "event_bound", "failed")
+"""Names of the statuses of a run under a harmonic, by their numbers in compiled code."""
+STEADY_STATUSES = (*ENDS, "aperiodic", "unstable", "neutral", "near_fold", "grazing")
+"""Names of the statuses of a steady state, by their numbers in compiled code."""
+SHAKEN = ("stood", "rocked", "overturned", "event_bound", "failed")
+"""Names of the statuses of a run under a pulse or a record, by their numbers in compiled code."""
+STOOD, ROCKED, OVERTURNED, EVENT_BOUND, FAILED = range(5)
+"""Numbers of these statuses."""
+TURNING, CROSSED, MERGED, BROKEN, STUCK, TOUCHED, FLAT = range(7)
+"""Indices of the functions that vanish at an orbit (its two conditions) and where orbits are lost, see
+`tpd.compiled.symmetric_orbit_kernel.vanishing`."""
+SIZES = {
+    **{"amplitude": 0, "phase": 1, "crossing": 2, "swing": 3, "fold": 4, "symmetry": 5, "torus": 6},
+    "state": slice(7, 11),
+}
+"""Indices of the sizes of a symmetric orbit, all of which have derivatives."""
+ASKED = {
+    **{(0, 3): ("amplitude", "phase", "crossing"), (3, 4): ("swing",)},
+    **{(4, 7): ("fold", "symmetry", "torus"), (7, 11): ("state",)},
+}
+"""Ranges of these indices that are computed together, with the names of the sizes. The groups belong to the
+solution, to its path, to the map along the path, and to the state at tau = 0."""
+
+NEAR_FOLD = 1e-6
+"""Smallest distance of a multiplier from 1 at which an orbit has derivatives, over half a period. Over a
+whole period it is twice as large."""
+GRAZING = 1e-7
+"""Smallest rate at an event at which an orbit has derivatives, as a share of its usual value."""
+CONSERVED = 1e-6
+"""Largest excess over 1 of the largest multiplier of an orbit that counts as neutral, if the equations
+conserve energy. Rounding limits a double multiplier to half of the digits."""
+UNDECIDED = 1e-11
+"""Distance of the largest multiplier from 1 below which rounding decides whether an orbit attracts."""
+RESIDUAL = 1e-8
+"""Largest residual of the period map at which a motion counts as an orbit, in shares of the scales."""
+NEWTON_STEPS = 24
+"""Bound on the Newton steps on the period map. Usually three or four are enough. Near a fold each step only
+halves the error."""
+LAST_STEP = 1e-6
+"""Largest Newton step, in shares of the scales, of a converged orbit. Just beyond a fold the residual is
+small, but the step is not."""
+SYMMETRIC = 1e-6
+"""Largest difference between the tilts to either side of a symmetric motion, as a share of the amplitude."""
+APERIODIC = 5e-3
+"""Lyapunov exponent (per unit of tau) above which a motion that did not repeat counts as aperiodic."""
+
+
+def is_neutral(k: Any, e: Any, mu: Any, zeta: Any, largest: Any) -> Any:
+    """Whether an orbit neither attracts nor repels. `largest` is the modulus of its largest multiplier."""
+    # The block loses no energy: there is no friction, no impact loss, and no hinge damping that acts on the
+    # block.
+    conserves = (k == 0.0) & (e == 1.0) & ((mu == 0.0) | (zeta == 0.0))
+    return (conserves & (largest < 1.0 + CONSERVED)) | (abs(largest - 1.0) < UNDECIDED)

@@ -1,0 +1,211 @@
+"""Entry point to the compiled code of the exact model (25), for XLA and for Python."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+
+from tpd.compiled.arcs import Load, arc_from, beginning, state_at
+from tpd.compiled.columns import SWING_PULL, TILT_PULL
+from tpd.compiled.compiling import checksum
+from tpd.compiled.custom_call import (
+    API_VERSION,
+    BEGIN,
+    RAMP,
+    SETTINGS,
+    addresses_in,
+    inputs_of,
+    on_host,
+    pieces,
+    rows_of,
+    view,
+)
+from tpd.compiled.custom_call import FIELDS as FIELDS
+from tpd.compiled.follow import FOLLOWED, follow_ground_motion, store_results
+from tpd.compiled.legs import (
+    ANGLES,
+    GROWING,
+    INPUTS,
+    OF_END,
+    OF_GROWING,
+    OF_TIMES,
+    OF_UPLIFT,
+    OUTPUTS,
+    ROWS,
+    STATES,
+    TIMES,
+    UPLIFT,
+    read_derivatives,
+    read_forcing,
+    store_impacts,
+    store_states,
+)
+from tpd.compiled.motion import FIRST_PIECE, LEG, YES, copy_to, larger_side
+from tpd.compiled.period_map import RUN, new_buffers, records_of
+from tpd.compiled.plant import compiled, fill_plants
+from tpd.compiled.repetition import SETTLED
+from tpd.compiled.settle import settle
+from tpd.compiled.steady import STEADY, steady_state
+from tpd.compiled.trajectory import trajectory
+from tpd.core.machine_code import stored
+
+SETTLE, TRAJECTORY, GROUND, HISTORY, STEADY_STATE, ORBIT = range(6)
+"""Tasks, which are the first number of every row of settings. Histories are only for calls from Python."""
+_USUAL_EVENTS = 20_000
+"""Number of events for which memory is allocated at first."""
+
+
+@compiled
+def _settle(a, first, last, buffers):
+    """Compute rows of the task SETTLE, see `settle`.
+
+    Operands: settings, parameters, initial states, and begin and ramp of each run. Results: records
+    `SETTLED`.
+    """
+    (s, x, y), (_, _, _, times, results, _, _, _) = inputs_of(a, last), addresses_in(a)
+    t, out, m = view(times, (last, 2), np.float64), view(results, (last,), SETTLED), buffers.motions[RUN]
+    for n in range(first, last):
+        copy_to(y[n], m.y)
+        settle(x[n], buffers, s[n], t[n, BEGIN], t[n, RAMP], YES, out[n])
+
+
+@compiled
+def _steady(a, first, last, near, buffers):
+    """Compute rows of the tasks STEADY_STATE and ORBIT (`near`), see `steady_state`.
+
+    Operands: settings, parameters and initial states. Results: records `STEADY`.
+    """
+    (s, x, y), (_, _, _, results, _, _, _, _) = inputs_of(a, last), addresses_in(a)
+    out = view(results, (last,), STEADY)
+    for n in range(first, last):
+        steady_state(x[n], y[n], s[n], near, buffers, out[n])
+
+
+@compiled
+def _trajectory(a, first, last, buffers):
+    """Compute rows of the task TRAJECTORY, see `trajectory`.
+
+    Operands: settings, parameters, initial states and times. Results: states with their time derivatives,
+    statuses, and derivatives.
+    """
+    (s, x, y), (_, _, _, clock, states, ends, slopes, _) = inputs_of(a, last), addresses_in(a)
+    count, (q, m, w, r) = int(s[first].periods), records_of(buffers)
+    times, out = view(clock, (last, count), np.float64), view(states, (last, count, 8), np.float64)
+    statuses = view(ends, (last,), np.float64)
+    for n in range(first, last):
+        by = view(slopes, (last, count if s[n].slopes != 0.0 else 1, 4, INPUTS + 1), np.float64)
+        copy_to(y[n], m.y)
+        statuses[n] = trajectory(x[n], q, m, w, r, s[n], times[n], out[n], by[n])
+
+
+@compiled
+def _store_slopes(m, table, inputs, by):
+    """Select the derivatives of a run's results from the derivatives of its legs, and write them into `by`.
+
+    The directions from `inputs` on stay zero. The derivative of a time that has none is NaN.
+    """
+    by[:] = 0.0
+    for j in range(inputs):
+        for k in range(3):
+            # Of the two sides of each angle only the larger one is a result.
+            best = larger_side(m, k)
+            by[k, j], by[OF_TIMES + k, j] = table[ANGLES + best, j], table[TIMES + best, j]
+        for i in range(4):
+            by[OF_END + i, j] = table[i, j]
+        by[OF_GROWING, j], by[OF_UPLIFT, j] = table[GROWING, j], table[UPLIFT, j]
+
+
+@compiled
+def _follow_ground(a, first, last, history, buffers):
+    """Compute rows of the tasks GROUND and HISTORY (`history`), see `follow_ground_motion`.
+
+    Operands: settings, parameters, initial states and pieces, for a history also times. Results: records
+    `FOLLOWED`, derivatives, and those in the coefficients of the pieces; for a history states, impacts and
+    statuses.
+    """
+    (s, x, y), (_, _, _, forcing, results, by, arrivals, ends) = inputs_of(a, last), addresses_in(a)
+    no_legs, table, slopes = np.empty(0, LEG), np.empty((ROWS, INPUTS)), s[first].slopes != 0.0
+    q, m, w, r = records_of(buffers)
+    for n in range(first, last):
+        f = pieces(forcing, s[n], n)
+        # Few runs have more legs than this, and such runs are repeated with enough memory. The operating
+        # system assigns memory only when it is written, so that a large array costs nothing.
+        capacity = 2 * (int(s[n].pieces) + min(int(s[n].events), _USUAL_EVENTS)) + 64
+        legs = np.empty(capacity, LEG) if slopes or history else no_legs
+        while True:
+            copy_to(y[n], m.y)
+            status = follow_ground_motion(x[n], q, f, m, legs, w, s[n])
+            # Without derivatives no legs are needed.
+            if m.n_legs <= len(legs) or not (slopes or history):
+                break
+            legs = np.empty(m.n_legs, LEG)
+        if history:
+            count, n_impacts = int(s[n].periods), int(s[n].impacts)
+            times, size = view(results, (last, count), np.float64), (last, count, STATES)
+            store_states(q, f, legs, m.n_legs, times[n], view(by, size, np.float64)[n])
+            store_impacts(q, legs, m.n_legs, view(arrivals, (last, n_impacts, 2), np.float64)[n])
+            view(ends, (last,), np.float64)[n] = status
+            continue
+        out = view(results, (last,), FOLLOWED)[n]
+        store_results(m, status, out)
+        # The accelerations at the end, where no forcing acts.
+        arc = arc_from(q, m, m.y, Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        end = state_at(arc, beginning(arc), 0.0)
+        out.state[TILT_PULL], out.state[SWING_PULL] = end[TILT_PULL], end[SWING_PULL]
+        if slopes:
+            inputs = int(s[n].slopes)
+            # Derivatives that do not exist are never written, and must be NaN.
+            table[:] = math.nan
+            fill_plants(x[n], r.plants)
+            out.growing = read_derivatives(q, f, m, legs, r, (FIRST_PIECE, inputs), s[n].angles != 0.0, table)
+            _store_slopes(m, table, inputs, view(by, (last, OUTPUTS, INPUTS), np.float64)[n])
+            if s[n].samples != 0.0:
+                by_forcing = view(arrivals, (last, OUTPUTS, int(s[n].pieces), 4), np.float64)[n]
+                by_forcing[:] = 0.0
+                read_forcing(q, f, m, legs, r, by_forcing)
+
+
+@compiled
+def _run(a, first, last):
+    """Compute rows of the task that the settings name."""
+    settings, _, _, _, _, _, _, _ = addresses_in(a)
+    task, buffers = view(settings, (last,), SETTINGS)[first].task, new_buffers()
+    if task == SETTLE:
+        _settle(a, first, last, buffers)
+    elif task in (STEADY_STATE, ORBIT):
+        _steady(a, first, last, task == ORBIT, buffers)
+    elif task == TRAJECTORY:
+        _trajectory(a, first, last, buffers)
+    else:
+        _follow_ground(a, first, last, task == HISTORY, buffers)
+    # A record does not keep its array alive, and Numba frees an array after its last use.
+    return len(buffers.motions)
+
+
+def _entrance(version: int) -> Any:
+    """Return the entry point to the compiled code. `version` is the checksum of the sources."""
+
+    def call(address):
+        """Compute the rows that a frame describes. XLA takes the result 0 for success."""
+        a = np.zeros(8, np.int64)
+        first, last, by_host = rows_of(address, a, API_VERSION)
+        # There is only one call of `_run`: Numba would compile all functions below it again for each other
+        # kind of argument.
+        if last > first:
+            _run(a, first, last)
+        return version if by_host else 0
+
+    # Numba's cache only checks the file of this function, and would keep machine code of an older kernel. But
+    # the values of variables from outside the function are part of the key, so that `version` makes the cache
+    # safe.
+    return stored(call, numba.cfunc, "int64(int64)")
+
+
+CALL = _entrance(checksum())
+"""The entry point, an FFI handler for XLA."""
+run = on_host(CALL)
+"""Function for calls from Python. The arguments are the first row, the row after the last, then operands and
+results."""

@@ -1,0 +1,380 @@
+"""Taylor series of a motion of the nonlinear equations (4), and the events of a series.
+
+Each function in the equations is a product, a quotient, a sine or a cosine of others. Its coefficient of
+order n follows from lower coefficients of its factors (Jorba and Zou, Experimental Mathematics 14 (2005) 99).
+The series gives the motion at all times of a step, to within the tolerance. A bound on its second derivative
+proves where a signal has no event.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tpd.compiled.columns import REST, SLIP, SWING, SWING_RATE, TILT, TILT_RATE
+from tpd.compiled.events import HALVED
+from tpd.compiled.plant import coefficients, compiled, places
+
+ORDERS = 32
+"""Largest number of coefficients of a series."""
+PHI, V, PSI, R, APART, APART_RATE, FORCE = places(7)
+"""Rows of the coefficients of phi, phi', psi, psi', psi - phi, psi' - phi', and of the forcing times f."""
+_A, _B, _SIN, _COS, _S, _C, _VV, _RR, _R1, _R2, _DET, _ACC, _SWING = places(20, 7)
+"""Rows of the terms of (4): moments of weight and of forcing, sine and cosine of psi, S and C of the lever
+arms, squares of both rates, both right-hand sides, the determinant, and both accelerations."""
+VALUE, _SLOPE = places(2)
+"""Columns of the coefficients of orders zero and one, which are value and slope at the start of the
+series."""
+_OF_BLOCK, _OF_BOB, _OF_HELD = places(3)
+"""Indices of the allowed errors: those of the rates of block and bob, and that of the moment on a held
+block."""
+UP, DOWN = places(22, 20)
+"""Rows of the signals that release a held block."""
+ROWS = 22
+"""Number of rows."""
+WORK = np.dtype(
+    [
+        ("series", np.float64, (ROWS, ORDERS)),
+        ("inverse", np.float64, (3,)),
+        ("order", np.int64),
+        *((name, np.float64) for name in ("rtol", "capture", "rate", "swing", "period")),
+        ("relative", np.bool_),
+    ],
+    align=True,
+)
+"""Workspace and options of a run: the coefficients of the `series`; the `inverse` of the allowed errors of
+both rates and of the moment on a held block; the largest `order`; the relative tolerance `rtol` of a step;
+`capture`, the largest speed |phi'| of an impact that may end in rest; the usual rates of block and bob
+(`rate`, `swing`); `period`, the time scale for rounding errors of times; and whether the largest |psi - phi|
+is computed (`relative`)."""
+_NONE = np.int64(0)
+"""Zero, as a NumPy scalar."""
+_PROVED, _TINY = 60, 1e-15
+"""Number of steps of a proof, and the share of its size at which a signal counts as zero."""
+SLACK = 100.0 * _TINY
+"""Relative excess over the holding moment at which a held block is released.
+
+It is larger than the share at which a signal counts as zero. Otherwise an excitation that just balances the
+weight would release the block again and again.
+"""
+
+
+@compiled
+def prepare(x, s, q, w):
+    """Prepare plant and workspace for the parameters `x` and the settings `s`."""
+    coefficients(x, q)
+    q.slack = SLACK * (q.k + q.weight)
+    w.rtol, w.capture, w.inverse[_OF_HELD] = s.rtol, s.rest_rate * q.nu, 1.0 / (s.rtol * (q.weight + q.k))
+    # A step is cheapest if the series has half as many orders as the tolerance has digits in base e, and a
+    # few more for the work of a step apart from its series.
+    w.order = max(4, min(ORDERS - 2, 4 + int(-0.5 * math.log(s.rtol))))
+
+
+@compiled
+def _expand_forcing(q, e, order, c):
+    """Write the coefficients of f times the forcing `e` into the series, see `tpd.compiled.arcs.Load`."""
+    force = c[FORCE]
+    if e.xi == 0.0:
+        for n in range(4, order + 1):
+            force[n] = 0.0
+        for n, coefficient in enumerate((e.e0, e.e1, e.e2, e.e3)):
+            force[n] = q.f * coefficient
+        return
+    # The series of a sine times a linear function: each pass differentiates sine and cosine, and divides by n
+    # + 1.
+    sine, cosine, before = q.f * math.sin(e.phase), q.f * math.cos(e.phase), 0.0
+    for n in range(order + 1):
+        force[n] = e.e0 * sine + e.e1 * before
+        before = sine
+        by = e.xi / (n + 1.0)
+        sine, cosine = by * cosine, -by * sine
+
+
+@compiled
+def _term(c, n, inverse):
+    """Return the largest coefficient of order n, divided by its allowed error.
+
+    The coefficients are those of both rates, and of the signals of a held block.
+    """
+    rates = max(abs(c[V, n]) * inverse[_OF_BLOCK], abs(c[R, n]) * inverse[_OF_BOB])
+    return max(rates, max(abs(c[UP, n]), abs(c[DOWN, n])) * inverse[_OF_HELD])
+
+
+@compiled
+def _is_converged(c, n, power, former, inverse):
+    """Whether the terms of orders n and n - 1 are within the allowed errors, at a time with these powers."""
+    return _term(c, n, inverse) * power <= 1.0 and _term(c, n - 1, inverse) * former <= 1.0
+
+
+@compiled
+def _expand_slipping(q, m, remaining, w):
+    """Compute the series of a moving block, and return its order.
+
+    This is the largest order, or a smaller one that is sufficient for the time `remaining`.
+    """
+    c, pull, rho, weight, lever = w.series, -0.5 * q.m12, -0.5 * q.m21, m.tilt * q.weight, m.tilt * q.nu
+    phi, psi = c[PHI, VALUE], c[PSI, VALUE]
+    sp, cp, sq, cq = math.sin(phi), math.cos(phi), math.sin(psi), math.cos(psi)
+    sine, cosine = sp * cq - cp * sq, cp * cq + sp * sq
+    c[_A, VALUE], c[_B, VALUE] = q.up * sp - weight * cp, weight * sp + q.up * cp
+    c[_SIN, VALUE], c[_COS, VALUE] = sq, cq
+    c[_S, VALUE], c[_C, VALUE] = lever * sine + 2.0 * cosine, lever * cosine - 2.0 * sine
+    still, whole, product = -m.direction * q.k, q.m11 * q.m22, pull * rho
+    # Each pass adds one order to all rows. The sums are products of series (Cauchy products).
+    by_det, power, former = 0.0, 1.0, 1.0
+    for n in range(w.order):
+        a1 = b1 = s1 = c1 = s_sum = c_sum = 0.0
+        vv = rr = gb = gc = crr = cvv = sr1 = sr2 = ss = da = db = 0.0
+        c[APART_RATE, n], c[_DET, n] = c[V, n] - c[R, n], 0.0
+        for j in range(n + 1):
+            i = n - j
+            v, r, apart, force, s, cos = c[V, i], c[R, i], c[APART_RATE, i], c[FORCE, i], c[_S, j], c[_C, j]
+            a1 += c[_B, j] * v
+            b1 -= c[_A, j] * v
+            s1 += c[_COS, j] * r
+            c1 -= c[_SIN, j] * r
+            s_sum += cos * apart
+            c_sum -= s * apart
+            vv += c[V, j] * v
+            rr += c[R, j] * r
+            gb += c[_B, j] * force
+            gc += c[_COS, j] * force
+            ss += s * c[_S, i]
+        # These sums need the rows of this order from the index 1 on. Their terms with index 0 are added
+        # below.
+        for j in range(1, n + 1):
+            i, s, cos = n - j, c[_S, j], c[_C, j]
+            crr += cos * c[_RR, i]
+            cvv += cos * c[_VV, i]
+            sr1 += s * c[_R1, i]
+            sr2 += s * c[_R2, i]
+            da += c[_DET, j] * c[_ACC, i]
+            db += c[_DET, j] * c[_SWING, i]
+        # Order n of the equations: the right-hand sides, then both accelerations by division through the
+        # determinant.
+        c[_VV, n], c[_RR, n], c[_DET, n] = vv, rr, -product * ss
+        crr += c[_C, VALUE] * rr
+        cvv += c[_C, VALUE] * vv
+        c[_R1, n] = c[_A, n] - gb - pull * crr - q.c1 * c[APART_RATE, n]
+        c[_R2, n] = gc - c[_SIN, n] + rho * cvv + q.c2 * c[APART_RATE, n]
+        # Friction is a constant, and the determinant has one at order zero.
+        if n == 0:
+            c[_R1, VALUE] += still
+            by_det = 1.0 / (whole - product * ss)
+        else:
+            da += c[_DET, n] * c[_ACC, VALUE]
+            db += c[_DET, n] * c[_SWING, VALUE]
+        sr1 += c[_S, VALUE] * c[_R1, n]
+        sr2 += c[_S, VALUE] * c[_R2, n]
+        c[_ACC, n] = by_det * (q.m22 * c[_R1, n] + pull * sr2 - da)
+        c[_SWING, n] = by_det * (q.m11 * c[_R2, n] + rho * sr1 - db)
+        # Integrate: order n of a rate gives order n + 1 of the function.
+        by = 1.0 / (n + 1.0)
+        c[PHI, n + 1], c[PSI, n + 1] = by * c[V, n], by * c[R, n]
+        c[V, n + 1], c[R, n + 1] = by * c[_ACC, n], by * c[_SWING, n]
+        c[_A, n + 1], c[_B, n + 1], c[_SIN, n + 1], c[_COS, n + 1] = by * a1, by * b1, by * s1, by * c1
+        c[_S, n + 1], c[_C, n + 1] = by * s_sum, by * c_sum
+        c[UP, n + 1] = c[DOWN, n + 1] = 0.0
+        former, power = power, power * remaining
+        if n >= 3 and _is_converged(c, n + 1, power, former, w.inverse):
+            return n + 1
+    return w.order
+
+
+@compiled
+def _expand_held(q, m, remaining, w):
+    """Compute the series of the bob under a held block, and return its order.
+
+    This includes the signals that are positive until the block is released.
+    """
+    c = w.series
+    sp, cp = math.sin(c[PHI, VALUE]), math.cos(c[PHI, VALUE])
+    up, down = (1.0, -1.0) if m.kind == REST else (m.tilt, m.tilt)
+    c[_SIN, VALUE], c[_COS, VALUE] = math.sin(c[PSI, VALUE]), math.cos(c[PSI, VALUE])
+    hold, pull, power, former = q.k + q.slack, -0.5 * q.m12, 1.0, 1.0
+    for n in range(w.order + 1):
+        gc = s1 = c1 = rr = sa = ca = srr = crr = 0.0
+        for j in range(n + 1):
+            i = n - j
+            gc += c[FORCE, j] * c[_COS, i]
+            s1 += c[_COS, j] * c[R, i]
+            c1 -= c[_SIN, j] * c[R, i]
+            rr += c[R, j] * c[R, i]
+        c[PHI, n + 1] = c[V, n] = 0.0
+        c[_RR, n], c[_SWING, n] = rr, (gc - c[_SIN, n] - q.c2 * c[R, n]) / q.m22
+        for j in range(n + 1):
+            i = n - j
+            sa += c[_SIN, j] * c[_SWING, i]
+            ca += c[_COS, j] * c[_SWING, i]
+            srr += c[_SIN, j] * c[_RR, i]
+            crr += c[_COS, j] * c[_RR, i]
+        # sin(phi - psi) and cos(phi - psi) times the bob's acceleration and the square of its rate.
+        along = sp * ca - cp * sa - cp * crr - sp * srr
+        across = cp * ca + sp * sa + sp * crr - cp * srr
+        bob, one = q.c1 * c[R, n] + 2.0 * pull * across, 1.0 if n == 0 else 0.0
+        on_block = q.up * (one * sp - c[FORCE, n] * cp) + bob
+        of_side = pull * q.nu * along - q.weight * (one * cp + c[FORCE, n] * sp)
+        c[UP, n] = one * hold - on_block - up * of_side
+        c[DOWN, n] = one * hold + on_block + down * of_side
+        by = 1.0 / (n + 1.0)
+        c[PSI, n + 1], c[R, n + 1] = by * c[R, n], by * c[_SWING, n]
+        c[_SIN, n + 1], c[_COS, n + 1] = by * s1, by * c1
+        if n >= 4 and _is_converged(c, n, power, former, w.inverse):
+            return n
+        former, power = power, power * remaining
+    return w.order
+
+
+@compiled
+def expand(q, m, e, remaining, w):
+    """Compute the series of a motion from its state on under the forcing `e`.
+
+    Returns the order, and the time (at most `remaining`) for which the error is allowed. This time is NaN if
+    the series is not finite.
+    """
+    y, c, inverse, smallest = m.y, w.series, w.inverse, math.inf
+    c[PHI, VALUE], c[PSI, VALUE], c[V, VALUE], c[R, VALUE] = y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE]
+    inverse[_OF_BLOCK] = 1.0 / (w.rtol * max(0.1 * w.rate, abs(y[TILT_RATE])))
+    inverse[_OF_BOB] = 1.0 / (w.rtol * max(0.1 * w.swing, abs(y[SWING_RATE])))
+    _expand_forcing(q, e, w.order, c)
+    order = _expand_slipping(q, m, remaining, w) if m.kind == SLIP else _expand_held(q, m, remaining, w)
+    for n in range(order + 1 if w.relative else 0):
+        c[APART, n], c[APART_RATE, n] = c[PSI, n] - c[PHI, n], c[R, n] - c[V, n]
+    # The last two terms give the length of the step.
+    for n in range(order - 1, order + 1):
+        term = _term(c, n, inverse)
+        if not term < math.inf:
+            return order, math.nan
+        if term > 0.0:
+            smallest = min(smallest, -math.log(term) / n)
+    return order, min(remaining, math.exp(smallest))
+
+
+@compiled
+def value_at(c, row, order, t):
+    """Return the value of a series at the time `t`."""
+    value = c[row, order]
+    for n in range(order - 1, -1, -1):
+        value = value * t + c[row, n]
+    return value
+
+
+@compiled
+def time_at_limit(c, row, order, limit, h):
+    """Return the time at which an angle reaches a limit that it has passed at the time h.
+
+    The angle must not turn before h.
+    """
+    # This happens once, at the end of a run. Bisection is fast enough, and cannot fail.
+    lo, hi = 0.0, h
+    for _ in range(HALVED):
+        t = 0.5 * (lo + hi)
+        if abs(value_at(c, row, order, t)) < limit:
+            lo = t
+        else:
+            hi = t
+    return hi
+
+
+@compiled
+def store_state(c, order, t, y):
+    """Write the values of both angles and of their rates at the time `t` into `y`."""
+    # All four are evaluated together, so that the processor computes one while another one waits for its
+    # product.
+    phi, psi, v, r = c[PHI, order], c[PSI, order], c[V, order], c[R, order]
+    for n in range(order - 1, -1, -1):
+        phi, psi = phi * t + c[PHI, n], psi * t + c[PSI, n]
+        v, r = v * t + c[V, n], r * t + c[R, n]
+    y[TILT], y[SWING], y[TILT_RATE], y[SWING_RATE] = phi, psi, v, r
+
+
+@compiled
+def _first_zero(c, row, sign, order, first, t, h):
+    """Return the first time from t on at which a signal vanishes, and whether it does so before h.
+
+    The signal is `sign` times the series, divided by the power `first` of the time. Without a zero the
+    function returns the time until which the signal is proved to be positive.
+    """
+    # Until h the second derivative is bounded from below by the sum of its negative terms.
+    bend, tiny, power = 0.0, 0.0, 1.0
+    for n in range(first + 2, order + 1):
+        m = float(n - first)
+        bend -= m * (m - 1.0) * min(sign * c[row, n], 0.0) * power
+        power *= h
+    # Near a root the steps get short like those of Newton's method. They come from one side, so that no root
+    # is passed.
+    for done in range(_PROVED):
+        value, slope = sign * c[row, order], 0.0
+        for n in range(order - 1, first - 1, -1):
+            slope = slope * t + value
+            value = value * t + sign * c[row, n]
+        if done == 0:
+            # At a former root the value is zero except for rounding.
+            value, tiny = max(value, 0.0), _TINY * abs(value)
+        elif value <= tiny:
+            return t, True
+        root = math.sqrt(slope * slope + 2.0 * bend * value)
+        # Next zero of the parabola that bounds the signal from below, in a form without cancellation.
+        if slope < 0.0:
+            t += 2.0 * value / (root - slope)
+        elif bend > 0.0:
+            t += (slope + root) / bend
+        else:
+            return h, False
+        if t >= h:
+            return h, False
+    return t, False
+
+
+@compiled
+def positive_until(c, row, sign, order, floor, h):
+    """Return the time until which a signal is proved to be positive, and whether it vanishes then.
+
+    The signal is `sign` times a series, and the time is at most h.
+
+    From a time t on the signal is above the parabola through its value and slope that bends down as much as
+    any term of the series can until h. The root of the parabola is the next t. `floor` is the size of the
+    numbers of which the signal is a difference. A signal that starts at zero counts from there on.
+    """
+    size, lowest, power = floor, 0.0, 1.0
+    for n in range(order + 1):
+        size += abs(c[row, n]) * power
+        lowest += (min(sign * c[row, n], 0.0) if n > 0 else sign * c[row, n]) * power
+        power *= h
+    # The sum of the negative terms is too small for a zero. This is the usual case.
+    if lowest > 10.0 * _TINY * size:
+        return h, False
+    # If the signal starts at zero except for rounding, its sign is that of the next order.
+    first, power = _NONE, 1.0
+    while first < 3 and abs(c[row, first]) * power <= 10.0 * _TINY * size:
+        first, power = first + 1, power * h
+    if not sign * c[row, first] > 0.0:
+        return 0.0, True
+    return _first_zero(c, row, sign, order, first, 0.0, h)
+
+
+@compiled
+def largest_turn(c, row, order, h, threshold):
+    """Return the largest angle, with its sign, at which an angle turns within the time h, and its time.
+
+    Both are 0 if a bound shows that no such angle is larger than `threshold`. The row after that of the angle
+    must hold its rate.
+    """
+    bound, power = 0.0, 1.0
+    for n in range(order + 1):
+        bound += abs(c[row, n]) * power
+        power *= h
+    best, at, t, rate = 0.0, 0.0, 0.0, row + 1
+    # In most steps the angle is far from its largest value.
+    if bound <= threshold:
+        return best, at
+    sign = math.copysign(1.0, c[rate, VALUE] if c[rate, VALUE] != 0.0 else c[rate, _SLOPE])
+    for _ in range(order):
+        t, turns = _first_zero(c, rate, sign, order, _NONE, t, h)
+        if not turns:
+            break
+        value, sign = value_at(c, row, order, t), -sign
+        if abs(value) > abs(best):
+            best, at = value, t
+    return best, at

@@ -1,0 +1,91 @@
+"""Entry point to the compiled code of symmetric orbits, for XLA and for Python."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from tpd.compiled.columns import WIDTH
+from tpd.compiled.compiling import checksum
+from tpd.compiled.custom_call import API_VERSION, addresses_in, on_host, rows_of, view
+from tpd.compiled.motion import FIRST_PIECE
+from tpd.compiled.plant import part
+from tpd.compiled.symmetric_orbit_kernel import (
+    MOVED,
+    NUMBERS,
+    ORBIT,
+    ORBITS,
+    PATH_SAMPLES,
+    VANISHING,
+    WORK,
+    differentiate,
+    sample_path,
+    solve,
+    vanishing,
+)
+from tpd.core.machine_code import stored
+
+SOLVE, DIFFERENTIATE, VANISH, SAMPLE_PATH = range(4)
+"""Tasks, which are the first number of every row of settings."""
+SETTINGS = np.dtype([(name, np.float64) for name in ("task", "directions", "begin", "end")])
+"""A row of settings: the task, and for derivatives the number of directions and the range of the sizes to
+compute."""
+
+
+@part
+def _run(a, first, last):
+    """Compute rows of a task. Each row has its settings and its parameters.
+
+    The other buffers, operands first, are: for `solve` the orbits; for `differentiate` orbits, directions and
+    slopes; for `vanishing` (t, gamma, s), the numbers and their derivatives; for `sample_path` (t, gamma, s)
+    and the samples.
+    """
+    settings, design, third, fourth, fifth, _, _, _ = addresses_in(a)
+    s = view(settings, (last,), SETTINGS)
+    x, works = view(design, (last, WIDTH), np.float64), np.empty(1, WORK)
+    task, count, work = s[first].task, int(s[first].directions), works[FIRST_PIECE]
+    if task == SOLVE:
+        orbits = view(third, (last, ORBITS), ORBIT)
+        for n in range(first, last):
+            solve(x[n], work, orbits[n])
+    elif task == DIFFERENTIATE:
+        orbits, along = view(third, (last, ORBITS), ORBIT), view(fourth, (last, count, WIDTH), np.float64)
+        slopes = view(fifth, (last, ORBITS, count, NUMBERS), np.float64)
+        for n in range(first, last):
+            differentiate(x[n], orbits[n], along[n], int(s[n].begin), int(s[n].end), work, slopes[n])
+    elif task == VANISH:
+        u, out = view(third, (last, 3), np.float64), view(fourth, (last, VANISHING), np.float64)
+        by = view(fifth, (last, VANISHING, MOVED), np.float64)
+        for n in range(first, last):
+            vanishing(x[n], u[n], work, out[n], by[n])
+    else:
+        u, out = view(third, (last, 3), np.float64), view(fourth, (last,), PATH_SAMPLES)
+        for n in range(first, last):
+            sample_path(x[n], u[n], work, out[n])
+    # A record does not keep its array alive, and Numba frees an array after its last use.
+    return len(works)
+
+
+def _entrance(version: int) -> Any:
+    """Return the entry point to the compiled code. `version` is the checksum of the sources."""
+
+    def call(address):
+        """Compute the rows that a frame describes. XLA takes the result 0 for success."""
+        a = np.zeros(8, np.int64)
+        first, last, by_host = rows_of(address, a, API_VERSION)
+        if last > first:
+            _run(a, first, last)
+        return version if by_host else 0
+
+    # The values of variables from outside the function are part of the key of Numba's cache, see
+    # `linear_entry`.
+    return stored(call, numba.cfunc, "int64(int64)")
+
+
+CALL = _entrance(checksum())
+"""The entry point, an FFI handler for XLA."""
+run = on_host(CALL)
+"""Function for calls from Python. The arguments are the first row, the row after the last, then operands and
+results."""

@@ -1,0 +1,323 @@
+"""Newton's method on the map of a number of forcing periods.
+
+This module computes all periodic orbits of the exact model: the orbits of runs that converge slowly
+(`tpd.compiled.near_orbits`), the orbits of runs that have settled, and orbits near a given state
+(`tpd.compiled.steady`).
+
+Let P be the map from the state at tau = 0 to the state some periods later. A periodic orbit is y* = P(y*),
+and Newton's step solves (I - DP) dy = P(y) - y. With the parameters p the orbit changes by dy*/dp = (I -
+DP)^-1 dP/dp. `tpd.answers.period_map` has the same rules in JAX, for models that are JAX programs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+
+import numpy as np
+
+from tpd.compiled import repetition
+from tpd.compiled.arcs import arc_from, instant, load_at, span_of, state_at, steady
+from tpd.compiled.columns import LAST_STEP, NEWTON_STEPS, RESIDUAL, REST, SLIP, SWING, TILT
+from tpd.compiled.events import END
+from tpd.compiled.follow import ARRIVED, Rules, allow_events, follow_piece, start_angles
+from tpd.compiled.half_map_kernel import characteristic, determinants, store_roots
+from tpd.compiled.legs import INPUTS, READER, ROWS, STATE, read_derivatives
+from tpd.compiled.motion import (
+    FIRST_PIECE,
+    LEG,
+    LEGS,
+    MOTION,
+    NO,
+    WORKSPACE,
+    YES,
+    copy_to,
+    is_finite,
+    largest,
+    reset_counts,
+)
+from tpd.compiled.plant import PLANT, compiled, part
+
+_CLOSE = 1e-9
+"""Share of a period by which an event may be late, next to an orbit on which it lies within the period."""
+_ROUND_OFF = 1e-14
+"""Residual of the map that counts as rounding error."""
+Limits = namedtuple("Limits", "capture events first reach")
+"""Options of the search: `capture`, the largest speed of an impact that may end in rest; `events`, the bound
+on the events of a forcing period; `first`, the first direction that needs derivatives; `reach`, the largest
+residual from which Newton's method continues."""
+CYCLE = np.dtype(
+    [
+        ("end", np.float64, (4,)),
+        *((name, np.float64) for name in ("amplitude", "swing", "transversality", "asymmetry")),
+        *((name, np.float64) for name in ("closed", "hold_level", "step")),
+        ("peaks", np.float64, (6,)),
+        ("ending", np.int64),
+        ("by", np.float64, (ROWS, INPUTS)),
+    ],
+    align=True,
+)
+"""A number of periods of a motion, see `tpd.models.base.Cycle`: the state `end` (NaN if the motion did not
+arrive); the largest |phi| and |psi|; the smallest `transversality` of all events; the `asymmetry` between the
+tilts to both sides; whether the mode at the end is that of the start (`closed`); the hold level; the `step`
+of Newton's method from its start, in shares of the scales; the largest angles to either side (`peaks`),
+see `MOTION`; the outcome (`ending`); and `by`, the derivatives of the end and of these angles, see
+`tpd.compiled.legs`."""
+Buffers = namedtuple("Buffers", "plants motions workspaces readers cycles settled legs")
+"""Arrays of records: one plant; three motions (the one that is simulated, an approaching one, and the start
+of a cycle); one workspace; one reader; two cycles; one record `SETTLED`; and the usual number of legs. A
+record does not keep its array alive, so that these arrays must live as long as the records are used."""
+BEST, LATEST = 0, 1
+"""Indices of the best cycle so far and of the latest one."""
+RUN, APPROACHING, CYCLE_START = range(3)
+"""Indices of the motions: the simulated one, one that approaches an orbit, and the start of a cycle."""
+ONLY = np.int64(0)
+"""Column of the only right-hand side of a Newton step."""
+
+
+@compiled
+def new_buffers():
+    """Allocate the buffers."""
+    plants, motions, workspaces = np.empty(1, PLANT), np.zeros(3, MOTION), np.zeros(1, WORKSPACE)
+    cycles, settled, legs = np.empty(2, CYCLE), np.empty(1, repetition.SETTLED), np.empty(LEGS, LEG)
+    return Buffers(plants, motions, workspaces, np.zeros(1, READER), cycles, settled, legs)
+
+
+@part
+def records_of(buffers):
+    """Return the plant, the simulated motion, the workspace and the reader."""
+    return buffers.plants[0], buffers.motions[0], buffers.workspaces[0], buffers.readers[0]
+
+
+@compiled
+def set_motion(y, mode, m):
+    """Set the state and the mode of a motion."""
+    copy_to(y, m.y)
+    m.kind, m.tilt, m.direction = mode.kind, mode.tilt, mode.direction
+
+
+@compiled
+def _is_same_mode(a, b):
+    """Whether two modes are equal. Signs that have no meaning in a mode are not compared."""
+    same_side, same_rate = a.kind == REST or a.tilt == b.tilt, a.kind != SLIP or a.direction == b.direction
+    return a.kind == b.kind and same_side and same_rate
+
+
+@compiled
+def follow_periods(q, f, m, legs, w, limits, periods):
+    """Simulate a number of periods under the steady excitation, and return the outcome."""
+    reset_counts(m)
+    start_angles(q, f, m, FIRST_PIECE, 0.0)
+    rules, ended, n = Rules(limits.capture, YES, NO, NO), ARRIVED, 0
+    while n < periods and ended == ARRIVED:
+        allow_events(m, w, limits.events)
+        ended = follow_piece(q, f, m, legs, w, FIRST_PIECE, 0.0, span_of(q, f), rules)
+        n += 1
+    return ended
+
+
+@compiled
+def _include_event_at_end(q, f, m, legs, w, mode0, limits):
+    """Add an event that follows at once after the end of the periods, if the motion started after that event.
+
+    Such a motion ends just before the event by rounding. Without the event, start and end would have
+    different modes.
+    """
+    n, period, again = m.n_legs - 1, span_of(q, f), w.trial
+    if n < 0 or n + 2 >= len(legs) or _is_same_mode(m, mode0):
+        return
+    # Simulate the last leg again, a little beyond the end.
+    last, start = legs[n : n + 1].copy(), legs[n].start
+    set_motion(legs[n].y, legs[n], again)
+    reset_counts(again)
+    start_angles(q, f, again, FIRST_PIECE, start)
+    again.n_legs = n
+    allow_events(again, w, limits.events)
+    rules = Rules(limits.capture, YES, NO, NO)
+    follow_piece(q, f, again, legs, w, FIRST_PIECE, start, (1.0 + _CLOSE) * period, rules)
+    # Keep the new legs only if they restore the mode of the start.
+    k = min(again.n_legs, len(legs)) - 1
+    if not (_is_same_mode(again, mode0) and k > n and legs[k].event == END):
+        legs[n] = last[0]
+        return
+    # Return to the end of the period along the new arc.
+    at = legs[k]
+    at.duration, e = period - at.start, load_at(q, f, FIRST_PIECE, at.start)
+    arc = arc_from(q, at, at.y, e)
+    m.transversality, m.n_legs = min(m.transversality, again.transversality), k + 1
+    set_motion(state_at(arc, instant(arc, at.duration), at.duration), again, m)
+
+
+@compiled
+def follow_cycle(q, m, buffers, limits, periods, c):
+    """Simulate a number of periods, and write them into the cycle `c`.
+
+    The simulation starts from the state and the mode of the motion `m`.
+    """
+    f = steady(np.empty((0, 4)))
+    legs, start, (_, _, w, r) = buffers.legs, buffers.motions[CYCLE_START], records_of(buffers)
+    set_motion(m.y, m, start)
+    ended = follow_periods(q, f, m, legs, w, limits, periods)
+    # Most motions have a few legs per period. A motion with a rattle is repeated with memory for all of its
+    # legs.
+    if m.n_legs > len(legs) and ended == ARRIVED:
+        legs = np.empty(m.n_legs, LEG)
+        set_motion(start.y, start, m)
+        ended = follow_periods(q, f, m, legs, w, limits, periods)
+    # A motion that ends early is no orbit, even if it ends in its initial state.
+    sound = ended == ARRIVED
+    if sound:
+        _include_event_at_end(q, f, m, legs, w, start, limits)
+        read_derivatives(q, f, m, legs, r, (limits.first, INPUTS), NO, c.by)
+    for i in range(4):
+        c.end[i] = m.y[i] if sound else math.nan
+    copy_to(m.peaks, c.peaks)
+    c.amplitude, c.swing, c.transversality = largest(m, TILT), largest(m, SWING), m.transversality
+    apart = abs(max(m.peaks[0], 0.0) - max(m.peaks[1], 0.0))
+    c.asymmetry = apart / (c.amplitude if c.amplitude > 0.0 else 1.0)
+    c.closed = 1.0 if _is_same_mode(m, start) else 0.0
+    c.hold_level, c.step, c.ending = m.hold_level, 0.0, ended
+    # Without an end the record still holds the derivatives of the cycle before.
+    if not sound:
+        c.by[:] = math.nan
+
+
+@compiled
+def eliminate(a, b):
+    """Solve a x = b in place, by elimination with pivots.
+
+    The matrix is 4 x 4, and b has shape (4, n).
+
+    Returns the absolute value of the smallest pivot, or 0 if the matrix is singular or a result is not
+    finite.
+    """
+    # Numba's own solver takes seconds to compile, and raises an exception for a singular matrix. Here this
+    # case is common: I - DP has no inverse at a fold.
+    smallest, n = math.inf, b.shape[1]
+    for c in range(4):
+        pivot = c
+        for r in range(c + 1, 4):
+            if abs(a[r, c]) > abs(a[pivot, c]):
+                pivot = r
+        if not abs(a[pivot, c]) > 0.0:
+            return 0.0
+        smallest = min(smallest, abs(a[pivot, c]))
+        for k in range(4):
+            a[c, k], a[pivot, k] = a[pivot, k], a[c, k]
+        for k in range(n):
+            b[c, k], b[pivot, k] = b[pivot, k], b[c, k]
+        for r in range(c + 1, 4):
+            # Subtract the pivot row from the rows below.
+            share = a[r, c] / a[c, c]
+            for k in range(c, 4):
+                a[r, k] -= share * a[c, k]
+            for k in range(n):
+                b[r, k] -= share * b[c, k]
+    for j in range(n):
+        # Back substitution.
+        for c in range(3, -1, -1):
+            for k in range(c + 1, 4):
+                b[c, j] -= a[c, k] * b[k, j]
+            b[c, j] /= a[c, c]
+    return smallest if math.isfinite(b[0, 0] + b[1, 0] + b[2, 0] + b[3, 0]) else 0.0
+
+
+@compiled
+def solve_linearised(by, right):
+    """Solve (I - DP) x = right, and write x into `right`, shape (4, n). Return whether the matrix is regular.
+
+    `by` holds DP in its columns from `STATE` on.
+    """
+    matrix = np.empty((4, 4))
+    for i in range(4):
+        for j in range(4):
+            matrix[i, j] = (1.0 if i == j else 0.0) - by[i, STATE + j]
+    return eliminate(matrix, right) > 0.0
+
+
+@compiled
+def residual_of(q, y, end):
+    """Return the largest difference between both ends of a cycle, in shares of the scales.
+
+    The result is NaN if the motion has not arrived at the end.
+    """
+    scales, worst = repetition.scales_of(q), 0.0
+    for i in range(4):
+        # The state of a massless undamped bob never settles, and does not matter for the block.
+        if i % 2 == 0 or q.mu > 0.0 or q.zeta > 0.0:
+            worst = max(worst, abs(end[i] - y[i]) / scales[i])
+    return worst if is_finite(end) else math.nan
+
+
+@compiled
+def find_orbit(q, m, buffers, limits, periods, y):
+    """Solve for an orbit by Newton's method, and return the residual.
+
+    The iteration starts from the state `y` and the mode of the motion `m`.
+
+    The start of the best orbit is written into `y`, and its cycle is the best one of the buffers.
+    """
+    c, now, move, scales = buffers.cycles[LATEST], np.empty(4), np.empty((4, 1)), repetition.scales_of(q)
+    error, residual, steps = math.inf, math.inf, 0
+    copy_to(y, now)
+    while steps < NEWTON_STEPS and error > _ROUND_OFF:
+        kind, tilt, direction = m.kind, m.tilt, m.direction
+        copy_to(now, m.y)
+        follow_cycle(q, m, buffers, limits, periods, c)
+        new_residual = residual_of(q, now, c.end)
+        # Only a motion that ends in the mode of its start is an orbit.
+        raised = new_residual + (0.0 if c.closed != 0.0 else 0.5 * RESIDUAL)
+        steps += 1
+        # Far from an orbit Newton's method would use up all steps, and converge to another orbit.
+        if not new_residual < limits.reach:
+            break
+        if raised < error:
+            error, residual = raised, new_residual
+            copy_to(now, y)
+            # An orbit may have an event at tau = 0, as every conservative orbit does. By rounding it starts
+            # and ends on either side of the event. If it starts before the event and ends after it, the
+            # simulation counts the event twice, and in the opposite case not at all. Both leave the state
+            # right and its derivative wrong. A simulation that starts in the mode in which the last one ended
+            # counts the event once.
+            for i in range(4):
+                move[i, ONLY] = c.end[i] - now[i]
+            if solve_linearised(c.by, move):
+                for i in range(4):
+                    now[i] += move[i, ONLY]
+                    c.step = max(c.step, abs(move[i, ONLY]) / scales[i])
+            buffers.cycles[BEST] = c
+        elif error < math.inf and buffers.cycles[BEST].step > LAST_STEP:
+            # The last step did not improve the residual. By rounding a map may miss an event that reverts
+            # soon, and next to a fold a step may be too long. Try half of the step once more, in the mode in
+            # which the last simulation started.
+            m.kind, m.tilt, m.direction = kind, tilt, direction
+            for i in range(4):
+                now[i] = 0.5 * (now[i] + y[i])
+        else:
+            break
+    return residual
+
+
+@compiled
+def multipliers(q, by, roots):
+    """Compute the Floquet multipliers that matter for the block, and write them into `roots`.
+
+    These are all of them unless mu = 0.
+
+    Returns the largest modulus, the smallest distance of a multiplier from +1, and the product of all 1 -
+    multiplier.
+    """
+    felt, largest, nearest = np.empty((4, 4)), 0.0, math.inf
+    for i in range(4):
+        for j in range(4):
+            # A massless bob does not act on the block.
+            unfelt = q.mu == 0.0 and (i % 2 == 1 or j % 2 == 1)
+            felt[i, j] = 0.0 if unfelt else by[i, STATE + j]
+            if not math.isfinite(felt[i, j]):
+                return math.inf, 1.0, math.nan
+    polynomial = characteristic(felt)
+    store_roots(polynomial, roots)
+    for i in range(4):
+        largest, nearest = max(largest, abs(roots[i])), min(nearest, abs(1.0 - roots[i]))
+    fold, _, _ = determinants(polynomial)
+    return largest, nearest, fold

@@ -1,0 +1,295 @@
+"""The plant of the linear equations (25): all numbers that do not change from arc to arc.
+
+The quartic det(M s^2 + C s + K) has one positive root s1, with which the block falls over, and one negative
+root s2 apart from the others. The other two roots are kept together as z^2 + p z + q, whether the bob
+oscillates (a complex pair) or creeps (two real roots). So p and q have derivatives even at critical damping,
+where the two roots meet.
+
+All formulas hold for real and for complex numbers. Complex numbers give derivatives: an input with the
+imaginary part `STEP` gives results whose imaginary parts are `STEP` times their derivatives. The derivatives
+are exact to rounding, because nothing is subtracted (W. Squire and G. Trapp, SIAM Review 40, 1998). Every
+function here is analytic, and branches depend on real parts only.
+
+Numba takes 0.3 s to load. Modules import this one only when it is needed.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numba.extending
+import numpy as np
+
+from tpd.compiled.columns import LAM, MU, NU, RHO, WIDTH, XI, ZETA, E, F, K
+from tpd.core.machine_code import PartCompiler
+from tpd.scene import impacts
+
+_RESONANT = 1e-10
+"""Smallest dynamic stiffness of an undamped bob under a held block for which its response is computed."""
+STEP = 1e-100
+"""Imaginary part of an input in whose direction a derivative is computed.
+
+Its square vanishes next to 1, even times a derivative of 1e90 of a chaotic motion. Its third power is still a
+normal number.
+"""
+_FIELDS = (
+    "nu mu lam zeta k f xi e slack up weight bias m11 m12 m21 m22 c1 c2 s1 s2 p q held_p held_q "
+    "a0 a1 a2 a3 al0 al1 al2 al3 b0 b1 b2 b3 bl0 bl1 bl2 bl3 "
+    "tilt_sin tilt_cos bob_sin bob_cos tilt_lag_sin tilt_lag_cos bob_lag_sin bob_lag_cos "
+    "swing_sin swing_cos swing_lag_sin swing_lag_cos"
+)
+"""Fields of a plant.
+
+- `nu` to `e`: parameters. `xi` is the frequency of a harmonic, or the duration of a piece of another forcing
+  (`tpd.compiled.arcs.Forcing`).
+- `slack`: a held block is released if the moment on it exceeds the holding moment by more than this; 0 under
+  a harmonic.
+- `up`, `weight`, `bias`, `m11` to `c2`: coefficients of the equations, see `tpd.theory.equations.Linear`.
+- `s1`, `s2`, `p`, `q`, `held_p`, `held_q`: the time scales of the slipping block and of the held one.
+- `a0` to `a3`, `b0` to `b3`: shapes of the modes s1 and s2 over (phi, psi, phi', psi').
+- `al0` to `al3`, `bl0` to `bl3`: left eigenvectors, which project a state onto these modes.
+- `tilt_sin` to `bob_cos`, `swing_sin`, `swing_cos`: responses to sin(xi t) of the tilt, of the bob, and of
+  the bob under a held block, as factors of sine and cosine.
+- the same with `lag`: the responses to t sin(xi t), minus t times the responses to sin(xi t).
+"""
+PLANT = np.dtype([(name, np.float64) for name in _FIELDS.split()])
+COMPLEX_PLANT = np.dtype([(name, np.complex128) for name in _FIELDS.split()])
+# Plants are records, because Numba passes a record as one address, and a tuple as all of its numbers.
+
+
+def places(stop: int, start: int = 0) -> tuple[Any, ...]:
+    """Return integers from `start` to before `stop`, which serve as names of columns and signals."""
+    # Numba treats the value of a plain integer as part of its type, and would compile a function once for
+    # each value.
+    return tuple(np.arange(start, stop))
+
+
+def compiled(function: Callable[..., Any], *, inline: bool = False, fused: bool = False) -> Any:
+    """Compile a function with Numba at its first call, or within its caller if `inline`.
+
+    If `fused`, a product and the following sum may be one instruction, which rounds once instead of twice.
+    """
+    # A type checker may have wrapped the function, and Numba needs the original one. Division by zero gives
+    # infinity as in NumPy, and needs no check. Python and C call only the entry points: wrappers for all
+    # functions would take a third of the time to compile.
+    options: Any = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    options |= ({"inline": "always"} if inline else {}) | ({"fastmath": {"contract"}} if fused else {})
+    compiler = numba.njit(error_model="numpy", pipeline_class=PartCompiler, **options)
+    return compiler(inspect.unwrap(function))
+
+
+def shared(function: Callable[..., Any], form: Callable[..., Any] | None = None) -> Any:
+    """Let compiled code call a function of the package, in another form if one is passed."""
+    # Python keeps the function itself, which a type checker may have wrapped. Numba gets the original one.
+    plain = inspect.unwrap(function) if form is None else form
+    options: Any = {"nogil": True, "error_model": "numpy", "pipeline_class": PartCompiler}
+    numba.extending.overload(function, jit_options=options, strict=False)(lambda *_: plain)
+    return function
+
+
+shared(impacts.select, lambda condition, of_true, of_false: of_true if condition else of_false)
+
+
+def part(function: Callable[..., Any]) -> Any:
+    """Compile a function as a part of its only caller. Numba then optimises it once instead of twice."""
+    return compiled(function, inline=True)
+
+
+def fused(function: Callable[..., Any]) -> Any:
+    """Compile a function with fused products and sums."""
+    return compiled(function, fused=True)
+
+
+@compiled
+def _positive_root(a4, a3, a2, a1, a0):
+    """Return the positive root of the quartic.
+
+    The coefficients change their sign once, so that there is exactly one positive root.
+    """
+    # The even part of the quartic vanishes at the root without damping, and the odd part at the root with a
+    # locked hinge. The root lies between the two. Above it the quartic is convex, so that Newton's method
+    # from above converges without passing the root.
+    free = np.sqrt(-2.0 * a0 / (a2 + np.sqrt(a2 * a2 - 4.0 * a4 * a0)))
+    locked = np.sqrt(abs(a1) / a3) if a3 > 0.0 else 0.0
+    s = max(free, locked)
+    for _ in range(8):
+        s = _newton_step(s, a4, a3, a2, a1, a0)
+    return s
+
+
+@compiled
+def _isolated_root(b3, b2, b1, b0):
+    """Return the real root of the cubic that is farthest from the mean of the roots.
+
+    This root is apart from the other two.
+    """
+    # Shifted to its mean, the cubic has no quadratic term. Its roots are then a cosine, cosh or sinh of a
+    # third of an angle. The isolated root lies on the side opposite to the sign of the cubic at the mean.
+    mean = -b2 / (3.0 * b3)
+    third = (b1 - b2 * b2 / (3.0 * b3)) / b3
+    level = (((b3 * mean + b2) * mean + b1) * mean + b0) / b3
+    size = np.sqrt(max(abs(third), 1e-300) / 3.0)
+    ratio = abs(level) / (2.0 * size**3)
+    if third > 0.0:
+        factor = np.sinh(np.arcsinh(ratio) / 3.0)
+    elif ratio < 1.0:
+        factor = np.cos(np.arccos(ratio) / 3.0)
+    else:
+        factor = np.cosh(np.arccosh(ratio) / 3.0)
+    return mean - np.sign(level) * 2.0 * size * factor
+
+
+@compiled
+def _newton_step(s, a4, a3, a2, a1, a0):
+    """Return a root after one Newton step, which also gives the derivative of the root."""
+    value = (((a4 * s + a3) * s + a2) * s + a1) * s + a0
+    slope = ((4.0 * a4 * s + 3.0 * a3) * s + 2.0 * a2) * s + a1
+    return s - value / slope
+
+
+@compiled
+def _roots(a4, a3, a2, a1, a0):
+    """Return s1, s2 and the coefficients p and q of the pair."""
+    # Only the two real roots that never meet another one are solved for. The pair follows from the remaining
+    # factor. The roots are computed in real numbers. One Newton step on the complex quartic then adds the
+    # derivatives (implicit function theorem), and removes the rounding error of the division by the first
+    # root.
+    r4, r3, r2, r1, r0 = a4.real, a3.real, a2.real, a1.real, a0.real
+    first = _positive_root(r4, r3, r2, r1, r0)
+    b2 = r3 + first * r4
+    b1 = r2 + first * b2
+    second = _isolated_root(r4, b2, b1, r1 + first * b1)
+    for _ in range(2):
+        second = _newton_step(second, r4, r3, r2, r1, r0)
+    s1, s2 = _newton_step(first, a4, a3, a2, a1, a0), _newton_step(second, a4, a3, a2, a1, a0)
+    return s1, s2, a3 / a4 + s1 + s2, a0 / (a4 * s1 * s2)
+
+
+@compiled
+def _mode(s, m11, m12, m21, m22, c1, c2, up):
+    """Return the shape of a real mode over (phi, psi), and its left eigenvector over the whole state."""
+    p11, p12, p21, p22 = s * m11 + c1, s * m12 - c1, s * m21 - c2, s * m22 + c2
+    a, b, c, d = s * p11 - up, s * p12, s * p21, s * p22 + 1.0
+    v0, v1 = d, -c
+    # The matrix has rank one, so that either column gives the vector. For a massless bob one of the columns
+    # vanishes.
+    if abs(d.real) >= abs(a.real):
+        u0, u1 = d, -b
+    else:
+        u0, u1 = -c, a
+    t0 = (p11 + s * m11) * v0 + (p12 + s * m12) * v1
+    t1 = (p21 + s * m21) * v0 + (p22 + s * m22) * v1
+    norm = u0 * t0 + u1 * t1
+    l0, l1 = (u0 * p11 + u1 * p21) / norm, (u0 * p12 + u1 * p22) / norm
+    l2, l3 = (u0 * m11 + u1 * m21) / norm, (u0 * m12 + u1 * m22) / norm
+    return v0, v1, l0, l1, l2, l3
+
+
+@compiled
+def _multiply(ar, ai, br, bi):
+    """Return the product of two numbers that are given by their real and imaginary parts.
+
+    These parts may be complex themselves, for derivatives.
+    """
+    return ar * br - ai * bi, ar * bi + ai * br
+
+
+@compiled
+def _divide(ar, ai, br, bi):
+    """Return the quotient of two numbers that are given by their real and imaginary parts."""
+    size = br * br + bi * bi
+    return (ar * br + ai * bi) / size, (ai * br - ar * bi) / size
+
+
+@compiled
+def _solve_2x2(matrix, r1r, r1i, r2r, r2i):
+    """Return the solution of a 2 x 2 system whose numbers are given by their real and imaginary parts."""
+    ar, ai, br, bi, cr, ci, dr, di = matrix
+    adr, adi = _multiply(ar, ai, dr, di)
+    bcr, bci = _multiply(br, bi, cr, ci)
+    nr, ni = adr - bcr, adi - bci
+    d1r, d1i = _multiply(dr, di, r1r, r1i)
+    b2r, b2i = _multiply(br, bi, r2r, r2i)
+    a2r, a2i = _multiply(ar, ai, r2r, r2i)
+    c1r, c1i = _multiply(cr, ci, r1r, r1i)
+    first, second = _divide(d1r - b2r, d1i - b2i, nr, ni), _divide(a2r - c1r, a2i - c1i, nr, ni)
+    return *first, *second
+
+
+@compiled
+def _responses(m11, m12, m21, m22, c1, c2, up, f, xi):
+    """Return the harmonic responses H(i xi) of tilt, bob and the bob under a held block, and dH/ds.
+
+    With P = M s^2 + C s + K and r the factors of the forcing, H = P^-1 r and dH/ds = -P^-1 P' H. The response
+    to t exp(s t) is (t H + dH/ds) exp(s t).
+    """
+    # The imaginary unit of the frequency differs from that of the derivatives. Therefore the frequency
+    # response is computed with pairs of numbers.
+    x2, zero = xi * xi, 0.0 * xi
+    a, b, c, d = -up - x2 * m11, -x2 * m12, -x2 * m21, 1.0 - x2 * m22
+    matrix = (a, xi * c1, b, -xi * c1, c, -xi * c2, d, xi * c2)
+    h0, h1, h2, h3 = _solve_2x2(matrix, -f * up, zero, f, zero)
+    # The product P' H, with P' = 2 s M + C at s = i xi.
+    (ar, ai), (br, bi) = _multiply(c1, 2.0 * xi * m11, h0, h1), _multiply(-c1, 2.0 * xi * m12, h2, h3)
+    (cr, ci), (dr, di) = _multiply(-c2, 2.0 * xi * m21, h0, h1), _multiply(c2, 2.0 * xi * m22, h2, h3)
+    lag = _solve_2x2(matrix, -ar - br, -ai - bi, -cr - dr, -ci - di)
+    # The bob under a held block has one degree of freedom.
+    w0, w1 = _divide(f, zero, d, xi * c2)
+    k0, k1 = _multiply(-c2, -2.0 * xi * m22, w0, w1)
+    l0, l1 = _divide(k0, k1, d, xi * c2)
+    return (h0, h1, h2, h3), lag, (w0, w1, l0, l1)
+
+
+@compiled
+def coefficients(x, q):
+    """Write the coefficients that the linear and the nonlinear equations share into a plant."""
+    nu, mu, lam, zeta, k, f, xi, rho, e = x[NU], x[MU], x[LAM], x[ZETA], x[K], x[F], x[XI], x[RHO], x[E]
+    hinge = 2.0 * zeta * np.sqrt(lam * rho)
+    q.nu, q.mu, q.lam, q.zeta, q.k, q.f, q.xi, q.e, q.slack = nu, mu, lam, zeta, k, f, xi, e, 0.0 * k
+    q.up, q.weight, q.bias = 1.0 + 2.0 * mu, (1.0 + mu) * nu, mu * hinge * (lam - 2.0)
+    q.m11, q.m12 = 1.0 + mu * rho * (4.0 + nu * nu), -2.0 * mu * rho * lam
+    q.m21, q.m22, q.c1, q.c2 = -2.0 * rho, lam * rho, mu * lam * hinge, hinge
+
+
+@compiled
+def plant(x, q):
+    """Fill a plant with the numbers that follow from a row of parameters."""
+    coefficients(x, q)
+    nu, mu, lam, f, xi, rho = x[NU], x[MU], x[LAM], x[F], x[XI], x[RHO]
+    m11, m12, m21, m22, c1, c2, up = q.m11, q.m12, q.m21, q.m22, q.c1, q.c2, q.up
+    # Coefficients of the characteristic quartic.
+    d = 1.0 + mu * rho * nu * nu
+    a4, a3 = lam * rho * d, c2 * (d + mu * rho * (2.0 - lam) * (2.0 - lam))
+    a2, a1, a0 = m11 - up * lam * rho, -c2 * (up - mu * lam), -up
+    q.s1, q.s2, q.p, q.q = _roots(a4, a3, a2, a1, a0)
+    q.held_p, q.held_q = c2 / m22, 1.0 / m22
+    q.a0, q.a1, q.al0, q.al1, q.al2, q.al3 = _mode(q.s1, m11, m12, m21, m22, c1, c2, up)
+    q.b0, q.b1, q.bl0, q.bl1, q.bl2, q.bl3 = _mode(q.s2, m11, m12, m21, m22, c1, c2, up)
+    q.a2, q.a3, q.b2, q.b3 = q.s1 * q.a0, q.s1 * q.a1, q.s2 * q.b0, q.s2 * q.b1
+    of_tilt_and_bob, lags, of_swing = _responses(m11, m12, m21, m22, c1, c2, up, f, xi)
+    q.tilt_sin, q.tilt_cos, q.bob_sin, q.bob_cos = of_tilt_and_bob
+    q.tilt_lag_sin, q.tilt_lag_cos, q.bob_lag_sin, q.bob_lag_cos = lags
+    q.swing_sin, q.swing_cos, q.swing_lag_sin, q.swing_lag_cos = of_swing
+    # Next to the resonance of an undamped bob under a held block the response is so large that the motion
+    # would be the rounding error of a difference.
+    if mu.real > 0.0 and c2.real == 0.0 and abs(1.0 - (xi * xi * m22).real) < _RESONANT * f.real:
+        q.swing_sin = q.swing_cos = np.nan * f
+
+
+@compiled
+def plant_along(x, j, q):
+    """Fill a complex plant whose imaginary parts are `STEP` times the derivatives in parameter j."""
+    row = np.empty(WIDTH, np.complex128)
+    for i in range(WIDTH):
+        row[i] = complex(x[i], STEP if i == j else 0.0)
+    plant(row, q)
+
+
+@compiled
+def fill_plants(x, plants):
+    """Fill the complex plants: one for each parameter, and a last one for all other directions."""
+    for j in range(WIDTH + 1):
+        plant_along(x, j, plants[j])

@@ -1,0 +1,439 @@
+"""Runs of the exact model and of the nonlinear model: simulation (`follow`) and steady states (`solve`).
+
+Runs of NumPy arrays are computed at once, a batch on all cores. JAX may also trace a single run. The compiled
+code runs on the CPU (`tpd.compiled.calling`) and computes its own derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.custom_derivatives import SymbolicZero
+from jax.lax import stop_gradient
+from jaxtyping import Array, Int
+
+from tpd.compiled.calling import LINEAR, NONLINEAR, Compiled, numbers_in, parts, shape
+from tpd.compiled.columns import ENDS, TILT_PULL, TILT_RATE, XI
+from tpd.compiled.derivatives import moved, once, refused_in
+from tpd.compiled.rows import packed
+from tpd.core import checks
+from tpd.scene.parameters import NAMES
+from tpd.scene.pytrees import Number, State
+from tpd.scene.status import Status, codes_of, status_of
+from tpd.theory.equations import Terms
+
+ENGINES = {Terms.linear: LINEAR, Terms.nonlinear: NONLINEAR}
+"""Compiled code of each model, by its equations."""
+TOLERANCE = 1e-6
+"""Default difference between two periods that counts as settled, relative to
+`tpd.compiled.repetition.scales_of`."""
+REST_RATES = {Terms.linear: 2e-7, Terms.nonlinear: 1e-4}
+"""Default rate |phi'|/nu below which an impact ends in rest, if the block can then be held."""
+PERIODS = {Terms.linear: 500, Terms.nonlinear: 400}
+"""Default bounds on the forcing periods of a run."""
+EVENTS = 2000
+"""Default bound on the events of a forcing period."""
+GROUND_EVENTS = {Terms.linear: 200_000, Terms.nonlinear: 100_000}
+"""Default bounds on the events of a run under a ground motion, in addition to one event for each piece."""
+_AT_END = 1e-12
+"""Relative difference of two times that are equal except for rounding."""
+ANGLES, END, TIMES = slice(0, 3), slice(3, 8), slice(8, 12)
+"""Rows of the derivatives of a run: the three largest angles; the state at the end and the growing
+coordinate; the times of the angles and of the first uplift."""
+
+
+class HarmonicForcing(NamedTuple):
+    """Harmonic excitation of runs that are simulated until they repeat, rest or overturn.
+
+    Each field is a number for all runs or an array (n,), except `periods`.
+    """
+
+    periods: int | None = None
+    """Largest number of forcing periods of a run. The default is that of `PERIODS`."""
+    begin: Any = 0.0
+    """Dimensionless times at which the excitation and the run begin, within the first forcing period."""
+    ramp: Any = 0.0
+    """Number of forcing periods over which the excitation grows linearly to its full size.
+
+    The growth starts at tau = 0, also for runs that begin later. The default 0 is a sudden start.
+    """
+
+
+class GroundForcing(NamedTuple):
+    """Ground motions of runs. A run passes through all pieces of a ground motion and then moves freely."""
+
+    records: Sequence[Any]
+    """Pieces of each ground motion, as `GroundMotion.pieces` returns them. They are not copied for
+    each run."""
+    free: Any
+    """Duration of the free motion after the ground motion (tau), a number or an array (n,)."""
+    which: Any = 0
+    """Index into `records` for each run."""
+
+
+class Settled(NamedTuple):
+    """The state to which a run has settled.
+
+    It has no derivatives and serves as initial guess for a periodic orbit.
+    """
+
+    y: State
+    """State (phi, psi, phi', psi') at tau = 0 modulo the forcing period."""
+    memory: Any
+    """Internal state of a model that it needs to continue the run. It is None for compiled models."""
+    periods: Int[Array, ""]
+    """Number of forcing periods in one period of the motion."""
+    amplitude: Number
+    """Largest |phi| (rad) of the last periods. This is the result if there is no periodic orbit. All four
+    angles are infinite if the block overturns."""
+    swing: Number
+    """Largest |psi| (rad) of the last periods."""
+    status: Status
+    """Status of the run, one of `tpd.compiled.columns.ENDS`."""
+    elapsed: Int[Array, ""]
+    """Number of forcing periods that were simulated."""
+    peak: Number
+    """Largest |phi| (rad) from the start of the run on."""
+    peak_swing: Number
+    """Largest |psi| (rad) from the start of the run on."""
+
+
+class Followed(NamedTuple):
+    """Results of a run under a ground motion, or of a batch of runs: numbers of shape (...).
+
+    Angles are in rad and times in tau. A batch has NumPy arrays, and a single run has JAX arrays or NumPy
+    numbers.
+    """
+
+    tilt: Any
+    """Largest |phi|. It is infinite if the block overturns."""
+    swing: Any
+    """Largest |psi|."""
+    relative: Any
+    """Largest |psi - phi|, the angle between rod and block."""
+    times: Any
+    """Times of these three angles, shape (..., 3)."""
+    state: Any
+    """State (phi, psi, phi', psi') at the end of the run, shape (..., 4)."""
+    growing: Any
+    """Growing coordinate of the last arc at its start. It is 0 on the border between overturning and falling
+    back, and NaN for the nonlinear equations."""
+    status: Any
+    """Index of the status in `tpd.compiled.columns.SHAKEN`."""
+    impacts: Any
+    """Number of impacts."""
+    lifted: Any
+    """Time of the first uplift. It is infinite if the block stays on its base."""
+    fell: Any
+    """Time from which the tilt is beyond return. It is infinite if the block does not overturn."""
+    transversality: Any
+    """Smallest rate at which the run crossed an event, divided by the usual rate. It is NaN for the nonlinear
+    equations."""
+
+
+def follow(
+    equations: Terms,
+    rows: Any,
+    forcing: HarmonicForcing | GroundForcing,
+    *,
+    y0: Any = None,
+    rest_rate: Any = None,
+    events: int | None = None,
+    tolerance: Any = TOLERANCE,
+    rtol: Any = 1e-8,
+    brief: bool = False,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Any:
+    """Simulate a run, or a batch of runs.
+
+    Args:
+        equations: linear or nonlinear. Runs of the nonlinear equations have no derivatives (NaN). There every
+            landing is an impact, and a run that does not repeat is `not_settled`.
+        rows: parameters as in `tpd.compiled.rows`, shape (9,) for one run, or (n, 9) for a batch. JAX may
+        trace
+            the parameters of one run.
+        forcing: a harmonic or ground motions.
+        y0: initial states (4,) or (n, 4). The default is at rest. With (n, 4) a single row of parameters
+            serves all runs of the batch.
+        rest_rate: speed (|phi'| in units of nu) below which an impact ends in rest, if the block can then be
+            held. The default is one of `REST_RATES`.
+        events: bound on the events of a forcing period, by default `EVENTS`. Under a ground motion it is the
+            bound on the events of the run, in addition to one event for each piece, by default one of
+            `GROUND_EVENTS`.
+        tolerance: difference between two periods that counts as settled.
+        rtol: relative tolerance of a step of the nonlinear equations.
+        brief: whether free motion after a ground motion may end as soon as it cannot tilt the block further.
+            Then only tilt, uplift and overturning are valid. This option is for the linear equations.
+        workers: number of threads for a batch, by default one for each core.
+        progress: function that is called from time to time with (runs done, number of runs), for a batch.
+
+    Returns:
+        `Settled` under a harmonic, `Followed` under ground motions. A batch gives leaves of leading axis n.
+
+        One run of the linear equations under a ground motion has exact derivatives in the parameters, the
+        pieces, the free time and the initial state: those of the angles, of their times, of the time of the
+        first uplift, of the state and of the growing coordinate. A derivative that does not exist is NaN, and
+        so is that of the time of overturning. A run under a harmonic has no derivatives.
+
+    Raises:
+        ValueError: the batch is empty, arrays have different lengths, a number is out of range, or `workers`
+            is less than one.
+        RuntimeError: JAX is in 32-bit mode.
+    """
+    checks.require_x64()
+    engine = ENGINES[equations]
+    limits = {"rest_rate": REST_RATES[equations] if rest_rate is None else rest_rate}
+    if equations is Terms.nonlinear:
+        limits["rtol"] = checks.tolerance("rtol", rtol)
+    ground = isinstance(forcing, GroundForcing)
+    if ground:
+        limits["events"] = GROUND_EVENTS[equations] if events is None else events
+    else:
+        limits |= {"events": EVENTS if events is None else events, "tolerance": tolerance}
+        limits["periods"] = PERIODS[equations] if forcing.periods is None else forcing.periods
+    is_batch = np.ndim(rows) > 1 or np.ndim(y0) > 1
+    # Without tracing, even one run is computed as a batch: otherwise JAX would compile a program for it.
+    if is_batch or all(map(checks.is_concrete, jax.tree.leaves((rows, y0, forcing, limits)))):
+        batch = _Batch.of(rows, y0, workers, progress)
+        if ground:
+            runs = _run_batch(engine, batch, forcing, limits | {"brief": brief})
+            return runs if is_batch else Followed(*(x[0] for x in runs))
+        settled = _settle_batch(engine, batch, forcing, limits)
+        return settled if is_batch else jax.tree.map(lambda x: x[0, ...], settled)
+    # JAX traces the run. It becomes one call of the compiled code within the program.
+    start = jnp.zeros(4) if y0 is None else y0
+    if ground:
+        return _run_one(engine, rows, start, forcing, limits)
+    record, settings = engine.entry().SETTLED, packed(engine.settings("SETTLE", **limits))
+    times = packed((forcing.begin, forcing.ramp))
+    (out,) = engine((shape(numbers_in(record)),), settings, stop_gradient(rows), stop_gradient(start), times)
+    return _settled_of(out, record)
+
+
+class _Batch(NamedTuple):
+    """Initial states (n, 4) and parameters (n, 9) of runs, and how the runs are shared among threads."""
+
+    starts: np.ndarray
+    rows: np.ndarray
+    workers: int | None
+    progress: Callable[[int, int], None] | None
+
+    @staticmethod
+    def of(rows: Any, y0: Any, workers: int | None, progress: Any) -> _Batch:
+        """Return the batch of `rows` and initial states `y0`, and repeat a single row."""
+        rows = np.atleast_2d(rows)
+        starts = np.zeros((len(rows), 4)) if y0 is None else np.array(y0, dtype=float, order="C", ndmin=2)
+        n, width = len(starts), len(NAMES)
+        if n == 0 or starts.shape != (n, 4) or rows.shape not in ((1, width), (n, width)):
+            shapes = f"{rows.shape} and {starts.shape}"
+            raise ValueError(f"`rows` must have shape (n, {width}) and `y0` (n, 4), but have {shapes}")
+        wide = np.ascontiguousarray(np.broadcast_to(rows, (n, width)), dtype=float)
+        return _Batch(starts, wide, workers, progress)
+
+    def computed(
+        self, engine: Compiled, task: str, record: np.dtype, table: np.ndarray, /, **limits: Any
+    ) -> np.ndarray:
+        """Return the records of all runs as floats.
+
+        `table` holds the further operand of the runs: times or pieces. Settings are numbers or arrays (n,).
+        """
+        entry, n = engine.entry(), len(self.rows)
+        settings: Any = np.zeros(n, entry.SETTINGS)
+        for name, value in {"task": getattr(entry, task), **limits}.items():
+            settings[name] = value
+        results = np.zeros(n, record)
+        buffers = settings, self.rows, self.starts, table, results
+        engine.in_threads(n, self.workers, self.progress, *buffers)
+        return results.view(float).reshape(n, -1)
+
+
+def _settle_batch(
+    engine: Compiled, batch: _Batch, forcing: HarmonicForcing, limits: dict[str, Any]
+) -> Settled:
+    """Simulate a batch of runs under a harmonic."""
+    n, operands = len(batch.rows), (forcing.begin, forcing.ramp)
+    if shapes := {np.shape(x) for x in operands} - {(), (n,)}:
+        raise ValueError(f"`begin` and `ramp` must have shape ({n},), but have {shapes}")
+    times = np.stack([np.broadcast_to(np.asarray(x, dtype=float), n) for x in operands], axis=1)
+    begins, ramps = times.T
+    late = (begins < 0.0) | (begins * batch.rows[:, XI] > 2.0 * np.pi * (1.0 + 1e-12))
+    if np.any(late | ~np.isfinite(begins)):
+        raise ValueError(f"`begin` must lie within the first forcing period, but is {begins[late]}")
+    checks.not_negative("ramp", ramps, every=True)
+    # The module is loaded here and not with the package, because it loads Numba.
+    record = engine.entry().SETTLED
+    return _settled_of(batch.computed(engine, "SETTLE", record, times, **limits), record)
+
+
+def _settled_of(numbers: Any, record: np.dtype) -> Settled:
+    """Return `Settled` from records of compiled code as floats, shape (..., n)."""
+    of, index = parts(numbers, record), codes_of(ENDS)
+    code, periods, elapsed = (x.astype(int) for x in (of.status, of.periods, of.elapsed))
+    status = status_of(index[code] if isinstance(code, np.ndarray) else jnp.asarray(index)[code])
+    sizes, peaks = (of.amplitude, of.swing), (of.peak, of.peak_swing)
+    return Settled(of.y, None, periods, *sizes, status, elapsed, *peaks)
+
+
+def _run_batch(engine: Compiled, batch: _Batch, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
+    """Simulate a batch of runs under ground motions."""
+    lengths, which = np.array([len(r) for r in forcing.records]), np.asarray(forcing.which)
+    # All ground motions are stored in one array. Each run has the row of its first piece.
+    firsts = np.cumsum(lengths) - lengths
+    # The equations contain minus the acceleration of the base.
+    pieces = np.ascontiguousarray(-np.concatenate([np.asarray(r, dtype=float) for r in forcing.records]))
+    places = {"pieces": lengths[which], "record": firsts[which], "free": forcing.free}
+    record = engine.entry().FOLLOWED
+    return _followed_of(batch.computed(engine, "GROUND", record, pieces, **places, **limits))
+
+
+def _run_one(engine: Compiled, row: Any, y0: Any, forcing: GroundForcing, limits: dict[str, Any]) -> Followed:
+    """Simulate one run under a ground motion, which JAX may trace."""
+    (pieces,) = forcing.records
+    settings = engine.settings("GROUND", pieces=pieces.shape[-2], record=-1.0, free=forcing.free, **limits)
+    # The equations contain minus the acceleration of the base.
+    operands = jnp.asarray(row), jnp.asarray(y0), -jnp.asarray(pieces), packed(settings)
+    if engine is LINEAR:
+        angles, end, times, out = _ground_run(*operands)
+        *at, lifted, fell = times
+        tilt, swing, relative = angles
+        sizes = {"tilt": tilt, "swing": swing, "relative": relative, "times": jnp.stack(at)}
+        state = {"state": end[:TILT_PULL], "growing": end[TILT_PULL], "lifted": lifted, "fell": fell}
+        return _followed_of(stop_gradient(out))._replace(**sizes, **state)
+    x, y, c, s = map(stop_gradient, operands)
+    (out,) = engine((shape(numbers_in(engine.entry().FOLLOWED)),), s, x, y, c)
+    results = _followed_of(out)
+    # The package has no derivatives of the nonlinear equations: these results get the derivative NaN.
+    names = ("tilt", "swing", "relative", "times", "state", "lifted", "fell")
+    return results._replace(**{name: refused_in(operands, getattr(results, name)) for name in names})
+
+
+def _followed_of(out: Any) -> Followed:
+    """Return `Followed` from records of compiled code as floats, shape (..., n)."""
+    of = parts(out, LINEAR.entry().FOLLOWED)
+    angles, state = (of.sizes[..., k] for k in range(3)), of.state[..., :TILT_PULL]
+    counted = of.status, of.impacts, of.uplift_time, of.overturn_time, of.transversality
+    return Followed._make((*angles, of.times, state, of.growing, *counted))
+
+
+Limits = tuple[tuple[str, float | int], ...]
+"""Settings of `solve` as pairs of name and value."""
+
+
+def solve(equations: Terms, x: Any, y0: Any, limits: Limits) -> Any:
+    """Return the steady state of a run under a harmonic: a record `tpd.compiled.steady.STEADY` as floats.
+
+    Args:
+        equations: linear or nonlinear. For the nonlinear equations the multipliers, the Lyapunov exponent and
+            the derivatives are NaN.
+        x: row of parameters, shape (9,).
+        y0: initial state at tau = 0, shape (4,). If `x` and `y0` are NumPy arrays, so is the result, and no
+            JAX program runs.
+        limits: periods, events, tolerance and rest_rate. The linear equations also need `lyapunov_periods`,
+            the number of periods over which the separation of neighbouring runs is measured. The nonlinear
+            equations also need rtol.
+    """
+    engine, row, n = _steady_call(equations, limits)
+    if not (isinstance(x, np.ndarray) and isinstance(y0, np.ndarray)):
+        (out,) = engine((shape(n),), row, x, y0)
+        return out
+    out = np.empty(n)
+    engine.entry().run(0, 1, row, np.ascontiguousarray(x, float), np.ascontiguousarray(y0, float), out)
+    return out
+
+
+@lru_cache(maxsize=8)
+def _steady_call(equations: Terms, limits: Limits) -> tuple[Compiled, np.ndarray, int]:
+    """Return the compiled code, a row of settings for `solve`, and the length of the result."""
+    engine = ENGINES[equations]
+    row = np.array(engine.settings("STEADY_STATE", **dict(limits)))
+    return engine, row, numbers_in(engine.entry().STEADY)
+
+
+def _ground_run_from(derivatives: int, settings: Array, x: Array, y: Array, pieces: Array) -> Any:
+    """Call the compiled code for one run.
+
+    `derivatives` is 0 without derivatives, 1 with them, and 2 if those in the pieces are needed as well.
+    """
+    entry = LINEAR.entry()
+    shapes = (
+        shape(numbers_in(entry.FOLLOWED)),
+        shape(entry.OUTPUTS, entry.INPUTS),
+        shape(entry.OUTPUTS, *pieces.shape),
+    )
+    return LINEAR(shapes[: 1 + derivatives], settings, x, y, pieces)
+
+
+_ground_run_with_slopes = once(partial(_ground_run_from, 1))
+_ground_run_with_all_slopes = once(partial(_ground_run_from, 2))
+
+
+@jax.custom_jvp
+def _ground_run(x: Array, y: Array, pieces: Array, settings: Array) -> tuple[Array, Array, Array, Array]:
+    """Return the results of one run of the linear equations under a ground motion.
+
+    These are the three largest angles; the state at the end with the growing coordinate; the times of the
+    angles, of the first uplift and of overturning; and all results as floats.
+    """
+    (out,) = _ground_run_from(0, settings, x, y, pieces)
+    return _divided(out)
+
+
+def _divided(out: Array) -> tuple[Array, Array, Array, Array]:
+    """Divide the results into the parts that have derivatives, as `_ground_run` returns them."""
+    of = parts(out, LINEAR.entry().FOLLOWED)
+    end, times = (of.state[:TILT_PULL], of.growing), (of.times, of.uplift_time, of.overturn_time)
+    return of.sizes, jnp.hstack(end), jnp.hstack(times), out
+
+
+def _ground_run_jvp(primals: tuple, tangents: tuple) -> tuple:
+    entry = LINEAR.entry()
+    column = entry.FIELDS.index
+    x, y, pieces, settings = primals
+    # The directions of the derivatives are the parameters, and the components of the initial state if it is
+    # differentiated.
+    _, of_start, of_pieces, _ = tangents
+    inputs = len(NAMES) if isinstance(of_start, SymbolicZero) else int(entry.INPUTS)
+    # The largest angles often occur long before the end, so that their derivatives need only a part of the
+    # legs. There are two calls, one for the angles and one for the end. XLA removes the call whose results a
+    # program does not use.
+    with_slopes = settings.at[column("slopes")].set(inputs)
+    out, by_angles = _ground_run_with_slopes(with_slopes.at[column("angles")].set(1.0), x, y, pieces)
+    _, by_end = _ground_run_with_slopes(with_slopes, x, y, pieces)
+    of = parts(out, entry.FOLLOWED)
+    xs, ys, samples, times = (
+        jnp.zeros(t.shape, jnp.float64) if isinstance(t, SymbolicZero) else t for t in tangents
+    )
+    direction, point = jnp.concatenate([xs, ys]), jnp.concatenate([x, y])
+    if not isinstance(of_pieces, SymbolicZero):
+        with_all = with_slopes.at[column("samples")].set(1.0)
+        _, by, by_forcing = _ground_run_with_all_slopes(with_all, x, y, pieces)
+        # A result without derivatives has none in the pieces either.
+        by_angles = by_end = jnp.hstack([by, by_forcing.reshape(len(by), -1) + 0.0 * by[:, :1]])
+        direction, point = jnp.append(direction, samples), jnp.append(point, pieces)
+    angles, end = by_angles[ANGLES] @ direction, by_end[END] @ direction
+    # The time of overturning never has a derivative, and some of the other times have none. `moved` lets such
+    # a NaN reach only the program that needs this derivative.
+    slopes = jnp.concatenate([by_angles[TIMES], jnp.full((1, direction.size), jnp.nan)])
+    at = moved(slopes, direction, point)
+    # With a longer free time the state moves on: angles change with their rates, and rates with the
+    # accelerations.
+    rates = jnp.concatenate([of.state[TILT_RATE:], jnp.zeros(1)])
+    end = end + jnp.where(jnp.isfinite(rates), rates, 0.0) * times[column("free")]
+    # The same holds for angles that are largest at the end of the run.
+    whole = settings[column("pieces")] * x[XI] + settings[column("free")]
+    last = jnp.abs(of.times - whole) <= _AT_END * whole
+    tilt, swing, tilting, swinging, *_ = of.state
+    growing = jnp.stack([tilting, swinging, swinging - tilting])
+    sides = jnp.sign(jnp.stack([tilt, swing, swing - tilt]))
+    angles = angles + jnp.where(last & jnp.isfinite(growing), sides * growing, 0.0) * times[column("free")]
+    at = at + jnp.concatenate([last.astype(float), jnp.zeros(2)]) * times[column("free")]
+    return _divided(out), (angles, end, at, jnp.zeros_like(out))
+
+
+_ground_run.defjvp(_ground_run_jvp, symbolic_zeros=True)

@@ -1,0 +1,294 @@
+"""The steady state of a run: its periodic orbit, the stability of the orbit, and its derivatives.
+
+Newton's method solves for the orbit on the map of the motion's periods (`tpd.compiled.period_map`). The rules
+are those of `tpd.answers.steady_state` and `tpd.answers.period_map`, which all other models use. Only this
+module also reduces the period of an orbit to the smallest number of forcing periods after which it closes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tpd.compiled import repetition
+from tpd.compiled.columns import (
+    APERIODIC,
+    GRAZING,
+    LAST_STEP,
+    NEAR_FOLD,
+    RESIDUAL,
+    SYMMETRIC,
+    TILT,
+    TILT_RATE,
+    WIDTH,
+)
+from tpd.compiled.contact_kernel import decide, sign
+from tpd.compiled.follow import BEYOND, EXHAUSTED
+from tpd.compiled.half_map_kernel import is_neutral
+from tpd.compiled.legs import ANGLES, STATE
+from tpd.compiled.march import prepare_march
+from tpd.compiled.motion import FIRST_PIECE, NO, copy_to, is_finite, larger_side
+from tpd.compiled.period_map import (
+    APPROACHING,
+    BEST,
+    CYCLE_START,
+    LATEST,
+    Limits,
+    find_orbit,
+    follow_cycle,
+    multipliers,
+    records_of,
+    residual_of,
+    set_motion,
+    solve_linearised,
+)
+from tpd.compiled.plant import compiled, fill_plants, places, plant
+from tpd.compiled.settle import settle
+
+APERIODIC_STATUS, UNSTABLE, NEUTRAL, NEAR_FOLD_STATUS, GRAZING_STATUS = range(8, 13)
+"""Numbers of the statuses after those of `tpd.compiled.repetition`, see
+`tpd.compiled.columns.STEADY_STATUSES`."""
+STEADY = np.dtype(
+    [
+        *((name, np.float64) for name in ("amplitude", "swing")),
+        ("y", np.float64, (4,)),
+        *((name, np.float64) for name in ("multiplier", "lyapunov", "fold")),
+        *((name, np.float64) for name in ("status", "periods", "symmetric", "elapsed")),
+        ("multipliers", np.complex128, (4,)),
+        ("by", np.float64, (6, WIDTH)),
+    ],
+    align=True,
+)
+"""A steady state, see `tpd.answers.steady_state.Steady`; all multipliers and the margin to the fold, see
+`tpd.answers.periodic_orbit.PeriodicOrbit`; and `by`, the derivatives of the first six numbers in the
+parameters. A derivative that does not exist is NaN."""
+_RESIDUAL = np.int64(WIDTH)
+"""Column of the residual of the orbit's map, after those of the parameters."""
+_AMPLITUDE, _STROKE = places(2)
+"""First rows of the derivatives of a steady state. The rows of the state follow."""
+_ONE = np.int64(1)
+"""Number 1 for one period, as a NumPy scalar."""
+
+
+@compiled
+def _measure_lyapunov(q, m, buffers, limits, periods, y):
+    """Return the largest Lyapunov exponent of a run that did not repeat.
+
+    The run is continued from its present state.
+
+    The result is NaN if the run ends at once. This writes the start of the last cycle into `y`, and that
+    cycle with the largest angles of all cycles into the first place of the buffers.
+    """
+    best, c, scales = buffers.cycles[BEST], buffers.cycles[LATEST], repetition.scales_of(q)
+    direction, onward, log_growth, steps = np.empty(4), np.empty(4), 0.0, 0
+    for i in range(4):
+        # A massless bob does not act on the block, so that its angle and rate get no weight.
+        scales[i] = scales[i] if i % 2 == 0 or q.mu > 0.0 else 1e300
+        direction[i] = 0.5 * scales[i]
+    while steps < periods:
+        follow_cycle(q, m, buffers, limits, _ONE, c)
+        if not is_finite(c.end):
+            break
+        c.amplitude, c.swing = max(c.amplitude, best.amplitude), max(c.swing, best.swing)
+        # Push the direction through the linearised map of one period. The growth of its length gives the
+        # exponent.
+        size = 0.0
+        for i in range(4):
+            onward[i] = 0.0
+            for j in range(4):
+                onward[i] += c.by[i, STATE + j] * direction[j]
+            size += (onward[i] / scales[i]) ** 2
+        size = math.sqrt(size) + 1e-300
+        for i in range(4):
+            direction[i] = onward[i] / size
+        log_growth, steps = log_growth + math.log(size), steps + 1
+        copy_to(buffers.motions[CYCLE_START].y, y)
+        buffers.cycles[BEST] = c
+    return log_growth / (steps * 2.0 * math.pi / q.xi) if steps > 1 else math.nan
+
+
+@compiled
+def verdict(outcome, residual, separation, multiplier, to_fold, transversality, neutral):
+    """Return the number of a run's status, from the simulation and from Newton's method.
+
+    Args:
+        outcome: status at the end of the simulation.
+        residual: residual of the orbit.
+        separation: Lyapunov exponent of a run that did not repeat, per unit of tau.
+        multiplier: modulus of the largest multiplier.
+        to_fold: distance of the nearest multiplier from 1.
+        transversality: smallest transversality of all events.
+        neutral: whether the orbit neither attracts nor repels.
+    """
+    # The statements are in increasing order of priority: each line overrules the lines above it. Stability
+    # comes first, because it means nothing if an event grazes, next to a fold, or away from an orbit.
+    moving = outcome in (repetition.ROCKING, repetition.STICKING)
+    status = UNSTABLE if moving and multiplier > 1.0 else outcome
+    status = NEUTRAL if moving and neutral else status
+    status = GRAZING_STATUS if moving and transversality < GRAZING else status
+    status = NEAR_FOLD_STATUS if moving and to_fold < 2.0 * NEAR_FOLD else status
+    status = repetition.NOT_SETTLED if moving and not residual < RESIDUAL else status
+    return APERIODIC_STATUS if separation > APERIODIC else status
+
+
+@compiled
+def _store_isolated(c, y, out):
+    """Write the sizes of an isolated orbit after one more Newton step, and all derivatives, into `out`."""
+    # From y*(p) = P(y*(p), p) follows dy*/dp = (I - DP)^-1 dP/dp, however long the transient was. Amplitude
+    # and swing are functions of (y*, p) along the period. The residual is one more right-hand side, which
+    # gives the last Newton step at no cost. I - DP is singular at a fold, where the caller does not use the
+    # derivatives.
+    right, sizes = np.empty((4, _RESIDUAL + 1)), np.empty((2, _RESIDUAL + 1))
+    for i in range(4):
+        right[i, _RESIDUAL] = c.end[i] - y[i]
+        for j in range(WIDTH):
+            right[i, j] = c.by[i, j]
+    regular = solve_linearised(c.by, right)
+    # The largest angles: direct derivatives, and those through the orbit's state.
+    for k in range(2):
+        row = ANGLES + larger_side(c, k)
+        for j in range(_RESIDUAL + 1):
+            sizes[k, j] = c.by[row, j] if j < _RESIDUAL else (c.amplitude if k == 0 else c.swing)
+            for i in range(4):
+                sizes[k, j] += c.by[row, STATE + i] * right[i, j]
+            if not regular:
+                sizes[k, j] = math.nan
+    out.amplitude, out.swing = sizes[_AMPLITUDE, _RESIDUAL], sizes[_STROKE, _RESIDUAL]
+    for k in range(6):
+        for j in range(WIDTH):
+            out.by[k, j] = sizes[k, j] if k < 2 else right[k - 2, j]
+
+
+@compiled
+def _status_of(buffers, residual, y):
+    """Return the number of the status of a motion that started near an orbit and is on it now."""
+    c = buffers.cycles[BEST]
+    # Without a residual the first cycle did not reach its end, and its record is still in the second place.
+    if not math.isfinite(residual):
+        ending = buffers.cycles[LATEST].ending
+        failure = repetition.EVENT_BOUND if ending == EXHAUSTED else repetition.FAILED
+        return repetition.OVERTURNED if ending == BEYOND else failure
+    if not (residual < RESIDUAL and c.step < LAST_STEP):
+        return repetition.NOT_SETTLED
+    # A block that is held all the time keeps its tilt.
+    if c.hold_level == 2.0:
+        return repetition.HELD if y[TILT] != 0.0 else repetition.AT_REST
+    return repetition.STICKING if c.hold_level > 0.0 else repetition.ROCKING
+
+
+@compiled
+def steady_state(x, y0, s, near, buffers, out):
+    """Compute the steady state of a run from `y0` at tau = 0, and write it into the record `out` (`STEADY`).
+
+    The run is simulated until it settles, within the bounds of the settings `s`. If `near`, nothing is
+    simulated: the function computes the orbit near `y0` with the number of periods in the settings. That
+    orbit need not be stable, and it has derivatives in that case as well.
+    """
+    q, m, w, r = records_of(buffers)
+    c, settled, y, total = buffers.cycles[BEST], buffers.settled[0], out.y, 0.0
+    roots = out.multipliers
+    # All numbers stay NaN, and the status failed, until they get a value.
+    out.amplitude = out.swing = out.multiplier = out.lyapunov = out.fold = math.nan
+    out.symmetric, out.elapsed, out.periods, out.status = 0.0, 0.0, 1.0, repetition.FAILED
+    roots[:] = math.nan
+    out.by[:] = math.nan
+    for j in range(WIDTH):
+        total += abs(x[j])
+    for i in range(4):
+        total += abs(y0[i])
+    copy_to(y0, m.y)
+    copy_to(y0, y)
+    # A run with NaN or infinite inputs would be simulated until its bound.
+    if not math.isfinite(total):
+        return
+    if near:
+        # Without a simulation the motion counts as rocking at first. Its first period gives the real status.
+        plant(x, q)
+        prepare_march(q, w.march)
+        decide(q, y, sign(y[TILT]), sign(y[TILT_RATE]), 0.0, m)
+        settled.status, settled.periods, settled.elapsed = repetition.ROCKING, s.periods, 0.0
+        settled.amplitude = settled.swing = math.nan
+    else:
+        settle(x, buffers, s, 0.0, 0.0, NO, settled)
+    outcome, periods, out.elapsed = int(settled.status), int(settled.periods), settled.elapsed
+    copy_to(m.y, y)
+    residual, separation, multiplier, to_fold, fold = math.inf, math.nan, math.inf, 1.0, math.nan
+    c.amplitude, c.swing, c.transversality, c.asymmetry = settled.amplitude, settled.swing, math.inf, math.inf
+    limits = Limits(s.rest_rate * q.nu, int(s.events), FIRST_PIECE, math.inf)
+    # A run that has overturned or failed has no orbit.
+    if outcome in (repetition.ROCKING, repetition.STICKING, repetition.AT_REST, repetition.NOT_SETTLED):
+        fill_plants(x, r.plants)
+        c.by[:] = math.nan
+        if outcome == repetition.NOT_SETTLED:
+            separation = _measure_lyapunov(q, m, buffers, limits, int(s.lyapunov_periods), y)
+        else:
+            residual = find_orbit(q, m, buffers, limits, periods, y)
+            # A motion that approaches its orbit alternately from both sides first repeats after two periods.
+            # If the orbit closes after fewer periods, it gets that smaller number.
+            other, begin = buffers.cycles[LATEST], buffers.motions[APPROACHING]
+            set_motion(y, m, begin)
+            for fewer in range(1, periods):
+                if periods % fewer == 0 and residual < RESIDUAL:
+                    set_motion(y, begin, m)
+                    follow_cycle(q, m, buffers, limits, fewer, other)
+                    distance = residual_of(q, y, other.end)
+                    if other.closed != 0.0 and distance < RESIDUAL:
+                        buffers.cycles[BEST], residual, periods = other, distance, fewer
+                        break
+        # Stability of the orbit, or of the last cycle of a run that did not repeat.
+        multiplier, to_fold, fold = multipliers(q, c.by, roots)
+    if near:
+        # Without an orbit the sizes stay NaN.
+        outcome = _status_of(buffers, residual, y)
+        if outcome != repetition.NOT_SETTLED:
+            settled.amplitude, settled.swing = c.amplitude, c.swing
+    neutral = is_neutral(q.k, q.e, q.mu, q.zeta, multiplier)
+    status = verdict(outcome, residual, separation, multiplier, to_fold, c.transversality, neutral)
+    # An undamped bob that keeps swinging under a resting block has no orbit. With damping one period was
+    # simulated, unless it has more events than allowed.
+    endless = q.zeta > 0.0 and not math.isfinite(residual)
+    status = repetition.EVENT_BOUND if outcome == repetition.AT_REST and endless else status
+    # Without a finite derivative of the period map the stability is unknown.
+    unknown = status == UNSTABLE and not math.isfinite(multiplier)
+    status = repetition.FAILED if unknown or not (is_finite(y) or status == repetition.OVERTURNED) else status
+    # Friction also holds the block at slightly different tilts, so that the multiplier is 1.
+    multiplier = 1.0 if status == repetition.HELD else multiplier
+    rests, rocks = status == repetition.AT_REST, status in (repetition.ROCKING, repetition.STICKING)
+    marginal, singular = status in (UNSTABLE, NEUTRAL), status in (NEAR_FOLD_STATUS, GRAZING_STATUS)
+    periodic, span = rocks or rests or marginal, periods * 2.0 * math.pi / q.xi
+    # An undamped bob that swings under a resting block has no orbit, but its largest angle is valid.
+    ringing = rests and not (q.zeta > 0.0 and multiplier < 1.0)
+    # Only an isolated orbit has derivatives.
+    isolated = (not ringing) & (rocks | rests | (near & marginal))
+    if isolated:
+        _store_isolated(c, y, out)
+    elif marginal or singular or status == APERIODIC_STATUS:
+        # I - DP may be singular. The sizes are those of the orbit without a further Newton step, or the
+        # largest ones of a run that did not repeat.
+        out.amplitude, out.swing = c.amplitude, c.swing
+    elif status == repetition.OVERTURNED:
+        out.amplitude = out.swing = math.inf
+    elif status != repetition.FAILED:
+        out.amplitude, out.swing = settled.amplitude, settled.swing
+    if rests:
+        # The amplitude of a block at rest stays zero when the parameters change a little. Where the bob hangs
+        # still, its largest |psi| has a corner and no derivative.
+        out.amplitude = 0.0
+        for j in range(WIDTH):
+            out.by[_AMPLITUDE, j] = 0.0
+            if out.swing == 0.0:
+                out.by[_STROKE, j] = math.nan
+    out.lyapunov = separation
+    if periodic:
+        out.lyapunov = math.log(multiplier) / span if multiplier > 0.0 else -math.inf
+    symmetric = periodic & (periods % 2 == 1) & (c.asymmetry < SYMMETRIC)
+    out.symmetric = 1.0 if symmetric else 0.0
+    if periodic or status == repetition.HELD or singular:
+        out.multiplier, out.fold = multiplier, fold
+    else:
+        roots[:] = math.nan
+        # If there is no orbit near a state, the last state of Newton's method is not a result.
+        if near:
+            y[:] = math.nan
+    out.status, out.periods = status, periods

@@ -1,0 +1,95 @@
+"""Models that compiled code solves.
+
+They are the exact piecewise solution of the linear equations (25), and Taylor series for the nonlinear
+equations (4). Both models keep the sign functions and smooth nothing.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from tpd.core import checks
+from tpd.models.base import COMPILED_PERIODS, AbstractCompiled, setting
+from tpd.theory.equations import Terms
+
+
+class Piecewise(AbstractCompiled):
+    """Exact solution of the linear equations (25): closed-form arcs that are joined at events.
+
+    The model has no smoothing and no time-step error. On an arc the block rotates with either sign of the
+    tilt and of its rate, sticks away from the base, or rests on the base. If an impact is slower than
+    `rest_rate` and the block can remain at rest after it, the model sets the block to rest. This ends a
+    rattling motion, and the error is of the order of `rest_rate` squared.
+
+    The code runs on the processor of the host, one motion after another, even if JAX uses another device
+    (see `tpd.compiled.calling`).
+
+    Attributes:
+        max_periods: largest number of forcing periods to follow.
+        max_events: largest number of steps and events in one forcing period.
+        tolerance: repetition error at which Newton's method takes over.
+        rest_rate: rate (phi' in units of nu) below which an impact can end in rest.
+        lyapunov_periods: forcing periods in which the Lyapunov exponent is measured.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.05, f=0.3, xi=3.0)
+        >>> round(float(tpd.steady_state(p, model=tpd.Piecewise(max_periods=200)).amplitude), 5)
+        0.05518
+    """
+
+    max_periods: checks.Whole = setting("max_periods", checks.count, 500, 1, COMPILED_PERIODS)
+    """Largest number of forcing periods to follow while the motion does not repeat."""
+    max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, COMPILED_PERIODS)
+    """Largest number of steps and events in one forcing period."""
+    tolerance: checks.Real = setting("tolerance", checks.tolerance, 1e-6)
+    """Repetition error, relative to the scale of the state, at which Newton's method takes over."""
+    rest_rate: checks.Real = setting("rest_rate", checks.tolerance, 2e-7)
+    """Rate (phi' in units of nu) below which an impact can end in rest."""
+    lyapunov_periods: checks.Whole = setting("lyapunov_periods", checks.count, 100, 0, 10_000)
+    """Number of forcing periods in which the separation of neighbouring motions is measured if a motion does
+    not repeat."""
+
+    equations: ClassVar[Terms] = Terms.linear
+
+
+class Nonlinear(AbstractCompiled):
+    """Nonlinear equations (4), solved with Taylor series that are joined at events.
+
+    The model has no smoothing, and its steps satisfy a relative tolerance. As in the paper, a crossing of
+    phi = 0 without loss leaves both rates unchanged. At an impact with loss (e < 1) the rod exerts an impulse
+    on block and bob along its own direction, which is that of the bob's angle (see `tpd.scene.impacts`). With
+    Housner's e the impact conserves the angular momentum of block and bob about the new corner.
+
+    The model computes values only: derivatives, multipliers and the Lyapunov exponent are NaN. A motion that
+    repeats has the status rocking or sticking, because it was reached from a start and therefore attracts. A
+    motion that does not repeat has the status not_settled.
+
+    Attributes:
+        rtol: relative tolerance of a step.
+        max_periods: largest number of forcing periods to follow.
+        max_events: largest number of events in one forcing period.
+        tolerance: repetition error below which a motion is settled.
+        rest_rate: rate (phi' in units of nu) below which an impact can end in rest.
+
+    Example:
+        >>> import tpd
+        >>> p = tpd.Parameters(nu=0.2, mu=0.05, lam=0.8, zeta=0.1, k=0.05, f=0.3, xi=3.0)
+        >>> linear, nonlinear = (tpd.steady_state(p, model=m) for m in (tpd.Piecewise(), tpd.Nonlinear()))
+        >>> round(float(linear.amplitude), 4), round(float(nonlinear.amplitude), 4)
+        (0.0552, 0.0554)
+    """
+
+    rtol: checks.Real = setting("rtol", checks.tolerance, 1e-10)
+    """Relative tolerance of a step."""
+    max_periods: checks.Whole = setting("max_periods", checks.count, 400, 1, COMPILED_PERIODS)
+    """Largest number of forcing periods to follow while the motion does not repeat."""
+    max_events: checks.Whole = setting("max_events", checks.count, 2000, 1, COMPILED_PERIODS)
+    """Largest number of events in one forcing period."""
+    tolerance: checks.Real = setting("tolerance", checks.tolerance, 1e-9)
+    """Repetition error, relative to the scale of the state, below which a motion is settled."""
+    rest_rate: checks.Real = setting("rest_rate", checks.tolerance, 1e-4)
+    """Rate (phi' in units of nu) below which an impact ends in rest if the block can remain at rest after it.
+    The error is of the order of its square."""
+
+    equations: ClassVar[Terms] = Terms.nonlinear
