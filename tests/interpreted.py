@@ -58,7 +58,7 @@ def results() -> dict[str, Any]:
     runs = plan(p, tpd.Ensemble(size=3))
     shaken = (
         follow_scaled(
-            scene.block, [None, pendulum], [scene.motion], np.array([[1.0]]), free=2.0, equations=terms
+            scene.block, [None, pendulum], [scene.excitation], np.array([[1.0]]), free=2.0, equations=terms
         )
         for terms in (tpd.Terms.linear, tpd.Terms.nonlinear)
     )

@@ -46,11 +46,11 @@ LAYERS = (
     "cli",
 )
 LAST = {
-    "code lines": 19_718,
+    "code lines": 19_732,
     "modules": 173,
     # Modules that are loaded by name count.
     "modules that the main job may import": 127,
-    "code lines of these": 16_995,
+    "code lines of these": 17_009,
     "floors, all imports counted": 22,
     "functions of ten or more arguments": 0,
     "functions of eight lines or fewer, called once": 40,

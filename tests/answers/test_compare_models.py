@@ -53,7 +53,7 @@ def test_what_does_not_hold_is_said():
 
 
 def test_models_without_impact_loss_have_nothing_to_say_of_a_block_with_it():
-    scene = Scene(Block(width=0.1, height=0.4, mass=16.0, restitution=0.8), paper_scene().motion)
+    scene = Scene(Block(width=0.1, height=0.4, mass=16.0, restitution=0.8), paper_scene().excitation)
     found = check(scene, None, models=("one harmonic", "exact", "smoothed", "smoothed nonlinear"))
     none = [r for r in found.models if r.status == "no impacts"]
     assert {r.name for r in none} == {"one harmonic", "smoothed nonlinear"}

@@ -27,7 +27,7 @@ def resonant(damping: float, cycles: int, length: float = 1.0) -> tuple[tpd.Scen
 
 
 def falls(scene: tpd.Scene, pendulum: tpd.Pendulum, factor: float) -> bool:
-    moved = tpd.Scene(scene.block, scene.motion.scaled(factor))
+    moved = tpd.Scene(scene.block, scene.excitation.scaled(factor))
     status = tpd.status_name(tpd.transient(moved, pendulum).status)
     assert status in ("stood", "rocked", "overturned")
     return status == "overturned"
@@ -106,7 +106,7 @@ def between(low: float, high: float):
 
 
 def lossy(e) -> tpd.Scene:
-    return tpd.Scene(replace(COLUMN, restitution=e), SINE.motion)
+    return tpd.Scene(replace(COLUMN, restitution=e), SINE.excitation)
 
 
 @pytest.mark.mends("runs without an answer were a safe gap below the critical scale")

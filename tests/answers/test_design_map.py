@@ -30,7 +30,7 @@ def over_motion() -> DesignMap:
 
 
 def shaken(**changes: float) -> Parameters:
-    return replace(SCENE, motion=replace(SCENE.motion, **changes)).parameters(PENDULUM)
+    return replace(SCENE, excitation=replace(SCENE.excitation, **changes)).parameters(PENDULUM)
 
 
 def expected(p: Parameters) -> tuple[str, float, float]:
@@ -116,8 +116,10 @@ def test_from_a_start_cells_are_what_is_settled_into():
     assert {"rocking", "rest", "overturned"} <= set(m.counts)
     assert m.start == (0.0, 0.0, 0.0, 0.0)
     for i, j in np.ndindex(m.status.shape):
-        motion = replace(SCENE.motion, frequency=float(m.x[j]))
-        s = steady_state(replace(SCENE, motion=motion).parameters(replace(PENDULUM, length=float(m.y[i]))))
+        motion = replace(SCENE.excitation, frequency=float(m.x[j]))
+        s = steady_state(
+            replace(SCENE, excitation=motion).parameters(replace(PENDULUM, length=float(m.y[i])))
+        )
         assert m.status[i, j] == status_name(s.status)
         # On an orbit known to rounding; or followed until it repeats within 1e-6 of nu or nu + f, which
         # leaves that over one less the multiplier: the bob's is close to one.

@@ -20,7 +20,7 @@ def test_the_history_is_that_of_the_motion():
     assert found.status == one.status
     # The last time is the end of the motion.
     assert (found.tilt[-1], found.swing[-1]) == pytest.approx(tuple(one.state[:2]), abs=1e-9)
-    np.testing.assert_allclose(found.base, SINE.motion.acceleration_at(found.times))
+    np.testing.assert_allclose(found.base, SINE.excitation.acceleration_at(found.times))
     # The hinge rises with the axis of the block, to whichever side it leans.
     np.testing.assert_allclose(found.bob[:, 1] / 450.0, found.vertical / 9450.0, rtol=1e-12)
     assert np.ptp(np.sign(found.tilt)) == 2.0
@@ -74,7 +74,7 @@ def test_impacts_have_their_times_and_rates():
 
 
 def test_a_hanging_rod_carries_the_weight_of_its_bob():
-    weak = dataclasses.replace(SINE, motion=SINE.motion.scaled(1e-6))
+    weak = dataclasses.replace(SINE, excitation=SINE.excitation.scaled(1e-6))
     tension, whole, relative = motion_history(weak, PENDULUM, free=1.0).loads(PENDULUM)
     assert (tension, whole) == pytest.approx((450.0 * GRAVITY, 450.0 * GRAVITY), rel=1e-5)
     assert 0.0 < relative < 1e-5
@@ -85,7 +85,7 @@ def test_a_hanging_rod_carries_the_weight_of_its_bob():
 
 
 def test_nothing_is_said_once_the_block_lies_and_bad_times_are_refused():
-    fallen = motion_history(dataclasses.replace(SINE, motion=SINE.motion.scaled(1.5)), free=20.0)
+    fallen = motion_history(dataclasses.replace(SINE, excitation=SINE.excitation.scaled(1.5)), free=20.0)
     assert tpd.status_name(fallen.status) == "overturned"
     gone = np.isnan(fallen.tilt)
     assert (gone[0], gone[-1]) == (False, True)
@@ -159,7 +159,7 @@ def test_the_free_motion_lasts_until_the_last_time():
 def test_a_fall_after_the_free_motion_leaves_the_last_row_known():
     """The block passes its balance within the free time, and the last arc leads beyond return after it."""
     for free in (0.4, 0.5, 0.6):
-        scene = dataclasses.replace(SINE, motion=SINE.motion.scaled(1.25))
+        scene = dataclasses.replace(SINE, excitation=SINE.excitation.scaled(1.25))
         found, one = motion_history(scene, free=free), tpd.transient(scene, free=free)
         assert tpd.status_name(found.status) == "overturned"
         assert float(one.overturning_time) > found.times[-1]
@@ -171,7 +171,7 @@ def test_a_fall_after_the_free_motion_leaves_the_last_row_known():
 
 @pytest.mark.mends("the friction of a block that overturns was that of its fall, up to a right angle")
 def test_the_friction_of_a_block_that_overturns_is_that_until_it_topples():
-    scene = dataclasses.replace(SINE, motion=SINE.motion.scaled(3.0))
+    scene = dataclasses.replace(SINE, excitation=SINE.excitation.scaled(3.0))
     found = motion_history(scene, free=5.0)
     assert found.overturned
     stands = np.abs(found.tilt) <= 1.0 / 6.0
@@ -183,6 +183,6 @@ def test_the_friction_of_a_block_that_overturns_is_that_until_it_topples():
     assert found.needed_friction < np.nanmax(forces)
     # A block that begins beyond its toppling angle never stands.
     beyond = motion_history(
-        dataclasses.replace(SINE, motion=SINE.motion.scaled(1e-3)), y0=[0.3, 0.0, 0.0, 0.0]
+        dataclasses.replace(SINE, excitation=SINE.excitation.scaled(1e-3)), y0=[0.3, 0.0, 0.0, 0.0]
     )
     assert np.isnan(beyond.needed_friction)

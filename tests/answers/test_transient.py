@@ -107,7 +107,9 @@ def test_its_derivatives_are_those_of_fifty_digits(name):
     def tilt(x):
         changed = replace(block, friction=x["friction"], restitution=x["restitution"])
         pendulum = tpd.Pendulum(mass=x["bob"], length=x["length"], damping_ratio=x["damping"])
-        return tpd.transient(tpd.Scene(changed, scene.motion.scaled(x["scale"] / own)), pendulum, **how).tilt
+        return tpd.transient(
+            tpd.Scene(changed, scene.excitation.scaled(x["scale"] / own)), pendulum, **how
+        ).tilt
 
     at = {"bob": with_it.mass, "length": with_it.length, "damping": with_it.damping_ratio, "scale": own}
     at |= {"friction": block.friction, "restitution": block.restitution}

@@ -103,8 +103,8 @@ def _peer(scene: tpd.Scene, with_it: tpd.Pendulum | None) -> tuple:
     p = as_arrays(shaken.parameters(with_it))
     rho = 3.0 / (4.0 * (1.0 + p.nu**2))
     given = tuple(float(x) for x in (p.nu, p.mu, p.lam, p.zeta, p.k, rho, p.e))
-    a = -np.asarray(scene.motion.acceleration) * float(scene.motion.scale) / float(scene.gravity)
-    return given, a, float(scene.motion.dt) * float(scene.rate)
+    a = -np.asarray(scene.excitation.acceleration) * float(scene.excitation.scale) / float(scene.gravity)
+    return given, a, float(scene.excitation.dt) * float(scene.rate)
 
 
 def run(quick: bool) -> list[dict[str, Any]]:

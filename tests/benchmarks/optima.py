@@ -33,7 +33,7 @@ def problems() -> dict[str, Any]:
 
     scene = tpd.paper_scene()
     slim = replace(scene, block=replace(scene.block, width=0.08, cavity_width=None))
-    less = replace(scene, motion=replace(scene.motion, amplitude=0.012))
+    less = replace(scene, excitation=replace(scene.excitation, amplitude=0.012))
     space = tpd.DesignSpace(mass_ratio=(0.01, 0.2), length_ratio=(0.1, 1.5), damping_ratio=(0.05, 0.4))
     given = {
         "paper's block, 2 to 3.5 Hz": (scene, (2.0, 3.5), 0.5, None),

@@ -100,7 +100,7 @@ def fall_of(scene: tpd.Scene, pendulum: tpd.Pendulum | None = None) -> float:
     p, steps = scene.parameters(pendulum), 5_000
     times = np.linspace(0.0, 100.0, 100 * steps + 1) * float(p.period)
     tilts = np.asarray(tpd.simulate(p, np.zeros(4), times, model=tpd.Nonlinear()).ys)[:, 0]
-    return float(np.flatnonzero(np.isnan(tilts))[0] / steps / float(scene.motion.frequency))
+    return float(np.flatnonzero(np.isnan(tilts))[0] / steps / float(scene.excitation.frequency))
 
 
 def banner(window: Browser) -> str:
@@ -301,7 +301,7 @@ MOTIONS = {
 @pytest.mark.parametrize("case", MOTIONS)
 def test_the_page_of_a_ground_motion_agrees_with_the_package(window, tmp_path, case):
     block, motion, push = MOTIONS[case]
-    job = job_of({"block": block, "motion": motion})
+    job = job_of({"block": block, "excitation": motion})
     window.errors.clear()
     window.open(tpd.explore(job).write(tmp_path / "ground.html"))
     assert window.run("document.getElementById('response-figure').hidden")
@@ -328,7 +328,7 @@ def test_the_page_of_a_ground_motion_agrees_with_the_package(window, tmp_path, c
 
 
 def test_a_weak_ground_motion_does_not_lift_the_block(window, tmp_path):
-    job = job_of({"block": BLOCK, "motion": COSINE})
+    job = job_of({"block": BLOCK, "excitation": COSINE})
     window.open(tpd.explore(job).write(tmp_path / "pulse.html"))
     type_in(window, "scale", "0.2")
     assert row(window, "largest-without")[0].startswith("0 ")
@@ -337,7 +337,7 @@ def test_a_weak_ground_motion_does_not_lift_the_block(window, tmp_path):
 
 @pytest.mark.mends("under ground motions the page had no limit on the stroke, and called all limits kept")
 def test_limits_under_a_ground_motion_are_those_of_the_motion_that_the_page_shows(window, tmp_path):
-    job = job_of({"block": BLOCK, "motion": COSINE, "limits": {"stroke": 0.05}})
+    job = job_of({"block": BLOCK, "excitation": COSINE, "limits": {"stroke": 0.05}})
     window.open(tpd.explore(job).write(tmp_path / "pulse.html"))
     scene, pendulum = tpd.Scene(job.block, job.shaking), pendulum_of(window)
     expected = tpd.transient(scene, pendulum, model=tpd.Nonlinear())

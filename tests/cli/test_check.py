@@ -115,7 +115,7 @@ def test_a_report_without_a_pendulum_is_confirmed_where_none_is_needed(tmp_path)
         (0.001, 0, not_needed),
         (0.01153, 3, "NOT RECOMMENDED: the report has no pendulum."),
     ):
-        (tmp_path / "design.json").write_text(design_json({"motion": {"amplitude": amplitude}}))
+        (tmp_path / "design.json").write_text(design_json({"excitation": {"amplitude": amplitude}}))
         done = call("check", str(tmp_path))
         assert done.status == status
         assert last_paragraph(done.out.splitlines()).startswith(verdict)

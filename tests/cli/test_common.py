@@ -42,10 +42,10 @@ def test_a_pendulum_is_given_in_si_units_or_in_ratios():
 
 def test_ground_motions_are_described_with_their_sizes_and_a_harmonic_by_its_scene():
     records = {"records": ["el-centro", "loma-prieta"], "scales": [2, 3]}
-    two = job_of({"motion": records})
+    two = job_of({"excitation": records})
     assert two.in_words == "2 records, each at 2, 3 (PGA over g tan(alpha); at 1 the block lifts)"
     assert [line.partition(",")[0] for line in two.messages] == ["record: el-centro", "record: loma-prieta"]
-    one = job_of({"motion": records | {"records": ["el-centro"]}})
+    one = job_of({"excitation": records | {"records": ["el-centro"]}})
     assert (
         one.in_words
         == "El Centro/NS, 3.127 m/s^2 at most, 31.18 s, each at 2, 3 (PGA over g tan(alpha); at 1 the "
@@ -86,7 +86,7 @@ TABLE = r"""
 optimise --width -1 REST_OF_IT | [block] `width` must be positive and finite, but is -1
 optimise --width wide | `block.width` must be a number, but is 'wide'
 optimise --width 0.3 REST_OF_IT | [block] `width` must be at most 0.5 of `height` (the linear equations drop
-optimise --amplitude -0.1 | [motion] `amplitude` must be zero or positive, and finite, but is -0.1
+optimise --amplitude -0.1 | [excitation] `amplitude` must be zero or positive, and finite, but is -0.1
 optimise --restitution 1.5 | [block] `restitution` must be between 0 and 1, but is 1.5
 optimise --mass-ratio 0.1 0.2 0.3 | must be a number or a pair of numbers, but is [0.1, 0.2, 0.3]
 optimise --mass-ratio 0.1 0.2 --pendulum-mass 2 | [space] `mass` and `mass_ratio` state the same quantity: gi
@@ -108,13 +108,13 @@ optimise --scatter friction | `--scatter` must be NAME=WIDTH, such as friction=0
 optimise --scatter friction=0.6 | [scatter] `friction` must be between 0 and 0.5, but is 0.6
 optimise --scatter colour=0.1 | there is no key `colour` in [scatter]; allowed are amplitude, frequency
 optimise --width 0.2 | a block of your own must be complete and have a motion of its own. The job has `width`,
-optimise SIZE --amplitude 0.02 | but `frequency` in [motion] is missing; without any of these keys t
+optimise SIZE --amplitude 0.02 | but `frequency` in [excitation] is missing; without any of these keys t
 optimise --scene absent.toml | cannot read absent.toml: No such file or directory
 optimise --scene . | cannot read .: Is a directory
 optimise --scene /dev/null | /dev/null is empty: create a job file with `tpd new`
 optimise --stroke 1.6 | [limits] `stroke` must be at most 1.5708, a right angle in rad, but is 1.6
 optimise --friction 0.6 | [block] `friction` must be at most 0.25, width/height (it is a moment over
-optimise --amplitude 0 | [motion] `amplitude` must be above 0 in a search, but is 0: the base does not
+optimise --amplitude 0 | [excitation] `amplitude` must be above 0 in a search, but is 0: the base does not
 optimise --mass-ratio 0.1 1.5 | [space] `mass_ratio` must be an interval low < high within 0 to 1
 optimise --exactly --measure cvar | `risk.measure` requires several conditions, [conditions] or [scatter], whi
 optimise --friction 0 --scatter friction=0.1 | [scatter] `friction` cannot vary by a share of itsel
@@ -163,8 +163,8 @@ check BOB --engine drake | argument --engine: invalid choice: 'drake'
 check BOB --sliding 0.5 | --sliding has an effect only together with --engine
 map --x mu 0.1 50 --y lam 0.1 1.5 | `--x` must be at most 1, a bob as heavy as the block
 map X --y lam 0.1 3 | `--y` must be at most 2, a rod as long as the block
-shake SIZE --record el-centro --dt 0.5 | `motion.dt` requires a file of a record
-fragility --records el-centro loma-prieta --event a | `motion.event` requires a fi
+shake SIZE --record el-centro --dt 0.5 | `excitation.dt` requires a file of a record
+fragility --records el-centro loma-prieta --event a | `excitation.event` requires a fi
 spectrum --record el-centro --sizes-to 5 | --sizes-to has an effect on the spectrum of a pulse
 spectrum --pulse ricker --sizes-to nan | `--sizes-to` must be positive and finite
 spectrum --pulse ricker --pga 0.3 | --pga has no effect here: a spectrum has pulses of all freq
@@ -181,7 +181,7 @@ job [block]; [block] | is not valid TOML: Cannot declare
 job [[block]]; width = 1 | `block` must be a table, but is [{'width': 1}]
 shake | the motion must be a pulse or a record: give --record FIL
 shake SIZE --record nothing.csv | nothing.csv
-shake SIZE PULSE --pga 0 | [motion] `pga` must be positive
+shake SIZE PULSE --pga 0 | [excitation] `pga` must be positive
 fragility | the motion must be a pulse or a record: give --record FIL
 new | required: KIND
 new tower --out /proc/nowhere/tower.toml | cannot use /proc/nowhere/tower.toml
@@ -191,7 +191,7 @@ optimise --recrods a | unrecognized arguments: --recrods; did you mean `--record
 optimise --optimiser adamm | but is 'adamm'; did you mean `adam`?
 optimise --scatter frcition=0.1 | there is no key `frcition` in [scatter]; did you mean `fri
 export --as csv --pulse ricker --amplitude 1 | has keys of a pulse (`pulse`) and of a harm
-export --as csv BOB --scale 5 | `motion.scales` requires a pulse or records
+export --as csv BOB --scale 5 | `excitation.scales` requires a pulse or records
 export --as csv BOB --sliding 0.5 | --sliding has an effect on models for MuJoCo and OpenSees
 export --as csv BOB --out . | --out must name a file, but . is a directory
 """
@@ -199,8 +199,8 @@ export --as csv BOB --out . | --out must name a file, but . is a directory
 UNITS = r"""
 optimise --width 100 --height 400 --mass 16.2 --amplitude 15 --frequency 2.5 | [block] `mass` must give a dens
 optimise SHAKEN --width 0.1 --height 0.4 --mass 0.016 | are the lengths in m and the mass in kg?
-optimise --amplitude 50 --frequency 1 | [motion] `amplitude` and `frequency` must give an acceleration
-optimise --amplitudes 100 120 | [motion] `amplitude` and `frequency` must give an acceleration
+optimise --amplitude 50 --frequency 1 | [excitation] `amplitude` and `frequency` must give an acceleration
+optimise --amplitudes 100 120 | [excitation] `amplitude` and `frequency` must give an acceleration
 optimise --band 2250 2750 | are they in m and Hz?
 optimise OWN | `cavity_width` must be given, but is missing. It is the distance in m between the walls
 response BOB --pendulum-damping 5 | `--pendulum-damping` must be at most 2, twice crit
@@ -222,16 +222,16 @@ optimise --records el-centro --records loma-prieta | argument --records: it is g
 optimise --scatter friction=0.1 --scatter mass=0.1 | argument --scatter: it is given 2 times
 response BOB --points 9 --points=10 | argument --points: it is given 2 times
 shake SIZE --pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 1 --phase 90 | 6.28319 rad, but is 90
-shake SIZE PULSE | [motion] `pga`, the peak acceleration of the pulse in g, is missing (--pga G)
-assess SIZE PULSE --scales 2 | [motion] `pga`, the peak acceleration of the pulse in g, is missing (--pga G)
+shake SIZE PULSE | [excitation] `pga`, the peak acceleration of the pulse in g, is missing
+assess SIZE PULSE --scales 2 | [excitation] `pga`, the peak acceleration of the pulse in g, is missing
 record '' | the name of a record must not be empty, but is ''
 fragility SIZE --records el-centro '' | the name of a record must not be empty, but is ''
 optimise --scene '' | argument --scene: the name of a file is empty or has control characters: ''
 map BOB X --y lam 0.1 1 --out '' | argument --out: the name of a file is empty or has control characters: ''
 export --as mjcf --out '' | argument --out: the name of a file is empty or has control characters: ''
 assess SIZE --scales 1 --records '' | the name of a record must not be empty, but is ''
-job motion.records = ["C:\Users\a.AT2"] | write a path with backslashes in single quotes
-job motion.records = ["C:\temp\new.AT2"] | write a path with backslashes in single quotes
+job excitation.records = ["C:\Users\a.AT2"] | write a path with backslashes in single quotes
+job excitation.records = ["C:\temp\new.AT2"] | write a path with backslashes in single quotes
 fragility SIZE --records el-centro --intensity sa | a spectral acceleration, needs `period` (--period S)
 fragility SIZE --records el-centro --intensity pga --period 1 | (--period) has an effect only with the
 assess SIZE --records el-centro --scales 1 --intensity PGA | but is 'PGA'; did you mean `pga`?
@@ -240,7 +240,7 @@ optimise --stroke 5% | write 0.05 for 5%
 job [requirements]; at_least = 20% | write 0.2 for 20%
 job worth.at_least = 0.2 | there is no table [worth]; it is now called `requirements`
 job requirements.strikes = 0.2 | there is no key `strikes` in [requirements]; it is now called `wall_contacts`
-job motion.held_out = 0.5 | there is no key `held_out` in [motion]; it is now called `validation_share`
+job excitation.held_out = 0.5 | there is no key `held_out` in [excitation]; it is now called `validation_s
 job limits.room = true | there is no key `room` in [limits]; it is now called `clearance`
 job space.stroke = 0.4 | there is no key `stroke` in [space]; it is now called `limits.stroke`
 job conditions.measure = 'cvar' | there is no key `measure` in [conditions]; it is now called `risk.measure`
@@ -376,9 +376,9 @@ def test_existing_reports_and_unwritable_folders_are_not_changed(capsys, tmp_pat
 def test_every_command_describes_the_records_that_it_reads(run, tmp_path, command):
     (tmp_path / "XXX001.EW").write_text(knet(1e5 * shaking(100) + 1e4, 0.01))
     (tmp_path / "validation.EW").write_text(knet(1e5 * shaking(100, 1) + 1e4, 0.01).replace("1999/", "1998/"))
-    block = template("column").partition("[motion]")[0]
+    block = template("column").partition("[excitation]")[0]
     motion = 'records = ["XXX001.EW"]\nscales = [1]\nvalidation_share = ["validation.EW"]\n'
-    (tmp_path / "job.toml").write_text(f"{block}[motion]\n{motion}")
+    (tmp_path / "job.toml").write_text(f"{block}[excitation]\n{motion}")
     words = f"{command} --scene {tmp_path / 'job.toml'} {PENDULUM_OPTIONS} "
     words += {
         "shake": "--free 0.1",
@@ -465,7 +465,7 @@ def test_a_mistake_is_rejected_before_large_packages_are_imported(tmp_path, comm
 def test_a_job_file_is_named_with_or_without_its_option(tmp_path):
     job, other = tmp_path / "job.toml", tmp_path / "other.toml"
     job.write_text(
-        "[block]\nwidth = 2.0\nheight = 10.0\nmass = 4e4\n[motion]\namplitude = 0.3\nfrequency = 0.5\n"
+        "[block]\nwidth = 2.0\nheight = 10.0\nmass = 4e4\n[excitation]\namplitude = 0.3\nfrequency = 0.5\n"
     )
     for words in ([str(job)], ["--scene", str(job)], [str(job), "--scene", f"{tmp_path}/./job.toml"]):
         assert common.read_case(parser().parse_args(["optimise", *words])).job.block.height == 10.0

@@ -76,8 +76,8 @@ def test_unit_and_step_can_be_given_and_files_without_motion_are_listed(run, tmp
     (folder / "a.txt").write_text(TIMELESS)
     (folder / "a.VT2").write_text("VELOCITY TIME SERIES IN UNITS OF CM/S\n")
     words = ("fragility", COLUMN, "--scales", "1", "2", "--records", str(folder))
-    assert "give `motion.dt` (--dt) in s, such as dt = 0.01" in run(*words).err
-    assert "give `motion.unit` (--unit), such as unit = 'g'" in run(*words, "--dt", "0.01").err
+    assert "give `excitation.dt` (--dt) in s, such as dt = 0.01" in run(*words).err
+    assert "give `excitation.unit` (--unit), such as unit = 'g'" in run(*words, "--dt", "0.01").err
     done = run(*words, "--unit", "g", "--dt", "0.01")
     assert len(done.json("fragility.json")["motions"]) == 1
     assert "a.VT2 (velocity)" in done.out
@@ -89,7 +89,9 @@ def test_validation_folders_of_the_same_name_are_two_groups(tmp_path):
     for word in words:
         Path(word).mkdir(parents=True)
         Path(word, "a.txt").write_text(TIMELESS)
-    job = job_of({"motion": {"records": ["el-centro"], "validation_share": words, "unit": "g", "dt": 0.01}})
+    job = job_of(
+        {"excitation": {"records": ["el-centro"], "validation_share": words, "unit": "g", "dt": 0.01}}
+    )
     assert set(job.validation_share) == set(words)
 
 

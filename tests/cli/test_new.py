@@ -32,13 +32,13 @@ def test_a_template_is_written_and_read_back_as_a_job(kind, tmp_path, monkeypatc
     assert f > limit
     comment = f"the peak acceleration is {f:.2f} g, above the {limit:.2f} g that lift"
     assert comment in new.template(kind)
-    assert words.origin(job.scene).endswith("with the paper's motion and losses") is (kind == "paper")
+    assert words.origin(job.scene).endswith("with the paper's excitation and losses") is (kind == "paper")
 
 
 @EACH
 def test_every_key_has_a_comment_and_optional_keys_have_allowed_values(kind):
     text = new.template(kind)
-    motion = text[text.index("[motion]") : text.index("[bob]")]
+    motion = text[text.index("[excitation]") : text.index("[bob]")]
     # A job has one kind of motion: the optional keys of the others stay comments.
     complete = text.replace(motion, re.sub("# .*", "", motion))
     complete = re.sub(r"^# (?=\[|\w+ = )", "", complete, flags=re.MULTILINE)
@@ -79,12 +79,12 @@ def test_the_losses_do_not_depend_on_whether_the_block_is_that_of_the_paper(kind
 @EACH
 def test_a_pulse_or_records_can_replace_the_harmonic(kind):
     text = new.template(kind)
-    motion = text[text.index("[motion]") : text.index("[bob]")]
+    motion = text[text.index("[excitation]") : text.index("[bob]")]
     optional = [line for line in motion.splitlines() if re.match(r"# \w+ = ", line)]
     assert [line.split()[1] for line in optional] == [*PULSE, *RECORD_KEYS]
     for keys in (PULSE, RECORD_KEYS):
         chosen = "\n".join(line[2:] for line in optional if line.split()[1] in keys)
-        job = jobs.job_of(tomllib.loads(text.replace(motion, f"[motion]\n{chosen}\n")))
+        job = jobs.job_of(tomllib.loads(text.replace(motion, f"[excitation]\n{chosen}\n")))
         assert job.kind == ("pulse" if keys is PULSE else "records")
         assert len(job.conditions) == len(job.motions) * len(job.conditions.scales)
 
@@ -129,7 +129,7 @@ def test_keys_without_effect_on_records_are_reported(inputs, tmp_path):
     (tmp_path / "mine.toml").write_text(new.template("tower"))
     for options, message in (
         (f"{RECORDS} --searches 3", "`search.searches` requires a harmonic motion"),
-        ("--records el-centro", "needs `motion.scales` (--scales)"),
+        ("--records el-centro", "needs `excitation.scales` (--scales)"),
     ):
         done = call("optimise --scene mine.toml", options)
         assert (done.status, len(done.err.splitlines()), inputs) == (2, 1, {})

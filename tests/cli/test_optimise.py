@@ -136,8 +136,10 @@ def test_a_front_is_computed_for_a_recommended_design(run_with, monkeypatch):
 def on_records(tmp_path_factory):
     """Return the folder of a job file with records, and the result of `tpd optimise`."""
     folder = tmp_path_factory.mktemp("records")
-    block = template("column").partition("[motion]")[0]
-    motion = '[motion]\nrecords = ["mine", "loma-prieta"]\nscales = [2, 3]\n[search]\nstarts = 4\nsteps = 1\n'
+    block = template("column").partition("[excitation]")[0]
+    motion = (
+        '[excitation]\nrecords = ["mine", "loma-prieta"]\nscales = [2, 3]\n[search]\nstarts = 4\nsteps = 1\n'
+    )
     (folder / "job.toml").write_text(block + motion)
     (folder / "mine").mkdir()
     lines = (f"{0.01 * i:.2f},{0.3 * np.sin(0.05 * i):.6f}\n" for i in range(400))
@@ -157,7 +159,7 @@ def test_a_design_on_records_is_repeated_by_its_scene_alone(on_records, tmp_path
     assert json.loads(again.out) == first.json("design.json")
     assert again.files["scene.toml"].read_text() == first.files["scene.toml"].read_text()
     stored = tpd.read_design(folder / "first")
-    assert stored.job.tables["motion"]["records"] == [str(folder / "mine"), "loma-prieta"]
+    assert stored.job.tables["excitation"]["records"] == [str(folder / "mine"), "loma-prieta"]
     assert stored.job.block == jobs.job_of(jobs.read(folder / "job.toml")).block
 
 
@@ -205,8 +207,8 @@ def test_the_terminal_shows_many_records_in_one_line(run_with, tmp_path):
         text = peer(0.3 * shaking(100, i), 0.01).replace("1/2/1999", f"1/2/{1940 + i}")
         (tmp_path / "quakes" / f"{i}.AT2").write_text(text)
     (tmp_path / "quakes" / "a.AT2").write_text(text.replace("ACCELERATION", "VELOCITY"))
-    block = template("column").partition("[motion]")[0]
-    (tmp_path / "job.toml").write_text(block + '[motion]\nrecords = ["quakes"]\nscales = [1]\n')
+    block = template("column").partition("[excitation]")[0]
+    (tmp_path / "job.toml").write_text(block + '[excitation]\nrecords = ["quakes"]\nscales = [1]\n')
     done, _ = run_with(harmonic(), "--scene job.toml")
     assert done.status == 0
     lines = done.out.splitlines()
@@ -221,7 +223,7 @@ def test_validation_records_of_the_same_earthquake_are_reported(tmp_path):
     for i, (name, day) in enumerate(texts.items()):
         (tmp_path / name).write_text(peer(0.3 * shaking(100, i), 0.01).replace("1/2/1999", day))
     names = [str(tmp_path / name) for name in texts]
-    job = jobs.job_of({"motion": {"records": names[:1], "validation_share": names[1:], "scales": [1.0]}})
+    job = jobs.job_of({"excitation": {"records": names[:1], "validation_share": names[1:], "scales": [1.0]}})
     assert job.validation_notes == (
         "validation, b.AT2: left out, because the search uses the same earthquakes: b.AT2",
     )

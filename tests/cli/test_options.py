@@ -10,7 +10,7 @@ from tpd.cli.options import Option, number_or_text
 from tpd.design import job as jobs
 
 TABLE = """
-block={width=2, height=10.0, mass=40e3}; motion={amplitude=0.3, frequency=0.5}
+block={width=2, height=10.0, mass=40e3}; excitation={amplitude=0.3, frequency=0.5}
 --width 2 --height 10 --mass 40e3 --amplitude 0.3 --frequency 0.5
 block={friction=0.1, restitution=1}
 --friction 0.1 --restitution 1
@@ -22,7 +22,7 @@ space.damping_ratio=0.2
 --damping 0.2
 space={mass=[1, 2.5], length=0.12}
 --pendulum-mass 1 2.5 --pendulum-length 0.12
-block={width=1, height=5, mass=9e3, radius_of_gyration=1.5}; motion={amplitude=0.3, frequency=0.5}
+block={width=1, height=5, mass=9e3, radius_of_gyration=1.5}; excitation={amplitude=0.3, frequency=0.5}
 --width 1 --height 5 --mass 9e3 --radius-of-gyration 1.5 --amplitude 0.3 --frequency 0.5
 block.base_friction=0.6
 --base-friction 0.6
@@ -40,15 +40,15 @@ search={optimiser='rmsprop'}; conditions.band=[2, 3]
 --optimiser rmsprop --band 2 3
 search={optimiser='rmsprop', steps=4, pareto=true}
 --optimiser rmsprop --steps 4 --pareto
-motion={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, cycles=2, phase=0.5}
+excitation={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, cycles=2, phase=0.5}
 --pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 0.4 --cycles 2 --phase 0.5
-motion={records=['el-centro', 'b.txt'], scales=[2, 3], intensity='pga', validation_share=0.3}; search.starts=8
+excitation={records=['el-centro', 'b.txt'], scales=[2, 3], intensity='pga', validation_share=0.3}; search.starts=8
 --records el-centro b.txt --scales 2 3 --intensity pga --validation-share 0.3 --starts 8
-motion={records=['a.txt', 'b.txt'], scales=[1], event=['1940', 'B'], baseline='mean'}
+excitation={records=['a.txt', 'b.txt'], scales=[1], event=['1940', 'B'], baseline='mean'}
 --records a.txt b.txt --scales 1 --event 1940 B --baseline mean
-motion={records=['a.txt'], scales=[1], validation_share=['el-centro'], dt=0.01, unit='g', channel=1}
+excitation={records=['a.txt'], scales=[1], validation_share=['el-centro'], dt=0.01, unit='g', channel=1}
 --records a.txt --scales 1 --validation-share el-centro --dt 0.01 --unit g --channel 1
-motion={records=['a.txt'], scales=[1], columns=['time=1', 'N=2'], skip=3, scale=10}
+excitation={records=['a.txt'], scales=[1], columns=['time=1', 'N=2'], skip=3, scale=10}
 --records a.txt --scales 1 --columns time=1 N=2 --skip 3 --scale 10
 conditions={band=[2.3, 2.7], amplitudes=[0.8, 1, 1.2]}; risk.measure='cvar'
 --band 2.3 2.7 --amplitudes 0.8 1 1.2 --measure cvar
@@ -82,7 +82,11 @@ def test_a_file_and_the_options_are_the_same_job(tmp_path, monkeypatch, file, op
 def test_options_override_a_file_of_other_values(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     block = {"width": 0.15, "height": 0.5, "mass": 20.0}
-    tables = {"block": block, "motion": {"amplitude": 0.02, "frequency": 2.0}, "risk": {"measure": "cvar"}}
+    tables = {
+        "block": block,
+        "excitation": {"amplitude": 0.02, "frequency": 2.0},
+        "risk": {"measure": "cvar"},
+    }
     (tmp_path / "job.toml").write_text(jobs.job_of({**tables, "conditions": {"amplitudes": [1, 1.1]}}).toml)
     job = job_of("--scene job.toml --width 0.12 --measure worst --seed 2")
     assert (job.scene.block.width, job.risk.name, job.seed) == (0.12, "worst", 2)

@@ -82,7 +82,7 @@ def test_a_folder_has_a_line_for_each_record_and_lists_files_without_motion(tmp_
     [
         ("nothing.csv", "the file does not exist"),
         ("elcentro", "; did you mean `el-centro`?"),
-        ("el-centro --dt 0.5", "`motion.dt` requires a file of a record"),
+        ("el-centro --dt 0.5", "`excitation.dt` requires a file of a record"),
         (f"{DATA}/coalinga_1983_cut.V2 --channel 7", "the file has the channels 0: 90 DEG"),
         (f"{DATA}/README.md", "README.md"),
     ],

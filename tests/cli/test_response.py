@@ -25,8 +25,8 @@ def test_the_response_agrees_with_the_library(run):
     for between in ("2.38 and 2.62", "1.75 and 3"):
         assert re.search(pattern.format(between), done.out)
     scene = tpd.paper_scene()
-    trains = [train_of(scene.motion, frequency=f / 2.5) for f in (1.7, 3.0)]
-    needed = max(motion_history(dataclasses.replace(scene, motion=x)).needed_friction for x in trains)
+    trains = [train_of(scene.excitation, frequency=f / 2.5) for f in (1.7, 3.0)]
+    needed = max(motion_history(dataclasses.replace(scene, excitation=x)).needed_friction for x in trains)
     assert f"a coefficient of friction of {needed:.4g} without a pendulum and" in " ".join(done.out.split())
     settled = done.rows("response.csv")
     assert [float(r["frequency_Hz"]) for r in settled] == frequencies(2.5, 1.7, 3.0, 2).tolist()

@@ -161,7 +161,7 @@ def test_any_letter_may_be_in_a_path_under_any_locale(tmp_path):
     rows = "".join(f"{0.01 * i:.2f},{0.3 * math.sin(0.08 * i):.6f}\n" for i in range(300))
     (folder / "häß.csv").write_text(f"time (s),acceleration (g)\n{rows}", encoding="utf-8")
     block = "width = 1.0\nheight = 6.0\nmass = 9000\nfriction = 0.0\nrestitution = 0.9595\n"
-    job = f'[project]\nname = "Türmchen μ²"\n[block]\n{block}[motion]\nrecords = ["häß.csv"]\n'
+    job = f'[project]\nname = "Türmchen μ²"\n[block]\n{block}[excitation]\nrecords = ["häß.csv"]\n'
     (folder / "jöb.toml").write_text(job, encoding="utf-8")
     env = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     words = ["export", "--scene", f"{folder}/jöb.toml", "--as", "csv", "--out", f"{folder}/mötion.csv"]

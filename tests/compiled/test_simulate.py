@@ -26,10 +26,10 @@ NAMES = ("tilt", "swing", "relative", "times", "state", "status", "impacts", "li
 
 
 def test_one_motion_is_that_of_a_batch_and_records_are_shared():
-    p, pieces = SCENE.ground_parameters(PENDULUM), jnp.asarray(SCENE.motion.pieces())
+    p, pieces = SCENE.ground_parameters(PENDULUM), jnp.asarray(SCENE.excitation.pieces())
     row, forcing = ground_row_of(p), GroundForcing([pieces], 3.0)
     alone = jax.jit(lambda y0: follow(tpd.Terms.linear, row, forcing, y0=y0, events=1000))(jnp.zeros(4))
-    rows, each, _ = operands([Case(BLOCK, PENDULUM, SCENE.motion)])
+    rows, each, _ = operands([Case(BLOCK, PENDULUM, SCENE.excitation)])
     np.testing.assert_allclose(ground_row_of(p), rows[0], rtol=1e-14)
     some = [np.zeros((2, 4)), each[0], each[0][:5]]
     three = GroundForcing(some, np.full(3, 3.0), np.array([1, 2, 1]))
@@ -121,7 +121,7 @@ def test_a_ground_motion_under_jax_is_that_of_the_batch_and_has_no_derivatives()
     block = tpd.Block(width=1.0, height=6.0, mass=9000.0, friction=0.0, restitution=0.9595)
     scene = tpd.Scene(block, tpd.Pulse.one_sine(acceleration=3.27, frequency=1.2375))
     p = scene.ground_parameters(tpd.Pendulum(mass=783.0, length=2.042, damping_ratio=0.129))
-    pieces, y0 = np.asarray(scene.motion.pieces()), jnp.zeros(4)
+    pieces, y0 = np.asarray(scene.excitation.pieces()), jnp.zeros(4)
 
     def tilt(free):
         return follow(tpd.Terms.nonlinear, ground_row_of(p), GroundForcing([pieces], free), y0=y0).tilt

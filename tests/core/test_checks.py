@@ -31,7 +31,7 @@ def listen(event, seconds, **_):
 compiled = []
 nan = float("nan")
 scene = paper_scene()
-block, motion = scene.block, scene.motion
+block, motion = scene.block, scene.excitation
 p = scene.parameters()
 hung = Pendulum(mass=1.0, length=0.1, damping_ratio=0.1)
 wave = np.sin(np.arange(50.0))
@@ -128,7 +128,7 @@ CALLS = {
     "made(Block, friction=nan)": "`friction` must be zero or positive, and finite, but is nan",
     "made(Block, restitution=1.2)": "`restitution` must be between 0 and 1, but is 1.2",
     "made(Pendulum, mass=-1)": "`mass` must be zero or positive, and finite, but is -1",
-    "Scene(block, 2.5)": "`motion` must be a Harmonic or GroundMotion, but is 2.5",
+    "Scene(block, 2.5)": "`excitation` must be a Harmonic or GroundMotion, but is 2.5",
     'made(Block, restitution="bouncy")': "`restitution` must be a number or 'housner', but is 'bouncy'",
     "made(Pendulum, mass=1j)": "`mass` must be a number, but is 1j",
     "Scene(motion, block)": "`block` must be a Block, but is Harmonic(amplitude=0.015, frequency=2.5)",
@@ -217,7 +217,7 @@ CALLS = {
     'Pulse.sine_train(acceleration=1.0, frequency=1.0, cycles="3")': "`cycles` must be a number, but is '3'",
     "DesignSpace(mass_ratio={0.1, 0.2})": "`mass_ratio` must be a number, but is {0.",
     "Conditions.around(None)": "`scene` must be a Scene, but is None",
-    "Conditions.around(shaken)": "`motion` must be a Harmonic, but is Record(",
+    "Conditions.around(shaken)": "`excitation` must be a Harmonic, but is Record(",
     'Conditions.exactly().column("colour")': "`name` must be one of amplitude, frequency, friction",
     "Conditions.exactly().subset(0)": "`most` must be a whole number, 1 or more, but is 0",
     "Conditions.scatter(4)": "half widths must be of amplitude, frequency, friction",
@@ -231,11 +231,11 @@ CALLS = {
     "status_name(99)": "`status` must be a EnumerationItem, but is 99",
     'theory.free_motion("x")': "`p` must be a Parameters, but is 'x'",
     "theory.equivalent_friction(scene, 0.1)": "`p` must be a Parameters, but is Scene(",
-    "attractors(shaken, hung)": "`motion` must be a Harmonic, but is Record(",
-    "check(shaken, hung)": "`motion` must be a Harmonic, but is Record(",
-    "paired_runs(shaken, hung)": "`motion` must be a Harmonic, but is Record(",
-    'settled_response(shaken, "frequency", [2.0])': "`motion` must be a Harmonic, but is Record(",
-    'branches(shaken, "frequency", 2.0, 3.0)': "`motion` must be a Harmonic, but is Record(",
+    "attractors(shaken, hung)": "`excitation` must be a Harmonic, but is Record(",
+    "check(shaken, hung)": "`excitation` must be a Harmonic, but is Record(",
+    "paired_runs(shaken, hung)": "`excitation` must be a Harmonic, but is Record(",
+    'settled_response(shaken, "frequency", [2.0])': "`excitation` must be a Harmonic, but is Record(",
+    'branches(shaken, "frequency", 2.0, 3.0)': "`excitation` must be a Harmonic, but is Record(",
     'branches(scene, "frequency", 2.0, 1e300)': "must be",
     "paired_runs(scene)": "`pendulum` must be a Pendulum, but is None",
     "paired_runs(p)": "`mu` must be positive and finite, but is 0",

@@ -86,7 +86,7 @@ def test_the_problem_is_that_of_the_group_that_is_tuned_to():
     made = problem(seed=3)
     tuned, held = made.groups
     assert made.conditions.motions == tuned.motions
-    assert made.scene.motion is tuned.motions[0]
+    assert made.scene.excitation is tuned.motions[0]
     assert (made.attempts, made.has_validation_runs, made.allowed) == (2, False, 0.1)
     assert made.rounds == (32, 1)
     again = GroundMotionProblem.of(

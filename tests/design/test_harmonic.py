@@ -14,7 +14,7 @@ from tpd.design.harmonic import VALIDATION_RUNS, HarmonicProblem
 from tpd.design.problem import Variation
 from tpd.design.reasons import DesignStatus
 
-LOSSY = tpd.Scene(dataclasses.replace(SCENE.block, friction=0.0, restitution="housner"), SCENE.motion)
+LOSSY = tpd.Scene(dataclasses.replace(SCENE.block, friction=0.0, restitution="housner"), SCENE.excitation)
 DESIGN = np.array([0.15, 0.26, 0.35])
 POINT = {"limits": tpd.limits.POINT_BOB, "ensemble": tpd.Ensemble(size=32, periods=20)}
 
@@ -44,8 +44,8 @@ def test_defaults_are_a_neighbourhood_and_all_limits():
 def test_impacts_are_smoothed_unless_they_lose_nearly_all():
     assert isinstance(problem(LOSSY).model, tpd.Smoothed)
     almost = dataclasses.replace(LOSSY.block, restitution=0.05)
-    assert isinstance(problem(tpd.Scene(almost, SCENE.motion)).model, tpd.Piecewise)
-    none = tpd.Scene(dataclasses.replace(LOSSY.block, restitution=5e-4), SCENE.motion)
+    assert isinstance(problem(tpd.Scene(almost, SCENE.excitation)).model, tpd.Piecewise)
+    none = tpd.Scene(dataclasses.replace(LOSSY.block, restitution=5e-4), SCENE.excitation)
     with pytest.raises(ValueError, match=r"`e` must be between 0\.001 and 1 in the smoothed model"):
         problem(none, method=tpd.Descent(model=tpd.Smoothed()))
     for model in (tpd.Nonlinear(), tpd.Smoothed(terms=tpd.Terms.parametric)):
@@ -74,8 +74,8 @@ def test_exact_motions_are_those_of_the_steady_state():
     made = problem(conditions=BAND, **POINT)
     found = made.exact(DESIGN)
     for i, factor in enumerate(BAND.column("frequency")):
-        motion = dataclasses.replace(SCENE.motion, frequency=SCENE.motion.frequency * factor)
-        scene = dataclasses.replace(SCENE, motion=motion)
+        motion = dataclasses.replace(SCENE.excitation, frequency=SCENE.excitation.frequency * factor)
+        scene = dataclasses.replace(SCENE, excitation=motion)
         s = tpd.steady_state(scene.parameters(made.pendulum(DESIGN)))
         assert found.status[i] == tpd.status_name(s.status)
         assert found.amplitude[i] == pytest.approx(float(s.amplitude), rel=1e-12, abs=1e-9)
@@ -154,7 +154,7 @@ def test_the_motions_of_the_largest_bob_angle_come_first():
     """Not the strongest excitation, but the one near the pendulum's own frequency."""
     made = problem(conditions=BAND, **POINT)
     swing = made.orbits.evaluate(DESIGN[None]).swing[0]
-    frequencies = SCENE.motion.frequency * BAND.column("frequency")
+    frequencies = SCENE.excitation.frequency * BAND.column("frequency")
     found = made.strongest_motions(DESIGN)
     expected = frequencies[np.argsort(-swing)]
     np.testing.assert_allclose([float(m.frequency) for m in found], expected)

@@ -34,7 +34,7 @@ JOBS = {
     "both losses": {"block": {"restitution": 0.9, "friction": 0.02}, "site": {"gravity": 3.7}},
     "not uniform": {
         "block": {"width": 2, "height": 10, "mass": 40e3, "radius_of_gyration": 3.0},
-        "motion": {"amplitude": 0.3, "frequency": 0.5},
+        "excitation": {"amplitude": 0.3, "frequency": 0.5},
     },
     "named": {"project": {"name": 'Tower "A" in Jena'}},
     "bounds": {"space": {"damping_ratio": [0.05, 0.3], "mass_ratio": [0.01, 0.1]}, "search": {"seed": 7}},
@@ -51,7 +51,7 @@ JOBS = {
     "exactly": EXACTLY,
     "bob": {
         "block": {"width": 0.2, "height": 0.8, "mass": 60.0, "cavity_width": 0.15},
-        "motion": {"amplitude": 0.03, "frequency": 2.0},
+        "excitation": {"amplitude": 0.03, "frequency": 2.0},
         "bob": {"shape": "cylinder", "density": 11340.0, "aspect": 1.5},
     },
     "limits": {"limits": {"clearance": False, "worsening": 0.2, "mass": 2.0, "reserve": 1e-5}},
@@ -59,10 +59,10 @@ JOBS = {
         "requirements": {"at_least": 0.2, "measure": "tilt", "worse": 0.0, "wall_contacts": 0.05}
     },
     "ensemble": {"ensemble": {"size": 64, "ramps": [1.0], "any_phase": False, "damping": 0.1}},
-    "held out": {"motion": {**RECORDS, "records": ["el-centro"], "validation_share": ["loma-prieta"]}},
-    "scaled": {"motion": {**RECORDS, "validation_share": 0.0, "pga": 0.3, "intensity": "scale"}},
+    "held out": {"excitation": {**RECORDS, "records": ["el-centro"], "validation_share": ["loma-prieta"]}},
+    "scaled": {"excitation": {**RECORDS, "validation_share": 0.0, "pga": 0.3, "intensity": "scale"}},
     "pulse": {
-        "motion": {
+        "excitation": {
             "pulse": "mavroeidis-papageorgiou",
             "pulse_frequency": 1,
             "cycles": 2.0,
@@ -72,7 +72,13 @@ JOBS = {
         "search": {"steps": 3, "starts": 5},
     },
     "sizes": {
-        "motion": {"kind": "pulse", "pulse": "ricker", "pulse_frequency": 1.0, "pga": 1.0, "scales": [1, 2]}
+        "excitation": {
+            "kind": "pulse",
+            "pulse": "ricker",
+            "pulse_frequency": 1.0,
+            "pga": 1.0,
+            "scales": [1, 2],
+        }
     },
 }
 
@@ -138,7 +144,7 @@ def test_defaults_without_effect_and_whole_numbers_are_taken_where_any_number_is
     listed = {"conditions": {"frequencies": 20, "samples": 64}, "risk": {"measure": "worst", "share": 0.1}}
     assert jobs.job_of(listed) == jobs.job_of({})
     motion = {"amplitude": 1, "frequency": 1}
-    whole = jobs.job_of({"block": {"width": 1, "height": 3, "mass": 900}, "motion": motion})
+    whole = jobs.job_of({"block": {"width": 1, "height": 3, "mass": 900}, "excitation": motion})
     assert isinstance(whole.tables["block"]["width"], float)
     assert whole.scene.block == Block(width=1.0, height=3.0, mass=900.0)
 
@@ -149,7 +155,7 @@ def test_keys_without_effect_are_not_written():
     assert set(tables["conditions"]) == {"exactly"}
     assert set(tables["bob"]) == {"shape", "density"}
     assert set(tables["starts"]) == {"kind"}
-    assert tables["motion"] == {"kind": "harmonic", "amplitude": 0.015, "frequency": 2.5}
+    assert tables["excitation"] == {"kind": "harmonic", "amplitude": 0.015, "frequency": 2.5}
     assert set(jobs.job_of(BAND).tables["risk"]) == {"measure"}
     assert tables["search"]["optimiser"] == "adam"
 
@@ -175,7 +181,9 @@ def test_what_an_option_makes_pointless_in_a_file_is_dropped(given, over, droppe
 
 @pytest.mark.mends('`intensity = "pga"` counted m/s^2, and `pga` g')
 def test_a_job_states_accelerations_in_g():
-    job = jobs.job_of({"motion": {**RECORDS, "validation_share": 0.0, "intensity": "pga", "scales": [0.3]}})
+    job = jobs.job_of(
+        {"excitation": {**RECORDS, "validation_share": 0.0, "intensity": "pga", "scales": [0.3]}}
+    )
     g = 9.80665
     assert (job.conditions.intensity, job.conditions.scales) == ("pga_g", (0.3,))
     # In Python PGA is in m/s^2: the job that repeats the design is in g.
@@ -183,23 +191,23 @@ def test_a_job_states_accelerations_in_g():
     for conditions in (job.conditions, of_python):
         problem = GroundMotionProblem.of(job.block, conditions)
         assert motion_factors(job.scene, conditions) == pytest.approx([0.3 * g / m.pga for m in job.motions])
-        motion = problem.tables["motion"]
+        motion = problem.tables["excitation"]
         assert (motion["intensity"], motion["scales"]) == ("pga", [0.3])
-    one = jobs.job_of({"motion": {"records": ["el-centro"], "intensity": "pga", "scales": [0.3]}})
+    one = jobs.job_of({"excitation": {"records": ["el-centro"], "intensity": "pga", "scales": [0.3]}})
     assert one.shaking.pga == pytest.approx(0.3 * g)
 
 
 def test_the_kind_of_motion_follows_from_its_keys():
     assert jobs.job_of({}).kind == "harmonic"
-    pulse = jobs.job_of({"motion": {"pulse": "ricker", "pulse_frequency": 2.0, "pga": 0.5}})
+    pulse = jobs.job_of({"excitation": {"pulse": "ricker", "pulse_frequency": 2.0, "pga": 0.5}})
     assert pulse.kind == "pulse"
-    assert pulse.scene.motion == tpd.Pulse.ricker(acceleration=0.5 * 9.80665, frequency=2.0)
+    assert pulse.scene.excitation == tpd.Pulse.ricker(acceleration=0.5 * 9.80665, frequency=2.0)
     assert (pulse.conditions.intensity, pulse.conditions.scales, pulse.validation_share) == (
         "scale",
         (1.0,),
         0.0,
     )
-    job = jobs.job_of({"motion": RECORDS})
+    job = jobs.job_of({"excitation": RECORDS})
     assert job.kind == "records"
     assert [m.name for m in job.motions] == [m.name for m in (el_centro(), loma_prieta())]
     assert (job.conditions.intensity, job.conditions.scales, job.validation_share) == (
@@ -218,12 +226,12 @@ def test_paths_are_relative_to_the_file_and_written_in_full(tmp_path, monkeypatc
     (tmp_path / "there" / "quake").mkdir(parents=True)
     (tmp_path / "there" / "quake" / "one.csv").write_text("time (s),acc (g)\n" + text)
     motion = (
-        "[motion]\nrecords = ['quake', 'el-centro']\nscales = [2]\nvalidation_share = ['quake/one.csv']\n"
+        "[excitation]\nrecords = ['quake', 'el-centro']\nscales = [2]\nvalidation_share = ['quake/one.csv']\n"
     )
     (tmp_path / "there" / "job.toml").write_text(motion)
     monkeypatch.chdir(tmp_path)
     job = jobs.job_of(jobs.read(Path("there/job.toml")))
-    assert job.tables["motion"]["records"] == [str(tmp_path / "there" / "quake"), "el-centro"]
+    assert job.tables["excitation"]["records"] == [str(tmp_path / "there" / "quake"), "el-centro"]
     assert job.motions[0].event == "quake"
     # The job of a report finds its records wherever it lies.
     (tmp_path / "scene.toml").write_text(job.toml)
@@ -233,43 +241,52 @@ def test_paths_are_relative_to_the_file_and_written_in_full(tmp_path, monkeypatc
 
 def test_an_option_that_chooses_records_drops_what_a_file_says_of_a_harmonic():
     given = {
-        "motion": {"amplitude": 0.02, "frequency": 3.0},
+        "excitation": {"amplitude": 0.02, "frequency": 3.0},
         "conditions": {"band": [2.0, 3.0], "frequencies": 5},
         "limits": {"reserve": 0.1, "stroke": 0.4},
         "requirements": {"worse": 0.02, "at_least": 0.2},
         "search": {"searches": 3, "seed": 4},
         "scatter": {"frequency": 0.1, "length": 0.03},
     }
-    merged, full = jobs.merged(given, {"motion": RECORDS})
-    assert merged["motion"] == RECORDS | {"kind": "records"}
+    merged, full = jobs.merged(given, {"excitation": RECORDS})
+    assert merged["excitation"] == RECORDS | {"kind": "records"}
     assert (merged["conditions"], merged["limits"]) == ({}, {"stroke": 0.4})
     assert (merged["requirements"], merged["search"]) == ({"worse": 0.02, "at_least": 0.2}, {"seed": 4})
     job = jobs.job_of(merged, full)
     assert job.full == jobs.job_of(merged).full
     assert job.ensemble == Ensemble(length=0.03)
     # What is of neither kind is dropped as well, and a harmonic drops what is of records.
-    harmonic, _ = jobs.merged({"motion": RECORDS}, {"motion": {"amplitude": 0.02}})
-    assert harmonic["motion"] == {"amplitude": 0.02, "kind": "harmonic"}
+    harmonic, _ = jobs.merged({"excitation": RECORDS}, {"excitation": {"amplitude": 0.02}})
+    assert harmonic["excitation"] == {"amplitude": 0.02, "kind": "harmonic"}
 
 
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({"motion": {"scales": [2]}}, "`motion.scales` requires a pulse or records, which this job"),
+        ({"excitation": {"scales": [2]}}, "`excitation.scales` requires a pulse or records, which this job"),
         (
-            {"motion": {**RECORDS, "amplitude": 0.1}},
+            {"excitation": {**RECORDS, "amplitude": 0.1}},
             "keys of records (`records`) and of a harmonic motion (`am",
         ),
-        ({"motion": {**RECORDS, "kind": "harmonic"}}, "`motion.records` requires records, which this job"),
-        ({"motion": RECORDS, "limits": {"reserve": 0.1}}, "`limits.reserve` requires a harmonic motion"),
-        ({"motion": {"pulse": "ricker", "pulse_frequency": 1, "cycles": 3}}, "`motion.cycles` requires the"),
-        ({"motion": {"pulse": "rickr", "pulse_frequency": 1}}, "but is 'rickr'; did you mean `ricker`?"),
         (
-            {"motion": {"pulse": "ricker", "pulse_frequency": 1}},
+            {"excitation": {**RECORDS, "kind": "harmonic"}},
+            "`excitation.records` requires records, which this job",
+        ),
+        ({"excitation": RECORDS, "limits": {"reserve": 0.1}}, "`limits.reserve` requires a harmonic motion"),
+        (
+            {"excitation": {"pulse": "ricker", "pulse_frequency": 1, "cycles": 3}},
+            "`excitation.cycles` requires the",
+        ),
+        ({"excitation": {"pulse": "rickr", "pulse_frequency": 1}}, "but is 'rickr'; did you mean `ricker`?"),
+        (
+            {"excitation": {"pulse": "ricker", "pulse_frequency": 1}},
             "`pga`, the peak acceleration of the pulse in g, is missing",
         ),
-        ({"motion": {"pulse": "ricker"}}, "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_fr"),
-        ({"motion": {"kind": "record"}}, "but is 'record'; did you mean `records`?"),
+        (
+            {"excitation": {"pulse": "ricker"}},
+            "a pulse needs `excitation.pulse` (--pulse KIND) and `excitation.p",
+        ),
+        ({"excitation": {"kind": "record"}}, "but is 'record'; did you mean `records`?"),
         ({"limits": {"tilt": True}}, "[limits] `tilt` must be a number or false, but is true"),
     ],
 )
@@ -279,18 +296,18 @@ def test_what_has_no_effect_or_is_misspelt_is_refused_in_one_sentence(given, sen
 
 def test_one_motion_at_one_size_is_needed_for_a_history_and_sizes_for_a_search():
     alone = {"records": ["el-centro"]}
-    job = jobs.job_of({"motion": alone | {"scales": [3.0]}})
+    job = jobs.job_of({"excitation": alone | {"scales": [3.0]}})
     assert job.shaking.pga == pytest.approx(3.0 * 9.80665 * job.block.slenderness)
-    unsized = jobs.job_of({"motion": alone})
+    unsized = jobs.job_of({"excitation": alone})
     assert unsized.shaking.name == el_centro().name
-    with pytest.raises(ValueError, match=r"a design for records needs `motion.scales` \(--scales\)"):
+    with pytest.raises(ValueError, match=r"a design for records needs `excitation.scales` \(--scales\)"):
         _ = unsized.conditions
     with pytest.raises(ValueError, match="the job has 2 scales, but exactly one is needed"):
-        _ = jobs.job_of({"motion": alone | {"scales": [1.0, 2.0]}}).shaking
+        _ = jobs.job_of({"excitation": alone | {"scales": [1.0, 2.0]}}).shaking
     with pytest.raises(
         ValueError, match=r"the job has 2 records \(el-centro; loma-prieta\), but exactly one is needed"
     ):
-        _ = jobs.job_of({"motion": RECORDS}).shaking
+        _ = jobs.job_of({"excitation": RECORDS}).shaking
 
 
 def refusal(given):
@@ -307,7 +324,7 @@ width = 0.5
 height = 2.5
 mass = 1000
 restitution = 0.9
-[motion]
+[excitation]
 records = ["~/größe.csv", "el-centro", "b.csv"]
 validation_share = ["~/others"]
 """
@@ -321,7 +338,7 @@ def test_a_file_of_any_editor_is_read_and_its_paths_begin_at_home(tmp_path, monk
     (tmp_path / "job.toml").write_bytes(JOB.replace("\n", end).encode(encoding))
     monkeypatch.chdir(tmp_path)
     (tmp_path / "home").mkdir()
-    motion = jobs.Job.read("~/../job.toml").full["motion"]
+    motion = jobs.Job.read("~/../job.toml").full["excitation"]
     home = f"{tmp_path}/home"
     assert motion["records"] == (f"{home}/größe.csv", "el-centro", f"{tmp_path}/b.csv")
     assert motion["validation_share"] == (f"{home}/others",)
@@ -353,16 +370,18 @@ def test_columns_of_a_table_are_named_and_the_message_names_options_of_the_comma
     (tmp_path / "a.csv").write_text(f"Zeit in ms,Nord x 10,Ost x 10\n{rows}")
     motion = {"records": [str(tmp_path / "a.csv")], "scales": [1.0]}
     with pytest.raises(ValueError, match=r"; try these options: --skip 1 --columns ") as error:
-        _ = jobs.job_of({"motion": motion}).motions
+        _ = jobs.job_of({"excitation": motion}).motions
     assert "skip=" not in str(error.value)
     how = {"columns": ["time (ms)=1", "N=2", "E=3"], "skip": 1, "unit": "cm/s2", "scale": 10.0}
-    north, east = jobs.job_of({"motion": motion | how}).motions
+    north, east = jobs.job_of({"excitation": motion | how}).motions
     assert (north.dt, north.name, east.name) == (0.01, "N", "E")
     assert 2.0 * north.pga == pytest.approx(east.pga, rel=1e-3)
     assert north.pga == pytest.approx(0.1 * np.max(np.abs(shaking(100).round(4))), rel=1e-12)
     for wrong in (["N"], ["N=x"], ["N=1", "N=2"], ["=1"]):
-        with pytest.raises(ValueError, match=r"`motion.columns` \(--columns\) must be rows, or names with"):
-            _ = jobs.job_of({"motion": motion | {"columns": wrong}}).motions
+        with pytest.raises(
+            ValueError, match=r"`excitation.columns` \(--columns\) must be rows, or names with"
+        ):
+            _ = jobs.job_of({"excitation": motion | {"columns": wrong}}).motions
 
 
 def test_the_options_that_read_a_table_work_as_they_are_written(tmp_path):
@@ -371,7 +390,7 @@ def test_the_options_that_read_a_table_work_as_they_are_written(tmp_path):
     rows = "".join(f"{0.01 * i:.2f},{np.sin(0.3 * i):.5f}\n" for i in range(100))
     path.write_text(f"time (s),acc (cm/s2 x 1.2345678)\n{rows}")
     job = tmp_path / "job.toml"
-    job.write_text(f'[motion]\nrecords = ["{path}"]\n')
+    job.write_text(f'[excitation]\nrecords = ["{path}"]\n')
     with pytest.raises(ValueError, match="try these options") as caught:
         _ = jobs.Job.read(job).motions
     said = str(caught.value).partition("try these options: ")[2]
@@ -398,5 +417,5 @@ def test_a_stated_amplitude_factor_of_one_is_the_only_condition():
     ],
 )
 def test_the_default_design_space_is_one_for_all_motions(motion):
-    assert jobs.job_of({"motion": motion}).space == DesignSpace()
+    assert jobs.job_of({"excitation": motion}).space == DesignSpace()
     assert DesignSpace().damping_ratio == (0.05, 0.6)

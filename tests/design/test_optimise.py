@@ -19,7 +19,7 @@ from tpd.design.optimise import Front, problem_of, solve
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.records import el_centro, loma_prieta
 
-CALM = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.001, frequency=2.5))
+CALM = dataclasses.replace(SCENE, excitation=tpd.Harmonic(amplitude=0.001, frequency=2.5))
 """An excitation that lifts no block, and under which no orbit attracts."""
 
 

@@ -42,9 +42,9 @@ def objective():
 def test_a_condition_is_answered_by_its_largest_attracting_orbit_or_by_rest(objective):
     e = objective.evaluate(GOOD)
     for i, factor in enumerate(BAND.column("frequency")):
-        motion = dataclasses.replace(SCENE.motion, frequency=SCENE.motion.frequency * factor)
+        motion = dataclasses.replace(SCENE.excitation, frequency=SCENE.excitation.frequency * factor)
         mass, length, damping = GOOD[0]
-        scene = dataclasses.replace(SCENE, motion=motion)
+        scene = dataclasses.replace(SCENE, excitation=motion)
         p = scene.parameters(scene.pendulum(mass_ratio=mass, length_ratio=length, damping_ratio=damping))
         found = orbits_of(p)
         assert KINDS[e.kind[0, i]] == "rocking"
@@ -124,9 +124,9 @@ def test_the_torus_margin_vanishes_where_a_pair_of_multipliers_leaves_the_circle
     edge = np.array([[0.2, 0.24187974, 0.34017006]])
     sides = []
     for factor in (0.99, 1.0, 1.01):
-        motion = dataclasses.replace(SCENE.motion, frequency=2.0, amplitude=0.015 * factor)
+        motion = dataclasses.replace(SCENE.excitation, frequency=2.0, amplitude=0.015 * factor)
         with_it = SCENE.pendulum(mass_ratio=edge[0, 0], length_ratio=edge[0, 1], damping_ratio=edge[0, 2])
-        orbit = orbits_of(dataclasses.replace(SCENE, motion=motion).parameters(with_it))
+        orbit = orbits_of(dataclasses.replace(SCENE, excitation=motion).parameters(with_it))
         sides.append((float(orbit.margins.torus[0]), float(np.abs(orbit.multipliers[0]).max())))
         assert orbit.margins.fold[0] > 1.0
         assert orbit.margins.symmetry[0] > 1.0

@@ -65,7 +65,7 @@ def test_walls_need_a_cavity_that_is_stated():
 
 
 def test_what_does_not_move_the_block_or_cannot_scatter_is_rejected():
-    still = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.0, frequency=2.5))
+    still = dataclasses.replace(SCENE, excitation=tpd.Harmonic(amplitude=0.0, frequency=2.5))
     with pytest.raises(ValueError, match="`amplitude` must be above 0 in a search, but is 0"):
         check_moves(still, tpd.Conditions())
     with pytest.raises(ValueError, match=r"must give .* of at most 10 g, but 1\.5 m at 2\.5 Hz give 37\.7 g"):
@@ -114,7 +114,7 @@ def answer(**asked):
 def test_the_job_of_a_design_asks_its_question(asked):
     scene = ASKED
     if "friction" in str(asked.get("conditions", "")):
-        scene = tpd.Scene(dataclasses.replace(ASKED.block, friction=0.05), ASKED.motion)
+        scene = tpd.Scene(dataclasses.replace(ASKED.block, friction=0.05), ASKED.excitation)
     design = answer(scene=scene, **asked)
     job = design.job
     assert job_of(tomllib.loads(job.toml)) == job

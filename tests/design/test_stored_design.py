@@ -27,7 +27,7 @@ LIMITS = (tpd.limits.Stroke(1.0 / 3.0), tpd.limits.Clearance(), tpd.limits.Worse
 SCENE = tpd.Scene(BLOCK, MOTION, 9.8 + 0.1 / 3.0)
 JOB = {
     "block": {k: v for k, v in vars(BLOCK).items() if v is not None},
-    "motion": vars(MOTION),
+    "excitation": vars(MOTION),
     "site": {"gravity": SCENE.gravity},
     "space": {"mass_ratio": [0.01, 0.1 + 0.2], "damping_ratio": [0.05, 0.4]},
     "limits": {"stroke": 1.0 / 3.0, "worsening": 0.1 + 0.2, "reserve": False},
@@ -91,7 +91,7 @@ def test_what_is_read_is_what_was_written(design, damaged, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"version": 4}, "must be of version 10, but is of 4: run the job again"),
+        ({"version": 4}, "must be of version 11, but is of 4: run the job again"),
         ({"pendulum": ...}, "is not a design: it has no `pendulum`"),
         ({"job": ...}, "is not the design of a report: it has no `job`"),
         ({"status": "good"}, "`status` must be one of recommended, tuned_only, too_few"),
@@ -107,7 +107,7 @@ def test_what_is_read_is_what_was_written(design, damaged, tmp_path):
             {"job": {"block": {"widht": 1.0}}},
             "there is no key `widht` in [block]; did you mean `width`?",
         ),
-        ({"job": {"motion": 1.0}}, "`motion` must be a table, but is 1.0"),
+        ({"job": {"excitation": 1.0}}, "`excitation` must be a table, but is 1.0"),
         ({"job": {"site": {"gravity": 0.0}}}, "[site] `gravity` must be positive and finite, but is 0"),
     ],
 )

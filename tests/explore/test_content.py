@@ -32,7 +32,7 @@ KEYS = {
     "controls",
 }
 BLOCK = {"width": 1.0, "height": 6.0, "mass": 5770.0, "cavity_width": 0.7}
-PULSE = {"block": BLOCK, "motion": {"pulse": "one-sine", "pulse_frequency": 1.0, "pga": 0.5}}
+PULSE = {"block": BLOCK, "excitation": {"pulse": "one-sine", "pulse_frequency": 1.0, "pga": 0.5}}
 
 
 def values(out: dict) -> dict[str, float]:
@@ -138,7 +138,7 @@ def test_a_pulse_has_its_acceleration_in_place_of_tables():
 
 def test_a_record_has_two_coefficients_for_each_sample():
     motion = {"records": ["el-centro", "loma-prieta"], "scales": [2.0, 3.0]}
-    ground = content(job_of({"block": BLOCK, "motion": motion}))["ground"]
+    ground = content(job_of({"block": BLOCK, "excitation": motion}))["ground"]
     assert ground["order"] == 2
     assert ground["peak"] == pytest.approx(2.0 * 9.80665 / 6.0, rel=1e-6), "the scale counts from the uplift"
 
@@ -152,7 +152,7 @@ def test_anything_else_is_rejected(bad):
 def test_without_a_cavity_there_are_no_walls():
     block = {name: x for name, x in BLOCK.items() if name != "cavity_width"}
     motion = {"amplitude": 0.05, "frequency": 1.0}
-    out = content(job_of({"block": block, "motion": motion, "limits": {"clearance": False}}))
+    out = content(job_of({"block": block, "excitation": motion, "limits": {"clearance": False}}))
     assert out["scene"]["cavity"] is None
     assert "clearance" not in out["limits"]
 

@@ -49,7 +49,7 @@ def test_a_film_shows_the_last_overturning(motion, monkeypatch):
     early = dataclasses.replace(examples.history(False, overturns=True), time=examples.history(True).time)
     scene = examples.SCENE
     if motion == "pulse":
-        scene = dataclasses.replace(scene, motion=tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0))
+        scene = dataclasses.replace(scene, excitation=tpd.Pulse.one_sine(acceleration=1.0, frequency=1.0))
     seen = []
     monkeypatch.setattr(animation, "reel", lambda h, p, times: seen.append(times) or reel(h, p, times))
     animate(scene, examples.PENDULUM, (early, late))

@@ -119,7 +119,7 @@ def test_a_response_draws_itself_and_is_a_table_with_the_shares_of_runs_near_eac
 
 def test_shares_are_those_of_runs_from_rest_near_each_value():
     """At the lowest frequencies the paper's block rests, at the strong ones next to its own it overturns."""
-    strong = dataclasses.replace(SCENE, motion=tpd.Harmonic(amplitude=0.06, frequency=2.5))
+    strong = dataclasses.replace(SCENE, excitation=tpd.Harmonic(amplitude=0.06, frequency=2.5))
     response = tpd.settled_response(strong, "frequency", np.linspace(0.2, 2.0, 10))
     share, low, high = response.overturning
     assert (share[0], share[-1]) == (0.0, 1.0)

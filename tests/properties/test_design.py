@@ -80,7 +80,7 @@ def test_a_model_of_a_scene_has_its_ratios(length, gravity):
     # Lengths by one factor and gravity by another; the frequency by the root of gravity over length.
     one = tpd.paper_scene()
     assume(1.5 < one.gravity * gravity < 30.0)
-    block, motion = one.block, one.motion
+    block, motion = one.block, one.excitation
     other = tpd.Scene(
         replace(
             block,

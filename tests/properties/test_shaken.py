@@ -70,7 +70,7 @@ def made(x):
 
 
 def with_samples(scene, samples, **changes):
-    return replace(scene, motion=replace(scene.motion, acceleration=np.asarray(samples), **changes))
+    return replace(scene, excitation=replace(scene.excitation, acceleration=np.asarray(samples), **changes))
 
 
 def angles(motion):
@@ -89,25 +89,25 @@ def assert_same(one, other, later=0.0, tolerance=1e-8):
 @given(shaken, st.integers(1, 200))
 def test_zeros_before_a_record_only_put_it_off(case, zeros):
     scene, pendulum = made(case)
-    put_off = with_samples(scene, np.concatenate([np.zeros(zeros), scene.motion.acceleration]))
+    put_off = with_samples(scene, np.concatenate([np.zeros(zeros), scene.excitation.acceleration]))
     one, other = transient(scene, pendulum, free=FREE), transient(put_off, pendulum, free=FREE)
-    assert_same(one, other, later=zeros * scene.motion.dt)
+    assert_same(one, other, later=zeros * scene.excitation.dt)
 
 
 @bounded(40)
 @given(shaken, st.integers(1, 80))
 def test_zeros_after_a_record_are_free_motion(case, zeros):
     scene, pendulum = made(case)
-    longer = with_samples(scene, np.concatenate([scene.motion.acceleration, np.zeros(zeros)]))
+    longer = with_samples(scene, np.concatenate([scene.excitation.acceleration, np.zeros(zeros)]))
     one = transient(scene, pendulum, free=FREE)
-    assert_same(one, transient(longer, pendulum, free=FREE - zeros * scene.motion.dt))
+    assert_same(one, transient(longer, pendulum, free=FREE - zeros * scene.excitation.dt))
 
 
 @bounded(40)
 @given(shaken)
 def test_a_mirrored_record_moves_the_block_in_the_mirror(case):
     scene, pendulum = made(case)
-    mirrored = replace(scene, motion=scene.motion.scaled(-1.0))
+    mirrored = replace(scene, excitation=scene.excitation.scaled(-1.0))
     one, other = transient(scene, pendulum, free=FREE), transient(mirrored, pendulum, free=FREE)
     assert_same(one, other, tolerance=1e-12)
     np.testing.assert_allclose(other.state, -one.state, rtol=1e-9, atol=1e-12)
@@ -117,9 +117,9 @@ def test_a_mirrored_record_moves_the_block_in_the_mirror(case):
 @given(shaken, st.integers(2, 5))
 def test_more_samples_on_the_same_lines_change_nothing(case, times):
     scene, pendulum = made(case)
-    a = scene.motion.acceleration
+    a = scene.excitation.acceleration
     fine = np.interp(np.arange((len(a) - 1) * times + 1) / times, np.arange(len(a)), a)
-    finer = with_samples(scene, fine, dt=scene.motion.dt / times)
+    finer = with_samples(scene, fine, dt=scene.excitation.dt / times)
     assert_same(transient(scene, pendulum, free=FREE), transient(finer, pendulum, free=FREE))
 
 
@@ -128,7 +128,7 @@ def test_more_samples_on_the_same_lines_change_nothing(case, times):
 @given(shaken, st.integers(5, SAMPLES - 5))
 def test_a_record_in_two_parts_continues(case, cut):
     scene, pendulum = made(case)
-    a = scene.motion.acceleration
+    a = scene.excitation.acceleration
     whole = transient(scene, pendulum, free=FREE)
     first = transient(with_samples(scene, a[: cut + 1]), pendulum, free=0.0)
     assume(status_name(first.status) in DECIDED and status_name(whole.status) in DECIDED)
@@ -147,7 +147,7 @@ def test_a_model_at_another_scale_and_gravity_has_the_same_angles(case, length, 
     block, time = scene.block, np.sqrt(length / gravity)
     other = Scene(
         replace(block, width=block.width * length, height=block.height * length, mass=block.mass * length**3),
-        replace(scene.motion.scaled(gravity), dt=scene.motion.dt * time),
+        replace(scene.excitation.scaled(gravity), dt=scene.excitation.dt * time),
         gravity=scene.gravity * gravity,
     )
     with_it = replace(pendulum, mass=pendulum.mass * length**3, length=pendulum.length * length)
@@ -175,11 +175,11 @@ def test_a_block_lifts_where_the_record_first_exceeds_its_threshold(case):
     # Without a pendulum the block lifts at an acceleration of nu g, with friction at (nu + k) g.
     scene, _ = made(case)
     threshold = (scene.block.slenderness + scene.ground_parameters().k) * scene.gravity
-    assume(abs(scene.motion.pga / threshold - 1.0) > 1e-6)
+    assume(abs(scene.excitation.pga / threshold - 1.0) > 1e-6)
     without = transient(scene, free=0.0)
-    assert np.isfinite(without.uplift_time) == (scene.motion.pga > threshold)
+    assert np.isfinite(without.uplift_time) == (scene.excitation.pga > threshold)
     if np.isfinite(without.uplift_time):
-        there = scene.motion.acceleration_at(np.array([without.uplift_time]))[0]
+        there = scene.excitation.acceleration_at(np.array([without.uplift_time]))[0]
         assert abs(there) == pytest.approx(threshold, rel=1e-6)
 
 
@@ -208,7 +208,7 @@ def _tilt(factors, scene, pendulum):
     scale, width, length = factors
     block = replace(scene.block, width=scene.block.width * width)
     with_it = replace(pendulum, length=pendulum.length * length)
-    found = transient(Scene(block, scene.motion.scaled(scale)), with_it, free=FREE)
+    found = transient(Scene(block, scene.excitation.scaled(scale)), with_it, free=FREE)
     return found.tilt, found.status
 
 

@@ -170,4 +170,4 @@ def test_a_report_under_ground_motions_is_written_as_a_whole(tmp_path, monkeypat
     # The design of a report is read again with its job.
     stored = tpd.read_design(tmp_path)
     assert (stored.status, stored.pendulum) == (tuned().status, tuned().pendulum)
-    assert stored.job.tables["motion"]["records"] == ["loma-prieta"]
+    assert stored.job.tables["excitation"]["records"] == ["loma-prieta"]

@@ -24,10 +24,10 @@ def changed(**block) -> tpd.Scene:
 
 def test_changes_of_the_papers_scene_are_named_and_another_size_is_another_block():
     for scene, said in (
-        (PAPER, "with the paper's motion and losses"),
+        (PAPER, "with the paper's excitation and losses"),
         (changed(restitution=0.9), "with other losses than the paper's"),
-        (tpd.Scene(PAPER.block, PAPER.motion, 3.7), "with other gravity than the paper's"),
-        (tpd.Scene(changed(friction=0.1).block, COLUMN.motion), "with other motion and losses than"),
+        (tpd.Scene(PAPER.block, PAPER.excitation, 3.7), "with other gravity than the paper's"),
+        (tpd.Scene(changed(friction=0.1).block, COLUMN.excitation), "with other excitation and losses than"),
     ):
         assert words.origin(scene).startswith(f"the paper's block (Collini et al. 2016) {said}")
     for size in ("height", "mass", "radius_of_gyration"):
@@ -115,7 +115,7 @@ def test_limits_in_words():
 @pytest.mark.mends("a block of 0.55 m by 1.8 m toppled at 17.5°, which is its slenderness and not its angle")
 def test_the_toppling_angle_is_that_of_the_geometry():
     block = tpd.Block(width=0.55, height=1.8, mass=700.0)
-    scene = tpd.Scene(block, tpd.paper_scene().motion)
+    scene = tpd.Scene(block, tpd.paper_scene().excitation)
     # atan(0.55/1.8) = 16.99 degrees.
     assert "topples at 0.2965 rad (17°)" in words.scene_lines(scene)[0]
     assert "topples at 0.2965 rad (17°)" in words.block_of(scene)

@@ -103,8 +103,10 @@ def test_a_condition_in_si_is_the_scene_with_other_numbers():
     design = {"mass_ratio": 0.1, "length_ratio": 0.3, "damping_ratio": 0.2}
     for i, hertz in enumerate((2.0, 3.0)):
         q = under(SCENE.parameters(), jnp.array(list(design.values())), conditions.factor_rows()[i])
-        motion = dataclasses.replace(SCENE.motion, frequency=hertz, amplitude=1.2 * SCENE.motion.amplitude)
-        p = dataclasses.replace(SCENE, motion=motion).parameters(SCENE.pendulum(**design))
+        motion = dataclasses.replace(
+            SCENE.excitation, frequency=hertz, amplitude=1.2 * SCENE.excitation.amplitude
+        )
+        p = dataclasses.replace(SCENE, excitation=motion).parameters(SCENE.pendulum(**design))
         for name in ("nu", "mu", "lam", "zeta", "k", "f", "xi", "e"):
             assert float(getattr(q, name)) == pytest.approx(float(getattr(p, name)), rel=1e-14), name
 

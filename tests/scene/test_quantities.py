@@ -21,7 +21,7 @@ OTHER = Scene(
     Block(width=1.1, height=4.0, mass=3e3, friction=0.04, radius_of_gyration=1.3, restitution=0.8),
     Harmonic(amplitude=0.2, frequency=0.8),
 )
-TIED = Scene(Block(width=1.1, height=4.0, mass=3e3, friction=0.04, restitution="housner"), OTHER.motion)
+TIED = Scene(Block(width=1.1, height=4.0, mass=3e3, friction=0.04, restitution="housner"), OTHER.excitation)
 """Its restitution by Housner's formula."""
 WITHOUT = Parameters(nu=0.2, mu=0.0, lam=0.4, zeta=0.2, k=0.05, f=0.1, xi=2.0)
 
@@ -31,7 +31,7 @@ def moved(scene: Scene, pendulum: Pendulum, name: str, value: float) -> Paramete
     if name.startswith("pendulum_"):
         field = {"damping": "damping_ratio"}.get(name[9:], name[9:])
         return scene.parameters(dataclasses.replace(pendulum, **{field: value}))
-    home = "motion" if name in ("amplitude", "frequency") else "block"
+    home = "excitation" if name in ("amplitude", "frequency") else "block"
     part = dataclasses.replace(getattr(scene, home), **{name: value})
     return dataclasses.replace(scene, **{home: part}).parameters(pendulum)
 

@@ -203,7 +203,7 @@ def test_derivatives_of_the_amplitude_in_si_are_those_of_differences():
 
 @pytest.mark.parametrize("batched", [Pendulum, Block, Harmonic])
 def test_a_batch_of_any_part_meets_one_of_the_others(batched):
-    first = {Pendulum: WITH, Block: TIED.block, Harmonic: TIED.motion}
+    first = {Pendulum: WITH, Block: TIED.block, Harmonic: TIED.excitation}
     second = {
         Pendulum: Pendulum(mass=1.6, length=0.06, damping_ratio=0.3),
         Block: Block(width=0.11, height=0.4, mass=15.0, friction=0.03, restitution="housner"),

@@ -132,14 +132,14 @@ def critical_scale(
     """
     checks.require_x64()
     checks.instance("scene", scene, Scene)
-    checks.instance("motion", scene.motion, GroundMotion, ": a harmonic has no critical scale")
-    refuse_zeros([scene.motion])
+    checks.instance("excitation", scene.excitation, GroundMotion, ": a harmonic has no critical scale")
+    refuse_zeros([scene.excitation])
     scan = checks.within("scan", scan, 1e-4, 0.5)
     free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     if highest is not None:
         highest = checks.within("highest", highest, 1e-9, 1e9)
     p, rate = single((scene.ground_parameters(pendulum), scene.rate))
-    pieces, late = jnp.asarray(scene.motion.pieces()), free * rate
+    pieces, late = jnp.asarray(scene.excitation.pieces()), free * rate
     lifts = (1.0 + p.mu) * p.nu + p.k
     top = HIGHEST * lifts / p.f if highest is None else highest
     # `pure_callback` needs the shapes of its results before the scan runs.

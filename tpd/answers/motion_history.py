@@ -125,9 +125,9 @@ def motion_history(
         ValueError: bad input.
     """
     checks.instance("scene", scene, Scene)
-    row = rows_of(scene.block, pendulum, [scene.motion], float(scene.gravity))[0]
-    rate, piece = float(scene.rate), float(scene.motion.piece)
-    pieces = np.asarray(scene.motion.pieces(), dtype=float)
+    row = rows_of(scene.block, pendulum, [scene.excitation], float(scene.gravity))[0]
+    rate, piece = float(scene.rate), float(scene.excitation.piece)
+    pieces = np.asarray(scene.excitation.pieces(), dtype=float)
     shaken, free = len(pieces) * piece, checks.within("free", free, 0.0, LONGEST_FREE, " s")
     if times is None:
         times = np.linspace(0.0, shaken + free, min(20_000, int(len(pieces) + free / piece) + 1))
@@ -142,7 +142,7 @@ def motion_history(
     if status == Status.overturned:
         # From the first time at which the tilt is no longer below a right angle, all rows are NaN.
         states[np.cumsum(~(np.abs(states["tilt"]) < 0.5 * np.pi)) > 0] = np.nan
-    base = scene.motion.acceleration_at(clock)
+    base = scene.excitation.acceleration_at(clock)
     # Conversion to SI units: tau is time multiplied by omega0.
     up, swinging = states["tilt_pull"] * rate**2, states["swing_pull"] * rate**2
     rates = states["swing_rate"] * rate, (states["swing_rate"] - states["tilt_rate"]) * rate
@@ -170,7 +170,7 @@ def motion_history(
 def needed_friction(scene: Scene, motions: Sequence[GroundMotion], pendulum: Pendulum | None = None) -> float:
     """Return the coefficient of friction that keeps the base of a block from sliding under motions from rest;
     NaN without motions. See `MotionHistory.needed_friction`."""
-    histories = (motion_history(replace(scene, motion=motion), pendulum) for motion in motions)
+    histories = (motion_history(replace(scene, excitation=motion), pendulum) for motion in motions)
     return max((history.needed_friction for history in histories), default=np.nan)
 
 

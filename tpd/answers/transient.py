@@ -148,7 +148,7 @@ def transient(
     """
     checks.require_x64()
     checks.instance("scene", scene, Scene)
-    checks.instance("motion", scene.motion, GroundMotion, ": harmonics are for `tpd.steady_state`")
+    checks.instance("excitation", scene.excitation, GroundMotion, ": harmonics are for `tpd.steady_state`")
     model = Piecewise() if model is None else model
     free = checks.within("free", free, 0.0, LONGEST_FREE, " s")
     max_events = checks.count("max_events", max_events, most=1_000_000)
@@ -159,7 +159,7 @@ def transient(
     xp = checks.namespace(*jax.tree.leaves((p, rate, free, start)))
     # Rates are per unit tau in compiled code, and per second for the user.
     speeds = xp.stack([x * xp.ones(()) for x in (1.0, 1.0, rate, rate)])
-    pieces = xp.asarray(scene.motion.pieces())
+    pieces = xp.asarray(scene.excitation.pieces())
     run = _follow(model, p, pieces, free * rate, start / speeds, max_events)
     return _answer(run, rate, speeds, bob, xp)
 

@@ -96,19 +96,19 @@ def check_inputs(options: argparse.Namespace) -> Case:
 
 def _complete_motion(options: argparse.Namespace) -> None:
     """Add keys of the motion that every job requires although the command does not use them."""
-    motion = tables_of(options).get("motion", {})
+    motion = tables_of(options).get("excitation", {})
     if options.command == "spectrum" and "pulse" in motion:
         if unused := {"pulse_frequency", "pga"} & set(motion):
             flag = f"--{min(unused).replace('_', '-')}"
             raise ValueError(f"{flag} has no effect here: a spectrum has pulses of all frequencies and sizes")
         # Any frequency and size will do: the spectrum replaces them.
-        set_keys(options, "motion", {"pulse_frequency": 1.0, "pga": 1.0})
+        set_keys(options, "excitation", {"pulse_frequency": 1.0, "pga": 1.0})
     elif options.command == "assess" and "records" in motion and not {"scales", "pga"} & set(motion):
         # Without a scale the block is assessed under the records as they are. A design needs scales.
-        set_keys(options, "motion", {"scales": [1.0], "intensity": "scale"})
+        set_keys(options, "excitation", {"scales": [1.0], "intensity": "scale"})
     elif options.command == "export" and options.kind == "mjcf" and not (options.design or motion):
         # The model for MuJoCo contains no motion, so that any motion will do.
-        set_keys(options, "motion", {"pulse": "one-sine", "pulse_frequency": 1.0, "pga": 1.0})
+        set_keys(options, "excitation", {"pulse": "one-sine", "pulse_frequency": 1.0, "pga": 1.0})
 
 
 def read_case(options: argparse.Namespace) -> Case:
@@ -129,7 +129,7 @@ def read_case(options: argparse.Namespace) -> Case:
     if name.suffix == ".toml" and name.is_file():
         raise ValueError(f"{name} is a job file, but DESIGN is the folder of a report: write --scene {name}")
     # A design may be combined with another motion, but not with another block, harmonic or pendulum.
-    others = {"amplitude", "frequency"} & set(tables.get("motion", {})) or set(tables) - {"motion"}
+    others = {"amplitude", "frequency"} & set(tables.get("excitation", {})) or set(tables) - {"excitation"}
     if others or any(getattr(options, x, None) is not None for x in ("scene", *_PENDULUM)):
         raise ValueError(f"{name} contains a scene and a pendulum: give either DESIGN or options for these")
     design = read_design(name)
@@ -228,7 +228,9 @@ def json_inputs(scene: Scene, pendulum: Pendulum | None, job: jobs.Job | None = 
         job: job of ground motions, for the facts about its records.
     """
     tables = asdict(scene)
-    tables["motion"] = {name: x for name, x in tables["motion"].items() if getattr(x, "shape", ()) == ()}
+    tables["excitation"] = {
+        name: x for name, x in tables["excitation"].items() if getattr(x, "shape", ()) == ()
+    }
     point = None if pendulum is None else asdict(pendulum)
     # The seed is null because these commands use no random numbers.
     content = {"scene": tables, "pendulum": point, "versions": files.versions(), "seed": None}

@@ -61,11 +61,11 @@ def _columns(scene: Scene, pendulum: Pendulum | None) -> tuple[dict[str, Any], s
     from tpd.design.as_built import time_histories
 
     # Only a harmonic motion has an amplitude.
-    if hasattr(scene.motion, "amplitude"):
+    if hasattr(scene.excitation, "amplitude"):
         cases = time_histories(scene, pendulum)
         # A harmonic has an exact displacement. That of a record would have to be integrated, and drifts.
-        times, rate = cases[0].time, float(scene.motion.rate)
-        displacement = float(scene.motion.amplitude) * np.sin(rate * times)
+        times, rate = cases[0].time, float(scene.excitation.rate)
+        displacement = float(scene.excitation.amplitude) * np.sin(rate * times)
         base = {"base_m": displacement, "base_m_s2": -(rate**2) * displacement}
         angles = [(h.tilt, h.bob if h.with_pendulum else None, h.overturned) for h in cases]
     else:

@@ -28,7 +28,7 @@ from tpd.theory.no_uplift import AtRest
 def run(options: argparse.Namespace, case: common.Case) -> int:
     """Simulate all motions, print the medians, write tables and pictures, and return the exit status."""
     job, pendulum = case
-    scene, motions, scales = job.scene, job.ground_motions, job.full["motion"]["scales"]
+    scene, motions, scales = job.scene, job.ground_motions, job.full["excitation"]["scales"]
     intensities = np.linspace(0.5, 8.0, 20) if scales is None else np.array(scales)
     # The header compares the strongest motion with the acceleration that lifts the block.
     measure = intensity_of(job.intensity, scene.block, float(scene.gravity), options.period)

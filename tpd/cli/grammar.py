@@ -35,23 +35,27 @@ BLOCK = (
     *_options_of("block", radius_of_gyration="M", base_friction="MU"),
     Option("--cavity", "block", "cavity_width", "M"),
 )
-HARMONIC = _options_of("motion", amplitude="M", frequency="HZ")
-PULSE = _options_of("motion", pulse="KIND", pulse_frequency="HZ", cycles="N", phase="RAD", pga="G")
-READING = _options_of("motion", channel="N", dt="S", unit="UNIT", baseline="WORD", columns="NAME=N", skip="N")
+HARMONIC = _options_of("excitation", amplitude="M", frequency="HZ")
+PULSE = _options_of("excitation", pulse="KIND", pulse_frequency="HZ", cycles="N", phase="RAD", pga="G")
+READING = _options_of(
+    "excitation", channel="N", dt="S", unit="UNIT", baseline="WORD", columns="NAME=N", skip="N"
+)
 _FACTOR: dict[str, Any] = {"one": True, "also": {"intensity": "scale"}}
 # Commands that simulate one motion have `--record` and a factor `--scale`. Commands that need several have
 # `--records` and `--scales`; there `--scale` multiplies the samples of a file.
 RECORD = (
-    Option("--record", "motion", "records", "FILE", one=True, help="file, or name such as el-centro"),
+    Option("--record", "excitation", "records", "FILE", one=True, help="file, or name such as el-centro"),
     *READING,
-    Option("--scale", "motion", "scales", "X", help="factor on the acceleration of the motion", **_FACTOR),
+    Option(
+        "--scale", "excitation", "scales", "X", help="factor on the acceleration of the motion", **_FACTOR
+    ),
 )
 RECORDS = (
-    *_options_of("motion", records="FILE", scales="X", intensity="WORD", event="NAME"),
+    *_options_of("excitation", records="FILE", scales="X", intensity="WORD", event="NAME"),
     *READING,
-    *_options_of("motion", scale="X"),
+    *_options_of("excitation", scale="X"),
 )
-VALIDATION_SHARE = Option("--validation-share", "motion", "validation_share", "X")
+VALIDATION_SHARE = Option("--validation-share", "excitation", "validation_share", "X")
 _NO_WALLS = "no walls around the bob: no limit on clearance"
 NO_WALLS = Option("--no-walls", "limits", "clearance", value=False, help=_NO_WALLS)
 DESIGN = (

@@ -67,7 +67,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         if first < last:
             lines.append(overturned_between(tuple(settled.values()), first, last))
     if settled:
-        trains = [train_of(scene.motion, frequency=float(x)) for x in settled[WITHOUT].frequency / own]
+        trains = [train_of(scene.excitation, frequency=float(x)) for x in settled[WITHOUT].frequency / own]
         lines += wrapped(sliding(scene, trains, pendulum))
     else:
         lines.append(outputs.PERIODIC_ONLY.format("--from-rest N"))
@@ -101,7 +101,7 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
 
 def _own_value(scene: Scene, name: str) -> float:
     """Return the frequency (Hz) of the base motion, or its frequency ratio if `name` is "xi"."""
-    return float(scene.parameters().xi) if name == "xi" else float(scene.motion.frequency)
+    return float(scene.parameters().xi) if name == "xi" else float(scene.excitation.frequency)
 
 
 def _range(options: argparse.Namespace, scene: Scene) -> tuple[str, float, float]:

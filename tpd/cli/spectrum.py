@@ -26,11 +26,11 @@ def run(options: argparse.Namespace, case: common.Case) -> int:
         if value is not None:
             checks.positive(flag, value)
     scene = job.under(job.shaking)
-    is_pulse = isinstance(scene.motion, Pulse)
+    is_pulse = isinstance(scene.excitation, Pulse)
     if not is_pulse and options.sizes_to is not None:
         raise ValueError("--sizes-to has an effect on the spectrum of a pulse, but the job has a record")
     # The motion of the job gives only the kind of the pulse.
-    motion = f"{scene.motion.kind} pulses of all frequencies and accelerations" if is_pulse else ""
+    motion = f"{scene.excitation.kind} pulses of all frequencies and accelerations" if is_pulse else ""
     common.print_header(scene, pendulum, motion, job.messages)
     with Bar() as bar, common.open_cluster(options) as cluster:
         how = {"gravity": float(scene.gravity), "cluster": cluster, "progress": partial(bar, "blocks")}
@@ -51,7 +51,7 @@ def _overturning(
     """Compute and print the spectrum of a pulse; return the spectrum and its numbers for the JSON file."""
     spectrum = overturning_spectrum(
         scene.block,
-        scene.motion,
+        scene.excitation,
         pendulum,
         frequency_ratios=np.linspace(0.25, options.to or 10.0, options.points),
         acceleration_ratios=np.linspace(0.5, options.sizes_to or 10.0, options.points),
@@ -99,7 +99,7 @@ def _rocking(
         how = how | {"mass_ratio": pendulum.mass / block.mass, "damping_ratio": pendulum.damping_ratio}
         how["length_ratio"] = pendulum.length / block.half_height
     periods = np.linspace(0.5, options.to or 12.0, options.points)
-    spectrum = rocking_spectrum(block, scene.motion, periods=periods, **how)
+    spectrum = rocking_spectrum(block, scene.excitation, periods=periods, **how)
     undecided = spectrum.undecided().tolist()
     if lines := _undecided_line("blocks", undecided, spectrum.periods.size):
         print_answer("", *lines)

@@ -158,7 +158,7 @@ _RENAMED = (
     "demand=measure measure=risk.measure from_rest=starts.kind method=finish study=details "
     "Worth=Requirements Room=Clearance Study=Details verdict=paired_runs Verdict=PairedRuns "
     "Segmented=Nonlinear Sequential=Descent HarmonicDesign=Design GroundDesign=Design "
-    "analysis=answers closed_form=theory stroke=swing_limit,limits.stroke"
+    "analysis=answers closed_form=theory stroke=swing_limit,limits.stroke motion=excitation"
 )
 RENAMED = dict(re.findall(r"(\w+)=(\S+)", _RENAMED))
 """New names by the old names of tables, keys, options, arguments and classes, see `changes.md` in the guide.

@@ -307,12 +307,12 @@ def details(
         front=front,
     )
     scene, pendulum = design.scene, design.pendulum
-    if not isinstance(scene.motion, Harmonic):
+    if not isinstance(scene.excitation, Harmonic):
         return out
     responses: tuple[Response, ...] = ()
     # A response is that of the nominal block, so it is shown only if no condition changes the block.
     if set(design.conditions.factors) <= {"amplitude", "frequency"}:
-        values = scene.motion.frequency * _BAND
+        values = scene.excitation.frequency * _BAND
         cases = (None,) if pendulum is None else (None, pendulum)
         answer = partial(settled_response, scene, "frequency", values, progress=progress)
         responses = tuple(answer(pendulum=case) for case in cases)
@@ -477,7 +477,7 @@ def loss_models(scene: Scene) -> dict[str, Block]:
     block = scene.block
     # The losses are those of the block without a pendulum and do not depend on the excitation, so any
     # harmonic serves.
-    p = Scene(block, paper_scene().motion, scene.gravity).parameters()
+    p = Scene(block, paper_scene().excitation, scene.gravity).parameters()
     e = float(block.velocity_ratio)
     k = float(block.friction)
     # A block without losses at impacts gets Housner's, and one without friction the equivalent friction.

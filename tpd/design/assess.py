@@ -103,7 +103,7 @@ def alternatives(problem: Problem) -> Alternatives:
         motions = problem.stated_motions[levels - 1 :: levels]
         periods = np.array([isolation_period(motion, lifts) for motion in motions])
     else:
-        lowest = float(problem.scene.motion.frequency * np.min(problem.conditions.column("frequency")))
+        lowest = float(problem.scene.excitation.frequency * np.min(problem.conditions.column("frequency")))
         periods, damping = np.array([math.sqrt(1.0 + alone.peak / alone.uplift) / lowest]), 0.0
     tie = 0.5 * float(block.mass) * gravity * max(alone.peak - alone.uplift, 0.0)
     width = float(block.height) * (alone.peak - float(block.friction))

@@ -942,12 +942,12 @@ def check_objective(objective: object) -> Objective:
 
 def check_moves(scene: Scene, conditions: Conditions) -> None:
     """Raise `ValueError` if the excitation is zero, or stronger than any base can move."""
-    if not scene.motion.amplitude > 0.0:
+    if not scene.excitation.amplitude > 0.0:
         raise ValueError(
-            f"`amplitude` must be above 0 in a search, but is {scene.motion.amplitude:g}: the base does not "
-            "move"
+            f"`amplitude` must be above 0 in a search, but is {scene.excitation.amplitude:g}: the base does "
+            "not move"
         )
-    motion, factor = scene.motion, conditions.column
+    motion, factor = scene.excitation, conditions.column
     check_excitation(motion.amplitude * factor("amplitude"), motion.frequency * factor("frequency"))
 
 

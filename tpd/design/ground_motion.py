@@ -179,7 +179,7 @@ class GroundMotionProblem(Problem):
         else:
             motion |= {"records": [_name_of(m) for m in motions], "validation_share": validation or 0.0}
         ensemble = {name: getattr(self.ensemble, name) for name in SCATTERED}
-        return super().tables | {"motion": motion, "ensemble": ensemble}
+        return super().tables | {"excitation": motion, "ensemble": ensemble}
 
     @property
     def rounds(self) -> tuple[int, int]:  # type: ignore[override]

@@ -130,7 +130,7 @@ class HarmonicProblem(Problem):
         checks.instance("scene", scene, Scene)
         checks.optional("conditions", conditions, Conditions)
         checks.optional("starts", starts, Starts)
-        if not isinstance(scene.motion, Harmonic):
+        if not isinstance(scene.excitation, Harmonic):
             raise ValueError(
                 "the motion of `scene` must be a harmonic: pass pulses and records as "
                 "`conditions=tpd.Conditions.records(...)`"
@@ -207,7 +207,7 @@ class HarmonicProblem(Problem):
     def tables(self) -> dict[str, dict[str, Any]]:
         """See `Problem.tables`."""
         return super().tables | {
-            "motion": vars(self.scene.motion),
+            "excitation": vars(self.scene.excitation),
             # Runs without a seed of their own use the seed of the search.
             "ensemble": vars(self.ensemble) | ({"seed": None} if self.ensemble.seed == self.seed else {}),
             "starts": {"kind": "rest" if self.rest_counts else "any"},
@@ -366,7 +366,7 @@ class HarmonicProblem(Problem):
     def stated_motions(self) -> list[GroundMotion]:
         """See `Problem.stated_motions`. The motions are trains of sines that start from rest."""
         factors = (self.conditions.column(name) for name in ("amplitude", "frequency"))
-        return [train_of(self.scene.motion, *map(float, pair)) for pair in zip(*factors, strict=True)]
+        return [train_of(self.scene.excitation, *map(float, pair)) for pair in zip(*factors, strict=True)]
 
     def strongest_motions(self, design: np.ndarray) -> list[GroundMotion]:
         """See `Problem.strongest_motions`."""

@@ -105,7 +105,7 @@ class Job(ABC):
     only: ClassVar[str]
     """Argument of `tpd.optimise` that other kinds of jobs do not have."""
     required_keys: ClassVar[tuple[str, ...]] = ()
-    """Keys of [motion] that are required together with a user's own block."""
+    """Keys of [excitation] that are required together with a user's own block."""
 
     @staticmethod
     def read(path: str | Path) -> Job:
@@ -119,7 +119,7 @@ class Job(ABC):
     @property
     def kind(self) -> str:
         """Kind of the motion: harmonic, pulse or records."""
-        return self.full["motion"]["kind"]
+        return self.full["excitation"]["kind"]
 
     @property
     def seed(self) -> int:
@@ -197,7 +197,7 @@ class Job(ABC):
     @property
     def intensity(self) -> str:
         """Name in `tpd.records.intensity` of the measure that the scales refer to."""
-        name: str = self.full["motion"]["intensity"]
+        name: str = self.full["excitation"]["intensity"]
         return OF_JOBS.get(name, name)
 
     @property
@@ -207,7 +207,7 @@ class Job(ABC):
         Raises:
             ValueError: the motion is a harmonic, or there are several records or several scales.
         """
-        keys = self.full["motion"]
+        keys = self.full["excitation"]
         motions, scales = self.ground_motions, keys["scales"] or (1.0,)
         if len(motions) > 1:
             names = "; ".join(getattr(m, "source", "") or getattr(m, "name", "") for m in motions[:_FEW])
@@ -316,7 +316,7 @@ class Job(ABC):
     @cached_property
     def _validation(self) -> tuple[float | dict[str, list[GroundMotion]], list[str]]:
         """Validation share or validation groups, and notes on the records of the groups."""
-        share = self.full["motion"]["validation_share"]
+        share = self.full["excitation"]["validation_share"]
         groups, messages = dict[str, list[GroundMotion]](), list[str]()
         if not isinstance(share, tuple):
             return share or 0.0, messages
@@ -338,7 +338,7 @@ class Job(ABC):
 
     def _records(self, names: Sequence[str], events: Sequence[str] | None) -> Any:
         """Read records with the reading options of the job; messages use the keys of the job file."""
-        how = {name: x for name in READING if (x := self.full["motion"][name]) is not None}
+        how = {name: x for name in READING if (x := self.full["excitation"][name]) is not None}
         # Columns are texts NAME=NUMBER in a job file, and a mapping in Python.
         if "columns" in how:
             how["columns"] = _columns_of(how["columns"])
@@ -408,13 +408,13 @@ class HarmonicJob(Job):
     def check_motion(self) -> None:
         """See `Job.check_motion`."""
         conditions = self.conditions or Conditions.exactly()
-        with naming("motion"):
+        with naming("excitation"):
             check_moves(self.scene, conditions)
 
     @cached_property
     def _read(self) -> tuple[Sequence[Harmonic], Sequence[str]]:
-        with naming("motion"):
-            return (Harmonic(**{name: self.full["motion"][name] for name in self.required_keys}),), ()
+        with naming("excitation"):
+            return (Harmonic(**{name: self.full["excitation"][name] for name in self.required_keys}),), ()
 
     @property
     def ground_motions(self) -> tuple[GroundMotion, ...]:
@@ -471,8 +471,10 @@ class RecordsJob(Job):
 
     def check_motion(self) -> None:
         """See `Job.check_motion`."""
-        if not self.full["motion"]["records"]:
-            raise ValueError("a job with records needs `motion.records` (--records FILE), but it is missing")
+        if not self.full["excitation"]["records"]:
+            raise ValueError(
+                "a job with records needs `excitation.records` (--records FILE), but it is missing"
+            )
 
     def settled_scene(self, asker: str, again: str) -> Scene:
         """See `Job.settled_scene`."""
@@ -483,28 +485,28 @@ class RecordsJob(Job):
 
     @cached_property
     def _read(self) -> tuple[Sequence[GroundMotion], Sequence[str]]:
-        keys = self.full["motion"]
+        keys = self.full["excitation"]
         records, notes = self._records(keys["records"], keys["event"])
         if keys["pga"] is not None:
-            with naming("motion", pga_g="pga"):
+            with naming("excitation", pga_g="pga"):
                 records = [motion.scaled_to(pga_g=keys["pga"]) for motion in records]
         return records, notes
 
     @cached_property
     def conditions(self) -> Conditions:
         """See `Job.conditions`."""
-        keys = self.full["motion"]
+        keys = self.full["excitation"]
         scales, intensity = keys["scales"], self.intensity
         if scales is None and keys["pga"] is not None:
             # All records have this size already.
             scales, intensity = (1.0,), "scale"
         if scales is None:
             raise ValueError(
-                "a design for records needs `motion.scales` (--scales), the intensities that every record is "
-                "scaled to, or one `motion.pga` (--pga) in g; `tpd fragility` and `tpd shake` use unscaled "
-                "records"
+                "a design for records needs `excitation.scales` (--scales), the intensities that every "
+                "record is scaled to, or one `excitation.pga` (--pga) in g; `tpd fragility` and `tpd shake` use "
+                "unscaled records"
             )
-        with naming("motion"):
+        with naming("excitation"):
             return Conditions.records(self.motions, scales, intensity=intensity)
 
     @property
@@ -534,16 +536,16 @@ class PulseJob(RecordsJob):
 
     @cached_property
     def _read(self) -> tuple[Sequence[GroundMotion], Sequence[str]]:
-        keys = self.full["motion"]
+        keys = self.full["excitation"]
         if keys["pulse"] is None or keys["pulse_frequency"] is None:
             raise ValueError(
-                "a pulse needs `motion.pulse` (--pulse KIND) and `motion.pulse_frequency` "
+                "a pulse needs `excitation.pulse` (--pulse KIND) and `excitation.pulse_frequency` "
                 "(--pulse-frequency HZ)"
             )
         shape = {name: keys[name] for name in ("cycles", "phase")}
         shape |= {"kind": keys["pulse"], "frequency": keys["pulse_frequency"]}
         # The keys of a job file have other names than the fields of `Pulse`.
-        with naming("motion", kind="pulse", frequency="pulse_frequency", pga_g="pga"):
+        with naming("excitation", kind="pulse", frequency="pulse_frequency", pga_g="pga"):
             pulse = Pulse(acceleration=STANDARD_GRAVITY, **shape)
             if keys["pga"] is None and keys["intensity"] == "scale":
                 raise ValueError("`pga`, the peak acceleration of the pulse in g, is missing (--pga G)")
@@ -602,12 +604,12 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> tuple[Tables, Ta
         # A new seed of the search applies to all random choices, also to those of the runs.
         out.get("ensemble", {}).pop("seed", None)
     # Options that belong to one kind of motion switch the job to this kind.
-    chosen = list(kinds_in(as_typed(over).get("motion", {})))
+    chosen = list(kinds_in(as_typed(over).get("excitation", {})))
     if len(chosen) == 1:
-        out["motion"]["kind"] = chosen[0]
+        out["excitation"]["kind"] = chosen[0]
     # A key may depend on another key of the file, on an option, or on a default. Compare before and after:
     # only a key that had an effect before and has none after is left out.
-    is_switched = bool(chosen) and set(kinds_in(base.get("motion", {})) or ["harmonic"]) != set(chosen)
+    is_switched = bool(chosen) and set(kinds_in(base.get("excitation", {})) or ["harmonic"]) != set(chosen)
     full = complete(out)
     places = ((table, key) for table, values in base.items() for key in values.keys() - over.get(table, {}))
     idle = [place for place in places if lacks(full, *place)]
@@ -615,7 +617,7 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> tuple[Tables, Ta
     for table, key in idle:
         if before is None or not lacks(before, table, key):
             out[table].pop(key, None)
-            full[table][key] = default_of(full["motion"]["kind"], table, key)
+            full[table][key] = default_of(full["excitation"]["kind"], table, key)
     return out, full
 
 
@@ -635,17 +637,17 @@ def job_of(tables: Mapping[str, Any], full: Tables | None = None) -> Job:
         for key, value in values.items():
             # A key without an effect is an error, because a user would rely on the limit or the seed. A file
             # may still contain defaults, and limits that are switched off.
-            is_usual = value == default_of(full["motion"]["kind"], table, key) or key == "kind"
+            is_usual = value == default_of(full["excitation"]["kind"], table, key) or key == "kind"
             is_off = table == "limits" and value is False
             missing = "" if is_usual or is_off else lacks(full, table, key)
             if missing:
                 raise ValueError(f"`{table}.{key}` requires {missing}, which this job does not have")
-    job = _JOBS[full["motion"]["kind"]](full=full)
+    job = _JOBS[full["excitation"]["kind"]](full=full)
     _check_whole_block(tables, job.required_keys)
     with naming("search"):
         checks.count("seed", job.seed, least=0)
     # Check the block first, because a wrong block causes many other errors.
-    site, ensemble = job.under(PAPER.motion), job.ensemble
+    site, ensemble = job.under(PAPER.excitation), job.ensemble
     job.check_motion()
     with naming("scatter"):
         check_scatter(site, widths_of(full), job.space)
@@ -669,12 +671,12 @@ def _check_whole_block(tables: Mapping[str, Any], required_keys: Sequence[str]) 
     The values of the paper must not complete such a block. Losses alone, or a motion alone, are variations of
     the scene of the paper and are allowed.
     """
-    block, motion = tables.get("block", {}), tables.get("motion", {})
+    block, motion = tables.get("block", {}), tables.get("excitation", {})
     # The job describes a block of its own if one of these keys is present.
     own = [key for key in (*SHAPE, "radius_of_gyration") if key in block]
     missing = {
         "block": [k for k in SHAPE if k not in block],
-        "motion": [k for k in required_keys if k not in motion],
+        "excitation": [k for k in required_keys if k not in motion],
     }
     if not own or not any(missing.values()):
         return
@@ -695,7 +697,7 @@ def _listed(names: Sequence[str]) -> str:
 def _in_words_of_jobs(message: str) -> str:
     """Return a message about options of `tpd.Record.read` with the keys and command-line options of a job."""
     message = re.sub(r", such as (\w+)=", r", such as \1 = ", message)
-    return re.sub(rf"`({'|'.join(READING)})`", r"`motion.\1` (--\1)", message)
+    return re.sub(rf"`({'|'.join(READING)})`", r"`excitation.\1` (--\1)", message)
 
 
 def _words(value: Any) -> str:
@@ -719,7 +721,7 @@ def _columns_of(pairs: Sequence[str]) -> dict[str, int] | str:
         name, _, at = pair.rpartition("=")
         if not name or not re.fullmatch(r"\d{1,6}", at) or name in columns:
             raise ValueError(
-                f"`motion.columns` (--columns) must be {ROWS}, or names with column numbers, such as "
+                f"`excitation.columns` (--columns) must be {ROWS}, or names with column numbers, such as "
                 f"time=1 N=2, but it has {pair!r}"
             )
         columns[name] = int(at)

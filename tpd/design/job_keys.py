@@ -109,14 +109,15 @@ TABLES: dict[str, dict[str, Key]] = {
         name: key._replace(default=getattr(PAPER.block, name) if name in SHAPE else None)
         for name, key in keys_of(Block).items()
     },
-    "motion": {
+    "excitation": {
         "kind": Key(
             Literal["harmonic", "pulse", "records"],
             None,
             "kind of motion (default: the kind to which the given keys belong, else harmonic)",
         ),
         **{
-            name: key._replace(default=getattr(PAPER.motion, name)) for name, key in keys_of(Harmonic).items()
+            name: key._replace(default=getattr(PAPER.excitation, name))
+            for name, key in keys_of(Harmonic).items()
         },
         "pulse": _pulse["kind"],
         "pulse_frequency": _pulse["frequency"],
@@ -223,23 +224,23 @@ TABLES: dict[str, dict[str, Key]] = {
 }
 """All keys, by table and name."""
 READING = ("channel", "dt", "unit", "baseline", "columns", "skip", "scale")
-"""Keys of [motion] that control how files of records are read."""
+"""Keys of [excitation] that control how files of records are read."""
 _SHAKEN = ("pulse", "records")
 _DEFAULTS: dict[str, dict[str, Any]] = {
     "harmonic": {"ensemble.size": VALIDATION_RUNS},
-    "pulse": {"risk.measure": "expected", "motion.intensity": "scale", "motion.scales": (1.0,)},
+    "pulse": {"risk.measure": "expected", "excitation.intensity": "scale", "excitation.scales": (1.0,)},
     "records": {
         "risk.measure": "expected",
-        "motion.intensity": "pga_star",
-        "motion.validation_share": VALIDATION_SHARE,
+        "excitation.intensity": "pga_star",
+        "excitation.validation_share": VALIDATION_SHARE,
     },
 }
 """Defaults that depend on the kind of motion and replace those of `TABLES`."""
 _KINDS: dict[str, tuple[str, ...]] = {
-    **{f"motion.{name}": ("harmonic",) for name in ("amplitude", "frequency")},
-    **{f"motion.{name}": ("pulse",) for name in ("pulse", "pulse_frequency", "cycles", "phase")},
-    **{f"motion.{name}": _SHAKEN for name in ("pga", "scales", "intensity")},
-    **{f"motion.{name}": ("records",) for name in ("records", "validation_share", "event", *READING)},
+    **{f"excitation.{name}": ("harmonic",) for name in ("amplitude", "frequency")},
+    **{f"excitation.{name}": ("pulse",) for name in ("pulse", "pulse_frequency", "cycles", "phase")},
+    **{f"excitation.{name}": _SHAKEN for name in ("pga", "scales", "intensity")},
+    **{f"excitation.{name}": ("records",) for name in ("records", "validation_share", "event", *READING)},
     **{f"{table}.{name}": ("harmonic",) for table in ("conditions", "starts") for name in TABLES[table]},
     **{f"limits.{kind.name}": ("harmonic",) for kind in KINDS if not kind.of_motion},
     **{f"search.{name}": ("harmonic",) for name in _descent.keys() - _ground_search},
@@ -253,14 +254,17 @@ MOTIONS = {"harmonic": "a harmonic motion", "pulse": "a pulse", "records": "reco
 """Kinds of motion in words."""
 _WITH_PHASE = "mavroeidis-papageorgiou"
 _CYCLIC = [name for name, kind in PULSES.items() if kind.periods is None]
-_FILE = ("a file of a record", lambda full: full["motion"]["records"] is None or _names_files(full))
+_FILE = ("a file of a record", lambda full: full["excitation"]["records"] is None or _names_files(full))
 _SEVERAL = ("several conditions, [conditions] or [scatter]", lambda full: size_of(full) > 1)
 _TWO_BOUNDS = "two bounds for the mass, `space.mass` or `space.mass_ratio`"
 _ALONE = "a single motion (no band, no amplitudes and no scatter)"
 _ONLY_WITH: dict[str, tuple[str, Callable[[Tables], bool]]] = {
-    "motion.cycles": (f"the pulses {' and '.join(_CYCLIC)}", lambda full: full["motion"]["pulse"] in _CYCLIC),
-    "motion.phase": (f"the pulse {_WITH_PHASE}", lambda full: full["motion"]["pulse"] == _WITH_PHASE),
-    **{f"motion.{name}": _FILE for name in ("event", *READING)},
+    "excitation.cycles": (
+        f"the pulses {' and '.join(_CYCLIC)}",
+        lambda full: full["excitation"]["pulse"] in _CYCLIC,
+    ),
+    "excitation.phase": (f"the pulse {_WITH_PHASE}", lambda full: full["excitation"]["pulse"] == _WITH_PHASE),
+    **{f"excitation.{name}": _FILE for name in ("event", *READING)},
     "conditions.exactly": (_ALONE, lambda full: size_of(full) == 1),
     "conditions.frequencies": ("a band, `conditions.band`", lambda full: bool(full["conditions"]["band"])),
     "conditions.samples": ("a width in [scatter]", lambda full: bool(widths_of(full))),
@@ -304,14 +308,14 @@ def size_of(full: Tables) -> int:
 
 def _names_files(full: Tables) -> bool:
     """Whether at least one record comes from a file. Built-in records need no reading options."""
-    validation = full["motion"]["validation_share"]
-    names = *full["motion"]["records"], *(validation if isinstance(validation, tuple) else ())
+    validation = full["excitation"]["validation_share"]
+    names = *full["excitation"]["records"], *(validation if isinstance(validation, tuple) else ())
     return not {*names} <= {*BUILT_IN, *SETS}
 
 
 def placed(table: str, values: Any, folder: Path) -> Any:
     """Return the values of a table, with absolute paths of records."""
-    if table != "motion" or not isinstance(values, Mapping):
+    if table != "excitation" or not isinstance(values, Mapping):
         return values
 
     # An empty name would become the folder, and the reader rejects it.
@@ -374,13 +378,13 @@ def allowed(schema: Mapping[str, Any]) -> str:
 
 
 def kinds_in(motion: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Return the kinds of motion to which the keys of [motion] belong, with these keys."""
+    """Return the kinds of motion to which the keys of [excitation] belong, with these keys."""
     # A stated kind decides, whatever the other keys are.
     if "kind" in motion:
         return {motion["kind"]: ["kind"]}
     keys: dict[str, list[str]] = {}
     for key in motion:
-        kinds = _KINDS[f"motion.{key}"]
+        kinds = _KINDS[f"excitation.{key}"]
         # A key that several kinds of motion have does not decide between them.
         if len(kinds) == 1:
             keys.setdefault(kinds[0], []).append(key)
@@ -390,19 +394,19 @@ def kinds_in(motion: Mapping[str, Any]) -> dict[str, list[str]]:
 def complete(tables: Mapping[str, Any]) -> Tables:
     """Return the tables with typed values and all keys. Keys that are left out have their defaults."""
     typed = as_typed(tables)
-    kinds = kinds_in(typed.get("motion", {}))
+    kinds = kinds_in(typed.get("excitation", {}))
     if len(kinds) > 1:
         listed = " and ".join(f"of {MOTIONS[kind]} (`{keys[0]}`)" for kind, keys in kinds.items())
-        raise ValueError(f"[motion] has keys {listed}, but a job has only one kind of motion")
+        raise ValueError(f"[excitation] has keys {listed}, but a job has only one kind of motion")
     # The paper and most jobs have a harmonic, so this is the kind if no key decides.
     kind = next(iter(kinds), "harmonic")
     full: Tables = {}
     for table, keys in TABLES.items():
         defaults = {name: default_of(kind, table, name) for name in keys}
         full[table] = defaults | typed.get(table, {})
-    full["motion"]["kind"] = kind
+    full["excitation"]["kind"] = kind
     # Paths from the command line are relative to the working directory. Those of a file are absolute already.
-    full["motion"] = placed("motion", full["motion"], Path())
+    full["excitation"] = placed("excitation", full["excitation"], Path())
     return full
 
 
@@ -414,7 +418,7 @@ def default_of(kind: str, table: str, name: str) -> Any:
 def lacks(full: Tables, table: str, key: str) -> str:
     """Return words for what a key requires and the job does not have; empty if the key has an effect."""
     kinds = _KINDS.get(f"{table}.{key}", tuple(MOTIONS))
-    if full["motion"]["kind"] not in kinds:
+    if full["excitation"]["kind"] not in kinds:
         return " or ".join(MOTIONS[kind] for kind in kinds)
     words, holds = _ONLY_WITH.get(f"{table}.{key}", ("", bool))
     return "" if holds(full) else words

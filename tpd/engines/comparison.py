@@ -159,7 +159,7 @@ class EngineVerdict(Printed):
         first = tuple(runs.first(few) for runs in self.with_engine)
         groups, rows = (self.with_engine, first, self.finer, self.with_equations), []
         sizes = [("tilt", "median", "peak", 0.5), ("tilt", "90 %", "peak", 0.9)]
-        if isinstance(self.scene.motion, Harmonic):
+        if isinstance(self.scene.excitation, Harmonic):
             sizes.append(("settled", "median", "settled", 0.5))
         for i, case in enumerate((" with the pendulum", " without") if self.pendulum is not None else ("",)):
             runs_of = [group[i] for group in groups]
@@ -310,11 +310,11 @@ class _Case:
     def equations(self, pendulum: Pendulum | None) -> EngineRuns:
         """Follow all runs with the nonlinear equations."""
         runs, n = self.plan(pendulum), self.ensemble.size
-        if isinstance(self.scene.motion, GroundMotion):
+        if isinstance(self.scene.excitation, GroundMotion):
             # A ground motion has its own time scale. The scatter of the frequency applies to harmonics only.
-            h = np.full(n, float(self.scene.motion.piece) * float(self.scene.rate))
+            h = np.full(n, float(self.scene.excitation.piece) * float(self.scene.rate))
             x = row_of(runs.p, piece=h)
-            pieces = [np.asarray(self.scene.motion.pieces(), dtype=float)]
+            pieces = [np.asarray(self.scene.excitation.pieces(), dtype=float)]
             forcing = GroundForcing(pieces, _FREE * float(self.scene.rate))
         else:
             x, forcing = row_of(runs.p), HarmonicForcing(self.ensemble.periods, runs.begin, runs.periods)
@@ -332,8 +332,8 @@ class _Case:
         """
         rate, g = float(self.scene.rate), float(self.scene.gravity)
         f = np.broadcast_to(np.asarray(runs.p.f, dtype=float), self.ensemble.size)[:few, None] * g
-        if isinstance(self.scene.motion, GroundMotion):
-            motion = self.scene.motion
+        if isinstance(self.scene.excitation, GroundMotion):
+            motion = self.scene.excitation
             # The tilt of the equations is positive against the acceleration of the base.
             size = -f / (float(motion.pga))
             end = np.full(few, float(motion.duration) + _FREE)

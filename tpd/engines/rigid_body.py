@@ -105,7 +105,7 @@ def _rendered(template: str, **values: Any) -> str:
 
 def parameters_under(scene: Scene, pendulum: Pendulum | None) -> Parameters:
     """Return the dimensionless parameters of a scene with any excitation."""
-    harmonic = isinstance(scene.motion, Harmonic)
+    harmonic = isinstance(scene.excitation, Harmonic)
     return scene.parameters(pendulum) if harmonic else scene.ground_parameters(pendulum)
 
 
@@ -185,7 +185,7 @@ def opensees(scene: Scene, pendulum: Pendulum | None = None, *, sliding: checks.
     """
     checks.instance("scene", scene, Scene)
     sliding = checks.positive("sliding", sliding)
-    p, motion = parameters_under(scene, pendulum), scene.motion
+    p, motion = parameters_under(scene, pendulum), scene.excitation
     body = body_of(scene, p, sliding)
     ground = isinstance(motion, GroundMotion)
     return _rendered(

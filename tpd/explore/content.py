@@ -219,7 +219,7 @@ def _ranges(problem: Problem, start: Pendulum) -> dict[str, tuple[float, float]]
 
 def _harmonic(problem: HarmonicProblem, start: Pendulum, recommended: Pendulum | None) -> dict[str, Any]:
     """Controls and tables of orbits under a harmonic."""
-    scene, motion = problem.scene, problem.scene.motion
+    scene, motion = problem.scene, problem.scene.excitation
     own = _values_of(start) | {"frequency": float(motion.frequency), "amplitude": float(motion.amplitude)}
     ranges = _ranges(problem, start)
     # The sliders reach every condition of the design.

@@ -66,10 +66,10 @@ def animate(scene: Scene, pendulum: Pendulum | None, histories: Sequence[TimeHis
         histories: exact time histories, without and, if there is one, with the pendulum.
     """
     slowed, seconds = 1, _LONG
-    if is_harmonic := isinstance(scene.motion, Harmonic):
+    if is_harmonic := isinstance(scene.excitation, Harmonic):
         # With fewer frames in a period the motion would alias and seem to run backwards.
-        slowed = max(1, math.ceil(_PER_PERIOD * scene.motion.frequency / _RATE))
-        seconds = min(_SECONDS, 24.0 / scene.motion.frequency * slowed)
+        slowed = max(1, math.ceil(_PER_PERIOD * scene.excitation.frequency / _RATE))
+        seconds = min(_SECONDS, 24.0 / scene.excitation.frequency * slowed)
     frames = int(_RATE * seconds)
     # A frame of the film shows 1/slowed of the time that it lasts.
     times = np.arange(frames) / (_RATE * slowed)
@@ -138,15 +138,15 @@ def _stage(
     largest = max(float(np.abs(r.tilt).max()) for r in reels)
     # Tilts of a hundredth of a radian cannot be seen. Bob angles are always large enough.
     factor = next((m for m in _MAGNIFIED if m * largest >= _VISIBLE), 1) if largest > 1e-9 else 1
-    base, is_fixed = np.zeros_like(times), not isinstance(scene.motion, Harmonic)
+    base, is_fixed = np.zeros_like(times), not isinstance(scene.excitation, Harmonic)
     if not is_fixed:
-        base = scene.motion.amplitude * np.sin(scene.motion.rate * times)
+        base = scene.excitation.amplitude * np.sin(scene.excitation.rate * times)
     # The limits of the axes must contain all frames, so all shapes are computed before the figure is made.
     films = [[_shapes(scene, r, i, factor, float(x)) for i, x in enumerate(base)] for r in reels]
     points = np.concatenate([x for film in films for shapes in film for x in shapes])
     # The margin keeps lines at the edge of the view visible.
     pad = 0.08 * scene.block.height
-    reach = scene.motion.amplitude if isinstance(scene.motion, Harmonic) else 0.0
+    reach = scene.excitation.amplitude if isinstance(scene.excitation, Harmonic) else 0.0
     side = max(float(np.abs(points[:, 0]).max()), 0.7 * scene.block.width + reach) + pad
     low, high = min(float(points[:, 1].min()), 0.0) - pad, float(points[:, 1].max()) + pad
     shape = 2.0 * side / (high - low)

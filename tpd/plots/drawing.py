@@ -275,7 +275,7 @@ def _detail(ax: Axes, scene: Scene, built: _AsBuilt, side: float, scale: float) 
         (f"depth below the hinge: {number(built.depth, 3)} m", (0.0, -built.depth)),
     ]
     if built.angle > 0.0:
-        name, degrees = _SWING[isinstance(scene.motion, Harmonic)], math.degrees(built.angle)
+        name, degrees = _SWING[isinstance(scene.excitation, Harmonic)], math.degrees(built.angle)
         text = f"{name} ±{built.angle:.3g} rad (±{degrees:.3g}°)"
         text += f"\n{built.clearance_in_words}" if is_hollow else ""
         labels.insert(2, (text, (float(end[0]), float(end[1]))))
@@ -341,7 +341,7 @@ def _base(ax: Axes, scene: Scene, half: float, scale: float) -> None:
     # Hatching below the ground line, as in engineering drawings.
     for x in np.arange(-reach, reach, 0.12 * inch):
         ax.plot([x, x - 0.07 * inch], [0.0, -0.08 * inch], color=INK, lw=0.6)
-    motion = scene.motion
+    motion = scene.excitation
     is_harmonic = isinstance(motion, Harmonic)
     is_to_scale = is_harmonic and motion.amplitude * scale >= 0.12
     length = motion.amplitude if is_to_scale else 0.25 * inch

@@ -178,8 +178,8 @@ def _assumptions(design: Design) -> list[str]:
         more = "" if len(design.conditions) == 1 else ", with the changes of the conditions"
         text.append(
             "Excitation: horizontal harmonic motion of the base in the plane of the block, "
-            f"{number(scene.motion.amplitude)} m · sin(2π · {number(scene.motion.frequency)} Hz · t){more}. "
-            f"g = {number(scene.gravity)} m/s²."
+            f"{number(scene.excitation.amplitude)} m · sin(2π · {number(scene.excitation.frequency)} Hz · t)"
+            f"{more}. g = {number(scene.gravity)} m/s²."
         )
     return [
         *text,

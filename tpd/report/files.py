@@ -158,7 +158,7 @@ def draw(name: str, design: Design, details: Details) -> bytes:
         "benefit.svg": lambda: compare.plot_benefit(design),
         "conditions.svg": lambda: compare.plot_conditions(design),
         "drawing.svg": lambda: drawing.plot_design(design),
-        "response.svg": lambda: response.plot_response(details.responses, scene.motion.frequency),
+        "response.svg": lambda: response.plot_response(details.responses, scene.excitation.frequency),
         "motion.svg": lambda: response.plot_motions(histories, scene.block.slenderness, stroke_limit=limit),
         "front.svg": lambda: compare.plot_front(details.front),
         "animation.gif": lambda: animation.animate(scene, design.pendulum, histories),

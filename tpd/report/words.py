@@ -233,13 +233,13 @@ def origin(scene: Scene) -> str:
     if any(getattr(block, key) != getattr(original, key) for key in sizes):
         return "a block of your own"
     same = {
-        "motion": scene.motion == paper.motion,
+        "excitation": scene.excitation == paper.excitation,
         "losses": (block.friction, block.velocity_ratio) == (original.friction, original.velocity_ratio),
         "gravity": scene.gravity == paper.gravity,
     }
     if other := [name for name, is_same in same.items() if not is_same]:
         return f"{_PAPER} with other {' and '.join(other)} than the paper's"
-    return f"{_PAPER} with the paper's motion and losses"
+    return f"{_PAPER} with the paper's excitation and losses"
 
 
 def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
@@ -252,8 +252,8 @@ def scene_lines(scene: Scene, motion: str = "") -> tuple[str, ...]:
     shape = f"slenderness {number(float(scene.block.slenderness))}; topples at {_toppling(scene)}"
     block, damping = f"  block   {_block(scene)}; {shape}", f"  losses  {losses(scene.block)}"
     # The description of a ground motion replaces the numbers of the harmonic.
-    if motion or not isinstance(scene.motion, Harmonic):
-        return block, damping, f"  motion  {motion or in_words((scene.motion,))}"
+    if motion or not isinstance(scene.excitation, Harmonic):
+        return block, damping, f"  motion  {motion or in_words((scene.excitation,))}"
     motion = f"  motion  {_motion(scene)}, {number(float(scene.peak))} g"
     # A block of the user needs no title; the paper's block may be a wrong default.
     title = origin(scene)
@@ -304,4 +304,4 @@ def _block(scene: Scene) -> str:
 
 
 def _motion(scene: Scene) -> str:
-    return f"{number(float(scene.motion.amplitude))} m at {number(float(scene.motion.frequency))} Hz"
+    return f"{number(float(scene.excitation.amplitude))} m at {number(float(scene.excitation.frequency))} Hz"

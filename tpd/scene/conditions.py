@@ -244,7 +244,7 @@ class Conditions:
         amplitude = checks.within("amplitude", amplitude, 0.0, 1.0)
         count = checks.count("count", count, least=2)
         # Frequencies are stored as factors on the frequency of the scene.
-        factors, own = 1.0 + frequency * np.linspace(-1.0, 1.0, count), scene.motion.frequency
+        factors, own = 1.0 + frequency * np.linspace(-1.0, 1.0, count), scene.excitation.frequency
         low, high = own * (1.0 - frequency), own * (1.0 + frequency)
         phrase = f"{count} frequencies from {low:.3g} to {high:.3g} Hz"
         near = Conditions({"frequency": factors}, (phrase,), {"frequency": (own, "Hz")})
@@ -261,7 +261,7 @@ class Conditions:
             ValueError: the bounds are not positive or not in order, or the count is below two.
         """
         _check_scene(scene)
-        own = scene.motion.frequency
+        own = scene.excitation.frequency
         low, high = checks.interval("band", (low, high), 1e-6 * own, 1e6 * own)
         count = checks.count("count", count, least=2)
         phrase = f"{count} frequencies from {low:g} to {high:g} Hz"
@@ -387,7 +387,7 @@ def _check_scene(scene: object) -> None:
     """Raise `ValueError` unless the argument is a scene with a harmonic, whose frequency the conditions
     vary."""
     checks.instance("scene", scene, Scene)
-    checks.instance("motion", scene.motion, Harmonic, ": see `Conditions.records`")  # type: ignore[attr-defined]
+    checks.instance("excitation", scene.excitation, Harmonic, ": see `Conditions.records`")  # type: ignore[attr-defined]
 
 
 def check_restitution(scene: Scene) -> None:

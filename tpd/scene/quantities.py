@@ -113,7 +113,7 @@ class Setup:
         checks.instance("subject", subject, (Parameters, Scene))
         if isinstance(subject, Scene):
             other = ": use `tpd.transient` for pulses and records"
-            checks.instance("motion", subject.motion, Harmonic, other)
+            checks.instance("excitation", subject.excitation, Harmonic, other)
             values = {n: checks.plain(n, v, single=True) for n, v in subject.quantities(pendulum).items()}
             return Setup(values, True, pendulum is not None)
         if pendulum is not None:

@@ -270,7 +270,7 @@ class Harmonic:
 class Scene:
     """Block with the motion of its base: a `Harmonic`, a `Pulse` or a `Record`.
 
-    The fields are the `block`, its `motion`, and the `gravity` in m/s^2. `parameters` returns the
+    The fields are the `block`, its `excitation`, and the `gravity` in m/s^2. `parameters` returns the
     dimensionless parameters under a harmonic, and `ground_parameters` those under any other motion.
 
     Raises:
@@ -286,15 +286,15 @@ class Scene:
 
     block: Block
     """Block."""
-    motion: Any
-    """Motion of the base: a `Harmonic`, a `Pulse` or a `Record`."""
+    excitation: Any
+    """Excitation, the motion of the base: a `Harmonic`, a `Pulse` or a `Record`."""
     gravity: Real = STANDARD_GRAVITY
     """Acceleration of gravity, m/s^2."""
 
     def __post_init__(self) -> None:
         _convert_numbers(self)
         checks.instance("block", self.block, Block)
-        checks.instance("motion", self.motion, (Harmonic, GroundMotion))
+        checks.instance("excitation", self.excitation, (Harmonic, GroundMotion))
         unit = " m/s^2 (on Earth it is 9.80665)"
         checks.positive("gravity", self.gravity, *GRAVITIES, unit, every=True)
 
@@ -306,7 +306,7 @@ class Scene:
     @property
     def peak(self) -> Real:
         """Largest acceleration of the base over gravity, f."""
-        motion = self.motion
+        motion = self.excitation
         # A harmonic states its displacement, but a ground motion its acceleration.
         largest = motion.amplitude * motion.rate**2 if isinstance(motion, Harmonic) else motion.pga
         return largest / self.gravity
@@ -327,7 +327,7 @@ class Scene:
             ValueError: the motion is not harmonic, the bob is heavier than the block, or the rod is longer
                 than the block is high.
         """
-        checks.instance("motion", self.motion, Harmonic, ": use `tpd.transient` for other motions")
+        checks.instance("excitation", self.excitation, Harmonic, ": use `tpd.transient` for other motions")
         return Parameters(**dimensionless(self.quantities(pendulum)))
 
     def ground_parameters(self, pendulum: Pendulum | None = None) -> Parameters:
@@ -340,7 +340,9 @@ class Scene:
             ValueError: the motion is a harmonic, the bob is heavier than the block, or the rod is longer than
                 the block is high.
         """
-        checks.instance("motion", self.motion, GroundMotion, ": use `tpd.steady_state` for a harmonic")
+        checks.instance(
+            "excitation", self.excitation, GroundMotion, ": use `tpd.steady_state` for a harmonic"
+        )
         return Parameters(**dimensionless(self.quantities(pendulum)))
 
     def quantities(self, pendulum: Pendulum | None = None) -> dict[str, Any]:
@@ -352,7 +354,7 @@ class Scene:
         Raises:
             ValueError: the bob is heavier than the block, or the rod is longer than the block is high.
         """
-        block, motion = self.block, self.motion
+        block, motion = self.block, self.excitation
         if pendulum is not None:
             checks.instance("pendulum", pendulum, Pendulum)
             checks.at_most("pendulum.mass", pendulum.mass, block.mass, "the mass of the block")
