@@ -62,7 +62,7 @@ LONGEST = (
     "answers/test_bifurcations",
     "answers/test_periodic_orbit",
     "answers/test_steady_state",
-    "models/test_compiled",
+    "models/test_piecewise",
     "cli/test_optimise",
     "compiled/test_linear",
 )

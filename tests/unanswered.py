@@ -31,5 +31,5 @@ def unanswered(
             status=np.where(lost, EVENT_BOUND, found.status), tilt=np.where(lost, 0.01, found.tilt)
         )
 
-    monkeypatch.setattr(runs, "follow", stub)
+    monkeypatch.setattr(simulate, "follow", stub)
     return followed

@@ -29,7 +29,7 @@ def followed(p, y0, *, begin=0.0, ramp=0.0, periods):
 
 
 @pytest.mark.parametrize(
-    # Source of the second: `SETTLED` of tests/models/test_compiled.py.
+    # Source of the second: `SETTLED` of tests/models/test_piecewise.py.
     ("equations", "amplitude", "rtol"),
     [("linear", CASES[3].amplitude, 1e-5), ("nonlinear", 0.0659875, 1.5e-5)],
 )

@@ -7,7 +7,7 @@ from tpd.cli.new import template
 
 
 @pytest.mark.parametrize(
-    ("excitation", "first"),
+    ("motion", "first"),
     [
         ("--amplitude 0.004", "NOT NEEDED: under all conditions the block without a pendulum stays at rest"),
         ("--base-friction 0.1", "NOT APPLICABLE: the block slides on its base before it lifts"),
@@ -20,7 +20,7 @@ def test_the_block_alone_comes_first(motion, first, tmp_path):
     header, answer = done.out.split("\n\n")
     assert done.status == 0
     names = [line.split()[0] for line in header.splitlines() if not line.startswith(" " * 10)]
-    assert names == ["block", "excitation", "losses", "lifts", "slides"]
+    assert names == ["block", "motion", "losses", "lifts", "slides"]
     assert answer.startswith(first)
     measures = "Each of these measures prevents uplift without a pendulum: a tie"
     assert (measures in answer) is first.startswith("Stated")

@@ -78,7 +78,7 @@ WORDS = {
     "X": "--x mu 0.01 0.2",
     "PULSE": "--pulse one-sine --pulse-frequency 1.2375",
     "LONG": "x" * 300,
-    "REST": "block.height = 0.4; block.mass = 16; motion.amplitude = 0.015; motion.frequency = 2.5",
+    "REST": "block.height = 0.4; block.mass = 16; excitation.amplitude = 0.015; excitation.frequency = 2.5",
 }
 """Abbreviations in capitals of the table, with the words that they stand for."""
 CAPITALS = rf"\b({'|'.join(WORDS)})\b"
@@ -342,7 +342,7 @@ def test_a_file_that_is_not_a_design_is_rejected(capsys, tmp_path):
     for content, message in (
         ("not json", "is not a design in JSON"),
         ("\xff", "is not a design in JSON"),
-        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 10, but is of 7"),
+        ('{"version": 7, "job": {}, "pendulum": null}', "must be of version 11, but is of 7"),
     ):
         (tmp_path / "design.json").write_text(content, encoding="latin-1")
         for command in (("check", "."), ("response", "design.json"), ("export", ".", "--as", "mjcf")):

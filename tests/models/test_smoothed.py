@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.compiled.test_trajectory import STICKING
-from tests.models.test_compiled import E, moved
+from tests.models.test_piecewise import E, moved
 from tests.reference import (
     MOVING,
     NAMES,
