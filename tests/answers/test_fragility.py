@@ -160,7 +160,7 @@ def test_runs_that_the_nonlinear_equations_do_not_answer_are_named(monkeypatch):
         lost = (equations is tpd.Terms.nonlinear) & (rows[:, F] > 2.0)
         return found._replace(status=np.where(lost, EVENT_BOUND, found.status))
 
-    monkeypatch.setattr(runs, "follow", stub)
+    monkeypatch.setattr(simulate, "follow", stub)
     found = tpd.fragility(STATUE, RECORDS, scales=[0.8, 30.0])
     assert found.changed == (0.0,)
     assert found.unanswered == (12,)

@@ -42,8 +42,8 @@ search={optimiser='rmsprop', steps=4, pareto=true}
 --optimiser rmsprop --steps 4 --pareto
 excitation={pulse='mavroeidis-papageorgiou', pulse_frequency=1, pga=0.4, cycles=2, phase=0.5}
 --pulse mavroeidis-papageorgiou --pulse-frequency 1 --pga 0.4 --cycles 2 --phase 0.5
-excitation={records=['el-centro', 'b.txt'], scales=[2, 3], intensity='pga', validation_share=0.3}; search.starts=8
---records el-centro b.txt --scales 2 3 --intensity pga --validation-share 0.3 --starts 8
+excitation={records=['el-centro', 'b.txt'], scales=[2, 3], intensity='pga', validation_share=0.3}
+--records el-centro b.txt --scales 2 3 --intensity pga --validation-share 0.3
 excitation={records=['a.txt', 'b.txt'], scales=[1], event=['1940', 'B'], baseline='mean'}
 --records a.txt b.txt --scales 1 --event 1940 B --baseline mean
 excitation={records=['a.txt'], scales=[1], validation_share=['el-centro'], dt=0.01, unit='g', channel=1}

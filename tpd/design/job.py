@@ -503,8 +503,8 @@ class RecordsJob(Job):
         if scales is None:
             raise ValueError(
                 "a design for records needs `excitation.scales` (--scales), the intensities that every "
-                "record is scaled to, or one `excitation.pga` (--pga) in g; `tpd fragility` and `tpd shake` use "
-                "unscaled records"
+                "record is scaled to, or one `excitation.pga` (--pga) in g; `tpd fragility` and `tpd shake` "
+                "use unscaled records"
             )
         with naming("excitation"):
             return Conditions.records(self.motions, scales, intensity=intensity)
