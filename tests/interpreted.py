@@ -33,7 +33,7 @@ def results() -> dict[str, Any]:
     from tpd.compiled.orbits import orbit_slopes, solve_orbits
     from tpd.compiled.rows import row_of
     from tpd.compiled.simulate import HarmonicForcing, follow
-    from tpd.design.criteria import Geometry
+    from tpd.design.geometry import Geometry
     from tpd.design.orbits import Orbits
     from tpd.scene.parameters import NAMES, Parameters
 

@@ -32,8 +32,10 @@ def modules() -> set[Path]:
 
 
 def with_tests() -> set[Path]:
-    """Test files in folders, each with a test."""
-    found = {path.relative_to(TESTS) for path in TESTS.rglob("test_*.py") if path.parent != TESTS}
+    """Test files of modules, each with a test."""
+    found = {path.relative_to(TESTS) for path in TESTS.rglob("test_*.py")}
+    # Other files beside this one concern the whole package.
+    found -= {path for path in found if path.parent == Path() and not (PACKAGE / path.name[5:]).exists()}
     tests = {path for path in found if "def test_" in (TESTS / path).read_text(encoding="utf-8")}
     return {path for path in tests if path.parts[0] not in ELSEWHERE}
 

@@ -25,15 +25,15 @@ from .cluster.cluster import Cluster as Cluster
 from .core.batch import in_chunks as in_chunks
 from .design.as_built import details as details
 from .design.assess import assess as assess
-from .design.criteria import DesignSpace as DesignSpace
-from .design.criteria import Risk as Risk
 from .design.design import Design as Design
 from .design.job import Job as Job
 from .design.optimise import front as front
 from .design.optimise import optimise as optimise
 from .design.optimise import optimise_all as optimise_all
+from .design.risk import Risk as Risk
 from .design.settings import Descent as Descent
 from .design.settings import GroundSearch as GroundSearch
+from .design.space import DesignSpace as DesignSpace
 from .design.stored_design import read_design as read_design
 from .explore.page import explore as explore
 from .models.piecewise import Nonlinear as Nonlinear

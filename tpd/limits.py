@@ -1,3 +1,575 @@
-"""Limits and objectives of a design; `tpd.design.criteria` defines them."""
+"""Limits and objectives of a design, and requirements on its benefit.
 
-from tpd.design.criteria import *  # noqa: F403
+A limit is stated by a size, a quantity over its largest allowed value, which must not exceed 1 under any
+condition. The search accepts any list of limits, because it uses only their sizes and the derivatives of the
+sizes with respect to (mu, lam, zeta).
+
+A limit of a user is a frozen dataclass that is a subclass of `Limit`, with a `name` and one method `size`.
+JAX differentiates the method. If it uses more than the tilt, the angles of the bob and the design, the class
+also has `of_motion = False`. An objective of a user is a subclass of `Objective` with the same method.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from tpd.core import checks
+from tpd.design.geometry import Geometry, Ratios
+from tpd.scene.bob import THICKEST, Bob
+from tpd.scene.scene import Block
+
+__all__ = [
+    "DEFAULT_LIMITS",
+    "POINT_BOB",
+    "Bob",
+    "Clearance",
+    "Limit",
+    "Mass",
+    "Motion",
+    "Multiplier",
+    "Objective",
+    "Offset",
+    "Ratios",
+    "RelativeStroke",
+    "Requirements",
+    "Reserve",
+    "SteadyTilt",
+    "Stroke",
+    "Tilt",
+    "Worsening",
+]
+"""Public names, in the order of the reference."""
+MEASURES = "overturning", "tilt"
+"""Measures that a pendulum can be required to reduce: the share of runs that overturn, or the mean tilt."""
+THICKNESS = "thickness"
+"""Name of the size: half the height of the bob over the largest share of its rod."""
+DEPTH = "depth"
+"""Name of the size: depth of the lower end of the bob below the hinge over the height of the block."""
+_LEAST_TILT = 0.02
+"""Tilt as a share of nu that a pendulum may always leave. Without this value, a block that rests or almost
+rests without a pendulum would reject every design."""
+
+
+@checks.keywords
+@dataclass(frozen=True, kw_only=True)
+class Requirements:
+    """Smallest benefit and largest harm of a recommended pendulum, over paired runs of the nonlinear
+    equations.
+
+    All fields are shares between 0 and 1, except `measure`.
+
+    Raises:
+        ValueError: a share is out of range, or the measure is unknown.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Requirements(at_least=0.2, wall_contacts=0.02).allowed
+        0.02
+    """
+
+    at_least: checks.Real = 0.1
+    """Smallest relative reduction of the measure over all runs; the reduction must also be significant at 95
+    %."""
+    measure: str | None = None
+    """Measure that must fall: "overturning", the share of runs that overturn, or "tilt", the mean tilt, in
+    which a run that overturns counts as 1. Default: overturning if the block overturns in at least 1 % of the
+    validation runs without the pendulum, else tilt."""
+    worse: checks.Real = 0.05
+    """Largest relative increase of the mean tilt under any one condition, or for any one kind of initial
+    state."""
+    wall_contacts: checks.Real | None = None
+    """Largest share of the standing runs in which the bob may touch a wall, during the transient or settled
+    (default 0.01). Under ground motions: largest share of the standing runs that may exceed any limit
+    (default 0.1)."""
+
+    def __post_init__(self) -> None:
+        shares = "at_least worse" if self.wall_contacts is None else "at_least worse wall_contacts"
+        checks.set_checked(self, checks.within, shares, 0.0, 1.0)
+        if self.measure is not None:
+            checks.one_of("measure", self.measure, MEASURES)
+
+    @property
+    def allowed(self) -> float:
+        """Largest share of the standing runs that may touch a wall under harmonic excitation."""
+        return 0.01 if self.wall_contacts is None else self.wall_contacts
+
+    @property
+    def broken(self) -> float:
+        """Largest share of the standing runs that may exceed a limit under ground motions."""
+        return 0.1 if self.wall_contacts is None else self.wall_contacts
+
+
+class Motion(NamedTuple):
+    """Settled motion of one design under one condition, for limits: numbers.
+
+    Tilt, swing, rod angle and reserve have exact derivatives with respect to the design. The margin and the
+    multiplier have none: a search stops at a limit on them and does not move along it.
+
+    Example:
+        >>> import tpd
+        >>> motion = tpd.limits.Motion(0.3, 0.2, 0.25, -0.1, 0.8, 0.1)
+        >>> motion.rod_angle
+        0.25
+    """
+
+    tilt: Any
+    """Largest |phi| over nu; 0 at rest."""
+    swing: Any
+    """Largest |psi|, rad."""
+    rod_angle: Any
+    """Largest angle |psi - phi| between rod and block, rad. In the search it is the sum of the largest swing
+    and the largest tilt, which is an upper bound."""
+    margin: Any
+    """Uplift margin: positive if the settled block stays at rest."""
+    multiplier: Any
+    """Largest modulus of the Floquet multipliers; 0 at rest."""
+    reserve: Any
+    """Distance of the orbit from the bifurcation at which it stops attracting; 1 at rest."""
+
+
+class _Sized(ABC):
+    """Base class of limits and objectives: a name, and a function of one motion that JAX differentiates."""
+
+    name: ClassVar[str]
+    """Key in a job file and in reports."""
+    of_motion: ClassVar[bool] = True
+    """Whether the function uses only tilt, angles of the bob and design, and not margin, multiplier and
+    reserve. Only then the runs of all models have a value."""
+
+    @abstractmethod
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the quantity over its limit or over its reference value, one number."""
+
+    def sizes(self, motion: Motion, design: Ratios, geometry: Geometry) -> dict[str, Any]:
+        """Return all quantities by their names; by default the only one."""
+        return {self.name: self.size(motion, design, geometry)}
+
+
+@dataclass(frozen=True)
+class Limit(_Sized):
+    """Inequality constraint on a design under every condition; base class of all limits.
+
+    A subclass is a frozen dataclass with a class attribute `name` and a method `size` of one motion, one
+    design and the geometry of one condition. Its result is the quantity over its largest allowed value. All
+    arguments are numbers, and the method is differentiated by JAX: use `jax.numpy`, and no `if` on them.
+
+    Example:
+        >>> import dataclasses, tpd
+        >>> from typing import ClassVar
+        >>> @dataclasses.dataclass(frozen=True)
+        ... class LongestRod(tpd.limits.Limit):
+        ...     length: float
+        ...     name: ClassVar[str] = "rod"
+        ...
+        ...     def size(self, motion, design, geometry):
+        ...         return geometry.rod(design) / self.length
+        >>> LongestRod(0.5).name
+        'rod'
+    """
+
+    label: ClassVar[str] = ""
+    """Words for the limit in a report; if empty, the name itself."""
+    unit: ClassVar[str] = ""
+    """Unit of the number in a report."""
+
+    def set_number(self, field: str, check: Callable[[str, object], Any] = checks.positive) -> float:
+        """Replace the value of a field by the result of a check, and return it. Messages use the name of the
+        limit."""
+        object.__setattr__(self, field, check(self.name, getattr(self, field)))
+        return getattr(self, field)
+
+    def set_angle(self) -> None:
+        """Check that `angle` is positive and at most pi/2. At pi/2 the bob is level with its hinge."""
+        checks.at_most(self.name, self.set_number("angle"), 0.5 * np.pi, "a right angle in rad")
+
+
+@dataclass(frozen=True)
+class Objective(_Sized):
+    """Quantity of a settled motion that a search minimises, under every condition; base class of all
+    objectives.
+
+    A subclass has the form of a `Limit`. Its values apply where a motion attracts and the block rocks.
+    Elsewhere the search uses other values: minus the uplift margin where the block rests, and more than 1
+    where no motion attracts. The quantity must therefore be divided by a reference value, and be between 0
+    and 1 for every acceptable motion. Limits, penalties and tolerances are scaled for such values as well.
+
+    Example:
+        >>> import dataclasses, tpd
+        >>> from typing import ClassVar
+        >>> @dataclasses.dataclass(frozen=True)
+        ... class Swing(tpd.limits.Objective):
+        ...     name: ClassVar[str] = "swing"
+        ...
+        ...     def size(self, motion, design, geometry):
+        ...         return motion.swing / 1.5
+        >>> Swing().name
+        'swing'
+    """
+
+
+@dataclass(frozen=True)
+class SteadyTilt(Objective):
+    """Largest settled tilt over the slenderness. At 1 the block stands on its corner and topples.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.SteadyTilt().name
+        'tilt'
+    """
+
+    name: ClassVar[str] = "tilt"
+
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the tilt over nu."""
+        return motion.tilt
+
+
+@dataclass(frozen=True)
+class Stroke(Limit):
+    """Largest settled bob angle |psi| from the vertical, rad, at most pi/2. Beyond about 0.5 rad the linear
+    equations are inaccurate.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Stroke(0.4).angle
+        0.4
+    """
+
+    angle: checks.Real = 0.5
+    """Largest bob angle, rad."""
+    name: ClassVar[str] = "stroke"
+    unit: ClassVar[str] = "rad"
+
+    def __post_init__(self) -> None:
+        self.set_angle()
+
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the bob angle over the limit."""
+        return motion.swing / self.angle
+
+
+@dataclass(frozen=True)
+class RelativeStroke(Limit):
+    """Largest settled angle |psi - phi| between bob and block, rad, at most pi/2. The search limits the sum
+    of the largest bob angle and the largest tilt, which is an upper bound.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.RelativeStroke(0.4).angle
+        0.4
+    """
+
+    angle: checks.Real
+    """Largest angle between bob and block, rad."""
+    name: ClassVar[str] = "relative_stroke"
+    label: ClassVar[str] = "relative stroke"
+    unit: ClassVar[str] = "rad"
+
+    def __post_init__(self) -> None:
+        self.set_angle()
+
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the angle between rod and block over the limit."""
+        return motion.rod_angle / self.angle
+
+
+@dataclass(frozen=True)
+class Tilt(Limit):
+    """Largest settled tilt |phi|, as a share of nu, at most 1. At nu the block stands on its corner.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Tilt(0.5).share
+        0.5
+    """
+
+    share: checks.Real
+    """Largest tilt over nu."""
+    name: ClassVar[str] = "tilt"
+    unit: ClassVar[str] = "of nu"
+
+    def __post_init__(self) -> None:
+        checks.at_most(self.name, self.set_number("share"), 1.0, "a block that stands on its corner")
+
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the tilt over the limit."""
+        return motion.tilt / self.share
+
+
+@dataclass(frozen=True)
+class Mass(Limit):
+    """Largest mass of the bob as built, kg. If no body swings like the point pendulum, the mass of the point.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Mass(500.0).kg
+        500.0
+    """
+
+    kg: checks.Real
+    """Largest mass, kg."""
+    name: ClassVar[str] = "mass"
+    label: ClassVar[str] = "mass (bob as built)"
+    unit: ClassVar[str] = "kg"
+
+    def __post_init__(self) -> None:
+        self.set_number("kg")
+
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the mass of the body over the limit, with the nominal mass under all conditions."""
+        # The tolerance of the mass is not part of the limit.
+        return geometry.body(design).mass / geometry.mass_factor / self.kg
+
+
+@dataclass(frozen=True)
+class Offset(Limit):
+    """Largest distance of the centre of the settled bob, as built, from the axis of the block, m.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Offset(0.3).distance
+        0.3
+    """
+
+    distance: checks.Real
+    """Largest distance, m."""
+    name: ClassVar[str] = "offset"
+    label: ClassVar[str] = "offset (bob from the axis)"
+    unit: ClassVar[str] = "m"
+
+    def __post_init__(self) -> None:
+        self.set_number("distance")
+
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the distance l sin(angle) from the axis over the limit."""
+        # Beyond a right angle the bob comes back towards the axis, but on the way it was a rod's length from
+        # the axis.
+        xp = checks.namespace(*motion, *design)
+        across = xp.sin(xp.minimum(motion.rod_angle, 0.5 * np.pi))
+        return geometry.body(design).rod * across / self.distance
+
+
+@dataclass(frozen=True)
+class Clearance(Limit):
+    """Clearance of the bob as built. In the steady state the bob does not touch the walls of the cavity, half
+    its height is at most 0.6 of the length of the rod, and its lower end is not below the block. In
+    validation runs the bob does not touch the walls during the transient either.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Clearance(tpd.limits.Bob(shape="cylinder")).bob.shape
+        'cylinder'
+    """
+
+    bob: Bob = field(default_factory=Bob)
+    """Shape, density and proportions of the bob."""
+    name: ClassVar[str] = "clearance"
+    label: ClassVar[str] = "clearance (bob to the wall)"
+
+    def __post_init__(self) -> None:
+        checks.instance("bob", self.bob, Bob)
+
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the largest distance of the bob from the axis over half the distance between the walls."""
+        _, mass, rod = replace(geometry, bob=self.bob).body(design)
+        return self.bob.reach(mass, rod, motion.rod_angle) / geometry.wall
+
+    def sizes(self, motion: Motion, design: Ratios, geometry: Geometry) -> dict[str, Any]:
+        """Return the sizes of the bob: distance from the axis, thickness and depth, each over its limit.
+
+        The second is half the height of the bob over the largest value that the rod allows. The third is the
+        depth of the lower end below the hinge over the height of the block.
+        """
+        exists, mass, rod = replace(geometry, bob=self.bob).body(design)
+        high = self.bob.half_height(mass)
+        # If no body swings like the point pendulum, `~exists` adds 1, and the bob counts as too thick.
+        sizes = {
+            THICKNESS: high / (THICKEST * rod) + ~exists,
+            DEPTH: (rod + high) / (2.0 * geometry.half_height),
+        }
+        return super().sizes(motion, design, geometry) | sizes
+
+
+@dataclass(frozen=True)
+class Worsening(Limit):
+    """Largest relative increase of the settled tilt under any condition, compared with the block without a
+    pendulum. The limit has no effect under conditions in which that block rests, overturns or has no known
+    settled motion.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Worsening(0.1).share
+        0.1
+    """
+
+    share: checks.Real = 0.05
+    """Largest relative increase of the tilt."""
+    name: ClassVar[str] = "worsening"
+    label: ClassVar[str] = "worsening (compared with no pendulum)"
+    unit: ClassVar[str] = "of the tilt without pendulum"
+    of_motion: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        self.set_number("share", checks.not_negative)
+
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the tilt over the largest tilt that the limit allows."""
+        xp = checks.namespace(*motion, *design, geometry.tilt_without_pendulum)
+        without = geometry.tilt_without_pendulum
+        # Compared with a tilt close to zero every tilt would be a large increase, hence the lower bound.
+        most = (1.0 + self.share) * xp.maximum(without, _LEAST_TILT)
+        # Where the reference is unknown the limit has no effect.
+        return xp.where(xp.isfinite(without), motion.tilt / most, 0.0)
+
+
+@dataclass(frozen=True)
+class Multiplier(Limit):
+    """Largest modulus of the Floquet multipliers, below 1. This limit has no derivative, so that a search
+    stops at it and does not move along it. `Reserve` has a derivative.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Multiplier(0.9).largest
+        0.9
+    """
+
+    largest: checks.Real
+    """Largest modulus."""
+    name: ClassVar[str] = "multiplier"
+    of_motion: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        self.set_number("largest", lambda name, value: checks.within(name, value, 1e-6, 1.0))
+
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return the modulus over the limit."""
+        return motion.multiplier / self.largest
+
+
+@dataclass(frozen=True)
+class Reserve(Limit):
+    """Smallest distance of a symmetric orbit from the bifurcation at which it stops attracting (fold, loss of
+    symmetry or torus). Without this limit a search over orbits ends at the boundary of stability.
+
+    Example:
+        >>> import tpd
+        >>> tpd.limits.Reserve(0.1).least
+        0.1
+    """
+
+    least: checks.Real = 0.05
+    """Smallest distance."""
+    name: ClassVar[str] = "reserve"
+    of_motion: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        self.set_number("least")
+
+    def size(self, motion: Motion, design: Ratios, geometry: Geometry) -> Any:
+        """Return a size that is at most 1 if the reserve is at least `least`."""
+        # A size has an upper bound, but a reserve has a lower bound: 2 - x/least is at most 1 if x is at
+        # least `least`.
+        return 2.0 - motion.reserve / self.least
+
+
+LIMIT_KINDS: tuple[type[Limit], ...] = (
+    Stroke,
+    RelativeStroke,
+    Tilt,
+    Mass,
+    Offset,
+    Clearance,
+    Worsening,
+    Multiplier,
+    Reserve,
+)
+"""All limits, in the order of a report."""
+LABELS = {kind.name: kind.label or kind.name for kind in LIMIT_KINDS} | {
+    THICKNESS: "thickness (bob off the hinge)",
+    DEPTH: "depth (bob within the block's height)",
+}
+"""Words of a report, by the names of the limited sizes."""
+STILL = THICKNESS, DEPTH, Mass.name
+"""Names of the limited sizes that do not depend on the motion."""
+POINT_BOB: tuple[Limit, ...] = (Stroke(), Reserve())
+"""Limits on a bob without size, as in the paper."""
+DEFAULT_LIMITS: tuple[Limit, ...] = (Stroke(), Clearance(), Worsening(), Reserve())
+"""Default limits under harmonic excitation."""
+
+
+def limit_of(limits: tuple[Limit, ...], kind: type[Limit]) -> Limit | None:
+    """Return the limit of a kind, or None."""
+    return next((limit for limit in limits if isinstance(limit, kind)), None)
+
+
+def bob_of(limits: tuple[Limit, ...]) -> Bob:
+    """Return the bob as a body: that of the limit `Clearance`, or by default a ball of steel."""
+    clearance = limit_of(limits, Clearance)
+    return clearance.bob if isinstance(clearance, Clearance) else Bob()
+
+
+def stroke_limit(limits: tuple[Limit, ...]) -> float:
+    """Return the largest settled |psi| that is allowed, rad; infinite without such a limit."""
+    limit = limit_of(limits, Stroke)
+    return limit.angle if isinstance(limit, Stroke) else np.inf
+
+
+def check_limits(limits: Iterable[Limit]) -> tuple[Limit, ...]:
+    """Return the limits as a tuple in the order of a report.
+
+    Raises:
+        ValueError: an element is not a limit, or two limits are of the same kind.
+    """
+    # A string and a table are iterable as well, but are never a list of limits.
+    is_list = isinstance(limits, Iterable) and not isinstance(limits, (str, bytes, Mapping))
+    if not is_list or checks.is_concrete(limits):
+        raise ValueError(f"`limits` must be a list of objects of `tpd.limits`, but is {checks.shown(limits)}")
+    listed = tuple(limits)
+    for limit in listed:
+        if not isinstance(limit, Limit):
+            raise ValueError(f"`limits` must contain objects of `tpd.limits`, but has {checks.shown(limit)}")
+        # The fields of the dataclass distinguish two searches, and the name appears in reports.
+        if "__dataclass_fields__" not in vars(type(limit)) or not hasattr(limit, "name"):
+            raise ValueError(f"`limits` must be dataclasses with a `name`, but has {type(limit).__name__}")
+    kinds = [type(limit) for limit in listed]
+    for kind in kinds:
+        # With two limits of one kind a report could not say which one is active.
+        if kinds.count(kind) > 1:
+            raise ValueError(f"`limits` must have one limit of each kind, but has two of {kind.__name__}")
+    # Limits that a user has defined come last.
+    order = dict(zip(LIMIT_KINDS, range(len(LIMIT_KINDS)), strict=True))
+    return tuple(sorted(listed, key=lambda limit: order.get(type(limit), len(order))))
+
+
+def check_objective(objective: object) -> Objective:
+    """Return the objective.
+
+    Raises:
+        ValueError: the objective is not an object of a dataclass with a `name` that is a subclass of
+            `Objective`.
+    """
+    # The fields of the dataclass distinguish two searches, and the name appears in reports.
+    is_complete = "__dataclass_fields__" in vars(type(objective)) and hasattr(objective, "name")
+    if isinstance(objective, Objective) and is_complete:
+        return objective
+    raise ValueError(
+        "`objective` must be an object of a dataclass with a `name` that is a subclass of "
+        f"`tpd.limits.Objective`, but is {checks.shown(objective)}"
+    )
+
+
+def check_cavity(block: Block, limits: tuple[Limit, ...]) -> None:
+    """Raise `ValueError` if a limit depends on the width of the cavity and the block does not state it."""
+    if limit_of(limits, Clearance) is None or block.cavity_width is not None:
+        return
+    raise ValueError(
+        "`cavity_width` must be given, but is missing. It is the distance in m between the walls on both "
+        "sides of the bob: a pendulum needs a cavity in the block. State the width (--cavity, or "
+        "`cavity_width` in [block] or of `Block`), or ignore the walls (--no-walls, `clearance = false` in "
+        "[limits], or limits without `Clearance`)"
+    )

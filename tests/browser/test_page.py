@@ -13,10 +13,10 @@ import tpd
 from tests.browser.browser import Browser, browser, find
 from tests.browser.test_orbits import CHIMNEY, exact
 from tests.explore import made
-from tpd.design.criteria import stroke_limit
 from tpd.design.ground_motion import motion_factors
 from tpd.design.job import job_of
 from tpd.design.optimise import problem_of
+from tpd.limits import stroke_limit
 from tpd.theory.no_uplift import uplift
 
 pytestmark = pytest.mark.skipif(

@@ -7,9 +7,9 @@ import pytest
 
 import tpd
 from tests.browser.node import needs_node, run
-from tpd.design.criteria import Evaluation, Geometry
+from tpd.design.geometry import Geometry
 from tpd.design.optimise import problem_of
-from tpd.design.sizes import evaluate_sizes
+from tpd.design.sizes import Evaluation, evaluate_sizes
 from tpd.explore.content import block_numbers, content
 from tpd.scene.conditions import Conditions
 from tpd.scene.impacts import housner
@@ -68,7 +68,7 @@ def test_parameters_and_margin_of_uplift(pendulum):
 def test_the_limits_are_those_of_the_search(pendulum, bob):
     limits = (*ALL, tpd.limits.Clearance(bob))
     tilt, swing, without = 0.2, 0.35, 0.24
-    geometry = Geometry.of(SCENE, Conditions.exactly(), limits)
+    geometry = Geometry.of(SCENE, Conditions.exactly(), bob)
     geometry = replace(geometry, tilt_without_pendulum=without)
     design = np.array([[pendulum[0] / 16280.0, pendulum[1] / 5.0, pendulum[2]]])
     at = Evaluation.blank(1, 1)._replace(

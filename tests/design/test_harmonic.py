@@ -9,10 +9,10 @@ import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
 from tpd.answers.attractors import StartKind
 from tpd.core.progress import unreported
-from tpd.design.criteria import DEFAULT_LIMITS
 from tpd.design.harmonic import VALIDATION_RUNS, HarmonicProblem
 from tpd.design.problem import Variation
 from tpd.design.reasons import DesignStatus
+from tpd.limits import DEFAULT_LIMITS
 
 LOSSY = tpd.Scene(dataclasses.replace(SCENE.block, friction=0.0, restitution="housner"), SCENE.excitation)
 DESIGN = np.array([0.15, 0.26, 0.35])

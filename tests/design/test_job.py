@@ -11,14 +11,15 @@ import pytest
 
 import tpd
 from tests.formats.synthetic import shaking
+from tpd import limits
 from tpd.answers.attractors import Starts
 from tpd.answers.ensemble import Ensemble
-from tpd.design import criteria
 from tpd.design import job as jobs
-from tpd.design.criteria import DesignSpace, Requirements
 from tpd.design.ground_motion import GroundMotionProblem, motion_factors
 from tpd.design.job_keys import SCHEMA
 from tpd.design.settings import Descent
+from tpd.design.space import DesignSpace
+from tpd.limits import Requirements
 from tpd.records import el_centro, loma_prieta
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import Conditions
@@ -111,11 +112,11 @@ def test_without_tables_the_job_is_that_of_the_papers_block():
     assert (job.scene, job.space, job.conditions) == (tpd.paper_scene(), DesignSpace(), None)
     assert len(conditions(job)) == 10
     assert (job.starts, jobs.job_of(JOBS["starts"]).starts) == (Starts.any(), Starts.rest())
-    assert job.limits == criteria.DEFAULT_LIMITS == jobs.job_of(BAND).limits
+    assert job.limits == limits.DEFAULT_LIMITS == jobs.job_of(BAND).limits
     assert isinstance(job.method, Descent)
     assert (job.method.searches, job.method.screening, job.method.steps) == (8, 512, 20)
     assert (job.risk, job.ensemble, job.requirements) == (
-        criteria.Risk.worst(),
+        tpd.Risk.worst(),
         Ensemble(size=2048, seed=0),
         Requirements(),
     )
@@ -125,19 +126,19 @@ def test_without_tables_the_job_is_that_of_the_papers_block():
 def test_tables_become_objects():
     exactly = jobs.job_of(EXACTLY)
     assert len(conditions(exactly)) == 1
-    assert exactly.limits == (criteria.Stroke(), criteria.Reserve())
+    assert exactly.limits == (limits.Stroke(), limits.Reserve())
     bob = Bob(shape="cylinder", density=11340.0, aspect=1.5)
-    assert criteria.Clearance(bob) in jobs.job_of(JOBS["bob"]).limits
+    assert limits.Clearance(bob) in jobs.job_of(JOBS["bob"]).limits
     without = jobs.job_of(JOBS["limits"]).limits
-    assert not any(isinstance(limit, criteria.Clearance) for limit in without)
-    assert criteria.Worsening(0.2) in without
+    assert not any(isinstance(limit, limits.Clearance) for limit in without)
+    assert limits.Worsening(0.2) in without
     assert jobs.job_of({"search": {"model": "piecewise"}}).method.model == "piecewise"
     job = jobs.job_of(JOBS["robust"])
     band = Conditions.band(tpd.paper_scene(), 2.0, 3.5, 20)
     scatter = Conditions.scatter(16, 3, friction=0.2, length=0.02)
     expected = band * Conditions.amplitudes(0.8, 1.0, 1.2) * scatter
     np.testing.assert_array_equal(job.conditions.factor_rows(), expected.factor_rows())
-    assert job.risk == criteria.Risk.cvar(0.2)
+    assert job.risk == tpd.Risk.cvar(0.2)
 
 
 def test_defaults_without_effect_and_whole_numbers_are_taken_where_any_number_is_meant():

@@ -7,12 +7,14 @@ import jsonschema
 import pytest
 
 from tests.design.test_job import refusal
+from tpd import limits
 from tpd.answers.ensemble import Ensemble
-from tpd.design import criteria
 from tpd.design import job as jobs
-from tpd.design.criteria import DesignSpace, Requirements, Risk
 from tpd.design.job_keys import SCHEMA, TABLES, json_schema
+from tpd.design.risk import Risk
 from tpd.design.settings import Descent
+from tpd.design.space import DesignSpace
+from tpd.limits import Requirements
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import FACTORS
 from tpd.scene.scene import Block
@@ -37,11 +39,11 @@ def test_every_field_of_the_classes_is_a_key_with_its_default():
 
 
 def test_every_limit_is_a_key_that_becomes_it():
-    assert list(TABLES["limits"]) == [kind.name for kind in criteria.KINDS]
-    for kind in criteria.KINDS:
-        given = True if kind is criteria.Clearance else 0.125
+    assert list(TABLES["limits"]) == [kind.name for kind in limits.LIMIT_KINDS]
+    for kind in limits.LIMIT_KINDS:
+        given = True if kind is limits.Clearance else 0.125
         (found,) = (x for x in jobs.job_of({"limits": {kind.name: given}}).limits if isinstance(x, kind))
-        assert found == (kind() if kind is criteria.Clearance else kind(0.125))
+        assert found == (kind() if kind is limits.Clearance else kind(0.125))
         off = jobs.job_of({"limits": {kind.name: False}})
         assert not any(isinstance(x, kind) for x in off.limits)
 

@@ -10,9 +10,9 @@ import pytest
 import tpd
 from tests.design.conftest import BAND, SCENE, WIDE
 from tests.reference import orbits_of
-from tpd.design.criteria import NONE, REST, ROCKING, Geometry
-from tpd.design.orbits import BACK_OFF, KINDS, SMOOTHED, Orbits, SmoothedOrbits, margins
-from tpd.design.sizes import evaluate_sizes
+from tpd.design.geometry import Geometry
+from tpd.design.orbits import BACK_OFF, SMOOTHED, Orbits, SmoothedOrbits, margins
+from tpd.design.sizes import MOTION_KINDS, NONE, REST, ROCKING, evaluate_sizes
 from tpd.scene.parameters import as_arrays
 
 GOOD = np.array([[0.15, 0.26, 0.35]])
@@ -47,7 +47,7 @@ def test_a_condition_is_answered_by_its_largest_attracting_orbit_or_by_rest(obje
         scene = dataclasses.replace(SCENE, excitation=motion)
         p = scene.parameters(scene.pendulum(mass_ratio=mass, length_ratio=length, damping_ratio=damping))
         found = orbits_of(p)
-        assert KINDS[e.kind[0, i]] == "rocking"
+        assert MOTION_KINDS[e.kind[0, i]] == "rocking"
         assert e.tilt[0, i] == pytest.approx(float(found.amplitude[0]) / p.nu, rel=1e-10)
         assert e.swing[0, i] == pytest.approx(float(found.swing[0]), rel=1e-10)
         assert e.margin[0, i] == pytest.approx(float(tpd.theory.uplift(p).margin), rel=1e-10)
@@ -151,7 +151,7 @@ def test_an_objective_of_the_user_applies_where_the_block_rocks():
     e, usual = (
         orbits(conditions=conditions, **more).evaluate(GOOD) for more in ({"objective": Both(0.5)}, {})
     )
-    assert [KINDS[kind] for kind in e.kind[0]] == ["rest", "rocking"]
+    assert [MOTION_KINDS[kind] for kind in e.kind[0]] == ["rest", "rocking"]
     np.testing.assert_array_equal(e.merit[0], [-e.margin[0, 0], e.tilt[0, 1] + 0.5 * e.swing[0, 1]])
     np.testing.assert_array_equal(e.merit_slope[0, 0], usual.merit_slope[0, 0])
     of_user = orbits(objective=Both(0.5))

@@ -11,11 +11,12 @@ import tpd
 from tests.designs import RATIOS, SCENE, NoisyProblem, outcomes
 from tpd import limits
 from tpd.design.as_built import build_of
-from tpd.design.criteria import check_cavity, check_moves, check_scatter
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import job_of
 from tpd.design.problem import within_mass
+from tpd.design.space import check_moves, check_scatter
+from tpd.limits import check_cavity
 
 SOLID = dataclasses.replace(SCENE.block, cavity_width=None)
 

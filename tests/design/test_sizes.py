@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import tpd
-from tpd.design.criteria import Evaluation, Geometry
-from tpd.design.sizes import evaluate_sizes
+from tpd.design.geometry import Geometry
+from tpd.design.sizes import Evaluation, evaluate_sizes
 
 SCENE = tpd.paper_scene()
 GEOMETRY = Geometry.of(SCENE, tpd.Conditions.amplitudes(1.0, 1.1))

@@ -8,9 +8,9 @@ import pytest
 import tpd
 from tests.designs import SCENE, SPACE, NoisyProblem, outcomes, paired
 from tpd.answers.paired import PairedRuns
-from tpd.design.criteria import Requirements
 from tpd.design.reasons import DesignStatus, ReasonKind
 from tpd.design.validate import run_seed, validate
+from tpd.limits import Requirements
 from tpd.scene.bob import Bob
 
 TILT = {"measure": "tilt"}

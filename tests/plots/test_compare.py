@@ -8,8 +8,8 @@ import pytest
 import tpd
 from tests.plots.examples import FRONT
 from tests.plots.shown import legend, lines
-from tpd.design.criteria import Reserve
 from tpd.design.reasons import DesignStatus
+from tpd.limits import Reserve
 from tpd.plots.compare import plot_benefit, plot_conditions, plot_front
 from tpd.plots.style import new_axes
 from tpd.scene.conditions import Conditions

@@ -7,7 +7,8 @@ import pytest
 
 import tpd
 from tests.report.conftest import harmonic
-from tpd.design.criteria import Clearance, Mass, Risk
+from tpd.design.risk import Risk
+from tpd.limits import Clearance, Mass
 from tpd.report import words
 from tpd.scene.bob import Bob
 from tpd.theory.no_uplift import AtRest

@@ -12,7 +12,7 @@ from tpd.scene.pytrees import pytree
 
 HEAVY = "jax", "diffrax", "optax", "equinox", "numba", "scipy", "matplotlib", "dask"
 LIGHT = (
-    *("core.checks", "design.criteria", "records", "records.intensity", "records.read"),
+    *("core.checks", "limits", "records", "records.intensity", "records.read"),
     *(
         "scene.conditions",
         "scene.ensemble",

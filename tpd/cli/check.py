@@ -14,13 +14,14 @@ from tpd.core import checks
 from tpd.core.formatting import compared, number
 from tpd.core.progress import Bar
 from tpd.design.assess import needless
-from tpd.design.criteria import DesignSpace, Mass, check_cavity, stroke_limit
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
+from tpd.design.space import DesignSpace
 from tpd.design.validate import Validated, validate
 from tpd.engines import mujoco
+from tpd.limits import Mass, check_cavity, stroke_limit
 from tpd.report import answer, files, words
 from tpd.report.blocks import wrapped
 from tpd.scene.scene import Pendulum

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from tpd.cli.options import set_keys, tables_of
 from tpd.core import checks, files, progress
 from tpd.design import job as jobs
-from tpd.design.criteria import check_cavity
 from tpd.design.stored_design import read_design
+from tpd.limits import check_cavity
 from tpd.records.read import summary
 from tpd.report import words
 from tpd.report.blocks import wrapped

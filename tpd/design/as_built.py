@@ -21,9 +21,9 @@ from tpd.answers.statistics import Interval
 from tpd.answers.steady_state import sampled, simulate
 from tpd.core.formatting import Printed, number
 from tpd.core.progress import Progress, unreported
-from tpd.design.criteria import bob_of
 from tpd.design.design import Design, FrontPoint
 from tpd.design.problem import Variation
+from tpd.limits import bob_of
 from tpd.models.piecewise import Piecewise
 from tpd.scene.bob import STEEL, Bob
 from tpd.scene.conditions import Conditions

@@ -13,12 +13,13 @@ from tpd.answers.motion_history import sliding
 from tpd.answers.paired import PairedRuns
 from tpd.answers.statistics import Interval
 from tpd.core.formatting import Printed, number, percent
-from tpd.design.criteria import LABELS, STILL, DesignSpace, stroke_limit
 from tpd.design.problem import Problem
 from tpd.design.reasons import OFFERED, DesignStatus, Reason, ReasonKind
 from tpd.design.refine import Trials
 from tpd.design.search import Search
+from tpd.design.space import DesignSpace
 from tpd.design.validate import Validated
+from tpd.limits import LABELS, STILL, stroke_limit
 from tpd.scene.conditions import Conditions
 from tpd.scene.scene import Pendulum, Scene
 

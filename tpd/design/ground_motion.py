@@ -25,10 +25,12 @@ from tpd.compiled.rows import row_of
 from tpd.compiled.simulate import GroundForcing
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
-from tpd.design.criteria import KINDS, Clearance, DesignSpace, Limit, Risk, Stroke
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
 from tpd.design.reasons import DesignStatus, ReasonKind
+from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, VALIDATION_SHARE, GroundSearch
+from tpd.design.space import DesignSpace
+from tpd.limits import LIMIT_KINDS, Clearance, Limit, Stroke
 from tpd.records.intensity import intensity_of
 from tpd.records.read import BUILT_IN
 from tpd.scene.conditions import MEASURES, Conditions, latin_hypercube, under_all
@@ -383,7 +385,7 @@ def check_ground_limits(limits: tuple[Limit, ...]) -> None:
     """Raise `ValueError` if a limit applies only to settled motions."""
     for limit in limits:
         if not limit.of_motion:
-            names = ", ".join(kind.__name__ for kind in KINDS if kind.of_motion)
+            names = ", ".join(kind.__name__ for kind in LIMIT_KINDS if kind.of_motion)
             raise ValueError(f"`limits` under ground motions must be {names}, but has {checks.shown(limit)}")
 
 

@@ -18,23 +18,15 @@ from tpd.compiled.simulate import HarmonicForcing, follow
 from tpd.core import checks
 from tpd.core.batch import aside
 from tpd.core.progress import Progress, unreported
-from tpd.design.criteria import (
-    DEFAULT_LIMITS,
-    DesignSpace,
-    Evaluation,
-    Objective,
-    Risk,
-    SteadyTilt,
-    check_moves,
-    check_objective,
-    check_scatter,
-)
 from tpd.design.job import Job
 from tpd.design.orbits import SMOOTHED, Orbits, prepare_step
 from tpd.design.problem import MOST_MOTIONS, STATED, Problem, Variation, complete
+from tpd.design.risk import Risk
 from tpd.design.search import Search, search
 from tpd.design.settings import VALIDATION_RUNS, Descent
-from tpd.design.sizes import evaluate_sizes
+from tpd.design.sizes import Evaluation, evaluate_sizes
+from tpd.design.space import DesignSpace, check_moves, check_scatter
+from tpd.limits import DEFAULT_LIMITS, Objective, SteadyTilt, check_objective
 from tpd.models.piecewise import Piecewise
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, latin_hypercube, train_of, under_all

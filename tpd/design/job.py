@@ -18,18 +18,6 @@ from tpd.compiled import compiling
 from tpd.core import checks
 from tpd.core.files import path_of
 from tpd.core.formatting import number_hint
-from tpd.design.criteria import (
-    KINDS,
-    TWINS,
-    Clearance,
-    DesignSpace,
-    Limit,
-    Requirements,
-    Risk,
-    Worsening,
-    check_moves,
-    check_scatter,
-)
 from tpd.design.job_keys import (
     MOTIONS,
     PAPER,
@@ -47,9 +35,12 @@ from tpd.design.job_keys import (
     size_of,
     widths_of,
 )
+from tpd.design.risk import Risk
 from tpd.design.settings import SCATTERED, Descent, GroundSearch
+from tpd.design.space import TWINS, DesignSpace, check_moves, check_scatter
 from tpd.formats.table import ROWS
 from tpd.formats.text import UnreadableRecord
+from tpd.limits import LIMIT_KINDS, Clearance, Limit, Requirements, Worsening
 from tpd.records.intensity import OF_JOBS, intensity_of
 from tpd.records.read import described, in_words, read_motions
 from tpd.scene.bob import Bob
@@ -281,7 +272,7 @@ class Job(ABC):
         limits: list[Limit] = []
         bob = self.bob
         with naming("limits"):
-            for kind in KINDS:
+            for kind in LIMIT_KINDS:
                 value, missing = self.full["limits"][kind.name], lacks(self.full, "limits", kind.name)
                 # Skip limits that are switched off, and those that have no effect with this motion.
                 if value is None or value is False or kind in skipped or missing:

@@ -24,7 +24,7 @@ from msgspec import Meta
 from tpd.core.checks import shown
 from tpd.core.files import path_of, readable
 from tpd.core.formatting import meant, number_hint
-from tpd.design.criteria import DEFAULT_LIMITS, KINDS, DesignSpace, Limit, Requirements, Risk, limit_of
+from tpd.design.risk import Risk
 from tpd.design.settings import (
     SCATTERED,
     VALIDATION_RUNS,
@@ -32,6 +32,8 @@ from tpd.design.settings import (
     Descent,
     GroundSearch,
 )
+from tpd.design.space import DesignSpace
+from tpd.limits import DEFAULT_LIMITS, LIMIT_KINDS, Limit, Requirements, limit_of
 from tpd.records.read import BUILT_IN, SETS
 from tpd.scene.bob import Bob
 from tpd.scene.conditions import FACTORS, Conditions
@@ -206,7 +208,7 @@ TABLES: dict[str, dict[str, Key]] = {
             "share of the conditions that the measure cvar uses",
         ),
     },
-    "limits": {kind.name: _limit(kind) for kind in KINDS},
+    "limits": {kind.name: _limit(kind) for kind in LIMIT_KINDS},
     "requirements": {
         **keys_of(Requirements),
         "measure": Key(Literal["overturning", "tilt"], None, (Requirements, "measure")),
@@ -242,7 +244,7 @@ _KINDS: dict[str, tuple[str, ...]] = {
     **{f"excitation.{name}": _SHAKEN for name in ("pga", "scales", "intensity")},
     **{f"excitation.{name}": ("records",) for name in ("records", "validation_share", "event", *READING)},
     **{f"{table}.{name}": ("harmonic",) for table in ("conditions", "starts") for name in TABLES[table]},
-    **{f"limits.{kind.name}": ("harmonic",) for kind in KINDS if not kind.of_motion},
+    **{f"limits.{kind.name}": ("harmonic",) for kind in LIMIT_KINDS if not kind.of_motion},
     **{f"search.{name}": ("harmonic",) for name in _descent.keys() - _ground_search},
     **{f"search.{name}": _SHAKEN for name in _ground_search.keys() - _descent},
     **{f"scatter.{name}": ("harmonic",) for name in TABLES["scatter"].keys() - SCATTERED},

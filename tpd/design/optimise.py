@@ -24,15 +24,17 @@ from tpd.cluster.cluster import Cluster, check_where
 from tpd.core import checks
 from tpd.core.formatting import Printed, Tabular, aligned, counted, number
 from tpd.core.progress import Count, Progress, shown, shown_count, unreported
-from tpd.design.criteria import DesignSpace, Limit, Objective, Requirements, Risk
 from tpd.design.design import Design, FrontPoint
 from tpd.design.ground_motion import GroundMotionProblem
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
 from tpd.design.refine import apart, refine
+from tpd.design.risk import Risk
 from tpd.design.settings import Descent, GroundSearch
+from tpd.design.space import DesignSpace
 from tpd.design.validate import Validated, validate
+from tpd.limits import Limit, Objective, Requirements
 from tpd.scene.conditions import Conditions
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Scene

@@ -23,22 +23,11 @@ from tpd.compiled.orbits import orbit_slopes, solve_orbits
 from tpd.compiled.rows import row_of
 from tpd.core.batch import in_chunks, prepare
 from tpd.core.progress import Count, unreported
-from tpd.design.criteria import (
-    NEAR,
-    NONE,
-    REST,
-    ROCKING,
-    UNSTABLE,
-    DesignSpace,
-    Evaluation,
-    Geometry,
-    Limit,
-    Objective,
-    Risk,
-    SteadyTilt,
-    Worsening,
-)
-from tpd.design.sizes import evaluate_sizes
+from tpd.design.geometry import Geometry
+from tpd.design.risk import Risk
+from tpd.design.sizes import NEAR, NONE, REST, ROCKING, UNSTABLE, Evaluation, evaluate_sizes
+from tpd.design.space import DesignSpace
+from tpd.limits import Limit, Objective, SteadyTilt, Worsening
 from tpd.models.half_period import half_period, newton
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import Conditions, under, under_all
@@ -52,10 +41,8 @@ _PAIRS = 16_384
 BACK_OFF = 1e-5
 """Share of every limit that a search leaves unused. A descent may exceed its constraints by this much, by
 rounding or where a limit has no derivative, and the design still keeps the limit itself."""
-KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
-"""Motions of a design under a condition, see `Evaluation.kind`."""
 _KIND_OF = np.array([ROCKING, UNSTABLE, UNSTABLE, NEAR, NEAR, NONE])
-"""Index into `KINDS` for each status of an orbit, see `tpd.compiled.columns`. The best motion has the
+"""Index into `MOTION_KINDS` for each status of an orbit, see `tpd.compiled.columns`. The best motion has the
 smallest index."""
 _DESIGN = {"mass": MU, "length": LAM, "damping": ZETA}
 """Columns of the parameters of a design, by the names of their factors in conditions."""

@@ -19,26 +19,26 @@ from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs
 from tpd.core import checks
 from tpd.core.progress import Progress, unreported
-from tpd.design.criteria import (
+from tpd.design.geometry import Geometry
+from tpd.design.job import Job, job_of
+from tpd.design.job_keys import TABLES
+from tpd.design.reasons import DesignStatus, ReasonKind
+from tpd.design.risk import Risk
+from tpd.design.sizes import Evaluation, evaluate_sizes
+from tpd.design.space import DesignSpace
+from tpd.limits import (
     DEFAULT_LIMITS,
-    KINDS,
+    LIMIT_KINDS,
     STILL,
     Clearance,
-    DesignSpace,
-    Evaluation,
-    Geometry,
     Limit,
     Mass,
     Requirements,
-    Risk,
+    bob_of,
     check_cavity,
     check_limits,
     limit_of,
 )
-from tpd.design.job import Job, job_of
-from tpd.design.job_keys import TABLES
-from tpd.design.reasons import DesignStatus, ReasonKind
-from tpd.design.sizes import evaluate_sizes
 from tpd.scene.conditions import Conditions, check_restitution
 from tpd.scene.ground_motion import GroundMotion
 from tpd.scene.scene import Block, Pendulum, Scene
@@ -153,12 +153,12 @@ class Problem(ABC):
         # A default limit that this problem does not have must be switched off in the file.
         limits: dict[str, Any] = {
             kind.name: False
-            for kind in KINDS
+            for kind in LIMIT_KINDS
             if limit_of(DEFAULT_LIMITS, kind) and limit_of(self.limits, kind) is None
         }
         bob = {}
         for limit in self.limits:
-            if type(limit) not in KINDS:
+            if type(limit) not in LIMIT_KINDS:
                 raise ValueError(
                     f"a job file cannot describe the limit `{limit.name}`, which exists only in Python"
                 )
@@ -219,7 +219,7 @@ class Problem(ABC):
     @cached_property
     def geometry(self) -> Geometry:
         """Lengths of the block under all conditions, with the bob of the limits."""
-        return Geometry.of(self.scene, self.conditions, self.limits)
+        return Geometry.of(self.scene, self.conditions, bob_of(self.limits))
 
     def pendulum(self, design: np.ndarray) -> Pendulum:
         """Return a design (mu, lam, zeta) in SI units."""

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from tpd.core.formatting import compared, number, percent
-from tpd.design.criteria import LABELS
+from tpd.limits import LABELS
 from tpd.scene.ground_motion import LEAST_EARTHQUAKES
 
 

@@ -21,7 +21,6 @@ import numpy as np
 from tpd.answers.paired import FEWER
 from tpd.answers.run_table import Runs
 from tpd.core.progress import Progress
-from tpd.design.criteria import STILL, first_apart
 from tpd.design.gaussian_process import (
     GaussianProcess,
     Observations,
@@ -31,6 +30,8 @@ from tpd.design.gaussian_process import (
     proposals,
 )
 from tpd.design.problem import Problem
+from tpd.design.space import first_apart
+from tpd.limits import STILL
 
 _APART = 0.02
 """Smallest distance between designs that are proposed or validated, in shares of the space."""

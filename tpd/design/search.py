@@ -39,9 +39,10 @@ from jaxtyping import Array
 from scipy.optimize import Bounds, minimize
 
 from tpd.core.progress import Count, Progress, unreported
-from tpd.design.criteria import NEAR, Evaluation, first_apart
 from tpd.design.orbits import BACK_OFF, Linearisation, Orbits, SmoothedOrbits, margins
 from tpd.design.settings import Descent
+from tpd.design.sizes import NEAR, Evaluation
+from tpd.design.space import first_apart
 from tpd.models.smoothed import Smoothed
 from tpd.scene.conditions import latin_hypercube
 

@@ -1,4 +1,4 @@
-"""Evaluation of limits and objectives, with derivatives by JAX."""
+"""Motions of designs under all conditions, and limits and objectives of them, with derivatives by JAX."""
 
 from __future__ import annotations
 
@@ -6,15 +6,91 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterable
 from dataclasses import fields
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from tpd.core.batch import in_chunks
-from tpd.design.criteria import Evaluation, Geometry, Limit, Motion, Objective, Ratios, Size
+from tpd.design.geometry import Geometry, Ratios
+from tpd.limits import Limit, Motion, Objective
 from tpd.scene.bob import Bob
+
+ROCKING, NEAR, REST, UNSTABLE, NONE = range(5)
+"""Kinds of motion of a design under a condition: a stable orbit, an orbit near a fold, rest, an unstable
+orbit, no orbit. A smaller number takes precedence."""
+MOTION_KINDS = ("rocking", "near_fold", "rest", "unstable", "no_orbit")
+"""Names of these kinds."""
+
+
+class Evaluation(NamedTuple):
+    """Results of m designs under n conditions: arrays (m, n), with derivatives (m, n, 3) with respect to (mu,
+    lam, zeta)."""
+
+    merit: np.ndarray
+    """Quantity that the search minimises. Where the block rocks it is the value of the objective, by default
+    the tilt over nu. Where the block rests it is minus the uplift margin, so that a resting design is better
+    than any rocking one. Where no motion attracts it is above 1. All merits have derivatives except those of
+    orbits near a fold."""
+    merit_slope: np.ndarray
+    """Derivatives of the merit."""
+    tilt: np.ndarray
+    """Largest |phi| over nu; 0 at rest. Where no motion attracts: that of the largest orbit, or infinite."""
+    tilt_slope: np.ndarray
+    """Derivatives of the tilt."""
+    swing: np.ndarray
+    """Largest |psi| of the same motion, rad."""
+    swing_slope: np.ndarray
+    """Derivatives of the swing."""
+    margin: np.ndarray
+    """Uplift margin: positive if the settled block stays at rest."""
+    multiplier: np.ndarray
+    """Largest modulus of the Floquet multipliers; 0 at rest."""
+    reserve: np.ndarray
+    """Distance of the orbit from the bifurcation at which it stops attracting: the smallest of fold, symmetry
+    and torus in `Margins`; 1 at rest."""
+    reserve_slope: np.ndarray
+    """Derivatives of the reserve."""
+    kind: np.ndarray
+    """Kind of motion, an index into `MOTION_KINDS`."""
+    turn: np.ndarray
+    """phi, psi, phase of the forcing and psi' at the upper turning point of the orbit that counts, (m, n,
+    4)."""
+    design: np.ndarray
+    """Designs (mu, lam, zeta), (m, 3)."""
+    rod_angle: np.ndarray | None = None
+    """Largest |psi - phi|, rad, if it was computed; else None."""
+
+    @staticmethod
+    def blank(m: int, n: int) -> Evaluation:
+        """Return an evaluation of m designs under n conditions that has ones in place of all sizes."""
+        one, slope = np.ones((m, n)), np.zeros((m, n, 3))
+        kind, turn = np.zeros((m, n), int), np.full((m, n, 4), np.nan)
+        sizes = one, slope, one, slope, one, slope
+        return Evaluation(*sizes, one, one, one, slope, kind, turn, np.ones((m, 3)))
+
+    @property
+    def attracts(self) -> np.ndarray:
+        """Whether there is an attracting motion among rest and the symmetric orbits."""
+        return self.kind <= REST
+
+    def at(self, rows: np.ndarray | list[int]) -> Evaluation:
+        """Return the evaluation of some of the designs."""
+        return Evaluation(*(None if x is None else x[rows] for x in self))  # type: ignore[arg-type]
+
+
+class Size(NamedTuple):
+    """Quantity over its limit, or over its reference value, under every condition. A limit is kept if the
+    value is at most 1."""
+
+    name: str
+    """Name in reports."""
+    value: np.ndarray
+    """Quantity over its limit, (m, n)."""
+    slope: np.ndarray
+    """Derivatives with respect to (mu, lam, zeta), (m, n, 3); zero where a derivative does not exist."""
+
 
 _NUMBERS = [x.name for x in fields(Geometry) if x.name != "bob"]
 """Numbers of the geometry of one condition."""

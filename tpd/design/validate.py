@@ -20,9 +20,9 @@ from tpd.answers.motion_history import needed_friction
 from tpd.answers.paired import FEWER, Decision, PairedRuns
 from tpd.answers.statistics import SIGNIFICANT, chance_of
 from tpd.core.progress import Progress, unreported
-from tpd.design.criteria import Requirements
 from tpd.design.problem import Problem
 from tpd.design.reasons import CERTAIN, GRAVE, DesignStatus, Reason, ReasonKind, one_of_a_kind
+from tpd.limits import Requirements
 from tpd.scene.scene import Pendulum
 
 _ROUNDING = 1e-9

@@ -11,15 +11,16 @@ import numpy as np
 import tpd
 from tpd.answers.transient import FREE
 from tpd.core import checks
-from tpd.design.criteria import HEAVIEST_RATIO, LABELS, LONGEST_RATIO, STILL, bob_of
 from tpd.design.design import Design
 from tpd.design.ground_motion import motion_factors
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.job import Job
 from tpd.design.optimise import problem_of
 from tpd.design.problem import Problem
+from tpd.design.space import HEAVIEST_RATIO, LONGEST_RATIO
 from tpd.design.stored_design import StoredDesign
 from tpd.explore.tables import GridAxis, axis, solve
+from tpd.limits import LABELS, STILL, bob_of
 from tpd.scene.impacts import heaviest_of_housner
 from tpd.scene.scene import LARGEST_DAMPING, Pendulum, Scene
 

@@ -1,7 +1,7 @@
 // The pendulum of the sliders: dimensionless parameters, the body that can be built, and the limits that it keeps.
 //
 // The formulas are those of tpd/scene/scene.py, tpd/scene/bob.py, tpd/theory/no_uplift.py and
-// tpd/design/criteria.py. A pendulum is { mass, length, damping }, in kg, m and as a damping ratio.
+// tpd/design/geometry.py. A pendulum is { mass, length, damping }, in kg, m and as a damping ratio.
 
 import { housner } from "./rocking.mjs";
 

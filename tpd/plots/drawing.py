@@ -13,8 +13,8 @@ from matplotlib.patches import Polygon, Rectangle
 from scipy.optimize import root_scalar
 
 from tpd.core.formatting import number
-from tpd.design.criteria import Clearance, limit_of
 from tpd.design.design import Design
+from tpd.limits import Clearance, limit_of
 from tpd.plots.style import BLUE, GREY, INK, Picture, own_style
 from tpd.scene.bob import Bob
 from tpd.scene.scene import Harmonic, Pendulum, Scene

@@ -11,10 +11,10 @@ from tpd.answers.paired import PairedRuns
 from tpd.core.formatting import aligned, compared, number
 from tpd.design.as_built import Details, build_of
 from tpd.design.assess import alternatives, needless
-from tpd.design.criteria import LABELS, Clearance, limit_of
 from tpd.design.design import Design
 from tpd.design.problem import Problem
 from tpd.design.reasons import DesignStatus
+from tpd.limits import LABELS, Clearance, limit_of
 from tpd.report import words
 from tpd.report.blocks import Note, Severity, danger, note, wrapped
 from tpd.report.notes import notes

@@ -17,8 +17,8 @@ from tpd.core import files
 from tpd.design.as_built import Details
 from tpd.design.design import Design
 from tpd.design.gaussian_process import GaussianProcess
-from tpd.design.orbits import KINDS
 from tpd.design.reasons import Reason
+from tpd.design.sizes import MOTION_KINDS
 from tpd.design.stored_design import VERSION
 from tpd.records.read import summary
 from tpd.report import words
@@ -98,7 +98,7 @@ def plain(x: Any) -> Any:
     # An evaluation is a named tuple with derivatives that no reader of the file needs. It must be recognised
     # before the branches for tuples below.
     if hasattr(x, "merit_slope"):
-        kinds = [KINDS[int(k)] for k in x.kind[0]]
+        kinds = [MOTION_KINDS[int(k)] for k in x.kind[0]]
         return {n: getattr(x, n)[0].tolist() for n in _EVALUATION} | {"kind": kinds}
     # Results are frozen dataclasses: their fields become the keys.
     if is_dataclass(x):

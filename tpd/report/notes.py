@@ -11,9 +11,9 @@ import numpy as np
 from tpd.answers.response import Response, window
 from tpd.core.formatting import compared
 from tpd.design.as_built import Details
-from tpd.design.criteria import Clearance, Requirements, limit_of
 from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
+from tpd.limits import Clearance, Requirements, limit_of
 from tpd.report.blocks import Note, danger, note
 from tpd.report.words import finite_max, overturned_between, percent, reduced
 from tpd.scene.bob import Bob

@@ -12,10 +12,10 @@ from tpd.answers.paired import PairedRuns
 from tpd.answers.run_table import Runs, label_of_ramp
 from tpd.core.formatting import number
 from tpd.design.as_built import Details
-from tpd.design.criteria import LABELS
 from tpd.design.design import Design
 from tpd.design.harmonic import ExactMotions
-from tpd.design.orbits import KINDS
+from tpd.design.sizes import MOTION_KINDS
+from tpd.limits import LABELS
 from tpd.records.read import facts, same_earthquakes
 from tpd.report import words
 from tpd.report.blocks import Block, Cell, Listing, Table, Text
@@ -240,7 +240,7 @@ def _motion(design: Design, of: ExactMotions, i: int) -> tuple[Cell, ...]:
     """Return the tilt (rad) and the kind of the orbit under the i-th condition, and the outcome from rest."""
     e, nu = of.orbits, design.scene.block.slenderness * design.conditions.column("slenderness")[i]
     # The orbits have tilts in units of the slenderness, which a condition may vary.
-    tilt, kind = float(e.tilt[0, i] * nu), KINDS[int(e.kind[0, i])].replace("_", " ")
+    tilt, kind = float(e.tilt[0, i] * nu), MOTION_KINDS[int(e.kind[0, i])].replace("_", " ")
     return tilt if math.isfinite(tilt) else None, kind, str(of.status[i]).replace("_", " ")
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tpd.core.formatting import number, percent
-from tpd.design.criteria import KINDS, Clearance, Limit, limit_of
+from tpd.limits import LIMIT_KINDS, Clearance, Limit, limit_of
 from tpd.records.read import in_words
 from tpd.report.blocks import NO_VALUE, Table
 from tpd.scene.ground_motion import GroundMotion
@@ -89,7 +89,7 @@ def limit(of: Limit) -> str:
     name = of.name.replace("_", " ")
     if isinstance(of, Clearance):
         return f"the bob, {of.bob}, does not touch the walls"
-    if type(of) not in KINDS:
+    if type(of) not in LIMIT_KINDS:
         # A limit that the user defined may have any fields, in units that are unknown here.
         return " ".join([name, ", ".join(f"{k} = {v}" for k, v in vars(of).items())]).strip()
     (value,) = vars(of).values()

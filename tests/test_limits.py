@@ -1,28 +1,17 @@
-"""Risk measures against brute force, limits against what they say and against differences, spaces, worth."""
+"""Limits: sizes, derivatives against differences, order, limits of a user, and requirements."""
 
 import dataclasses
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
 
 import tpd
 from tests.design.conftest import WIDE
-from tpd.design.criteria import (
-    DEFAULT_LIMITS,
-    KINDS,
-    Evaluation,
-    Geometry,
-    Limit,
-    Ratios,
-    Requirements,
-    check_limits,
-    limit_of,
-    stroke_limit,
-)
+from tpd.design.geometry import Geometry, Ratios
 from tpd.design.harmonic import HarmonicProblem
 from tpd.design.search import search
-from tpd.design.sizes import evaluate_sizes
+from tpd.design.sizes import Evaluation, evaluate_sizes
+from tpd.limits import DEFAULT_LIMITS, LIMIT_KINDS, Limit, Requirements, check_limits, limit_of, stroke_limit
 from tpd.report import words
 from tpd.scene.bob import Bob
 
@@ -44,22 +33,6 @@ ONE_OF_EACH = (
     tpd.limits.Multiplier(0.9),
     tpd.limits.Reserve(0.1),
 )
-
-
-@pytest.mark.parametrize("share", [0.07, 0.1, 0.37, 0.5, 0.99])
-def test_a_conditional_value_at_risk_is_the_largest_mean_with_capped_weights(share):
-    for n in (1, 2, 7, 12):
-        row = np.random.default_rng(n).normal(size=n)
-        bounds = [(0.0, min(1.0, 1.0 / (share * n)))] * n
-        answer = linprog(-row, A_eq=np.ones((1, n)), b_eq=[1.0], bounds=bounds)
-        assert tpd.Risk.cvar(share).of(row) == pytest.approx(-answer.fun, rel=1e-9)
-
-
-def test_an_infinite_value_counts_only_with_a_weight():
-    values = np.array([[1.0, np.inf, 2.0, 3.0]])
-    assert tpd.Risk.worst().of(values)[0] == np.inf
-    assert tpd.Risk.cvar(0.5).of(values)[0] == np.inf
-    assert tpd.Risk.worst().of(np.array([[1.0, -np.inf]]))[0] == 1.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,12 +125,6 @@ def test_limits_on_room_are_those_of_a_body_on_a_rod(geometry, bob):
         assert clearance["thickness"].value[0, i] == pytest.approx(bob.half_height(heavy) / (0.6 * rod))
 
 
-def test_the_room_is_that_of_the_cavity():
-    block = dataclasses.replace(SCENE.block, cavity_width=0.06)
-    narrow = Geometry.of(dataclasses.replace(SCENE, block=block), SCATTERED)
-    np.testing.assert_allclose(narrow.wall, 0.03 * np.array(FACTORS["slenderness"]))
-
-
 def test_a_worsening_is_relative_to_the_bare_block(geometry):
     e, worsening = evaluation(DESIGN), tpd.limits.Worsening(0.25)
     (size,) = evaluate_sizes([worsening], e, geometry, slopes=True)
@@ -192,7 +159,7 @@ def test_no_bob_takes_no_room_and_has_a_slope_that_is_a_number(geometry):
 
 def test_limits_are_listed_in_the_order_of_a_report_and_looked_up():
     assert check_limits(reversed(ONE_OF_EACH)) == ONE_OF_EACH
-    assert [type(x) for x in ONE_OF_EACH] == list(KINDS)
+    assert [type(x) for x in ONE_OF_EACH] == list(LIMIT_KINDS)
     assert limit_of(ONE_OF_EACH, tpd.limits.Tilt) == tpd.limits.Tilt(0.5)
     assert limit_of(DEFAULT_LIMITS, tpd.limits.Tilt) is None
     assert stroke_limit(DEFAULT_LIMITS) == 0.5
@@ -210,44 +177,6 @@ def test_a_limit_of_the_users_own_holds_a_search_and_has_words():
     history = search(found.orbits, method, 0)
     heaviest = history.ends[np.isfinite(history.end_values)][:, 0].max() * SCENE.block.mass
     assert 0.9 < heaviest <= 1.0
-
-
-@pytest.mark.parametrize("fixed", [(), (0,), (1,), (2,), (0, 1), (0, 2), (1, 2)])
-def test_a_fixed_value_is_none_to_search_for(fixed):
-    names, ends = (
-        ("mass_ratio", "length_ratio", "damping_ratio"),
-        np.array([[0.02, 0.3, 0.05], [0.2, 1.5, 0.4]]),
-    )
-    given = {name: ends[0, i] if i in fixed else tuple(ends[:, i]) for i, name in enumerate(names)}
-    space, free = tpd.DesignSpace(**given), [i for i in range(3) if i not in fixed]
-    assert space.names == tuple(("mu", "lam", "zeta")[i] for i in free)
-    np.testing.assert_array_equal(space.bounds, ends[:, free])
-    units = np.array([[0.0] * len(free), [1.0] * len(free)])
-    designs = space.unscaled(units)
-    expected = np.where(np.isin(range(3), fixed), ends[0], ends)
-    np.testing.assert_allclose(designs, expected, rtol=1e-15)
-    np.testing.assert_allclose(space.scaled(designs), units, atol=1e-15)
-
-
-@pytest.mark.mends("a design space took ratios only, and a fixed value for the damping ratio only")
-def test_masses_in_kg_and_lengths_in_m_are_ratios_of_a_block():
-    block = tpd.Block(width=1.0, height=5.0, mass=2000.0)
-    space = tpd.DesignSpace(mass=(100.0, 500.0), length=1.0)
-    assert space.of(block) == tpd.DesignSpace(mass_ratio=(0.05, 0.25), length_ratio=0.4)
-    assert tpd.DesignSpace(mass=500.0).of(block) == tpd.DesignSpace(mass_ratio=0.25)
-    whole = tpd.DesignSpace(mass=(1.0, 2000.0), length=(0.1, 5.0)).of(block)
-    assert whole == tpd.DesignSpace(mass_ratio=(0.0005, 1.0), length_ratio=(0.04, 2.0))
-    assert tpd.DesignSpace().of(block) == tpd.DesignSpace()
-    for bad, message in (
-        ({"mass": (100.0, 2001.0)}, "`mass` must be between 0 and 2000 kg in this block, but is 2001"),
-        ({"length": 5.1}, "`length` must be between 0.0025 and 5 m in this block, but is 5.1"),
-    ):
-        with pytest.raises(ValueError, match=f"^{message}$"):
-            tpd.DesignSpace(**bad).of(block)
-    with pytest.raises(
-        ValueError, match=r"in kg or m has no ratios without a block: use `space.of\(block\)`"
-    ):
-        _ = space.bounds
 
 
 def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all():
@@ -269,24 +198,13 @@ def test_by_default_a_tenth_is_asked_for_and_shares_are_between_nothing_and_all(
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: tpd.Risk.cvar(1.1), "`share` must be between"),
         (lambda: tpd.limits.Tilt(-1.0), "`tilt` must be positive"),
         (lambda: check_limits((Nameless(),)), "`limits` must be dataclasses with a `name`, but"),
         (lambda: tpd.limits.Offset(float("nan")), "`offset` must be positive"),
         (lambda: check_limits((tpd.limits.Tilt(0.1), tpd.limits.Tilt(0.2))), "but has two of Tilt"),
-        (lambda: tpd.DesignSpace(mass_ratio=(0.2, 0.1)), "`mass_ratio` must be an interval low < high"),
-        (lambda: tpd.DesignSpace(length_ratio=(0.1, 0.1)), "`length_ratio` must be an interval"),
-        (lambda: tpd.DesignSpace(mass=500.0, mass_ratio=0.1), "`mass` and `mass_ratio` state the same"),
-        (lambda: tpd.DesignSpace(length=(0.1, 0.5), length_ratio=0.1), "`length` and `length_ratio` state"),
-        (lambda: tpd.DesignSpace(mass_ratio=0.0), "`mass_ratio` must be positive"),
-        (lambda: tpd.DesignSpace(mass=(500.0, 200.0)), "`mass` must be an interval low < high"),
-        (
-            lambda: tpd.DesignSpace(mass=1.0, length=1.0, damping_ratio=0.1),
-            "a search needs two bounds for mass, length or damping",
-        ),
     ],
 )
-def test_what_makes_no_sense_is_refused(make, message):
+def test_a_wrong_limit_is_rejected(make, message):
     with pytest.raises(ValueError, match=message):
         make()
 
@@ -300,7 +218,7 @@ def test_a_limit_on_the_mass_is_on_the_body_as_built(geometry):
     np.testing.assert_allclose(size.value, body / 2.0, rtol=1e-12)
     assert body > 1.02 * mass
     light = Bob(density=1000.0)
-    other = Geometry.of(SCENE, SCATTERED, (tpd.limits.Clearance(light), tpd.limits.Mass(2.0)))
+    other = Geometry.of(SCENE, SCATTERED, light)
     (lighter,) = evaluate_sizes([tpd.limits.Mass(2.0)], evaluation(design), other)
     assert lighter.value[0, 0] != size.value[0, 0]
     # Where no body swings as the point does, the mass of the point counts.

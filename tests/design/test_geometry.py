@@ -1,0 +1,17 @@
+"""Geometry of block and bob under conditions."""
+
+import dataclasses
+
+import numpy as np
+
+import tpd
+from tpd.design.geometry import Geometry
+
+
+def test_the_distance_of_the_walls_follows_the_cavity_and_the_slenderness():
+    scene, slenderness = tpd.paper_scene(), np.array([1.0, 0.97])
+    block = dataclasses.replace(scene.block, cavity_width=0.06)
+    narrow = Geometry.of(
+        dataclasses.replace(scene, block=block), tpd.Conditions({"slenderness": slenderness})
+    )
+    np.testing.assert_allclose(narrow.wall, 0.03 * slenderness)

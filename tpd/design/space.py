@@ -1,0 +1,195 @@
+"""Design space: bounds of the search, and distances between designs in shares of the bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tpd.core import checks
+from tpd.scene.conditions import Conditions, check_restitution
+from tpd.scene.scene import HEAVIEST, LARGEST_DAMPING, LENGTHS, Block, Scene, check_excitation
+
+HEAVIEST_RATIO = 1.0
+"""Largest mass ratio m/M. A bob inside the block is not heavier than the block."""
+LONGEST_RATIO = 2.0
+"""Largest length ratio l/b. A pendulum longer than the whole block would swing through the floor."""
+Bounds = checks.Real | tuple[float, float]
+"""Bounds of a search: one number, which fixes the value, or a lower and an upper bound."""
+TWINS = {"mass": "mass_ratio", "length": "length_ratio"}
+"""Fields of a design space in SI units, with the ratio that states the same quantity."""
+USUAL_BOUNDS = {"mass_ratio": (0.01, 0.2), "length_ratio": (0.1, 1.5)}
+"""Default bounds of the ratios."""
+_RANGES = {
+    "mass_ratio": (0.0, HEAVIEST_RATIO),
+    "length_ratio": (1e-3, LONGEST_RATIO),
+    "damping_ratio": (0.0, LARGEST_DAMPING),
+    "mass": (0.0, HEAVIEST),
+    "length": LENGTHS,
+}
+"""Largest ranges of a design space."""
+
+
+@checks.keywords
+@dataclass(frozen=True, kw_only=True)
+class DesignSpace:
+    """Bounds of the search. Each field is one number, which fixes the value, or a pair of bounds.
+
+    Mass and length are those of the equivalent point pendulum: a point mass, and its distance from the hinge.
+    The body as built is heavier and hangs on a shorter rod. To limit the mass of the body, use
+    `tpd.limits.Mass`, or in a job file the key `mass` of [limits].
+
+    The fields are the ratios `mass_ratio` (m/M), `length_ratio` (l/b) and `damping_ratio` (zeta), without
+    unit, and in place of the first two `mass` in kg and `length` in m.
+
+    Raises:
+        ValueError: a bound is out of range, bounds are reversed or equal, a ratio is given together with its
+            value in SI units, or all three values are fixed.
+
+    Example:
+        >>> import tpd
+        >>> space = tpd.DesignSpace(mass_ratio=(0.02, 0.1), damping_ratio=(0.05, 0.5))
+        >>> space.names, space.length_ratio
+        (('mu', 'lam', 'zeta'), (0.1, 1.5))
+    """
+
+    mass_ratio: Bounds | None = None
+    """Ratio m/M of the point mass of the bob to the mass of the block: one fixed number, or two bounds
+    (default 0.01 0.2)."""
+    length_ratio: Bounds | None = None
+    """Ratio l/b of the length of the pendulum to half the height of the block: one fixed number, or two
+    bounds (default 0.1 1.5)."""
+    damping_ratio: Bounds = (0.05, 0.6)
+    """Damping ratio zeta of the hinge: one fixed number, or two bounds (default 0.05 0.6)."""
+    mass: Bounds | None = None
+    """Mass of the equivalent point in kg, in place of the mass ratio: one fixed number, or two bounds (the
+    heavier body as built is limited by `mass` in [limits])."""
+    length: Bounds | None = None
+    """Length of the equivalent point pendulum in m, in place of the length ratio: one fixed number, or two
+    bounds (the rod of the body as built is shorter)."""
+
+    def __post_init__(self) -> None:
+        for name, ratio in TWINS.items():
+            in_si, as_ratio = getattr(self, name), getattr(self, ratio)
+            if in_si is not None and as_ratio is not None:
+                raise ValueError(f"`{name}` and `{ratio}` state the same quantity: give only one of them")
+            if in_si is None and as_ratio is None:
+                object.__setattr__(self, ratio, USUAL_BOUNDS[ratio])
+        names = [x for x in _RANGES if x == "damping_ratio" or getattr(self, x) is not None]
+        for name in names:
+            # A pendulum needs a mass and a length, but not a damper: only the damping ratio may be zero.
+            number = checks.within if name == "damping_ratio" else checks.positive
+            check = number if np.asarray(getattr(self, name), object).size == 1 else checks.interval
+            checks.set_checked(self, check, name, *_RANGES[name])
+        if not any(isinstance(getattr(self, name), tuple) for name in names):
+            raise ValueError(
+                "a search needs two bounds for mass, length or damping ratio, but each has one fixed value: "
+                "use `tpd check` to validate a pendulum without a search"
+            )
+
+    def of(self, block: Block) -> DesignSpace:
+        """Return the space of a block, with ratios in place of values in SI units.
+
+        Raises:
+            ValueError: the bob is heavier than the block, or the length is out of range.
+        """
+        out: dict[str, Any] = {}
+        for name, unit, size in (("mass", "kg", block.mass), ("length", "m", block.half_height)):
+            value, (low, high) = getattr(self, name), _RANGES[TWINS[name]]
+            if value is not None:
+                # Check each bound separately, so that the message contains the bound that is out of range.
+                for x in np.ravel(value).tolist():
+                    checks.within(name, x, low * size, high * size, f" {unit} in this block")
+                # Clip the ratio, because the division may exceed a bound by rounding.
+                out |= {name: None, TWINS[name]: np.clip(np.array(value) / size, low, high).tolist()}
+        return replace(self, **out)
+
+    @property
+    def ends(self) -> np.ndarray:
+        """Lower and upper ends of (mu, lam, zeta), shape (2, 3); equal for a fixed value.
+
+        Raises:
+            ValueError: the space is in SI units, so that its ratios depend on the block.
+        """
+        if self.mass_ratio is None or self.length_ratio is None:
+            raise ValueError("a space in kg or m has no ratios without a block: use `space.of(block)`")
+        return np.array([np.broadcast_to(getattr(self, n), 2) for n in (*TWINS.values(), "damping_ratio")]).T
+
+    @property
+    def searched(self) -> np.ndarray:
+        """Columns of (mu, lam, zeta) that the search varies."""
+        return np.flatnonzero(np.ptp(self.ends, axis=0))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Symbols of the parameters that the search varies."""
+        return tuple(("mu", "lam", "zeta")[i] for i in self.searched)
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """Lower and upper bounds of the parameters that the search varies, shape (2, len(names))."""
+        return self.ends[:, self.searched]
+
+    def scaled(self, designs: np.ndarray) -> np.ndarray:
+        """Return the varied parameters of designs (..., 3) as shares of the bounds, shape (...,
+        len(names))."""
+        # Searches work in shares of the bounds, because mass and length have no common unit for a step.
+        low, high = self.bounds
+        return (np.take(designs, self.searched, axis=-1) - low) / (high - low)
+
+    def unscaled(self, unit: np.ndarray) -> np.ndarray:
+        """Return designs (mu, lam, zeta), shape (..., 3), from shares of the bounds, shape (...,
+        len(names))."""
+        low, high = self.bounds
+        out = np.tile(self.ends[0], (*np.shape(unit)[:-1], 1))
+        out[..., self.searched] = low + np.asarray(unit) * (high - low)
+        return out
+
+
+def check_moves(scene: Scene, conditions: Conditions) -> None:
+    """Raise `ValueError` if the excitation is zero, or stronger than any base can move."""
+    if not scene.excitation.amplitude > 0.0:
+        raise ValueError(
+            f"`amplitude` must be above 0 in a search, but is {scene.excitation.amplitude:g}: the base does "
+            "not move"
+        )
+    motion, factor = scene.excitation, conditions.column
+    check_excitation(motion.amplitude * factor("amplitude"), motion.frequency * factor("frequency"))
+
+
+def check_scatter(scene: Scene, names: Iterable[str], space: DesignSpace | None = None) -> None:
+    """Raise `ValueError` if a factor of `FACTORS` applies to a quantity that is zero or absent, and has no
+    effect."""
+    zero = {
+        "friction": scene.block.friction == 0.0,
+        "damping": space is not None and space.damping_ratio == 0.0,
+    }
+    for name in names:
+        if zero.get(name, False):
+            raise ValueError(f"`{name}` cannot vary by a share of itself, because it is 0")
+        if name == "restitution":
+            check_restitution(scene)
+
+
+def first_apart(
+    units: np.ndarray, order: np.ndarray, most: int, apart: float = 0.02, fixed: int = 0
+) -> list[int]:
+    """Return the first designs of an ordered list that have a distance of at least `apart` from each other.
+
+    The distance is in shares of the bounds. The first `fixed` designs are always included.
+    """
+    chosen = [int(i) for i in order[:fixed]]
+    # For every design the distance from the closest chosen design, updated with each new choice.
+    nearest = np.min([np.full(len(units), np.inf), *(_distances(units, i) for i in chosen)], axis=0)
+    for i in map(int, order[fixed:]):
+        if len(chosen) < most and nearest[i] > apart:
+            chosen.append(i)
+            nearest = np.minimum(nearest, _distances(units, i))
+    return chosen
+
+
+def _distances(units: np.ndarray, i: int) -> np.ndarray:
+    """Return the distances of all designs from design i."""
+    return np.linalg.norm(units - units[i], axis=1)
